@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +18,7 @@ from acx4lib.calibration.trust.needs import require_control
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, select_cameras
-from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, mean_rotation, opk_jacobian, skew, transform
 from acx4lib.geometry.parameters import RELATIVE
 from acx4lib.least_squares.covariance import propagate, sigmas
@@ -119,6 +119,21 @@ class RelativeOrientation:
     def sigma(self) -> Array:
         """Standard deviations, shape (n_heads, 6): mm and radians."""
         return sigmas(self.cov).reshape(-1, 6)
+
+
+def varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOrientation:
+    """Return the orientation with one parameter changed, numbered as in `cov_joint`."""
+    n = 6 * len(orientation.heads)
+    if i >= n:
+        k, j = divmod(i - n, len(INTERIOR))
+        heads = list(orientation.heads)
+        interior = heads[k].interior.to_array()
+        interior[j] += step
+        heads[k] = heads[k].with_interior(Interior.from_array(interior))
+        return replace(orientation, heads=tuple(heads))
+    xyz, opk = orientation.xyz_mm.copy(), orientation.opk.copy()
+    (xyz if i % 6 < 3 else opk)[i // 6, i % 3] += step
+    return replace(orientation, xyz_mm=xyz, opk=opk)
 
 
 def calibrate_heads(

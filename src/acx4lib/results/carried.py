@@ -87,10 +87,24 @@ def mounted_block(flight: Flight, name: str, found: folder.Results) -> Block:
     block, synthetic = flight.block(name), flight.synthetic_camera
     if name not in flight.carried or synthetic is None:
         return block
-    return synthetic_block(block, _read(flight, block, found), synthetic)
+    return synthetic_block(block, read_carried(flight, block, found), synthetic)
 
 
-def _read(flight: Flight, block: Block, found: folder.Results) -> CarriedPoints:
+def read_carried(flight: Flight, block: Block, found: folder.Results) -> CarriedPoints:
+    """Return the points of a block that stage synthetic carried.
+
+    Parameters
+    ----------
+    flight : Flight
+    block : Block
+        One of its blocks that are measured in heads.
+    found : Results
+
+    Raises
+    ------
+    FlightError
+        As `mounted_block`.
+    """
     table = folder.rows(found, "synthetic_points", METHOD)
     table = table[table["block"] == block.name]
     said = found.summary.get(METHOD, {}).get("measured", {})

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict
 
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed
+from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import mounting
 from acx4lib.calibration import weights as sigma
+from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
-from acx4lib.results import adjustments, provenance
-from acx4lib.results.carried import mounted_block
+from acx4lib.least_squares.covariance import sigmas
+from acx4lib.results import adjustments, folder, provenance
+from acx4lib.results.carried import mounted_block, read_carried
+from acx4lib.results.earlier import ORIENTED
+from acx4lib.results.read_back import read_relative_orientation
 from acx4lib.stages.explained import explained, explaining, solving
+from acx4lib.synthetic_image.head_errors import parameter_covariance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -222,4 +228,48 @@ def write(
             mountings, applied=factors, over_ground=flight.validation is None
         )
         records = explained(records, flight, "calibration")
+        single = mountings.methods.get("single_step")
+        if single is not None and "calibration" in flight.carried:
+            told = {"sigma_of_heads": sigma_of_heads(flight, results_path, single.bundle)}
+            records = [_with(record, "mounting/single_step", told) for record in records]
     adjustments.write(results_path, "mounting", records, flight=flight)
+
+
+def _with(record: adjustments.Record, key: str, told: Mapping[str, object]) -> adjustments.Record:
+    """Return a record with more entries of the summary, where it has this one."""
+    if key not in record.summary:
+        return record
+    return replace(record, summary={**record.summary, key: {**record.summary[key], **told}})
+
+
+def sigma_of_heads(flight: Flight, results_path: str | Path, bundle: Bundle) -> dict[str, float]:
+    """Return the standard deviations that errors of the heads' calibration add, by parameter.
+
+    Parameters
+    ----------
+    flight : Flight
+        Whose calibration block is measured in heads.
+    results_path : path
+        With the results of stage synthetic.
+    bundle : Bundle
+        Of the single step.
+
+    Returns
+    -------
+    dict of str to float
+        By ``camera/parameter``, in the units of results; empty where heads have no covariance.
+
+    Raises
+    ------
+    FlightError
+        As `measured`.
+    """
+    found = provenance.results_before(results_path, ["synthetic"], flight)
+    source = next((name for name in ORIENTED if folder.has(found, name)), "")
+    if not source:  # heads as declared, which have no covariance
+        return {}
+    heads = read_relative_orientation(found, source, flight.cameras)
+    block = flight.block("calibration")
+    cov = parameter_covariance(bundle, block, read_carried(flight, block, found), heads)
+    names = [p.full_name for p in parameters(from_bundle(bundle))]
+    return dict(zip(names, sigmas(cov).tolist(), strict=True))

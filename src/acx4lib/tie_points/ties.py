@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
-from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.calibration.heads import RelativeOrientation, varied
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
-from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.synthetic_image.frame import synthetic_from_head
 
@@ -233,21 +232,6 @@ def refine_by_mean_differences(
     cov[0:n:6, 0:n:6] += noise
     cov[1:n:6, 1:n:6] += noise
     return replace(orientation, xyz_mm=xyz, cov_joint=cov)
-
-
-def varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOrientation:
-    """Return the orientation with one parameter changed, numbered as in `cov_joint`."""
-    n = 6 * len(orientation.heads)
-    if i >= n:
-        k, j = divmod(i - n, len(INTERIOR))
-        heads = list(orientation.heads)
-        interior = heads[k].interior.to_array()
-        interior[j] += step
-        heads[k] = heads[k].with_interior(Interior.from_array(interior))
-        return replace(orientation, heads=tuple(heads))
-    xyz, opk = orientation.xyz_mm.copy(), orientation.opk.copy()
-    (xyz if i % 6 < 3 else opk)[i // 6, i % 3] += step
-    return replace(orientation, xyz_mm=xyz, opk=opk)
 
 
 def _gain(found: list[Overlap], n_heads: int) -> tuple[Array, Array]:

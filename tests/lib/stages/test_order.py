@@ -4,6 +4,7 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import acx4sim
@@ -88,6 +89,18 @@ def test_a_flight_measured_in_heads_goes_on_with_its_synthetic_camera(flown, gon
     of_points = residuals[residuals["kind"] == "image_point"]
     assert set(of_points["image_or_exposure"]) <= set(calibrated.block.images.names)
     assert of_points["sigma"].nunique() > 100  # carried, each by the map where it lies
+
+
+def test_what_errors_of_the_heads_add_stands_beside_the_single_step(gone_through):
+    found = folder.read(gone_through[0])
+    own = folder.parameters(found, "mounting/single_step", "SYN")["sigma"]
+    told = found.summary["mounting/single_step"]["sigma_of_heads"]
+    assert set(told) == {f"SYN/{name}" for name in own.index}
+    added = np.array([told[f"SYN/{name}"] for name in own.index]) / own.to_numpy()
+    assert np.all(added > 0)
+    # heads that were calibrated with as many points are as good as the camera made of them
+    assert 0.1 < np.median(added) < 10
+    assert "sigma_of_heads" not in found.summary["mounting/two_step"]
 
 
 def test_measurements_of_heads_are_not_calibrated_as_if_they_were_of_one_camera(flown):

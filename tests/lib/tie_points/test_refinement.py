@@ -14,6 +14,7 @@ from acx4book.chapters.beyond.image_quality.wrong_heads import (
     with_turned_heads,
     with_wrong_interiors,
 )
+from acx4lib.calibration.heads import varied
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
@@ -25,7 +26,6 @@ from acx4lib.tie_points.differences import (
     tie_differences,
 )
 from acx4lib.tie_points.refinement import refine_by_rotations
-from acx4lib.tie_points.ties import varied
 from support.helpers import numeric_jacobian
 from support.pictures import printed_camera
 from support.strategies import vectors

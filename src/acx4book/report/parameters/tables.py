@@ -26,6 +26,7 @@ def section(material: Material) -> Text:
     matrices = correlation_tables(material)
     return show(
         table(parameter_table(material), SINGLE, name="tab-report-parameters", obtained=ROWS),
+        heads_sentence(material),
         table(joint_table(material), JOINT, name="tab-report-joint", obtained=FROM_COVARIANCE),
         table(method_table(material), METHOD, name="tab-report-methods", obtained=ROWS),
         *(
@@ -107,6 +108,25 @@ def _strongest(p: Estimate) -> Markup:
     if not p.strongest:
         return Markup("–")
     return Markup(f"{p.rho:+.2f} with {shown(parameter_title(p.strongest))}")
+
+
+def heads_sentence(material: Material) -> str:
+    """Return a sentence on what errors of the heads add to sigma; empty where none are carried."""
+    told = material.found.summary.get(material.calibration, {}).get("sigma_of_heads")
+    if not isinstance(told, dict) or not told:
+        return ""
+    own = {f"{p.camera}/{p.parameter}": p.sigma for p in estimates(material, material.calibration)}
+    each = {name: float(s) / own[name] for name, s in told.items() if own.get(name, 0.0) > 0}
+    if not each:
+        return ""
+    most = max(each, key=lambda name: each[name])
+    return (
+        "The points were carried into the synthetic image by calibrated heads. Errors of this "
+        "calibration move all points of a head together, which is not in the σ above. They add "
+        f"{min(each.values()):.2g} to {each[most]:.2g} times these σ, most to "
+        f"{parameter_title(most.rpartition('/')[2])}; flights that are carried by the same "
+        "heads share this error."
+    )
 
 
 def joint_table(material: Material) -> pd.DataFrame:

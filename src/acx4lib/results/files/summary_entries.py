@@ -200,6 +200,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
         ("weakest", "largest_correlations", "left_out_points"),
         (_by_name(_or_null(_number)), "numbers by name"),
     ),
+    "sigma_of_heads": (_by_name(_not_negative), "numbers by parameter, zero or positive"),
     "weak_parameters": (_by_name(_by_name(_or_null(_number))), "numbers by parameter and name"),
     "sigma_tests": (_by_name(_is_sigma_test), "ratio, redundancy, effective and p by group"),
     "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.calibration.heads import RelativeOrientation, varied
 from acx4lib.expected import Array, Index
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.synthetic_image.frame import coverage, head_from_synthetic, synthetic_from_head
-from acx4lib.tie_points.ties import varied
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
