@@ -30,7 +30,10 @@ def section(material: Material) -> Text:
     return show(
         table(test_table(material), TESTS, name="tab-report-tests", obtained=FROM_SUMMARY),
         weakest_sentence(material),
-        table(group_table(material), GROUPS, name="tab-report-groups", obtained=FROM_RESIDUALS),
+        table(
+            group_table(material), GROUPS, name="tab-report-groups",
+            obtained=f"{FROM_RESIDUALS}; p: summary.json, sigma_tests",
+        ),
         table(
             reliability_table(material), DETECTED, name="tab-report-reliability",
             obtained=FROM_RESIDUALS,
