@@ -1,22 +1,34 @@
 """Figures that move, in a browser: what the script draws is what the library computes."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from acx4book.chapters.beyond.design import explorer as design
-from acx4book.chapters.beyond.error_budget import examined
 from acx4book.chapters.beyond.error_budget import explorer as error_budget
 from acx4book.foundations.explorers import boresight, distortion, two_heights
+from acx4book.notebooks.simulated import flown
 from acx4book.typesetting.moving import plane, shown
+from acx4lib.calibration.mounting import single_step
+from acx4lib.georeferencing.mapping_flight import like
 from support.helpers import ROOT
+
+
+def calibrated():
+    """Return a single-step calibration, and the mapping flight where the sliders begin."""
+    flight = flown.fly("acx4-ideal", 1, blocks=("calibration", "validation")).flight
+    single = single_step(flight.calibration, free=flight.estimate_mounting)
+    mapping = like(flight.block("validation"), single.calibration.cameras[0])
+    return single.calibration, replace(mapping, height_m=1300.0)
+
 
 EXPLORERS = {
     "boresight": boresight.explorer,
     "distortion": distortion.explorer,
     "two_heights": two_heights.explorer,
-    "error_budget": lambda: error_budget.explorer(examined.flown(seed=1)),
+    "error_budget": lambda: error_budget.explorer(*calibrated()),
     "design": design.explorer,
 }
 SCRIPT = ROOT / "book" / "_moving" / "explorer.js"

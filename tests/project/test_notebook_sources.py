@@ -27,7 +27,7 @@ ROOMS = {
     "06": ["paper.errata"],
     "07": ["report"],
     "08": ["chapters.beyond.rig", "paper"],
-    "09": ["chapters.beyond.weights"],
+    "09": ["chapters.beyond.weights", "paper"],
     "10": ["chapters.beyond.image_quality", "chapters.synthetic_image"],
     "11": ["reference"],
     "12": ["chapters.beyond.synthetic_cost", "paper"],
@@ -36,7 +36,7 @@ ROOMS = {
     "15": ["chapters.beyond.design"],
     "17": ["chapters.beyond.distortion_models"],
     "18": ["chapters.beyond.stability", "report.campaigns"],
-    "16": ["chapters.beyond.error_budget"],
+    "16": ["chapters.beyond.error_budget", "paper"],
     "19": ["chapters.beyond.from_pictures"],
 }
 """The rooms of the book that a notebook may use, besides `notebook` and `typesetting`."""

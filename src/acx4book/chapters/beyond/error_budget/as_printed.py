@@ -10,17 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4book.chapters.beyond.error_budget.examined import PAPERS, Examined
 from acx4book.paper import printed
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.parameters import AXES, MOUNT, REPORTED
 from acx4lib.georeferencing import budget, differences, direct
-from acx4lib.georeferencing.budget import Budget
 from acx4lib.georeferencing.error_sources import ErrorSources
+from acx4lib.georeferencing.validation import Validation
+
+PAPERS = "single_step"
+"""The method of which the paper's numbers are used."""
 
 NOT_PRINTED = ("b1",)
 """Parameters that the paper does not have."""
@@ -68,22 +69,26 @@ def rms() -> Array:
     return np.array([printed.value(4, f"rms_{axis}_m", PAPERS) for axis in AXES])
 
 
-def predicted(found: Examined, assumed: Assumed) -> Budget:
-    """Return the budget of the pairs of rays with the standard deviations of the paper.
+def sources(
+    found: Validation, calibration: Calibration, assumed: Assumed
+) -> tuple[ErrorSources, Layout]:
+    """Return the sources of the errors of pairs of rays with the standard deviations of the paper.
 
     Parameters
     ----------
-    found : Examined
+    found : Validation
         Its rays and pairs are used.
+    calibration : Calibration
+        With the standard deviations of Table 3, as `as_calibrated` returns it.
     assumed : Assumed
+
+    Returns
+    -------
+    sources : ErrorSources
+    layout : Layout
+        Columns of the calibration, as `budget.of` takes both.
     """
-    sources, columns = _sources(found, assumed)
-    return budget.of(sources, columns)
-
-
-def _sources(found: Examined, assumed: Assumed) -> tuple[ErrorSources, Layout]:
-    """Return the sources of the pairs' differences, and the columns of the calibration."""
-    n, pairs = len(found.block.trajectory), found.validations[PAPERS].pairs
+    n, pairs = len(found.block.trajectory), found.pairs
     angle = np.radians(
         [printed.statement(f"{name}_deg") for name in ("roll_pitch", "roll_pitch", "heading")]
     )
@@ -97,8 +102,9 @@ def _sources(found: Examined, assumed: Assumed) -> tuple[ErrorSources, Layout]:
     block = replace(
         found.block, trajectory=trajectory, check=replace(found.block.check, sigma_m=survey)
     )
-    georeferenced = direct.georeference(block, as_calibrated(found.calibrations[PAPERS]))
-    rays = _rays(block, pairs, assumed.sigma_px)
+    georeferenced = direct.georeference(block, calibration)
+    rays = differences.rays_of_pairs(block, pairs)
+    rays = replace(rays, sigma_px=np.full(len(rays.group), assumed.sigma_px))
     at = differences.differences_at(block, georeferenced, rays, pairs.point_idx, "none")
     return at.sources, georeferenced.layout
 
@@ -121,25 +127,6 @@ def as_calibrated(calibration: Calibration) -> Calibration:
         cov=np.diag([sigma[key] ** 2 for key in (*free, *MOUNT)]),
         sigma0_sq=1.0,
         open_columns=np.zeros(len(sigma), dtype=bool),
-    )
-
-
-def _rays(block: Block, pairs: differences.Differences, sigma_px: float) -> direct.Rays:
-    """Return the rays of pairs: where each image of a pair shows its point."""
-    points = block.image_points
-    keys = zip(points.image_idx.tolist(), points.point_idx.tolist(), strict=True)
-    row_of = {key: row for row, key in enumerate(keys)}
-    names = block.check.point_idx[pairs.point_idx]
-    rows = [
-        row_of[int(image), int(point)]
-        for images, point in zip(pairs.image_idx, names, strict=True)
-        for image in images
-    ]
-    return direct.Rays(
-        image_idx=points.image_idx[rows],
-        group=np.repeat(np.arange(len(pairs)), 2),
-        colrow=points.colrow[rows],
-        sigma_px=np.full(len(rows), sigma_px),
     )
 
 
@@ -177,24 +164,25 @@ class Suspect:
         return f"{self.size:#.2g}{gap}{self.unit}"
 
 
-def suspects(found: Examined) -> list[Suspect]:
+def suspects(sources: ErrorSources, columns: Layout, assumed: Assumed) -> list[Suspect]:
     """Return what one error at a time does to the pairs if it alone explains what is left in plan.
 
-    Every error is scaled until its RMS in plan is what the first of `assumptions` leaves.
+    Every error is scaled until its RMS in plan is what the sources leave of the printed one.
 
     Parameters
     ----------
-    found : Examined
+    sources, columns
+        As `sources` returns them.
+    assumed : Assumed
+        What they are of.
     """
-    best = assumptions()[0]
-    sources, columns = _sources(found, best)
     split = budget.of(sources, columns).mean
     left = unexplained(rms(), np.sqrt(split.sum(axis=-1)))
     size = float(np.sum(left[:2] ** 2))
     degrees = {name: printed.statement(f"{name}_deg") for name in ("roll_pitch", "heading")}
     own = {
-        "image points": (best.sigma_px, "px"),
-        "GNSS": (best.sigma_gnss_m, "m"),
+        "image points": (assumed.sigma_px, "px"),
+        "GNSS": (assumed.sigma_gnss_m, "m"),
         "roll": (degrees["roll_pitch"], "°"),
         "pitch": (degrees["roll_pitch"], "°"),
         "heading": (degrees["heading"], "°"),

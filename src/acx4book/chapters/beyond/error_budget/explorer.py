@@ -4,13 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acx4book.chapters.beyond.error_budget.examined import (
-    HEIGHT_M,
-    PAPERS,
-    Examined,
-    plan_and_height,
-)
-from acx4book.chapters.beyond.error_budget.tables import COORDINATES
+from acx4book.chapters.beyond.error_budget.tables import COORDINATES, plan_and_height
 from acx4book.typesetting.moving import shown as html
 from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Roots, Slider
 from acx4book.typesetting.moving.plane import Plane
@@ -72,27 +66,29 @@ def effects(calibration: Calibration) -> Array:
     return 100 * np.sqrt(np.maximum(np.array(found), 0.0))
 
 
-def shown(found: Examined) -> Shown:
+def shown(calibration: Calibration, flown: MappingFlight) -> Shown:
     """Return the explorer as the page shows it."""
-    return html.explorer(explorer(found))
+    return html.explorer(explorer(calibration, flown))
 
 
-def explorer(found: Examined) -> Explorer:
-    """Return the explorer for the single-step calibration of a flight.
+def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
+    """Return the explorer for a single-step calibration.
 
     Parameters
     ----------
-    found : Examined
+    calibration : Calibration
+        Of one camera.
+    flown : MappingFlight
+        Where the sliders begin.
     """
-    size = effects(found.calibrations[PAPERS])
+    size = effects(calibration)
     table = np.zeros((*size.shape[:2], len(ROWS) + 1, len(SLIDERS)))
     for k, (slider, _) in enumerate(ROWS.values()):
         table[:, :, k, slider] = size[:, :, k]
         table[:, :, -1, slider] = size[:, :, k]  # all together
     names = [*ROWS, "all together"]
-    flown = found.mapping()
     tilt, _, heading = np.degrees(flown.sigma_attitude)
-    values = (HEIGHT_M, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
+    values = (flown.height_m, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
     start = [
         round(float(value), slider.digits) for slider, value in zip(SLIDERS, values, strict=True)
     ]

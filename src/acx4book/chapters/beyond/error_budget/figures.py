@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.chapters.beyond.error_budget.examined import BARE, PAPERS, Examined, plan_and_height
-from acx4book.chapters.beyond.error_budget.heights import Heights
-from acx4book.chapters.beyond.error_budget.tables import COORDINATES
+from acx4book.chapters.beyond.error_budget.tables import COORDINATES, percent, plan_and_height
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import TITLES, inside
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import budget
+from acx4lib.georeferencing.budget import Budget
 
 STACKED = {
     "image points": ("image points",),
@@ -29,21 +30,22 @@ STACKED = {
 COLOURS = (style.BLUE, style.INK, style.TEAL, style.ORANGE, style.BRICK, style.SKY, style.PLUM)
 
 
-def stacked(found: Examined) -> Figure:
+def stacked(budgets: Mapping[str, Budget]) -> Figure:
     """Draw the shares of all sources, a bar for every method and coordinate.
 
     Parameters
     ----------
-    found : Examined
+    budgets : mapping of str to Budget
+        By method.
     """
-    methods = [*found.validations]
+    methods = [*budgets]
     with style.applied():
         fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.5), sharey=True)
-        means = [found.points(method).mean for method in methods]
+        means = [of.mean for of in budgets.values()]
         for axis, ax in enumerate(axes):
             left = np.zeros(len(methods))
             for (name, sources), colour in zip(STACKED.items(), COLOURS, strict=True):
-                share = np.array([_share(mean[axis], sources) for mean in means])
+                share = np.array([percent(mean[axis], *sources) for mean in means])
                 ax.barh(np.arange(len(methods)), share, 0.62, left, color=colour, label=name)
                 left = left + share
             ax.set_title(AXES[axis])
@@ -55,27 +57,23 @@ def stacked(found: Examined) -> Figure:
     return fig
 
 
-def _share(variance: Array, sources: tuple[str, ...]) -> float:
-    own = [budget.SOURCES.index(source) for source in sources]
-    return float(100 * variance[own].sum() / variance.sum())
-
-
-def calibration(found: Examined) -> Figure:
+def calibration(budgets: Mapping[str, Budget]) -> Figure:
     """Draw the parts of the calibration, groups and correlations, which may be negative.
 
     Parameters
     ----------
-    found : Examined
+    budgets : mapping of str to Budget
+        Of two methods.
     """
     names = [*budget.CALIBRATION, "together"]
     at = np.arange(len(names))
     with style.applied():
         fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 2.9), sharey=True)
         for k, (ax, title) in enumerate(zip(axes, COORDINATES, strict=True)):
-            for i, method in enumerate((BARE, PAPERS)):
-                part = plan_and_height(found.points(method).mean)[k]
-                share = [_share(part, (name,)) for name in names[:-1]]
-                share.append(_share(part, budget.CALIBRATION))
+            for i, (method, split) in enumerate(budgets.items()):
+                part = plan_and_height(split.mean)[k]
+                share = [percent(part, name) for name in names[:-1]]
+                share.append(percent(part, *budget.CALIBRATION))
                 label = TITLES[method]
                 ax.barh(at + 0.4 * i - 0.2, share, 0.36, color=style.colour(i), label=label)
             ax.axvline(0, color=style.INK, lw=0.8)
@@ -88,17 +86,35 @@ def calibration(found: Examined) -> Figure:
     return fig
 
 
-def over_heights(flown: Heights) -> Figure:
+def over_heights(
+    heights_m: Array, budgets: Mapping[str, Sequence[Budget]], *, method: str, dashed: str
+) -> Figure:
     """Draw the standard deviations of the groups of sources over the flying height.
 
     Parameters
     ----------
-    flown : Heights
+    heights_m : ndarray, shape (n,)
+    budgets : mapping of str to sequence of Budget
+        By method, one for each height.
+    method : str
+        Of which all is drawn.
+    dashed : str
+        Of which the part of the calibration is drawn.
     """
+    own, other = (
+        np.array([plan_and_height(split.mean) for split in budgets[name]])
+        for name in (method, dashed)
+    )
     with style.applied():
         fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 3.0))
         for k, (ax, title) in enumerate(zip(axes, COORDINATES, strict=True)):
-            _draw_heights(ax, flown, k)
+            _draw_heights(ax, heights_m, own[:, k])
+            part = other[:, k, -len(budget.CALIBRATION) :].sum(axis=-1)
+            ax.plot(
+                *(heights_m, np.sqrt(np.maximum(part, 0.0)), "--"),
+                color=style.colour(2),
+                label=f"calibration, {inside(TITLES[dashed])}",
+            )
             ax.set_title(title)
             ax.set(xlabel="flying height over ground (m)", ylim=(0, None))
         axes[0].set_ylabel("σ of a ground point (m)")
@@ -106,19 +122,12 @@ def over_heights(flown: Heights) -> Figure:
     return fig
 
 
-def _draw_heights(ax: Axes, flown: Heights, k: int) -> None:
-    own = flown.variance[PAPERS][:, k]
-    ax.plot(flown.height_m, np.sqrt(own.sum(axis=-1)), color=style.INK, label="all together")
+def _draw_heights(ax: Axes, heights_m: Array, own: Array) -> None:
+    ax.plot(heights_m, np.sqrt(own.sum(axis=-1)), color=style.INK, label="all together")
     for i, (name, sources) in enumerate(budget.GROUPS.items()):
         columns = [budget.SOURCES.index(source) for source in sources]
         ax.plot(
-            *(flown.height_m, np.sqrt(own[:, columns].sum(axis=-1))),
+            *(heights_m, np.sqrt(own[:, columns].sum(axis=-1))),
             color=style.colour(i),
             label=name,
         )
-    bare = flown.variance[BARE][:, k][:, -len(budget.CALIBRATION) :]
-    ax.plot(
-        *(flown.height_m, np.sqrt(np.maximum(bare.sum(axis=-1), 0.0)), "--"),
-        color=style.colour(2),
-        label=f"calibration, {inside(TITLES[BARE])}",
-    )

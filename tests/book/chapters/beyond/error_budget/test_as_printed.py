@@ -5,19 +5,35 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.chapters.beyond.error_budget import as_printed
-from acx4book.chapters.beyond.error_budget.examined import PAPERS
 from acx4book.paper import printed
 from acx4lib.calibration.estimates import parameters
+from acx4lib.georeferencing import budget
 from acx4lib.georeferencing.budget import SOURCES
+
+BEST, POORER, _ = as_printed.assumptions()
+
+
+def sources(found, case):
+    calibration = as_printed.as_calibrated(found.calibrations["single_step"])
+    return as_printed.sources(found.validations["single_step"], calibration, case)
+
+
+def predicted(found, case):
+    return budget.of(*sources(found, case))
 
 
 @pytest.fixture(scope="module")
 def best(found):
-    return as_printed.predicted(found, as_printed.assumptions()[0])
+    return predicted(found, BEST)
+
+
+@pytest.fixture(scope="module")
+def suspects(found):
+    return as_printed.suspects(*sources(found, BEST), BEST)
 
 
 def test_sigma_are_those_of_table_3(found):
-    said = as_printed.as_calibrated(found.calibrations[PAPERS])
+    said = as_printed.as_calibrated(found.calibrations["single_step"])
     of = {parameter.name: parameter.sigma for parameter in parameters(said)}
     assert of["f_mm"] == pytest.approx(0.0010)
     assert of["lever_z_m"] == pytest.approx(0.015)
@@ -27,7 +43,7 @@ def test_sigma_are_those_of_table_3(found):
 
 
 def test_cases_differ_in_what_they_say_alone(found, best):
-    poorer = as_printed.predicted(found, as_printed.assumptions()[1]).mean
+    poorer = predicted(found, POORER).mean
     image = SOURCES.index("image points")
     assert_allclose(poorer[:, image], 9 * best.mean[:, image], rtol=1e-9)
     others = [i for i in range(len(SOURCES)) if i != image]
@@ -40,25 +56,25 @@ def test_what_is_left_and_what_is_predicted_are_the_printed_rms(best):
     assert as_printed.unexplained(np.array([0.3]), np.array([0.4])) == 0.0
 
 
-def test_suspects_make_what_is_left_in_plan(found, best):
+def test_suspects_make_what_is_left_in_plan(suspects, best):
     left = as_printed.unexplained(as_printed.rms(), best.rms)
-    for one in as_printed.suspects(found):
+    for one in suspects:
         assert np.hypot(*one.rms[:2]) == pytest.approx(np.hypot(*left[:2]), rel=1e-9)
         assert one.size > 0
 
 
-def test_the_size_of_a_suspect_is_that_which_makes_its_rms(found, best):
+def test_the_size_of_a_suspect_is_that_which_makes_its_rms(found, suspects):
     """GNSS errors that large, put into the budget, give the RMS that the table says."""
-    gnss = next(one for one in as_printed.suspects(found) if one.name == "GNSS")
+    gnss = next(one for one in suspects if one.name == "GNSS")
     case = as_printed.Assumed(sigma_px=0.5, sigma_gnss_m=gnss.size)
-    mean = as_printed.predicted(found, case).mean[:, SOURCES.index("GNSS")]
+    mean = predicted(found, case).mean[:, SOURCES.index("GNSS")]
     assert_allclose(np.sqrt(mean), gnss.rms, rtol=1e-6)
 
 
-def test_no_error_of_single_rays_is_larger_in_plan_than_in_height(found):
+def test_no_error_of_single_rays_is_larger_in_plan_than_in_height(suspects):
     """A pair whose rays meet at a small angle has the poorer height."""
     free = {"boresight κ", "the targets themselves, in plan", "lever arm, forward", "boresight φ"}
-    for one in as_printed.suspects(found):
+    for one in suspects:
         assert (one.rms[2] > np.hypot(*one.rms[:2])) or one.name in free, one.name
 
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from acx4book.chapters.beyond.error_budget import explorer
-from acx4book.chapters.beyond.error_budget.examined import PAPERS, plan_and_height
+from acx4book.chapters.beyond.error_budget.tables import plan_and_height
 from acx4lib.georeferencing.mapping_flight import over_ground
 
 
 @pytest.fixture(scope="module")
 def shown(found):
-    return explorer.explorer(found)
+    flown = replace(found.mapping, height_m=1300.0)
+    return explorer.explorer(found.calibrations["single_step"], flown)
 
 
 def straight(calibration, values):
@@ -33,7 +34,7 @@ def straight(calibration, values):
 )
 def test_all_together_is_the_predicted_sigma(shown, found, values):
     *parts, together = [[float(x) for x in row] for row in shown.readings(values)]
-    assert together == pytest.approx(straight(found.calibrations[PAPERS], values), abs=0.051)
+    assert together == pytest.approx(straight(found.calibrations["single_step"], values), abs=0.051)
     assert np.linalg.norm(parts, axis=0) == pytest.approx(together, abs=0.2)
 
 
