@@ -54,7 +54,10 @@ for made in $(BOOK); do \
 done
 endef
 
-INDEX     := book/_build/html/index.html
+STUDY     := data/flights/acx4
+PDF       := build/$(if $(filter $(STUDY),$(FLIGHT)),book,books/$(notdir $(RESULTS))).pdf
+SITE      := $(if $(filter $(STUDY),$(FLIGHT)),book/_build/html,build/books/$(notdir $(RESULTS)))
+INDEX     := $(SITE)/index.html
 
 # The matrices are small: more threads cost more than they bring.
 export OMP_NUM_THREADS := 1
@@ -67,7 +70,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
-	@echo "  make book FLIGHT=folder reads another flight than $(FLIGHT)"
+	@echo "  make book FLIGHT=folder builds the book of another flight than $(FLIGHT)"
 
 # --- set-up: the only part that needs the network ------------------------------------------
 
@@ -155,7 +158,7 @@ $(RAN): $(FLIGHT_FILES) $(NOTEBOOKS) $(SOURCES) .venv/.stamp
 	@echo '$(RESULTS)'
 
 # Beside the study's flight, in the same book: the one of an ideal synthetic camera, whose heads are the same.
-ifeq ($(FLIGHT),data/flights/acx4)
+ifeq ($(FLIGHT),$(STUDY))
 IDEAL := build/results/data-flights-acx4-ideal
 build/stamps/$(notdir $(IDEAL)): data/flights/acx4-ideal/flight.toml $(NOTEBOOKS) $(SOURCES) .venv/.stamp
 	@$(BIN)/acx4 run --results '$(IDEAL)' --stages mounting,validation -- $(<D)
@@ -177,28 +180,35 @@ $(TURNS): $(wildcard book/_moving/* book/_moving/.npmrc) .venv/.stamp
 	     book/_moving/block.js --bundle --minify --format=iife --target=es2020 --legal-comments=eof --outfile=$@; } > $@.log 2>&1 \
 	  || { $(if $(ACX4_REQUIRE_3D),cat $@.log >&2; exit 2,echo "the book has no block in 3-D but its drawing: $@.log says why"); }
 
-# Chapters that depend on no flight are kept in build/chapters, and run only for the book of the study's.
+# Chapters that depend on no flight are kept in build/chapters. The book of another flight has none
+# of the study's pages, and lies in build/books.
+ifeq ($(FLIGHT),$(STUDY))
 book: notebooks $(TURNS) ## build the book strictly, from the notebooks run on FLIGHT
 	@$(REMOVE_BOOK)
 	@for made in $(BOOK); do mkdir $$made && touch $$made/.made-by-make; done
 	@$(BIN)/python -m acx4book.pages "$$FLIGHT" '$(RESULTS)' book $(IDEAL)
 	@$(BIN)/jupyter-book build book --toc '$(CURDIR)/book/_generated/_toc.yml' --quiet -W -n --keep-going > /dev/null
 	@echo $(INDEX)
+else
+book: notebooks
+	@$(BIN)/acx4 book --strict --out '$(SITE)' -- '$(RESULTS)'
+endif
 
 # Of the book as it is built, whatever its flight; where there is none yet it is built.
 $(INDEX): | .venv/.stamp
 	@$(MAKE) --no-print-directory book
 
-pdf: $(INDEX) ## print the built book with Chromium into one PDF, build/book.pdf
+pdf: $(INDEX) ## print the built book of FLIGHT with Chromium into one PDF below build
 	@mkdir -p build
-	@$(BIN)/python -m acx4book.pages.back.pdf book/_build/html book/_generated/_toc.yml build/book.pdf
+	@$(BIN)/python -m acx4book.pages.back.pdf '$(SITE)' $(if $(filter $(STUDY),$(FLIGHT)),book/_generated/_toc.yml,'$(SITE)/_toc.yml') '$(PDF)'
+	@echo '$(PDF)'
 
 # The book is built from the commit that is released, so that it names this one.
 release: check book ## check, and make the wheel and the archive of the book, in build/release
 	@$(BIN)/python -m acx4book.pages.back.release book/_build/html build/release
 
-serve: ## show the built book at localhost:PORT
-	@$(BIN)/python -m http.server --bind localhost --directory book/_build/html $(PORT)
+serve: ## show the built book of FLIGHT at localhost:PORT
+	@$(BIN)/python -m http.server --bind localhost --directory $(SITE) $(PORT)
 
 # --- data and cleaning ---------------------------------------------------------------------
 
@@ -211,7 +221,7 @@ reference-results: .venv/.stamp ## compute the comparisons with these anew, and 
 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)
-	@$(CLEAR) $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/* || true
+	@$(CLEAR) $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/* build/books/* || true
 	@rm -rf build/stamps build/chapters build/release build/moving build/book.pdf
-	@rmdir build/results build data/flights 2> /dev/null || true
+	@rmdir build/results build/books build data/flights 2> /dev/null || true
 	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

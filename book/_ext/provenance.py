@@ -34,7 +34,7 @@ def tell(app: Sphinx, doctree: nodes.document, page: str) -> None:
     known = json.loads(facts.read_text("utf-8"))
     flight = known["flights"].get(page.removeprefix("_executed/"), "")
     told = [f"flight {flight}"] if flight else []
-    told.append(f"commit {known['commit']}")
+    told.append(known.get("made_by") or f"commit {known['commit']}")
     if page in OTHER_PAGES:
         for shown in _numbered(doctree):
             _write(app, page, shown, ["", *told], OTHER_PAGES[page])

@@ -110,7 +110,7 @@ def test_the_ideal_flight_is_run_beside_the_one_that_ships_and_beside_no_other(c
     assert "acx4-ideal" not in other
     alone = make(copy, *quick, "FLIGHT=data/flights/acx4-ideal").stdout
     assert f"--results '{results}' -- \"$FLIGHT\"" in alone
-    assert f"'{results}' book \n" in alone
+    assert f"book --strict --out 'build/books/data-flights-acx4-ideal' -- '{results}'" in alone
 
 
 def test_clean_removes_what_was_made_and_nothing_else(copy):

@@ -21,6 +21,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from acx4book.command.terminal import BOOK
+from acx4book.pages import flight_book
 from support.flights import pictured
 
 ROOT = Path(__file__).parents[2]
@@ -58,6 +59,8 @@ def copy(tmp_path_factory):
     made = shutil.ignore_patterns("__pycache__", "*.egg-info")
     shutil.copytree(ROOT / "src", folder / "src", symlinks=True, ignore=made)
     shutil.copytree(ROOT / "notebooks", folder / "notebooks")
+    built = shutil.ignore_patterns("_build", "_executed", "_generated", "__pycache__")
+    shutil.copytree(ROOT / "book", folder / "book", ignore=built)
     downloaded = shutil.ignore_patterns("files", "flights")
     shutil.copytree(ROOT / "data", folder / "data", ignore=downloaded)
     return folder
@@ -135,6 +138,14 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
         ),
         ("acx4book/chapters/beyond/distortion_models/stored", "data/benchmarks/distortion_models*"),
         ("acx4book/notebooks/sources", "notebooks/*.ipynb"),
+        ("acx4book/notebooks/sources/template", "notebooks/template/*.ipynb"),
+        ("acx4book/pages/sources", "book/_config.yml"),
+        ("acx4book/pages/sources", "book/references.bib"),
+        *(("acx4book/pages/sources", f"book/{page}.md") for page in flight_book.READING),
+        ("acx4book/pages/sources/_ext", "book/_ext/*.*"),
+        ("acx4book/pages/sources/_static", "book/_static/*"),
+        ("acx4book/pages/sources/_moving", "book/_moving/*.*"),
+        ("acx4book/pages/sources/images", "book/images/*.svg"),
         ("acx4book/paper/tables", "data/paper/*.csv"),
         ("acx4book/reference/measurements", "data/reference/*.csv"),
         ("acx4book/reference/measurements/results", "data/reference/results/*.csv"),
@@ -187,7 +198,8 @@ def test_what_a_package_imports_is_required(house, extras):
 
 def test_the_command_asks_for_the_modules_of_the_extra():
     of_plain_papermill = {"ipykernel"}  # with its own kernel
-    assert distributions(BOOK) == names_of(EXTRAS["book"]) - of_plain_papermill
+    of_acx4_book = {"jupyter-book", "sphinx-mathjax-offline"}  # which asks for them itself
+    assert distributions(BOOK) == names_of(EXTRAS["book"]) - of_plain_papermill - of_acx4_book
 
 
 # --- installed -------------------------------------------------------------------------------

@@ -45,6 +45,7 @@ TYPED = {
     "plan": [["plan", "plan.toml", "--out", "out"]],
     "simulate": [["simulate", "single-head", "--out", "out"]],
     "report": [["report", "results", "--out", "out.html", "--pdf"]],
+    "book": [["book", "flown", "--out", "out"]],
     "compare": [["compare", "results", "other", "--out", "out"]],
     "new": [
         ["new", "out", "--cameras", "A", "--crs", "EPSG:32633", "--heights", "ellipsoidal"],

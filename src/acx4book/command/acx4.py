@@ -19,7 +19,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from acx4book.command import compare, run, teaching, terminal
+from acx4book.command import book, compare, run, teaching, terminal
 from acx4book.command.endings import TERMINATED, status_of
 from acx4book.command.exchange import export, importing, new
 from acx4book.command.pictures import measure, render
@@ -162,6 +162,7 @@ def report(
         terminal.show(page.write_pdf(path))
 
 
+app.command(help=book.HELP)(book.book)
 app.command(help=compare.HELP)(compare.compare)
 app.add_typer(importing.app, name="import")
 app.command(help=new.HELP)(new.new)

@@ -29,7 +29,10 @@ Flight = Annotated[
 """The first argument of most commands."""
 
 
-BOOK = ("IPython", "PIL", "markdown_it", "matplotlib", "nbformat", "papermill", "traitlets", "yaml")
+BOOK = (
+    *("IPython", "PIL", "jinja2", "markdown_it", "matplotlib", "nbformat", "papermill"),
+    *("traitlets", "yaml"),
+)
 """Modules of the extra ``book``."""
 
 NOBODY_READS = 128 + signal.SIGPIPE

@@ -171,18 +171,18 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
             text = f"{heading}\n\nThis flight has no data for this stage.\n"
             whole_files.write(executed / f"{name}.md", text)
     for name in OF_RESULTS:
-        _run_here(name, executed, {"results_path": str(results_path)})
+        run_here(name, executed, {"results_path": str(results_path)})
     of = ideal_path or results_path
-    _run_here(OWN, executed, {"flight_path": str(of / KEPT), "results_path": str(of)})
+    run_here(OWN, executed, {"flight_path": str(of / KEPT), "results_path": str(of)})
 
 
-def _run_here(name: str, executed: Path, given: Mapping[str, str]) -> None:
+def run_here(name: str, executed: Path, given: Mapping[str, str], note: str = "") -> None:
     """Run a notebook, and write it as a page."""
     source, page = runner.NOTEBOOKS_PATH / f"{name}.ipynb", executed / f"{name}.ipynb"
     values = execute.with_defaults(source, given)
     execute.execute(source, page, parameters=values, on_cell=_silent)
     execute.scrub(page)
-    fold(page, page)
+    fold(page, page, note)
 
 
 def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dict[str, Any]:

@@ -1,0 +1,310 @@
+"""A book of one flight: its chapters, its certificate, and the pages that a reader of these needs.
+
+It is what one hands to a client or to students. It has nothing of the study: no errata, no
+scorecard, no labs. A chapter whose block the flight does not have is not there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from acx4book.notebooks import execute
+from acx4book.notebooks.runner import NOTEBOOKS, NOTEBOOKS_PATH
+from acx4book.pages import build, frames
+from acx4book.report import material
+from acx4book.report.page import page as report
+from acx4book.report.verdict import verdict
+from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.plain_text import code, shown
+from acx4book.typesetting.tables import markdown
+from acx4lib.errors import Acx4Error, visible
+from acx4lib.results.own_folder import claims, whole_files
+from acx4lib.results.own_folder.claims import OwnFolder
+from acx4lib.results.own_folder.whole_files import SCRATCH
+from acx4lib.results.provenance import KEPT
+
+COMMAND = "acx4 book"
+"""The command that is named in the mark of a book."""
+
+SOURCES = Path(str(resources.files("acx4book.pages") / "sources"))
+"""Folder of the pages of the study's book, from which those of a flight take some."""
+
+CHAPTERS = (
+    "00-flight",
+    "01-head-calibration",
+    "02-synthetic-image",
+    "08-rig",
+    "03-mounting-calibration",
+    "04-validation",
+    "16-error-budget",
+    "09-weights",
+)
+"""Notebooks that can be about any flight, in the order of its book."""
+
+READING = ("frames-and-notation", "notation", "glossary", "bibliography")
+"""Pages that a reader of the chapters needs."""
+
+TAKEN = ("_ext", "_static", "_moving", "images", "references.bib", *(f"{p}.md" for p in READING))
+"""What is taken from the sources of the study's book, beside its settings."""
+
+OF_CODE = {
+    *("sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx.ext.viewcode"),
+    *("sphinx_exercise", "listings", "docstrings", "seldom_collected"),
+}
+"""Extensions for pages that the book of a flight does not have."""
+
+NOTE = ":::{note}\nThe flight of this page is simulated.\n:::"
+
+BUILD = "from jupyter_book.cli.main import main; main()"
+
+COLOURS, SAYS = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"WARNING|ERROR|Error")
+"""What colours the lines of Sphinx, and which of them say what is wrong."""
+
+LINES_SHOWN = 12
+"""Last lines of Sphinx that are told where it fails."""
+
+Tell = Callable[[str, int, int], None]
+
+
+class BookError(Acx4Error):
+    """A book could not be built."""
+
+
+def write(
+    results_path: Path, site: Path, *, strict: bool = False, tell: Tell = lambda *_: None
+) -> None:
+    """Build the book of a run as a folder of HTML, whole or not at all.
+
+    Parameters
+    ----------
+    results_path : Path
+        A run of the flight with its notebooks.
+    site : Path
+        New, empty, or an earlier book of this command.
+    strict : bool
+        Whether a warning of Sphinx is an error.
+    tell : callable
+        It is told the progress.
+
+    Raises
+    ------
+    FlightError
+        Where the results are not complete, or were changed.
+    OutputError
+        Where the folder must not be used.
+    BookError
+        Where Sphinx fails.
+    """
+    claims.verify(results_path, cure="run acx4 run again")
+    with (
+        tempfile.TemporaryDirectory(prefix="acx4-book-") as temporary,
+        claims.claim(site, command=COMMAND) as own,
+    ):
+        source = Path(temporary) / "book"
+        _gather(results_path, source, tell)
+        html = _built(source, Path(temporary), strict=strict)
+        report.write(results_path, html / "report.html")
+        shutil.copyfile(source / "_toc.yml", html / "_toc.yml")  # by which it can be printed
+        tell("pages", 1, 1)
+        _place(html, own)
+
+
+def _place(html: Path, own: OwnFolder) -> None:
+    """Bring the pages into their folder, whole before the first of an earlier book goes."""
+    names = sorted(p.relative_to(html).as_posix() for p in html.rglob("*") if p.is_file())
+    with tempfile.TemporaryDirectory(dir=own.path, prefix=SCRATCH) as temporary:
+        whole = Path(temporary) / "html"
+        shutil.copytree(html, whole)
+        own.remove(list(own.files))
+        own.expect(names)
+        for name in names:
+            (own.path / name).parent.mkdir(parents=True, exist_ok=True)
+            (whole / name).replace(own.path / name)
+    own.seal()
+
+
+def _gather(results_path: Path, source: Path, tell: Tell) -> None:
+    """Write all that the pages are made of."""
+    source.mkdir()
+    for name in TAKEN:
+        copied = shutil.copytree if (SOURCES / name).is_dir() else shutil.copyfile
+        copied(SOURCES / name, source / name)
+    executed, generated = source / "_executed", source / "_generated"
+    executed.mkdir()
+    generated.mkdir()
+    run = material.read(results_path)
+    chapters = list(_chapters(results_path, executed, simulated=run.flight.simulated, tell=tell))
+    frames.draw(generated)
+    texts = {
+        "intro.md": _front(run),
+        "certificate.md": _certificate(run),
+        "_toc.yml": yaml.safe_dump(_contents(chapters)),
+        "_config.yml": yaml.safe_dump(_settings(run.flight.name)),
+    }
+    for name, text in texts.items():
+        whole_files.write(source / name, text)
+    made_by = f"acx4lib {version('acx4lib')}"
+    told = {"made_by": made_by, "flights": dict.fromkeys(chapters, run.flight.name)}
+    whole_files.write(generated / "made_from.json", json.dumps(told))
+    left_out = {page: title for page, title in _titles() if page not in {*READING, *chapters}}
+    whole_files.write(generated / "left_out.json", json.dumps({**left_out, "_generated/api": ""}))
+    foot = {"name": "acx4lib", "version": version("acx4lib"), "authors": "", "licence": ""}
+    whole_files.write(generated / "citation.json", json.dumps(foot))
+
+
+# --- chapters --------------------------------------------------------------------------------
+
+
+def _chapters(results_path: Path, executed: Path, *, simulated: bool, tell: Tell) -> Iterator[str]:
+    """Write the pages of the flight's chapters, and yield their names.
+
+    The stages' notebooks come executed from the run; the others are executed here.
+    """
+    for number, name in enumerate(CHAPTERS):
+        tell("chapters", number + 1, len(CHAPTERS))
+        done, note = results_path / "notebooks" / f"{name}.ipynb", NOTE if simulated else ""
+        if name in NOTEBOOKS.values():
+            if done.is_file():
+                build.fold(done, executed / done.name, note=note)
+                yield name
+        elif "flight_path" in _parameters(name):
+            places = {"flight_path": str(results_path / KEPT), "results_path": str(results_path)}
+            build.run_here(name, executed, places, note=note)
+            yield name
+
+
+def _parameters(name: str) -> Mapping[str, Any]:
+    return execute.with_defaults(NOTEBOOKS_PATH / f"{name}.ipynb", {})
+
+
+# --- pages -----------------------------------------------------------------------------------
+
+
+def _front(run: material.Material) -> str:
+    """Return the first page: which flight, what is in the book, what was read and by what."""
+    flight = run.flight
+    blocks = pd.concat([block.table() for block in flight.blocks.values()])
+    versions = {name: v for stage in run.provenance.stages.values() for name, v in _versions(stage)}
+    software = pd.DataFrame({"Package": list(versions), "Version": list(versions.values())})
+    files = pd.DataFrame(
+        {
+            "File": [code(name) for name in run.provenance.files],
+            "SHA-256": [code(digest) for digest in run.provenance.files.values()],
+        }
+    )
+    simulated = "The flight is simulated. " if flight.simulated else ""
+    return "\n\n".join(
+        [
+            f"# {shown(flight.name)}",
+            f"{simulated}This book shows what was flown, how the camera was calibrated from it, "
+            "and how good the calibration is. Every number was computed from the tables that are "
+            "named below.",
+            "```{tableofcontents}\n```",
+            "## What was read",
+            markdown(blocks),
+            "## Files and versions",
+            myst_table(software, "What computed the numbers", name="tab-software"),
+            myst_table(files, "The tables of the flight", name="tab-files"),
+            "",
+        ]
+    )
+
+
+def _versions(stage: Mapping[str, object]) -> Iterator[tuple[str, str]]:
+    versions = stage.get("versions", {})
+    if isinstance(versions, Mapping):
+        yield from ((str(name), str(v)) for name, v in versions.items())
+
+
+def _certificate(run: material.Material) -> str:
+    """Return the page of the certificate: the statement, its findings, and the whole report."""
+    found = verdict.findings(run)
+    link = '<a href="report.html">Open the report</a>, one file to print and to keep.'
+    return "\n\n".join(
+        [
+            "# Certificate",
+            "*Can this calibration be used?*",
+            verdict.statement(found),
+            f"{link} Beside it lies the same as JSON, `report.json`.",
+            myst_table(verdict.verdict_table(found), "Findings", name="tab-findings"),
+            "",
+        ]
+    )
+
+
+def _contents(chapters: list[str]) -> dict[str, Any]:
+    """Return the table of contents."""
+    of_flight = [f"_executed/{name}" for name in chapters]
+    parts = {"The flight": [*of_flight, "certificate"], "To read it": READING}
+    return {
+        "format": "jb-book",
+        "root": "intro",
+        "parts": [
+            {"caption": caption, "chapters": [{"file": page} for page in pages]}
+            for caption, pages in parts.items()
+        ],
+    }
+
+
+def _settings(name: str) -> dict[str, Any]:
+    """Return the settings of the study's book, with the name of the flight."""
+    settings: dict[str, Any] = yaml.safe_load((SOURCES / "_config.yml").read_text("utf-8"))
+    settings["title"] = plain = visible(name)  # which Sphinx escapes, but not in the logo
+    sphinx = settings["sphinx"]
+    extra, local = sphinx["extra_extensions"], sphinx["local_extensions"]
+    sphinx["extra_extensions"] = [name for name in extra if name not in OF_CODE]
+    sphinx["local_extensions"] = {n: place for n, place in local.items() if n not in OF_CODE}
+    of_code = ("autodoc_", "autosummary_", "napoleon_", "viewcode_")
+    sphinx["config"] = {k: v for k, v in sphinx["config"].items() if not k.startswith(of_code)}
+    config = sphinx["config"]
+    config["html_title"] = plain
+    config["html_theme_options"]["logo"] = {"text": shown(name, "html"), "alt_text": ""}
+    return settings
+
+
+def _titles() -> Iterator[tuple[str, str]]:
+    """Yield the pages of the study's book, and their titles."""
+    for path in NOTEBOOKS_PATH.rglob("*.ipynb"):
+        name = path.relative_to(NOTEBOOKS_PATH).with_suffix("").as_posix()
+        yield f"_executed/{name}", build.title(path).removeprefix("# ")
+    for path in SOURCES.rglob("*.md"):
+        name = path.relative_to(SOURCES).with_suffix("").as_posix()
+        first = path.read_text("utf-8").lstrip().splitlines()[:1]
+        yield name, "".join(first).removeprefix("# ")
+
+
+# --- Sphinx ----------------------------------------------------------------------------------
+
+
+def _built(source: Path, work: Path, *, strict: bool) -> Path:
+    """Run Sphinx, and return the folder of HTML."""
+    options = ["--quiet", "-n", "--keep-going", *(["-W"] if strict else [])]
+    command = [sys.executable, "-c", BUILD, "build", str(source), *options]
+    done = subprocess.run(
+        command,
+        cwd=work,
+        env={**os.environ, "PYTHONSAFEPATH": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    html = source / "_build" / "html"
+    if done.returncode or not (html / "index.html").is_file():
+        lines = COLOURS.sub("", done.stdout + done.stderr).splitlines()
+        said = [line.replace(f"{source}/", "") for line in lines if SAYS.search(line)] or lines
+        raise BookError("\n".join(["the book could not be built", *said[-LINES_SHOWN:]]))
+    return html

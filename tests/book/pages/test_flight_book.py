@@ -1,0 +1,97 @@
+"""The book of a flight: about that flight alone, complete, and safe to be written anew."""
+
+import json
+import re
+import shutil
+
+import pytest
+from bs4 import BeautifulSoup
+
+import acx4sim
+from acx4book.notebooks import runner
+from acx4book.notebooks.executed import Notebooks
+from acx4book.pages import flight_book
+from acx4lib.errors import OutputError
+
+NAME = "Of *one* camera <b>|</b>"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flown")
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=5), folder / "flight")
+    toml = folder / "flight" / "flight.toml"
+    text = toml.read_text("utf-8")
+    name = re.search(r'(?m)^name = "(.*)"$', text)[1]
+    toml.write_text(text.replace(name, NAME), encoding="utf-8")
+    runner.run(folder / "flight", folder / "results", way=Notebooks())
+    return folder / "results"
+
+
+@pytest.fixture(scope="module")
+def site(results, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("book") / "site"
+    flight_book.write(results, folder, strict=True)
+    return folder
+
+
+def page(site, name):
+    return BeautifulSoup((site / name).read_text("utf-8"), "html.parser")
+
+
+def test_the_name_of_the_flight_is_in_the_title_of_every_page_as_it_is_written(site):
+    pages = [p for p in site.rglob("*.html") if p.name not in ("search.html", "report.html")]
+    assert len(pages) > 8
+    for path in pages:
+        found = BeautifulSoup(path.read_text("utf-8"), "html.parser")
+        assert NAME in found.title.text
+        assert not [b for b in found.find_all("b") if b.text == "|"]
+    assert page(site, "intro.html").h1.text.startswith(NAME)
+
+
+def test_it_has_the_chapters_that_the_flight_has_data_for_and_none_of_the_study(site):
+    here = {p.relative_to(site).as_posix() for p in site.rglob("*.html")}
+    assert {"_executed/03-mounting-calibration.html", "_executed/04-validation.html"} <= here
+    assert {"certificate.html", "report.html", "frames-and-notation.html", "glossary.html"} <= here
+    assert not {
+        n for n in here if re.search(r"head-calib|synthetic|errata|scorecard|lab-|speed", n)
+    }
+
+
+def test_the_certificate_says_what_the_report_says_and_leads_to_it(site):
+    text = page(site, "certificate.html")
+    assert text.find("a", href="report.html")
+    holds = json.loads((site / "report.json").read_text())["statement"]["holds"]
+    assert ("The results hold." in text.text) == holds
+
+
+def test_the_first_page_names_every_table_that_was_read(site, results):
+    told = json.loads((results / "provenance.json").read_text())["files"]
+    text = page(site, "intro.html").text
+    assert all(name in text and digest in text for name, digest in told.items())
+
+
+def test_no_page_asks_another_host_or_speaks_of_the_study(site):
+    for path in [*site.rglob("*.html")]:
+        found = BeautifulSoup(path.read_text("utf-8"), "html.parser")
+        for tag in found.find_all(["script", "img", "link"]):
+            assert not str(tag.get("src") or tag.get("href") or "").startswith(("http", "//"))
+
+
+def test_it_is_small(site):
+    assert sum(p.stat().st_size for p in site.rglob("*") if p.is_file()) < 8e6
+
+
+def test_it_replaces_its_own_book_and_nothing_else(site, results, tmp_path):
+    again = tmp_path / "again"
+    shutil.copytree(site, again)
+    (again / "mine.txt").write_text("mine")
+    flight_book.write(results, again)
+    assert (again / "mine.txt").read_text() == "mine"
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "index.html").write_text("mine")
+    with pytest.raises(OutputError, match="other"):
+        flight_book.write(results, other)
+    assert (other / "index.html").read_text() == "mine"
+    assert [p.name for p in other.iterdir()] == ["index.html"]
