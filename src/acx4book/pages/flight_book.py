@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from html import escape
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
@@ -23,7 +24,7 @@ import pandas as pd
 import yaml
 
 from acx4book.notebooks import execute
-from acx4book.notebooks.runner import NOTEBOOKS, NOTEBOOKS_PATH
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.pages import build, frames
 from acx4book.report import material
 from acx4book.report.page import page as report
@@ -32,6 +33,7 @@ from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import code, shown
 from acx4book.typesetting.tables import markdown
 from acx4lib.errors import Acx4Error, visible
+from acx4lib.results.files.schemas import NOTEBOOKS
 from acx4lib.results.own_folder import claims, whole_files
 from acx4lib.results.own_folder.claims import OwnFolder
 from acx4lib.results.own_folder.whole_files import SCRATCH
@@ -117,10 +119,18 @@ def write(
         source = Path(temporary) / "book"
         _gather(results_path, source, tell)
         html = _built(source, Path(temporary), strict=strict)
+        _escape(html, visible(material.read(results_path).flight.name))
         report.write(results_path, html / "report.html")
         shutil.copyfile(source / "_toc.yml", html / "_toc.yml")  # by which it can be printed
         tell("pages", 1, 1)
         _place(html, own)
+
+
+def _escape(html: Path, name: str) -> None:
+    """Escape the name of the flight where templates of the theme have it as it is."""
+    if (safe := escape(name)) != name:
+        for path in html.rglob("*.html"):
+            whole_files.write(path, path.read_text("utf-8").replace(name, safe))
 
 
 def _place(html: Path, own: OwnFolder) -> None:
