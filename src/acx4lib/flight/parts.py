@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from acx4lib import expected
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block, SurveyedPoints, select_images
 from acx4lib.flight.design import flying_heights
@@ -83,3 +84,33 @@ def _in_grid(block: Block, origin: Array, surveyed: SurveyedPoints) -> SurveyedP
     if len(surveyed) == 0:
         return surveyed
     return replace(surveyed, x_m=block.frame.to_grid(surveyed.x_m) - origin, R_g_m=identity)
+
+
+def with_lever_arm(block: Block, lever_m: Sequence[float], *, camera: str = "") -> Block:
+    """Return a block whose cameras are declared with another lever arm.
+
+    An adjustment that holds the lever arm holds this one; others begin with it.
+
+    Parameters
+    ----------
+    block : Block
+    lever_m : sequence of float
+        Along the body's x, y, z (forward, left, up), m.
+    camera : str, optional
+        The camera that it is of; all by default.
+
+    Raises
+    ------
+    ValueError
+        Where the block has no such camera, or these are not three numbers.
+    """
+    r = expected.numbers("lever_m", np.asarray(lever_m, dtype=float), (3,))
+    names = [one.name for one in block.cameras]
+    if camera:
+        expected.one_of("camera", camera, names)
+    chosen = [not camera or name == camera for name in names]
+    cameras = tuple(
+        replace(one, T_b_c=Pose(R=one.T_b_c.R, r=r)) if own else one
+        for one, own in zip(block.cameras, chosen, strict=True)
+    )
+    return replace(block, cameras=cameras)

@@ -44,3 +44,14 @@ def test_the_grid_taken_for_cartesian_has_the_numbers_of_the_map(noisy_block):
     off = wrong.control.x_m - grid
     assert_allclose(off, np.broadcast_to(off[0], off.shape), atol=1e-6)
     assert off[0] == pytest.approx(np.round(off[0]), abs=1e-6)
+
+
+def test_a_surveyed_lever_arm_is_declared_and_nothing_else(noisy_block):
+    lever = (0.2, -0.4, -0.1)
+    changed = parts.with_lever_arm(noisy_block, lever)
+    assert changed.cameras[0].T_b_c.r == pytest.approx(lever)
+    assert_allclose(changed.cameras[0].T_b_c.R, noisy_block.cameras[0].T_b_c.R)
+    with pytest.raises(ValueError, match="camera: expected one of CAM, got 'X'"):
+        parts.with_lever_arm(noisy_block, lever, camera="X")
+    with pytest.raises(ValueError, match="lever_m: expected shape"):
+        parts.with_lever_arm(noisy_block, (1.0, 2.0))
