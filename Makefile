@@ -66,7 +66,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test test-all fuzz mistakes notebooks book pdf release serve bench coverage chain models reference-data reference-results clean
+.PHONY: help .venv lock check test test-all fuzz mistakes notebooks lab book pdf release serve bench coverage chain models reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -85,6 +85,10 @@ help: ## list these targets
 	@$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
 
+.venv/.stamp-lab: environment-lab.txt .venv/.stamp
+	@$(PIP) -r environment-lab.txt
+	@touch $@
+
 .venv/.stamp-bench: environment-bench.txt .venv/.stamp-test
 	@$(PIP) -r environment-bench.txt
 	@touch $@
@@ -93,7 +97,7 @@ help: ## list these targets
 	@$(PIP) -r environment-test.txt
 	@touch $@
 
-lock: .venv/.stamp-bench ## write environment.lock anew from what is installed
+lock: .venv/.stamp-bench .venv/.stamp-lab ## write environment.lock anew from what is installed
 	@{ sed -n '/^#/p' environment.lock; \
 	   $(BIN)/python -m pip freeze --all --exclude pip --exclude acx4lib; } > .venv/lock
 	@mv .venv/lock environment.lock && echo environment.lock
@@ -167,6 +171,9 @@ build/stamps/$(notdir $(IDEAL)): data/flights/acx4-ideal/flight.toml $(NOTEBOOKS
 endif
 
 notebooks: $(RAN) $(IDEAL:build/results/%=build/stamps/%) ## run the notebooks on FLIGHT
+
+lab: .venv/.stamp-lab $(firstword $(SHIPPED))/flight.toml ## open the notebooks in JupyterLab
+	@$(BIN)/jupyter lab notebooks
 
 # --- the book ------------------------------------------------------------------------------
 

@@ -6,7 +6,12 @@ import pytest
 
 from support.helpers import ROOT
 
-FILES = ("environment.txt", "environment-test.txt", "environment-bench.txt")
+FILES = (
+    "environment.txt",
+    "environment-lab.txt",
+    "environment-test.txt",
+    "environment-bench.txt",
+)
 PIN = re.compile(r"^([\w.-]+)==(\S+)$", re.MULTILINE)
 
 

@@ -166,7 +166,7 @@ def test_the_requirements_are_those_of_pyproject(wheel):
     extras = [f'{line}; extra == "{extra}"' for extra, lines in EXTRAS.items() for line in lines]
     required = {str(Requirement(line)) for line in [*PROJECT["dependencies"], *extras]}
     assert {str(Requirement(line)) for line in said.get_all("Requires-Dist")} == required
-    assert set(said.get_all("Provides-Extra")) == {"book", "pdf", "reference", "cluster"}
+    assert set(said.get_all("Provides-Extra")) == {"book", "lab", "pdf", "reference", "cluster"}
 
 
 def imported(house):
