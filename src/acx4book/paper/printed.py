@@ -239,6 +239,80 @@ def columns(
     return filled.set_axis(pd.MultiIndex.from_tuples(heads)[: len(cells)], axis=1)
 
 
+def heads(flight: Flight, table: pd.DataFrame) -> pd.DataFrame:
+    """Return what Table 1 prints of the heads, to be joined to a table of the same parameters.
+
+    Parameters
+    ----------
+    flight : Flight
+        Without the paper's cameras there are no columns.
+    table : DataFrame
+        With the levels ``camera``, ``parameter``, ``unit`` and the columns ``value``, ``sigma``.
+
+    Returns
+    -------
+    DataFrame
+        ``paper``, as printed; by how many combined standard deviations the table is ``apart (σ)``
+        from it; ``σ over the paper's``, where it prints standard deviations. Rows that Table 1
+        does not have are empty.
+    """
+    if not applies(flight) or "camera" not in table.index.names:
+        return pd.DataFrame(index=table.index)
+    names = _of_table_1(table)
+    spreads = np.array([sigma(1, *name) if all(name) else np.nan for name in names])
+    combined = np.hypot(table["sigma"], np.nan_to_num(spreads))
+    beside = {
+        "paper": [shown(1, *name) if all(name) else "" for name in names],
+        "apart (σ)": off_heads(flight, table).abs() / combined,
+        "σ over the paper's": table["sigma"] / spreads,
+    }
+    found = pd.DataFrame(beside, index=table.index).dropna(axis=1, how="all")
+    found.attrs["formats"] = {"apart (σ)": ".1f", "σ over the paper's": ".1f"}
+    return found
+
+
+def off_heads(flight: Flight, table: pd.DataFrame) -> pd.Series:
+    """Return by how much the values of a table are off those that Table 1 prints of the heads.
+
+    Parameters
+    ----------
+    flight, table
+        As in `heads`.
+
+    Returns
+    -------
+    Series
+        NaN where Table 1 has no value; empty for other cameras.
+    """
+    if not applies(flight) or "camera" not in table.index.names:
+        return pd.Series(index=table.index[:0], dtype=float)
+    values = [value(1, *name) if all(name) else np.nan for name in _of_table_1(table)]
+    return table["value"] - np.array(values)
+
+
+def _of_table_1(table: pd.DataFrame) -> list[tuple[str, str]]:
+    """Return parameter and column of Table 1 by the rows of a table; '' where it has none."""
+    names = {_words(name): name for name in _read("table1.csv")["parameter"]}
+    parameters, cameras = (table.index.get_level_values(k) for k in ("parameter", "camera"))
+    return [
+        (names.get(parameter, ""), camera if camera in HEADS else "")
+        for parameter, camera in zip(parameters, cameras, strict=True)
+    ]
+
+
+def of_heads(flight: Flight, parameter: str) -> pd.Series:
+    """Return what Table 1 prints of one parameter, by head; empty for other cameras.
+
+    Parameters
+    ----------
+    flight : Flight
+    parameter : str
+        As in `table`.
+    """
+    heads = HEADS if applies(flight) else ()
+    return pd.Series({head: shown(1, parameter, head) for head in heads}, dtype=object)
+
+
 def _words(name: str) -> str:
     """Return the name of a parameter in results as a calibration's table has it."""
     words = re.sub(r"_(mm|m|deg)$", "", name).replace("_", " ")

@@ -97,10 +97,11 @@ def _size(calibration: Calibration) -> tuple[str, str]:
     return n, f"σ0² {calibration.sigma0_sq:.3f}" if calibration.n_columns else ""
 
 
-def parameter_rows(calibration: Calibration) -> Iterator[shown.Row]:
+def parameter_rows(calibration: Calibration, *, only_interior: bool = False) -> Iterator[shown.Row]:
     """Yield the parameters of a calibration as its table has them."""
     listed = parameters(calibration)
     mounted = bool(np.any(calibration.layout.mount >= 0)) or not calibration.n_columns
+    mounted &= not only_interior
     for camera in calibration.cameras:
         sigma = {p.key: p.sigma for p in listed if p.camera == camera.name}
         yield from camera_rows(camera, sigma, mounted=mounted)

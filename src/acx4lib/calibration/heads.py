@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acx4lib import expected, shown
-from acx4lib.bundle.adjust import Bundle, qualities
+from acx4lib.bundle.adjust import Bundle, adjust, qualities
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.gross_errors.rejections import without
+from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations.shared_errors import shared_errors
 from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.estimates import from_bundle, not_determined, parameter_rows
@@ -51,7 +54,9 @@ class Heads:
     def table(self) -> pd.DataFrame:
         """Return the parameters of all heads with their units and sigma."""
         return shown.parameter_table(
-            row for fit in self.bundles.values() for row in parameter_rows(from_bundle(fit))
+            row
+            for fit in self.bundles.values()
+            for row in parameter_rows(from_bundle(fit), only_interior=True)
         )
 
     def quality(self) -> pd.DataFrame:
@@ -136,8 +141,45 @@ def varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOri
     return replace(orientation, xyz_mm=xyz, opk=opk)
 
 
+@shown.briefly
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CommonExposures:
+    """The poses of all heads at the exposures at which every one of them is oriented.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the exposures.
+    idx : ndarray, shape (n,)
+        Rows of the trajectory.
+    images : tuple of ndarray, shape (n,)
+        By head, the images of its bundle.
+    T_m_b : Pose
+        Of the body, from the trajectory.
+    T_m_h : tuple of Pose
+        By head, from its bundle.
+    scale : ndarray, shape (n,)
+        Image scale of the first head, mm per m on the ground.
+    height : ndarray, shape (n,)
+        Of the first head over ground, m.
+    """
+
+    names: tuple[str, ...]
+    idx: Index
+    images: tuple[Index, ...]
+    T_m_b: Pose
+    T_m_h: tuple[Pose, ...]
+    scale: Array
+    height: Array
+
+
 def calibrate_heads(
-    block: Block, heads: Sequence[str], *, free: Sequence[str], refraction: str = "none"
+    block: Block,
+    heads: Sequence[str],
+    *,
+    free: Sequence[str],
+    refraction: str = "none",
+    after: Heads | None = None,
 ) -> Heads:
     """Adjust every head by itself with free exterior orientation, and reject gross errors.
 
@@ -150,6 +192,9 @@ def calibrate_heads(
         Interior parameters, names of `camera.INTERIOR`; the others are held.
     refraction : str
         ``"none"`` or ``"standard"``.
+    after : Heads, optional
+        Another calibration in the same block, of which the rejected gross errors are taken over;
+        none are searched for.
 
     Returns
     -------
@@ -163,18 +208,64 @@ def calibrate_heads(
     """
     expected.instance("block", block, Block)
     expected.names("heads", heads)
+    network = partial(free_orientation, free=free, refraction=refraction)
     bundles, failures = {}, {}
+    before = after.bundles if after else {}
     for name in heads:
         alone = select_cameras(block, [name])
         try:
             require_control(alone)
-            bundles[name] = adjust_rejecting(
-                alone,
-                lambda b: free_orientation(b, free=free, refraction=refraction),
-            )
+            bundles[name] = _calibrated(alone, network, before.get(name))
         except AdjustmentError as error:
             failures[name] = str(error)
     return Heads(bundles=bundles, failures=failures)
+
+
+def _calibrated(alone: Block, network: Callable[[Block], Network], before: Bundle | None) -> Bundle:
+    """Adjust one head, without what another adjustment of it rejected."""
+    if before is None:
+        return adjust_rejecting(alone, network)
+    return replace(adjust(network(without(alone, before.rejected))), rejected=before.rejected)
+
+
+def above_gnss(fit: Bundle) -> float:
+    """Return how high a head's images stand above the trajectory's positions in the mean, m.
+
+    Parameters
+    ----------
+    fit : Bundle
+        Of one head by itself, which observes no positions.
+    """
+    block = fit.network.block
+    above = fit.T_m_c.r[:, 2] - block.trajectory.T_m_b.r[block.images.exposure_idx, 2]
+    return float(above[fit.oriented].mean())
+
+
+def focal_lengths_by_gnss(tried: Sequence[Heads]) -> dict[str, float]:
+    """Return the focal lengths with which the heads would stand at the trajectory's heights.
+
+    A wrong focal length lifts or lowers the cameras in proportion, so that a straight line
+    through the mean heights over the held focal lengths tells where they are right. A lever arm
+    is not taken off: 1 m of it is f over the flying height in m.
+
+    Parameters
+    ----------
+    tried : sequence of Heads
+        The same heads, with at least two different focal lengths of each.
+
+    Returns
+    -------
+    dict of str to float
+        f in mm by head; only heads that could always be adjusted.
+    """
+    found = {}
+    for name in tried[0].bundles if tried else ():
+        fits = [heads.bundles[name] for heads in tried if name in heads.bundles]
+        if len(fits) == len(tried):
+            rise = [above_gnss(fit) for fit in fits]
+            f = [fit.cameras[0].interior.f for fit in fits]
+            found[name] = float(np.polynomial.Polynomial.fit(rise, f, 1)(0.0))
+    return found
 
 
 def relative_orientation(
@@ -221,11 +312,9 @@ def relative_orientation(
     if not weak and (open_ones := [n for n, fit in heads.bundles.items() if _is_weak(fit)]):
         msg = f"the interior orientation of {', '.join(open_ones)} is not determined"
         raise AdjustmentError(msg)
-    images, exposures = _common(fits)
-    T_m_b = fits[0].network.block.trajectory.T_m_b[exposures]
-    T_m_h = [fit.T_m_c[idx] for fit, idx in zip(fits, images, strict=True)]
+    common = common_exposures(heads)
+    T_m_b, T_m_h, scale = common.T_m_b, common.T_m_h, common.scale
     R_b_s = synthetic.T_b_c.R
-    scale, height = ground_scale(fits[0], images[0])
     R_s_m = np.swapaxes(T_m_b.R @ R_b_s, -1, -2)
     xyz, opk = np.zeros((len(fits), 3)), np.zeros((len(fits), 3))
     for k, T in enumerate(T_m_h):
@@ -233,10 +322,10 @@ def relative_orientation(
         opk[k] = Pose(R=mean_rotation(R_s_m @ T.R), r=xyz[k]).opk
     xyz[:, 2] += fits[0].state.interiors[0].f
     xyz[:, :2] -= xyz[:, :2].mean(axis=0)
-    J, K = _jacobians(T_m_b, T_m_h, R_b_s, scale=scale, height=height)
+    J, K = _jacobians(T_m_b, T_m_h, R_b_s, scale=scale, height=common.height)
     # all positions in mm are proportional to the first head's focal length
     by_f = np.hstack([xyz / fits[0].state.interiors[0].f, np.zeros_like(opk)]).ravel()
-    cov = _covariance(fits, images, exposures, (J, K, by_f))
+    cov = _covariance(fits, common.images, common.idx, (J, K, by_f))
     to_opk = np.eye(len(cov))
     for k in range(len(fits)):
         angles = slice(6 * k + 3, 6 * k + 6)
@@ -246,7 +335,7 @@ def relative_orientation(
         xyz_mm=xyz,
         opk=opk,
         cov_joint=propagate(to_opk, cov),
-        n_exposures=len(exposures),
+        n_exposures=len(common.names),
     )
 
 
@@ -281,8 +370,23 @@ def _is_weak(fit: Bundle) -> bool:
     return bool(not_determined(from_bundle(fit)))
 
 
-def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
-    """Return every head's images at the exposures that all heads have, and these exposures."""
+def common_exposures(heads: Heads) -> CommonExposures:
+    """Return the poses of all heads at the exposures that they have in common.
+
+    Parameters
+    ----------
+    heads : Heads
+
+    Raises
+    ------
+    AdjustmentError
+        Where there is no exposure at which all heads are oriented.
+    ValueError
+        For no heads.
+    """
+    expected.instance("heads", heads, Heads)
+    fits = list(heads.bundles.values())
+    expected.some("heads", fits, "head")
     sets = []
     for fit in fits:
         exposure = fit.network.block.images.exposure_idx
@@ -296,13 +400,28 @@ def _common(fits: Sequence[Bundle]) -> tuple[list[Index], Index]:
             "there, and three control points off one line in its images"
         )
         raise AdjustmentError(msg)
-    images = []
-    for fit in fits:
-        exposure = fit.network.block.images.exposure_idx
-        at = np.full(len(fit.network.block.trajectory), -1)
-        at[exposure] = np.arange(len(exposure))
-        images.append(at[exposures])
-    return images, exposures
+    images, trajectory = (
+        [_images_at(fit, exposures) for fit in fits],
+        fits[0].network.block.trajectory,
+    )
+    scale, height = ground_scale(fits[0], images[0])
+    return CommonExposures(
+        names=tuple(trajectory.exposures[i] for i in exposures),
+        idx=exposures,
+        images=tuple(images),
+        T_m_b=trajectory.T_m_b[exposures],
+        T_m_h=tuple(fit.T_m_c[idx] for fit, idx in zip(fits, images, strict=True)),
+        scale=scale,
+        height=height,
+    )
+
+
+def _images_at(fit: Bundle, exposures: Index) -> Index:
+    """Return the image of a head at every one of some exposures."""
+    exposure = fit.network.block.images.exposure_idx
+    at = np.full(len(fit.network.block.trajectory), -1)
+    at[exposure] = np.arange(len(exposure))
+    return at[exposures]
 
 
 def ground_scale(first: Bundle, images: Index) -> tuple[Array, Array]:

@@ -180,15 +180,20 @@ def _on_first_ray(block: Block, bundle: Bundle, points: Index, height: Array) ->
 # --- relative orientation --------------------------------------------------------------------
 
 
-def relative_orientation(rig: Mounting, synthetic: Camera) -> RelativeOrientation:
+def relative_orientation(
+    rig: Mounting, synthetic: Camera | None, *, weak: bool = False
+) -> RelativeOrientation:
     """Return the orientation of a rig's heads in the synthetic frame, from their mountings.
 
     Parameters
     ----------
     rig : Mounting
         The first head is the reference.
-    synthetic : Camera
-        Its declared mounting turns the body frame into the synthetic frame.
+    synthetic : Camera or None
+        Its declared mounting turns the body frame into the synthetic frame. A flight without a
+        table [synthetic] has none.
+    weak : bool
+        Whether parameters that the data do not determine are good enough.
 
     Returns
     -------
@@ -201,13 +206,18 @@ def relative_orientation(rig: Mounting, synthetic: Camera) -> RelativeOrientatio
     Raises
     ------
     AdjustmentError
-        Where the heads share no exposure.
+        Where there is no synthetic camera, the rig is not determined, or the heads share no
+        exposure.
     """
+    if synthetic is None:
+        raise AdjustmentError("flight.toml has no table [synthetic]")
     expected.instance("synthetic", synthetic, Camera)
     calibration = rig.calibration
+    if not weak and (said := not_determined(calibration)):
+        others = f"; so are {len(said) - 1} others" if len(said) > 1 else ""
+        raise AdjustmentError(f"{said[0]}{others}")
     heads, n = calibration.cameras, len(calibration.cameras)
-    images = _first_images(rig.bundle)
-    scale = float(ground_scale(rig.bundle, images)[0].mean())
+    scale = image_scale(rig)
     R_s_b = synthetic.T_b_c.R.T
     T_b_h = mountings(heads)
     xyz = scale * (T_b_h.r - T_b_h.r[0]) @ R_s_b.T
@@ -226,8 +236,23 @@ def relative_orientation(rig: Mounting, synthetic: Camera) -> RelativeOrientatio
         xyz_mm=xyz,
         opk=opk,
         cov_joint=calibration.sigma0_sq * propagate(J, cov),
-        n_exposures=len(images),
+        n_exposures=len(_first_images(rig.bundle)),
     )
+
+
+def image_scale(rig: Mounting) -> float:
+    """Return the mean image scale of the first head, mm per m on the ground.
+
+    Parameters
+    ----------
+    rig : Mounting
+
+    Raises
+    ------
+    AdjustmentError
+        Where the heads share no exposure.
+    """
+    return float(ground_scale(rig.bundle, _first_images(rig.bundle))[0].mean())
 
 
 def _first_images(bundle: Bundle) -> Index:

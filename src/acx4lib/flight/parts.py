@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,6 +51,55 @@ def without_control(block: Block, names: Collection[str] | None = None) -> Block
         names is not None and block.points[point] not in names for point in block.control.point_idx
     ]
     return replace(block, control=block.control[np.array(keep, dtype=bool)])
+
+
+def with_focal_lengths(block: Block, f_mm: Mapping[str, float]) -> Block:
+    """Return a block whose cameras are declared with other focal lengths.
+
+    Parameters
+    ----------
+    block : Block
+    f_mm : mapping of str to float
+        By camera; the others keep theirs.
+    """
+    expected.names_of("f_mm", tuple(f_mm), [camera.name for camera in block.cameras])
+    cameras = [
+        camera.with_interior(replace(camera.interior, f=f_mm.get(camera.name, camera.interior.f)))
+        for camera in block.cameras
+    ]
+    return replace(block, cameras=tuple(cameras))
+
+
+def unshared(block: Block) -> Block:
+    """Return the block with every tie point split into one for each camera that measured it.
+
+    No measurement is lost; the cameras are left with the surveyed points and the trajectory in
+    common.
+
+    Parameters
+    ----------
+    block : Block
+    """
+    points = block.image_points
+    camera = block.images.camera_idx[points.image_idx]
+    first = np.full(len(block.points), len(block.cameras))
+    np.minimum.at(first, points.point_idx, camera)
+    split = camera > first[points.point_idx]
+    split &= ~np.isin(points.point_idx, [*block.control.point_idx, *block.check.point_idx])
+    pairs, own = np.unique(
+        np.stack([points.point_idx, camera], axis=1)[split], axis=0, return_inverse=True
+    )
+    names = list(block.points)
+    taken = set(names)
+    for point, k in pairs:
+        name = f"{block.points[point]} {block.cameras[k].name}"
+        while name in taken:
+            name += "'"
+        names.append(name)
+        taken.add(name)
+    point_idx = points.point_idx.copy()
+    point_idx[split] = len(block.points) + own.ravel()
+    return replace(block, points=tuple(names), image_points=replace(points, point_idx=point_idx))
 
 
 def as_if_cartesian(block: Block) -> Block:

@@ -317,3 +317,22 @@ def test_heads_as_declared_are_turned_against_the_frame_of_the_synthetic_image()
     assert_allclose(R, body[0].T @ body, atol=1e-12)
     assert_allclose(found.xyz_mm, [[0, 0, 5.0]] * 2)
     assert not found.cov_joint.any()
+
+
+def test_common_exposures_have_the_poses_of_which_the_orientation_is_the_mean(block, bundles):
+    fits = ro.Heads(bundles=bundles, failures={})
+    common = ro.common_exposures(fits)
+    orientation = ro.relative_orientation(fits, SYNTHETIC)
+    assert len(common.names) == orientation.n_exposures == 6
+    R_s_m = np.swapaxes(common.T_m_b.R @ SYNTHETIC.T_b_c.R, -1, -2)
+    apart = frames.transform(R_s_m, common.T_m_h[1].r - common.T_m_h[0].r)
+    place = (common.scale[:, None] * apart).mean(axis=0)
+    assert_allclose(place, np.diff(orientation.xyz_mm, axis=0)[0], atol=1e-12)
+    turn = frames.mean_rotation(R_s_m @ common.T_m_h[1].R)
+    assert_allclose(frames.opk_from_rotation(turn), orientation.opk[1], atol=1e-12)
+    assert common.names == tuple(block.trajectory.exposures[i] for i in common.idx)
+
+
+def test_what_is_held_is_shown_without_the_mounting_that_no_head_has(block):
+    none = ro.calibrate_heads(block, ["CAM1"], free=())
+    assert list(none.table().index) == [("f", "mm"), ("yp", "mm")]  # held, and not zero

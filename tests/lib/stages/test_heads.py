@@ -6,8 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4book.chapters.heads import sentences as head_sentences
-from acx4book.chapters.heads import tables
 from acx4book.paper.errata import audit
 from acx4lib.calibration.heads import Heads, relative_orientation
 from acx4lib.errors import AdjustmentError
@@ -49,8 +47,6 @@ def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
     assert reason == "heads/relative_orientation: CAM2 could not be adjusted"
     with pytest.raises(AdjustmentError, match="CAM2 could not be adjusted"):
         synthetic.read_heads(flight, tmp_path)
-    assert "CAM2 could not" in head_sentences.orientation(flight, failed)
-    assert len(tables.orientation(flight, failed)) == 1
 
 
 def test_heads_without_control_points_are_told_so(flight):
@@ -66,4 +62,3 @@ def test_heads_of_which_nothing_is_estimated_go_all_the_way(flight, tmp_path):
     adjustments.write(tmp_path, "heads", heads.records(stage))
     read = synthetic.read_heads(as_declared, tmp_path)
     assert [head.interior.k1 for head in read.heads] == [0.0] * 4
-    assert "no correlations to show" in head_sentences.correlation(as_declared, stage)

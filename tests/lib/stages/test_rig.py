@@ -2,10 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import acx4sim
 from acx4lib import flight as flights
+from acx4lib.calibration.rig import relative_orientation
+from acx4lib.errors import AdjustmentError
+from acx4lib.flight.block import select_images
 from acx4lib.results import adjustments, folder
 from acx4lib.stages import rig
 
@@ -49,3 +53,56 @@ def test_heads_stand_in_the_order_of_the_synthetic_table(flight, stage):
     found = rig.calibrate(some)
     assert tuple(camera.name for camera in found.block.cameras) == names
     assert len(found.block.images) == len(stage.block.images) / 2
+
+
+# --- no rig, or a weak one -------------------------------------------------------------------
+
+
+def with_block(flight, block):
+    return replace(flight, blocks={"heads": block})
+
+
+def test_a_rig_that_is_not_determined_ends_no_run(flight):
+    """From one strip without control points, a lever arm is a shift of all tie points."""
+    block = flight.blocks["heads"]
+    block = select_images(block, np.array(block.images.strips) == block.images.strips[0])
+    points = block.image_points
+    kept = ~np.isin(points.point_idx, block.control.point_idx)
+    stage = rig.calibrate(with_block(flight, replace(block, image_points=points[kept])))
+    entry = rig.records(stage)[0].summary["mounting/rig"]
+    assert any("lever" in line and "control points" in line for line in entry["left_out"])
+    synthetic = flight.synthetic_camera
+    with pytest.raises(AdjustmentError, match=r"CAM1 .* is not determined.*; so are \d+ others"):
+        relative_orientation(stage.rig, synthetic)
+    assert relative_orientation(stage.rig, synthetic, weak=True).n_exposures > 0
+
+
+def test_a_rig_that_cannot_be_adjusted_is_left_out_with_the_reason(stage):
+    failed = replace(stage, rig=None, left_out="it does not converge")
+    (record,) = rig.records(failed)
+    entry = record.summary["mounting/rig"]
+    assert entry["left_out"] == ["mounting/rig: it does not converge"]
+    assert not entry["converged"]
+
+
+def test_a_flight_without_a_synthetic_image_has_a_rig_all_the_same(flight):
+    stage = rig.calibrate(replace(flight, synthetic=None))
+    with pytest.raises(AdjustmentError, match=r"flight.toml has no table \[synthetic\]"):
+        relative_orientation(stage.rig, None)
+
+
+def test_points_of_one_exposure_only_are_said(flight):
+    """A tie point that two heads share loses its measurements at all other exposures."""
+    block = flight.blocks["heads"]
+    points = block.image_points
+    exposure = block.images.exposure_idx[points.image_idx]
+    together = exposure * len(block.points) + points.point_idx
+    tie = ~np.isin(points.point_idx, block.control.point_idx)
+    row = np.flatnonzero(tie & (np.bincount(together)[together] == 2))[0]
+    kept = (points.point_idx != points.point_idx[row]) | (exposure == exposure[row])
+    stage = rig.calibrate(with_block(flight, replace(block, image_points=points[kept])))
+    entry = rig.records(stage)[0].summary["mounting/rig"]
+    assert entry["notes"] == [
+        "mounting/rig: 1 points that heads share at one exposure only are as high as the nearest"
+    ]
+    assert entry["n_left_out"] == 0

@@ -1,4 +1,4 @@
-"""Figures of the heads: residuals in the image, distortion, correlations (section 4.1)."""
+"""Figures of the heads: residuals, distortion, correlations, a wrong focal length (4.1)."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from acx4book.chapters.heads.tables import SYMBOLS
+from acx4book.chapters.heads.tables import SYMBOLS, control_rms, variance
 from acx4book.typesetting import matrix, style
 from acx4book.typesetting.field import Residuals, field_figure
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.calibration.correlations import EXTERIOR, interior_exterior
+from acx4lib.calibration.correlations import EXTERIOR, Correlations
+from acx4lib.calibration.heads import Heads, above_gnss
 from acx4lib.calibration.lens import radial_profile
 from acx4lib.expected import Array
+from acx4lib.geometry.frames import log
 
 NO_HEADS = "No head could be adjusted."
 
@@ -125,12 +127,13 @@ def _claims(axes: Sequence[Axes], claim_px: float | None, *, some: bool) -> list
 # --- correlations ----------------------------------------------------------------------------
 
 
-def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> Figure:
+def correlations(found: Mapping[str, Correlations], *, claim: float | None = None) -> Figure:
     """Draw how the interior orientation of the heads correlates with the exterior.
 
     Parameters
     ----------
-    fits : mapping of str to Bundle
+    found : mapping of str to Correlations
+        By head.
     claim : float, optional
         Bound that the paper gives.
 
@@ -140,9 +143,10 @@ def correlations(fits: Mapping[str, Bundle], *, claim: float | None = None) -> F
         Left the largest of all heads and images by pairs of parameters, right how many of all
         correlations stay below a value.
     """
-    if not fits:
+    if not found:
         return style.nothing(NO_HEADS)
-    found = {name: interior_exterior(fit) for name, fit in fits.items()}
+    if not any(c.values.size for c in found.values()):
+        return style.nothing("No parameter is estimated in oriented images.")
     with style.applied():
         fig, (pairs, shares) = style.subplots(
             1, 2, figsize=(style.WIDTH, 3.2), width_ratios=[1.15, 1]
@@ -177,3 +181,66 @@ def _draw_pairs(ax: Axes, interior: Sequence[str], largest: Array) -> None:
     ax.set(xlabel="exterior orientation", ylabel="interior orientation")
     for i, j in np.ndindex(*largest.shape):
         matrix.write(ax, i, j, float(largest[i, j]), f"{largest[i, j]:.2f}")
+
+
+# --- a wrong focal length --------------------------------------------------------------------
+
+
+def held_focal_lengths(held: Mapping[float, Heads]) -> Figure:
+    """Draw what the calibration of the heads shows when their focal lengths are held wrong.
+
+    Parameters
+    ----------
+    held : mapping of float to Heads
+        By the change of all focal lengths, mm; at least two.
+
+    Returns
+    -------
+    Figure
+        Above what could give a wrong focal length away, below the parameters that take it up.
+    """
+    tried, change = list(held.values()), np.array(list(held))
+    names = [name for name in tried[0].bundles if all(name in h.bundles for h in tried)]
+    if not names:
+        return style.nothing(NO_HEADS)
+    start = int(np.argmin(np.abs(change)))
+    with style.applied():
+        fig, axes = style.subplots(2, 3, figsize=(style.WIDTH, 4.6), sharex=True)
+        for i, name in enumerate(names):
+            curves = _reactions([h.bundles[name] for h in tried], start)
+            for ax, values in zip(axes.flat, curves, strict=True):
+                ax.plot(change, values, "o-", color=style.colour(i), label=style.plain(name))
+        labels = (
+            "variance factor (1)",
+            "rms at control points (mm)",
+            "camera above GNSS (m)",
+            "change of $x_p$ (mm)",
+            "change of $y_p$ (mm)",
+            "turned by (deg)",
+        )
+        ticks = [f"{c:+g}".replace("-", "\N{MINUS SIGN}") if c else "0" for c in change]
+        for ax, label in zip(axes.flat, labels, strict=True):
+            ax.set_ylabel(label)
+            ax.set_xticks(change, ticks)
+        axes[0, 0].set_ylim(0, 1.35 * max(map(variance, tried)))
+        axes[0, 1].set_ylim(0, 1600 * max(map(control_rms, tried)))
+        axes[0, 2].axhline(0.0, color=style.BRICK, lw=0.9, zorder=1)
+        for ax in axes[1]:
+            ax.set_xlabel("change of the held $f$ (mm)")
+        style.legend_below(fig, axes[0, 0].get_legend_handles_labels()[0])
+    return fig
+
+
+def _reactions(fits: Sequence[Bundle], start: int) -> list[Array]:
+    """Return what reacts in one head: fit, control, height, principal point, attitude."""
+    control = [fit.solution.group("control_point").v for fit in fits]
+    xy = np.array([[fit.cameras[0].interior.xp, fit.cameras[0].interior.yp] for fit in fits])
+    R_m_c = fits[start].T_m_c.R
+    turned = [log(np.swapaxes(R_m_c, -1, -2) @ fit.T_m_c.R).mean(axis=0) for fit in fits]
+    return [
+        np.array([fit.solution.sigma0_sq for fit in fits]),
+        np.array([1000 * np.sqrt(np.mean(v**2)) if len(v) else np.nan for v in control]),
+        np.array([above_gnss(fit) for fit in fits]),
+        *(xy - xy[start]).T,
+        np.degrees(np.linalg.norm(turned, axis=1)),
+    ]

@@ -1,4 +1,4 @@
-"""Figures of the heads: residuals, distortion, correlations."""
+"""Figures of the heads: residuals, distortion, correlations, held focal lengths."""
 
 import re
 from dataclasses import replace
@@ -7,8 +7,15 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from acx4book.chapters.heads.figures import correlations, mean_residuals, radial_distortion
+from acx4book.chapters.heads.figures import (
+    correlations,
+    held_focal_lengths,
+    mean_residuals,
+    radial_distortion,
+)
 from acx4book.typesetting import style
+from acx4lib.calibration.correlations import interior_exterior
+from acx4lib.calibration.heads import Heads
 from support.figures import (
     UNIT,
     assert_labelled,
@@ -67,7 +74,8 @@ def test_other_cameras_are_not_compared_with_the_paper(fits):
 
 
 def test_correlations_show_every_pair_and_all_values(fits):
-    fig = drawn(correlations(fits, claim=0.1))
+    found = {name: interior_exterior(fit) for name, fit in fits.items()}
+    fig = drawn(correlations(found, claim=0.1))
     assert_texts_apart(fig)
     pairs, shares = panels(fig)
     assert (pairs.get_xlim(), pairs.get_ylim()) == ((0, 6), (5, 0))
@@ -76,6 +84,27 @@ def test_correlations_show_every_pair_and_all_values(fits):
     assert len(shares.lines[0].get_xdata()) == 31 * 5 * 6
     assert shares.lines[0].get_ydata()[-1] == 100
     assert UNIT.search(shares.get_xlabel())
+
+
+def test_without_an_estimated_parameter_correlations_are_a_sentence(fits):
+    found = interior_exterior(fits["CAM1"])
+    none = replace(found, interior=(), values=found.values[:, :0])
+    (text,) = drawn(correlations({"CAM1": none})).axes[0].texts
+    assert text.get_text() == "No parameter is estimated in oriented images."
+
+
+def test_held_focal_lengths_have_a_line_per_head_in_every_panel(held):
+    fig = drawn(held_focal_lengths(held))
+    assert_texts_apart(fig)
+    assert all(UNIT.search(ax.get_ylabel()) for ax in panels(fig))
+    assert [len(ax.lines) for ax in panels(fig)] == [4, 4, 5, 4, 4, 4]
+    assert legend(fig) == list(HEADS)
+
+
+def test_held_focal_lengths_without_a_head_are_a_sentence():
+    none = Heads(bundles={}, failures={})
+    (text,) = drawn(held_focal_lengths({-0.5: none, 0.5: none})).axes[0].texts
+    assert text.get_text() == "No head could be adjusted."
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from acx4lib.calibration.heads import RelativeOrientation, varied
 from acx4lib.expected import Array, Index
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.synthetic_image.frame import coverage, head_from_synthetic, synthetic_from_head
@@ -114,16 +112,6 @@ def deformation(
         gap=d[pairs[:, 1]] - d[pairs[:, 0]],
         gap_variance=_variance(A[pairs[:, 1]] - A[pairs[:, 0]], cov),
     )
-
-
-def of_all(
-    flight: Flight, ways: Mapping[str, RelativeOrientation], truth: RelativeOrientation | None
-) -> dict[str, Deformation]:
-    """Return what every orientation has wrong in the flight's synthetic image, if it has one."""
-    synthetic = flight.synthetic_camera
-    if synthetic is None:
-        return {}
-    return {title: deformation(one, synthetic, truth=truth) for title, one in ways.items()}
 
 
 def _variance(A: Array, cov: Array) -> Array:

@@ -13,50 +13,65 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from acx4book.chapters.beyond.rig.deformations import Deformation
-from acx4book.chapters.beyond.rig.one_by_one import (
-    ONE_BY_ONE,
-    REFINED,
-    RIG,
-    UNSHARED,
-    WITH_F,
-    gains,
-)
 from acx4book.typesetting import matrix, style
 from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.plain_text import Markup
+from acx4lib.attempts import Failed
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.least_squares.covariance import correlation
 from acx4lib.results.files.schemas import RELATIVE
 
-NO_RIG = "The heads are not oriented together."
+NO_OTHERS = "The heads are oriented in no other way."
 FACTORS = (1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500)
 
 
-def rig_gains(ways: Mapping[str, RelativeOrientation]) -> Figure:
+def gains(before: RelativeOrientation, after: RelativeOrientation) -> Array:
+    """Return how many times smaller the standard deviations become, shape (n_heads, 6).
+
+    NaN where one of them is zero: Zc of the first head, where its focal length is held.
+    """
+    fixed = (before.sigma == 0) | (after.sigma == 0)
+    return np.where(fixed, np.nan, before.sigma / np.where(fixed, 1.0, after.sigma))
+
+
+def median_gains(
+    before: RelativeOrientation | Failed, after: RelativeOrientation
+) -> dict[Markup, float]:
+    """Return the medians of gains by kinds of parameters; empty for a way that failed."""
+    if isinstance(before, Failed):
+        return {}
+    found = gains(before, after)
+    parts = {"$X_c$ and $Y_c$": slice(0, 2), "$Z_c$": slice(2, 3), "the angles": slice(3, 6)}
+    return {Markup(name): float(np.nanmedian(found[:, part])) for name, part in parts.items()}
+
+
+def rig_gains(
+    others: Mapping[str, RelativeOrientation | Failed], rig: RelativeOrientation
+) -> Figure:
     """Draw how many times smaller the rig's standard deviations are, parameter by parameter.
 
     Parameters
     ----------
-    ways : mapping of str to RelativeOrientation
-        As `one_by_one.oriented` returns it.
+    others : mapping of str to RelativeOrientation or Failed
+        Other ways to orient the heads, by their titles; a way that failed is left out.
+    rig : RelativeOrientation
     """
-    others = [title for title in (ONE_BY_ONE, WITH_F, UNSHARED) if title in ways]
-    if RIG not in ways or not others:
-        return style.nothing(NO_RIG)
-    heads = ways[RIG].heads
+    found = {title: one for title, one in others.items() if not isinstance(one, Failed)}
+    if not found:
+        return style.nothing(NO_OTHERS)
     with style.applied():
         fig, axes = style.subplots(
-            1, len(others), figsize=(style.WIDTH, 3.1), sharey=True, squeeze=False
+            1, len(found), figsize=(style.WIDTH, 3.1), sharey=True, squeeze=False
         )
-        for ax, title in zip(axes[0], others, strict=True):
-            _draw_gains(ax, gains(ways[title], ways[RIG]))
+        for ax, (title, one) in zip(axes[0], found.items(), strict=True):
+            _draw_gains(ax, gains(one, rig))
             ax.set_title(title)
         axes[0, 0].set_ylabel("σ over that of the rig (1)")
         handles = [
             Line2D([], [], ls="", marker="o", color=style.colour(k), label=style.plain(head.name))
-            for k, head in enumerate(heads)
+            for k, head in enumerate(rig.heads)
         ]
         style.legend_below(fig, handles)
     return fig
@@ -81,21 +96,21 @@ def _draw_gains(ax: Axes, found: Array) -> None:
     ax.set_xlim(-0.6, len(RELATIVE) - 0.4)
 
 
-def rig_correlations(ways: Mapping[str, RelativeOrientation]) -> Figure:
-    """Draw the correlations of the relative orientation, heads one by one and together.
+def rig_correlations(ways: Mapping[str, RelativeOrientation | Failed]) -> Figure:
+    """Draw the correlations of relative orientations.
 
     Parameters
     ----------
-    ways : mapping of str to RelativeOrientation
-        As `one_by_one.oriented` returns it.
+    ways : mapping of str to RelativeOrientation or Failed
+        By their titles; a way that failed is left out.
     """
-    shown = [title for title in (ONE_BY_ONE, WITH_F, RIG) if title in ways]
-    if RIG not in ways:
-        return style.nothing(NO_RIG)
+    found = {title: one for title, one in ways.items() if not isinstance(one, Failed)}
+    if not found:
+        return style.nothing(NO_OTHERS)
     with style.applied():
-        fig, axes = style.subplots(1, len(shown), figsize=(style.WIDTH, 2.55), squeeze=False)
-        for ax, title in zip(axes[0], shown, strict=True):
-            _draw_correlations(ax, ways[title], title)
+        fig, axes = style.subplots(1, len(found), figsize=(style.WIDTH, 2.55), squeeze=False)
+        for ax, (title, one) in zip(axes[0], found.items(), strict=True):
+            _draw_correlations(ax, one, title)
         matrix.scale(fig, axes[0].tolist(), shrink=0.75, aspect=28)
     return fig
 
@@ -114,14 +129,14 @@ def _draw_correlations(ax: Axes, orientation: RelativeOrientation, title: str) -
     style.heading(ax, title, f"largest {off.max():.2f}")
 
 
-def rig_deformations(flight: Flight, found: Mapping[str, Deformation]) -> Figure:
+def rig_deformations(synthetic: Camera, found: Mapping[str, Deformation]) -> Figure:
     """Draw the predicted errors of synthetic images over their frame, and the true ones.
 
     Parameters
     ----------
-    flight : Flight
+    synthetic : Camera
     found : mapping of str to Deformation
-        By the ways of `one_by_one.oriented`; empty where the flight has no synthetic image.
+        By the titles of the panels; one at least.
 
     Returns
     -------
@@ -129,21 +144,16 @@ def rig_deformations(flight: Flight, found: Mapping[str, Deformation]) -> Figure
         Ground: the standard deviation, the largest of the heads at a node. Arrows: the true
         errors of a simulated flight.
     """
-    shown = [title for title in (REFINED, RIG) if title in found]
-    synthetic = flight.synthetic_camera
-    if RIG not in found or synthetic is None:
-        return style.nothing(NO_RIG)
     pixel = synthetic.pixel_mm
-    most = max(found[title].sigma.max() for title in shown) / pixel
-    lengths = [np.hypot(*found[title].d.T) for title in shown]
+    most = max(one.sigma.max() for one in found.values()) / pixel
+    lengths = [np.hypot(*one.d.T) for one in found.values()]
     longest = max(float(np.nanmax(d, initial=0.0)) for d in lengths) / pixel
     key = style.round_length(longest) if longest > 0 else 0.0
     with style.applied():
         fig, axes = style.subplots(
-            1, len(shown), figsize=(style.WIDTH, 4.9), sharey=True, squeeze=False
+            1, len(found), figsize=(style.WIDTH, 4.9), sharey=True, squeeze=False
         )
-        for ax, title in zip(axes[0], shown, strict=True):
-            one = found[title]
+        for ax, (title, one) in zip(axes[0], found.items(), strict=True):
             marks = _draw_sigma(ax, one, synthetic, most)
             if key > 0:
                 _draw_errors(ax, one, key=key, pixel=pixel)
