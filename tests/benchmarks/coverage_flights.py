@@ -21,9 +21,9 @@ import numpy as np
 import pandas as pd
 
 import acx4sim
-from acx4book.chapters.beyond.weights import simulated as weights
-from acx4book.chapters.beyond.weights.simulated import TIES
+from acx4book.chapters.beyond.weights import study
 from acx4book.command.batch.executors import on_processes
+from acx4book.notebooks.simulated.flown import fly
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
 from acx4lib.bundle.uses import mounted_orientation
@@ -50,10 +50,6 @@ DIGITS = 5
 
 Row = dict[str, Any]
 Tables = dict[str, list[Row]]
-
-
-SLOW = acx4sim.Options(tie_points=TIES, slow_errors=SlowErrors())
-"""Flights whose trajectory's errors change slowly: those of the chapter on standard deviations."""
 
 
 def main() -> None:
@@ -181,9 +177,8 @@ def slowly(seed: int) -> Tables:
 
     Once it takes them for independent, and once with the weights of their correlation.
     """
-    flown = weights.fly(DESIGN, seed, SLOW)
-    assert SLOW.slow_errors is not None
-    blocks = {"white": flown.block, "correlated": weights.modelled(flown.block, SLOW.slow_errors)}
+    flown = fly(DESIGN, seed, study.SLOW)
+    blocks = {"white": flown.block, "correlated": study.modelled(flown.block, SlowErrors())}
     rows: list[Row] = []
     for kind, block in blocks.items():
         bundle = adjust(mounted_orientation(block, free=flown.flight.estimate_mounting))

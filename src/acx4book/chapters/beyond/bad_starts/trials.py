@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4book.chapters.beyond.weights import simulated
+from acx4book.notebooks.simulated.flown import fly
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.start.ray_misfits import misfits
 from acx4lib.bundle.start.robust import robust_phase
 from acx4lib.bundle.start.start_values import recovered
+from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose, exp
@@ -48,8 +49,8 @@ def single_step(design: str, seed: int) -> Bundle:
         Of `acx4sim.DESIGNS`.
     seed : int
     """
-    flown = simulated.fly(design, seed)
-    return adjust(simulated.single(flown.block, flown.flight.estimate_mounting))
+    flown = fly(design, seed)
+    return adjust(mounted_orientation(flown.block, free=flown.flight.estimate_mounting))
 
 
 def from_bad_starts(bundle: Bundle, *, seeds: Iterable[int]) -> FromBadStarts:

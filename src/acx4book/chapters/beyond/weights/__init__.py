@@ -1,4 +1,5 @@
 """Chapter 9, standard deviations: given wrong, estimated, and errors that change slowly.
 
-`simulated` and `shifted` fly and adjust simulated flights, `tables` and `figures` show them.
+`study` flies and adjusts many simulated flights; `tables` and `figures` show them. One flight of
+each kind stands in the notebook.
 """

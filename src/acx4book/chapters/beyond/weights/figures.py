@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.chapters.beyond.weights.simulated import MODELLED
+from acx4book.chapters.beyond.weights.study import MODELLED
 from acx4book.paper import printed as paper
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
@@ -26,9 +26,9 @@ def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
     Parameters
     ----------
     heights : DataFrame
-        As `simulated.height_errors` returns it.
+        As `study.height_errors` returns it.
     scatter : DataFrame
-        As `simulated.scatter` returns it.
+        As `study.scatter` returns it.
     """
     shown = [name for name in dict.fromkeys(scatter["parameter"]) if name in LABELS]
     shown = [name for name in shown if name[0] not in "kp"]  # distortion is the images' alone
@@ -76,7 +76,7 @@ def height_noise(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `simulated.height_noise` returns it.
+        As `tables.height_noise` returns it.
     """
     noise_cm = 100 * table["gnss_height_m"]
     with style.applied():
