@@ -28,7 +28,7 @@ ROOMS = {
     "07": ["report"],
     "08": ["chapters.beyond.rig", "paper"],
     "09": ["chapters.beyond.weights", "paper"],
-    "10": ["chapters.beyond.image_quality", "chapters.synthetic_image"],
+    "10": ["chapters.beyond.image_quality", "paper"],
     "11": ["reference"],
     "12": ["chapters.beyond.synthetic_cost", "paper"],
     "13": ["chapters.beyond.bad_starts"],

@@ -6,6 +6,8 @@ from functools import cache
 import numpy as np
 
 from acx4book.chapters.beyond.image_quality.known_exposure import known_exposure
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.response import estimate_response
 from acx4sim.scenery.noise import cell_m
 
 LEVEL, SWING = 30_000.0, 15_000.0
@@ -46,3 +48,13 @@ class Waves:
 def known(reduce=8):
     """Return an exposure over waves of at least six pixels; 0.12 m is a full-size pixel."""
     return known_exposure(reduce=reduce, ground=Waves(shortest_m=6 * 0.12 * reduce))
+
+
+def response(exposure):
+    """Return the response of the heads of an exposure."""
+    return estimate_response(
+        exposure.images,
+        reduced_heads(exposure.orientation, exposure.reduce),
+        reduced_camera(exposure.synthetic, exposure.reduce),
+        rng=np.random.default_rng(1),
+    ).response

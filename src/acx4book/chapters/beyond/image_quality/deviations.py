@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.spatial import KDTree
 
-from acx4lib import expected
+from acx4lib import expected, shown
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.start.robust import SUSPECT
 from acx4lib.bundle.uses import free_orientation
@@ -66,6 +66,7 @@ class Windows:
     largest_sigma_px: float = 0.15
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations:
     """Points of an image against their places in an ideal one.

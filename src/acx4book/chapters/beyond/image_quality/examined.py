@@ -30,6 +30,7 @@ from acx4book.chapters.beyond.image_quality.wrong_heads import (
     with_turned_heads,
     with_wrong_interiors,
 )
+from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.lens import corner_radius, radial_profile
@@ -52,6 +53,7 @@ STEPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """Interior parameters that the self-calibration of a synthetic image estimates, by its name."""
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Examined:
     """A synthetic image, measured all over and calibrated by itself; full-size pixels.
@@ -73,6 +75,7 @@ class Examined:
     fits: dict[str, Bundle]
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TargetErrors:
     """Radial distortion that errors of measurement invent.

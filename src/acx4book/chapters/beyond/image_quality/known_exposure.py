@@ -18,6 +18,7 @@ from acx4book.chapters.beyond.image_quality.deviations import (
     measure,
 )
 from acx4book.paper import printed
+from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Raster
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, colrow_from_xy, xy_from_colrow
@@ -25,7 +26,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 from acx4lib.synthetic_image.rendering import FEATHER_PX, render, render_plan
-from acx4lib.synthetic_image.response import Response, estimate_response
+from acx4lib.synthetic_image.response import Response
 from acx4sim.designs import acx4_plan
 from acx4sim.optics.lens import Camera as TrueCamera
 from acx4sim.pictures.ground_rays import Station, ground_from_pixels, pixels_from_ground, station
@@ -36,6 +37,7 @@ NODES_PX = 16
 """Full-size pixels between the exact nodes of the map, so that a reduced image shows no other."""
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownExposure:
     """One exposure of which all is known.
@@ -190,16 +192,6 @@ def known_ground(known: KnownExposure, colrow: Array) -> KnownGround:
 
 
 # --- rendered and measured -------------------------------------------------------------------
-
-
-def heads_response(known: KnownExposure, *, seed: int = 1) -> Response:
-    """Return the heads' response, from their overlaps."""
-    return estimate_response(
-        known.images,
-        reduced_heads(known.orientation, known.reduce),
-        reduced_camera(known.synthetic, known.reduce),
-        rng=np.random.default_rng(seed),
-    ).response
 
 
 def render_known(

@@ -1,8 +1,8 @@
-"""Tables and sentences on the quality of the synthetic image (section 4.1)."""
+"""Numbers on the quality of the synthetic image (section 4.1)."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,6 @@ from scipy.spatial import KDTree
 from acx4book.chapters.beyond.image_quality.deviations import Deviations, residuals_px, zones
 from acx4book.chapters.beyond.image_quality.examined import (
     Examined,
-    TargetErrors,
     largest_decentring,
     largest_radial,
     rms_of_coordinates,
@@ -20,8 +19,6 @@ from acx4book.chapters.beyond.image_quality.examined import (
 from acx4book.chapters.beyond.image_quality.known_exposure import KnownExposure
 from acx4book.chapters.beyond.image_quality.wrong_heads import FrameErrors
 from acx4book.chapters.synthetic_image.tables import WAYS
-from acx4book.paper import printed
-from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.expected import Array, Mask
@@ -29,11 +26,6 @@ from acx4lib.least_squares.statistical.distributions import chi2_sf
 
 NAMES: Mapping[str, str] = {"true": "true orientation", **WAYS}
 """What the orientations of `wrong_heads.every_refinement` are called."""
-
-ZONE_FORMATS = {"Mean, columns (px)": "+.3f", "Mean, rows (px)": "+.3f"}
-
-SMALL_P = 0.01
-"""Probability below which what is common to parts of the frame is not called noise."""
 
 # --- the true orientation --------------------------------------------------------------------
 
@@ -55,69 +47,74 @@ def zone_table(known: KnownExposure, examined: Examined) -> pd.DataFrame:
     every = np.ones(len(left), dtype=bool)
     parts = zones(known.orientation, known.synthetic, examined.found.ideal)
     rows = {"whole frame": every, **parts}
-    return pd.DataFrame(
-        [_zone_row(name, left[own], known.reduce) for name, own in rows.items() if own.any()]
-    )
+    table = pd.DataFrame.from_dict(
+        {name: _zone_row(left[own], known.reduce) for name, own in rows.items() if own.any()},
+        orient="index",
+    ).astype({"Points": int})
+    table.index.name = "part"
+    table.attrs["formats"] = {
+        **dict.fromkeys(("RMS (px)", "RMS (px of the picture)"), ".3f"),
+        **dict.fromkeys(("99 % (px)", "Largest (px)"), ".2f"),
+        **dict.fromkeys(("Mean, columns (px)", "Mean, rows (px)"), "+.3f"),
+    }
+    return table
 
 
-def _zone_row(name: str, left: Array, reduce: int) -> dict[str, object]:
+def _zone_row(left: Array, reduce: int) -> dict[str, float]:
     length = np.hypot(*left.T)
     rms = rms_of_coordinates(left)
     return {
-        "Part": name,
         "Points": len(left),
-        "RMS (px)": f"{rms:.3f}",
-        "RMS (px of the picture)": f"{rms / reduce:.3f}",
-        "99 % (px)": f"{np.quantile(length, 0.99):.2f}",
-        "Largest (px)": f"{length.max():.2f}",
-        "Mean, columns (px)": left[:, 0].mean(),
-        "Mean, rows (px)": left[:, 1].mean(),
+        "RMS (px)": rms,
+        "RMS (px of the picture)": rms / reduce,
+        "99 % (px)": float(np.quantile(length, 0.99)),
+        "Largest (px)": float(length.max()),
+        "Mean, columns (px)": float(left[:, 0].mean()),
+        "Mean, rows (px)": float(left[:, 1].mean()),
     }
 
 
-def acceptance_sentence(known: KnownExposure, examined: Examined) -> str:
-    """Say whether measured points are where geometry puts them, as well as matching can tell."""
-    found = examined.found
-    left = _not_geometry(examined)
+def acceptance(known: KnownExposure, examined: Examined) -> dict[str, object]:
+    """Return whether measured points are where geometry puts them, as well as matching can tell.
+
+    Parameters
+    ----------
+    known : KnownExposure
+    examined : Examined
+
+    Returns
+    -------
+    dict of str to object
+        The number ``n`` of points, ``promised`` and ``left``, px in a coordinate; the ``means`` of
+        ``parts`` of the frame, RMS, and what ``noise`` alone makes of it; ``chi_square`` with
+        ``degrees`` of freedom and ``p``; what the means have ``beyond`` noise; the correlation of
+        ``neighbours``; the ``mean`` of all.
+    """
+    found, left = examined.found, _not_geometry(examined)
     cells = _cells(known, found.ideal, left)
     means = np.array([d.mean(axis=0) for d in cells])
     noise = np.array([d.var(axis=0) / len(d) for d in cells])
-    expected = np.sqrt(noise.mean())
-    excess, p = common_px(known, examined)
     chi_square = float(np.sum(means**2 / noise))
-    relief = np.hypot(*examined.geometry_px.T)
-    return (
-        f"Of {len(found)} points, the matching promises {_rms_sigma(found):.3f} px and leaves "
-        f"{rms_of_coordinates(left):.3f} px in a coordinate, which is "
-        f"{rms_of_coordinates(left) / known.reduce:.3f} px of the pictures at hand. Parallax by "
-        f"relief is up to {relief.max():.2f} px and was taken off: the ground is "
-        f"{known.height_m:.0f} m below and varies by {known.relief_m:.0f} m. What is common to a "
-        f"part of the frame is much smaller: the means of {len(means)} parts have an RMS of "
-        f"{rms_of_coordinates(means):.3f} px, where noise alone makes {expected:.3f} px: "
-        f"$\\chi^2$ = {chi_square:.1f} with {means.size} degrees of freedom, *p* = {p:.2g}. "
-        f"Deviations of neighbours correlate by {_of_neighbours(found.ideal, left):.2f}. "
-        + (f"A common error of about {excess:.3f} px is no noise. " if p < SMALL_P else "")
-        + f"The mean over all points is {_signed(left.mean(axis=0))} px."
-    )
-
-
-def common_px(known: KnownExposure, examined: Examined) -> tuple[float, float]:
-    """Return what the means of parts of the frame have beyond noise, px, and the test's p value."""
-    cells = _cells(known, examined.found.ideal, _not_geometry(examined))
-    means = np.array([d.mean(axis=0) for d in cells])
-    noise = np.array([d.var(axis=0) / len(d) for d in cells])
-    excess = np.sqrt(max(float(np.mean(means**2 - noise)), 0.0))
-    return float(excess), float(chi2_sf(float(np.sum(means**2 / noise)), means.size))
+    return {
+        "n": len(found),
+        "promised": float(np.sqrt(np.mean(found.sigma_px**2))),
+        "left": rms_of_coordinates(left),
+        "parts": len(means),
+        "means": rms_of_coordinates(means),
+        "noise": float(np.sqrt(noise.mean())),
+        "chi_square": chi_square,
+        "degrees": means.size,
+        "p": float(chi2_sf(chi_square, means.size)),
+        "beyond": float(np.sqrt(max(float(np.mean(means**2 - noise)), 0.0))),
+        "neighbours": _of_neighbours(found.ideal, left),
+        "mean": left.mean(axis=0),
+    }
 
 
 def _of_neighbours(colrow: Array, d: Array) -> float:
     """Return the correlation of the deviations of each point and its nearest neighbour."""
     nearest = np.asarray(KDTree(colrow).query(colrow, k=[2])[1])[:, 0]
     return float(np.corrcoef(d.ravel(), d[nearest].ravel())[0, 1])
-
-
-def _rms_sigma(found: Deviations) -> float:
-    return float(np.sqrt(np.mean(found.sigma_px**2)))
 
 
 def _cells(known: KnownExposure, colrow: Array, d: Array, *, per_side: int = 8) -> list[Array]:
@@ -127,10 +124,6 @@ def _cells(known: KnownExposure, colrow: Array, d: Array, *, per_side: int = 8) 
     idx = row * per_side + col
     own: list[Mask] = [idx == i for i in np.unique(idx)]
     return [d[one] for one in own if one.sum() >= 10]
-
-
-def _signed(values: Array) -> str:
-    return ", ".join(f"{value:+.3f}" for value in values)
 
 
 # --- a calibration with errors ---------------------------------------------------------------
@@ -152,28 +145,26 @@ def way_table(
     -------
     DataFrame
         RMS of a coordinate: of the deviations, of what an exterior orientation leaves, of what a
-        lens leaves as well; full-size px, geometry in parentheses.
+        lens leaves as well; the largest radial distortion that is found. Each as ``measured`` and
+        ``by geometry``, full-size px.
     """
-    return pd.DataFrame(
-        [
-            {
-                "Heads": NAMES[name],
-                "RMS (px)": _beside(rms_of_coordinates(one.found.d_px), geometry[name]["rms_px"]),
-                "Oriented (px)": _beside(left_px(one, "oriented"), geometry[name]["oriented_px"]),
-                "Calibrated (px)": _beside(
-                    left_px(one, "calibrated"), geometry[name]["calibrated_px"]
-                ),
-                "Radial (px)": _beside(
-                    largest_radial(one.fits["calibrated"]), geometry[name]["radial_px"]
-                ),
-            }
-            for name, one in examined.items()
-        ]
-    )
-
-
-def _beside(pixels: float, geometry: float) -> str:
-    return f"{pixels:.2f} ({geometry:.2f})"
+    rows = {
+        NAMES[name]: {
+            ("RMS (px)", "measured"): rms_of_coordinates(one.found.d_px),
+            ("RMS (px)", "by geometry"): geometry[name]["rms_px"],
+            ("Oriented (px)", "measured"): left_px(one, "oriented"),
+            ("Oriented (px)", "by geometry"): geometry[name]["oriented_px"],
+            ("Calibrated (px)", "measured"): left_px(one, "calibrated"),
+            ("Calibrated (px)", "by geometry"): geometry[name]["calibrated_px"],
+            ("Radial (px)", "measured"): largest_radial(one.fits["calibrated"]),
+            ("Radial (px)", "by geometry"): geometry[name]["radial_px"],
+        }
+        for name, one in examined.items()
+    }
+    table = pd.DataFrame(rows).T
+    table.index.name = "heads"
+    table.attrs["formats"] = {", ".join(column): ".2f" for column in table.columns}
+    return table
 
 
 def left_px(examined: Examined, step: str) -> float:
@@ -186,27 +177,34 @@ def lens_fits(examined: Mapping[str, Examined]) -> dict[str, Bundle]:
     return {name: one.fits["calibrated"] for name, one in examined.items() if name != "before"}
 
 
-def agreement_sentence(examined: Mapping[str, Examined]) -> str:
-    """Say how well measured deviations follow the geometry of the wrong orientations."""
-    wrong = {name: one for name, one in examined.items() if name != "true"}
-    left = {name: rms_of_coordinates(_not_geometry(one)) for name, one in wrong.items()}
-    far = max(wrong.values(), key=lambda one: np.hypot(*one.geometry_px.T).max())
-    worst, of_true = max(left.values()), rms_of_coordinates(_not_geometry(examined["true"]))
-    return (
-        f"Pixels agree with the geometry: deviations of up to "
-        f"{np.hypot(*far.geometry_px.T).max():.1f} px are measured as {_slope(far):.3f} times "
-        f"what they are, and never more than {worst:.3f} px are left in a coordinate, "
-        f"where the true orientation leaves {of_true:.3f} px."
-    )
+def agreement(examined: Mapping[str, Examined]) -> dict[str, float]:
+    """Return how well measured deviations follow the geometry of the wrong orientations.
+
+    Parameters
+    ----------
+    examined : mapping of str to Examined
+
+    Returns
+    -------
+    dict of str to float
+        The largest deviation (``far``, px) of any orientation; the ``slope`` of the measured ones
+        over those of geometry there, by least squares; the most that is left in a coordinate of
+        wrong orientations (``worst``), and of the true one (``of_true``).
+    """
+    left = {name: rms_of_coordinates(_not_geometry(one)) for name, one in examined.items()}
+    wrong = [one for name, one in examined.items() if name != "true"]
+    far = max(wrong, key=lambda one: np.hypot(*one.geometry_px.T).max())
+    by_geometry, measured = far.geometry_px, far.found.d_px
+    return {
+        "far": float(np.hypot(*by_geometry.T).max()),
+        "slope": float(np.sum(by_geometry * measured) / np.sum(by_geometry**2)),
+        "worst": max(value for name, value in left.items() if name != "true"),
+        "of_true": left["true"],
+    }
 
 
 def _not_geometry(one: Examined) -> Array:
     return one.found.d_px - one.geometry_px
-
-
-def _slope(one: Examined) -> float:
-    """Return measured deviations over those of geometry, by least squares."""
-    return float(np.sum(one.geometry_px * one.found.d_px) / np.sum(one.geometry_px**2))
 
 
 def acceptance_fields(examined: Examined) -> dict[str, Deviations]:
@@ -232,125 +230,72 @@ def self_calibration_fields(examined: Mapping[str, Examined]) -> dict[str, Devia
     return fields
 
 
-def self_calibration_sentence(examined: Examined) -> str:
-    """Say what the self-calibration of a perfect image finds, and what it cannot tell apart."""
+def self_calibration(examined: Examined) -> dict[str, float]:
+    """Return what the self-calibration of an image finds, and what it cannot tell apart.
+
+    Parameters
+    ----------
+    examined : Examined
+
+    Returns
+    -------
+    dict of str to float
+        The largest ``radial`` distortion and ``decentring``, px, and ``t`` of the latter; what the
+        exterior orientation and the lens leave (``oriented``, ``calibrated``, px); ``f`` where it
+        is freed, its ``sigma``, and the one that was ``held``, mm.
+    """
     lens, interior = examined.fits["calibrated"], examined.fits["interior"]
     values = {p.name: p for p in parameters(from_bundle(lens))}
-    t = max(abs(values[name].value) / values[name].sigma for name in ("p1", "p2"))
     f = next(p for p in parameters(from_bundle(interior)) if p.name == "f_mm")
-    held = lens.cameras[0].interior.f
-    return (
-        "In the image of the true orientation it finds a radial distortion of "
-        f"{largest_radial(lens):.2f} px at most and a decentring of "
-        f"{largest_decentring(lens):.2f} px in the corner ($p_1$, $p_2$ up to {t:.1f} "
-        "standard deviations), and leaves the residuals as they "
-        f"were: {left_px(examined, 'oriented'):.3f} and {left_px(examined, 'calibrated'):.3f} px. "
-        f"Only relief tells $f$ from the flying height in one image: freed, it becomes "
-        f"{f.value:.3f} ± {f.sigma:.3f} mm instead of {held:g} mm, because the lenses "
-        "of the heads are not in one place, and takes nothing more off the residuals."
-    )
+    return {
+        "radial": largest_radial(lens),
+        "decentring": largest_decentring(lens),
+        "t": max(abs(values[name].value) / values[name].sigma for name in ("p1", "p2")),
+        "oriented": left_px(examined, "oriented"),
+        "calibrated": left_px(examined, "calibrated"),
+        "f": f.value,
+        "sigma": f.sigma,
+        "held": lens.cameras[0].interior.f,
+    }
 
 
-# --- beside the paper ------------------------------------------------------------------------
+# --- many calibrations -----------------------------------------------------------------------
 
 
-def paper_sentence(examined: Mapping[str, Examined], known: KnownExposure) -> str:
-    """Say what the paper found, and what ours is with the paper's refinement and with ours."""
-    um, px = printed.statement("synthetic_quality_um"), printed.statement("synthetic_quality_px")
-    border = printed.statement("synthetic_border_distortion_px")
-    pixel_um = 1000 * known.synthetic.pixel_mm
-    found = [
-        f"{pixel_um * left_px(one, 'oriented'):.1f} µm ({left_px(one, 'oriented'):.2f} px) and "
-        f"{largest_radial(one.fits['calibrated']):.1f} px {words}"
-        for one, words in (
-            (examined["mean shift"], "after the paper's mean differences"),
-            (examined["rotations"], "after three rotations of each head"),
-        )
-    ]
-    return (
-        f"The paper states residuals of about {um:g} µm ({px:g} px) and a radial distortion "
-        f"close to {border:g} px at the border, not significant in its decentring. Here residuals "
-        f"and radial distortion are {found[0]}, and {found[1]}; the noise of matching at "
-        f"this size, {left_px(examined['true'], 'oriented'):.2f} px, is part of the former."
-    )
-
-
-def target_sentence(targets: TargetErrors, draws: pd.DataFrame) -> str:
-    """Say what radial distortion errors of measurement invent, beside the paper's reading."""
-    border = printed.statement("synthetic_border_distortion_px")
-    low, high = np.quantile(targets.radial_px, (0.5, 0.95))
-    more = float(np.mean(targets.radial_px >= border))
-    shifted = draws.loc[draws["refinement"] == "mean shift", "radial_px"]
-    return (
-        f"The paper attributes its {border:g} px to the measurement of image points. That alone "
-        f"could be: the {targets.n_targets} targets in this one image, each measured with "
-        f"{targets.sigma_px:g} px, invent a radial distortion of {low:.1f} px in half of "
-        f"{len(targets.radial_px)} trials and of more than {high:.1f} px in one of twenty, where "
-        f"there is none; it reaches {border:g} px in {100 * more:.0f} % of them, and shrinks by √n "
-        "with n images. The drawn calibrations reach it, after mean differences, in "
-        f"{100 * float(np.mean(shifted >= border)):.0f} % of draws."
-    )
-
-
-def draw_table(draws: pd.DataFrame) -> pd.DataFrame:
-    """Return what drawn calibrations do to the synthetic image: medians, and 95 % in parentheses.
+def draw_table(draws: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Return what drawn calibrations do to the synthetic image: medians and 95 % quantiles.
 
     Parameters
     ----------
     draws : DataFrame
         As `examined.drawn_errors` returns it.
+    columns : mapping of str to str
+        Titles by its columns.
     """
-    shown = {
-        "rms_px": "RMS (px)",
-        "oriented_px": "Oriented (px)",
-        "calibrated_px": "Calibrated (px)",
-        "interior_px": Markup("And $f$, $x_p$, $y_p$ (px)"),
-        "radial_px": "Radial (px)",
-    }
-    rows = []
-    for name, own in draws.groupby("refinement", sort=False):
-        middle, high = own[list(shown)].median(), own[list(shown)].quantile(0.95)
-        cells = {title: f"{middle[key]:.2f} ({high[key]:.2f})" for key, title in shown.items()}
-        rows.append({"Heads": NAMES[str(name)], **cells})
-    return pd.DataFrame(rows)
-
-
-def draw_sentence(draws: pd.DataFrame) -> str:
-    """Say which part of the errors a later adjustment takes up, and what nothing takes up."""
-    middle = draws.groupby("refinement")[["rms_px", "oriented_px", "calibrated_px"]].median()
-    shift, turn = (middle.loc[name].to_dict() for name in ("mean shift", "rotations"))
-    return (
-        f"By the medians of {draws['draw'].nunique()} draws, an exterior orientation, and with it "
-        f"a boresight, takes up {_share(shift, 'rms_px', 'oriented_px')} of the squared errors "
-        f"after mean differences, and {_share(turn, 'rms_px', 'oriented_px')} after three "
-        f"rotations. Of the rest a lens takes up {_share(shift, 'oriented_px', 'calibrated_px')} "
-        f"and {_share(turn, 'oriented_px', 'calibrated_px')}; {shift['calibrated_px']:.2f} and "
-        f"{turn['calibrated_px']:.2f} px stay in a coordinate, because they change from head to "
-        "head, as no lens does."
-    )
-
-
-def _share(medians: Mapping[Hashable, float], before: str, after: str) -> str:
-    """Return by how much squared errors shrink from one step to another, in words."""
-    return f"{100 * (1 - (medians[after] / medians[before]) ** 2):.0f} %"
+    by_way = draws.groupby("refinement", sort=False)[list(columns)]
+    both = {"median": by_way.median(), "95 %": by_way.quantile(0.95)}
+    table = pd.DataFrame(
+        {(title, of): both[of][key] for key, title in columns.items() for of in both}
+    ).rename(index=NAMES)
+    table.index.name = "heads"
+    table.attrs["formats"] = {", ".join(column): ".2f" for column in table.columns}
+    return table
 
 
 def repaired(found: Mapping[str, Mapping[str, FrameErrors]]) -> pd.DataFrame:
     """Return what the ways to refine make of wrong heads, as `wrong_heads.repaired` returns it."""
     names = WAYS | {"before": "nothing"}
-    return pd.DataFrame(
-        [
-            {"Errors": errors, "Refined by": names[way], **_in_pixels(one)}
-            for errors, ways in found.items()
-            for way, one in ways.items()
-        ]
-    )
-
-
-def _in_pixels(found: FrameErrors) -> dict[str, str]:
-    return {
-        "Overlaps, RMS (px)": f"{np.median(found.overlap_rms_px):.3f}",
-        "at most (px)": f"{np.median(found.overlap_largest_px):.3f}",
-        "Frame, RMS (px)": f"{np.median(found.frame_rms_px):.3f}",
-        "at most in the frame (px)": f"{np.median(found.frame_largest_px):.3f}",
+    rows = {
+        (errors, names[way]): {
+            "Overlaps, RMS (px)": np.median(one.overlap_rms_px),
+            "at most (px)": np.median(one.overlap_largest_px),
+            "Frame, RMS (px)": np.median(one.frame_rms_px),
+            "at most in the frame (px)": np.median(one.frame_largest_px),
+        }
+        for errors, ways in found.items()
+        for way, one in ways.items()
     }
+    index = pd.MultiIndex.from_tuples(rows, names=["errors", "refined by"])
+    table = pd.DataFrame(list(rows.values()), index=index)
+    table.attrs["formats"] = dict.fromkeys(table, ".3f")
+    return table

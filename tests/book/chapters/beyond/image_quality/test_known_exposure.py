@@ -21,11 +21,11 @@ from acx4book.chapters.beyond.image_quality.examined import (
     frame_deviations,
     measured_ties,
 )
-from acx4book.chapters.beyond.image_quality.known_exposure import heads_response
 from acx4book.chapters.beyond.image_quality.seams import overlap_picture, seam_profile
 from acx4book.chapters.beyond.image_quality.wrong_heads import every_refinement
 from acx4book.paper import printed
 from support.pictures.known import known
+from support.pictures.known import response as response_of
 
 REDUCE = 16
 
@@ -40,7 +40,7 @@ def exposure():
 
 @pytest.fixture(scope="module")
 def response(exposure):
-    return heads_response(exposure)
+    return response_of(exposure)
 
 
 @pytest.fixture(scope="module")
