@@ -14,6 +14,7 @@ from typing import Any
 import pandas as pd
 
 from acx4book.chapters.beyond.from_pictures import whole
+from acx4lib.calibration.estimates import parameters
 from benchmarks import machine, stored
 
 OUT = machine.ROOT / "data" / "benchmarks"
@@ -39,17 +40,17 @@ def main() -> None:
 
 def of_seed(seed: int) -> list[dict[str, Any]]:
     """Return error and sigma of every parameter of a flight that is measured in its pictures."""
-    found = whole.measured(seed)
-    factor = found.mounting.bundle.solution.sigma0_sq
+    found, mounting = whole.measured(seed)
+    factor = mounting.bundle.solution.sigma0_sq
     return [
         {
             "seed": seed,
             "parameter": p.name,
-            "error": p.value - found.truth[p.name],
+            "error": p.value - true,
             "sigma": p.sigma,
             "sigma0_squared": factor,
         }
-        for p in found.parameters
+        for p, true in zip(parameters(mounting.calibration), found.truth(mounting), strict=True)
     ]
 
 

@@ -213,7 +213,7 @@ def test_it_imports_the_library_typesetting_what_notebooks_call_and_its_own_room
     assert [name for name in book if not name.startswith(rooms)] == []
     others = {name.partition(".")[0] for name in modules}
     standard = {"dataclasses", "functools"}
-    assert others <= {"acx4lib", "acx4book", "IPython", "numpy", "pandas"} | standard
+    assert others <= {"acx4lib", "acx4sim", "acx4book", "IPython", "numpy", "pandas"} | standard
 
 
 def test_every_call_of_a_figure_is_one(notebook):

@@ -1,6 +1,5 @@
 """Chapter 19, from pictures to a boresight: pixels, tie points, control, and the camera.
 
-`whole` flies, photographs, measures and calibrates; `exact` compares measurements with the
-simulator's geometry; `figures`, `tables` and `sentences` show both. `exercises` has the solutions.
-Begin with `whole`.
+`whole` has the flight of which nothing is measured; `exact` compares measurements with the
+simulator's geometry; `figures` and `tables` show both. Begin with `whole`.
 """

@@ -6,9 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from acx4book.chapters.beyond.from_pictures.exact import Errors
-from acx4book.chapters.beyond.from_pictures.whole import REDUCE, Whole
+from acx4book.chapters.beyond.from_pictures.whole import REDUCE
 from acx4book.typesetting import style
 from acx4lib.expected import Index, Mask
+from acx4lib.flight.block import Block
+from acx4lib.measuring.levels import Matched
+from acx4lib.measuring.measure import Outcome
 from acx4lib.measuring.pictures.patches import laid_patches, own_patches
 from acx4lib.measuring.pictures.views import View, pixels_of_view, transferred
 
@@ -24,16 +27,17 @@ SHOWN = 4
 """Every so many pixels of a picture are shown."""
 
 
-def patches(whole: Whole) -> Figure:
+def patches(outcome: Outcome) -> Figure:
     """Draw a place in four pictures: as it is there, and laid into the first one's pixels.
 
     Parameters
     ----------
-    whole : Whole
+    outcome : Outcome
+        Of measuring the chapter's flight; its pictures are still there.
     """
-    views = [_view(whole, name) for name in CHOSEN]
-    at = _shared_corner(whole, views)
-    surface = whole.outcome.matched.surface
+    views = [_view(outcome, name) for name in CHOSEN]
+    at = _shared_corner(outcome.matched, views)
+    surface = outcome.matched.surface
     with style.applied():
         fig, axes = style.subplots(2, len(views), figsize=(style.WIDTH, 3.7))
         for k, view in enumerate(views):
@@ -48,13 +52,12 @@ def patches(whole: Whole) -> Figure:
     return fig
 
 
-def _view(whole: Whole, name: str) -> View:
-    return next(view for view in whole.outcome.matched.views if view.name == name)
+def _view(outcome: Outcome, name: str) -> View:
+    return next(view for view in outcome.matched.views if view.name == name)
 
 
-def _shared_corner(whole: Whole, views: list[View]) -> Index:
+def _shared_corner(matched: Matched, views: list[View]) -> Index:
     """Return the corner of the first view that was found in most of the others, (1, 2)."""
-    matched = whole.outcome.matched
     number = {view.name: k for k, view in enumerate(matched.views)}
     wanted = [number[view.name] for view in views]
     rays = matched.rays
@@ -66,18 +69,20 @@ def _shared_corner(whole: Whole, views: list[View]) -> Index:
     return np.rint(rays.colrow[best]).astype(np.intp)[None]
 
 
-def cover(whole: Whole, name: str = "C2-04") -> Figure:
+def cover(outcome: Outcome, block: Block, name: str = "C2-04") -> Figure:
     """Draw the tie points and the control points of a picture over it.
 
     Parameters
     ----------
-    whole : Whole
+    outcome : Outcome
+    block : Block
+        As it was measured.
     name : str
         Of the picture.
     """
-    view = _view(whole, name)
+    view = _view(outcome, name)
     small = pixels_of_view(view)[::SHOWN, ::SHOWN].mean(axis=2)
-    points, block = whole.block.image_points, whole.block
+    points = block.image_points
     own = points.image_idx == block.images.names.index(name)
     rays = block.rays[points.point_idx[own]]
     colrow = points.colrow[own] / REDUCE / SHOWN

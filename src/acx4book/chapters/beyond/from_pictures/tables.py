@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
-from acx4book.chapters.beyond.from_pictures.whole import Whole
-from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup
+from acx4lib.calibration.mounting import Mounting
+from acx4lib.flight.block import Block
 
 
-def pictures(whole: Whole) -> pd.DataFrame:
+def pictures(block: Block) -> pd.DataFrame:
     """Return a row for every picture, with its measurements."""
-    block = whole.block
     points, rays = block.image_points, block.rays
     control = np.isin(points.point_idx, block.control.point_idx)
     surveyed = np.median(block.control.x_m[:, 2])
@@ -34,31 +35,28 @@ def pictures(whole: Whole) -> pd.DataFrame:
                 "control points": int(np.sum(own & control)),
             }
         )
-    return pd.DataFrame(rows)
+    table = pd.DataFrame(rows)
+    table.attrs["formats"] = {"heading (°)": ".0f", "height (m)": ".0f"}
+    return table
 
 
-PICTURE_FORMATS = {"heading (°)": ".0f", "height (m)": ".0f"}
+def camera(mounting: Mounting, truth: Sequence[float]) -> pd.DataFrame:
+    """Return the estimated parameters with their standard deviations, beside the truth.
+
+    Parameters
+    ----------
+    mounting : Mounting
+    truth : sequence of float
+        As `whole.Whole.truth` returns it.
+    """
+    table = mounting.table()
+    table["truth"] = [_exact(value) for value in truth]
+    table["difference / σ"] = (table["value"] - np.array(truth)) / table["sigma"]
+    table.attrs["formats"] = {"difference / σ": "+.1f"}
+    return table
 
 
-def camera(whole: Whole) -> pd.DataFrame:
-    """Return the estimated parameters with their standard deviations, beside the truth."""
-    rows = []
-    for one in whole.parameters:
-        off = (one.value - whole.truth[one.name]) / one.sigma
-        rows.append(
-            {
-                "parameter": with_unit(LABELS[one.name], one.unit),
-                "estimate": value_and_sigma(one.value, one.sigma),
-                "truth": _truth(whole.truth[one.name]),
-                "difference / σ": off,
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _truth(value: float) -> Markup:
+def _exact(value: float) -> Markup:
     """Return a value that is exact, with all its digits."""
-    return Markup(scientific(value, digits=1) if abs(value) < 1e-3 else f"{value:.6g}")
-
-
-CAMERA_FORMATS = {"difference / σ": "+.1f"}
+    text = scientific(value, digits=1) if abs(value) < 1e-3 else f"{value:.6g}"
+    return Markup(text.replace("-", "\N{MINUS SIGN}"))

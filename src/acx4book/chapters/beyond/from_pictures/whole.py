@@ -1,12 +1,14 @@
-"""A flight from its pictures to its camera: nothing but pixels, trajectory and control goes in."""
+"""A flight of which nothing is measured yet: its pictures, its trajectory, its control points."""
 
 from __future__ import annotations
 
 import tempfile
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 
-from acx4lib.calibration.estimates import Parameter, parameters
+from acx4lib import shown
+from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import read
@@ -22,10 +24,14 @@ higher one."""
 REDUCE = 7
 """Pictures have 1/7 of the size, so that the page is computed in half a minute."""
 
+STORED = Path(str(resources.files("acx4book.chapters.beyond.from_pictures") / "stored"))
+"""Folder of the measured flights that the project brings; ``make coverage`` measures them."""
 
+
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Whole:
-    """A flight, what was measured in its pictures, and what came of it.
+    """A flight, and what was measured in its pictures.
 
     Attributes
     ----------
@@ -35,8 +41,6 @@ class Whole:
         Of the measurement.
     block : Block
         The measured block.
-    mounting : Mounting
-        By the single step.
     folder : TemporaryDirectory
         With the pictures, which figures show.
     """
@@ -44,25 +48,36 @@ class Whole:
     simulated: SimulatedFlight
     outcome: Outcome
     block: Block
-    mounting: Mounting
     folder: tempfile.TemporaryDirectory[str]
 
-    @property
-    def parameters(self) -> list[Parameter]:
-        """The estimated parameters of the camera."""
-        return parameters(self.mounting.calibration)
-
-    @property
-    def truth(self) -> dict[str, float]:
-        """The true values of the camera, by the names of the parameters."""
+    def truth(self, mounting: Mounting) -> list[float]:
+        """Return the true values of the estimated parameters, in their order."""
         values: dict[str, float] = self.simulated.truth["cameras"]["CAM"]
-        return values
+        return [values[one.name] for one in parameters(mounting.calibration)]
 
 
-def measured(seed: int) -> Whole:
-    """Fly, photograph, measure and calibrate.
+def written(simulated: SimulatedFlight) -> tempfile.TemporaryDirectory[str]:
+    """Write a flight without its image points into ``flight`` in a new folder.
 
-    The image points that the simulator wrote are thrown away before the pictures are measured.
+    Parameters
+    ----------
+    simulated : SimulatedFlight
+        With pictures of its block ``calibration``.
+
+    Returns
+    -------
+    TemporaryDirectory
+        Removed when the value is.
+    """
+    folder = tempfile.TemporaryDirectory()
+    flight = Path(folder.name) / "flight"
+    writer.write(simulated, flight)
+    (flight / "calibration" / "image_points.csv").unlink()
+    return folder
+
+
+def measured(seed: int) -> tuple[Whole, Mounting]:
+    """Fly, photograph, measure and calibrate, as the notebook does.
 
     Parameters
     ----------
@@ -70,17 +85,9 @@ def measured(seed: int) -> Whole:
         Of the flight.
     """
     simulated = photograph(single_head(seed=seed), EXPOSURES, reduce=REDUCE)
-    folder = tempfile.TemporaryDirectory()
-    flight, out = Path(folder.name) / "flight", Path(folder.name) / "measured"
-    writer.write(simulated, flight)
-    (flight / "calibration" / "image_points.csv").unlink()
-    (outcome,) = measure_flight(flight, out)
-    found = read(out)
-    block = found.block("calibration")
-    return Whole(
-        simulated=simulated,
-        outcome=outcome,
-        block=block,
-        mounting=single_step(block, free=found.estimate_mounting),
-        folder=folder,
-    )
+    folder = written(simulated)
+    (outcome,) = measure_flight(f"{folder.name}/flight", f"{folder.name}/measured")
+    flight = read(f"{folder.name}/measured")
+    block = flight.block("calibration")
+    found = Whole(simulated=simulated, outcome=outcome, block=block, folder=folder)
+    return found, single_step(block, free=flight.estimate_mounting)

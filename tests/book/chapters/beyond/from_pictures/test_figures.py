@@ -6,13 +6,13 @@ pytestmark = pytest.mark.repeats
 
 
 def test_patches_of_four_pictures_are_shown_twice(found):
-    fig = figures.patches(found)
+    fig = figures.patches(found.outcome)
     assert len(fig.axes) == 8
     assert [ax.images[0].get_array().shape for ax in fig.axes] == [(49, 49)] * 8
 
 
 def test_points_lie_on_the_picture(found):
-    ax = figures.cover(found).axes[0]
+    ax = figures.cover(found.outcome, found.block).axes[0]
     rows, cols = ax.images[0].get_array().shape
     x, y = (values for line in ax.lines[2:3] for values in line.get_data())
     assert x.min() > 0
