@@ -16,7 +16,7 @@ from typing import Any
 import nbformat
 from matplotlib.figure import Figure
 
-from acx4book.chapters.flight.figures import exposure
+from acx4book.chapters.flight import exposure
 from acx4book.notebooks import execute, runner
 from acx4book.pages import (
     accuracy,

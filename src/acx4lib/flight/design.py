@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose, transform
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SAME_HEIGHT = 0.15
 """Strips whose flying heights differ by less than this share count as one level."""
@@ -139,10 +143,14 @@ def footprints(block: Block) -> Array:
 
 
 def levels(block: Block) -> tuple[Level, ...]:
-    """Return the strips of a block by flying height, the highest first."""
+    """Return the strips of a block by flying height, the highest first.
+
+    Exposures of the trajectory without an image, such as those of a part of a block, count nothing.
+    """
     height = flying_heights(block)
     strip_of = np.array(strip_of_exposure(block), dtype=object)
-    names = list(dict.fromkeys(strip_of))
+    strip_of[~np.isin(np.arange(len(strip_of)), block.images.exposure_idx)] = None  # took no image
+    names = [name for name in dict.fromkeys(strip_of) if name is not None]
     of_strip = {name: float(np.median(height[strip_of == name])) for name in names}
     groups: list[list[str]] = []
     for name in sorted(names, key=lambda n: -of_strip[n]):
@@ -235,3 +243,67 @@ def _side_overlap(block: Block, strips: Sequence[str], strip_of: Array) -> float
 
 def _median(values: Array) -> float:
     return float(np.median(values)) if len(values) else np.nan
+
+
+# --- as tables -------------------------------------------------------------------------------
+
+
+def level_table(block: Block) -> pd.DataFrame:
+    """Return the flying heights of a block, the highest first, with ground pixels and overlaps.
+
+    Parameters
+    ----------
+    block : Block
+
+    Returns
+    -------
+    DataFrame
+        By the ``level``, from 1: heights in m, ground pixels in cm, overlaps in per cent; NaN where
+        the ground or the strips are not known.
+    """
+    import pandas as pd  # noqa: PLC0415 a flight is read without it
+
+    rows = {number: _level_row(level) for number, level in enumerate(levels(block), 1)}
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    return table.rename_axis("level")
+
+
+def _level_row(level: Level) -> dict[str, float]:
+    named = len([strip for strip in level.strips if strip])
+    return {
+        "height above ground (m)": level.height_m,
+        "ground pixel (cm)": 100 * level.gsd_m,
+        "strips": named or np.nan,
+        "directions": level.n_directions,
+        "images per strip": level.images_per_strip if named else np.nan,
+        "forward overlap (%)": 100 * level.forward_overlap,
+        "side overlap (%)": 100 * level.side_overlap,
+    }
+
+
+def sigma_table(blocks: Mapping[str, Block]) -> pd.DataFrame:
+    """Return the medians of the standard deviations with which blocks come, a row for each.
+
+    Parameters
+    ----------
+    blocks : mapping of str to Block
+    """
+    import pandas as pd  # noqa: PLC0415 as above
+
+    rows = {name: _sigmas(block) for name, block in blocks.items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("block")
+
+
+def _sigmas(block: Block) -> dict[str, float]:
+    surveyed = np.concatenate([block.control.sigma_m, block.check.sigma_m])
+    trajectory = block.trajectory
+    attitude = np.degrees(trajectory.sigma_attitude)
+    return {
+        "image points (px)": _median(block.image_points.sigma_px),
+        "survey, plan (m)": _median(surveyed[:, :2]),
+        "survey, height (m)": _median(surveyed[:, 2]),
+        "GNSS, plan (m)": _median(trajectory.sigma_position[:, :2]),
+        "GNSS, height (m)": _median(trajectory.sigma_position[:, 2]),
+        "roll, pitch (°)": _median(attitude[:, :2]),
+        "heading (°)": _median(attitude[:, 2]),
+    }

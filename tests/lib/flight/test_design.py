@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.flight import design
+from acx4lib.flight import design, parts
 from support.flights.simulated import fly
 
 
@@ -49,3 +49,33 @@ def test_footprints_lie_on_the_ground_around_the_exposure(flown):
     at = block.T_m_b_images.r[:, None, :2]
     reach = np.linalg.norm(corners[..., :2] - at, axis=-1)
     assert reach.max() < 2600 * np.tan(np.radians(55))
+
+
+def test_a_table_of_levels_has_their_numbers_in_its_units(noisy_block):
+    table, found = design.level_table(noisy_block), design.levels(noisy_block)
+    assert list(table.index) == list(range(1, len(found) + 1))
+    assert_allclose(table["height above ground (m)"], [level.height_m for level in found])
+    assert_allclose(table["ground pixel (cm)"], [100 * level.gsd_m for level in found])
+    assert_allclose(table["forward overlap (%)"], [100 * level.forward_overlap for level in found])
+
+
+def test_strips_without_names_are_not_counted(noisy_block):
+    images = replace(noisy_block.images, strips=("",) * len(noisy_block.images))
+    table = design.level_table(replace(noisy_block, images=images))
+    assert table[["strips", "images per strip"]].isna().all(axis=None)
+
+
+def test_a_table_of_standard_deviations_has_the_medians_of_every_block(noisy_block):
+    table = design.sigma_table({"one": noisy_block})
+    assert list(table.index) == ["one"]
+    assert table["image points (px)"]["one"] == np.median(noisy_block.image_points.sigma_px)
+    attitude = np.degrees(np.median(noisy_block.trajectory.sigma_attitude[:, 2]))
+    assert table["heading (°)"]["one"] == attitude
+
+
+def test_a_part_of_a_block_has_the_levels_of_its_images(flown):
+    block = flown.flight.heads
+    (lowest,) = design.levels(parts.lowest_height(block))
+    low = design.levels(block)[1]
+    assert (lowest.strips, lowest.height_m, lowest.gsd_m) == (low.strips, low.height_m, low.gsd_m)
+    assert lowest.side_overlap == low.side_overlap

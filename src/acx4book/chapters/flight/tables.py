@@ -1,4 +1,4 @@
-"""What flew, beside what the paper says of its flight (section 3)."""
+"""What the paper says of its flight (section 3), in the form of the tables of a flight."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import numpy as np
 import pandas as pd
 
 from acx4book.paper import printed as paper
-from acx4lib.flight.block import Block
-from acx4lib.flight.design import Level, levels
 from acx4lib.flight.reader import Flight
 
 PRINTED: dict[tuple[str, int], dict[str, str]] = {
@@ -63,99 +61,62 @@ PRINTED_POINTS = {
     "validation": "check_points",
 }
 
-
-def _beside(ours: float, printed: str | None, *, digits: int = 0, scale: float = 1.0) -> str:
-    """Return our number with the paper's in brackets; empty where ours is not known."""
-    if not np.isfinite(ours):
-        return ""
-    said = "" if printed is None else f" ({scale * paper.statement(printed):g})"
-    return f"{ours:.{digits}f}{said}"
-
-
-def level_table(flight: Flight) -> pd.DataFrame:
-    """Return the blocks by flying height, in brackets what the paper says of its own.
-
-    Overlaps and ground pixels are those of the synthetic images where there are any.
-
-    Parameters
-    ----------
-    flight : Flight
-    """
-    rows = []
-    for name in flight.blocks:
-        for i, level in enumerate(levels(flight.mounted(name))):
-            said = PRINTED.get((name, i), {}) if paper.applies(flight) else {}
-            rows.append({"Block": name, **_level_cells(level, said)})
-    return pd.DataFrame(rows)
+COLUMNS = {
+    "height above ground (m)": ("height", 1),
+    "ground pixel (cm)": ("gsd", 100),
+    "strips": ("strips", 1),
+    "directions": ("directions", 1),
+    "images per strip": ("images", 1),
+    "forward overlap (%)": ("forward", 1),
+    "side overlap (%)": ("side", 1),
+}
+"""Columns of `design.level_table`: their names in `PRINTED`, and the factor to their unit."""
 
 
-def _level_cells(level: Level, said: dict[str, str]) -> dict[str, str]:
-    get = said.get
-    strips = float(len([strip for strip in level.strips if strip]) or np.nan)
-    per_strip = level.images_per_strip if np.isfinite(strips) else np.nan
-    return {
-        "Flying height (m)": _beside(level.height_m, get("height")),
-        "Ground pixel (cm)": _beside(100 * level.gsd_m, get("gsd"), digits=1, scale=100),
-        "Strips": _beside(strips, get("strips")),
-        "Directions": _beside(level.n_directions, get("directions")),
-        "Images per strip": _beside(per_strip, get("images"), digits=int(per_strip % 1 > 0)),
-        "Forward overlap (%)": _beside(100 * level.forward_overlap, get("forward")),
-        "Side overlap (%)": _beside(100 * level.side_overlap, get("side")),
-    }
-
-
-def content_table(flight: Flight) -> pd.DataFrame:
-    """Return what every block holds, in brackets what the paper says of its own.
+def beside_paper(flown: pd.DataFrame, flight: Flight) -> pd.DataFrame:
+    """Return levels of blocks, each above what the paper says of its own.
 
     Parameters
     ----------
+    flown : DataFrame
+        By ``block`` and ``level``, as `design.level_table` has them.
     flight : Flight
+        Without the paper's cameras nothing is added.
     """
-    rows = []
-    for name, block in flight.blocks.items():
-        said = paper.applies(flight)
-        rays = block.rays[block.rays > 0]
-        surveyed = float(len(block.control) + len(block.check))
-        per_camera = len(block.images) / len(block.cameras)
-        digits = int(per_camera % 1 > 0)
-        rows.append(
-            {
-                "Block": name,
-                "Cameras": ", ".join(camera.name for camera in block.cameras),
-                "Images each": _beside(
-                    per_camera, PRINTED_IMAGES.get(name) if said else None, digits=digits
-                ),
-                "Surveyed": _beside(surveyed, PRINTED_POINTS.get(name) if said else None),
-                "of these check": f"{len(block.check)}",
-                "Tie points": f"{len(rays) - surveyed:.0f}",
-                "Measured": f"{len(block.image_points)}",
-                "Images per point": f"{rays.mean():.1f}" if len(rays) else "",
-            }
-        )
-    return pd.DataFrame(rows)
+    table = flown.copy()
+    if paper.applies(flight):
+        said = pd.DataFrame([_said(*key) for key in flown.index], index=flown.index)
+        said = said.dropna(how="all")
+        both = pd.concat({"flown": flown, "paper": said}, names=["of"])
+        order = [
+            (of, *key)
+            for key in flown.index
+            for of in ("flown", "paper")
+            if of == "flown" or key in said.index
+        ]
+        table = both.loc[order].reorder_levels(["block", "level", "of"])
+    table.attrs["formats"] = {
+        **dict.fromkeys(table, ".0f"),
+        "ground pixel (cm)": ".1f",
+        "images per strip": ".3g",
+    }
+    return table
 
 
-def sigma_table(flight: Flight) -> pd.DataFrame:
-    """Return the medians of the standard deviations with which every block comes."""
-    return pd.DataFrame(
-        [{"Block": name, **_sigmas(block)} for name, block in flight.blocks.items()]
-    )
-
-
-def _sigmas(block: Block) -> dict[str, float]:
-    surveyed = np.concatenate([block.control.sigma_m, block.check.sigma_m])
-    trajectory = block.trajectory
-    attitude = np.degrees(trajectory.sigma_attitude)
+def _said(block: str, level: int) -> dict[str, float]:
+    names = PRINTED.get((block, level - 1), {})
     return {
-        "Image points (px)": _median(block.image_points.sigma_px),
-        "Survey, plan (m)": _median(surveyed[:, :2]),
-        "height (m)": _median(surveyed[:, 2]),
-        "GNSS, plan (m)": _median(trajectory.sigma_position[:, :2]),
-        "its height (m)": _median(trajectory.sigma_position[:, 2]),
-        "Roll, pitch (deg)": _median(attitude[:, :2]),
-        "heading (deg)": _median(attitude[:, 2]),
+        column: factor * paper.statement(names[key]) if key in names else np.nan
+        for column, (key, factor) in COLUMNS.items()
     }
 
 
-def _median(values: np.ndarray) -> float:
-    return float(np.median(values)) if values.size else np.nan
+def printed_contents(flight: Flight) -> pd.DataFrame:
+    """Return the paper's numbers of images and of surveyed points, to be joined by the block."""
+    names = list(flight.blocks) if paper.applies(flight) else []
+    said = {
+        "paper: images each": {n: paper.statement(PRINTED_IMAGES[n]) for n in names},
+        "paper: surveyed": {n: paper.statement(PRINTED_POINTS[n]) for n in names},
+    }
+    found = pd.DataFrame(said, index=pd.Index(names, name="block", dtype=object))
+    return found if names else found[[]]

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.text import Text
 from numpy.testing import assert_allclose
 
-from acx4book.chapters.flight.figures import exposure
+from acx4book.chapters.flight import exposure
 from support.figures import drawn
 
 

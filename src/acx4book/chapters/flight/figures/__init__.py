@@ -1,1 +1,0 @@
-"""Drawings of chapter 0: one `exposure` in space, the paper's `system` and its `target`."""
