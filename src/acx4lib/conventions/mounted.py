@@ -221,7 +221,10 @@ def _adjusted(
         best = state if misfit < best.misfit else best
         if settled or not np.isfinite(misfit):
             break
-        dx, x_m = _step(seen, state, (v, A, B), prior)
+        try:
+            dx, x_m = _step(seen, state, (v, A, B), prior)
+        except np.linalg.LinAlgError:  # a point that nearly parallel rays leave open
+            break
         if not np.all(np.isfinite(dx)):
             break
         state = _moved(state, dx, x_m)

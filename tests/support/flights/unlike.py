@@ -1,0 +1,105 @@
+"""Eight flights that are unlike the study's, each of which lacks something."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from acx4book.notebooks.simulated import to_simulator
+from acx4lib.planning import text
+from acx4sim.files import writer
+from acx4sim.plan import Options
+from support.flights import planned
+
+CHECKED = {
+    "east_m": 386500.0,
+    "strips": {"map-1": planned.strip("north"), "map-2": planned.strip("south")},
+}
+"""A block for the validation; it needs a number of check points."""
+
+HELD = {"stages": {"mounting": {"estimate": ["f_mm"], "fix": ["lever_arm", "boresight"]}}}
+
+PARALLEL = {
+    "width_px": 1280,
+    "height_px": 960,
+    "pixel_um": 3.75,
+    "focal_mm": 4.0,
+    "mount_kappa_deg": 90.0,
+}
+
+
+def _plans() -> dict[str, dict[str, Any]]:
+    """Return the plans by what is said of the flight."""
+    low = {"low-1": planned.strip("north"), "low-2": planned.strip("south")}
+    far = {
+        **{name: strip | {"left_m": strip.get("left_m", 0.0)} for name, strip in low.items()},
+        "far-1": planned.strip("north") | {"forward_m": 300_000.0, "left_m": 150.0},
+        "far-2": planned.strip("south") | {"forward_m": -300_000.0, "left_m": -150.0},
+    }
+    heads = {f"B{k}": dict(PARALLEL) for k in range(1, 5)}
+    low_heads = {
+        "tie_points": 150,
+        "tie_area_m": [300.0, 300.0],
+        "strips": {
+            name: {
+                "flying_height_m": 120.0,
+                "length_m": 100.0,
+                "base_m": 20.0,
+                "course_deg": course,
+            }
+            for name, course in (("a", 0.0), ("b", 90.0), ("c", 180.0))
+        },
+    }
+    synthetic = {
+        "cameras": {**heads, "S": dict(PARALLEL)},
+        "synthetic": {"camera": "S", "heads": list(heads)},
+        "heads": low_heads,
+    }
+    plans = {
+        "no check point": planned.values(),
+        "one strip, one check point": planned.values(
+            calibration={"strips": {"only": planned.strip("north")}},
+            validation={**CHECKED, "check": {"number": 1, "layout": "corners", "area_m": [1, 1]}},
+        ),
+        "one height, three check points": planned.values(
+            calibration={"strips": low},
+            validation={
+                **CHECKED,
+                "check": {"number": 3, "layout": "corners", "area_m": [300, 300]},
+            },
+        ),
+        "nothing estimated": planned.values(
+            stages={"mounting": {"estimate": [], "fix": ["lever_arm", "boresight"]}}
+        ),
+        "mounting held": planned.values(**HELD),
+        "parallel heads": planned.values(
+            **synthetic, control={"number": [3, 3], "area_m": [150, 150]}
+        ),
+        "heads without control": planned.values(**synthetic),
+        "300 km": planned.values(calibration={"strips": far}),
+    }
+    for of_heads in ("parallel heads", "heads without control"):
+        plans[of_heads].pop("calibration")
+        plans[of_heads].pop("stages")
+    plans["heads without control"].pop("control")
+    return plans
+
+
+NAMES = tuple(_plans())
+
+
+def write(name: str, folder: Path, *, simulated: bool = False) -> Path:
+    """Write one of the flights below a folder; it does not say that it is simulated."""
+    plan = text.from_values(_plans()[name])
+    flown = to_simulator.simulate(plan, seed=4, options=Options())
+    path = folder / re.sub(r"\W+", "-", name)
+    writer.write(flown, path)
+    if not simulated:
+        toml = path / "flight.toml"
+        said = toml.read_text("utf-8")
+        toml.write_text(
+            re.sub(r"(?m)^simulated = true\n", "", said).replace(", simulated", ""), "utf-8"
+        )
+        Path(f"{path}.truth.json").unlink(missing_ok=True)
+    return path
