@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from acx4book.chapters.beyond.design import explorer as design
+from acx4book.chapters.beyond.design.plans import papers
 from acx4book.chapters.beyond.error_budget import explorer as error_budget
 from acx4book.foundations.explorers import boresight, distortion, two_heights
 from acx4book.notebooks.simulated import flown
@@ -29,7 +30,7 @@ EXPLORERS = {
     "distortion": distortion.explorer,
     "two_heights": two_heights.explorer,
     "error_budget": lambda: error_budget.explorer(*calibrated()),
-    "design": design.explorer,
+    "design": lambda: design.explorer(papers(gnss=("shift",))),
 }
 SCRIPT = ROOT / "book" / "_moving" / "explorer.js"
 MOVE = """([figure, values]) => {

@@ -8,20 +8,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import designed
 from acx4lib.bundle.unknowns import free_mount
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import rig
-from acx4lib.calibration.estimates import RIGS, Calibration, from_bundle, given
+from acx4lib.calibration.estimates import RIGS, Calibration, from_bundle, given, parameters
 from acx4lib.calibration.mounting import Mounting
+from acx4lib.errors import FlightError
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.planning import flown
 from acx4lib.planning.plan import Plan
 from acx4lib.planning.winds import Outcome, outcome
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,6 +138,36 @@ def methods(plan: Plan) -> dict[str, str]:
     calibration = "rig_calibration" if plan.setup.measured_in_heads else "single_step"
     of_block = {"calibration": calibration, "heads": "rig"}
     return {name: method for name, method in of_block.items() if name in plan.blocks}
+
+
+def sigmas(plan: Plan) -> pd.Series:
+    """Return the standard deviations of the cameras' parameters from a plan's calibration block.
+
+    Parameters
+    ----------
+    plan : Plan
+        With a block ``calibration``; its other blocks are not computed.
+
+    Returns
+    -------
+    Series
+        By the names in results, with the camera before them where there are several; in one wind,
+        as `of` has it by default.
+
+    Raises
+    ------
+    FlightError
+        Where the plan has no block calibration, or no image of it shows a point.
+    """
+    import pandas as pd  # noqa: PLC0415 it loads long, and a design needs none
+
+    if "calibration" not in plan.blocks:
+        raise FlightError(["a plan without block calibration determines no mounting"])
+    method = methods(plan)["calibration"]
+    own = calibrated(plan, flown.block(plan, "calibration"), method=method).calibration
+    several = len(own.cameras) > 1
+    listed = parameters(own)
+    return pd.Series({f"{p.camera}/{p.name}" if several else p.name: p.sigma for p in listed})
 
 
 def calibrated(plan: Plan, block: Block, *, method: str) -> Mounting:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,9 @@ SPEED_M_S = 70.0
 
 TURN_S = 240.0
 """Time from the last exposure of a strip to the first of the next."""
+
+PLACE = ("forward_m", "left_m")
+"""Keys of a strip that are zero by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,6 +208,57 @@ class Plan:
             return tuple(setup.cameras[name] for name in setup.synthetic.heads)
         return (setup.cameras[setup.synthetic.camera],)
 
+    def with_strips(
+        self, strips: Mapping[str, Strip] | Sequence[Strip], block: str = "calibration"
+    ) -> Plan:
+        """Return the plan with other strips in one of its blocks.
+
+        Parameters
+        ----------
+        strips : mapping of str to Strip, or sequence of Strip
+            In the order of flight, by name; those of a sequence are named by their numbers.
+        block : str
+        """
+        expected.one_of("block", block, self.blocks)
+        listed = [*(strips.values() if isinstance(strips, Mapping) else strips)]
+        expected.sequence("strips", listed, Strip)
+        names = strips if isinstance(strips, Mapping) else map(str, range(1, len(listed) + 1))
+        by_name = dict(zip(names, listed, strict=True))
+        tables = {
+            name: {key: value for key, value in asdict(one).items() if value or key not in PLACE}
+            for name, one in by_name.items()
+        }
+        return replace(
+            self,
+            blocks={**self.blocks, block: replace(self.blocks[block], strips=by_name)},
+            values={**self.values, block: {**self.values.get(block, {}), "strips": tables}},
+        )
+
+    def with_control(self, number: int, area_m: tuple[float, float] | None = None) -> Plan:
+        """Return the plan with so many control points in a rectangle.
+
+        Parameters
+        ----------
+        number : int
+            0 to 9: four corners, the middle, the middles of the four sides, in this order.
+        area_m : tuple of float, optional
+            Length forward and width left of the rectangle; by default that of the plan's own.
+        """
+        expected.whole("number", number, least=0)
+        points = replace(
+            self.control,
+            layout="corners",
+            number=(number,),
+            area_m=self.control.area_m if area_m is None else area_m,
+        )
+        table = {"layout": "corners", "number": number, "area_m": [*points.area_m]}
+        own = {**table, "play_m": points.play_m, "sigma_m": [*points.sigma_m]}
+        blocks = {
+            name: block if name == "validation" else replace(block, points=points)
+            for name, block in self.blocks.items()
+        }
+        return replace(self, control=points, blocks=blocks, values={**self.values, "control": own})
+
     def frame(self, block: str) -> Camera | None:
         """Return the camera whose image decides what is measured; None where each decides."""
         synthetic = self.setup.synthetic
@@ -232,3 +286,35 @@ def image_length_m(camera: Camera, flying_height_m: float, *, across: bool = Fal
     size: Array = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
     chord_mm = float(np.min(size / np.maximum(towards, 1e-9)))
     return chord_mm * flying_height_m / camera.interior.f
+
+
+def strip_of(
+    camera: Camera,
+    flying_height_m: float,
+    course_deg: float,
+    *,
+    images: int,
+    overlap: float = 0.8,
+) -> Strip:
+    """Return a strip over the middle of its block, from the number of its images.
+
+    Parameters
+    ----------
+    camera : Camera
+    flying_height_m : float
+        Over the mean ground.
+    course_deg : float
+        Clockwise from grid north.
+    images : int
+    overlap : float
+        Of neighbouring images, as a part of what each of them shows along the flight.
+    """
+    expected.whole("images", images)
+    expected.number("course_deg", course_deg)
+    base_m = (1 - overlap) * image_length_m(camera, flying_height_m)
+    return Strip(
+        flying_height_m=flying_height_m,
+        course_deg=course_deg % 360.0,
+        length_m=(images - 1) * base_m,
+        base_m=base_m,
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from acx4lib.planning.plan import TURN_S, Plan
 
 TRIALS = 5
 """Largest number of searches."""
-
-PLACE = ("forward_m", "left_m")
-"""Keys of a strip that are zero by default."""
 
 SAFE = 0.999
 """Factor on the limits of a repeated search, so that rounding does not miss them."""
@@ -151,13 +148,4 @@ def with_strips(plan: Plan, chosen: Choice) -> Plan:
         Their places among those of its block `BLOCK`.
     """
     listed = [*plan.blocks[BLOCK].strips.items()]
-    strips = dict(listed[k] for k in chosen)
-    tables = {
-        name: {key: value for key, value in asdict(strip).items() if value or key not in PLACE}
-        for name, strip in strips.items()
-    }
-    return replace(
-        plan,
-        blocks={**plan.blocks, BLOCK: replace(plan.blocks[BLOCK], strips=strips)},
-        values={**plan.values, BLOCK: {**plan.values[BLOCK], "strips": tables}},
-    )
+    return plan.with_strips(dict(listed[k] for k in chosen), BLOCK)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from acx4book.chapters.beyond.design.curves import sigmas
-from acx4book.chapters.beyond.design.plans import COURSE_DEG, LOW_M, flown, papers, several, strip
 from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Slider, Stops
 from acx4book.typesetting.moving.plane import Plane
 from acx4lib.expected import Array
 from acx4lib.planning import ground
 from acx4lib.planning.choosing.target import BLOCK
-from acx4lib.planning.plan import Plan, Strip, image_length_m
+from acx4lib.planning.design import sigmas
+from acx4lib.planning.plan import Plan, Strip, image_length_m, strip_of
 
 RATIO = Slider(name="second height over first", unit="", low=1.0, high=2.0, step=0.25)
 TURN = Slider(name="second course against first", unit="°", low=0.0, high=180.0, step=45.0)
@@ -34,38 +33,22 @@ LEAST, MOST = 0.3, 300.0
 N_IMAGES = 5
 """Of every strip."""
 
+LOW_M, COURSE_DEG = 1000.0, 28.0
+"""The lower height, and the first course: the paper's."""
 
-def sigma() -> Array:
-    """Return σ in the units of `SHOWN`, shape (n_ratios, n_turns, n_controls, n_shown).
+AREA_M = (1300.0, 1000.0)
+"""Length and width of the rectangle with control points."""
 
-    Two strips at the lower height and two at the upper one; the second of each is turned.
+
+def explorer(plan: Plan) -> Explorer:
+    """Return the explorer.
+
+    Parameters
+    ----------
+    plan : Plan
+        Whose camera is flown; its own strips are not.
     """
-    plan = papers()
-    found = [
-        [[_shown(plan, ratio, turn, int(n)) for n in CONTROL.stops] for turn in TURN.stops]
-        for ratio in RATIO.stops
-    ]
-    return np.array(found)
-
-
-def _shown(plan: Plan, ratio: float, turn_deg: float, control: int) -> Array:
-    strips = several(
-        [
-            {f"{k}": _strip(plan, height, turn) for k, turn in enumerate((0.0, turn_deg))}
-            for height in (LOW_M, LOW_M * ratio)
-        ]
-    )
-    found = sigmas(flown(plan, strips, control=control))
-    return np.array([factor * found[name] for name, (_, factor) in SHOWN.items()])
-
-
-def _strip(plan: Plan, height_m: float, turn_deg: float) -> Strip:
-    return strip(plan, height_m, COURSE_DEG + turn_deg, N_IMAGES)
-
-
-def explorer() -> Explorer:
-    """Return the explorer."""
-    found = sigma()
+    found = sigma(plan)
     rows = {
         f"σ of {name}": [Stops(sliders=SLIDERS, table=found[..., [k]])]
         for k, (name, _) in enumerate(SHOWN.values())
@@ -87,19 +70,43 @@ def explorer() -> Explorer:
             "crossing": [1.5, 90.0, 5.0],
             "two control points": [1.5, 180.0, 2.0],
         },
-        panels=[_map(), _bars(found)],
+        panels=[_map(plan), _bars(found)],
         columns=[Column(title="value", digits=2)],
         rows=rows,
     )
 
 
-def _map() -> Panel:
-    plan, size, reach = papers(), (340.0, 300.0), 1.7
+def sigma(plan: Plan) -> Array:
+    """Return σ in the units of `SHOWN`, shape (n_ratios, n_turns, n_controls, n_shown).
+
+    Two strips at the lower height and two at the upper one; the second of each is turned.
+    """
+    found = [
+        [[_shown(plan, ratio, turn, int(n)) for n in CONTROL.stops] for turn in TURN.stops]
+        for ratio in RATIO.stops
+    ]
+    return np.array(found)
+
+
+def _shown(plan: Plan, ratio: float, turn_deg: float, control: int) -> Array:
+    heights = (LOW_M, LOW_M * ratio)
+    strips = [_strip(plan, height, turn) for height in heights for turn in (0.0, turn_deg)]
+    found = sigmas(plan.with_strips(strips).with_control(control, AREA_M))
+    return np.array([factor * found[name] for name, (_, factor) in SHOWN.items()])
+
+
+def _strip(plan: Plan, height_m: float, turn_deg: float) -> Strip:
+    camera = plan.cameras(BLOCK)[0]
+    return strip_of(camera, height_m, COURSE_DEG + turn_deg, images=N_IMAGES)
+
+
+def _map(plan: Plan) -> Panel:
+    size, reach = (340.0, 300.0), 1.7
     plane = Plane(x=(-reach, reach), y=(-reach * 0.88, reach * 0.88), size=size)
     low = _curve(plane, "blue", _outline(plan, LOW_M, 0.0)[None, None, None])
     turned = [[_outline(plan, LOW_M * r, turn) for turn in TURN.stops] for r in RATIO.stops]
     high = _curve(plane, "orange", np.array(turned)[:, :, None])
-    points = flown(plan, {}, control=int(CONTROL.high)).blocks[BLOCK].points
+    points = plan.with_control(int(CONTROL.high), AREA_M).control
     at = ground.places(points)[:, ::-1] * [-1, 1] / 1000.0
     squares = [_square(plane, place, k) for k, place in enumerate(at)]
     return Panel(

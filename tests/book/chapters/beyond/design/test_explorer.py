@@ -2,23 +2,32 @@ import numpy as np
 import pytest
 
 from acx4book.chapters.beyond.design import explorer
-from acx4book.chapters.beyond.design.curves import sigmas
-from acx4book.chapters.beyond.design.plans import COURSE_DEG, LOW_M, flown, strip
+from acx4book.chapters.beyond.design.plans import papers
+from acx4lib.planning.design import sigmas
+from acx4lib.planning.plan import strip_of
 
 
 @pytest.fixture(scope="module")
-def shown():
-    return explorer.explorer()
+def plan():
+    return papers(gnss=("shift",))
+
+
+@pytest.fixture(scope="module")
+def shown(plan):
+    return explorer.explorer(plan)
 
 
 @pytest.mark.parametrize("values", [(1.5, 180.0, 5.0), (1.25, 90.0, 8.0), (1.0, 0.0, 2.0)])
 def test_readings_are_those_of_a_plan_of_these_strips(shown, plan, values):
     ratio, turn, control = values
-    strips = {
-        f"{h}-{t}-{k}": strip(plan, h, COURSE_DEG + t, explorer.N_IMAGES)
-        for k, (h, t) in enumerate((h, t) for h in (LOW_M, LOW_M * ratio) for t in (0.0, turn))
-    }
-    expected = sigmas(flown(plan, strips, control=int(control)))
+    camera = plan.cameras("calibration")[0]
+    strips = [
+        strip_of(camera, height_m, 28.0 + turned, images=5)
+        for height_m in (1000.0, 1000.0 * ratio)
+        for turned in (0.0, turn)
+    ]
+    flown = plan.with_strips(strips).with_control(int(control), (1300.0, 1000.0))
+    expected = sigmas(flown)
     for row, (name, (_, factor)) in zip(
         shown.readings(values), explorer.SHOWN.items(), strict=True
     ):
