@@ -16,6 +16,9 @@ from acx4sim.plan import Options
 
 STANDARD = Options()
 
+EXACT = Options(image_noise=0.0, control_noise=0.0, gnss_noise=0.0, attitude_noise=0.0)
+"""A flight whose measurements have no noise; their standard deviations are those of others."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Flown:

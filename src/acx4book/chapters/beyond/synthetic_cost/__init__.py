@@ -1,7 +1,5 @@
 """Chapter 12, what the synthetic image costs: the same measurements with it and without it.
 
-`study` reads what ``make chain`` left and sums it up over flights; `heights` follows the residual
-pattern to other flying heights, `lever_arm` is the closed form of the lever arm's height, `radial`
-the distortion over the focal length and over the distance of the lens centres; `tables`,
-`figures`, `figure_pattern` and `sentences` show them.
+`study` reads what ``make chain`` left and sums it up over flights; `geometry` is what four lens
+centres make of one camera; `tables` and `figures` show them. One flight stands in the notebook.
 """

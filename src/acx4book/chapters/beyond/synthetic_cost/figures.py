@@ -1,4 +1,4 @@
-"""Figures of what the synthetic image costs: scatter over sigma, and the focal length of head 1."""
+"""Figures of what the synthetic image costs: scatter over sigma, patterns, radial distortion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from acx4book.chapters.beyond.synthetic_cost import radial, study
+from acx4book.chapters.beyond.synthetic_cost import geometry, study
 from acx4book.chapters.beyond.synthetic_cost.study import RIG, SYNTHETIC, Study
 from acx4book.paper import printed
 from acx4book.typesetting import style
@@ -18,7 +18,7 @@ from acx4book.typesetting.labels import LABELS
 
 TINTS = {SYNTHETIC: style.ORANGE, RIG: style.BLUE}
 NAMES = {SYNTHETIC: "synthetic camera", RIG: "heads of the rig"}
-DASHES = dict(zip(radial.HEADS, ("-", "--"), strict=True))
+DASHES = dict(zip(geometry.HEADS, ("-", "--"), strict=True))
 
 
 def scatter_over_sigma(found: Study) -> Figure:
@@ -57,7 +57,7 @@ def fingerprint(found: Study) -> Figure:
     """Draw the radial distortion of exact data over the focal length of head 1, beside Table 3."""
     with style.applied():
         fig, (left, right) = style.subplots(1, 2, figsize=(style.WIDTH, 3.4))
-        for heads, differences in radial.in_sigma(found).items():
+        for heads, differences in geometry.in_sigma(found).items():
             for i, (_, own) in enumerate(differences.items()):
                 left.plot(own.index, own, DASHES[heads], color=style.colour(i), lw=1.3)
         left.axhspan(-2, 2, color=style.SOFT, alpha=0.15, lw=0)
@@ -67,7 +67,7 @@ def fingerprint(found: Study) -> Figure:
         handles = [
             *(
                 Line2D([], [], color=style.colour(i), label=LABELS[n])
-                for i, n in enumerate(radial.RADIAL)
+                for i, n in enumerate(geometry.RADIAL)
             ),
             *(Line2D([], [], color=style.INK, ls=d, label=f"heads {h}") for h, d in DASHES.items()),
         ]
@@ -77,13 +77,13 @@ def fingerprint(found: Study) -> Figure:
 
 def _draw_curves(ax: Axes, found: Study) -> None:
     """Draw radial distortion over the radius for squares of lens centres, and Table 3's."""
-    r = radial.radius_mm()
-    squares = radial.squares(found)
+    r = geometry.radius_mm()
+    squares = geometry.by_side(found)
     for i, (side, ks) in enumerate(zip(squares.index, squares.to_numpy(), strict=True)):
-        curve = radial.radial_um(ks, r)
+        curve = geometry.radial_um(ks, r)
         ax.plot(r, curve, color=style.colour(3 + i), lw=1.3)
         _name_curve(ax, f"{100 * side:.0f} cm", (r[-1], curve[-1]), "left")
-    curve = radial.radial_um(radial.printed_with_sigma()[0], r)
+    curve = geometry.radial_um(geometry.printed_with_sigma()[0], r)
     ax.plot(r, curve, color=style.PRINTED, lw=1.1, ls=":")
     _name_curve(ax, "Table 3", (r[-8], curve[-8]), "right")
     ax.set(xlabel="radius (mm)", ylabel="radial distortion (µm)", xlim=(0, 1.13 * r[-1]))
@@ -133,3 +133,62 @@ def _squares_from_print(found: Study, name: str) -> pd.Series:
         for head in printed.HEADS
     ]
     return sum(each[1:], each[0]) / len(each)
+
+
+# --- the pattern of residuals -----------------------------------------------------------------
+
+EVERY = 2
+"""Of so many nodes in a row or column, one has an arrow."""
+
+
+def pattern(found: Study) -> Figure:
+    """Draw what a single step of exact data leaves over the synthetic image."""
+    width, height = (printed.value(2, name, "SYN") for name in ("width_px", "height_px"))
+    flown = np.unique(found.pattern["height_m"])
+    fields = {h: found.pattern[found.pattern["height_m"] == h] for h in flown}
+    key = style.round_length(max(map(geometry.largest_px, fields.values())))
+    names = sorted(found.pattern["head"].unique())
+    with style.applied():
+        fig, axes = style.subplots(1, len(fields), figsize=(style.WIDTH, 4.9), sharey=True)
+        for ax, (height_m, own) in zip(np.atleast_1d(axes), fields.items(), strict=True):
+            _draw_vectors(ax, own, names, key)
+            _draw_seams(ax, own, names)
+            ax.set(xlim=(0, width), ylim=(height, 0), aspect="equal")
+            ax.set(xlabel="column (px)")
+            ax.locator_params(nbins=5)
+            rms = geometry.rms_px(own)
+            style.heading(ax, f"From {height_m:.0f} m", f"RMS {rms:.2f} px")
+        np.atleast_1d(axes)[0].set_ylabel("row (px)")
+        handles = [Line2D([], [], color=style.colour(k), label=n) for k, n in enumerate(names)]
+        style.legend_below(fig, handles)
+    return fig
+
+
+def _draw_vectors(ax: Axes, own: pd.DataFrame, names: list[str], key: float) -> None:
+    """Draw the vectors of every `EVERY`-th node, in the colours of the heads."""
+    places = [np.unique(own[name], return_inverse=True)[1] for name in geometry.AT]
+    some = own[(places[0] % EVERY == 0) & (places[1] % EVERY == 0)]
+    gap = EVERY * float(np.min(np.diff(np.unique(own["col_px"]))))
+    arrows = ax.quiver(
+        *(some["col_px"], some["row_px"]),
+        *(gap / key * some[name] for name in geometry.D),
+        color=[style.colour(names.index(head)) for head in some["head"]],
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        width=0.005,
+        zorder=3,
+    )
+    label, place = f"{key:g} px", (0.86, 1.03)
+    ax.quiverkey(
+        arrows, *place, gap, label, labelpos="W", color=style.INK, fontproperties=style.LETTERS
+    )
+
+
+def _draw_seams(ax: Axes, own: pd.DataFrame, names: list[str]) -> None:
+    """Draw where the head changes from which a pixel is taken."""
+    head = geometry.grid(own, "head")
+    rows, cols = (np.unique(own[name]) for name in geometry.AT)
+    for name in names:
+        inside = (head == name).astype(float)
+        ax.contour(cols, rows, inside, levels=[0.5], colors=style.SOFT, linewidths=0.9)

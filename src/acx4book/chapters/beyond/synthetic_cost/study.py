@@ -190,3 +190,37 @@ def exact(sweep: pd.DataFrame, camera: str, parameter: str) -> pd.DataFrame:
     """Return a parameter over the focal length of head 1: a column for each kind of heads."""
     own = sweep[(sweep["camera"] == camera) & (sweep["parameter"] == parameter)]
     return own.pivot_table(index="f_1_mm", columns="heads", values="value")
+
+
+def excess(study: Study) -> dict[str, float]:
+    """Return how much larger variance factors are with the synthetic image.
+
+    Returns
+    -------
+    dict of str to float
+        Their means over flights, ``rig`` and ``synthetic``; the mean ``difference`` on the same
+        flight and its standard error ``sigma``; and in how many flights that of the synthetic
+        image is ``beyond`` one by more than twice its scatter.
+    """
+    single, rig = (variance_factors(study, way) for way in (SYNTHETIC, RIG))
+    difference = single - rig
+    return {
+        "rig": float(rig.mean()),
+        "synthetic": float(single.mean()),
+        "difference": float(difference.mean()),
+        "sigma": float(np.std(difference, ddof=1) / np.sqrt(len(difference))),
+        "beyond": int(np.sum(single > 1 + 2 * np.std(single, ddof=1))),
+    }
+
+
+def from_heads(study: Study) -> dict[str, tuple[float, float]]:
+    """Return the scatter of the synthetic camera's parameters in two parts.
+
+    Returns
+    -------
+    dict of str to tuple of two floats
+        By parameter: its stated sigma, and the rest, which comes from the heads' calibration.
+    """
+    own = scatter(study, SYNTHETIC).set_index("parameter")
+    rest = np.sqrt((own["scatter"] ** 2 - own["sigma"] ** 2).clip(lower=0.0))
+    return {str(name): (own["sigma"][name], rest[name]) for name in own.index}

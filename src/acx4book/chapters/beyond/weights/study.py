@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
+from acx4book.notebooks.simulated import flown as flights
 from acx4book.notebooks.simulated.flown import Flown, fly
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import Mounting, single_step
@@ -23,9 +24,7 @@ TIES = MappingProxyType({"calibration": 150})
 
 WHITE = Options(tie_points=TIES)
 SLOW = Options(tie_points=TIES, slow_errors=SlowErrors())
-EXACT = Options(
-    image_noise=0.0, control_noise=0.0, gnss_noise=0.0, attitude_noise=0.0, tie_points=TIES
-)
+EXACT = replace(flights.EXACT, tie_points=TIES)
 """Errors of a flight: independent ones, as large ones that change slowly, and none."""
 
 SHIFT_M = (0.30, -0.20, 0.15)

@@ -1,5 +1,7 @@
 """The stored flights of the closed chain, and their sums over flights."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -64,3 +66,26 @@ def test_the_standard_error_of_a_percentage_is_that_of_repeated_studies():
         found.append(study.accuracy(made(first, second)).iloc[0][["percent", "sigma_percent"]])
     percent, sigma = np.array(found, dtype=float).T
     assert sigma.mean() == pytest.approx(percent.std(), rel=0.1)  # 3.5 % of 400
+
+
+def test_an_excess_that_is_planted_is_found(found):
+    own = found.parameters.copy()
+    factor = own["parameter"] == "sigma0_squared"
+    rig = own[factor & (own["way"] == study.RIG)].set_index("seed")["value"]
+    planted = factor & (own["way"] == study.SYNTHETIC)
+    own.loc[planted, "value"] = (rig.loc[own.loc[planted, "seed"]] + 0.5).to_numpy()
+    said = study.excess(replace(found, parameters=own))
+    assert said["difference"] == pytest.approx(0.5)
+    assert said["sigma"] == pytest.approx(0.0, abs=1e-9)
+    assert said["beyond"] == found.n_flights
+
+
+def test_what_is_stated_holds_among_flights_with_the_same_heads(found):
+    assert study.scatter_of_shared(found).between(0.6, 1.3).all()
+    assert 3 < study.scatter(found, study.SYNTHETIC)["ratio"].max() < 4
+
+
+def test_what_the_heads_add_and_what_is_stated_make_the_scatter(found):
+    own = study.scatter(found, study.SYNTHETIC).set_index("parameter")
+    sigma, rest = study.from_heads(found)["xp_mm"]
+    assert np.hypot(sigma, rest) == pytest.approx(own["scatter"]["xp_mm"])

@@ -11,29 +11,38 @@ def found():
 
 
 def test_accuracy_has_points_and_pairs_by_axis(found):
-    table = tables.accuracy_table(found)
-    assert table["Over"].tolist() == ["points"] * 3 + ["pairs"] * 3
-    assert set(tables.ACCURACY_FORMATS) <= set(table)
+    table = tables.accuracy(found)
+    assert [over for over, _ in table.index] == ["points"] * 3 + ["pairs"] * 3
+    own = study.accuracy(found)
+    assert list(table["larger by (%)", "value"]) == list(own["percent"])
+    assert list(table["RMS (m)", "rig"]) == list(own["rms_rig"])
 
 
-def test_parameters_stand_beside_the_printed_ones(found):
-    table = tables.parameter_table(found)
-    row = table[table["Parameter"].str.contains("f\\$")].iloc[0]
-    assert row["Paper's Table 3"] == "74.4404 ± 0.0010"
+def test_parameters_are_those_over_flights(found):
+    table = tables.parameters(found)
     assert len(table) == 14
+    own = study.scatter(found, study.SYNTHETIC).set_index("parameter").loc["lever_z_m"]
+    row = table.loc[("lever z", "m")]
+    assert row["mean and scatter over flights", "value"] == own["mean"]
+    assert row["scatter over stated σ", "value"] == own["ratio"]
 
 
 def test_a_step_on_the_ground_is_its_pixels_times_the_ground_pixel(found):
-    row = tables.height_table(found, [1000.0]).iloc[0]
-    step, ground = row["Largest step at a seam (px)"], row["That step on the ground (cm)"]
+    row = tables.heights(found, [1000.0]).iloc[0]
+    step, ground = row["largest step at a seam (px)"], row["that step on the ground (cm)"]
     assert ground / step == pytest.approx(100 * 1000 * 5.6e-3 / 74.4404)
 
 
+def test_the_best_height_is_between_those_of_the_table(found):
+    table = tables.heights(found)
+    assert table["flying height (m)"][table["RMS (px)"].idxmin()] == 1500.0
+
+
 def test_squares_lead_to_the_flown_one(found):
-    table = tables.square_table(found)
-    assert list(table) == [
-        *("Parameter", "Square of 0 cm", "Square of 8 cm", "Square of 16 cm", "Paper's Table 3")
-    ]
+    table = tables.squares(found)
+    titles = ["square of 0 cm", "square of 8 cm", "square of 16 cm"]
+    assert list(dict.fromkeys(title for title, _ in table.columns)) == titles
+    assert list(tables.factors(found)) == titles
 
 
 def test_a_shift_follows_the_lever_arm_wherever_the_lens_centres_are(found):
@@ -47,6 +56,6 @@ def test_a_shift_follows_the_lever_arm_wherever_the_lens_centres_are(found):
 
 
 def test_the_papers_shifts_stand_in_the_last_row(found):
-    last = tables.shift_table(found).iloc[-1]
-    assert last["$f$ (mm)"] == "+0.0107"
-    assert last["Lever arm $z$ (m)"] == "\N{MINUS SIGN}0.201"
+    last = tables.shifts_beside_print(found).loc["paper"]
+    assert last["f (mm)"] == pytest.approx(0.0107)
+    assert last["lever arm z (m)"] == -0.201
