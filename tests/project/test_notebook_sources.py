@@ -212,7 +212,7 @@ def test_it_imports_the_library_typesetting_what_notebooks_call_and_its_own_room
     rooms = tuple(f"acx4book.{room}" for room in ("notebook", "typesetting", *ROOMS[path.stem[:2]]))
     assert [name for name in book if not name.startswith(rooms)] == []
     others = {name.partition(".")[0] for name in modules}
-    standard = {"dataclasses", "functools"}
+    standard = {"dataclasses", "functools", "pathlib"}
     assert others <= {"acx4lib", "acx4sim", "acx4book", "IPython", "numpy", "pandas"} | standard
 
 

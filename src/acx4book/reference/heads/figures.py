@@ -11,9 +11,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from acx4book.reference import data
 from acx4book.reference.heads.parallax import BASES_M, predicted_px
-from acx4book.reference.heads.solved import FIVE, solved
+from acx4book.reference.heads.solved import FIVE, here
 from acx4book.typesetting import style
 from acx4book.typesetting.pictures import HALO
 from acx4lib.expected import Raster
@@ -164,10 +163,9 @@ def stack(*, folder: str = "") -> Figure | None:
     folder : str
         Of the reference data; the usual one if empty.
     """
-    with data.at(folder):
-        if not data.is_here(FIVE):
-            return None
-        found = solved(FIVE)
+    found = here(FIVE, folder=folder)
+    if found is None:
+        return None
     shape = found.synthetic.height_px, found.synthetic.width_px, len(found.images)
     bands = np.empty(shape, np.uint16)
     plan = render_plan(found.fits["rotations"].orientation, found.synthetic)

@@ -10,9 +10,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from acx4book.reference import data
+from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.exchange.lens import FLIP
-from acx4lib.exchange.pictures import folder, rig
+from acx4lib.exchange.pictures import folder as pictures
+from acx4lib.exchange.pictures import rig
 from acx4lib.exchange.pictures.rig import Head
 from acx4lib.exchange.pictures.tags import Tags, read
 from acx4lib.expected import Array, Raster
@@ -30,6 +32,7 @@ GREEN = "2 Green"
 """To this head the rotations of heads without angles of the factory are printed."""
 
 
+@shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solved:
     """One exposure of real heads.
@@ -104,9 +107,9 @@ def solved(files: str) -> Solved:
     """
     entries = [one.file for one in data.index() if one.file.startswith(f"{files}/IMG")]
     paths = {path.name: path for path in map(data.path, entries)}
-    brought = folder.bring(data.folder() / files)
+    brought = pictures.bring(data.folder() / files)
     cameras = {name: camera_of(name, t) for name, t in brought.settings["cameras"].items()}
-    names, synthetic = brought.settings["synthetic"]["heads"], cameras[folder.SYNTHETIC]
+    names, synthetic = brought.settings["synthetic"]["heads"], cameras[pictures.SYNTHETIC]
     factory = declared_orientation([cameras[name] for name in names], synthetic)
     images = brought.tables["heads/images.csv"]
     files_of = dict(zip(images["camera"], images["file"], strict=True))
@@ -124,6 +127,20 @@ def solved(files: str) -> Solved:
         found=found,
         fits={way: refine_by_rotations(factory, found.ties, free=way) for way in FREE},
     )
+
+
+def here(files: str, *, folder: str = "") -> Solved | None:
+    """Return the heads of a set; None where its pictures are not on this machine.
+
+    Parameters
+    ----------
+    files : str
+        `TEN` or `FIVE`.
+    folder : str
+        Folder of the reference data; if empty, the usual one.
+    """
+    with data.at(folder):
+        return solved(files) if data.is_here(files) else None
 
 
 def turned_deg(orientation: RelativeOrientation, k: int, reference: int) -> Array:
