@@ -20,21 +20,12 @@ from support.helpers import ROOT
 pytestmark = pytest.mark.slow
 
 FLIGHTS = ("heads", "single")
-WITH_DIRECTIVES = ("00-flight", "01-head-calibration", "08-rig")
-"""Notebooks whose tables are still written for the book alone; they become fewer."""
-
 WITHOUT_HEADS = {
     "01-head-calibration": "the flight has no block heads",
     "02-synthetic-image": "the flight has no block heads",
     "08-rig": "there are no heads",
 }
 DIRECTIVE = re.compile(r"^\s*(`{3,}|:{3,})\{", re.MULTILINE)
-
-
-def listed(names, wrong=()):
-    """Return names as parameters of a test, of which some are known to fail."""
-    mark = pytest.mark.xfail(reason="is still written for the book alone", strict=False)
-    return [pytest.param(name, marks=mark if name in wrong else ()) for name in names]
 
 
 @pytest.fixture(scope="module", params=FLIGHTS)
@@ -73,7 +64,7 @@ def test_every_figure_is_an_image_and_nothing_is_an_error(ran, name):
             assert "image/png" in output.data
 
 
-@pytest.mark.parametrize("name", listed(NOTEBOOKS.values(), WITH_DIRECTIVES))
+@pytest.mark.parametrize("name", NOTEBOOKS.values())
 def test_no_output_has_a_directive(ran, name):
     text = [o.data[kind] for o in ran[2][name] for kind in o.data if kind.startswith("text/")]
     assert not [one for one in text if DIRECTIVE.search(one)]
