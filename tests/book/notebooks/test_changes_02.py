@@ -5,8 +5,11 @@ import shutil
 import pytest
 
 from acx4book.chapters.synthetic_image import tables
+from acx4book.typesetting.tables import markdown
+from acx4lib import flight as flights
+from acx4lib.stages import heads
 from support.changed_notebook import changed
-from support.flights import pictured
+from support.flights import in_heads, pictured
 
 READ = "orientation = synthetic.read_heads(flight, results_path)"
 TIED = "ties = found.ties if found else shared_points(flight.heads, orientation)"
@@ -68,3 +71,41 @@ def test_points_that_were_measured_are_fewer_than_those_of_the_pictures(unchange
     assert other["left"][tables.RMS]["three rotations"] < 0.001  # they are exact in this flight
     assert tables.EACH in unchanged["left"].index
     assert tables.EACH not in other["left"].index
+
+
+# --- flights that lack something ---------------------------------------------------------------
+
+FLIGHT = "flight = acx.read(flight_path, pictures=pictures_path)"
+BLOCK = (
+    f"{FLIGHT}\nblock = flight.blocks['heads']\nflight = replace(flight, blocks={{'heads': %s}})"
+)
+LACKING = {
+    "nothing is measured": "replace(block, image_points=block.image_points[:0])",
+    "one head is measured": (
+        "replace(block, image_points=block.image_points["
+        "block.images.camera_idx[block.image_points.image_idx] == 0])"
+    ),
+    "no control": "replace(block, control=block.control[:0])",
+}
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory):
+    """A flight of two heads that are not the paper's, without pictures; and results of them."""
+    folder = tmp_path_factory.mktemp("other")
+    flight = in_heads.write_other_heads(folder / "flight")
+    heads.run(flights.read(flight), folder / "results")
+    return flight, folder / "results"
+
+
+@pytest.mark.parametrize("lacking", LACKING)
+def test_flights_that_lack_something_go_through(other, tmp_path, lacking):
+    results = shutil.copytree(other[1], tmp_path / "results")
+    change = {FLIGHT: BLOCK % LACKING[lacking]}
+    found = changed("02", change, flight_path=other[0], results_path=results)
+    assert (found["said"]["n"] > 0) == (lacking == "no control")
+    assert bool(found["apart"]) == (lacking != "no control")  # heights over control points
+    assert "ended" not in found
+    for table in (found["left"], (found["found"] or found["ties"]).table()):
+        assert len(table) > 0 or found["said"]["n"] == 0
+        assert markdown(table).startswith("|")

@@ -121,3 +121,14 @@ def test_without_control_the_heights_are_not_known(block):
     none = replace(block, control=block.control[:0])
     with pytest.raises(AdjustmentError, match="no control points: flying heights"):
         flight_parallax(none, HEADS, SYNTHETIC)
+
+
+def test_the_table_has_the_lowest_and_the_highest_exposure(block):
+    found = flight_parallax(block, HEADS, SYNTHETIC)
+    table = found.table()
+    assert table.index.tolist() == ["A and B", "A and C", "B and C"]
+    assert_allclose(table["Base (m)"], [0.12, 0.20, 0.16])
+    assert_allclose(table.iloc[:, 1], found.shift_px.max(axis=1))
+    assert_allclose(table.iloc[:, 2], found.shift_px.min(axis=1))
+    assert_allclose(table.iloc[:, 3], found.change_px.max(axis=1))
+    assert len(repr(found)) < 120
