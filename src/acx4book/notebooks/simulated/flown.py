@@ -12,6 +12,7 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4sim.designs import DESIGNS
 from acx4sim.files import writer
+from acx4sim.files.flights import SimulatedFlight
 from acx4sim.plan import Options
 
 STANDARD = Options()
@@ -64,9 +65,24 @@ def fly(
         Those that are flown.
     """
     simulated = DESIGNS[design](seed=seed, options=replace(options, blocks=tuple(blocks)))
+    flight = read(simulated)
+    camera = flight.block(blocks[0]).cameras[0].name
+    return Flown(flight=flight, truth=simulated.truth["cameras"][camera])
+
+
+def read(simulated: SimulatedFlight) -> Flight:
+    """Return a simulated flight as its files say.
+
+    Parameters
+    ----------
+    simulated : SimulatedFlight
+
+    Raises
+    ------
+    FlightError
+        Where its tables were changed so that it is refused.
+    """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight"
         writer.write(simulated, path)
-        flight = reader.read(path)
-    camera = flight.block(blocks[0]).cameras[0].name
-    return Flown(flight=flight, truth=simulated.truth["cameras"][camera])
+        return reader.read(path)

@@ -7,6 +7,7 @@ import pytest
 from acx4book.chapters.beyond.stability import history
 from acx4book.chapters.beyond.stability.history import Flown
 from acx4book.report.campaigns.study import study
+from support.campaigns import campaign
 
 WARM = {2021: 8.0, 2022: 32.0, 2024: 20.0}
 
@@ -17,6 +18,5 @@ def three():
     campaigns = []
     for year, celsius in WARM.items():
         flown = Flown(date=dt.date(year, 5, 1), temperature_c=celsius)
-        plan = history.plan_of(flown)
-        campaigns.append(history.campaign(year, flown, plan=plan))
+        campaigns.append(campaign(history.flight(year, flown)))
     return study(campaigns)

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import datetime as dt
-import tempfile
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from acx4lib.calibration.mounting import single_step
-from acx4lib.flight import reader
-from acx4lib.flight.setup import Session
-from acx4lib.results.campaigns.campaign import Campaign, of_mounting
+from acx4book.notebooks.simulated.flown import read
+from acx4lib.flight.reader import Flight
 from acx4sim.designs import single_head_plan
-from acx4sim.files import writer
 from acx4sim.files.flights import simulate_plan
 from acx4sim.plan import Options, Plan
 
@@ -51,15 +46,22 @@ BEFORE = 4
 """Campaigns before the repair."""
 
 
-def campaigns(seed: int) -> tuple[Campaign, ...]:
-    """Fly and adjust all campaigns of `HISTORY`.
+def flights(seed: int) -> tuple[Flight, ...]:
+    """Return the flights of all campaigns of `HISTORY`, as their files say.
 
     Parameters
     ----------
     seed : int
         Of the first; the others follow.
     """
-    return tuple(campaign(seed + i, flown, plan=plan_of(flown)) for i, flown in enumerate(HISTORY))
+    return tuple(flight(seed + i, flown) for i, flown in enumerate(HISTORY))
+
+
+def flight(seed: int, flown: Flown) -> Flight:
+    """Return the flight of one campaign, with its date and temperature."""
+    simulated = simulate_plan(plan_of(flown), seed, Options(blocks=(BLOCK,)))
+    session = f"\n[session]\ndate = {flown.date}\ntemperature_c = {flown.temperature_c}\n"
+    return read(replace(simulated, toml=simulated.toml + session))
 
 
 def plan_of(flown: Flown) -> Plan:
@@ -71,22 +73,3 @@ def plan_of(flown: Flown) -> Plan:
     omega, phi, kappa = turned.tolist()
     then = replace(camera, f_mm=camera.f_mm + warm, boresight_deg=(omega, phi, kappa))
     return replace(plan, cameras={CAMERA: then})
-
-
-def campaign(seed: int, flown: Flown, *, plan: Plan) -> Campaign:
-    """Fly a plan and adjust its calibration block in a single step.
-
-    Parameters
-    ----------
-    seed : int
-    flown : Flown
-    plan : Plan
-    """
-    simulated = simulate_plan(plan, seed, Options(blocks=(BLOCK,)))
-    with tempfile.TemporaryDirectory() as temporary:
-        path = Path(temporary) / "flight"
-        writer.write(simulated, path)
-        flight = reader.read(path)
-    found = single_step(flight.blocks[BLOCK], free=flight.estimate_mounting)
-    session = Session(date=flown.date, temperature_c=flown.temperature_c)
-    return of_mounting(found, name=f"{flown.date:%Y-%m}", session=session)

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from acx4lib.calibration.trust.rigidity import Rigidity, rigidity
-from acx4lib.errors import AdjustmentError
-from acx4lib.flight import reader
-from acx4lib.stages import rig
+from acx4lib.calibration.trust.rigidity import Rigidity
 from acx4sim.designs import acx4
-from acx4sim.files import writer
 from acx4sim.files.flights import SimulatedFlight
 from acx4sim.plan import Options
 
@@ -46,17 +40,6 @@ def turning(flight: SimulatedFlight) -> SimulatedFlight:
     table.loc[rows, "col_px"] += angle * (f_px + x**2 / f_px)
     table.loc[rows, "row_px"] -= angle * x * y / f_px
     return replace(flight, tables={**flight.tables, POINTS: table})
-
-
-def tested(flight: SimulatedFlight) -> Rigidity:
-    """Read a flight, adjust its heads together, and test whether they turn."""
-    with tempfile.TemporaryDirectory() as temporary:
-        path = Path(temporary) / "flight"
-        writer.write(flight, path)
-        stage = rig.calibrate(reader.read(path))
-    if stage.rig is None:
-        raise AdjustmentError(stage.left_out)
-    return rigidity(stage.rig.bundle)
 
 
 def planted(found: Rigidity) -> pd.Series:

@@ -2,13 +2,14 @@
 
 import pytest
 
-from acx4book.chapters.beyond.stability import history, turned
+from acx4book.chapters.beyond.stability import history
 from acx4lib.results.campaigns.comparison import compare
+from support.campaigns import campaign, rigidity_of_a_turned_head
 
 
 @pytest.fixture(scope="session")
 def campaigns():
-    return history.campaigns(1)
+    return [campaign(one) for one in history.flights(1)]
 
 
 @pytest.fixture(scope="session")
@@ -23,4 +24,4 @@ def before(campaigns):
 
 @pytest.fixture(scope="session")
 def rigid():
-    return turned.tested(turned.turning(turned.flown(1)))
+    return rigidity_of_a_turned_head(1)

@@ -1,0 +1,20 @@
+"""Campaigns of simulated flights, and a rig of which one head turned."""
+
+from acx4book.chapters.beyond.stability import turned
+from acx4book.notebooks.simulated.flown import read
+from acx4lib.calibration.mounting import single_step
+from acx4lib.calibration.trust.rigidity import rigidity
+from acx4lib.results.campaigns.campaign import of_mounting
+from acx4lib.stages import rig
+
+
+def campaign(flight):
+    """Adjust a flight's calibration block in a single step."""
+    found = single_step(flight.calibration, free=flight.estimate_mounting)
+    return of_mounting(found, name=f"{flight.session.date:%Y-%m}", session=flight.session)
+
+
+def rigidity_of_a_turned_head(seed):
+    """Adjust the heads of a flight together, of which one turned, and test whether they turn."""
+    stage = rig.calibrate(read(turned.turning(turned.flown(seed))))
+    return rigidity(stage.rig.bundle)
