@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.chapters.beyond.failures.mistakes import BLOCK, MISTAKES, TRAJECTORY, flown
+from acx4book.chapters.beyond.failures.mistakes import BLOCK, TRAJECTORY
 from acx4book.notebooks import functions, runner
+from acx4book.typesetting.plain_text import shown
 from acx4lib.conventions import search
 from acx4lib.errors import Acx4Error
 from acx4lib.flight.reader import read
@@ -23,6 +24,9 @@ from acx4sim.files.flights import SimulatedFlight
 
 METHOD, TABLES = "single_step", ("residuals", "rejected")
 """Which rows of which tables are kept."""
+
+COUNTED = ("tie points", "control points are not measured", "image points rejected")
+"""Words of sentences that count observations and name no mistake."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,22 +57,24 @@ class Examined:
     planted: list[dict[str, Any]]
     places_km: pd.DataFrame
 
+    @property
+    def named(self) -> bool:
+        """Whether a command says more than numbers of observations: what is wrong."""
+        lines = (*self.check, *self.run)
+        return any(not any(words in line for words in COUNTED) for line in lines)
 
-def all_of(seed: int) -> dict[str, Examined]:
-    """Examine a flight with each mistake in turn.
+    def __repr__(self) -> str:
+        """Count what the commands say."""
+        return f"Examined: check says {len(self.check)} lines, run {len(self.run)}"
 
-    Parameters
-    ----------
-    seed : int
-        Of the flight.
+    def _repr_markdown_(self) -> str:
+        """Show what the two commands say of the flight, word for word."""
+        both = (("check", self.check), ("run", self.run))
+        return "\n\n".join(f"`acx4 {name}` says:\n\n{_quoted(lines)}" for name, lines in both)
 
-    Returns
-    -------
-    dict of str to Examined
-        By the names of `mistakes.MISTAKES`.
-    """
-    flight = flown(seed)
-    return {name: examine(plants(flight)) for name, plants in MISTAKES.items()}
+
+def _quoted(lines: Sequence[str]) -> str:
+    return "\n>\n".join(f"> {shown(line)}" for line in lines) or "> (nothing odd)"
 
 
 def examine(flight: SimulatedFlight) -> Examined:
