@@ -19,7 +19,7 @@ from acx4book.notebooks.simulated import to_simulator
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
 from acx4lib.planning import text
 from acx4sim.files.flights import SimulatedFlight
-from acx4sim.plan import Options
+from acx4sim.plan import Options, SlowErrors
 
 FOLDER = Path(__file__).parent / "plans"
 PLANS = ("two-heights-crossing", "one-height", "flat", "oblique-heads", "no-control")
@@ -31,6 +31,7 @@ DECLARED = ("flat", "oblique-heads")
 UNDECLARED = tuple(plan for plan in PLANS if plan not in DECLARED)
 
 TRAJECTORY, POINTS = "calibration/trajectory.csv", "calibration/image_points.csv"
+VALIDATED = "validation/trajectory.csv"
 SURVEYED = ("control_points.csv", "validation/control_points.csv")
 LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
 MOUNT = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
@@ -61,6 +62,8 @@ class Fault:
     known : tuple of str
         Plans for which the guess is not a guess: unknowns take the fault up, so that no size is
         found, or another theory than that of a test says which one is.
+    groups : tuple of str
+        Groups of observations whose noise becomes larger, as tests of sigma name them.
     """
 
     guess: float | Mapping[str, float]
@@ -70,6 +73,12 @@ class Fault:
     makes: Callable[[Flown], list[Planted]] = lambda _: []
     declares: Callable[[Values, float], None] = lambda *_: None
     known: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+
+    @property
+    def scales(self) -> bool:
+        """Whether the fault makes noise larger, in the place of a shift."""
+        return self.least == 1.0
 
     def begin(self, plan: str) -> float:
         """Return the guess for a plan."""
@@ -107,10 +116,10 @@ def fly(
         Of `PLANS`.
     seed : int
     fault : str
-        Of `FAULTS`; empty for a clean flight.
+        Of `FAULTS` or `SLOW`; empty for a clean flight.
     size : float
     """
-    of = FAULTS[fault] if fault else Fault(guess=0.0)
+    of = {**FAULTS, **SLOW}[fault] if fault else Fault(guess=0.0)
     values = tomllib.loads((FOLDER / f"{plan}.toml").read_text(encoding="utf-8"))
     rng = np.random.default_rng([seed, 1])
     declare(values, rng)
@@ -213,6 +222,27 @@ def _lever_off(values: Values, size: float) -> None:
         camera["lever_z_m"] += size
 
 
+def _slowly(share: float) -> Options:
+    return Options(slow_errors=SlowErrors(gnss=share, attitude=share))
+
+
+def _slow_validation(flown: Flown) -> list[Planted]:
+    """Take the trajectory of the validation from a flight whose errors change slowly."""
+    flown.tables[VALIDATED] = flown.again(_slowly(flown.size))[VALIDATED]
+    return []
+
+
+def _correlated(values: Values, share: float) -> None:
+    """Declare that errors change slowly; the simulator then lets them."""
+    of = SlowErrors(gnss=share, attitude=share)
+    values["apriori"] |= {
+        "gnss_correlated_share": share,
+        "gnss_correlation_s": of.gnss_constant_s,
+        "attitude_correlated_share": share,
+        "attitude_correlation_s": of.attitude_constant_s,
+    }
+
+
 FAULTS: Mapping[str, Fault] = {
     "step": Fault(guess=0.012, makes=_stepping),
     "sigma of image points": Fault(
@@ -221,9 +251,17 @@ FAULTS: Mapping[str, Fault] = {
         options=lambda size: Options(image_noise=size),
         known=PLANS,  # known to a hundredth; a report fails from a tenth on
     ),
-    "sigma of GNSS": Fault(guess=1.5, least=1.0, options=lambda size: Options(gnss_noise=size)),
+    "sigma of GNSS": Fault(
+        guess=1.5,
+        least=1.0,
+        options=lambda size: Options(gnss_noise=size),
+        groups=("GNSS, plan", "GNSS, height"),
+    ),
     "sigma of attitudes": Fault(
-        guess=1.35, least=1.0, options=lambda size: Options(attitude_noise=size)
+        guess=1.35,
+        least=1.0,
+        options=lambda size: Options(attitude_noise=size),
+        groups=("roll and pitch", "heading"),
     ),
     "gross errors": Fault(guess=1.0, makes=_gross, known=PLANS),
     "delay": Fault(guess=0.0015, makes=_late),
@@ -242,3 +280,11 @@ FAULTS: Mapping[str, Fault] = {
 }
 """By their names in the tables. Sizes are in degrees, s and m, and factors: of sigma, and of the
 gross errors that `acx4 plan` says are just found."""
+
+
+SLOW: Mapping[str, Fault] = {
+    "declared": Fault(guess=0.95, declares=_correlated),
+    "not declared": Fault(guess=0.95, options=_slowly),
+    "not declared, in the validation alone": Fault(guess=0.95, makes=_slow_validation),
+}
+"""Trajectories whose errors change slowly, with the share of each sigma that does."""

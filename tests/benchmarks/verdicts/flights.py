@@ -6,9 +6,10 @@ fault, how often that is found. Every flight is written to disk, run as by ``acx
 every flight; a flight that has one is not flown again. Plans and faults take turns, so that the
 flights that are there at any time are spread evenly over them. Needs PYTHONPATH=tests.
 
-The size of a fault is predicted before: a few flights with other seeds, the pilots, tell how
-significant it is at a guessed size, and so at which one 80 % should be found. At that size the 60
-are flown. Sizes of gross errors are those that ``acx4 plan`` predicts.
+The size of a fault is predicted before by `sizes`: a few flights with other seeds, the pilots, tell
+what it does to every test, and the theory of the tests at which size 80 % are found. At that size
+the 60 are flown. Sizes of gross errors are those that ``acx4 plan`` predicts. Last come flights
+whose trajectory's errors change slowly.
 """
 
 from __future__ import annotations
@@ -27,7 +28,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from acx4book.command.batch.executors import on_processes
 from acx4book.notebooks import runner
@@ -40,28 +40,25 @@ from acx4lib.least_squares.processors import as_finished
 from acx4lib.results import folder as results
 from acx4sim.files.writer import write_files
 from benchmarks import machine, stored
-from benchmarks.verdicts.faults import FAULTS, PLANS, Fault, Planted, fly
+from benchmarks.verdicts import sizes
+from benchmarks.verdicts.faults import FAULTS, PLANS, SLOW, Planted, fly
 
 OUT = machine.ROOT / "data" / "benchmarks"
-NAME = "verdicts"
+NAME, PILOTS, SLOWLY = "verdicts", "verdicts_pilots", "slow_validations"
 N_CLEAN, N_SPOILT, N_THIRD, N_PILOT = 200, 60, 20, 4
 N_FIRST = 60
 """Clean flights of a plan that are flown before any spoilt one."""
 
-SEEDS = {"clean": 0, "spoilt": 300, "third": 400, "pilot": 500}
+SEEDS = {"clean": 0, "spoilt": 300, "third": 400, "pilot": 500, "slow": 600}
 """Before the first seed of a plan's flights; every plan has a thousand of its own."""
 
 THIRD = 1.5
 """True sigma over a sigma that is stated a third too small."""
 
-FOUND = 0.8
-"""Share of the flights with a fault that are to be found at the size that is predicted."""
-
-LEVEL = 0.05
-"""Of a report as a whole."""
-
 HOUSES = ("acx4lib", "acx4sim", "acx4book/notebooks", "acx4book/report")
 """Code on which a verdict depends, below src."""
+
+TESTED = ("test_flights.py", "test_sizes.py")
 
 EVERY = 40
 """Flights after which the table is written."""
@@ -107,11 +104,12 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="flights at a time")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
-    rows = fly_all(in_turns([*pilots(options.pilots)]), options.out, options.jobs)
-    good, spoiled = [*clean(options.clean)], [*spoilt(sizes(rows), options.spoilt)]
+    flown = fly_all(in_turns([*pilots(options.pilots)]), options.out, options.jobs, name=PILOTS)
+    good, spoiled = [*clean(options.clean)], [*spoilt(sizes_of(flown), options.spoilt)]
     first = in_turns([kind[:N_FIRST] for kind in good])
     rest = in_turns([*(kind[N_FIRST:] for kind in good), *spoiled])
     fly_all([*first, *rest], options.out, options.jobs)
+    fly_all(in_turns([*slow(options.spoilt)]), options.out, options.jobs, name=SLOWLY)
 
 
 # --- what is flown ---------------------------------------------------------------------------
@@ -124,19 +122,33 @@ def clean(n: int) -> Iterator[list[Order]]:
 
 
 def pilots(n: int) -> Iterator[list[Order]]:
-    """Yield the flights that predict the sizes: every plan with every fault of the guessed size."""
+    """Yield the flights that predict the sizes.
+
+    Of every plan, without a fault and with every fault of the guessed size, in both directions; of
+    a sigma, with reversed noise and without any.
+    """
+    for plan in PLANS:
+        yield of_kind("pilot", plan, "", 0.0, n)
     for fault, of in FAULTS.items():
-        for plan in of.plans:
-            yield of_kind("pilot", plan, fault, of.begin(plan), n)
+        for plan in (plan for plan in of.plans if plan not in of.known):
+            sizes = (-1.0, 0.0) if of.scales else (of.begin(plan), -of.begin(plan))
+            for size in sizes:
+                yield of_kind("pilot", plan, fault, size, n)
 
 
-def spoilt(sizes: Mapping[tuple[str, str], float], n: int) -> Iterator[list[Order]]:
+def spoilt(found: Mapping[tuple[str, str], float], n: int) -> Iterator[list[Order]]:
     """Yield the flights of every plan with every fault, of the size that is predicted."""
-    for (plan, fault), size in sizes.items():
+    for (plan, fault), size in found.items():
         yield of_kind("spoilt", plan, fault, size, n)
     for plan in PLANS:
         for fault in (name for name in FAULTS if name.startswith("sigma")):
             yield of_kind("third", plan, fault, THIRD, min(n, N_THIRD))
+
+
+def slow(n: int) -> Iterator[list[Order]]:
+    """Yield flights of the first plan whose trajectory's errors change slowly."""
+    for kind, of in SLOW.items():
+        yield of_kind("slow", PLANS[0], kind, of.begin(PLANS[0]), n)
 
 
 def of_kind(purpose: str, plan: str, fault: str, size: float, n: int) -> list[Order]:
@@ -166,7 +178,8 @@ def judged(order: Order) -> Row:
         The order; ``source``, a digest of the code; ``status`` as of ``acx4 run``; ``error`` of a
         flight without results; ``holds``, the smallest ``p_joint``, the number ``n_tests``, and the
         state of every question of the report; of clean flights p of every test; ``n_rejected``, and
-        of planted gross errors, by their kind, whether they are rejected.
+        of planted gross errors, by their kind, whether they are rejected; of pilots the statistics
+        of the tests in the place of their p.
     """
     row: Row = {**asdict(order), "source": source(), "status": 0, "error": ""}
     simulated, planted = fly(order.plan, order.seed, order.fault, order.size)
@@ -178,7 +191,10 @@ def judged(order: Order) -> Row:
         except Acx4Error as error:
             return row | {"status": 2, "error": str(error).splitlines()[0].replace(scratch, "")}
         row["status"] = int(bool(outcome.not_determined))
-        return row | said(found, tests=not order.fault) | taken_out(found, planted)
+        whole = material.read(found)
+        if order.purpose == "pilot":
+            return row | said(whole, tests=False) | sizes.as_row([*sizes.statistics(whole)])
+        return row | said(whole, tests=not order.fault) | taken_out(found, planted)
 
 
 def memory() -> str | None:
@@ -186,9 +202,8 @@ def memory() -> str | None:
     return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 
 
-def said(found: Path, *, tests: bool) -> Row:
+def said(whole: material.Material, *, tests: bool) -> Row:
     """Return what the record of a report says, on request with every test."""
-    whole = material.read(found)
     statement = record.record(whole, verdict.findings(whole))["statement"]
     findings = statement["findings"]
     each = [(f["question"], test) for f in findings for test in f["tests"]]
@@ -216,7 +231,7 @@ def source() -> str:
     digest = hashlib.sha256()
     for folder in (*(src / house for house in HOUSES), here):
         for path in sorted(p for p in folder.rglob("*") if p.suffix in {".py", ".toml"}):
-            if path.name not in {Path(__file__).name, "test_flights.py"}:
+            if path.name not in {Path(__file__).name, Path(sizes.__file__).name, *TESTED}:
                 digest.update(path.read_bytes())
     return digest.hexdigest()[:10]
 
@@ -224,9 +239,9 @@ def source() -> str:
 # --- all flights -----------------------------------------------------------------------------
 
 
-def fly_all(orders: Sequence[Order], folder: Path, jobs: int) -> pd.DataFrame:
+def fly_all(orders: Sequence[Order], folder: Path, jobs: int, *, name: str = NAME) -> pd.DataFrame:
     """Fly what has no row yet; return the table, which is written again and again meanwhile."""
-    path = folder / f"{NAME}.csv"
+    path = folder / f"{name}.csv"
     rows = rows_of(path)
     planned = Counter(order.purpose for order in orders)
     done = {tuple(row[key] for key in KEYS) for row in rows}
@@ -238,10 +253,10 @@ def fly_all(orders: Sequence[Order], folder: Path, jobs: int) -> pd.DataFrame:
                 what = f"{order.plan}, {order.fault or 'clean'}"
                 sys.stderr.write(f"\r{k} of {len(missing)}: {what}\33[K")
                 if k % EVERY == 0:
-                    write(folder, rows, planned)
+                    write(folder, rows, planned, name=name)
         finally:
             if missing:
-                write(folder, rows, planned)
+                write(folder, rows, planned, name=name)
     return pd.DataFrame(rows)
 
 
@@ -255,50 +270,57 @@ def rows_of(path: Path) -> list[Row]:
     return rows
 
 
-def write(folder: Path, rows: Sequence[Row], planned: Mapping[str, int]) -> None:
+def write(
+    folder: Path, rows: Sequence[Row], planned: Mapping[str, int], *, name: str = NAME
+) -> None:
     """Write the table, and what it hangs on; how many flights are planned for every purpose."""
     about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
     about["planned"] = dict(planned)
-    stored.write(folder, NAME, {"": pd.DataFrame(rows)}, about, digits=DIGITS)
+    stored.write(folder, name, {"": pd.DataFrame(rows)}, about, digits=DIGITS)
 
 
 # --- sizes -----------------------------------------------------------------------------------
 
 
-def sizes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
-    """Return for every plan and fault the size of which 80 % should be found, by the pilots."""
-    own = rows[rows["purpose"] == "pilot"]
-    return {
-        (plan, fault): predicted(of, FAULTS[fault])
-        for (plan, fault), of in own.groupby(["plan", "fault"], sort=False)
-    }
+def sizes_of(flown: pd.DataFrame) -> dict[tuple[str, str], float]:
+    """Return for every plan and fault the size of which 80 % should be found, by the pilots.
 
-
-def predicted(pilots: pd.DataFrame, fault: Fault) -> float:
-    """Return the size of which 80 % should be found, or the guess where that is known.
-
-    Parameters
-    ----------
-    pilots : DataFrame
-        Flights of one plan, with a fault of the guessed size.
-    fault : Fault
-
-    Notes
-    -----
-    The most significant test of a report is taken for a normal one. Its quantile z grows in
-    proportion to the size, and is found beyond that of Holm's share of the level.
+    Where it is known, or none is found so often, it is the guess.
     """
-    plan = str(pilots["plan"].iloc[0])
-    size = fault.begin(plan)
-    tested = pilots[np.isclose(pilots["size"], size) & pilots["p_joint"].notna()]
-    if plan in fault.known or tested.empty:
-        return size
-    # Holm's p of the smallest is p times the number of tests
-    each = np.clip(tested["p_joint"].to_numpy() / tested["n_tests"].to_numpy(), 1e-300, 1.0)
-    z = float(np.mean(stats.norm.isf(each / 2)))
-    critical = stats.norm.isf(LEVEL / tested["n_tests"].mean() / 2)
-    beyond = (size - fault.least) * (critical + stats.norm.ppf(FOUND)) / z
-    return float(fault.least + float(f"{beyond:.2g}"))
+    by_kind = {
+        kind: own.set_index("seed").sort_index()
+        for kind, own in flown.groupby(["plan", "fault", "size"])
+    }
+    found = {}
+    for fault, of in FAULTS.items():
+        for plan in of.plans:
+            begin = of.begin(plan)
+            size = np.nan
+            if plan not in of.known:
+                size = sizes.predicted(_pilots_of(by_kind, plan, fault), begin)
+            found[plan, fault] = size if np.isfinite(size) else begin
+    return found
+
+
+def _pilots_of(
+    by_kind: Mapping[tuple[str, str, float], pd.DataFrame], plan: str, fault: str
+) -> list[sizes.Pilot]:
+    """Return what a fault does to the tests, seed by seed."""
+    of, without = FAULTS[fault], by_kind[plan, "", 0.0]
+    if of.scales:
+        reversed_, quiet = (by_kind[plan, fault, size] for size in (-1.0, 0.0))
+        parts = (without, reversed_, quiet)
+        seeds = _in_all(parts)
+        return [sizes.scaled(*(p.loc[s] for p in parts), groups=of.groups) for s in seeds]
+    begin = float(f"{of.begin(plan):.{DIGITS}g}")
+    parts = (without, by_kind[plan, fault, begin], by_kind[plan, fault, -begin])
+    return [sizes.shifted(*(p.loc[s] for p in parts), size=begin) for s in _in_all(parts)]
+
+
+def _in_all(parts: Sequence[pd.DataFrame]) -> list[int]:
+    """Return the seeds of which all flights have a report."""
+    first, *others = (set(part.index[part["holds"].notna()]) for part in parts)
+    return sorted(first.intersection(*others))
 
 
 if __name__ == "__main__":

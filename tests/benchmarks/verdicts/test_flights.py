@@ -163,7 +163,7 @@ def test_flights_at_any_time_are_spread_evenly():
 
 
 def test_no_seed_is_flown_for_two_purposes():
-    of = {p: flights.of_kind(p, "flat", "", 0.0, 100) for p in ("spoilt", "third", "pilot")}
+    of = {p: flights.of_kind(p, "flat", "", 0.0, 100) for p in ("spoilt", "third", "pilot", "slow")}
     of["clean"] = flights.of_kind("clean", "flat", "", 0.0, flights.N_CLEAN)
     seeds = [one.seed for kind in of.values() for one in kind]
     assert len(seeds) == len(set(seeds))
@@ -182,21 +182,23 @@ def test_a_flight_that_has_a_row_is_not_flown_again(tmp_path):
     assert flights.fly_all(orders, tmp_path, 1)["source"].tolist() == both["source"].tolist()
 
 
-def pilots(z, fault, *, n_tests=20):
-    """Return flights of one plan whose most significant test has these normal quantiles."""
-    joint = np.minimum(1.0, n_tests * 2 * stats.norm.sf(z))
-    told = {"plan": "flat", "size": FAULTS[fault].begin("flat"), "n_tests": n_tests}
-    return pd.DataFrame({"p_joint": joint, **told})
+# --- sizes -----------------------------------------------------------------------------------
 
 
-def test_the_predicted_size_is_that_which_a_normal_test_finds_in_80_percent():
-    fault = FAULTS["sigma of GNSS"]  # a factor, one without a fault; the guess is 1.5
-    found = flights.predicted(pilots(np.array([5.0, 6.0, 7.0]), "sigma of GNSS"), fault)
-    expected = 1 + 0.5 * (stats.norm.isf(0.05 / 20 / 2) + 0.8416) / 6.0
-    assert found == pytest.approx(expected, abs=0.006)
+def test_pilots_fly_every_fault_in_both_directions_and_every_plan_without_any():
+    kinds = {(kind[0].plan, kind[0].fault, kind[0].size) for kind in flights.pilots(2)}
+    assert {(plan, "", 0.0) for plan in PLANS} < kinds
+    for fault, of in FAULTS.items():
+        for plan in of.plans:
+            begin = of.begin(plan)
+            both = {(-1.0, 0.0)} if of.scales else {(begin, -begin)}
+            expected = set() if plan in of.known else {(plan, fault, s) for s in both.pop()}
+            assert expected == {kind for kind in kinds if kind[:2] == (plan, fault)}
 
 
-@pytest.mark.parametrize(("z", "fault"), [(9.0, "gross errors"), (np.nan, "delay")])
-def test_the_guess_stands_where_it_is_known_or_nothing_was_tested(z, fault):
-    found = flights.predicted(pilots(np.array([z, z]), fault), FAULTS[fault])
-    assert found == FAULTS[fault].begin("flat")
+def test_the_stored_flights_have_the_sizes_that_the_stored_pilots_predict():
+    predicted = flights.sizes_of(pd.DataFrame(flights.rows_of(flights.OUT / "verdicts_pilots.csv")))
+    flown = pd.DataFrame(flights.rows_of(flights.OUT / "verdicts.csv"))
+    own = flown[flown["purpose"] == "spoilt"]
+    for (plan, fault), sizes in own.groupby(["plan", "fault"])["size"]:
+        assert sizes.unique() == pytest.approx([predicted[plan, fault]], rel=1e-3)

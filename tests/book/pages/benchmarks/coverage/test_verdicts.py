@@ -99,7 +99,7 @@ def test_sizes_that_are_found_too_rarely_or_never_are_named():
             rows("spoilt", "one-height", 60, 2, fault="datum in height", size=0.5),
         )
     )
-    assert text.startswith("1 of 3 predicted sizes were found in 80 %")
+    assert text.startswith("2 of 3 predicted sizes were found in 80 % of the flights or more")
     assert "More rarely found: the camera turns on its mount, by 0.013°, one height (20 of" in text
     assert "More often found: positions of the calibration late by 0.002 s, no control" in text
     assert "unknowns take it up: surveyed points shifted in height by 0.5 m, one height" in text
