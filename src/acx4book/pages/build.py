@@ -315,6 +315,7 @@ def texts_of_benchmarks(
     yield "coverage-found.md", sigma.found(errors)
     yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
     yield "coverage-slow.md", slow_errors.page(slow_errors.read(BENCHMARKS))
+    yield "coverage-validated.md", slow_errors.validated(slow_errors.read_validated(BENCHMARKS))
     said = verdicts.read(BENCHMARKS)
     yield "coverage-good.md", verdicts.good(said)
     yield "coverage-spoilt.md", verdicts.spoilt(said)

@@ -15,6 +15,9 @@ from acx4lib.least_squares.adjustment import two_sided_p
 ALPHA = 0.01
 """Two-sided probability of a chi-square outside its bounds."""
 
+CHECKED = "Independent check points"
+"""The question of a report that the validation answers."""
+
 HEADINGS = {"white": "Taken for independent", "correlated": "Weights of their correlation"}
 
 
@@ -48,6 +51,48 @@ def page(errors: pd.DataFrame) -> str:
     """Return verdict and table as MyST text."""
     caption = "RMS of the errors of the single step over their σ, slow errors of the trajectory"
     return f"{verdict(errors)}\n\n{myst_table(table(errors), caption, name='tab-coverage-slow')}\n"
+
+
+def read_validated(folder: Path) -> pd.DataFrame:
+    """Read what reports say of flights of a plan whose validation has slow errors, too.
+
+    Returns
+    -------
+    DataFrame
+        A row for each flight: fault, what is declared of the errors; size, the share of σ that
+        changes slowly; holds, of the report as a whole; a column with the state of every question.
+    """
+    _, (flights,) = stored.read(folder, "slow_validations", make="coverage")
+    return flights
+
+
+def validated(flights: pd.DataFrame) -> str:
+    """Return what reports say of validations with slow errors, as MyST text."""
+    counts = {kind: _counts(own) for kind, own in flights.groupby("fault", sort=False)}
+    known, n, _ = counts["declared"]
+    unknown, m, _ = counts["not declared"]
+    said = (
+        f"With slow errors in calibration and validation, the question of independent check points "
+        f"fails in {known} of {n} flights where σ, share and time constant are declared, and in "
+        f"{unknown} of {m} where `flight.toml` says nothing of them."
+    )
+    rows = [
+        {
+            "Slow errors": str(kind),
+            "Flights": of,
+            "Independent check points fail": failed,
+            "The report does not hold": lost,
+        }
+        for kind, (failed, of, lost) in counts.items()
+    ]
+    caption = "Reports of flights whose trajectory's errors change slowly"
+    return f"{said}\n\n{myst_table(pd.DataFrame(rows), caption, name='tab-coverage-validated')}\n"
+
+
+def _counts(flights: pd.DataFrame) -> tuple[int, int, int]:
+    """Return in how many flights the question fails, how many there are, and failing reports."""
+    failed = (flights[CHECKED] == "fails").sum()
+    return int(failed), len(flights), int((flights["holds"] != 1).sum())
 
 
 def verdict(errors: pd.DataFrame) -> str:

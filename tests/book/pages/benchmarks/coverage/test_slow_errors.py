@@ -48,3 +48,22 @@ def test_correlated_weights_keep_the_promise_on_the_stored_flights():
     assert "within its two-sided bounds" in slow_errors.verdict(errors)
     boresight = slow_errors.ratios(errors, "white").filter(like="boresight")
     assert (boresight > 2).all()
+
+
+def test_failing_validations_are_counted_by_what_is_declared():
+    asked = slow_errors.CHECKED
+    rows = [("declared", "holds", 1)] * 9 + [("declared", "fails", 0)]
+    rows += [("not declared", "fails", 0)] * 4 + [("not declared", "holds", 0)]
+    text = slow_errors.validated(pd.DataFrame(rows, columns=["fault", asked, "holds"]))
+    assert "fails in 1 of 10 flights where σ, share and time constant are declared" in text
+    assert "in 4 of 5 where" in text
+    assert "| not declared | 5 | 4 | 5 |" in text
+
+
+def test_on_the_stored_flights_declared_errors_pass_and_undeclared_ones_are_found():
+    """Of 60 flights a report may fail 5 %; as many as 8 are beyond chance."""
+    flown = slow_errors.read_validated(BENCHMARKS)
+    failed = (flown["holds"] != 1).groupby(flown["fault"]).agg(["sum", "count"])
+    assert (failed["count"] == 60).all()
+    assert failed.loc["declared", "sum"] < 8
+    assert failed.loc["not declared", "sum"] > 48
