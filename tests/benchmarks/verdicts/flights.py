@@ -298,7 +298,8 @@ def sizes_of(flown: pd.DataFrame) -> dict[tuple[str, str], float]:
             size = np.nan
             if plan not in of.known:
                 size = sizes.predicted(_pilots_of(by_kind, plan, fault), begin)
-            found[plan, fault] = size if np.isfinite(size) else begin
+            beyond = float(f"{size - of.least:.2g}")
+            found[plan, fault] = of.least + beyond if np.isfinite(size) else begin
     return found
 
 

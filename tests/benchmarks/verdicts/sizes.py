@@ -315,4 +315,4 @@ def predicted(pilots: Sequence[Pilot], begin: float) -> float:
     most = np.log(begin * LARGEST)
     if not missing(least) < 0 < missing(most):
         return np.nan
-    return float(f"{np.exp(optimize.brentq(missing, least, most, xtol=1e-4)):.3g}")
+    return float(np.exp(optimize.brentq(missing, least, most, xtol=1e-4)))

@@ -41,15 +41,15 @@ PLANS: Mapping[str, str] = {
 """Names of the plans in headings."""
 
 FAULTS: Mapping[str, tuple[str, str]] = {
-    "step": ("the camera turns on its mount, by", "{:.3g}°"),
+    "step": ("the camera turns on its mount, by", "{:.2g}°"),
     "sigma of image points": ("true σ of image points over the stated one", "{:.3g}"),
     "sigma of GNSS": ("true σ of GNSS positions over the stated one", "{:.3g}"),
     "sigma of attitudes": ("true σ of attitudes over the stated one", "{:.3g}"),
-    "delay": ("positions of the calibration late by", "{:.3g} s"),
-    "delay in both": ("positions of calibration and validation late by", "{:.3g} s"),
-    "lever arm": ("declared lever arm wrong in height by", "{:.3g} m"),
-    "datum in plan": ("surveyed points shifted east by", "{:.3g} m"),
-    "datum in height": ("surveyed points shifted in height by", "{:.3g} m"),
+    "delay": ("positions of the calibration late by", "{:.2g} s"),
+    "delay in both": ("positions of calibration and validation late by", "{:.2g} s"),
+    "lever arm": ("declared lever arm wrong in height by", "{:.2g} m"),
+    "datum in plan": ("surveyed points shifted east by", "{:.2g} m"),
+    "datum in height": ("surveyed points shifted in height by", "{:.2g} m"),
 }
 """What is wrong, and the form of its size; gross errors have a table of their own."""
 
