@@ -6,8 +6,8 @@ squares is a polynomial of second degree in the size, so its second difference i
 without the flight's noise. That grows with the square of the size. The rest is the distribution of
 each test, noncentral, and the level that Holm leaves to the smallest of all probabilities.
 
-Larger noise multiplies sums of squares of residuals, less what snooping rejects of them before. They
-are taken for chi-square of the same mean and variance.
+Larger noise multiplies sums of squares of residuals, less what snooping rejects before. They are
+taken for chi-square of the same mean and variance.
 """
 
 from __future__ import annotations
