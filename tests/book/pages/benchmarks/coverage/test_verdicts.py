@@ -154,4 +154,5 @@ def test_faults_of_the_predicted_size_are_found_on_the_stored_flights(stored):
     assert set(hidden["fault"]) <= {"delay in both", "datum in height"}
     assert not hidden["plan"].isin(["flat", "oblique-heads"]).any()  # they declare their lever arms
     seen = found[~found["is_hidden"]]
-    assert seen["k"].sum() / seen["n"].sum() > 0.7
+    assert 0.77 < seen["k"].sum() / seen["n"].sum() < 0.85
+    assert "More rarely found" not in verdicts.spoilt_verdict(stored)
