@@ -162,5 +162,8 @@ def _explained(N: sparse.csr_array, b: Array, georeferenced: Georeferenced, used
     joint = (sparse.eye_array(len(b)) + H.T @ N @ H).tocsc()
     right = np.asarray(H.T @ b)
     with processors.on_one_thread():
-        whole = splu(joint, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
+        try:
+            whole = splu(joint, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
+        except RuntimeError as error:  # SuperLU has no error of its own
+            raise np.linalg.LinAlgError(str(error)) from error
         return float(right @ whole.solve(right))

@@ -10,6 +10,7 @@ from scipy import stats
 
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import single_step
+from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import error_sources
@@ -74,6 +75,19 @@ def test_a_point_in_one_image_is_left_out_and_counted(block, cameras):
     assert found.points.point_idx.tolist() == [0, 1, 3]
     assert 2 not in found.pairs.point_idx
     assert found.n_left_out == 1
+
+
+@pytest.mark.parametrize(("name", "sigma"), [("sigma_position", 1e154), ("sigma_attitude", 1e160)])
+def test_numbers_that_cannot_be_computed_with_are_an_error_that_says_so(
+    block, cameras, name, sigma
+):
+    far = getattr(block.trajectory, name).copy()
+    far[2] = sigma
+    trajectory = replace(block.trajectory, **{name: far})
+    with np.errstate(all="ignore"), pytest.raises(AdjustmentError) as raised:
+        validate(replace(block, trajectory=trajectory), cameras, method="given")
+    assert str(raised.value).startswith("the equations of the check points")
+    assert "cannot be solved" in str(raised.value)
 
 
 def test_without_check_points_there_is_nothing_to_compare(block, cameras):
