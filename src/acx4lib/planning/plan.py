@@ -244,7 +244,7 @@ class Plan:
         area_m : tuple of float, optional
             Length forward and width left of the rectangle; by default that of the plan's own.
         """
-        expected.whole("number", number, least=0)
+        expected.one_of("number", number, range(10))
         points = replace(
             self.control,
             layout="corners",

@@ -51,6 +51,8 @@ def test_control_points_are_corners_first(plan):
     assert abs(places[:4]).tolist() == 4 * [[200.0, 150.0]]
     assert places[4].tolist() == [0.0, 0.0]
     assert len(ground.places(plan.with_control(0).control)) == 0
+    with pytest.raises(ValueError, match="number"):
+        plan.with_control(10)
 
 
 def test_sigmas_are_those_of_the_design(plan):
