@@ -30,8 +30,8 @@ Flight = Annotated[
 
 
 BOOK = (
-    *("IPython", "PIL", "jinja2", "markdown_it", "matplotlib", "nbformat", "papermill"),
-    *("traitlets", "yaml"),
+    *("IPython", "PIL", "markdown_it", "matplotlib", "nbformat", "papermill", "traitlets", "yaml"),
+    "jinja2",
 )
 """Modules of the extra ``book``."""
 

@@ -160,7 +160,7 @@ def _gather(results_path: Path, source: Path, tell: Tell) -> None:
     chapters = list(_chapters(results_path, executed, simulated=run.flight.simulated, tell=tell))
     frames.draw(generated)
     texts = {
-        "intro.md": _front(run),
+        "index.md": _front(run),
         "certificate.md": _certificate(run),
         "_toc.yml": yaml.safe_dump(_contents(chapters)),
         "_config.yml": yaml.safe_dump(_settings(run.flight.name)),
@@ -262,7 +262,7 @@ def _contents(chapters: list[str]) -> dict[str, Any]:
     parts = {"The flight": [*of_flight, "certificate"], "To read it": READING}
     return {
         "format": "jb-book",
-        "root": "intro",
+        "root": "index",
         "parts": [
             {"caption": caption, "chapters": [{"file": page} for page in pages]}
             for caption, pages in parts.items()

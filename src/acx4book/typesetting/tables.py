@@ -71,8 +71,10 @@ def markdown(table: pd.DataFrame) -> str:
     ----------
     table : DataFrame
         Its index is shown unless it only counts the rows. Text is shown as it is; `Markup` is
-        Markdown.
+        Markdown. Of an empty table nothing is shown.
     """
+    if table.empty:
+        return ""
     columns = _columns(table)
     rows = [
         [cell_text(title) for title, _, _ in columns],
@@ -93,6 +95,8 @@ def html(table: pd.DataFrame) -> str:
     table : DataFrame
         As in `markdown`.
     """
+    if table.empty:
+        return ""
     columns = _columns(table)
     head = "".join(_tag("th", title, right=right) for title, _, right in columns)
     body = (
@@ -251,4 +255,4 @@ def _in_format(value: float, spec: str) -> Markup:
 
 
 def _minus(text: str) -> Markup:
-    return Markup(text.replace("-", "\N{MINUS SIGN}"))
+    return Markup(text.replace("-", "\N{MINUS SIGN}").replace("inf", "∞"))

@@ -108,4 +108,4 @@ def test_flights_that_lack_something_go_through(other, tmp_path, lacking):
     assert "ended" not in found
     for table in (found["left"], (found["found"] or found["ties"]).table()):
         assert len(table) > 0 or found["said"]["n"] == 0
-        assert markdown(table).startswith("|")
+        assert markdown(table).startswith("|") or not len(table)

@@ -47,7 +47,7 @@ def test_the_name_of_the_flight_is_in_the_title_of_every_page_as_it_is_written(s
         found = BeautifulSoup(path.read_text("utf-8"), "html.parser")
         assert NAME in found.title.text
         assert not [b for b in found.find_all("b") if b.text == "|"]
-    assert page(site, "intro.html").h1.text.startswith(NAME)
+    assert page(site, "index.html").h1.text.startswith(NAME)
 
 
 def test_it_has_the_chapters_that_the_flight_has_data_for_and_none_of_the_study(site):
@@ -68,7 +68,7 @@ def test_the_certificate_says_what_the_report_says_and_leads_to_it(site):
 
 def test_the_first_page_names_every_table_that_was_read(site, results):
     told = json.loads((results / "provenance.json").read_text())["files"]
-    text = page(site, "intro.html").text
+    text = page(site, "index.html").text
     assert all(name in text and digest in text for name, digest in told.items())
 
 
