@@ -82,7 +82,7 @@ def _commit() -> str:
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
     try:
-        changed = len(git("status", "--porcelain").splitlines())
+        changed = len(git("status", "--porcelain", "--untracked-files=no").splitlines())
         return git("rev-parse", "HEAD") + (f", {changed} files differ" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"

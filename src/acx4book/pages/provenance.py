@@ -15,14 +15,17 @@ from acx4lib.results.provenance import KEPT
 
 
 def commit() -> str:
-    """Name the commit of the working copy in the current folder, and count what differs from it."""
+    """Name the commit of the working copy in the current folder, and count its files that differ.
+
+    Files that are new do not count: a flight or its results beside the sources change none of them.
+    """
 
     def git(*arguments: str) -> str:
         command = ["git", *arguments]
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
     try:
-        changed = len(git("status", "--porcelain").splitlines())
+        changed = len(git("status", "--porcelain", "--untracked-files=no").splitlines())
         return git("rev-parse", "HEAD") + (f", {changed} files differ" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "not a clone of the repository"

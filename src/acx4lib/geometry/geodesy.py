@@ -76,12 +76,8 @@ class GridSystem:
         if {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
             msg = f"{given!r} ({crs.name}) does not count east and north"
             raise ValueError(msg)
-        angles = crs.geodetic_crs.axis_info[:2] if crs.geodetic_crs else []
-        if any(not np.isclose(axis.unit_conversion_factor, np.pi / 180) for axis in angles):
-            msg = f"{given!r} ({crs.name}) has latitudes in {angles[0].unit_name}, not degrees"
-            raise ValueError(msg)
         try:
-            _ = self._geographic, self._cartesian, self._projection
+            _ = self._geographic, self._cartesian, self._projection, self._counted
         except (CRSError, ProjError) as error:
             msg = f"{given!r} cannot be computed by PROJ ({' '.join(str(error).split())})"
             raise ValueError(msg) from error
@@ -93,9 +89,35 @@ class GridSystem:
 
     @cached_property
     def _geographic(self) -> pyproj.Transformer:
-        """Easting, northing to longitude, latitude of the CRS's own datum, degrees."""
-        crs = self._crs.sub_crs_list[0] if self._crs.is_compound else self._crs
+        """Easting, northing to longitude, latitude as the CRS's own datum counts them."""
+        crs = self._horizontal
         return pyproj.Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+
+    @property
+    def _horizontal(self) -> pyproj.CRS:
+        return self._crs.sub_crs_list[0] if self._crs.is_compound else self._crs
+
+    @cached_property
+    def _counted(self) -> tuple[float, Array]:
+        """The datum's unit of angles, and longitude and latitude of its zero, in degrees.
+
+        Maps of France may count grads from Paris. Longitudes here are degrees from Greenwich.
+        """
+        geographic = self._horizontal.geodetic_crs
+        if geographic is None:
+            msg = "it has no geodetic CRS"
+            raise CRSError(msg)
+        unit = float(np.degrees(geographic.axis_info[0].unit_conversion_factor))
+        meridian = geographic.prime_meridian
+        east = 0.0
+        if meridian is not None:
+            east = float(np.degrees(meridian.longitude * meridian.unit_conversion_factor))
+        return unit, np.array([east, 0.0])
+
+    def _as_counted(self, lonlat: Array) -> Array:
+        """Return longitudes and latitudes as the datum counts them, shape (n, 2)."""
+        unit, zero = self._counted
+        return (lonlat - zero) / unit
 
     @cached_property
     def _projection(self) -> pyproj.Proj:
@@ -140,16 +162,19 @@ class GridSystem:
             return np.full(len(lonlat), float(self.heights))
         if self._height_transformer is None:
             return np.zeros(len(lonlat))
-        lon, lat = lonlat.T
+        of_file = isinstance(self.heights, str) and not is_code_or_wkt(self.heights)
+        lon, lat = (lonlat if of_file else self._as_counted(lonlat)).T
         return np.asarray(self._height_transformer.transform(lon, lat, np.zeros(len(lon)))[2])
 
     def lonlat_from_grid(self, east_north: Array) -> Array:
-        """Return longitude, latitude in degrees on the CRS's own datum, shape (n, 2)."""
-        return np.stack(self._geographic.transform(*east_north.T), axis=-1).reshape(-1, 2)
+        """Return longitude from Greenwich and latitude on the CRS's own datum, deg, (n, 2)."""
+        unit, zero = self._counted
+        counted = np.stack(self._geographic.transform(*east_north.T), axis=-1).reshape(-1, 2)
+        return counted * unit + zero
 
     def grid_from_lonlat(self, lonlat: Array) -> Array:
         """Return easting, northing in m, shape (n, 2)."""
-        lon, lat = lonlat.T
+        lon, lat = self._as_counted(lonlat).T
         east_north = self._geographic.transform(lon, lat, direction=TransformDirection.INVERSE)
         return np.stack(east_north, axis=-1).reshape(-1, 2)
 
@@ -160,7 +185,7 @@ class GridSystem:
         """
         if not len(lonlat):  # PROJ refuses an empty array
             return np.zeros(0)
-        factors = self._projection.get_factors(*lonlat.T)
+        factors = self._projection.get_factors(*(lonlat - self._counted[1]).T)
         degrees = np.asarray(factors.meridian_convergence, dtype=float).reshape(-1)
         return np.radians(np.where(np.isfinite(degrees), degrees, np.nan))
 
@@ -168,7 +193,7 @@ class GridSystem:
         """Return the scale of a conformal map at positions, map length over true, shape (n,)."""
         if not len(lonlat):  # PROJ refuses an empty array
             return np.zeros(0)
-        factors = self._projection.get_factors(*lonlat.T)
+        factors = self._projection.get_factors(*(lonlat - self._counted[1]).T)
         return np.sqrt(np.asarray(factors.areal_scale, dtype=float).reshape(-1))
 
     def ecef_from_geographic(self, lonlath: Array) -> Array:

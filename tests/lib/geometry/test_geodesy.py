@@ -233,6 +233,42 @@ def test_a_point_outside_the_projection_is_not_finite():
     assert np.isfinite(x_m[1]).all()
 
 
+# --- grads and other meridians ---------------------------------------------------------------
+
+LAMBERT_1 = GridSystem(crs="EPSG:27561")
+
+
+def test_a_map_whose_datum_counts_grads_from_paris_takes_degrees_from_greenwich():
+    """IGN's note ALG0003 prints this point of Lambert zone I with its radians from Greenwich."""
+    lonlat = np.degrees([[0.145512099, 0.872664626]])
+    printed = [[1029705.083, 272723.849]]
+    assert_allclose(LAMBERT_1.grid_from_lonlat(lonlat), printed, atol=0.01)
+    assert_allclose(LAMBERT_1.lonlat_from_grid(np.array(printed)), lonlat, atol=1e-7)
+
+
+@pytest.mark.parametrize("crs", ["EPSG:27561", "EPSG:27572", "EPSG:31700"])
+def test_convergence_and_scale_are_those_of_the_map_at_any_prime_meridian(crs):
+    grid = GridSystem(crs=crs)
+    at = np.array([[3.1, 48.9]]) if crs.startswith("EPSG:27") else np.array([[26.1, 44.4]])
+    d = 1e-5
+    north = (grid.grid_from_lonlat(at + [0, d]) - grid.grid_from_lonlat(at - [0, d]))[0]
+    assert_allclose(grid.convergence(at), -np.arctan2(*north), atol=1e-7)
+    frame = MappingFrame(grid=grid, origin=at[0])
+    x_m = np.array([[0.0, -100.0, 0.0], [0.0, 100.0, 0.0]])
+    length = np.linalg.norm(np.diff(frame.to_grid(x_m)[:, :2], axis=0))
+    assert_allclose(grid.scale(at), length / 200, atol=1e-6)
+
+
+def test_a_geoid_file_is_read_at_the_longitude_from_greenwich(tmp_path):
+    """A grid of one metre a degree of longitude, from 0 to 4 degrees east."""
+    rows, columns = 3, 5
+    head = struct.pack(">4d2i", 47.0, 0.0, 1.0, 1.0, rows, columns)
+    path = tmp_path / "slope.gtx"
+    path.write_bytes(head + struct.pack(">15f", *([0.0, 1.0, 2.0, 3.0, 4.0] * rows)))
+    grid = GridSystem(crs="EPSG:27561", heights=str(path))
+    assert_allclose(grid.undulation(np.array([[3.0, 48.5]])), 3.0, atol=1e-5)
+
+
 # --- systems that cannot be used -------------------------------------------------------------
 
 
@@ -244,7 +280,6 @@ def test_a_point_outside_the_projection_is_not_finite():
         ("EPSG:2048", "does not count east and north"),
         ("EPSG:999999", "is no CRS that PROJ knows"),
         ("a CRS of my own", "is neither an authority code, nor WKT, nor a PROJ string"),
-        ("EPSG:27572", "has latitudes in grad, not degrees"),
     ],
 )
 def test_a_crs_that_cannot_be_used_says_why(crs, why):

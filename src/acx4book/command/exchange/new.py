@@ -60,6 +60,7 @@ def new(
     from acx4lib.exchange.trajectories import orientations  # noqa: PLC0415 quick help
     from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
     from acx4lib.flight.text.names import name_fault  # noqa: PLC0415 quick help
+    from acx4lib.geometry.geodesy import GridSystem  # noqa: PLC0415 quick help
 
     heads = [name.strip() for name in answers["cameras"].split(",") if name.strip()]
     name = folder.resolve().name
@@ -68,6 +69,10 @@ def new(
             terminal.refuse(f"{fault[0]}; {fault[1]}")
     if len(set(heads)) != len(heads) or not heads:
         terminal.refuse(f"--cameras: {answers['cameras']!r}: must be names that are all different")
+    try:
+        _ = GridSystem(crs=answers["crs"])
+    except ValueError as error:
+        terminal.refuse(f"--crs: {error}; must be a projected CRS in metres")
     system = Meaning(crs=answers["crs"], heights=bring.heights_of(answers["heights"]))
     texts = template.files(name, cameras=heads, **orientations.settings(system))
     flight_folder.begin(folder, texts, orientations.grid_file(system))

@@ -121,17 +121,14 @@ def _check_places(out: Path) -> None:
 
 
 def check_pdf(out: str | Path) -> None:
-    """Check that the report `out` can be printed into the file beside it.
+    """Check that the report `out` may be printed into the file beside it.
 
     Raises
     ------
     OutputError
         Where the file must not be replaced.
-    PrintError
-        Where Chromium is missing.
     """
     check_file(Path(out).with_suffix(".pdf"), mark=PDF_MARK, what="a report of acx4")
-    chromium()
 
 
 def write_pdf(out: str | Path) -> Path:
@@ -140,10 +137,11 @@ def write_pdf(out: str | Path) -> Path:
     Raises
     ------
     OutputError, PrintError
-        As `check_pdf`, or where Chromium does not print it.
+        As `check_pdf`, and where Chromium is missing or does not print it.
     """
     out = Path(out)
     check_pdf(out)
+    browser = chromium()
     place = out.with_suffix(".pdf")
     text = TITLE.sub(f"<title>{PDF_TITLE}</title>", text_of(out), count=1)
     with (
@@ -152,7 +150,7 @@ def write_pdf(out: str | Path) -> Path:
     ):
         whole = Path(temporary) / "report.html"
         whole_files.write(whole, text)
-        printed(chromium(), whole, made)
+        printed(browser, whole, made)
     return place
 
 

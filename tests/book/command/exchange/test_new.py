@@ -43,6 +43,23 @@ def test_names_and_numbers_that_no_flight_has_are_refused(acx4, tmp_path):
     assert not (tmp_path / "f").exists()
 
 
+def test_a_crs_that_the_check_refuses_is_refused_at_once(acx4, tmp_path):
+    options = ("--cameras", "A", "--heights", "ellipsoidal")
+    for crs, says in (
+        ("EPSG:4326", "'EPSG:4326' (WGS 84) is not a projected CRS; must be a projected CRS"),
+        ("EPSG:2225", "in US survey foot, not in metres"),
+        ("my own", "is neither an authority code, nor WKT"),
+    ):
+        status, _, wrong = acx4("new", tmp_path / "f", "--crs", crs, *options)
+        assert (status, says in wrong, wrong.count("\n")) == (2, True, 1)
+    assert not (tmp_path / "f").exists()
+    # metres east and north, though its latitudes are grads: the check has no word on it
+    status, said, _ = acx4("new", tmp_path / "f", "--crs", "EPSG:27561", *options)
+    assert status == 0
+    assert "PROJ" not in said
+    assert "metres" not in said
+
+
 def test_a_geoid_grid_is_brought_into_the_flight(acx4, tmp_path):
     (tmp_path / "geoid.gtx").write_bytes(b"grid")
     options = ("--cameras", "A", "--crs", "EPSG:31982", "--heights", tmp_path / "geoid.gtx")

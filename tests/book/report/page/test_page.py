@@ -113,3 +113,14 @@ def test_residuals_of_another_flight_are_refused(folder):
     edit(folder, "residuals", rename)
     with pytest.raises(FlightError, match=r"are not of the points in flight; run all"):
         image_residuals(read(folder), SINGLE)
+
+
+def test_without_a_printer_the_report_is_written_and_the_command_says_what_is_missing(
+    acx4, made, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("PATH", "")
+    out = tmp_path / "report.html"
+    status, said, err = acx4("report", made[1], "--out", out, "--pdf")
+    assert (status, said.splitlines()) == (1, ["report: done", str(out)])
+    assert "install the package chromium" in err
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "report.json"}

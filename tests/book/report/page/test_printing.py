@@ -23,7 +23,7 @@ def report(tmp_path):
 def test_without_chromium_a_line_says_what_to_install(report, monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(printing.PrintError, match="install the package chromium"):
-        page.check_pdf(report)
+        page.write_pdf(report)
     assert [path.name for path in report.parent.iterdir()] == ["report.html"]
 
 
