@@ -250,8 +250,8 @@ def test_a_map_whose_datum_counts_grads_from_paris_takes_degrees_from_greenwich(
 def test_convergence_and_scale_are_those_of_the_map_at_any_prime_meridian(crs):
     grid = GridSystem(crs=crs)
     at = np.array([[3.1, 48.9]]) if crs.startswith("EPSG:27") else np.array([[26.1, 44.4]])
-    d = 1e-5
-    north = (grid.grid_from_lonlat(at + [0, d]) - grid.grid_from_lonlat(at - [0, d]))[0]
+    d = np.array([0.0, 1e-5])
+    north = (grid.grid_from_lonlat(at + d) - grid.grid_from_lonlat(at - d))[0]
     assert_allclose(grid.convergence(at), -np.arctan2(*north), atol=1e-7)
     frame = MappingFrame(grid=grid, origin=at[0])
     x_m = np.array([[0.0, -100.0, 0.0], [0.0, 100.0, 0.0]])
