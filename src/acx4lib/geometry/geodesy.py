@@ -111,7 +111,7 @@ class GridSystem:
         meridian = geographic.prime_meridian
         east = 0.0
         if meridian is not None:
-            east = float(np.degrees(meridian.longitude * meridian.unit_conversion_factor))
+            east = float(np.degrees(meridian.longitude * float(meridian.unit_conversion_factor)))
         return unit, np.array([east, 0.0])
 
     def _as_counted(self, lonlat: Array) -> Array:
