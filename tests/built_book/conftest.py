@@ -5,7 +5,6 @@
 
 import gc
 import os
-import re
 import shutil
 from contextlib import contextmanager
 
@@ -16,8 +15,6 @@ from support.helpers import ROOT
 
 HTML = ROOT / "book" / "_build" / "html"
 AXE = ROOT / ".venv" / "node" / "node_modules" / "axe-core" / "axe.min.js"
-COLOURS = re.compile(r'</?span( class="\w*")?>')
-"""What colours the words of a program."""
 
 
 def give_up(reason, variable):
@@ -36,7 +33,7 @@ def html():
 
 @pytest.fixture(scope="session")
 def pages(html):
-    """Every page, parsed, by its path inside the book; listings of source code have no colours."""
+    """Every page, parsed, by its path inside the book."""
     others = {"_static", "_downloads"}  # no pages of the book
     files = [path for path in sorted(html.rglob("*.html")) if not others & {*path.parts}]
     gc.disable()  # which would look through all pages again and again
@@ -48,18 +45,14 @@ def pages(html):
 
 def parse(path):
     text = path.read_text(encoding="utf-8")
-    return BeautifulSoup(COLOURS.sub("", text) if "_modules" in path.parts else text, "html.parser")
+    return BeautifulSoup(text, "html.parser")
 
 
 @pytest.fixture(scope="session")
 def chapters(pages):
-    """The pages that somebody wrote: no index, no search, no listings of source code."""
+    """The pages that somebody wrote: no index, no search."""
     made = ("search.html", "index.html")
-    return {
-        name: page
-        for name, page in pages.items()
-        if name not in made and not name.startswith("_modules/")
-    }
+    return {name: page for name, page in pages.items() if name not in made}
 
 
 @pytest.fixture(scope="session")

@@ -69,7 +69,6 @@ def test_a_term_is_linked_once_on_a_page_and_never_in_a_heading(chapters):
 def test_every_file_that_others_made_has_its_licence(html):
     ours = {"acx4.css", "accessible.js", "favicon.svg", "logo.svg", "print.css"}
     ours |= {
-        "listing.css",
         "scrolling.css",
         "scrolling.js",
         "moving/explorer.js",

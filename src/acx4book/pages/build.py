@@ -66,7 +66,7 @@ RUN_PAGES = ("first-flight", "library", "your-files")
 WRAPPED = ("your-files",)
 """Those of them whose output is sentences, not tables: long lines go on in the next."""
 
-SOURCES, ARCHIVED = Path(__file__).parents[2], ("acx4sim",)
+SOURCES, ARCHIVED = Path(__file__).parents[2], ("acx4lib", "acx4sim")
 """Packages whose code the book has as archives, and where they are."""
 
 UNDATED = 315_532_800

@@ -64,8 +64,8 @@ TAKEN = ("_ext", "_static", "_moving", "images", "references.bib", *(f"{p}.md" f
 """What is taken from the sources of the study's book, beside its settings."""
 
 OF_CODE = {
-    *("sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx.ext.viewcode"),
-    *("sphinx_exercise", "listings", "docstrings", "seldom_collected"),
+    *("sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"),
+    *("sphinx_exercise", "short_signatures", "docstrings", "seldom_collected"),
 }
 """Extensions for pages that the book of a flight does not have."""
 
@@ -278,7 +278,7 @@ def _settings(name: str) -> dict[str, Any]:
     extra, local = sphinx["extra_extensions"], sphinx["local_extensions"]
     sphinx["extra_extensions"] = [name for name in extra if name not in OF_CODE]
     sphinx["local_extensions"] = {n: place for n, place in local.items() if n not in OF_CODE}
-    of_code = ("autodoc_", "autosummary_", "napoleon_", "viewcode_")
+    of_code = ("autodoc_", "autosummary_", "napoleon_")
     sphinx["config"] = {k: v for k, v in sphinx["config"].items() if not k.startswith(of_code)}
     config = sphinx["config"]
     config["html_title"] = plain

@@ -6,21 +6,14 @@ import pytest
 
 from support.helpers import book_extension
 
-listings, offline = map(book_extension, ("listings", "offline"))
+short_signatures, offline = map(book_extension, ("short_signatures", "offline"))
 foot_and_downloads = book_extension("foot_and_downloads")
 
 
 def page(name, body):
     context = {"body": body}
-    template = listings.shorten(None, name, "page.html", context, None)
-    return template, context["body"]
-
-
-def test_a_listing_keeps_the_colours_of_what_explains_it():
-    body = '<span class="k">def</span> <span class="sd">"""a"""</span> <span class="c1"># b</span>'
-    template, short = page("_modules/acx4lib/errors", body)
-    assert template == "listing.html"
-    assert short == 'def <span class="sd">"""a"""</span> <span class="c1"># b</span>'
+    short_signatures.shorten(None, name, "page.html", context, None)
+    return context["body"]
 
 
 def test_a_page_of_the_interface_says_nothing_twice():
@@ -31,25 +24,12 @@ def test_a_page_of_the_interface_says_nothing_twice():
         'href="#acx4lib.f" title="Link to this definition">#</a></dt><dd><a class="reference '
         'internal" href="#acx4lib.g" title="acx4lib.g">g</a></dd>'
     )
-    template, short = page("_generated/api/acx4lib", body)
-    assert template is None
-    assert short == (
+    assert page("_generated/api/acx4lib", body) == (
         '<dt class="sig" id="acx4lib.f"><span class="sig-name descname">f</span>('
         '<em class="sig-param">x</em>)</dt><dd><a class="reference internal" href="#acx4lib.g">g'
         "</a></dd>"
     )
-    assert page("intro", body) == (None, body)
-
-
-def test_listings_that_are_left_out_are_not_listed():
-    kept = ("code", {}, {}, "")
-    env = SimpleNamespace()
-    listings.leave_out(None, env, [])
-    assert env._viewcode_modules["acx4book.pages.build"] is False
-    assert env._viewcode_modules["acx4sim.designs"] is False
-    env._viewcode_modules["acx4lib.errors"] = kept
-    assert listings.forget(SimpleNamespace(env=env)) == []
-    assert env._viewcode_modules == {"acx4lib.errors": kept}
+    assert page("intro", body) == body
 
 
 @pytest.fixture
