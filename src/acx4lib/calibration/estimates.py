@@ -41,6 +41,9 @@ count as not determined."""
 LIMIT_SCALE = 0.01
 """Scale error between control and trajectory above which something is wrong, not imprecise."""
 
+SIGMAS_OF_SCALE = 3.0
+"""And as many standard deviations of the focal length, of which it is then no chance."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:

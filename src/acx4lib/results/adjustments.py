@@ -25,10 +25,12 @@ from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
     RIGS,
+    SIGMAS_OF_SCALE,
     TWO_STEP,
     Calibration,
     from_bundle,
     not_determined,
+    parameters,
 )
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import Mounting, Mountings
@@ -181,7 +183,8 @@ def of_bundle(
         "sigma_tests": tests_as_json(sigma_tests(bundle)),
         "sigma_beyond": [f"{key}: {line}" for line in beyond(judged)],
         "height_scale_error": height_scale(bundle) - 1,
-        "notes": [f"{key}: {line}" for line in (*_notes(method, bundle), *sentences(judged))],
+        "height_scale_sigma": focal_sigma(said),
+        "notes": [f"{key}: {line}" for line in (*_notes(method, bundle, said), *sentences(judged))],
     }
     return Record(
         stage=stage,
@@ -272,7 +275,7 @@ def weak_entries(
     }
 
 
-def _notes(method: str, bundle: Bundle) -> list[str]:
+def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     """Return sentences on what a user should know of an adjustment."""
     notes = [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()]
     n_measured = len(bundle.network.block.image_points)
@@ -281,12 +284,20 @@ def _notes(method: str, bundle: Bundle) -> list[str]:
     if n_rejected > MANY_REJECTED * n_measured and method not in TWO_STEP:
         notes.append(f"{n_rejected} of {n_measured} image points rejected: see rejected.csv")
     scale = height_scale(bundle)
-    if abs(scale - 1) > LIMIT_SCALE:
+    if abs(scale - 1) > max(LIMIT_SCALE, SIGMAS_OF_SCALE * focal_sigma(calibration)):
         notes.append(
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"
         )
     return [*notes, *trajectory_errors.notes(bundle)]
+
+
+def focal_sigma(calibration: Calibration) -> float:
+    """Return the standard deviation of the first camera's focal length, over that; 0 if held."""
+    first = calibration.cameras[0]
+    of_f = (p.sigma for p in parameters(calibration) if (p.camera, p.key) == (first.name, "f"))
+    sigma = next(of_f, 0.0) / first.interior.f
+    return float(sigma) if np.isfinite(sigma) else 0.0
 
 
 def height_scale(bundle: Bundle) -> float:

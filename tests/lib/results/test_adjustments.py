@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib.calibration import estimates, mounting, weights
 from acx4lib.calibration import heads as relative_orientation
+from acx4lib.flight.block import select_images
 from acx4lib.georeferencing import validation
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
@@ -140,6 +141,30 @@ def test_a_wrong_focal_length_is_seen_as_a_scale_of_control_against_trajectory(f
     note = record.summary["mounting/two_step"]["notes"][-1]
     percent = 100 * abs(adjustments.height_scale(bundle) - 1)
     assert f"control and trajectory differ by {percent:.1f} % in scale: the height system" in note
+
+
+def test_a_scale_that_the_focal_length_may_have_by_chance_is_not_said(flown):
+    """Twelve images with errors of 20 px and 5 m tell the focal length to 2.3 %."""
+    rng = np.random.default_rng(1)
+    block = select_images(flown.calibration, np.arange(len(flown.calibration.images)) < 12)
+    points, flight = block.image_points, block.trajectory
+    off_px, off_m = rng.normal(0, 20, points.colrow.shape), rng.normal(0, 5, flight.T_m_b.r.shape)
+    loose = replace(
+        block,
+        image_points=replace(
+            points, colrow=points.colrow + off_px, sigma_px=np.full(len(off_px), 20.0)
+        ),
+        trajectory=replace(
+            flight,
+            T_m_b=replace(flight.T_m_b, r=flight.T_m_b.r + off_m),
+            sigma_position=np.full_like(off_m, 5.0),
+        ),
+    )
+    record = adjustments.of_mounting(mounting.single_step(loose, free=("f",)))
+    entry = record.summary["mounting/single_step"]
+    assert abs(entry["height_scale_error"]) > 0.01
+    assert entry["height_scale_sigma"] == pytest.approx(0.023, abs=0.002)
+    assert not [note for note in entry["notes"] if "in scale" in note]
 
 
 def test_heads_come_back_from_their_files_as_they_were(tmp_path):

@@ -101,7 +101,7 @@ def export(
         terminal.refuse("--flight needs --orientations BLOCK, a block of that flight")
     found = calibrated.read(results, method=method, heads=kind.heads)
     made = _made(kind, found, orientations, flight)
-    taken.require_near(made, allow)
+    made = taken.near(made, allow)
     title = f"{to}: {found.title}"
     taken.write(made, out, title=title, origin=found.origin)
     _show(title, found, made)

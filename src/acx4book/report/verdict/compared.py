@@ -18,7 +18,7 @@ from acx4book.report.material import (
 )
 from acx4book.report.verdict.finding import FAILS, HOLDS, NOTE, ChanceTest, Finding, matters
 from acx4book.report.words import begun, plural
-from acx4lib.calibration.estimates import LIMIT_SCALE
+from acx4lib.calibration.estimates import LIMIT_SCALE, SIGMAS_OF_SCALE
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares.statistical import distributions
@@ -124,12 +124,17 @@ def heights(material: Material) -> Iterator[Finding]:
     if not offsets:
         return
     worst = max(offsets, key=lambda name: abs(offsets[name]))
-    wrong = abs(offsets[worst]) > LIMIT_SCALE
+    sigma = float(str(material.found.summary[worst].get("height_scale_sigma") or 0.0))
+    wrong = abs(offsets[worst]) > max(LIMIT_SCALE, SIGMAS_OF_SCALE * sigma)
     answer = (
         f"Heights of points differ from those of the trajectory by {100 * abs(offsets[worst]):.2g} "
         f"% of the flying height in {worst}; more than {100 * LIMIT_SCALE:g} % is another height "
         "system or a wrong focal length."
     )
+    if not wrong and abs(offsets[worst]) > LIMIT_SCALE:
+        answer += (
+            f" That much is not significant here: the σ of the focal length is {100 * sigma:.2g} %."
+        )
     yield Finding(question=question, state=FAILS if wrong else HOLDS, answer=answer)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from acx4lib.errors import OutputError
@@ -38,12 +38,33 @@ class Taken:
         By camera, how far the lens of the other program is from the calibrated one.
     assumed, left_out : tuple of str
         Conventions of the files, and what they have no place for: a sentence each.
+    without_lenses : Taken, optional
+        What is worth having where a lens is too far: the files without lenses.
     """
 
     files: Mapping[str, str]
     lenses: Mapping[str, Left] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    without_lenses: Taken | None = None
+
+
+def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
+    """Return what is taken where lenses are near enough, else what is worth having without them.
+
+    Raises
+    ------
+    OutputError
+        Where a lens differs by more than is allowed and nothing is worth having without.
+    """
+    try:
+        require_near(taken, allowed_px)
+    except OutputError as error:
+        if taken.without_lenses is None:
+            raise
+        less = taken.without_lenses
+        return replace(less, left_out=(*less.left_out, f"lenses: {error}"))
+    return taken
 
 
 def require_near(taken: Taken, allowed_px: float = LARGEST_PX) -> None:

@@ -172,7 +172,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
         (*_COUNT, *_OF_PAIRS, "n_exposures"), (_or_null(_whole), "a whole number or null")
     ),
     **dict.fromkeys(
-        ("height_scale_error", "height_offset_share", "joint_dof"),
+        ("height_scale_error", "height_scale_sigma", "height_offset_share", "joint_dof"),
         (_or_null(_number), "a number or null"),
     ),
     **dict.fromkeys(_NOT_NEGATIVE, (_or_null(_not_negative), "zero, positive or null")),

@@ -85,6 +85,16 @@ def test_heights_that_differ_by_more_than_a_hundredth_fail(folder, share, expect
     assert state(folder, "Heights of one system")[0] == expected
 
 
+def test_heights_that_differ_by_less_than_the_focal_length_may_do_not_fail(folder):
+    edit_summary(folder, VALIDATED, height_offset_share=0.0)
+    edit_summary(folder, SINGLE, height_scale_error=0.098, height_scale_sigma=0.05)
+    found, answer = state(folder, "Heights of one system")
+    assert found == "holds"
+    assert "not significant here: the σ of the focal length is 5 %" in answer
+    edit_summary(folder, SINGLE, height_scale_error=0.098, height_scale_sigma=0.02)
+    assert state(folder, "Heights of one system")[0] == "fails"
+
+
 CHECKED = "Independent check points"
 
 

@@ -40,11 +40,18 @@ def cameras(calibrated: Calibrated) -> Taken:
     rows = list(enumerate(zip(calibrated.cameras, rig, strict=True)))
     table = [HEADER, *(_row(k, camera, one) for k, (camera, one) in rows)]
     tags = [line for k, (c, one) in rows for line in _tags(k, c, one, found[c.name])]
+    assumed = (ASSUMED[0].format(first, first), *ASSUMED[1:])
+    angles = [line for k, (camera, one) in rows for line in _rig_tags(k, camera, one)]
     return Taken(
         files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(tags)},
         lenses=brown.lenses(found),
-        assumed=(ASSUMED[0].format(first, first), *ASSUMED[1:]),
+        assumed=assumed,
         left_out=(POSITIONS, BODY),
+        without_lenses=Taken(
+            files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(angles)},
+            assumed=assumed[:1],
+            left_out=(POSITIONS, BODY),
+        ),
     )
 
 
@@ -64,6 +71,16 @@ def _tags(index: int, camera: Camera, one: Relative, lens: Brown) -> Iterator[st
     yield f"Camera:PerspectiveFocalLength = {_listed(lens.hole.fx * mm)}"
     yield "Camera:PerspectiveFocalLengthUnits = mm"
     yield f"Camera:PerspectiveDistortion = {_listed(*distortion)}"
+    yield from _of_rig(index, one)
+
+
+def _rig_tags(index: int, camera: Camera, one: Relative) -> Iterator[str]:
+    """Yield the tags of a head's place in the rig alone, under its name in brackets."""
+    yield f"[{camera.name}]"
+    yield from _of_rig(index, one)
+
+
+def _of_rig(index: int, one: Relative) -> Iterator[str]:
     yield f"Camera:RigCameraIndex = {index}"
     yield f"Camera:RigRelatives = {_listed(*_angles(one).tolist())}"
     yield "Camera:RigRelativesReferenceRigCameraIndex = 0"
