@@ -81,6 +81,9 @@ OWN = "template/study"
 OF_IDEAL = ("mounting", "validation")
 """Stages whose pages are those of an ideal synthetic camera, where there is a run of it."""
 
+FOLDED = {"parameters", "injected-parameters"}
+"""Tags of cells whose code is folded."""
+
 IDEAL = (
     ":::{note}\nThis page is computed from the simulated flight `acx4-ideal`: that of the other "
     "pages, but with synthetic images that one ideal camera took. What the images that are made of "
@@ -197,9 +200,9 @@ def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dic
 def fold(executed: Path, page: Path, note: str = "") -> None:
     """Write an executed notebook as a page.
 
-    Tables get the captions and names that the metadata of their cells have. Where the method does
-    not stand in the cells, the code of those that show something is folded. A note stands under
-    the first cell.
+    Tables get the captions and names that the metadata of their cells have. Imports and parameters
+    are folded, and of sentences with numbers there is no code. Where the method does not stand in
+    the cells, the code of those that show something is folded. A note stands under the first cell.
     """
     notebook = _read(executed)
     if note:
@@ -209,9 +212,13 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
         tags = cell.metadata.get("tags", [])
         if cell.cell_type != "code":
             continue
-        if cell.outputs and "hide-input" not in tags and not opened:
-            cell.metadata["tags"] = [*tags, "hide-input"]
         _number_tables(cell)
+        if not opened:
+            if cell.outputs and "hide-input" not in tags:
+                cell.metadata["tags"] = [*tags, "hide-input"]
+        elif "hide-input" in tags and not FOLDED & {*tags} and "notebook.begin(" not in cell.source:
+            left = "remove-input" if cell.outputs else "remove-cell"
+            cell.metadata["tags"] = [*(tag for tag in tags if tag != "hide-input"), left]
     text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call] # untyped
     whole_files.write(page, text)
 

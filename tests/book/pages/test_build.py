@@ -27,3 +27,33 @@ def test_a_note_stands_under_the_introduction(tmp_path):
     page = nbformat.read(tmp_path / "b.ipynb", as_version=4)
     assert page.cells[0].source == f"# Title\n\nIntroduction.\n\n{build.IDEAL}"
     assert len(page.cells) == 2
+
+
+def test_a_page_of_open_cells_shows_the_method_and_hides_what_only_the_page_needs(tmp_path):
+    v4 = nbformat.v4
+    table = {"text/html": "<table></table>", "text/markdown": "| x |\n| --- |\n| 1 |"}
+    sentence = {"text/markdown": "There is one.", "text/plain": "There is one."}
+    nothing = {"text/markdown": "", "text/plain": ""}
+
+    def shown(source, data, **metadata):
+        outputs = [v4.new_output("execute_result", data=data, execution_count=1)] if data else []
+        return v4.new_code_cell(source, outputs=outputs, metadata=metadata)
+
+    cells = [
+        v4.new_markdown_cell("# Title"),
+        shown("import x\nnotebook.begin()", None, tags=["hide-input"]),
+        shown("single.table()", table, acx4={"caption": "A table", "name": "tab-a"}),
+        shown('say("...")', sentence, tags=["hide-input"]),
+        shown('say("")', nothing, tags=["hide-input"]),
+    ]
+    nbformat.write(v4.new_notebook(cells=cells), tmp_path / "a.ipynb")
+    build.fold(tmp_path / "a.ipynb", tmp_path / "b.ipynb")
+    _, imports, computed, said, silent = nbformat.read(tmp_path / "b.ipynb", as_version=4).cells
+    assert imports.metadata.tags == ["hide-input"]
+    assert "tags" not in computed.metadata
+    assert computed.outputs[0].data == {
+        "text/markdown": "```{table} A table\n:name: tab-a\n\n| x |\n| --- |\n| 1 |\n```"
+    }
+    assert said.metadata.tags == ["remove-input"]
+    assert silent.metadata.tags == ["remove-cell"]
+    assert silent.outputs == []
