@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -337,12 +338,21 @@ def _image_files(tables: BlockTables) -> tuple[Path | None, ...]:
     return tuple(named_file(inside, block, name)[0] if name else None for name in names)
 
 
+LEAST_ORIENTING = 3
+"""Measured points that orient an image."""
+
+VALIDATED = "validation"
+"""The block whose images are not oriented by their points."""
+
+
 def _notes(tables: BlockTables) -> Iterator[str]:
     for table in tables.tables:
         yield from table.notes
     ties = tables.rays.keys() - set(tables.control.text["point"])
     measured = set(tables.image_points.text["image"])
     images = [name for name in tables.images.text["image"] if name not in measured]
+    count = Counter(tables.image_points.text["image"])
+    few = [name for name, n in count.items() if n < LEAST_ORIENTING and tables.name != VALIDATED]
     rows, control = len(tables.trajectory), len(tables.control)
     for n, says in (
         (
@@ -352,6 +362,11 @@ def _notes(tables: BlockTables) -> Iterator[str]:
         (
             len(images) if measured else 0,
             f"of {len(tables.images)} images have no measurements: {_some(images)}",
+        ),
+        (
+            len(few),
+            f"of {len(tables.images)} images have fewer than {LEAST_ORIENTING} measurements, which "
+            f"orient no image by themselves: {_some(few)}",
         ),
         (rows - int(used_exposures(tables).sum()), f"of {rows} trajectory rows belong to no image"),
         (

@@ -148,6 +148,42 @@ def match_block(
     return best
 
 
+def beyond_search(block: Block, views: Sequence[View], surface: Surface, reduce: int) -> str:
+    """Say where the trajectory's sigma moves pictures by more than the first level searches.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each view.
+    views : sequence of View
+        At the size of their files.
+    surface : Surface
+        Approximate ground.
+    reduce : int
+        As in `MeasureOptions`.
+
+    Returns
+    -------
+    str
+        Empty where it does not, or has no sigma.
+    """
+    exposures = block.images.exposure_idx
+    position = block.trajectory.sigma_position[exposures].max(axis=1)
+    attitude = block.trajectory.sigma_attitude[exposures].max(axis=1)
+    across = np.hypot(position / _height(views, surface), attitude)
+    first = sizes_of(views, reduce)[0]
+    f_px = np.array([v.declared.interior.f / v.declared.pixel_mm for v in views]) / first
+    apart = np.sqrt(2) * across * f_px  # of a picture against another
+    wide = apart[np.isfinite(apart) & (apart > COARSE.search_px)]
+    if not len(wide):
+        return ""
+    return (
+        f"{block.name}: by its sigma the trajectory puts pictures up to {wide.max():.0f} px off "
+        f"against each other at the first size, 1/{max(first)}, where {COARSE.search_px} px are "
+        "searched: points may be missed"
+    )
+
+
 def placed(block: Block, matched: Matched) -> Matched:
     """Return a matched block moved to where its trajectory says that it is.
 

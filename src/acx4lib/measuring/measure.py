@@ -14,7 +14,13 @@ from acx4lib.flight.block import Block, select_images
 from acx4lib.flight.reader import Flight, read
 from acx4lib.measuring import flights
 from acx4lib.measuring.flights import Measured, Unmeasured
-from acx4lib.measuring.levels import Matched, MeasureOptions, match_block, placed
+from acx4lib.measuring.levels import (
+    Matched,
+    MeasureOptions,
+    beyond_search,
+    match_block,
+    placed,
+)
 from acx4lib.measuring.pictures import ground
 from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.store import Matching
@@ -39,17 +45,21 @@ class Outcome:
     surveyed : Surveyed
         Control and check points.
     options : MeasureOptions
+    beyond : str
+        Says that the trajectory may be off by more than is searched; empty where it is not.
     """
 
     block: str
     matched: Matched
     surveyed: Surveyed
     options: MeasureOptions
+    beyond: str = ""
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What was found, and what was not, for the user."""
         return (
+            *([self.beyond] if self.beyond else []),
             *_on_ties(self.block, self.matched, self.options.reduce),
             *_on_surveyed(self.block, self.surveyed),
         )
@@ -122,13 +132,17 @@ def _measured(
     block = select_images(flight.block(name), np.array([path is not None for path in files]))
     views = views_of(flight, block, [path for path in files if path is not None])
     surface = _ground(unmeasured, block, options)
-    matched = match_block(block, views, surface, options=options, matching=matching, tell=tell)
+    beyond = beyond_search(block, views, surface, options.reduce)
+    try:
+        matched = match_block(block, views, surface, options=options, matching=matching, tell=tell)
+    except FlightError as error:
+        raise FlightError([*error.problems, *([beyond] if beyond else [])]) from None
     matched = placed(block, matched)
     control = unmeasured.tables[name].control
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
     names = control.text["point"]
     surveyed = find_surveyed(matched.views, matched.surface, names, x_m, given)
-    return Outcome(block=name, matched=matched, surveyed=surveyed, options=options)
+    return Outcome(block=name, matched=matched, surveyed=surveyed, options=options, beyond=beyond)
 
 
 def views_of(flight: Flight, block: Block, files: Sequence[Path]) -> list[View]:

@@ -249,6 +249,21 @@ def test_what_is_odd_but_allowed_is_a_note(tmp_path):
     )
 
 
+def test_images_with_too_few_points_to_orient_them_are_named(tmp_path):
+    """One point leaves an image's orientation open: conditions of 1e17 came from it."""
+    write_flight(tmp_path)
+    table = tmp_path / "calibration" / "image_points.csv"
+    rows = pd.read_csv(table)
+    assert not [note for note in flight.read(tmp_path).notes if "orient no image" in note]
+    of = rows["image"] == "E0_CAM"
+    rows[~of | (rows.index == rows.index[of][0])].to_csv(table, index=False)
+    (note,) = [note for note in flight.read(tmp_path).notes if "orient no image" in note]
+    assert note == (
+        "calibration: 1 of 6 images have fewer than 3 measurements, which orient no image by "
+        "themselves: E0_CAM"
+    )
+
+
 def test_byte_order_mark_crlf_spaces_and_column_order_change_nothing(tmp_path):
     plain = flight.read(write_flight(tmp_path / "a")).calibration
     write_flight(tmp_path / "b")

@@ -1,4 +1,6 @@
 import json
+import re
+import shutil
 
 import numpy as np
 import pytest
@@ -106,3 +108,16 @@ def test_four_heads_and_their_synthetic_images_are_measured_alike(tmp_path):
         found = measured.tie_errors(tmp_path / "measured", block=outcome.block, **of)
         assert found.rms < LARGEST
         assert np.mean(np.hypot(*found.off.T) > 1) < 0.001
+
+
+def test_a_trajectory_whose_sigma_exceeds_what_is_searched_is_named(whole, tmp_path):
+    """Two degrees are 35 px between pictures of 760 px; a failure says so as well."""
+    assert whole.outcome.beyond == ""
+    shutil.copytree(whole.flight, tmp_path / "flight")
+    settings = tmp_path / "flight" / "flight.toml"
+    text = re.sub(r"roll_pitch_deg = .*", "roll_pitch_deg = 2.0", settings.read_text())
+    settings.write_text(text)
+    with pytest.raises(FlightError, match=r"by its sigma the trajectory .* 14 px are searched"):
+        measure_flight(
+            tmp_path / "flight", tmp_path / "out", options=MeasureOptions(ground_m=-9000.0)
+        )
