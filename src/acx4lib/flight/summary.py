@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pyproj
 
+from acx4lib import shown
 from acx4lib.errors import visible
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
@@ -64,12 +65,19 @@ def _block_rows(block: Block) -> Iterator[tuple[str, str]]:
     names = ", ".join(camera.name for camera in block.cameras)
     yield "cameras", f"{len(block.cameras)}: {names}"
     strips = {strip for strip in block.images.strips if strip}
-    in_strips = f" in {len(strips)} strips" if strips else ", strips not named"
-    yield "images", f"{len(block.images)} at {len(block.trajectory)} exposures{in_strips}"
+    in_strips = f" in {shown.count(len(strips), 'strip')}" if strips else ", strips not named"
+    yield (
+        "images",
+        f"{len(block.images)} at {shown.count(len(block.trajectory), 'exposure')}{in_strips}",
+    )
     rays = block.rays[block.rays > 0]
     per_point = f", {rays.mean():.1f} per point" if len(rays) else ""
-    yield "measurements", f"{len(block.image_points)} of {len(rays)} points{per_point}"
-    yield "surveyed", f"{len(block.control)} control points, {len(block.check)} check points"
+    yield (
+        "measurements",
+        f"{len(block.image_points)} of {shown.count(len(rays), 'point')}{per_point}",
+    )
+    control = shown.count(len(block.control), "control point")
+    yield "surveyed", f"{control}, {shown.count(len(block.check), 'check point')}"
     if len(block.distances):
         yield "distances", f"{len(block.distances)}, {_span(block.distances.distance_m, 'm', 3)}"
     lon, lat = block.frame.origin
@@ -82,7 +90,7 @@ def _block_rows(block: Block) -> Iterator[tuple[str, str]]:
 
 
 def _synthetic_rows(block: Block) -> Iterator[tuple[str, str]]:
-    yield "carried into", f"{len(block.images)} images of {block.cameras[0].name}"
+    yield "carried into", f"{shown.count(len(block.images), 'image')} of {block.cameras[0].name}"
     yield from _image_rows(block)
 
 

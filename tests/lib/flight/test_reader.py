@@ -249,6 +249,16 @@ def test_what_is_odd_but_allowed_is_a_note(tmp_path):
     )
 
 
+def test_one_thing_is_not_counted_in_the_plural(tmp_path):
+    write_flight(tmp_path)
+    table = tmp_path / "control_points.csv"
+    rows = pd.read_csv(table)
+    rows["role"] = ["check", *["control"] * (len(rows) - 1)]
+    rows.to_csv(table, index=False)
+    (said,) = [line for line in summary(flight.read(tmp_path)).splitlines() if "surveyed  " in line]
+    assert said.endswith(" control points, 1 check point")
+
+
 def test_images_with_too_few_points_to_orient_them_are_named(tmp_path):
     """One point leaves an image's orientation open: conditions of 1e17 came from it."""
     write_flight(tmp_path)
