@@ -12,6 +12,7 @@ from acx4book.notebooks import runner
 from acx4book.notebooks.executed import Notebooks
 from acx4book.pages import flight_book
 from acx4lib.errors import OutputError
+from support.flights import unlike
 
 NAME = "Of *one* camera <b>|</b>"
 
@@ -96,3 +97,12 @@ def test_it_replaces_its_own_book_and_nothing_else(site, results, tmp_path):
         flight_book.write(results, other)
     assert (other / "index.html").read_text() == "mine"
     assert [p.name for p in other.iterdir()] == ["index.html"]
+
+
+def test_the_book_of_parallel_heads_has_their_chapters(tmp_path):
+    flight = unlike.write("parallel heads", tmp_path)
+    runner.run(flight, tmp_path / "results", way=Notebooks())
+    flight_book.write(tmp_path / "results", tmp_path / "site", strict=True)
+    chapters = {p.stem for p in (tmp_path / "site" / "_executed").glob("*.html")}
+    assert chapters == {"00-flight", "01-head-calibration", "02-synthetic-image", "08-rig"}
+    assert "simulated" not in page(tmp_path / "site", "index.html").text.lower()
