@@ -61,7 +61,10 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
     OutputError
         Where a file that would be replaced was changed, or is not of an import, or the flight
         has its numbers in another CRS or other heights.
+    FlightError
+        Where measurements lie outside the pictures.
     """
+    _require_inside(brought)
     with claims.claim(folder, command=COMMAND, becomes_flight=True) as own:
         edited = _is_edited(own)
         texts = {name: table_text(table) for name, table in brought.tables.items()}
@@ -87,6 +90,34 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
         kept = f"{SETTINGS} was edited and stays as it is; what the source says is in {STATEMENT}"
         return (kept, *remarks)
     return remarks
+
+
+def _require_inside(brought: Brought) -> None:
+    """Raise for the first measurement outside the picture that it is in, with their number."""
+    sizes = {
+        name: (one["width_px"], one["height_px"])
+        for name, one in brought.settings.get("cameras", {}).items()
+        if {"width_px", "height_px"} <= set(one)
+    }
+    for file, points in brought.tables.items():
+        images = brought.tables.get(file.replace("image_points.csv", "images.csv"))
+        if not file.endswith("/image_points.csv") or images is None or not len(points["image"]):
+            continue
+        of = dict(zip(images["image"], images["camera"], strict=True))
+        size = np.array([sizes.get(of.get(n, ""), (np.inf, np.inf)) for n in points["image"]])
+        colrow = np.stack([points["col_px"], points["row_px"]], axis=1).astype(float)
+        rows = np.flatnonzero(((colrow < -0.5) | (colrow > size - 0.5)).any(axis=1))
+        if not len(rows):
+            continue
+        k = int(rows[0])
+        (col, row), (width, height) = colrow[k].tolist(), size[k].tolist()
+        raise FlightError(
+            [
+                f"{brought.source}: {points['image'][k]}, {points['point'][k]}: col {col:.1f}, row "
+                f"{row:.1f}, and {len(rows)} of {len(colrow)} measurements lie outside their "
+                f"pictures; must lie in {width:g} x {height:g} px, the size that was given or read"
+            ]
+        )
 
 
 def _replaced(folder: Path, tables: Mapping[str, str]) -> tuple[str, ...]:

@@ -75,6 +75,8 @@ def time_of(tags: Tags) -> dt.datetime | None:
 def place_of(tags: Tags) -> tuple[float, float, float] | None:
     """Return latitude and longitude, degrees, and height, m; None where there are none.
 
+    0 N 0 E is what receivers write that have no fix, and no position.
+
     Raises
     ------
     FlightError
@@ -82,7 +84,7 @@ def place_of(tags: Tags) -> tuple[float, float, float] | None:
     """
     lat, lon = (_angle(tags, f"GPS{name}") for name in ("Latitude", "Longitude"))
     height = tags.number("GPSAltitude")
-    if lat is None or lon is None or height is None:
+    if lat is None or lon is None or height is None or lat == lon == 0:
         return None
     if not (abs(lat) <= 90 and abs(lon) <= 180):
         raise tags.wrong("GPSLatitude, GPSLongitude", f"{lat:g}, {lon:g}", "must be on Earth")

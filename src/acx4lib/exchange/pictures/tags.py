@@ -215,6 +215,9 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
     if not size[0]:
         msg = "no frame header"
         raise ValueError(msg)
+    if not picture_sizes.is_whole(data):
+        msg = "is cut off: its pixels have no end"
+        raise ValueError(msg)
     return size, exif, _cut(packet)
 
 

@@ -17,6 +17,9 @@ SCAN, END = 0xDA, 0xD9
 FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG's frame headers."""
 
+LAST = 4096
+"""Bytes at the end of a PNG among which its last chunk begins."""
+
 _JPEG, _PNG = b"\xff\xd8", b"\x89PNG\r\n\x1a\n"
 
 
@@ -30,6 +33,14 @@ def segments(data: bytes) -> Iterator[tuple[int, bytes]]:
         (length,) = struct.unpack(">H", data[at + 2 : at + 4])
         yield marker, data[at + 4 : at + 2 + length]
         at += 2 + length
+
+
+def is_whole(data: bytes) -> bool:
+    """Tell whether a JPEG or a PNG has its end; one that was cut off is decoded with grey there."""
+    if data[:8] == _PNG:
+        return b"IEND" in data[-LAST:]
+    start = 2 + sum(4 + len(part) for _, part in segments(data))
+    return data.find(b"\xff\xd9", start) >= 0  # which no pixels have: 0 follows their 255
 
 
 def size_of(data: bytes) -> tuple[int, int] | None:

@@ -24,6 +24,8 @@ QUOTED_CELL = re.compile(r"\"[^\"]*\"")
 NUMBERS = Range(-1e12, 1e12)
 MOST = 10_000_000
 """Largest number of rows."""
+MOST_BEFORE = 100
+"""Lines among which a heading is looked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,12 +39,15 @@ class Listed:
     rows : tuple of Line
     heading : Line or None
         The line that is a heading and no row, if there is one.
+    before : int
+        Lines before the heading, which are not read.
     """
 
     source: Opened
     columns: tuple[Column, ...]
     rows: tuple[Line, ...]
     heading: Line | None = None
+    before: int = 0
 
     def has(self, *names: str) -> bool:
         """Tell whether all these columns are there."""
@@ -102,7 +107,10 @@ def read_list(
     FlightError
         Where the columns are not known, or there are no rows.
     """
-    found = list(lines(source, separator=_separator(source, separator), comment=COMMENTS))
+    before = _before_heading(source)
+    mark = _separator(source, separator, len(before))
+    every = lines(source, separator=mark, comment=COMMENTS)
+    found = [one for one in every if one.number > len(before)]
     if not found or len(found) > MOST:
         raise source.wrong("file", f"has {len(found)} rows", f"must have 1 to {MOST}")
     if columns:
@@ -117,14 +125,33 @@ def read_list(
     rows = tuple(found[heading is not None :])
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
-    return Listed(source=source, columns=named, rows=rows, heading=heading)
+    return Listed(source=source, columns=named, rows=rows, heading=heading, before=len(before))
 
 
-def _separator(source: Opened, name: str) -> str | None:
-    """Return what stands between cells: a mark that the first line and the next one have."""
+def _before_heading(source: Opened) -> tuple[str, ...]:
+    """Return the lines before the first that names columns, if no row stands there; else none.
+
+    Such a line has two different columns at least, and half of its words are columns. A row is a
+    line that has numbers in half of its words.
+    """
+    text = source.text().split("\n")
+    for k, line in enumerate(text[:MOST_BEFORE]):
+        words = [word for word in re.split(r"[\s;,]+", line.strip()) if word]
+        if not words or words[0].startswith(COMMENTS):
+            continue
+        columns = {one.name for word in words if (one := column(word))} - {SKIP}
+        if len(columns) >= max(2, len(words) / 2):
+            return tuple(text[:k])
+        if sum(bool(NUMBER.fullmatch(word)) for word in words) >= len(words) / 2:
+            break
+    return ()
+
+
+def _separator(source: Opened, name: str, before: int) -> str | None:
+    """Return what stands between cells: a mark that the first two lines after others have."""
     if name:
         return SEPARATORS[name]
-    text = (one for one in source.text().split("\n") if one.strip())
+    text = (one for one in source.text().split("\n")[before:] if one.strip())
     first = list(islice((one for one in text if not one.lstrip().startswith(COMMENTS)), 2))
     bare = [QUOTED_CELL.sub("", one) for one in first]
     return next((mark for mark in (";", "\t", ",") if all(mark in one for one in bare)), None)

@@ -173,4 +173,7 @@ def _left_out(listed: Listed) -> tuple[str, ...]:
     beyond = len(longest) - len(listed.columns)
     if beyond > 0:
         named.append(f"{beyond} after the last in line {longest.number}")
-    return (f"Columns that are no orientation: {', '.join(named)}.",) if named else ()
+    return (
+        *([f"Lines before the heading: {listed.before}."] if listed.before else []),
+        *([f"Columns that are no orientation: {', '.join(named)}."] if named else []),
+    )

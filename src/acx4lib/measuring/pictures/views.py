@@ -170,6 +170,8 @@ def _require_size(path: Path, camera: Camera) -> None:
     size = picture_sizes.size_of(data)
     if size is None:
         raise FlightError([f"{path}: is damaged, its header has no size; copy it again"])
+    if not picture_sizes.is_whole(data):
+        raise FlightError([f"{path}: is cut off, its pixels have no end; copy it again"])
     cols, rows = size
     k = max(camera.width_px // max(cols, 1), 1)
     if (cols, rows) != (camera.width_px // k, camera.height_px // k):

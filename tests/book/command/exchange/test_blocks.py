@@ -26,8 +26,8 @@ KINDS = {
     "opensfm": (json.dumps({"m": MODEL}), ()),
     "micmac": (MICMAC, ()),
     "bundler": (BUNDLE, SIZED),
-    "bingo": (LIST, (*SIZED, "--pixel-um", 10)),
-    "patb": (LIST, (*SIZED, "--pixel-um", 10, "--unit", "mm")),
+    "bingo": (LIST, (*SIZED, "--pixel-um", 20)),
+    "patb": (LIST, (*SIZED, "--pixel-um", 20, "--unit", "mm")),
     "odm-control": (CONTROL, ("--camera", "C")),
 }
 

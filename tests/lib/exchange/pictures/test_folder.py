@@ -83,3 +83,23 @@ def test_two_pictures_of_one_head_at_one_exposure_are_refused(tmp_path):
         tagged.write(tmp_path / f"IMG_0001_{k}.tif", tagged.micasense(0))
     with pytest.raises(FlightError, match=r"RigCameraIndex.*of the same exposure"):
         bring(tmp_path)
+
+
+def test_a_receiver_without_a_fix_gives_no_position(tmp_path):
+    focal = {"drone-dji:CalibratedFocalLength": 300}
+    for k, place in enumerate(((0.0, 0.0), (-25.0, 151.0))):
+        exif = tagged.metadata(lat=place[0], lon=place[1], time=f"2024:05:01 10:20:3{k}")
+        tagged.write(tmp_path / f"DJI_000{k}.JPG", focal, exif=exif)
+    brought = bring(tmp_path)
+    assert brought.left_out == ("1 exposure without a position: DJI_0000",)
+    assert brought.settings["crs"] == "EPSG:32756"
+
+
+def test_a_jpeg_that_is_cut_in_half_is_refused(tmp_path):
+    path = tmp_path / "DJI_0001.JPG"
+    noise = np.random.default_rng(1).integers(0, 255, tagged.SIZE[::-1]).astype(np.uint8)
+    tagged.write(path, {"drone-dji:CalibratedFocalLength": 300}, pixels=noise)
+    assert bring(tmp_path).found
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(FlightError, match="is cut off: its pixels have no end"):
+        bring(tmp_path)

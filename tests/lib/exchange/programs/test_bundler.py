@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4lib.errors import FlightError
+from acx4lib.exchange import flight_folder
 from acx4lib.exchange.programs import bundler
 from acx4lib.geometry import frames
 
@@ -87,3 +88,11 @@ def test_wrong_files_are_refused(tmp_path, change, message):
 def test_a_list_of_other_length_is_refused(tmp_path):
     with pytest.raises(FlightError, match=r"list.txt:1: file: has 1 images; must have 3"):
         read(tmp_path, text(), "a.jpg\n")
+
+
+def test_a_size_that_is_too_small_for_the_measurements_is_refused(tmp_path):
+    read(tmp_path, text())
+    small = bundler.read(tmp_path / "bundle" / "bundle.out", size=(220, 160))
+    with pytest.raises(FlightError, match=r"a\.jpg, 1: .* 4 of 6 measurements lie outside"):
+        flight_folder.write(small, tmp_path / "flight")
+    assert not (tmp_path / "flight").exists()

@@ -75,6 +75,14 @@ def chunk(source: Path, *, label: str | None = None) -> Chunk:
     return _whole(found[k], (file,), files, others=others)
 
 
+def setting(chunk: Chunk, name: str) -> float | None:
+    """Return a positive number of the chunk's settings; None where there is none."""
+    for one in chunk.root.each("settings", "property"):
+        if one.attributes.get("name") == name and (value := one.number("value")) > 0:
+            return value
+    return None
+
+
 def _of_project(file: Opened, root: Element, label: str | None, files: Together) -> Chunk:
     """Return a chunk of a .psx, which names an archive, which names the chunks' archives."""
     folder = Path(file.file).parent

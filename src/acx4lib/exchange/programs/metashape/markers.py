@@ -30,13 +30,14 @@ class Surveyed:
     ----------
     xyh : ndarray, shape (3,)
         In the chunk's own coordinate system.
-    sigma : ndarray, shape (3,), or None
+    sigma : ndarray, shape (3,)
+        NaN where the marker has none of its own.
     is_check : bool
         Whether it takes no part in Metashape's adjustment.
     """
 
     xyh: Array
-    sigma: Array | None
+    sigma: Array
     is_check: bool
 
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from acx4lib.exchange.brought import number_of
-from acx4lib.exchange.programs.metashape.files import Chunk
+from acx4lib.exchange.programs.metashape.files import Chunk, setting
 from acx4lib.exchange.programs.metashape.markers import Locations, Surveyed
 from acx4lib.exchange.programs.metashape.shots import (
     ANGLES,
@@ -17,7 +17,10 @@ from acx4lib.exchange.programs.metashape.shots import (
     LOCATION,
     Shot,
     accuracy,
+    is_on,
     location,
+    measured_place,
+    measured_rotation,
     rotation,
 )
 from acx4lib.exchange.programs.shared import crs, proof, tables
@@ -75,19 +78,19 @@ def trajectory(
 
 
 def _measured(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) -> Flown:
-    """Return the references of cameras that are enabled and have position and angles."""
+    """Return the references that have position and angles, and neither is switched off."""
     rows = [
         (name, place, turned, one.reference)
         for name, one in leaders.items()
         if one.reference is not None
-        and (place := location(one.reference)) is not None
-        and (turned := rotation(one.reference)) is not None
+        and (place := measured_place(one.reference)) is not None
+        and (turned := measured_rotation(one.reference)) is not None
     ]
     here = sum(
-        one.reference is not None and location(one.reference) is not None
+        one.reference is not None and measured_place(one.reference) is not None
         for one in leaders.values()
     )
-    without = len(leaders) - len(rows)
+    without, off = len(leaders) - len(rows), _switched_off(leaders)
     if not rows or system is None:
         why = (
             "the chunk has no coordinate system (--crs)"
@@ -97,7 +100,7 @@ def _measured(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) 
         said = (
             f"{here} measured camera positions: {why}; another import, or --orientations adjusted"
         )
-        return Flown(left_out=(said,) if here else ())
+        return Flown(left_out=(*off, *((said,) if here else ())))
     names, places, angles, references = zip(*rows, strict=True)
     lonlath, of_positions = _geographic(chunk, np.array(places), system)
     yaw, pitch, roll = np.array(angles).T
@@ -113,37 +116,77 @@ def _measured(chunk: Chunk, leaders: Mapping[str, Shot], system: Chosen | None) 
         "roll_deg": np.round(roll, tables.DEGREES).tolist(),
         "pitch_deg": np.round(pitch, tables.DEGREES).tolist(),
         "heading_deg": np.round(yaw, tables.DEGREES).tolist(),
-        **_sigmas(references),
+        **_sigmas(chunk, references),
     }
-    off = sum(one.attributes.get("enabled", "true") in ("false", "0") for one in references)
     assumed = (
         *of_positions,
         f"Yaw is the heading, clockwise from {north}, pitch is positive with the top of the "
         "image up, roll with its right side down; positions are those of the camera",
-        *((f"{off} references are disabled in Metashape, and are taken",) if off else ()),
+        *_whose_accuracy(references),
     )
     left = (
         (f"{number_of(without, 'exposures')} without position and angles, images included",)
         if without
         else ()
     )
-    return Flown(table=table, assumed=assumed, left_out=left)
+    return Flown(table=table, assumed=assumed, left_out=(*off, *left))
 
 
-def _sigmas(references: tuple[Element, ...]) -> dict[str, list[float]]:
-    """Return the columns of accuracies that all references have."""
-    position = [accuracy(one, LOCATION) for one in references]
-    attitude = [accuracy(one, ANGLES) for one in references]
+def _switched_off(leaders: Mapping[str, Shot]) -> tuple[str, ...]:
+    """Return how many measured positions, and angles, Metashape was told not to use."""
+    of = [one.reference for one in leaders.values() if one.reference is not None]
+    places = sum(location(one) is not None and measured_place(one) is None for one in of)
+    angles = sum(
+        is_on(one) and rotation(one) is not None and measured_rotation(one) is None for one in of
+    )
+    counted = (
+        (places, 'positions, with their angles, that are switched off (enabled="false")'),
+        (angles, 'attitudes that are switched off (rotation_enabled="false")'),
+    )
+    return tuple(f"{n} measured {what}: they are not used" for n, what in counted if n)
+
+
+def _whose_accuracy(references: tuple[Element, ...]) -> tuple[str, ...]:
+    """Return how many references have accuracies of their own, where not all have."""
+    kinds = (("positions", LOCATION), ("attitudes", ANGLES))
+    n = len(references)
+    own = {
+        name: sum(bool(np.isfinite(accuracy(one, names)).all()) for one in references)
+        for name, names in kinds
+    }
+    return tuple(
+        f"{k} of {n} {name} have an accuracy of their own; others have the chunk's"
+        for name, k in own.items()
+        if 0 < k < n
+    )
+
+
+def _sigmas(chunk: Chunk, references: tuple[Element, ...]) -> dict[str, list[float]]:
+    """Return the columns of accuracies that any reference has; the chunk's for those that lack one.
+
+    Raises
+    ------
+    FlightError
+        Where a reference lacks what others have, and the chunk has none for all.
+    """
+    kinds = (
+        (LOCATION, ("east_m", "north_m", "height_m"), "accuracy_cameras"),
+        (ANGLES, ("heading_deg", "pitch_deg", "roll_deg"), "accuracy_cameras_ypr"),
+    )
     columns: dict[str, list[float]] = {}
-    if all(one is not None and (one > 0).all() for one in position):
-        for name, values in zip(
-            ("east_m", "north_m", "height_m"), np.array(position).T, strict=True
-        ):
-            columns[f"sigma_{name}"] = values.tolist()
-    if all(one is not None and (one > 0).all() for one in attitude):
-        names = ("heading_deg", "pitch_deg", "roll_deg")
-        for name, values in zip(names, np.array(attitude).T, strict=True):
-            columns[f"sigma_{name}"] = values.tolist()
+    for names, units, common in kinds:
+        sigma = np.array([accuracy(one, names) for one in references])
+        lacking = np.isnan(sigma)
+        if lacking.all():
+            continue
+        of_all = setting(chunk, common)
+        if lacking.any() and of_all is None:
+            bare = references[int(np.flatnonzero(lacking.any(axis=1))[0])]
+            raise bare.wrong(
+                f"has no accuracy of {', '.join(names)}", f"others have one; or {common} is needed"
+            )
+        sigma[lacking] = of_all or np.nan
+        columns |= {f"sigma_{u}": v for u, v in zip(units, sigma.T.tolist(), strict=True)}
     return columns
 
 

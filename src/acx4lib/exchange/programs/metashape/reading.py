@@ -14,7 +14,7 @@ from acx4lib.exchange.programs.metashape import alone, files, markers, oriented
 from acx4lib.exchange.programs.metashape.files import Chunk
 from acx4lib.exchange.programs.metashape.markers import Locations, Surveyed
 from acx4lib.exchange.programs.metashape.sensors import Sensor, sensors
-from acx4lib.exchange.programs.metashape.shots import Shot, location, shots
+from acx4lib.exchange.programs.metashape.shots import Shot, measured_place, shots
 from acx4lib.exchange.programs.shared import cameras, crs, tables
 from acx4lib.exchange.programs.shared.adjusted import Flown
 from acx4lib.exchange.programs.shared.cameras import Refitted
@@ -130,7 +130,7 @@ def _system(
         (
             place[:2]
             for one in used.values()
-            if one.reference is not None and (place := location(one.reference)) is not None
+            if one.reference is not None and (place := measured_place(one.reference)) is not None
         ),
         None,
     )
@@ -176,8 +176,8 @@ def _control(
         return None
     xyh = np.array([one.xyh for one in known.values()])
     enh = oriented.told(chunk, lambda: crs.into(system, xyh), chunk.root.maybe("reference"))
-    common = _setting(chunk, "accuracy_markers") or 0.005
-    sigma = [np.full(3, common) if one.sigma is None else one.sigma for one in known.values()]
+    common = files.setting(chunk, "accuracy_markers") or 0.005
+    sigma = [np.where(np.isnan(one.sigma), common, one.sigma) for one in known.values()]
     east, north, height = np.round(enh, tables.METRES).T.tolist()
     sigmas = np.round(sigma, tables.METRES).T.tolist()
     return {
@@ -191,7 +191,7 @@ def _control(
 
 
 def _settings(chunk: Chunk, fitted: Refitted, system: Chosen | None) -> dict[str, Any]:
-    apriori = {key: value for name, key in APRIORI.items() if (value := _setting(chunk, name))}
+    apriori = {key: value for name, key in APRIORI.items() if (value := files.setting(chunk, name))}
     if "gnss_horizontal_m" in apriori:
         apriori["gnss_vertical_m"] = apriori["gnss_horizontal_m"]
     if "roll_pitch_deg" in apriori:
@@ -203,13 +203,6 @@ def _settings(chunk: Chunk, fitted: Refitted, system: Chosen | None) -> dict[str
         **fitted.settings,
         **({"apriori": apriori} if apriori else {}),
     }
-
-
-def _setting(chunk: Chunk, name: str) -> float | None:
-    for one in chunk.root.each("settings", "property"):
-        if one.attributes.get("name") == name and (value := one.number("value")) > 0:
-            return value
-    return None
 
 
 def _version(chunk: Chunk) -> str:

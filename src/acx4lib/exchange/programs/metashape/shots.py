@@ -18,6 +18,13 @@ from acx4lib.geometry.frames import Pose
 ANGLES = ("yaw", "pitch", "roll")
 VALUES = Range(-1e9, 1e9)
 LOCATION = ("x", "y", "z")
+TOGETHER = {
+    "x": ("sxy", "sxyz"),
+    "y": ("sxy", "sxyz"),
+    "z": ("sxyz",),
+    **dict.fromkeys(ANGLES, ("sypr", "syawpitchroll")),
+}
+"""Attributes with the accuracy of several values of a reference, the narrowest first."""
 
 LARGEST = 1e9
 """Largest coordinate of a chunk, or of the place where it lies."""
@@ -93,7 +100,7 @@ def _shot(
         name=named[i],
         exposure=named[leader],
         sensor=sensor,
-        enabled=_is_on(element) and _is_on(master),
+        enabled=is_on(element) and is_on(master),
         T_c=_pose(master, sensor, sensors[master.attribute("sensor_id")]),
         reference=element.maybe("reference") if i == leader else None,
         component=master.attributes.get("component_id", ""),
@@ -124,14 +131,31 @@ def rotation(reference: Element) -> Array | None:
     return _three(reference, ANGLES)
 
 
-def accuracy(reference: Element, names: tuple[str, str, str]) -> Array | None:
-    """Return the sigmas of three values: one each, or one for all; None where none is given."""
-    if (three := _three(reference, tuple(f"s{name}" for name in names))) is not None:
-        return three
-    together = f"s{''.join(names)}"
-    if together in reference.attributes:
-        return np.full(3, reference.number(together))
-    return None
+def accuracy(reference: Element, names: tuple[str, str, str]) -> Array:
+    """Return the sigmas of three values, shape (3,); NaN where a value has none that is positive.
+
+    An attribute names the values that it is of: ``sx``, ``sxy``, ``sxyz``, ``syaw``, ``sypr``. That
+    of the fewest values counts.
+    """
+    sigma = np.full(3, np.nan)
+    for k, name in enumerate(names):
+        for attribute in (f"s{name}", *TOGETHER[name]):
+            if attribute in reference.attributes:
+                value = reference.number(attribute, VALUES)
+                sigma[k] = value if value > 0 else np.nan
+                break
+    return sigma
+
+
+def measured_place(reference: Element) -> Array | None:
+    """Return the location of a reference, as `location`; None where it is switched off."""
+    return location(reference) if is_on(reference) else None
+
+
+def measured_rotation(reference: Element) -> Array | None:
+    """Return the rotation of a reference, as `rotation`; None where it is switched off."""
+    switched_on = is_on(reference) and is_on(reference, "rotation_enabled")
+    return rotation(reference) if switched_on else None
 
 
 def _three(element: Element, names: tuple[str, ...]) -> Array | None:
@@ -140,5 +164,6 @@ def _three(element: Element, names: tuple[str, ...]) -> Array | None:
     return np.array([element.number(name, VALUES) for name in names])
 
 
-def _is_on(element: Element) -> bool:
-    return element.attributes.get("enabled", "true") not in ("false", "0")
+def is_on(element: Element, switch: str = "enabled") -> bool:
+    """Tell whether an image, or its reference, takes part in Metashape's adjustment."""
+    return element.attributes.get(switch, "true") not in ("false", "0")

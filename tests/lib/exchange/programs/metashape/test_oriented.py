@@ -100,3 +100,72 @@ def test_slaves_without_a_rotation_are_said(tmp_path):
     path.write_text(text[:begin] + re.sub("<rotation>.*?</rotation>", "", text[begin:], count=1))
     said = "1 slaves have no rotation: their mountings are the master's"
     assert said in reading.read(path).left_out
+
+
+def with_references(path, old, new):
+    """Change the attributes of the cameras' references."""
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("given", "sigma"),
+    [
+        ('sxy="0.02" sz="0.03"', (0.02, 0.02, 0.03)),
+        ('sx="0.01" sy="0.02" sz="0.03"', (0.01, 0.02, 0.03)),
+        ('sxyz="0.05" sz="0.09"', (0.05, 0.05, 0.09)),
+        ('sxy="0.02"', (0.02, 0.02, 10.0)),
+    ],
+)
+def test_each_camera_s_own_accuracy_counts_in_every_spelling(tmp_path, given, sigma):
+    path = metashape.write(tmp_path / "c.xml")
+    setting = '<settings><property name="accuracy_cameras" value="10"/>'
+    with_references(path, "<settings>", setting)
+    with_references(path, 'sxyz="0.05"', given)
+    table = reading.read(path).tables["heads/trajectory.csv"]
+    found = [table[f"sigma_{name}"] for name in ("east_m", "north_m", "height_m")]
+    assert_allclose(found, np.tile(sigma, (len(table["exposure"]), 1)).T)
+
+
+def test_cameras_without_an_accuracy_of_their_own_have_the_chunk_s(tmp_path):
+    path = metashape.write(tmp_path / "c.xml")
+    path.write_text(path.read_text().replace('sxyz="0.05"', 'syaw="1" sypr="2"', 1))
+    with pytest.raises(FlightError, match="reference: has no accuracy of x, y, z"):
+        reading.read(path)
+    settings = "".join(
+        f'<property name="{name}" value="{value}"/>'
+        for name, value in (("accuracy_cameras", 10), ("accuracy_cameras_ypr", 4))
+    )
+    brought = reading.read(with_references(path, "<settings>", f"<settings>{settings}"))
+    table = brought.tables["heads/trajectory.csv"]
+    assert sorted(table["sigma_east_m"])[-2:] == [0.05, 10.0]
+    assert sorted(table["sigma_heading_deg"])[:2] == [1.0, 4.0]
+    assert sorted(table["sigma_roll_deg"])[:2] == [2.0, 4.0]
+    said = [one for one in brought.assumed if "an accuracy of their own" in one]
+    assert len(said) == 2
+
+
+def test_angles_that_are_switched_off_are_not_used(tmp_path):
+    path = metashape.write(tmp_path / "c.xml")
+    path.write_text(path.read_text().replace('sxyz="0.05"', 'rotation_enabled="false"', 1))
+    path.write_text(path.read_text().replace('sxyz="0.05"', ""))
+    known = len(reading.read(metashape.write(tmp_path / "all.xml")).tables["heads/trajectory.csv"])
+    brought = reading.read(path)
+    table = brought.tables["heads/trajectory.csv"]
+    assert "one.jpg" not in table["exposure"]
+    assert len(table["exposure"]) == 3
+    assert len(table) == known - 3
+    said = 'measured attitudes that are switched off (rotation_enabled="false"): they are not used'
+    assert f"1 {said}" in brought.left_out
+
+
+def test_positions_that_are_switched_off_are_not_used(tmp_path):
+    path = metashape.write(tmp_path / "c.xml")
+    off = 'sxyz="0.05" enabled="false"'
+    brought = reading.read(with_references(path, 'sxyz="0.05" enabled="true"', off))
+    assert "heads/trajectory.csv" not in brought.tables
+    assert any(
+        one.startswith("4 measured positions, with their angles") for one in brought.left_out
+    )
