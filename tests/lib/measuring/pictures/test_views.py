@@ -64,3 +64,13 @@ def test_a_damaged_or_missing_file_is_named(tmp_path):
         v.size_on_file(tmp_path / "bad.jpg", CAMERA)
     with pytest.raises(FlightError, match=r"gone.jpg: there is no such file"):
         v.size_on_file(tmp_path / "gone.jpg", CAMERA)
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+def test_a_picture_that_is_cut_in_half_is_refused(tmp_path, suffix, rng):
+    path, cut = tmp_path / f"whole.{suffix}", tmp_path / f"cut.{suffix}"
+    cv2.imwrite(str(path), rng.integers(0, 255, (27, 40)).astype(np.uint8))
+    assert v.pixels(path, (40, 27), 1).shape == (27, 40, 1)
+    cut.write_bytes(path.read_bytes()[: 2 * path.stat().st_size // 3])
+    with pytest.raises(FlightError, match="is cut off, its pixels have no end"):
+        v.pixels(cut, (40, 27), 1)
