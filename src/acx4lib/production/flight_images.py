@@ -212,8 +212,11 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
 
 def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
     provenance.verify(results_path)
-    found = provenance.results_before(results_path, ["heads"], flight)
-    if results.has(found, "synthetic"):
+    heads = flight.blocks.get("heads")
+    is_measured = heads is None or len(heads.image_points) > 0
+    before = ["heads"] if is_measured else ["synthetic"]  # heads as declared have no stage heads
+    found = provenance.results_before(results_path, before, flight)
+    if is_measured and results.has(found, "synthetic"):
         found = provenance.results_before(results_path, ["heads", "synthetic"], flight)
     reasons: list[str] = []
     for source in ORIENTED:
