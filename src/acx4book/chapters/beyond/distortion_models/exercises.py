@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from acx4book.chapters.beyond.distortion_models.cases import DENT_AT, dent_px
 from acx4book.chapters.beyond.distortion_models.families import WAVES, ebner
-from acx4book.notebooks.solution import Solution
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """An answer with its number, and the same number found in another way.
+
+    Attributes
+    ----------
+    text : str
+    value, again : float
+    """
+
+    text: str
+    value: float
+    again: float
 
 
 def nine_points() -> Array:

@@ -142,12 +142,6 @@ def rms_by_flight(study: Study, way: str, over: str = "points") -> pd.DataFrame:
     )
 
 
-def share_of_class(study: Study, way: str, scale: int, letter: str = "A") -> dict[str, float]:
-    """Return the share of flights that reach a class of PEC-PCD in plan, and in height."""
-    own = study.classes[study.classes["way"] == way]
-    return {part: float((own[f"{part}_{scale}"] == letter).mean()) for part in ("plan", "height")}
-
-
 def accuracy(study: Study) -> pd.DataFrame:
     """Return the accuracy at check points of both ways, over all flights.
 

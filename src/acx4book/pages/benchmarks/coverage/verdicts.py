@@ -59,8 +59,6 @@ GROSS: Mapping[str, str] = {
     "control_point": "the height of a control point",
 }
 
-FAILING = "Questions that fail"
-
 PURPOSES: Mapping[str, str] = {
     "clean": "clean ones",
     "spoilt": "with a fault of the predicted size",
