@@ -142,7 +142,7 @@ def drawn_whole(book, width):
 def light_on_the_dark(book):
     """Look for ink of figures that is dark, and for light cards, on the dark page."""
     seen = book.page.evaluate(IN_THE_DARK)
-    if seen["page"] > 60 or min(seen["text"], *seen["letters"]) < 180:
+    if seen["page"] > 60 or min([seen["text"], *seen["letters"]]) < 180:
         book.complain(f"not light on dark: {seen}")
     if set(seen["cards"]) != {"rgba(0, 0, 0, 0)"}:
         book.complain(f"a card behind a figure in the dark: {seen['cards']}")

@@ -111,7 +111,13 @@ def test_a_stage_alone_says_in_its_last_line_what_to_run_first(ran, name):
     assert "run first: notebook 0" in str(caught.value).strip().splitlines()[-1]
 
 
-@pytest.mark.parametrize("name", NOTEBOOKS.values())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=[] if n.startswith("03") else [pytest.mark.repeats])
+        for n in NOTEBOOKS.values()
+    ],
+)
 def test_an_unknown_parameter_is_named_in_the_last_line(ran, name):
     kind, at, _ = ran
     if kind == "single":

@@ -50,7 +50,7 @@ def book(
         results, wrong = flight, tuple[str, ...]()
         with terminal.stage_bars() as tell:
             if not (flight / "summary.json").is_file():
-                results = Path(temporary) / "results"
+                results = Path(temporary) / "acx4-results"
                 wrong = runner.run(flight, results, way=Notebooks(), tell=tell).not_determined
             flight_book.write(results, out, strict=strict, tell=tell)
     terminal.show(out / "index.html")

@@ -122,7 +122,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     executed, generated = book / "_executed", book / "_generated"
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
-    write_notebooks(results_path, executed, ideal_path)
+    write_notebooks(results_path, executed, ideal_path, pictures_path=flight_path)
     whole = ideal_path is not None
     left_out = independent.bring(executed, run=whole)
     # The code of part I is part of what it teaches.
@@ -157,7 +157,13 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
 # --- notebooks -------------------------------------------------------------------------------
 
 
-def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None = None) -> None:
+def write_notebooks(
+    results_path: Path,
+    executed: Path,
+    ideal_path: Path | None = None,
+    *,
+    pictures_path: Path | None = None,
+) -> None:
     """Write a page for every notebook: those of a run, and those of `OF_RESULTS`, run here.
 
     Where there is a run of an ideal camera, the pages of `OF_IDEAL` are its, and say so.
@@ -176,7 +182,10 @@ def write_notebooks(results_path: Path, executed: Path, ideal_path: Path | None 
     for name in OF_RESULTS:
         run_here(name, executed, {"results_path": str(results_path)})
     of = ideal_path or results_path
-    run_here(OWN, executed, {"flight_path": str(of / KEPT), "results_path": str(of)})
+    places = {"flight_path": str(of / KEPT), "results_path": str(of)}
+    if ideal_path is None and pictures_path is not None:
+        places["pictures_path"] = str(pictures_path)
+    run_here(OWN, executed, places)
 
 
 def run_here(name: str, executed: Path, given: Mapping[str, str], note: str = "") -> None:

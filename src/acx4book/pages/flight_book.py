@@ -138,7 +138,9 @@ def _place(html: Path, own: OwnFolder) -> None:
     names = sorted(p.relative_to(html).as_posix() for p in html.rglob("*") if p.is_file())
     with tempfile.TemporaryDirectory(dir=own.path, prefix=SCRATCH) as temporary:
         whole = Path(temporary) / "html"
-        shutil.copytree(html, whole)
+        for name in names:
+            (whole / name).parent.mkdir(parents=True, exist_ok=True)
+            whole_files.copy(html / name, whole / name)
         own.remove(list(own.files))
         own.expect(names)
         for name in names:

@@ -5,6 +5,9 @@ import pytest
 
 from support.changed_notebook import changed
 
+pytestmark = pytest.mark.repeats
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
 WRONG = 'wrong = {"GNSS": 0.4, "heading": 2.0}'
 TIME = "share, constant_s = 0.95, 600.0"
 AIR = 'replace(study.EXACT, refraction="standard")'

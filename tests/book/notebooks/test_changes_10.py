@@ -6,6 +6,9 @@ import pytest
 from acx4book.chapters.beyond.image_quality import examined
 from support.changed_notebook import changed
 
+pytestmark = pytest.mark.repeats
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
 DRAWN = "draws = examined.drawn_errors(known, 50, seed=1, angle_deg={})"
 TARGETS = "targets = examined.border_distortion_of_targets(known, {}, seed=1)"
 

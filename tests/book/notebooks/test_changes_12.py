@@ -5,6 +5,9 @@ import pytest
 
 from support.changed_notebook import changed
 
+pytestmark = pytest.mark.repeats
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
 REFINED = (
     "refined = refine_by_rotations(oriented, shared_points(flight.heads, oriented)).orientation"
 )

@@ -8,6 +8,9 @@ from acx4book.chapters.beyond.failures.examined import GROUPS, standardised, wor
 from acx4book.typesetting.plain_text import shown
 from support.changed_notebook import changed
 
+pytestmark = pytest.mark.repeats
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
 
 @pytest.fixture(scope="module")
 def as_it_is():

@@ -5,6 +5,9 @@ import pytest
 
 from support.changed_notebook import changed
 
+pytestmark = pytest.mark.repeats
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
 NEVER = "shown.explorer(explorer.explorer(plan))"
 """The figure that moves has flights of its own, which take long."""
 

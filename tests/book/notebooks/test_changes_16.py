@@ -7,6 +7,9 @@ from acx4book.chapters.beyond.error_budget import tables
 from acx4lib.georeferencing import budget
 from support.changed_notebook import changed
 
+pytestmark = pytest.mark.repeats
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
 SINGLE = "single = single_step(calibration, free=free)"
 FREE = "free = flight.estimate_mounting"
 POOR = "height_m, sigma_position_m=(0.3, 0.3, 0.3))"

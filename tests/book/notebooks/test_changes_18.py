@@ -6,6 +6,9 @@ import pytest
 from acx4book.chapters.beyond.stability import figures, history
 from support.changed_notebook import changed
 
+pytestmark = pytest.mark.repeats
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
 FLIGHTS = "flights = history.flights(seed)"
 
 
