@@ -111,11 +111,12 @@ def _require_inside(brought: Brought) -> None:
             continue
         k = int(rows[0])
         (col, row), (width, height) = colrow[k].tolist(), size[k].tolist()
+        n, read = len(rows), min(brought.sha256, default=brought.source)
         raise FlightError(
             [
-                f"{brought.source}: {points['image'][k]}, {points['point'][k]}: col {col:.1f}, row "
-                f"{row:.1f}, and {len(rows)} of {len(colrow)} measurements lie outside their "
-                f"pictures; must lie in {width:g} x {height:g} px, the size that was given or read"
+                f"{read}:1: point {points['point'][k]} in {points['image'][k]}: col {col:.1f}, "
+                f"row {row:.1f}, and {n} of {len(colrow)} measurements lie outside their pictures; "
+                f"must lie in {width:g} x {height:g} px, the size that was given or read"
             ]
         )
 
