@@ -93,6 +93,6 @@ def test_a_list_of_other_length_is_refused(tmp_path):
 def test_a_size_that_is_too_small_for_the_measurements_is_refused(tmp_path):
     read(tmp_path, text())
     small = bundler.read(tmp_path / "bundle" / "bundle.out", size=(220, 160))
-    with pytest.raises(FlightError, match=r"a\.jpg, 1: .* 4 of 6 measurements lie outside"):
+    with pytest.raises(FlightError, match=r"point 1 in a\.jpg: .* 4 of 6 measurements lie outside"):
         flight_folder.write(small, tmp_path / "flight")
     assert not (tmp_path / "flight").exists()
