@@ -110,10 +110,7 @@ OTHERS = {
         "sources.extractall": "into a temporary folder",
     },
     "acx4book/pages/back/pdf.py": {"shutil.copytree": "into a temporary folder"},
-    "acx4book/pages/flight_book.py": {
-        "shutil.copytree": "into a temporary folder",
-        "shutil.copyfile": "as above",
-    },
+    "acx4book/pages/flight_book.py": {"shutil.copyfile": "into a temporary folder"},
     "acx4book/typesetting/drawing/svg.py": {"figure.savefig": "in memory"},
     "acx4book/typesetting/style.py": {"self.savefig": "in memory"},
 }

@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from html import escape
 from importlib import resources
 from importlib.metadata import version
@@ -24,7 +24,7 @@ import pandas as pd
 import yaml
 
 from acx4book.notebooks import execute
-from acx4book.notebooks.runner import NOTEBOOKS_PATH
+from acx4book.notebooks.runner import NOTEBOOKS_PATH, Tell
 from acx4book.pages import build, frames
 from acx4book.report import material
 from acx4book.report.page import page as report
@@ -79,8 +79,6 @@ COLOURS, SAYS = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"WARNING|ERROR|Error"
 LINES_SHOWN = 12
 """Last lines of Sphinx that are told where it fails."""
 
-Tell = Callable[[str, int, int], None]
-
 
 class BookError(Acx4Error):
     """A book could not be built."""
@@ -117,9 +115,9 @@ def write(
         claims.claim(site, command=COMMAND) as own,
     ):
         source = Path(temporary) / "book"
-        _gather(results_path, source, tell)
+        name = _gather(results_path, source, tell)
         html = _built(source, Path(temporary), strict=strict)
-        _escape(html, visible(material.read(results_path).flight.name))
+        _escape(html, visible(name))
         report.write(results_path, html / "report.html")
         shutil.copyfile(source / "_toc.yml", html / "_toc.yml")  # by which it can be printed
         tell("pages", 1, 1)
@@ -149,8 +147,8 @@ def _place(html: Path, own: OwnFolder) -> None:
     own.seal()
 
 
-def _gather(results_path: Path, source: Path, tell: Tell) -> None:
-    """Write all that the pages are made of."""
+def _gather(results_path: Path, source: Path, tell: Tell) -> str:
+    """Write all that the pages are made of, and return the name of the flight."""
     source.mkdir()
     for name in TAKEN:
         copied = shutil.copytree if (SOURCES / name).is_dir() else shutil.copyfile
@@ -176,6 +174,7 @@ def _gather(results_path: Path, source: Path, tell: Tell) -> None:
     whole_files.write(generated / "left_out.json", json.dumps({**left_out, "_generated/api": ""}))
     foot = {"name": "acx4lib", "version": version("acx4lib"), "authors": "", "licence": ""}
     whole_files.write(generated / "citation.json", json.dumps(foot))
+    return run.flight.name
 
 
 # --- chapters --------------------------------------------------------------------------------

@@ -191,6 +191,17 @@ PAIRS = (("xp", 0), ("yp", 1), ("f", 2))
 """Which parameter takes up the component of the lever arm along which axis of the camera."""
 
 
+SEEN = {
+    **dict.fromkeys(("Difference (mm)", "Expected (mm)"), "+.4f"),
+    **dict.fromkeys(("Lever arm seen (m)", "Estimated (m)"), "+.4f"),
+    "Effective height (m)": ".0f",
+    "At the mean height (m)": "+.3f",
+    "Seen less estimated (mm)": "+.1f",
+    "σ of the difference (mm)": ".1f",
+}
+"""Formats of what `lever_arm_seen` returns."""
+
+
 def lever_arm_seen(mountings: Mountings, found: Absorption | None) -> pd.DataFrame:
     """Compare what the two-step interior orientation took up with the lever arm it could not see.
 
@@ -244,17 +255,8 @@ def lever_arm_seen(mountings: Mountings, found: Absorption | None) -> pd.DataFra
                 }
             )
     table = pd.DataFrame(rows)
-    return _formatted(
-        table if len(set(table["Camera"])) > 1 else table.drop(columns="Camera"),
-        {
-            **dict.fromkeys(("Difference (mm)", "Expected (mm)"), "+.4f"),
-            **dict.fromkeys(("Lever arm seen (m)", "Estimated (m)"), "+.4f"),
-            "Effective height (m)": ".0f",
-            "At the mean height (m)": "+.3f",
-            "Seen less estimated (mm)": "+.1f",
-            "σ of the difference (mm)": ".1f",
-        },
-    )
+    several = len(set(table["Camera"])) > 1
+    return _formatted(table if several else table.drop(columns="Camera"), SEEN)
 
 
 def _cov_lever(single: Mounting, k: int) -> Array:
