@@ -66,7 +66,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check test test-all fuzz mistakes notebooks lab book pdf release serve bench coverage chain models reference-data reference-results clean
+.PHONY: help .venv lock check words test test-all fuzz mistakes notebooks lab book pdf release serve bench coverage chain models reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -113,6 +113,9 @@ check: .venv/.stamp-test ## style, types, layers, notebooks without outputs, spe
 	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS) $(wildcard notebooks/*/*.ipynb))
 	@$(BIN)/codespell src notebooks book *.md
 	@PYTHONPATH=tests $(BIN)/python -m project.sizes
+
+words: .venv/.stamp-test ## words of prose of each page of the book, of the foundations and of the rest
+	@PYTHONPATH=tests $(BIN)/python -m project.words
 
 test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats what a smaller case shows
 	@$(BIN)/pytest -q -n 2 --dist worksteal -m 'not repeats'
