@@ -8,7 +8,7 @@ errors, and not with the scatter within the strips.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,11 +18,15 @@ from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations.strips import has_times
 from acx4lib.bundle.observations.trajectory import attitude_equations
 from acx4lib.expected import Array, Index
+from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.problem import Equations
 from acx4lib.least_squares.statistical import distributions
 
 OPEN = 1e-3
 """Share of a turn that shows in the residuals, below which it is a boresight or not determined."""
+
+COMMON = 1e-5
+"""That share of a turn of all exposures, below which the boresight takes it up whole."""
 
 LEAST_REDUNDANCY = 1.0
 """Redundancy of the attitudes, beside the turns, from which their scatter is known at all."""
@@ -118,7 +122,9 @@ def between_strips(bundle: Bundle) -> Turns | None:
     names = tuple(filter(None, dict.fromkeys(strip)))
     if len(names) < 2:
         return None
-    return _tested(bundle, names, np.stack([strip == name for name in names], axis=1).astype(float))
+    own = np.stack([strip == name for name in names], axis=1).astype(float)
+    mean = own.mean(axis=0)
+    return _tested(bundle, names, own - mean, np.eye(len(names)) - mean)
 
 
 def over_time(bundle: Bundle) -> Turns | None:
@@ -135,39 +141,56 @@ def over_time(bundle: Bundle) -> Turns | None:
     if not np.ptp(time) > 0:
         return None
     share = (time - time.mean()) / np.ptp(time)
-    return _tested(bundle, ("drift",), share[:, None])
+    return _tested(bundle, ("drift",), share[:, None], np.eye(1))
 
 
-def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array) -> Turns | None:
-    """Test turns by names; `shares`, shape (m, n), says how far each exposure has each of them."""
+def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, told: Array) -> Turns | None:
+    """Test turns beside one that all exposures share.
+
+    `shares`, shape (m, n), says how far each exposure has each turn, with the mean zero; `told`,
+    shape (n, n), is how far what is given has each of them.
+    """
     if not _observes_attitudes(bundle.network):
         return None
-    all_and_each = np.column_stack([np.ones(len(shares)), shares])
-    k = 3 * all_and_each.shape[1]
-    C = np.einsum("mn,ab->manb", all_and_each, np.eye(3)).reshape(-1, 3, k)
-    r = _residuals(bundle, C)
-    common, every = np.arange(3), np.arange(len(r.right))
-    alone, _, n_alone = _solved(r, common)
-    both, inverse, n_both = _solved(r, every)
-    x = inverse @ r.right
-    left = r.equations.v - r.shown @ x
+    common_and_each = np.column_stack([np.ones(len(shares)), shares])
+    k = 3 * common_and_each.shape[1]
+    C = np.einsum("mn,ab->manb", common_and_each, np.eye(3)).reshape(-1, 3, k)
+    common, each = np.arange(3), np.arange(3, k)
+    r = _beside(_residuals(bundle, C), common, each)
+    _, of_common, _ = _solved(r, common, COMMON)
+    explained, of_each, dof = _solved(r, each, OPEN)
+    inverse = np.zeros_like(r.normal)
+    inverse[:3, :3], inverse[3:, 3:] = of_common, of_each
+    left = r.equations.v - r.shown @ (inverse @ r.right)
     weighed = r.equations.weighed(r.shown)
     redundancy = r.redundancy - float(np.sum(inverse * np.einsum("mdk,mdl->kl", r.shown, weighed)))
-    dof = n_both - n_alone
     if dof < 1 or redundancy < LEAST_REDUNDANCY:
         return None
     variance = float(np.sum(left * r.equations.weighed(left[:, :, None])[:, :, 0])) / redundancy
     if not variance > 0:
         return None
-    sigma = np.sqrt(variance * np.diag(inverse))
+    by_turns = np.kron(told, np.eye(3))
+    sigma = sigmas(variance * propagate(by_turns, of_each))
     return Turns(
         names=names,
-        turns=x.reshape(-1, 3)[1:],
-        sigma=np.where(sigma > 0, sigma, np.inf).reshape(-1, 3)[1:],
-        f=max(0.0, both - alone) / dof / variance,
+        turns=(by_turns @ of_each @ r.right[each]).reshape(-1, 3),
+        sigma=np.where(sigma > 0, sigma, np.inf).reshape(-1, 3),
+        f=explained / dof / variance,
         dof=dof,
         redundancy=redundancy,
     )
+
+
+def _beside(r: _Residuals, common: Index, each: Index) -> _Residuals:
+    """Return turns that change what they have in common, so that they are independent of it.
+
+    A boresight without sigma takes up a turn of all exposures whole, a declared one nearly so:
+    neither is a step.
+    """
+    _, inverse, _ = _solved(r, common, COMMON)
+    K = np.eye(len(r.right))
+    K[np.ix_(common, each)] = -inverse @ r.normal[np.ix_(common, each)]
+    return replace(r, shown=r.shown @ K, normal=K.T @ r.normal @ K, right=K.T @ r.right)
 
 
 def _observes_attitudes(network: Network) -> bool:
@@ -197,11 +220,11 @@ def _residuals(bundle: Bundle, C: Array) -> _Residuals:
     )
 
 
-def _solved(r: _Residuals, own: Index) -> tuple[float, Array, int]:
+def _solved(r: _Residuals, own: Index, least: float) -> tuple[float, Array, int]:
     """Return what some of the turns explain, the inverse of their normal matrix, and its rank."""
     scale = np.where(r.scale[own] > 0, r.scale[own], 1.0)
     values, vectors = np.linalg.eigh(r.normal[np.ix_(own, own)] / scale[:, None] / scale)
-    kept = values > OPEN
+    kept = values > least
     part = vectors[:, kept] / scale[:, None]
     along = part.T @ r.right[own]
     return float(np.sum(along**2 / values[kept])), (part / values[kept]) @ part.T, int(kept.sum())

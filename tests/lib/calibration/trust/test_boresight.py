@@ -11,6 +11,7 @@ from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration.trust import boresight
 from acx4lib.geometry.frames import Pose, exp
+from acx4lib.geometry.prior import Prior
 from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from support import blocks
 
@@ -110,6 +111,19 @@ def test_a_strip_whose_camera_turned_is_found_with_its_size(exact):
 def test_a_camera_that_turns_the_same_everywhere_is_no_step(exact):
     found = boresight.between_strips(adjusted(turned(exact, np.full(3, 0.3), "ABCD")))
     assert_allclose(found.turns, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("sigma_deg", [0.005, 0.02, 0.05, 0.1, 1.0])
+def test_a_declared_boresight_leaves_the_number_and_the_sigma_of_steps(exact, noisy, sigma_deg):
+    """A turn of all strips, which it shows in part, is no step, however well it is declared."""
+    known = Prior(declared=(True,) * 6, sigma=(*3 * [np.inf], *3 * [np.radians(sigma_deg)]))
+    camera = replace(exact.cameras[0], prior=known)
+    block = replace(noisy.network.block, cameras=(camera,))
+    declared, free = (boresight.between_strips(b) for b in (adjusted(block), noisy))
+    assert declared.dof == free.dof == 9
+    assert_allclose(declared.sigma, free.sigma, rtol=0.1)
+    assert_allclose(declared.turns, free.turns, atol=0.1 * free.sigma.max())
+    assert_allclose(declared.f, free.f, rtol=0.1)
 
 
 def test_a_drift_is_found_with_its_size(exact):
