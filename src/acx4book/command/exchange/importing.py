@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from acx4book.command.exchange import blocks, pictures, projects, trajectories
+from acx4book.command.exchange import blocks, pictures, points, projects, trajectories
 
 HELP = """Read other programs' files, and write a flight, or what they know of one.
 
@@ -23,6 +23,7 @@ Examples:
 
 TITLES = {
     "trajectories": "Where images were taken, and in which attitude",
+    "points": "Points measured in images, and surveyed",
     "pictures": "Pictures alone",
     "projects": "Projects",
     "blocks": "Blocks and adjustments",
@@ -57,6 +58,8 @@ app.command("colmap", help=projects.COLMAP)(projects.colmap)
 app.command("opf", help=projects.OPF)(projects.opf)
 app.command("pospac-text", help=trajectories.TEXT_HELP)(trajectories.pospac_text)
 app.command("orientations", help=trajectories.TABLE_HELP)(trajectories.orientations)
+app.command("image-points", help=points.MEASURED)(points.image_points)
+app.command("control-points", help=points.SURVEYED)(points.control_points)
 app.command("opensfm", help=blocks.OPENSFM)(blocks.opensfm)
 app.command("micmac", help=blocks.MICMAC)(blocks.micmac)
 app.command("bundler", help=blocks.BUNDLER)(blocks.bundler)

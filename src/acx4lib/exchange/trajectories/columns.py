@@ -1,10 +1,10 @@
-"""Words for the columns of a list of orientations or events, and their units."""
+"""Words for the columns of a list of orientations, events or points, and their units."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +46,36 @@ SYNONYMS = {
     "sigma_heading": "sigma_heading sigma_yaw",
     SKIP: "skip s - _ other",
 }
-KNOWN = {word: name for name, words in SYNONYMS.items() for word in words.split()}
+
+
+def words_of(synonyms: Mapping[str, str]) -> dict[str, str]:
+    """Return the names of columns by the words for them."""
+    return {word: name for name, words in synonyms.items() for word in words.split()}
+
+
+KNOWN = words_of(SYNONYMS)
+"""Words for the columns of orientations and events."""
+
+POINT = "point pointname point_name point_id pointid id name nom n pt gcp marker target label"
+SKIPPED = {SKIP: SYNONYMS[SKIP]}
+SHARED = ("east", "north", "height", "lat", "lon", *SIGMA_M)
+
+MEASURED = words_of(
+    {
+        "point": POINT,
+        "image": "image imagename image_name filename file photo photoid cliche",
+        "col": "col column sample c u x",
+        "row": "row line lin l v y",
+        "sigma": "sigma",
+        **SKIPPED,
+    }
+)
+"""Words for the columns of points measured in images."""
+
+SURVEYED = words_of(
+    {"point": POINT, "role": "role", **{one: SYNONYMS[one] for one in SHARED}, **SKIPPED}
+)
+"""Words for the columns of surveyed points."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +85,7 @@ class Column:
     Attributes
     ----------
     name : str
-        What it holds, one of the keys of `SYNONYMS`.
+        What it holds, such as one of the keys of `SYNONYMS`.
     unit : str
         Of an angle, one of `UNITS`; empty where the word does not say.
     """
@@ -65,21 +94,22 @@ class Column:
     unit: str = ""
 
 
-def column(word: str) -> Column | None:
+def column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
     """Return the column that a word means, such as ``omega``, ``kappa_gon``, ``x``; or None."""
     plain = re.sub(r"\s+", "_", word.strip().lower())
     for unit in UNITS:
         stem = plain.removesuffix(f"_{unit}").removesuffix(f"[{unit}]").removesuffix(f"({unit})")
-        name = KNOWN.get(stem.strip("_"))
+        name = known.get(stem.strip("_"))
         if stem != plain and (name in ANGLES or name in SIGMA_ANGLES):
             return Column(name=str(name), unit=unit)
-    for metres in ("_m", "[m]", "(m)", "_s"):
-        plain = plain.removesuffix(metres) if plain.removesuffix(metres) in KNOWN else plain
-    name = KNOWN.get(plain)
+    for unit in ("_m", "[m]", "(m)", "_s", "_px", "[px]", "(px)"):
+        stem = plain.removesuffix(unit).strip("_")
+        plain = stem if stem in known else plain
+    name = known.get(plain)
     return Column(name=name) if name else None
 
 
-def declared(text: str) -> tuple[Column, ...]:
+def declared(text: str, known: Mapping[str, str] = KNOWN) -> tuple[Column, ...]:
     """Return the columns that a user declares: words with commas or spaces between.
 
     Raises
@@ -90,10 +120,10 @@ def declared(text: str) -> tuple[Column, ...]:
     words = [word for word in re.split(r"[\s,;]+", text) if word]
     found = []
     for word in words:
-        one = column(word)
+        one = column(word, known)
         if one is None:
-            words_known = ", ".join(name for name in SYNONYMS)
-            hint = did_you_mean(word.lower(), KNOWN)
+            words_known = ", ".join(dict.fromkeys(known.values()))
+            hint = did_you_mean(word.lower(), known)
             msg = f"column {word!r} is not known{hint}; known are {words_known}"
             raise ValueError(msg)
         found.append(one)

@@ -1,10 +1,10 @@
-"""The rows of a text with declared columns: a list of events, or of orientations."""
+"""The rows of a text with declared columns: a list of events, of orientations, or of points."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -13,7 +13,7 @@ import numpy as np
 from acx4lib.errors import FlightError
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.text_lines import Line, lines
-from acx4lib.exchange.trajectories.columns import SKIP, Column, column, declared, position_of
+from acx4lib.exchange.trajectories.columns import KNOWN, SKIP, Column, column, declared, position_of
 from acx4lib.expected import Array
 from acx4lib.flight.problems import Range, quoted
 from acx4lib.flight.text.names import NUMBER, name_fault
@@ -79,6 +79,21 @@ class Listed:
         return names
 
 
+def left_out(listed: Listed, what: str) -> tuple[str, ...]:
+    """Return sentences on lines and columns that were not read; `what` is what they are not."""
+    k_skipped = [k for k, one in enumerate(listed.columns) if one.name == SKIP]
+    heading = listed.heading.cells if listed.heading else ()
+    named = [heading[k] if k < len(heading) else f"column {k + 1}" for k in k_skipped]
+    longest = max(listed.rows, key=len)
+    beyond = len(longest) - len(listed.columns)
+    if beyond > 0:
+        named.append(f"{beyond} after the last in line {longest.number}")
+    return (
+        *([f"Lines before the heading: {listed.before}."] if listed.before else []),
+        *([f"Columns that are no {what}: {', '.join(named)}."] if named else []),
+    )
+
+
 def checked_name(row: Line, name: str, element: str) -> str:
     """Return a name, refused where a flight may not use it."""
     fault = name_fault(name) if name else ("is empty", "must be a name")
@@ -88,7 +103,12 @@ def checked_name(row: Line, name: str, element: str) -> str:
 
 
 def read_list(
-    source: Opened, columns: str, *, separator: str = "", numbers: Sequence[str]
+    source: Opened,
+    columns: str,
+    *,
+    separator: str = "",
+    numbers: Sequence[str],
+    known: Mapping[str, str] = KNOWN,
 ) -> Listed:
     """Return the rows of a text, by declared columns or by those that its heading names.
 
@@ -101,13 +121,15 @@ def read_list(
         One of `SEPARATORS`; empty: semicolons, tabs or commas if the first two lines have any.
     numbers : sequence of str
         Columns of numbers, by which a heading is told from a row.
+    known : mapping of str to str
+        Names of columns by the words for them.
 
     Raises
     ------
     FlightError
         Where the columns are not known, or there are no rows.
     """
-    before = _before_heading(source)
+    before = _before_heading(source, known)
     mark = _separator(source, separator, len(before))
     every = lines(source, separator=mark, comment=COMMENTS)
     found = [one for one in every if one.number > len(before)]
@@ -115,20 +137,20 @@ def read_list(
         raise source.wrong("file", f"has {len(found)} rows", f"must have 1 to {MOST}")
     if columns:
         try:
-            named = declared(columns)
+            named = declared(columns, known)
         except ValueError as error:
-            what, _, known = str(error).partition("; ")
-            raise source.wrong("--columns", what, known or "every column once") from None
+            what, _, words = str(error).partition("; ")
+            raise source.wrong("--columns", what, words or "every column once") from None
         heading = found[0] if _is_heading(found[0], named, numbers) else None
     else:
-        heading, named = found[0], _of_heading(found[0])
+        heading, named = found[0], _of_heading(found[0], known)
     rows = tuple(found[heading is not None :])
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
     return Listed(source=source, columns=named, rows=rows, heading=heading, before=len(before))
 
 
-def _before_heading(source: Opened) -> tuple[str, ...]:
+def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]:
     """Return the lines before the first that names columns, if no row stands there; else none.
 
     Such a line has two different columns at least, and half of its words are columns. A row is a
@@ -139,7 +161,7 @@ def _before_heading(source: Opened) -> tuple[str, ...]:
         words = [word for word in re.split(r"[\s;,]+", line.strip()) if word]
         if not words or words[0].startswith(COMMENTS):
             continue
-        columns = {one.name for word in words if (one := column(word))} - {SKIP}
+        columns = {one.name for word in words if (one := column(word, known))} - {SKIP}
         if len(columns) >= max(2, len(words) / 2):
             return tuple(text[:k])
         if sum(bool(NUMBER.fullmatch(word)) for word in words) >= len(words) / 2:
@@ -164,16 +186,16 @@ def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -
     return bool(cells) and not any(NUMBER.fullmatch(cell) for cell in cells)
 
 
-def _of_heading(line: Line) -> tuple[Column, ...]:
-    found = [column(cell) for cell in line.cells]
-    known = [one for one in found if one is not None and one.name != SKIP]
-    if len(known) < 2:
+def _of_heading(line: Line, known: Mapping[str, str]) -> tuple[Column, ...]:
+    found = [column(cell, known) for cell in line.cells]
+    said = [one for one in found if one is not None and one.name != SKIP]
+    if len(said) < 2:
         raise _undeclared(line, f"is no heading: {quoted(' '.join(line.cells))}")
-    ((name, times),) = Counter(one.name for one in known).most_common(1)
+    ((name, times),) = Counter(one.name for one in said).most_common(1)
     if times > 1:
         raise _undeclared(line, f"two columns may be {name!r}")
     return tuple(one or Column(name=SKIP) for one in found)
 
 
 def _undeclared(line: Line, found: str) -> FlightError:
-    return line.wrong("columns", found, "declare them, as --columns 'image x y z omega phi kappa'")
+    return line.wrong("columns", found, "declare them by --columns, in their order")

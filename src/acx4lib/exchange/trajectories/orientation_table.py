@@ -11,8 +11,8 @@ import numpy as np
 from acx4lib.exchange.brought import Brought
 from acx4lib.exchange.safe import opened
 from acx4lib.exchange.trajectories import orientations
-from acx4lib.exchange.trajectories.columns import NUMBERS, SKIP
-from acx4lib.exchange.trajectories.listed import Listed, read_list
+from acx4lib.exchange.trajectories.columns import NUMBERS
+from acx4lib.exchange.trajectories.listed import Listed, left_out, read_list
 from acx4lib.exchange.trajectories.orientations import Meaning
 
 NORTH = {"grid": "grid north", "true": "true north"}
@@ -81,7 +81,7 @@ def brought(
         pictures=orientations.grid_file(meaning),
         assumed=_assumed(listed, found, meaning, options),
         found=(*_found(listed, found, meaning), *says),
-        left_out=_left_out(listed),
+        left_out=left_out(listed, "orientation"),
     )
 
 
@@ -163,17 +163,3 @@ def _found(listed: Listed, found: orientations.Oriented, meaning: Meaning) -> tu
             f"{largest:.3f} m."
         )
     return tuple(lines)
-
-
-def _left_out(listed: Listed) -> tuple[str, ...]:
-    k_skipped = [k for k, one in enumerate(listed.columns) if one.name == SKIP]
-    heading = listed.heading.cells if listed.heading else ()
-    named = [heading[k] if k < len(heading) else f"column {k + 1}" for k in k_skipped]
-    longest = max(listed.rows, key=len)
-    beyond = len(longest) - len(listed.columns)
-    if beyond > 0:
-        named.append(f"{beyond} after the last in line {longest.number}")
-    return (
-        *([f"Lines before the heading: {listed.before}."] if listed.before else []),
-        *([f"Columns that are no orientation: {', '.join(named)}."] if named else []),
-    )

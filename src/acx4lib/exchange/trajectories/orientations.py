@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,14 +68,14 @@ class Oriented:
         Metres; degrees. One is there at least.
     height : ndarray, shape (n,)
     opk, rph : ndarray, shape (n, 3), or None
-        Radians. One of them is there.
+        Radians. One of them is there, but for points.
     """
 
     east_north: Array | None
     lonlat: Array | None
     height: Array
-    opk: Array | None
-    rph: Array | None
+    opk: Array | None = None
+    rph: Array | None = None
 
     def north(self, meaning: Meaning) -> str:
         """Return against which north the attitudes are, ``grid`` or ``true``."""
@@ -91,8 +91,7 @@ def oriented(listed: Listed, meaning: Meaning) -> Oriented:
         Where a column is missing, both forms of an attitude are there, or a number is out of range.
     """
     forms = [form for form in (OPK, RPH) if listed.has(*form)]
-    places = [form for form in (GRID, GEOGRAPHIC) if listed.has(*form)]
-    if len(forms) != 1 or not places or not listed.has("height"):
+    if len(forms) != 1 or not is_located(listed):
         names = [one.name for one in listed.columns]
         expected = (
             "must have east north or lat lon, height, and omega phi kappa or roll pitch heading; "
@@ -100,20 +99,31 @@ def oriented(listed: Listed, meaning: Meaning) -> Oriented:
         )
         raise _of_columns(listed, f"are {', '.join(names)}", expected)
     angles = np.radians(np.stack([_degrees(listed, n, meaning.angle) for n in forms[0]], axis=-1))
+    found = located(listed)
+    return replace(found, **{"opk" if forms[0] == OPK else "rph": angles})
+
+
+def is_located(listed: Listed) -> bool:
+    """Tell whether a list has the columns of a position in the grid, or of a geographic one."""
+    return listed.has("height") and (listed.has(*GRID) or listed.has(*GEOGRAPHIC))
+
+
+def located(listed: Listed) -> Oriented:
+    """Return the positions of a list that has them, without attitudes.
+
+    Raises
+    ------
+    FlightError
+        Where a number is out of range.
+    """
     lonlat = None
-    if GEOGRAPHIC in places:
+    if listed.has(*GEOGRAPHIC):
         lonlat = np.stack([_degrees(listed, name, "deg") for name in ("lon", "lat")], axis=-1)
         _refuse_far(listed, lonlat)
     east_north = None
-    if GRID in places:
+    if listed.has(*GRID):
         east_north = np.stack([listed.numbers(name) for name in GRID], axis=-1)
-    return Oriented(
-        east_north=east_north,
-        lonlat=lonlat,
-        height=listed.numbers("height"),
-        opk=angles if forms[0] == OPK else None,
-        rph=angles if forms[0] == RPH else None,
-    )
+    return Oriented(east_north=east_north, lonlat=lonlat, height=listed.numbers("height"))
 
 
 def trajectory(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Any]:
@@ -140,7 +150,7 @@ def trajectory(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, A
             grid = grid_system(listed.source, meaning, "a heading from grid north")
             rph[:, 2] += grid.convergence(lonlat_of(listed, found, meaning))
         table = _geographic(listed, found, meaning, rph)
-    return table | _extras(listed, meaning)
+    return table | extras(listed, meaning)
 
 
 def grid_system(source: Opened, meaning: Meaning, needed_by: str) -> GridSystem:
@@ -217,16 +227,27 @@ def _rotation(opk: Array, order: str) -> Array:
 
 
 def _on_grid(listed: Listed, found: Oriented, meaning: Meaning, R_g_b: Array) -> dict[str, Any]:
+    opk = np.degrees(frames.opk_from_rotation(R_g_b))
+    attitude = dict(zip(("omega_deg", "phi_deg", "kappa_deg"), np.round(opk, 9).T, strict=True))
+    return in_grid(listed, found, meaning) | attitude
+
+
+def in_grid(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Any]:
+    """Return east, north and height in the systems of the flight, columns of its tables.
+
+    Raises
+    ------
+    FlightError
+        Where the CRS is needed and not given, cannot be used, or does not reach the positions.
+    """
     east_north = found.east_north
     if east_north is None:
         grid = grid_system(
-            listed.source, meaning, "latitude and longitude, and angles against the grid"
+            listed.source, meaning, "latitude and longitude that become east and north"
         )
         east_north = _reached(listed, grid.grid_from_lonlat(np.asarray(found.lonlat)))
-    opk = np.degrees(frames.opk_from_rotation(R_g_b))
     east, north = np.round(east_north, 5).T
-    attitude = dict(zip(("omega_deg", "phi_deg", "kappa_deg"), np.round(opk, 9).T, strict=True))
-    return {"east_m": east, "north_m": north} | _height(listed, found, meaning) | attitude
+    return {"east_m": east, "north_m": north} | _height(listed, found, meaning)
 
 
 def _geographic(listed: Listed, found: Oriented, meaning: Meaning, rph: Array) -> dict[str, Any]:
@@ -250,7 +271,7 @@ def _height(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Arra
     return {"height_m": np.round(height, 5)}
 
 
-def _extras(listed: Listed, meaning: Meaning) -> dict[str, Array]:
+def extras(listed: Listed, meaning: Meaning) -> dict[str, Array]:
     """Return times and standard deviations, where the list has them."""
     table: dict[str, Array] = {}
     if listed.has("time"):

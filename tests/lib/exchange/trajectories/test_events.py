@@ -32,7 +32,7 @@ def test_columns_by_heading_or_by_declaration():
         ("image,time\n", {}, "has a heading and no rows"),
         ("image,week,time\nA,1,1\n", {}, "'week' is there; needs --time gps-week-sow"),
         ("image,time\nA,1\n", {"base": "gps-week-sow"}, "'week' is missing"),
-        ("A,1\nB,2\n", {}, "e.txt:1: columns: is no heading: 'A 1'; declare them, as --columns"),
+        ("A,1\nB,2\n", {}, "e.txt:1: columns: is no heading: 'A 1'; declare them by --columns"),
         ("A,1\n", {"columns": "image tme"}, "column 'tme' is not known (did you mean 'time'?)"),
         ("image,time\nB,1\nA\n", {}, "e.txt:3: time: is missing, the line has 1 cells"),
     ],

@@ -108,6 +108,17 @@ ID\tEVENT\tTIME(s)\tEASTING\tNORTHING\tELLIPSOID HEIGHT\tOMEGA\tPHI\tKAPPA\tLAT\
 a\t1\t100.5\t669850.0\t7187900.0\t2000.0\t0.1\t-0.2\t45.0\t-25.41\t-49.31
 b\t2\t101.5\t669950.0\t7187900.0\t2001.0\t0.1\t-0.2\t45.0\t-25.41\t-49.309
 """
+MEASURED = """CHANTIER : HALLE - 2015
+DATE : 12/06/2015
+
+image col row point sigma
+a 10.5 20.25 1006 0.3
+a 200 150 "1020" 0.3
+b 12.5 20 1006 0.5
+"""
+SURVEYED = """1006 13 -25.41 -49.31 900.0 0.02
+1020 3 -25.411 -49.309 905.5 0.02
+"""
 EVENTS = "image,time\na,100.52\nb,101.01\n"
 
 
@@ -235,6 +246,16 @@ SOURCES: dict[str, Source] = {
     "pospac-text": Source(write=_files(event__txt=POSPAC), source="event.txt", options=CRS),
     "orientations": Source(
         write=_files(eo__csv=ORIENTATIONS), source="eo.csv", options=(*CRS, "--of", "camera")
+    ),
+    "image-points": Source(
+        write=_files(points__mes=MEASURED),
+        source="points.mes",
+        options=("--camera", "C", "--first", "0.5"),
+    ),
+    "control-points": Source(
+        write=_files(points__app=SURVEYED),
+        source="points.app",
+        options=("--columns", "point skip lat lon height sigma_east", *CRS),
     ),
     "pictures": Source(write=_heads),
     "pictures-jpeg": Source(write=_photograph, kind="pictures"),
