@@ -39,7 +39,10 @@ flight, results, book, copy = map(Path, sys.argv[1:5])
 os.chdir(copy)
 build.fill(flight, results, book)
 """
-STUBS = ("coverage", "first-flight", "library", "many-flights", "notation", "speed", "your-files")
+STUBS = (
+    *("coverage", "first-flight", "library", "many-flights", "notation", "speed", "your-files"),
+    *("flight-tables", "flight-toml", "planning"),
+)
 """Pages that show nothing of a flight, but are referred to."""
 
 OTHERS = (
@@ -52,7 +55,7 @@ CHAPTERS = (
     *("_executed/00-flight", "_executed/01-head-calibration", "_executed/02-synthetic-image"),
     *("_executed/03-mounting-calibration", "_executed/04-validation", "_executed/06-errata"),
     *("_executed/07-report", "_executed/08-rig", "scorecard", "reproducibility"),
-    *("frames-and-notation", "bibliography", "your-own-flight", *STUBS),
+    *("frames-and-notation", "bibliography", "your-own-flight", "commands", "results", *STUBS),
 )
 """The pages that show something of a flight, and those that they refer to."""
 

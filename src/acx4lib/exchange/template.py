@@ -18,7 +18,7 @@ CONTROL = "point,east_m,north_m,height_m,role\n"
 
 HEAD = """\
 # A flight of acx4. What begins with # is a remark: take the # away to use a key.
-# All keys, and all columns of the tables, are on the page "Your own flight" of the book.
+# All keys, and all columns of the tables, are in the part "Your own flight" of the book.
 
 name = {name}
 crs = {crs}  # projected CRS, in metres, of all east and north

@@ -3,7 +3,7 @@
 `reader` says everything that is wrong with a folder at once, or returns the whole `Flight`; what
 is merely odd becomes a note; `from_tables` does the same with tables in memory. A flight's blocks
 are plain arrays, `block`; `design` tells how they were flown, `synthetic_images` which images are
-made of those of heads. Layout and rules of the folder: page *Your own flight* of the book. Begin
+made of those of heads. Layout and rules of the folder: part *Your own flight* of the book. Begin
 with `reader`, then `block`; after them `setup`, `block_from_tables`, `problems`, `summary`.
 """
 

@@ -178,7 +178,7 @@ def test_a_validation_needs_check_points_and_heads_need_more_than_one_camera():
 
 
 def test_the_plans_in_the_book_can_be_read(tmp_path):
-    page = (ROOT / "book" / "your-own-flight.md").read_text("utf-8")
+    page = (ROOT / "book" / "planning.md").read_text("utf-8")
     shown = [
         part for part in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[field]" in part
     ]

@@ -41,7 +41,7 @@ def text(material: Material, found: Sequence[Finding]) -> str:
 
 
 def record(material: Material, found: Sequence[Finding]) -> dict[str, Any]:
-    """Return the content of the report; book/your-own-flight.md explains the keys."""
+    """Return the content of the report; book/results.md explains the keys."""
     flight, summary = material.flight, material.found.summary
     return {
         "made_by": "acx4 report",

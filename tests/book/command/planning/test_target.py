@@ -8,7 +8,7 @@ import pytest
 from acx4lib.planning import text
 from support.helpers import ROOT
 
-PAGE = (ROOT / "book" / "your-own-flight.md").read_text("utf-8")
+PAGE = (ROOT / "book" / "planning.md").read_text("utf-8")
 
 
 @pytest.fixture

@@ -53,7 +53,7 @@ def test_the_statement_is_that_of_the_page(run, told):
 
 
 def test_every_key_is_explained(told):
-    page = (ROOT / "book" / "your-own-flight.md").read_text(encoding="utf-8")
+    page = (ROOT / "book" / "results.md").read_text(encoding="utf-8")
     section = page[page.index("(certificate)=") :]
     camera = told["methods"][told["calibration"]]["cameras"]["CAM"]
     budget, (adjustment, *_) = told["error_budget"], told["adjustments"].values()
