@@ -66,7 +66,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check words test test-all fuzz mistakes notebooks lab book pdf release serve bench coverage chain models reference-data reference-results clean
+.PHONY: help .venv lock check words test test-all fuzz mistakes notebooks lab book pdf release serve bench coverage chain reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -143,9 +143,6 @@ coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, and
 
 chain: .venv/.stamp-test ## adjust simulated flights with and without a synthetic image, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.chain.closed_chain
-
-models: .venv/.stamp-test ## adjust simulated flights with several distortion models, for data/benchmarks
-	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.chain.distortion_models
 
 # --- the notebooks on one flight -----------------------------------------------------------
 

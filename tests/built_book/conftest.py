@@ -14,6 +14,9 @@ from bs4 import BeautifulSoup
 from support.helpers import ROOT
 
 HTML = ROOT / "book" / "_build" / "html"
+FORWARD = "meta[http-equiv=refresh]"
+"""What a page at an old address has, which leads to another."""
+
 AXE = ROOT / ".venv" / "node" / "node_modules" / "axe-core" / "axe.min.js"
 
 
@@ -33,14 +36,14 @@ def html():
 
 @pytest.fixture(scope="session")
 def pages(html):
-    """Every page, parsed, by its path inside the book."""
+    """Every page but forwards, parsed, by its path inside the book."""
     others = {"_static", "_downloads"}  # no pages of the book
     files = [path for path in sorted(html.rglob("*.html")) if not others & {*path.parts}]
     gc.disable()  # which would look through all pages again and again
     parsed = {path.relative_to(html).as_posix(): parse(path) for path in files}
     gc.freeze()
     gc.enable()
-    return parsed
+    return {name: page for name, page in parsed.items() if not page.select_one(FORWARD)}
 
 
 def parse(path):

@@ -11,7 +11,8 @@ import yaml
 from pypdf import PdfReader
 
 from acx4book.pages.back import clean, licences, pdf
-from support.helpers import ROOT
+from built_book.conftest import parse
+from support.helpers import ROOT, book_extension
 
 PRINTED = ("_executed/foundations/2-rotations.html", "scorecard.html", "glossary.html")
 ADDRESS = re.compile(r"https?://([a-z0-9-]+\.)+[a-z]{2,}(:\d+)?(/[^\s<>\"{}|\\^`]*)?")
@@ -46,6 +47,15 @@ def test_every_notebook_can_be_taken_along_as_it_was_executed_and_to_run(html, c
 
 def source(name):
     return name.removeprefix("_executed/").replace(".html", ".ipynb")
+
+
+def test_old_addresses_lead_to_pages_with_the_content(html, pages):
+    for old, new in book_extension("forwards").NOW.items():
+        assert f"{new}.html" in pages, new
+        found = parse(html / f"{old}.html")
+        place = found.a["href"]
+        assert found.meta.find_next("meta")["content"] == f"0; url={place}"
+        assert ((html / old).parent / place).resolve() == html / f"{new}.html"
 
 
 def test_terms_lead_to_the_glossary_and_every_term_is_used(chapters):

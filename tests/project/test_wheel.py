@@ -133,10 +133,9 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
         ("acx4book/chapters/beyond/from_pictures/stored", "data/benchmarks/measured_flights*"),
         ("acx4book/chapters/beyond/synthetic_cost/stored", "data/benchmarks/closed_chain*"),
         (
-            "acx4book/chapters/beyond/distortion_models/stored",
+            "acx4book/chapters/beyond/image_quality/stored",
             "data/benchmarks/closed_chain_pattern.csv",
         ),
-        ("acx4book/chapters/beyond/distortion_models/stored", "data/benchmarks/distortion_models*"),
         ("acx4book/notebooks/sources", "notebooks/*.ipynb"),
         ("acx4book/notebooks/sources/template", "notebooks/template/*.ipynb"),
         ("acx4book/pages/sources", "book/_config.yml"),

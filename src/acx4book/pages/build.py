@@ -29,7 +29,7 @@ from acx4book.pages import (
     provenance,
     simulation,
 )
-from acx4book.pages.back import changelog, citation, clean, licences, release
+from acx4book.pages.back import citation, clean, licences, release
 from acx4book.pages.benchmarks import (
     commands,
     imports,
@@ -347,7 +347,6 @@ def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
 
 def texts_of_back_matter() -> Iterator[tuple[str, str]]:
     """Yield the names and texts of what the project's own files say, in the current folder."""
-    yield "changelog.md", changelog.page(Path("CHANGELOG.md"))
     yield "citation.json", json.dumps(citation.footer(Path("CITATION.cff")))
     yield "licences.md", licences.page(Path("book", "_moving", "package-lock.json"))
 

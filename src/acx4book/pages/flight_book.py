@@ -65,9 +65,9 @@ TAKEN = ("_ext", "_static", "_moving", "images", "references.bib", *(f"{p}.md" f
 
 OF_CODE = {
     *("sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"),
-    *("sphinx_exercise", "short_signatures", "docstrings", "seldom_collected"),
+    *("sphinx_exercise", "short_signatures", "docstrings", "seldom_collected", "forwards"),
 }
-"""Extensions for pages that the book of a flight does not have."""
+"""Extensions for pages that the book of a flight does not have, or never had."""
 
 NOTE = ":::{note}\nThe flight of this page is simulated.\n:::"
 

@@ -29,19 +29,14 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(FOUNDATIONS, ("data/paper/*.csv",)),
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
-    "10-synthetic-quality": ("data/paper/*.csv",),
+    "10-synthetic-quality": ("data/paper/*.csv", "data/benchmarks/closed_chain_pattern.csv"),
     "11-ten-heads": ("data/reference/**/*.csv", "measured"),
     "12-synthetic-cost": ("data/paper/*.csv", "data/benchmarks/closed_chain*"),
     "19-from-pictures": (
         "data/benchmarks/measured_flights*",
     ),  # takes half a minute, so it is not the last
-    "13-bad-starts": (),
     "14-failure-clinic": (),
     "15-which-flight": (),
-    "17-distortion-models": (
-        "data/benchmarks/closed_chain_pattern.csv",
-        "data/benchmarks/distortion_models*",
-    ),
     "18-over-the-years": (),
     "16-error-budget": ("data/paper/*.csv",),
 }

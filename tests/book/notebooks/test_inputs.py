@@ -65,9 +65,9 @@ def test_every_input_changes_the_digest_and_nothing_else_does(tmp_path, sources)
 
 
 def test_a_chapter_depends_on_its_own_room_and_not_on_anothers():
-    chapter = NOTEBOOKS_PATH / "13-bad-starts.ipynb"
+    chapter = NOTEBOOKS_PATH / "16-error-budget.ipynb"
     found = reached(chapter, ROOT / "src")
-    assert "acx4book/chapters/beyond/bad_starts/trials.py" in found
+    assert "acx4book/chapters/beyond/error_budget/tables.py" in found
     assert "acx4lib/bundle/compiled/normals.py" in found
     assert "acx4book/chapters/beyond/rig/figures.py" not in found
 

@@ -64,12 +64,12 @@ def test_what_is_left_out_is_in_no_contents_and_has_its_title_for_links(tmp_path
     generated = tmp_path / "_generated"
     generated.mkdir()
     shutil.copy(ROOT / "book" / "_toc.yml", tmp_path)
-    independent.leave_out(tmp_path, ["_executed/13-bad-starts", api.FOLDER])
+    independent.leave_out(tmp_path, ["_executed/14-failure-clinic", api.FOLDER])
     left = [page for page in contents(ROOT / "book") if not page.startswith(api.FOLDER)]
-    left.remove("_executed/13-bad-starts")
+    left.remove("_executed/14-failure-clinic")
     assert contents(generated) == left
     assert json.loads((generated / "left_out.json").read_text("utf-8")) == {
-        "_executed/13-bad-starts": "Starts far from the truth",
+        "_executed/14-failure-clinic": "The failure clinic",
         api.FOLDER: "",
     }
     independent.leave_out(tmp_path, [])

@@ -1,0 +1,46 @@
+"""Pages at addresses that the book had once; they lead to where their content stands now."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from posixpath import relpath
+
+from sphinx.application import Sphinx
+
+NOW = {
+    "changelog": "reproducibility",
+    "_executed/13-bad-starts": "_executed/foundations/6-bundle",
+    "_executed/17-distortion-models": "_executed/10-synthetic-quality",
+}
+"""Pages by what they were called, without their endings."""
+
+PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="refresh" content="0; url={place}">
+<title>{title}</title>
+<link rel="canonical" href="{place}">
+</head>
+<body><p>This page has moved: <a href="{place}">{title}</a>.</p></body>
+</html>
+"""
+
+
+def write(app: Sphinx, exception: Exception | None) -> None:
+    """Write a page for every address whose new page this book has."""
+    for old, new in NOW.items():
+        found = app.env.found_docs
+        if exception is None and new in found and old not in found:
+            path = Path(app.outdir, f"{old}.html")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            place = relpath(f"{new}.html", Path(old).parent.as_posix())
+            title = escape(app.env.titles[new].astext())
+            path.write_text(PAGE.format(place=place, title=title), encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Connect it to the end of the build."""
+    app.connect("build-finished", write)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
