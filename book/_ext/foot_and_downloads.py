@@ -37,7 +37,7 @@ def foot(said: dict[str, str], year: str, licences: str) -> str:
     parts = [
         escape(f"{said['name']} {said['version']}"),
         escape(f"© {year} {said['authors']}"),
-        f'<a href="{escape(licences)}">{escape(said["licence"])} licence</a>',
+        f'<a href="{escape(licences)}">Licence: {escape(said["licence"])}</a>',
         doi and f'<a href="https://doi.org/{escape(doi)}">doi:{escape(doi)}</a>',
         repository and f'<a href="{escape(repository)}">{escape(repository)}</a>',
     ]

@@ -66,9 +66,6 @@ RUN_PAGES = ("first-flight", "library", "your-files")
 WRAPPED = ("your-files",)
 """Those of them whose output is sentences, not tables: long lines go on in the next."""
 
-SOURCES, ARCHIVED = Path(__file__).parents[2], ("acx4lib", "acx4sim")
-"""Packages whose code the book has as archives, and where they are."""
-
 UNDATED = 315_532_800
 """First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
 
@@ -149,8 +146,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     whole_files.write(generated / "slides.html", slides.page(drawn))
     whole_files.write(generated / "figures.zip", figure_pack.archive(drawn))
     clean.write(generated / clean.FOLDER)
-    for house in ARCHIVED:
-        release.pack(SOURCES / house, generated / f"{house}.zip", UNDATED, files="*.py")
+    whole_files.write(generated / "program.md", release.offered(generated, UNDATED))
     api.write(book)
 
 
@@ -348,6 +344,7 @@ def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
 def texts_of_back_matter() -> Iterator[tuple[str, str]]:
     """Yield the names and texts of what the project's own files say, in the current folder."""
     yield "citation.json", json.dumps(citation.footer(Path("CITATION.cff")))
+    yield "cite.md", citation.sentence(Path("CITATION.cff"))
     yield "licences.md", licences.page(Path("book", "_moving", "package-lock.json"))
 
 

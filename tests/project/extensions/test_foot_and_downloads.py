@@ -9,7 +9,7 @@ MORE = {"doi": "10.1/x", "repository": "https://h.org/us/x"}
 
 
 def test_the_foot_has_addresses_only_where_there_are_any():
-    alone = '<p>a&lt;b 1.0 · © 2026 us · <a href="../licences.html">MIT licence</a>'
+    alone = '<p>a&lt;b 1.0 · © 2026 us · <a href="../licences.html">Licence: MIT</a>'
     assert extension.foot(SAID, "2026", "../licences.html") == f"{alone}</p>"
     assert extension.foot(SAID | MORE, "2026", "../licences.html") == (
         f'{alone} · <a href="https://doi.org/10.1/x">doi:10.1/x</a>'

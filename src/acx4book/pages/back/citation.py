@@ -6,6 +6,9 @@ from pathlib import Path
 
 import yaml
 
+PARTS = ("code", "text")
+"""What the licences of a CITATION.cff that has two are of, in their order."""
+
 
 def footer(file: Path) -> dict[str, str]:
     """Return what CITATION.cff says for the foot of a page.
@@ -25,11 +28,28 @@ def footer(file: Path) -> dict[str, str]:
         "name": said["title"].partition(":")[0],
         "version": str(said["version"]),
         "authors": ", ".join(_name(author) for author in said["authors"]),
-        "licence": said["license"],
+        "licence": _licences(said["license"]),
         "doi": said.get("doi", ""),
         "repository": said.get("repository-code", ""),
     }
     return {key: value for key, value in found.items() if value}
+
+
+def sentence(file: Path) -> str:
+    """Return how the project is cited, as Markdown: authors, title, version, address."""
+    said, found = yaml.safe_load(file.read_text(encoding="utf-8")), footer(file)
+    ends = (found.get("doi") and f"doi:{found['doi']}", found.get("repository"))
+    parts = (found["authors"], f"*{said['title']}*", f"version {found['version']}", *ends)
+    return f"{', '.join(filter(None, parts))}.\n"
+
+
+def _licences(given: str | list[str]) -> str:
+    """Return the licence of all, or those of the code and of the text, which are two."""
+    if isinstance(given, str):
+        return given
+    return ", ".join(
+        f"{what} {name.replace('-', ' ')}" for what, name in zip(PARTS, given, strict=True)
+    )
 
 
 def _name(author: dict[str, str]) -> str:

@@ -15,6 +15,8 @@ import tarfile
 import tempfile
 import time
 import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 
@@ -22,6 +24,12 @@ from acx4book.pages.back import citation
 from acx4lib.errors import Acx4Error
 from acx4lib.flight.checks import settings
 from acx4lib.results.own_folder import marks, whole_files
+
+LIST = Path("FILES.txt")
+"""What an archive of the project names its files in; a clone has none."""
+
+FILE, LINK = 0o100644, 0o120777
+"""Modes of what is packed."""
 
 
 class ReleaseError(Acx4Error):
@@ -36,7 +44,11 @@ def git(*arguments: str) -> bytes:
     ReleaseError
         If it fails.
     """
-    done = subprocess.run(["git", *arguments], capture_output=True, check=False)
+    try:
+        done = subprocess.run(["git", *arguments], capture_output=True, check=False)
+    except OSError as error:
+        msg = f"git: {error.strerror}"
+        raise ReleaseError(msg) from None
     if done.returncode:
         msg = f"git {arguments[0]}: {done.stderr.decode().strip()}"
         raise ReleaseError(msg)
@@ -100,7 +112,7 @@ def wheel(folder: Path, seconds: int) -> None:
         raise ReleaseError(done.stderr.strip())
 
 
-def pack(content: Path, archive: Path, seconds: int, *, files: str = "*") -> None:
+def pack(content: Path, archive: Path, seconds: int) -> None:
     """Pack a folder into an archive that has one folder, of the archive's name.
 
     Parameters
@@ -111,19 +123,73 @@ def pack(content: Path, archive: Path, seconds: int, *, files: str = "*") -> Non
         The ZIP file to write.
     seconds : int
         The date of its files, since 1970.
-    files : str
-        Pattern of the names of those that are packed.
     """
+    with _packed(archive, seconds) as add:
+        for path in sorted(path for path in content.rglob("*") if path.is_file()):
+            add(path.relative_to(content).as_posix(), path.read_bytes(), FILE)
+
+
+def project(archive: Path, seconds: int) -> None:
+    """Pack what belongs to the working copy in the current folder: what can be built again.
+
+    These are the files that git tracks, as they are; in an unpacked archive those that its list
+    names, so that it can be packed again.
+
+    Parameters
+    ----------
+    archive : Path
+        The ZIP file to write.
+    seconds : int
+        The date of its files, since 1970.
+
+    Raises
+    ------
+    ReleaseError
+        Where the folder is neither a clone nor an unpacked archive.
+    """
+    names = _listed()
+    with _packed(archive, seconds) as add:
+        for path in sorted(Path(name) for name in names if os.path.lexists(name)):
+            if path.is_symlink():
+                add(path.as_posix(), os.fsencode(path.readlink()), LINK)
+            else:
+                add(path.as_posix(), path.read_bytes(), FILE | path.stat().st_mode & 0o111)
+        add(LIST.as_posix(), "\n".join([*names, ""]).encode(), FILE)
+
+
+def offered(generated: Path, seconds: int) -> str:
+    """Pack the project for readers of the book, and return what leads to it as MyST text."""
+    archive = generated / "acx4lib.zip"
+    try:
+        project(archive, seconds)
+    except ReleaseError:
+        return "This copy of the book was not made from a clone, and has no program to download.\n"
+    size = f"{archive.stat().st_size / 1e6:.0f} MB"
+    return f"{{download}}`acx4lib.zip <acx4lib.zip>` ({size}) is the whole project of this book.\n"
+
+
+def _listed() -> list[str]:
+    """Name the files of the working copy."""
+    if LIST.is_file():
+        return LIST.read_text("utf-8").splitlines()
+    return sorted(git("ls-files", "-z").decode().split("\0")[:-1])
+
+
+@contextmanager
+def _packed(archive: Path, seconds: int) -> Iterator[Callable[[str, bytes, int], None]]:
+    """Open a new archive, and give what adds a file to its folder by name, content and mode."""
     date = time.gmtime(seconds)[:6]
+
+    def add(name: str, content: bytes, mode: int) -> None:
+        entry = zipfile.ZipInfo(f"{archive.stem}/{name}", date)
+        entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, mode << 16
+        packed.writestr(entry, content, compresslevel=9)
+
     with (
         whole_files.opened_new(archive) as new,
         zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as packed,
     ):
-        for path in sorted(path for path in content.rglob(files) if path.is_file()):
-            name = Path(archive.stem, path.relative_to(content)).as_posix()
-            entry = zipfile.ZipInfo(name, date)
-            entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-            packed.writestr(entry, path.read_bytes(), compresslevel=9)
+        yield add
 
 
 def make(html: Path, folder: Path) -> list[str]:

@@ -2,7 +2,7 @@
 
 `RigRelatives` of MicaSense are three angles of every head to its reference. The vendor's own
 software makes Rx(a) Ry(b) Rz(c) of them. This matrix turns a ray of the *head* into the reference:
-the pixels say so, which is the chapter "Ten real heads". Camera axes there have y down and z ahead.
+the pixels say so (chapter on ten real heads). Camera axes there have y down and z ahead.
 """
 
 from __future__ import annotations

@@ -52,13 +52,35 @@ def test_the_same_book_is_packed_into_the_same_bytes(tmp_path):
         assert held.getinfo("book-1/a.html").date_time == (2023, 11, 14, 22, 13, 20)
 
 
-def test_only_files_of_the_pattern_are_packed(tmp_path):
-    for name in ("code/a.py", "code/part/b.py", "code/part/b.pyc"):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(name)
-    release.pack(tmp_path / "code", tmp_path / "all.zip", 315_532_800, files="*.py")
-    with zipfile.ZipFile(tmp_path / "all.zip") as held:
-        assert held.namelist() == ["all/a.py", "all/part/b.py"]
+def test_a_project_is_packed_as_it_is_tracked_and_can_be_packed_again(tmp_path, monkeypatch):
+    clone, unpacked = tmp_path / "clone", tmp_path / "unpacked"
+    (clone / "src").mkdir(parents=True)
+    (clone / "run").write_text("#!/bin/sh\n")
+    (clone / "run").chmod(0o755)
+    (clone / "src" / "one.py").write_text("x = 1\n")
+    (clone / "link").symlink_to("src")
+    (clone / "left_by_a_run").write_text("no\n")
+    for command in ("init -q", "add run src link"):
+        subprocess.run(["git", *command.split()], cwd=clone, check=True)
+    monkeypatch.chdir(clone)
+    release.project(tmp_path / "acx4lib.zip", 315_532_800)
+    with zipfile.ZipFile(tmp_path / "acx4lib.zip") as held:
+        held.extractall(unpacked)
+        modes = {one.filename: one.external_attr >> 16 for one in held.infolist()}
+    assert [*modes] == [f"acx4lib/{n}" for n in ("link", "run", "src/one.py", "FILES.txt")]
+    assert modes["acx4lib/link"] == release.LINK
+    assert modes["acx4lib/run"] & 0o111
+    folder = unpacked / "acx4lib"
+    (folder / "link").unlink()  # zipfile, other than unzip, makes a file of a link
+    (folder / "link").symlink_to("src")
+    (folder / "run").chmod(0o755)
+    monkeypatch.chdir(folder)
+    (tmp_path / "again").mkdir()
+    release.project(tmp_path / "again" / "acx4lib.zip", 315_532_800)
+    first, second = tmp_path / "acx4lib.zip", tmp_path / "again" / "acx4lib.zip"
+    assert first.read_bytes() == second.read_bytes()
+    (folder / release.LIST).unlink()
+    assert "not made from a clone" in release.offered(tmp_path, 315_532_800)
 
 
 @pytest.fixture
