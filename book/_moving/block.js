@@ -1,178 +1,189 @@
-/* A scene in space that the reader turns. The data stand in the page, in the form that the module
-   acx4book.typesetting.moving.scene describes. Bundled with three.js into one script. */
-import {
-  AmbientLight, BufferGeometry, DirectionalLight, Float32BufferAttribute, InstancedMesh, LineBasicMaterial,
-  LineSegments, Matrix4, MeshLambertMaterial, PerspectiveCamera, Points, PointsMaterial, Scene, Sphere,
-  SphereGeometry, Spherical, Vector3, WebGLRenderer,
-} from "three";
-import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+/* A scene in space that the reader turns, drawn on a canvas. The data stand in the page, in the form
+   that the module acx4book.typesetting.moving.scene describes. */
+"use strict";
 
-const STEP = Math.PI / 18; // of the buttons and the arrow keys
-const NEARER = 0.8;
-const FIELD_OF_VIEW_DEG = 35;
+(() => {
+  const STEP = Math.PI / 18, NEARER = 0.8; // of the buttons and the keys
+  const HALF_FIELD = (17.5 * Math.PI) / 180; // of view
+  const DRAG = 0.008; // radians for a px
 
-function element(name, properties, ...children) {
-  const made = Object.assign(document.createElement(name), properties);
-  made.append(...children);
-  return made;
-}
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  const triples = (flat) => Array.from({ length: flat.length / 3 }, (_, i) => flat.slice(3 * i, 3 * i + 3));
 
-/* The object of a layer; its z is up, as in the data. */
-function object({ kind, at, axes, size }) {
-  if (kind === "ellipsoids") {
-    const sphere = new SphereGeometry(1, 20, 14);
-    const drawn = new InstancedMesh(sphere, new MeshLambertMaterial(), at.length / 3);
-    for (let i = 0; i < drawn.count; i += 1) {
-      const [a, b, c] = [0, 3, 6].map((k) => new Vector3().fromArray(axes, 9 * i + k));
-      if (a.clone().cross(b).dot(c) < 0) c.negate(); // else it is turned inside out
-      drawn.setMatrixAt(i, new Matrix4().makeBasis(a, b, c).setPosition(...at.slice(3 * i, 3 * i + 3)));
-    }
-    return drawn;
-  }
-  const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(at, 3));
-  if (kind === "lines") return new LineSegments(geometry, new LineBasicMaterial());
-  return new Points(geometry, new PointsMaterial({ size: size * window.devicePixelRatio, sizeAttenuation: false }));
-}
-
-/* Whether two names would overlap. */
-const meet = (a, b) =>
-  Math.abs(a.x - b.x) < (a.width + b.width) / 2 && Math.abs(a.y - b.y) < (a.height + b.height) / 2;
-
-class View {
-  constructor(figure, renderer) {
-    const { from, layers } = JSON.parse(figure.querySelector("script").textContent);
-    Object.assign(this, { figure, renderer, layers });
-    this.scene = new Scene();
-    this.objects = layers.map(object);
-    this.scene.add(...this.objects, new AmbientLight(0xffffff, 1.6));
-    this.sun = new DirectionalLight(0xffffff, 2);
-    this.scene.add(this.sun);
-    const points = new Float32BufferAttribute(layers.flatMap(({ at }) => at), 3);
-    this.radius = new Sphere().setFromPoints(
-      Array.from({ length: points.count }, (_, i) => new Vector3().fromBufferAttribute(points, i)),
-      new Vector3()).radius;
-    this.camera = new PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, this.radius / 100, this.radius * 20);
-    this.camera.up.set(0, 0, 1);
-    this.start = new Vector3(...from);
-    this.place();
-    this.controls();
-    this.colour();
+  function element(name, properties, ...children) {
+    const made = Object.assign(document.createElement(name), properties);
+    made.append(...children);
+    return made;
   }
 
-  /* The view as at the start: from the side that the drawing has. */
-  place() {
-    const distance = this.radius / Math.sin((FIELD_OF_VIEW_DEG * Math.PI) / 360);
-    this.camera.position.copy(this.start).multiplyScalar(0.88 * distance);
-    this.orbit?.target.set(0, 0, 0);
-  }
+  /* Whether two names would overlap. */
+  const meet = (a, b) =>
+    Math.abs(a.x - b.x) < (a.width + b.width) / 2 && Math.abs(a.y - b.y) < (a.height + b.height) / 2;
 
-  controls() {
-    const { figure, renderer } = this;
-    const canvas = renderer.domElement;
-    canvas.tabIndex = 0;
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", figure.querySelector("svg").getAttribute("aria-label"));
-    this.labels = this.layers.flatMap(({ labels, at }, layer) => labels.map((text, i) => ({
-      layer, place: new Vector3().fromArray(at, 3 * i), shown: element("span", { textContent: text, ariaHidden: "true" }),
-    })));
-    figure.querySelector(".view").append(canvas, ...this.labels.map(({ shown }) => shown)); // the drawing is printed
-    for (const label of this.labels) {
-      label.size = { width: label.shown.offsetWidth, height: label.shown.offsetHeight };
-    }
-    this.orbit = new OrbitControls(this.camera, canvas);
-    this.orbit.addEventListener("change", () => this.draw());
-    this.orbit.enableZoom = false; // the wheel scrolls the page until the view has the focus
-    canvas.addEventListener("focus", () => { this.orbit.enableZoom = true; });
-    canvas.addEventListener("blur", () => { this.orbit.enableZoom = false; });
-    canvas.style.touchAction = "pan-y";
-    canvas.addEventListener("keydown", (event) => this.key(event));
-    const buttons = [
-      ["turn left", () => this.turn(-STEP, 0)], ["turn right", () => this.turn(STEP, 0)],
-      ["higher", () => this.turn(0, -STEP)], ["lower", () => this.turn(0, STEP)],
-      ["nearer", () => this.turn(0, 0, NEARER)], ["farther", () => this.turn(0, 0, 1 / NEARER)],
-      ["as at the start", () => { this.place(); this.orbit.update(); this.draw(); }],
-    ].map(([textContent, onclick]) => element("button", { type: "button", textContent, onclick }));
-    figure.querySelectorAll(".layers li").forEach((item, i) => {
-      const show = ({ target }) => { this.objects[i].visible = target.checked; this.draw(); };
-      const box = element("input", { type: "checkbox", checked: true, onchange: show });
-      item.replaceChildren(element("label", {}, box, " ", ...item.childNodes));
-    });
-    figure.querySelector(".layers").before(element("div", { className: "turns" }, ...buttons));
-    figure.classList.add("moves");
-    new ResizeObserver(() => this.resize()).observe(figure.querySelector(".view"));
-    new MutationObserver(() => this.colour()).observe(
-      document.documentElement, { attributeFilter: ["data-theme"] });
-  }
-
-  /* Move the eye around the middle: by angles to the right and down, and a factor of the distance. */
-  turn(right, down, factor = 1) {
-    const { camera, orbit } = this;
-    const eye = camera.position.clone().sub(orbit.target);
-    const yUp = new Spherical().setFromCartesianCoords(eye.x, eye.z, -eye.y);
-    yUp.theta += right;
-    yUp.phi = Math.min(Math.max(yUp.phi + down, 0.02), Math.PI - 0.02);
-    yUp.radius *= factor;
-    const moved = new Vector3().setFromSpherical(yUp);
-    camera.position.set(moved.x, -moved.z, moved.y).add(orbit.target);
-    orbit.update();
-    this.draw();
-  }
-
-  key(event) {
-    const { key } = event;
-    const turns = {
-      ArrowLeft: [-STEP, 0], ArrowRight: [STEP, 0], ArrowUp: [0, -STEP], ArrowDown: [0, STEP],
-      "+": [0, 0, NEARER], "-": [0, 0, 1 / NEARER],
+  function turning(figure) {
+    const data = JSON.parse(figure.querySelector("script").textContent);
+    const layers = data.layers.map((one) => ({ ...one, at: triples(one.at), axes: triples(one.axes), visible: true }));
+    const radius = Math.max(...layers.flatMap(({ at }) => at.map((p) => Math.hypot(...p))));
+    const start = {
+      around: Math.atan2(data.from[1], data.from[0]), above: Math.asin(data.from[2]),
+      away: (0.72 * radius) / Math.sin(HALF_FIELD),
     };
-    if (!(key in turns)) return;
-    event.preventDefault();
-    this.turn(...turns[key]);
-  }
+    let view = { ...start }; // of the eye: azimuth, elevation, distance from the middle
+    const canvas = element("canvas", { tabIndex: 0 });
+    const pen = canvas.getContext("2d");
+    const box = figure.querySelector(".view");
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", box.querySelector("svg").getAttribute("aria-label"));
+    const labels = layers.flatMap((layer) => layer.labels.map((text, i) => (
+      { layer, at: layer.at[i], shown: element("span", { textContent: text, ariaHidden: "true" }) })));
+    box.append(canvas, ...labels.map(({ shown }) => shown)); // the drawing is printed
+    labels.forEach((label) => {
+      label.size = { width: label.shown.offsetWidth, height: label.shown.offsetHeight };
+    });
 
-  resize() {
-    const { clientWidth: width, clientHeight: height } = this.figure.querySelector(".view");
-    this.renderer.setPixelRatio(window.devicePixelRatio);
-    this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / height;
-    // a narrow window sees as much to the sides as a wide one upwards
-    this.camera.zoom = Math.min(1, this.camera.aspect / 1.3);
-    this.camera.updateProjectionMatrix();
-    this.draw();
-  }
-
-  /* Colours are those of the page, which may become dark. */
-  colour() {
-    const style = getComputedStyle(this.figure);
-    this.objects.forEach(({ material }, i) =>
-      material.color.set(style.getPropertyValue(`--figure-${this.layers[i].colour}`).trim()));
-    this.draw();
-  }
-
-  draw() {
-    const { scene, camera, renderer } = this;
-    this.sun.position.copy(camera.position);
-    renderer.render(scene, camera);
-    const { clientWidth: width, clientHeight: height } = renderer.domElement;
-    const named = [];
-    const nearestFirst = this.labels.map((label) => ({ ...label, seen: label.place.clone().project(camera) }))
-      .sort((a, b) => a.seen.z - b.seen.z);
-    for (const { shown, seen, layer, size } of nearestFirst) {
-      const box = { x: ((1 + seen.x) * width) / 2, y: ((1 - seen.y) * height) / 2, ...size };
-      shown.style.left = `${box.x}px`;
-      shown.style.top = `${box.y}px`;
-      shown.hidden = !this.objects[layer].visible || Math.max(Math.abs(seen.x), Math.abs(seen.y)) > 1
-        || named.some((other) => meet(box, other));
-      if (!shown.hidden) named.push(box);
+    /* Where the eye has a point on the canvas, px, how far it is away, and px in a metre there. */
+    function eye() {
+      const [ca, sa, ce, se] = [Math.cos(view.around), Math.sin(view.around), Math.cos(view.above), Math.sin(view.above)];
+      const right = [-sa, ca, 0], up = [-se * ca, -se * sa, ce], back = [ce * ca, ce * sa, se];
+      const { clientWidth: width, clientHeight: height } = box;
+      const focal = Math.min(height, width / 1.3) / 2 / Math.tan(HALF_FIELD);
+      return {
+        flat: (v, scale) => [scale * dot(right, v), -scale * dot(up, v)],
+        seen(point) {
+          const far = view.away - dot(back, point), scale = focal / far;
+          return { x: width / 2 + scale * dot(right, point), y: height / 2 - scale * dot(up, point), far, scale };
+        },
+      };
     }
-  }
-}
 
-/* Begin when a figure comes near; without WebGL the drawing stays. */
-const near = new IntersectionObserver((entries) => entries.forEach(({ isIntersecting, target }) => {
-  if (!isIntersecting) return;
-  near.unobserve(target);
-  const canvas = document.createElement("canvas");
-  const context = canvas.getContext("webgl2", { alpha: true, antialias: true });
-  if (context) new View(target, new WebGLRenderer({ canvas, context, alpha: true }));
-}), { rootMargin: "300px" });
-document.querySelectorAll("figure.acx4-block").forEach((figure) => near.observe(figure));
+    /* The outline of an ellipsoid: its axes a, as they are seen, make the matrix sum a a^T. */
+    function outline([a, b, c]) {
+      const sum = (i, j) => a[i] * a[j] + b[i] * b[j] + c[i] * c[j];
+      const xx = sum(0, 0), xy = sum(0, 1), yy = sum(1, 1), apart = Math.hypot((xx - yy) / 2, xy);
+      const half = (sign) => Math.sqrt(Math.max((xx + yy) / 2 + sign * apart, 0));
+      return [half(1), half(-1), Math.atan2(2 * xy, xx - yy) / 2];
+    }
+
+    const draws = {
+      lines: ({ at }, { seen }) => at.flatMap((point, i) => {
+        if (i % 2) return [];
+        const [a, b] = [seen(point), seen(at[i + 1])];
+        return [{ far: Math.max(a.far, b.far), near: Math.min(a.far, b.far), draw() {
+          pen.beginPath();
+          pen.moveTo(a.x, a.y);
+          pen.lineTo(b.x, b.y);
+          pen.stroke();
+        } }];
+      }),
+      points: ({ at, size }, { seen }) => at.map((point) => {
+        const { x, y, far } = seen(point);
+        const corner = (z) => Math.round(z - size / 2);
+        return { far, near: far, draw: () => pen.fillRect(corner(x), corner(y), size, size) };
+      }),
+      ellipsoids: ({ at, axes }, { flat, seen }) => at.map((point, i) => {
+        const { x, y, far, scale } = seen(point);
+        return { far, near: far, draw() {
+          pen.beginPath();
+          pen.ellipse(x, y, ...outline(axes.slice(3 * i, 3 * i + 3).map((axis) => flat(axis, scale))), 0, 2 * Math.PI);
+          pen.globalAlpha = 0.4;
+          pen.fill();
+          pen.globalAlpha = 1;
+          pen.stroke();
+        } };
+      }),
+    };
+
+    /* What is far is drawn first; what is behind the eye is not. */
+    function draw() {
+      const style = getComputedStyle(figure), ratio = window.devicePixelRatio, from = eye();
+      const { clientWidth: width, clientHeight: height } = box;
+      if (canvas.width !== Math.round(ratio * width)) canvas.width = Math.round(ratio * width);
+      if (canvas.height !== Math.round(ratio * height)) canvas.height = Math.round(ratio * height);
+      pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+      pen.clearRect(0, 0, width, height);
+      layers.filter(({ visible }) => visible)
+        .flatMap((layer) => {
+          const colour = style.getPropertyValue(`--figure-${layer.colour}`).trim();
+          return draws[layer.kind](layer, from).map((one) => ({ ...one, colour }));
+        })
+        .filter(({ near }) => near > radius / 100)
+        .sort((a, b) => b.far - a.far)
+        .forEach((one) => {
+          pen.strokeStyle = pen.fillStyle = one.colour;
+          one.draw();
+        });
+      name(from, width, height);
+    }
+
+    /* Of names that would overlap, the nearest is shown. */
+    function name({ seen }, width, height) {
+      const named = [];
+      labels.map((label) => ({ ...label, place: seen(label.at) })).sort((a, b) => a.place.far - b.place.far)
+        .forEach(({ shown, layer, size, place: { x, y, far } }) => {
+          const area = { x, y, ...size };
+          shown.style.left = `${x}px`;
+          shown.style.top = `${y}px`;
+          shown.hidden = !layer.visible || far <= 0 || x < 0 || y < 0 || x > width || y > height
+            || named.some((other) => meet(area, other));
+          if (!shown.hidden) named.push(area);
+        });
+    }
+
+    /* Move the eye around the middle: to its right, up, and by a factor of the distance. */
+    function turn(right, up, factor = 1) {
+      const above = Math.min(Math.max(view.above + up, -1.55), 1.55);
+      view = { around: view.around + right, above, away: view.away * factor };
+      draw();
+    }
+
+    const turns = {
+      ArrowLeft: ["turn left", -STEP, 0], ArrowRight: ["turn right", STEP, 0], ArrowUp: ["higher", 0, STEP],
+      ArrowDown: ["lower", 0, -STEP], "+": ["nearer", 0, 0, NEARER], "-": ["farther", 0, 0, 1 / NEARER],
+    };
+    const button = (textContent, onclick) => element("button", { type: "button", textContent, onclick });
+    const buttons = Object.values(turns).map(([text, ...by]) => button(text, () => turn(...by)));
+    const again = button("as at the start", () => { view = { ...start }; draw(); });
+    figure.querySelector(".layers").before(element("div", { className: "turns" }, ...buttons, again));
+    canvas.addEventListener("keydown", (event) => {
+      if (!(event.key in turns)) return;
+      event.preventDefault();
+      turn(...turns[event.key].slice(1));
+    });
+
+    /* One finger or the mouse turns, two fingers zoom; the wheel scrolls the page until the view has the focus. */
+    const held = new Map();
+    const spread = () => {
+      const [a, b] = [...held.values()];
+      return Math.hypot(a.x - b.x, a.y - b.y) || 1;
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const last = held.get(event.pointerId), now = { x: event.clientX, y: event.clientY };
+      if (!last) return;
+      const before = held.size === 2 && spread();
+      held.set(event.pointerId, now);
+      if (before) turn(0, 0, before / spread());
+      else if (held.size === 1) turn(DRAG * (last.x - now.x), DRAG * (now.y - last.y));
+    });
+    ["pointerup", "pointercancel"].forEach((kind) => canvas.addEventListener(kind, (event) => held.delete(event.pointerId)));
+    canvas.addEventListener("wheel", (event) => {
+      if (document.activeElement !== canvas) return;
+      event.preventDefault();
+      turn(0, 0, Math.exp(0.001 * event.deltaY));
+    }, { passive: false });
+
+    figure.querySelectorAll(".layers li").forEach((item, i) => {
+      const onchange = ({ target }) => { layers[i].visible = target.checked; draw(); };
+      const switched = element("input", { type: "checkbox", checked: true, onchange });
+      item.replaceChildren(element("label", {}, switched, " ", ...item.childNodes));
+    });
+    figure.classList.add("moves");
+    new ResizeObserver(draw).observe(box);
+    new MutationObserver(draw).observe(document.documentElement, { attributeFilter: ["data-theme"] });
+  }
+
+  document.querySelectorAll("figure.acx4-block").forEach(turning);
+})();

@@ -7,6 +7,7 @@ import gc
 import os
 import shutil
 from contextlib import contextmanager
+from importlib import resources
 
 import pytest
 from bs4 import BeautifulSoup
@@ -16,8 +17,6 @@ from support.helpers import ROOT
 HTML = ROOT / "book" / "_build" / "html"
 FORWARD = "meta[http-equiv=refresh]"
 """What a page at an old address has, which leads to another."""
-
-AXE = ROOT / ".venv" / "node" / "node_modules" / "axe-core" / "axe.min.js"
 
 
 def give_up(reason, variable):
@@ -67,9 +66,7 @@ def browser():
     flags = [
         "--headless",
         "--no-sandbox",
-        "--disable-gpu-compositing",  # only what turns is drawn by the slow stand-in for a GPU
-        "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader",
+        "--disable-gpu",
         "--disable-background-networking",
         "--disable-component-update",
         "--no-first-run",
@@ -105,6 +102,8 @@ def dark():
 @pytest.fixture(scope="session")
 def axe():
     """The script that finds what is not accessible."""
-    if not AXE.is_file():
-        give_up("axe-core is not installed: make book brings it", "ACX4_REQUIRE_BROWSER")
-    return AXE.read_text(encoding="utf-8")
+    try:
+        package = resources.files("axe_playwright_python")
+    except ImportError:
+        give_up("axe-playwright-python is not installed", "ACX4_REQUIRE_BROWSER")
+    return (package / "axe.min.js").read_text(encoding="utf-8")

@@ -1,7 +1,6 @@
-"""The block in 3-D in a browser: drawn, turned by keys and buttons, its parts switched."""
+"""The block in space in a browser: drawn, turned and brought nearer, its parts switched."""
 
 import io
-import os
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import Mounting
 from support.helpers import ROOT
 
-SCRIPT = ROOT / "build" / "moving" / "block.js"
+SCRIPT = ROOT / "book" / "_moving" / "block.js"
 STYLES = [ROOT / "book" / name for name in ("_static/acx4.css", "_moving/moving.css")]
 
 
@@ -33,11 +32,6 @@ def block(mounted):
 @pytest.fixture
 def page(browser, figure, tmp_path):
     """A page with the block, and nothing that the browser complains of."""
-    if not SCRIPT.is_file():
-        reason = "the script of the block in 3-D is not there: make book"
-        if os.environ.get("ACX4_REQUIRE_3D"):
-            pytest.fail(f"{reason} (ACX4_REQUIRE_3D is set)")
-        pytest.skip(reason)
     path, complaints = tmp_path / "page.html", []
     style = "".join(f'<link rel="stylesheet" href="{sheet.as_uri()}">' for sheet in STYLES)
     script = f'<script src="{SCRIPT.as_uri()}" defer></script>'
@@ -97,6 +91,36 @@ def test_it_is_turned_by_the_mouse(page):
     page.mouse.down()
     page.mouse.move(box["x"] + 220, box["y"] + 130, steps=3)
     page.mouse.up()
+    assert changed(start, seen(page)) > 0.01
+
+
+def test_the_wheel_brings_it_nearer_where_it_has_the_focus_and_scrolls_the_page_elsewhere(page):
+    start, box = seen(page), page.locator("canvas").bounding_box()
+    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    page.mouse.wheel(0, -200)
+    assert changed(start, seen(page)) == 0
+    page.locator("canvas").focus()
+    before = seen(page)
+    page.mouse.wheel(0, -200)
+    page.evaluate("new Promise(requestAnimationFrame)")
+    assert changed(before, seen(page)) > 0.01
+
+
+TOUCHED = """([kind, id, x, y]) => document.querySelector("canvas").dispatchEvent(
+    new PointerEvent(kind, {pointerId: id, clientX: x, clientY: y, pointerType: "touch"}))"""
+
+
+def test_two_fingers_bring_it_nearer_and_one_turns_it(page):
+    page.evaluate("Element.prototype.setPointerCapture = () => {}")  # no finger is there
+    start = seen(page)
+    for event in (("down", 1, 100, 200), ("down", 2, 200, 200), ("move", 2, 300, 200)):
+        page.evaluate(TOUCHED, [f"pointer{event[0]}", *event[1:]])
+    spread = seen(page)
+    assert changed(start, spread) > 0.01
+    page.evaluate(TOUCHED, ["pointermove", 2, 200, 200])
+    assert changed(start, seen(page)) < 0.001
+    page.evaluate(TOUCHED, ["pointerup", 2, 200, 200])
+    page.evaluate(TOUCHED, ["pointermove", 1, 180, 200])
     assert changed(start, seen(page)) > 0.01
 
 

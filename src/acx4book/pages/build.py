@@ -345,7 +345,7 @@ def texts_of_back_matter() -> Iterator[tuple[str, str]]:
     """Yield the names and texts of what the project's own files say, in the current folder."""
     yield "citation.json", json.dumps(citation.footer(Path("CITATION.cff")))
     yield "cite.md", citation.sentence(Path("CITATION.cff"))
-    yield "licences.md", licences.page(Path("book", "_moving", "package-lock.json"))
+    yield "licences.md", licences.page()
 
 
 def figures_of_benchmarks(

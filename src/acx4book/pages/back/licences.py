@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from importlib.metadata import version
-from pathlib import Path
 
 from acx4book.pages.provenance import table
 from acx4book.reference import data
@@ -88,7 +86,6 @@ WORKS = tuple(
         ),
         ("styles of exercises", "MIT", "sphinx-exercise", "_static/exercise*"),
         ("styles of proofs", "BSD-3-Clause", "sphinx-proof", "_static/proof*"),
-        ("three.js, in the 3-D view", "MIT", "three", "_static/moving/block.js"),
     )
 )
 
@@ -98,22 +95,9 @@ def of(file: str) -> Work | None:
     return next((work for work in WORKS if any(fnmatch(file, one) for one in work.files)), None)
 
 
-def page(lock: Path) -> str:
-    """Return what the book carries, and what it was compared with, as MyST text.
-
-    Parameters
-    ----------
-    lock : Path
-        The lock of npm, by which the 3-D view comes.
-    """
-    locked = json.loads(lock.read_text(encoding="utf-8"))["packages"]
-    by_npm = {
-        name.removeprefix("node_modules/"): one.get("version") for name, one in locked.items()
-    }
-    carried = (
-        (w.what, w.licence, f"{w.brought_by} {by_npm.get(w.brought_by) or version(w.brought_by)}")
-        for w in WORKS
-    )
+def page() -> str:
+    """Return what the book carries, and what it was compared with, as MyST text."""
+    carried = ((w.what, w.licence, f"{w.brought_by} {version(w.brought_by)}") for w in WORKS)
     return "\n".join(
         [
             table(
