@@ -28,6 +28,9 @@ WEAK = 0.1
 NO_EFFECT = 1e-6
 """Effect on an unknown, in its sigmas per sigma of the observation, that is rounding error."""
 
+ROUNDING = 1e-10
+"""Redundancy number that may be rounding error."""
+
 TOGETHER = 50_000
 """Number of observations of which the gains are computed together."""
 
@@ -96,26 +99,61 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
     Returns
     -------
     list of ndarray, shape (m, d, c)
-        For each group, the effect of such an error in one component. For an observation without
-        control it is infinite, or zero where only the observation's own point changes.
+        For each group, the effect of such an error in one component; infinite where nothing else
+        than the observation determines an unknown, apart from its own point.
+
+    Notes
+    -----
+    The effect is delta_0 gamma / sqrt(r), with the gain gamma in sigmas. An error that the
+    observation's own point takes up makes both small: gamma by sqrt(r_p), and r by r_p, which is
+    the redundancy number where all but the point is known. So r_p cancels, and is divided out
+    where r is not above rounding.
     """
     network, solution = bundle.network, bundle.solution
     require_own_datum(solution)
     expected.whole_numbers("columns", columns)
     expected.places("columns", columns, network.n_columns)
-    found = gains(network.equations(bundle.state), solution.inverse, network.free_points, columns)
+    equations = network.equations(bundle.state)
+    found = gains(equations, solution.inverse, network.free_points, columns)
     sigma = np.sqrt(solution.inverse.at(columns, columns))
     out: list[Array] = []
-    for by_part, group in zip(found, solution.groups, strict=True):
+    for e, by_part, group in zip(equations, found, solution.groups, strict=True):
         # an error of a distance is shared by its halves
         gain = of_halves(by_part) / 2 if group.kind == "distance" else by_part
         bias = reliability(group).detectable
         finite = np.where(np.isfinite(bias), bias, np.where(group.used, group.sigma, 0.0))
         gain *= finite[:, :, None]
         gain /= sigma
-        unbounded = np.isinf(bias)
-        gain[unbounded] = np.where(np.abs(gain[unbounded]) > NO_EFFECT, np.inf, 0.0)
+        row, d = np.nonzero(np.isinf(bias))
+        if len(row):
+            own = np.ones(len(row))
+            if e.B is not None and e.point is not None and group.kind != "distance":
+                own = _own_control(equations, network.free_points, e, row, d)
+            gain[row, d] = _hardly_controlled(gain[row, d], group.control[row, d], own)
         out.append(gain)
+    return out
+
+
+def _own_control(
+    equations: Sequence[Equations], free_points: Mask, e: Equations, row: Index, d: Index
+) -> Array:
+    """Return redundancy numbers of components of a group where all but their points are known."""
+    V, _ = point_normals(free_points, equations)
+    point = np.asarray(e.point)[row]
+    b = np.asarray(e.B)[row, d] / e.sigma[row, d, None]
+    taken = np.einsum("ni,ni->n", b, np.linalg.solve(V[point], b[:, :, None])[:, :, 0])
+    return np.where(free_points[point], np.clip(1.0 - taken, 0.0, 1.0), 1.0)
+
+
+def _hardly_controlled(gain: Array, control: Array, own: Array) -> Array:
+    """Return the effects of observations that hardly others control; `gain` in sigmas, (n, c)."""
+    out = np.zeros_like(gain)
+    moves = own > ROUNDING
+    seen = gain[moves] / np.sqrt(own[moves])[:, None]
+    share = np.maximum(control[moves] / own[moves], 0.0)
+    finite = noncentrality() * seen / np.sqrt(np.maximum(share, LEAST))[:, None]
+    unbounded = np.where(np.abs(seen) > NO_EFFECT, np.inf, 0.0)
+    out[moves] = np.where(share[:, None] > LEAST, finite, unbounded)
     return out
 
 

@@ -1,6 +1,7 @@
 """Reliability against closed forms, against the adjustment of changed observations, and bounds."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -142,6 +143,66 @@ def test_a_height_that_alone_holds_the_block_moves_it_without_bound(exact_block)
     assert effect[5, 2, 1] == np.inf
     assert effect[5, 2, 0] == 0  # the principal point does not hang on it
     assert np.all(effect[:5] == 0)
+
+
+def whitened(bundle):
+    """Return the rows of the whole design, in sigmas of the observations, and their places."""
+    network = bundle.network
+    rows, places = [], []
+    for number, e in enumerate(network.equations(bundle.state)):
+        for n, d in np.argwhere(np.isfinite(e.sigma)):
+            row = np.zeros(network.n_columns + 3 * len(network.free_points))
+            columns = e.columns[e.unit[n]]
+            row[columns[columns >= 0]] = e.A[n, d][columns >= 0]
+            if e.B is not None and network.free_points[e.point[n]]:
+                row[network.n_columns + 3 * e.point[n] + np.arange(3)] = e.B[n, d]
+            rows.append(row / e.sigma[n, d])
+            places.append((number, n, d))
+    rows = np.array(rows)
+    return rows[:, rows.any(axis=0)], places
+
+
+@pytest.fixture(scope="module")
+def two_rays(exact_block):
+    """Two rays of one point, the base along the rows: columns are controlled by 0.0007 only."""
+    points, rows = exact_block.image_points, exact_block.image_points.colrow[:, 1]
+    tie = np.setdiff1d(points.point_idx, exact_block.control.point_idx)
+    pairs = [
+        pair for point in tie for pair in combinations(np.flatnonzero(points.point_idx == point), 2)
+    ]
+    i, j = min(pairs, key=lambda pair: abs(np.subtract(*rows[list(pair)])))
+    sigma = points.sigma_px.copy()
+    others = (points.point_idx == points.point_idx[i]) & ~np.isin(np.arange(len(rows)), [i, j])
+    sigma[others] *= 1e5
+    block = replace(exact_block, image_points=replace(points, sigma_px=sigma))
+    fit = adjust(mounted_orientation(block, free=FREE))
+    return fit, int(np.flatnonzero(fit.network.rows == i)[0])
+
+
+def test_the_effect_is_the_accuracy_that_is_lost_without_the_observation(two_rays):
+    """By the whole normal matrix without one row: delta_0 times the root of what sigma^2 gains."""
+    fit, row = two_rays
+    columns = columns_of(fit)
+    A, places = whitened(fit)
+    without = np.delete(A, places.index((0, row, 0)), axis=0)
+    of_all, of_others = (np.diag(np.linalg.inv(a.T @ a))[columns] for a in (A, without))
+    expected = noncentrality() * np.sqrt(of_others / of_all - 1)
+    effect = np.abs(parameter_effects(fit, columns)[0][row])
+    assert_allclose(effect[0], expected, rtol=1e-3, atol=1e-4)
+    # all four measurements contradict each other in one way only
+    assert_allclose(effect[0], effect[1], rtol=1e-3)
+    assert effect.max() > 0.05
+
+
+def test_an_error_that_hardly_anything_controls_has_a_finite_effect_if_its_own_point_takes_it_up(
+    two_rays, monkeypatch
+):
+    fit, row = two_rays
+    columns = columns_of(fit)
+    with_division = parameter_effects(fit, columns)[0][row]
+    monkeypatch.setattr("acx4lib.bundle.reliability.LEAST", 1e-3)
+    assert np.isinf(reliability(fit.solution.groups[0]).detectable[row, 0])
+    assert_allclose(parameter_effects(fit, columns)[0][row], with_division, rtol=1e-6)
 
 
 def test_an_error_of_a_distance_has_the_effect_that_is_said(exact_block):
