@@ -59,3 +59,10 @@ def test_no_text_has(texts, what):
 def test_the_papers_values_stand_beside_its_own_cameras_only(texts):
     found = {where: re.findall(OF_STUDY, text) for where, text in texts.items()}
     assert {where: hits for where, hits in found.items() if hits} == {}
+
+
+def test_a_class_is_told_only_where_the_standard_has_enough_points(texts):
+    said = [text for (name, _), text in texts.items() if name == "04-validation"]
+    if any("not stated, n = " in text for text in said):
+        assert not any("class A" in text for text in said)
+        assert any("The standard PEC-PCD asks for 20 points" in text for text in said)

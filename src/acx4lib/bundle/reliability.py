@@ -126,7 +126,7 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
         gain /= sigma
         row, d = np.nonzero(np.isinf(bias))
         if len(row):
-            own = np.ones(len(row))
+            own: Array = np.ones(len(row))
             if e.B is not None and e.point is not None and group.kind != "distance":
                 own = _own_control(equations, network.free_points, e, row, d)
             gain[row, d] = _hardly_controlled(gain[row, d], group.control[row, d], own)

@@ -277,7 +277,10 @@ def weak_entries(
 
 def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     """Return sentences on what a user should know of an adjustment."""
-    notes = [f"{n} tie points {why} left out" for why, n in bundle.network.left_out.items()]
+    left_out = bundle.network.left_out.items()
+    notes = [f"{n} tie point{'s' * (n > 1)} {why} left out" for why, n in left_out]
+    if line := determination.beyond_precision(bundle):
+        notes.append(line)
     n_measured = len(bundle.network.block.image_points)
     n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
     # the two-step methods take over what the single step rejected, and this was said of it

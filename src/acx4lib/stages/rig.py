@@ -179,5 +179,6 @@ def _notes(stage: RigStage) -> list[str]:
     if stage.rig is not None and np.all(stage.rig.calibration.layout.interior[:, 0] < 0):
         notes.append("the focal lengths are held; estimated, something would not be determined")
     if n := len(rig.one_exposure_points(stage.block)):
-        notes.append(f"{n} points that heads share at one exposure only are as high as the nearest")
+        points = "point is" if n == 1 else "points are"
+        notes.append(f"{n} {points} shared by heads at one exposure only, as high as the nearest")
     return notes

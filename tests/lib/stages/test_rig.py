@@ -103,6 +103,6 @@ def test_points_of_one_exposure_only_are_said(flight):
     stage = rig.calibrate(with_block(flight, replace(block, image_points=points[kept])))
     entry = rig.records(stage)[0].summary["mounting/rig"]
     assert entry["notes"] == [
-        "mounting/rig: 1 points that heads share at one exposure only are as high as the nearest"
+        "mounting/rig: 1 point is shared by heads at one exposure only, as high as the nearest"
     ]
     assert entry["n_left_out"] == 0

@@ -19,6 +19,7 @@ from acx4lib.calibration.absorption import Absorption, effective_heights
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.calibration.trust.detectable import Detectable
 from acx4lib.calibration.trust.determination import (
+    CARRIED,
     Pair,
     Part,
     strong_correlations,
@@ -74,12 +75,16 @@ def determination(methods: Mapping[str, Mounting]) -> pd.DataFrame:
         rows.append(
             {
                 "Method": title,
-                "Condition": Markup(scientific(mounting.bundle.solution.condition)),
+                "Condition": _condition(mounting.bundle.solution.condition),
                 "Weakest combination": Markup("; ".join(_part(part, label) for part in parts)),
                 "Correlations above 0.9": Markup("; ".join(_pair(pair, label) for pair in pairs)),
             }
         )
     return pd.DataFrame(rows)
+
+
+def _condition(condition: float) -> Markup:
+    return Markup(scientific(condition) if condition <= CARRIED else "beyond double precision")
 
 
 def _part(part: Part, label: Callable[[str], str]) -> str:

@@ -22,6 +22,12 @@ SHARE = 0.05
 ALIKE = 0.8
 """Common share of the poses' part above which all poses are said to change alike."""
 
+CARRIED = float(1 / np.finfo(float).eps)
+"""Condition above which double precision has no digit left of the weakest direction, 4.5e15."""
+
+NAMED = 3
+"""Images that are named of those without a position and attitude."""
+
 POSES = dict(
     zip(
         POSE,
@@ -91,6 +97,28 @@ def weakest_combination(bundle: Bundle) -> tuple[Part, ...]:
         parts.append(Part(unknown=_reported(names[column]), share=float(v[column] ** 2)))
     named = (part for part in parts if part.share >= SHARE)
     return tuple(sorted(named, key=lambda part: -part.share))
+
+
+def beyond_precision(bundle: Bundle) -> str:
+    """Return a sentence on a condition above `CARRIED`, and on the images that make it; or none.
+
+    Their positions and attitudes are not known. What all images share is, as long as it has a
+    standard deviation.
+    """
+    network = bundle.network
+    if not bundle.solution.condition > CARRIED:
+        return ""
+    n_points = np.bincount(network.image_points.image_idx, minlength=len(bundle.oriented))
+    names = [
+        f"{network.block.images.names[k]} (measured points: {n_points[k]})"
+        for k in np.flatnonzero(~bundle.oriented & (n_points > 0))
+    ]
+    of = f"the position and attitude of {', '.join(names[:NAMED])}" if names else "all unknowns"
+    of += f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+    return (
+        "the condition of the normal matrix is more than double precision can carry: the "
+        f"observations do not determine {of}"
+    )
 
 
 def _of_poses(label: str, v: Array) -> Part:

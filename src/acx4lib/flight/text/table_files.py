@@ -80,7 +80,7 @@ def read_columns(
         problems=(*wrong, *_row_problems(table, rows, schema)),
         notes=(
             *extra_notes(file, header, schema),
-            *([f"{file}: {n_blank} blank lines at the end"] if n_blank else []),
+            *([f"{file}: {n_blank} blank line{'s' * (n_blank > 1)} at the end"] if n_blank else []),
             *([] if whole.endswith(("\n", "\r")) else [f"{file}: {NO_END}"]),
         ),
     )

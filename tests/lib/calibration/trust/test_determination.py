@@ -1,6 +1,7 @@
 """What an adjustment determines least is found and called by the names of results."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from acx4lib.calibration.trust.determination import (
     SHARE,
     STRONG,
     as_json,
+    beyond_precision,
     strong_correlations,
     weakest_combination,
 )
@@ -34,6 +36,22 @@ def test_f_goes_with_the_height_of_all_positions(on_control):
     parts = weakest_combination(on_control)
     assert {part.unknown for part in parts[:2]} == {"CAM/f_mm", "height of all positions"}
     assert [part.share for part in parts[:2]] == pytest.approx([0.5, 0.5], abs=0.05)
+
+
+def test_images_with_one_point_are_named_where_double_precision_ends(exact_block):
+    points = exact_block.image_points
+    rest = np.setdiff1d(np.arange(len(points)), np.flatnonzero(points.image_idx == 3)[1:])
+    block = replace(exact_block, image_points=points[rest])
+    fit = adjust(free_orientation(block, free=("xp", "yp")))
+    name = block.images.names[3]
+    assert beyond_precision(fit).endswith(
+        "is more than double precision can carry: the observations do not determine the position "
+        f"and attitude of {name} (measured points: 1)"
+    )
+
+
+def test_a_weak_block_is_not_beyond_precision(on_control):
+    assert beyond_precision(on_control) == ""
 
 
 def test_shares_are_of_the_eigenvector_of_the_smallest_eigenvalue(mounted):
