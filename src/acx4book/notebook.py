@@ -26,6 +26,10 @@ INJECTED = "# Parameters\n"
 """How the cell begins in which papermill gives values to parameters, below the notebook's own."""
 
 
+ENDS = "This notebook ends here: "
+"""How the sentence begins that a notebook has in the place of what it cannot show."""
+
+
 class End(Exception):
     """The notebook ends here, and nothing is wrong."""
 
@@ -113,7 +117,7 @@ def end(reason: str) -> None:
     End
         Which no notebook shows as an error.
     """
-    sentence = f"This notebook ends here: {visible(reason)}."
+    sentence = f"{ENDS}{visible(reason)}."
     shell: Any = get_ipython()
     if shell is not None:
         display({"text/markdown": sentence, "text/plain": sentence}, raw=True)  # type: ignore[no-untyped-call] # IPython's

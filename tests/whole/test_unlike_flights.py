@@ -7,6 +7,9 @@ import pytest
 
 from acx4book.notebooks import runner
 from acx4book.notebooks.executed import Notebooks
+from acx4book.pages import build, flight_book
+from acx4lib.results.files.schemas import NOTEBOOKS
+from acx4lib.results.provenance import KEPT
 from support.flights import unlike
 
 NEVER = {
@@ -32,8 +35,14 @@ def texts(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("unlike")
     flight = unlike.write(request.param, folder)
     runner.run(flight, folder / "results", way=Notebooks())
+    executed = folder / "results" / "notebooks"
+    places = {"flight_path": str(folder / "results" / KEPT), "results_path": str(executed.parent)}
+    for name, stage in flight_book.CHAPTERS.items():
+        of_stage = NOTEBOOKS[stage]
+        if name != of_stage and (executed / f"{of_stage}.ipynb").is_file():
+            build.run_here(name, executed, places)
     said = {}
-    for path in sorted((folder / "results" / "notebooks").glob("*.ipynb")):
+    for path in sorted(executed.glob("*.ipynb")):
         for number, cell in enumerate(nbformat.read(path, as_version=4).cells):
             for output in cell.get("outputs", []):
                 data = output.get("data", {})

@@ -17,6 +17,7 @@ import nbformat
 from matplotlib.figure import Figure
 
 from acx4book.chapters.flight import exposure
+from acx4book.notebook import ENDS
 from acx4book.notebooks import execute, runner
 from acx4book.pages import (
     accuracy,
@@ -121,10 +122,11 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         folder.mkdir(exist_ok=True)
     write_notebooks(results_path, executed, ideal_path, pictures_path=flight_path)
     whole = ideal_path is not None
-    left_out = independent.bring(executed, run=whole)
+    left_out = independent.bring(executed, ideal_path)
     # The code of part I is part of what it teaches.
     for name in independent.CHAPTERS.keys() - {*left_out, *independent.FOUNDATIONS}:
-        fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb")
+        note = IDEAL if name in independent.OF_IDEAL else ""
+        fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb", note)
     pages = [f"_executed/{name}" for name in left_out]
     independent.leave_out(book, pages if whole else [*pages, api.FOLDER])
     adjusted, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
@@ -197,7 +199,7 @@ def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dic
     """Return what the extension `provenance` of the book tells: commit, and flights by page."""
     name = f"{flight_path.name}{', simulated' if simulated else ''}"
     named = dict.fromkeys((*NOTEBOOKS.values(), *OF_RESULTS, OWN, "scorecard"), name)
-    shows_ideal = [*(NOTEBOOKS[stage] for stage in OF_IDEAL), OWN]
+    shows_ideal = [*(NOTEBOOKS[stage] for stage in OF_IDEAL), *independent.OF_IDEAL, OWN]
     of_ideal = dict.fromkeys(shows_ideal if ideal else (), "acx4-ideal, simulated")
     return {"commit": provenance.short(provenance.commit()), "flights": {**named, **of_ideal}}
 
@@ -208,8 +210,10 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
     Tables get the captions and names that the metadata of their cells have. Imports and parameters
     are folded, and of sentences with numbers there is no code. Where the method does not stand in
     the cells, the code of those that show something is folded. A note stands under the first cell.
+    Where the notebook ended early, the page ends, below an answer without a word.
     """
     notebook = _read(executed)
+    notebook.cells = notebook.cells[: _end(notebook)]
     if note:
         notebook.cells[0].source += f"\n\n{note}"
     opened = any("acx4" in cell.metadata for cell in notebook.cells)
@@ -226,6 +230,17 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
             cell.metadata["tags"] = [*(tag for tag in tags if tag != "hide-input"), left]
     text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call] # untyped
     whole_files.write(page, text)
+
+
+def _end(notebook: nbformat.NotebookNode) -> int:
+    """Return the number of cells of the page of a notebook that may have ended early."""
+    shown = [
+        "".join(o.get("data", {}).get("text/markdown", "") for o in cell.get("outputs", []))
+        for cell in notebook.cells
+    ]
+    end = next((i for i, text in enumerate(shown) if text.startswith(ENDS)), len(shown))
+    answered = any("answer" in cell.metadata.get("tags", []) for cell in notebook.cells[:end])
+    return end if answered else end + 1
 
 
 def _number_tables(cell: nbformat.NotebookNode) -> None:

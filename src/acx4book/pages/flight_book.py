@@ -23,7 +23,6 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH, Tell
 from acx4book.pages import build, frames
 from acx4book.report import material
@@ -45,17 +44,18 @@ COMMAND = "acx4 book"
 SOURCES = Path(str(resources.files("acx4book.pages") / "sources"))
 """Folder of the pages of the study's book, from which those of a flight take some."""
 
-CHAPTERS = (
-    "00-flight",
-    "01-head-calibration",
-    "02-synthetic-image",
-    "08-rig",
-    "03-mounting-calibration",
-    "04-validation",
-    "16-error-budget",
-    "09-weights",
-)
-"""Notebooks that can be about any flight, in the order of its book."""
+CHAPTERS = {
+    "00-flight": "flight",
+    "01-head-calibration": "heads",
+    "02-synthetic-image": "synthetic",
+    "08-rig": "rig",
+    "03-mounting-calibration": "mounting",
+    "04-validation": "validation",
+    "16-error-budget": "validation",
+    "09-weights": "mounting",
+}
+"""Notebooks that can be about any flight, in the order of its book, and the stage that each needs:
+its own, whose notebook comes from the run, or the one whose results it looks at."""
 
 READING = ("frames-and-notation", "notation", "glossary", "bibliography")
 """Pages that a reader of the chapters needs."""
@@ -185,21 +185,18 @@ def _chapters(results_path: Path, executed: Path, *, simulated: bool, tell: Tell
 
     The stages' notebooks come executed from the run; the others are executed here.
     """
-    for number, name in enumerate(CHAPTERS):
+    note = NOTE if simulated else ""
+    places = {"flight_path": str(results_path / KEPT), "results_path": str(results_path)}
+    for number, (name, stage) in enumerate(CHAPTERS.items()):
         tell("chapters", number + 1, len(CHAPTERS))
-        done, note = results_path / "notebooks" / f"{name}.ipynb", NOTE if simulated else ""
-        if name in NOTEBOOKS.values():
-            if done.is_file():
-                build.fold(done, executed / done.name, note=note)
-                yield name
-        elif "flight_path" in _parameters(name):
-            places = {"flight_path": str(results_path / KEPT), "results_path": str(results_path)}
+        done = results_path / "notebooks" / f"{NOTEBOOKS[stage]}.ipynb"
+        if not done.is_file():
+            continue
+        if done.stem == name:
+            build.fold(done, executed / done.name, note=note)
+        else:
             build.run_here(name, executed, places, note=note)
-            yield name
-
-
-def _parameters(name: str) -> Mapping[str, Any]:
-    return execute.with_defaults(NOTEBOOKS_PATH / f"{name}.ipynb", {})
+        yield name
 
 
 # --- pages -----------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -19,6 +20,7 @@ from acx4book.notebooks import execute, inputs
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.reference import data as reference
 from acx4lib.results.own_folder import whole_files
+from acx4lib.results.provenance import KEPT as FLIGHT
 
 FOUNDATIONS = tuple(
     f"foundations/{path.stem}" for path in sorted((NOTEBOOKS_PATH / "foundations").glob("*.ipynb"))
@@ -43,6 +45,9 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
 """The notebooks, and what files of the working copy they read; *measured* are the measurements of
 others, wherever they are."""
 
+OF_IDEAL = ("09-weights", "16-error-budget")
+"""Those of any flight, which show that of the ideal camera."""
+
 KEPT = Path("build", "chapters")
 """Where the executed notebooks are kept, below the current folder: that of the working copy."""
 
@@ -50,28 +55,30 @@ CORES = 2
 """Notebooks that are run side by side."""
 
 
-def bring(executed: Path, *, run: bool) -> list[str]:
+def bring(executed: Path, ideal_path: Path | None) -> list[str]:
     """Bring the chapters into the book, and return the names of those that are left out.
 
     Parameters
     ----------
     executed : Path
         Where the book has its executed notebooks.
-    run : bool
-        Whether those are run that are not kept, or do not hold any more.
+    ideal_path : Path or None
+        Run of the flight that `OF_IDEAL` shows, where those chapters are run that are not kept, or
+        do not hold any more.
 
     Raises
     ------
     NotebookError
         If a notebook fails.
     """
-    kept = {name: KEPT / f"{name}-{_digest(name)[:16]}.ipynb" for name in CHAPTERS}
+    names = [name for name in CHAPTERS if ideal_path is not None or name not in OF_IDEAL]
+    kept = {name: KEPT / f"{name}-{_digest(name, ideal_path)[:16]}.ipynb" for name in names}
     missing = [path for path in kept.values() if not path.is_file()]
-    if run and missing:
+    if ideal_path is not None and missing:
         for path in missing:
             path.parent.mkdir(parents=True, exist_ok=True)
         with ProcessPoolExecutor(min(CORES, len(missing))) as pool:
-            list(pool.map(_run, missing))
+            list(pool.map(partial(_run, ideal_path), missing))
     here = {name: path for name, path in kept.items() if path.is_file()}
     for name, path in here.items():
         page = executed / f"{name}.ipynb"
@@ -80,12 +87,13 @@ def bring(executed: Path, *, run: bool) -> list[str]:
     return [name for name in CHAPTERS if name not in here]
 
 
-def _run(kept: Path) -> None:
+def _run(ideal_path: Path, kept: Path) -> None:
     """Run a chapter and keep it in the place of what was kept of it."""
     name = kept.stem.rpartition("-")[0]
     source = NOTEBOOKS_PATH / kept.parent.relative_to(KEPT) / f"{name}.ipynb"
     new = kept.with_name(f"new-{kept.name}")
-    values = execute.with_defaults(source, {})
+    of_ideal = {"flight_path": str(ideal_path / FLIGHT), "results_path": str(ideal_path)}
+    values = execute.with_defaults(source, of_ideal if name in OF_IDEAL else {})
     execute.execute(source, new, parameters=values, on_cell=lambda *_: None)
     execute.scrub(new)
     for old in kept.parent.glob(f"{name}-*.ipynb"):
@@ -93,8 +101,11 @@ def _run(kept: Path) -> None:
     new.replace(kept)
 
 
-def _digest(name: str) -> str:
-    return inputs.digest(NOTEBOOKS_PATH / f"{name}.ipynb", Path("src"), _files(CHAPTERS[name]))
+def _digest(name: str, ideal_path: Path | None) -> str:
+    files = [*_files(CHAPTERS[name])]
+    if ideal_path is not None and name in OF_IDEAL:
+        files += [ideal_path / "parameters.csv", *(ideal_path / FLIGHT).rglob("*.*")]
+    return inputs.digest(NOTEBOOKS_PATH / f"{name}.ipynb", Path("src"), files)
 
 
 def _files(patterns: Iterable[str]) -> Iterator[Path]:

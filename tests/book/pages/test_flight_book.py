@@ -54,10 +54,19 @@ def test_the_name_of_the_flight_is_in_the_title_of_every_page_as_it_is_written(s
 def test_it_has_the_chapters_that_the_flight_has_data_for_and_none_of_the_study(site):
     here = {p.relative_to(site).as_posix() for p in site.rglob("*.html")}
     assert {"_executed/03-mounting-calibration.html", "_executed/04-validation.html"} <= here
+    assert {"_executed/16-error-budget.html", "_executed/09-weights.html"} <= here
     assert {"certificate.html", "report.html", "frames-and-notation.html", "glossary.html"} <= here
     assert not {
         n for n in here if re.search(r"head-calib|synthetic|errata|scorecard|lab-|speed", n)
     }
+
+
+def test_chapters_end_with_their_answer_before_what_is_about_the_study(site):
+    for name in ("16-error-budget", "09-weights"):
+        found = page(site, f"_executed/{name}.html")
+        headings = [h.text.rstrip("#") for h in found.select("h2")]
+        assert headings[-2:] == ["The answer", "Change it"]
+        assert "ends here" not in found.text
 
 
 def test_the_certificate_says_what_the_report_says_and_leads_to_it(site):

@@ -36,10 +36,10 @@ def runs(copy):
 
 def test_they_run_once_until_what_they_depend_on_changes(copy):
     for _ in range(2):
-        assert independent.bring(copy / "executed", run=True) == []
+        assert independent.bring(copy / "executed", copy / "ideal") == []
     assert runs(copy) == [1, 1]
     (copy / "data.csv").write_text("2\n")
-    assert independent.bring(copy / "executed", run=True) == []
+    assert independent.bring(copy / "executed", copy / "ideal") == []
     assert runs(copy) == [2, 1]
     assert len(list((copy / independent.KEPT).iterdir())) == 2
     page = nbformat.read(copy / "executed" / "01-one.ipynb", as_version=4)
@@ -47,10 +47,10 @@ def test_they_run_once_until_what_they_depend_on_changes(copy):
 
 
 def test_for_another_flight_they_never_run_and_only_those_that_hold_are_there(copy):
-    independent.bring(copy / "executed", run=True)
+    independent.bring(copy / "executed", copy / "ideal")
     (copy / "data.csv").write_text("2\n")
     (copy / "executed" / "01-one.ipynb").unlink()
-    assert independent.bring(copy / "executed", run=False) == ["01-one"]
+    assert independent.bring(copy / "executed", None) == ["01-one"]
     assert runs(copy) == [1, 1]
     assert [path.name for path in (copy / "executed").iterdir()] == ["02-two.ipynb"]
 

@@ -87,7 +87,7 @@ def calibration(budgets: Mapping[str, Budget]) -> Figure:
 
 
 def over_heights(
-    heights_m: Array, budgets: Mapping[str, Sequence[Budget]], *, method: str, dashed: str
+    heights_m: Array, budgets: Mapping[str, Sequence[Budget]], *, method: str
 ) -> Figure:
     """Draw the standard deviations of the groups of sources over the flying height.
 
@@ -95,26 +95,25 @@ def over_heights(
     ----------
     heights_m : ndarray, shape (n,)
     budgets : mapping of str to sequence of Budget
-        By method, one for each height.
+        By method, one for each height. Of the others, the part of the calibration is drawn.
     method : str
         Of which all is drawn.
-    dashed : str
-        Of which the part of the calibration is drawn.
     """
-    own, other = (
-        np.array([plan_and_height(split.mean) for split in budgets[name]])
-        for name in (method, dashed)
-    )
+    by_method = {
+        name: np.array([plan_and_height(split.mean) for split in each])
+        for name, each in budgets.items()
+    }
     with style.applied():
         fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 3.0))
         for k, (ax, title) in enumerate(zip(axes, COORDINATES, strict=True)):
-            _draw_heights(ax, heights_m, own[:, k])
-            part = other[:, k, -len(budget.CALIBRATION) :].sum(axis=-1)
-            ax.plot(
-                *(heights_m, np.sqrt(np.maximum(part, 0.0)), "--"),
-                color=style.colour(2),
-                label=f"calibration, {inside(TITLES[dashed])}",
-            )
+            _draw_heights(ax, heights_m, by_method[method][:, k])
+            for dashed in by_method.keys() - {method}:
+                part = by_method[dashed][:, k, -len(budget.CALIBRATION) :].sum(axis=-1)
+                ax.plot(
+                    *(heights_m, np.sqrt(np.maximum(part, 0.0)), "--"),
+                    color=style.colour(2),
+                    label=f"calibration, {inside(TITLES[dashed])}",
+                )
             ax.set_title(title)
             ax.set(xlabel="flying height over ground (m)", ylim=(0, None))
         axes[0].set_ylabel("σ of a ground point (m)")

@@ -70,36 +70,48 @@ def _draw_by_strip(ax: Axes, errors: pd.DataFrame, tint: str) -> None:
         ax.plot(strip["exposure"], 100 * strip["error_m"], "o-", color=tint, ms=2.6, lw=1.0)
 
 
-def height_noise(table: pd.DataFrame) -> Figure:
+def height_noise(table: pd.DataFrame, *, beside_print: bool) -> Figure:
     """Draw the sigma of f and of the lever arm's z over the noise of GNSS heights.
 
     Parameters
     ----------
     table : DataFrame
         As `tables.height_noise` returns it.
+    beside_print : bool
+        Whether the printed ones are of the same camera.
     """
     noise_cm = 100 * table["gnss_height_m"]
+    drawn = [
+        (name, *scaled)
+        for name, scaled in {"f_mm": (1000.0, "µm"), "lever_z_m": (100.0, "cm")}.items()
+        if table[f"sigma_{name}"].notna().any()
+    ]
+    if not drawn:
+        return style.nothing("Focal length and lever arm are held.")
     with style.applied():
-        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 2.7), sharex=True)
-        for ax, name, scale, unit in (
-            (axes[0], "f_mm", 1000.0, "µm"),
-            (axes[1], "lever_z_m", 100.0, "cm"),
-        ):
+        fig, axes = style.subplots(
+            1, len(drawn), figsize=(style.WIDTH, 2.7), sharex=True, squeeze=False
+        )
+        for ax, (name, scale, unit) in zip(axes[0], drawn, strict=True):
             ax.plot(noise_cm, scale * table[f"sigma_{name}"], "o-", color=style.BLUE)
-            printed = scale * paper.sigma(3, name, "single_step")
-            ax.axhline(printed, color=style.PRINTED, lw=1.0, ls="--")
-            ax.annotate(
-                "printed in the paper",
-                xy=(1.0, printed),
-                xytext=(0, 3),
-                xycoords=("axes fraction", "data"),
-                textcoords="offset points",
-                ha="right",
-                fontsize=style.SMALL,
-                color=style.SOFT,
-            )
+            if beside_print:
+                _draw_printed(ax, scale * paper.sigma(3, name, "single_step"))
             ax.set(xlabel="white noise of GNSS heights (cm)", ylabel=f"σ ({unit})")
             ax.set_title(LABELS[name])
             ax.set_ylim(bottom=0)
             ax.set_xlim(left=0)
     return fig
+
+
+def _draw_printed(ax: Axes, sigma: float) -> None:
+    ax.axhline(sigma, color=style.PRINTED, lw=1.0, ls="--")
+    ax.annotate(
+        "printed in the paper",
+        xy=(1.0, sigma),
+        xytext=(0, 3),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        ha="right",
+        fontsize=style.SMALL,
+        color=style.SOFT,
+    )

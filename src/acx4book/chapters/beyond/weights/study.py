@@ -22,8 +22,9 @@ from acx4sim.plan import Options, SlowErrors
 TIES = MappingProxyType({"calibration": 150})
 """Tie points of the simulated blocks: enough for what the trajectory does, and quick."""
 
+SLOWLY_BY_DEFAULT = SlowErrors()
 WHITE = Options(tie_points=TIES)
-SLOW = Options(tie_points=TIES, slow_errors=SlowErrors())
+SLOW = Options(tie_points=TIES, slow_errors=SLOWLY_BY_DEFAULT)
 EXACT = replace(flights.EXACT, tie_points=TIES)
 """Errors of a flight: independent ones, as large ones that change slowly, and none."""
 
@@ -80,7 +81,7 @@ def errors(flown: Flown, mounting: Mounting) -> pd.DataFrame:
     return table
 
 
-def modelled(block: Block, slow: SlowErrors) -> Block:
+def modelled(block: Block, slow: SlowErrors = SLOWLY_BY_DEFAULT) -> Block:
     """Return the block with the correlation in time that its trajectory's errors have."""
     positions = GaussMarkov(share=slow.gnss, time_constant_s=slow.gnss_constant_s)
     attitudes = GaussMarkov(share=slow.attitude, time_constant_s=slow.attitude_constant_s)
@@ -124,7 +125,7 @@ SLOWLY: Mapping[str, tuple[Options, Case]] = MappingProxyType(
     {
         "white": (WHITE, adjusted),
         "slow": (SLOW, adjusted),
-        MODELLED: (SLOW, lambda flown: adjusted(flown, modelled(flown.block, SlowErrors()))),
+        MODELLED: (SLOW, lambda flown: adjusted(flown, modelled(flown.block))),
     }
 )
 """Errors of the same size, and whether the weights know how they change."""

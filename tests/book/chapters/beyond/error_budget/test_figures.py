@@ -43,7 +43,7 @@ def heights(found):
 
 
 def test_lines_are_standard_deviations(heights):
-    fig = drawn(figures.over_heights(*heights, method="single_step", dashed="two_step"))
+    fig = drawn(figures.over_heights(*heights, method="single_step"))
     line = panels(fig)[1].lines[0]
     expected = [np.sqrt(split.mean[2].sum()) for split in heights[1]["single_step"]]
     np.testing.assert_allclose(line.get_ydata(), expected)

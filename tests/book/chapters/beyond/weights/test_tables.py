@@ -16,7 +16,7 @@ def test_noisier_heights_are_seen_in_f_and_lever_z():
         assert table[name].is_monotonic_increasing
     # as large as it is, the noise of 52 heights is what determines both
     assert table["sigma_lever_z_m"].iloc[2] > 2 * table["sigma_lever_z_m"].iloc[1]
-    assert len(figures.height_noise(table).axes) == 2
+    assert len(figures.height_noise(table, beside_print=True).axes) == 2
 
 
 @pytest.mark.parametrize(
