@@ -114,7 +114,7 @@ check: .venv/.stamp-test ## style, types, layers, notebooks without outputs, spe
 	@PYTHONPATH=tests $(BIN)/python -m project.sizes
 
 words: .venv/.stamp-test ## words of prose of each page of the book, of the foundations and of the rest
-	@PYTHONPATH=tests $(BIN)/python -m project.words
+	@$(BIN)/python -m acx4book.pages.words
 
 test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats what a smaller case shows
 	@$(BIN)/pytest -q -n 2 --dist worksteal -m 'not repeats'

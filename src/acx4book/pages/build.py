@@ -29,6 +29,7 @@ from acx4book.pages import (
     methods,
     provenance,
     simulation,
+    words,
 )
 from acx4book.pages.back import citation, clean, licences, release
 from acx4book.pages.benchmarks import (
@@ -66,6 +67,15 @@ RUN_PAGES = ("first-flight", "library", "your-files")
 
 WRAPPED = ("your-files",)
 """Those of them whose output is sentences, not tables: long lines go on in the next."""
+
+DOORS = {
+    "read": ("_executed/foundations/", "_executed/0", "_executed/12"),
+    "rerun": ("reproducibility",),
+    "fly": ("first-flight",),
+    "teach": ("teaching/syllabus",),
+    "files": ("your-files",),
+}
+"""What is read behind the doors of the front page: how the names of the pages begin."""
 
 UNDATED = 315_532_800
 """First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
@@ -301,21 +311,27 @@ def texts_of_front(
     yield "front.svg", vector(drawn)
     yield "front.md", FRONT.format(alt=exposure.ALT, caption=exposure.caption(flown))
     applies = printed.applies(flown)
-    ideal = None if ideal_path is None else questions.answers(ideal_path / "notebooks")
-    answers = questions.answers(executed if ideal is None else results_path / "notebooks")
-    camera = flown.synthetic.camera if flown.synthetic else ""
-    ideally = (
-        "" if ideal_path is None else methods.page(results.read(ideal_path), camera, BENCHMARKS)
-    )
-    yield "methods.md", f"{ideally}\n"
-    yield from questions.texts(answers, ideal, beside_print=applies).items()
-    runs = {"Here" if ideal_path is None else "Four heads": found}
+    own = executed if ideal_path is None else results_path / "notebooks"
+    four, ideal = questions.Told(found=found, answers=questions.answers(own)), None
     if ideal_path is not None:
-        runs["Ideal camera"] = results.read(ideal_path)
+        answers = questions.answers(ideal_path / "notebooks")
+        ideal = questions.Told(found=results.read(ideal_path), answers=answers)
+    camera = flown.synthetic.camera if flown.synthetic else ""
+    ideally = "" if ideal is None else methods.page(ideal.found, camera, BENCHMARKS)
+    yield "methods.md", f"{ideally}\n"
+    ideal_answers = None if ideal is None else ideal.answers
+    yield "four-questions.md", questions.text(four.answers, ideal_answers, beside_print=applies)
+    runs = {"this book" if ideal is None else "four heads": found}
+    if ideal is not None:
+        runs["ideal camera"] = ideal.found
     needed = {"mounting/single_step", "mounting/two_step_gnss"}
     has_both = all(needed <= run.summary.keys() for run in runs.values())
     table = questions.small_table_3(runs, camera) if applies and has_both else ""
     yield "front-table.md", f"{table}\n"
+    whole = applies and has_both and "validation/single_step" in found.summary
+    yield "side-by-side.md", questions.side_by_side(four, ideal, camera) if whole else "\n"
+    for name, pages in DOORS.items():
+        yield f"minutes-{name}.md", f"{words.minutes(*pages)} minutes to read\n"
     yield "front-accuracy.md", accuracy.page(BENCHMARKS) if ideal_path is not None else "\n"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +15,7 @@ from acx4book.paper import printed as paper
 from acx4book.paper.scorecard import TWO_STEP
 from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
 from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.plain_text import Markup
 from acx4lib.geometry.parameters import AXES, BORESIGHT_ANGLES
 from acx4lib.results import folder
 
@@ -36,12 +39,18 @@ class Question:
         Name of the notebook that answers it here.
     answered : callable
         Returns the paper's answer, with the printed numbers.
+    short : str
+        The question in a few words.
+    independence : str
+        What the agreement with a simulated flight rests on.
     """
 
     asked: str
     sections: str
     chapter: str
     answered: Callable[[], str]
+    short: str
+    independence: str
 
 
 def _heads() -> str:
@@ -97,12 +106,16 @@ QUESTIONS = (
         sections="sections 2.1 and 4.1",
         chapter="01-head-calibration",
         answered=_heads,
+        short="Can the heads be calibrated from aerial images?",
+        independence="values given, σ not",
     ),
     Question(
         asked="Is the synthetic image that is made from the heads geometrically good?",
         sections="sections 2.1 and 4.1",
         chapter="02-synthetic-image",
         answered=_synthetic,
+        short="Is the synthetic image geometrically good?",
+        independence="nothing was set for it",
     ),
     Question(
         asked="How does the synthetic camera sit on the GNSS/INS, and do the two-step and the "
@@ -110,6 +123,8 @@ QUESTIONS = (
         sections="sections 2.2 and 4.2",
         chapter="03-mounting-calibration",
         answered=_mounting,
+        short="Do the two-step and the single-step method agree?",
+        independence="nothing was set for it",
     ),
     Question(
         asked="How accurate is direct georeferencing with these parameters, and for which maps is "
@@ -117,6 +132,8 @@ QUESTIONS = (
         sections="sections 4.3 and 5",
         chapter="04-validation",
         answered=_validation,
+        short="How accurate is direct georeferencing?",
+        independence="the noise was chosen",
     ),
 )
 """The aims of the paper, from its abstract and its section 2, as questions."""
@@ -153,13 +170,13 @@ def answer_of(notebook: Path) -> list[str]:
     return [part for text in shown for part in text.split("\n\n")]
 
 
-def texts(
+def text(
     found: Mapping[str, Sequence[str]],
     ideal: Mapping[str, Sequence[str]] | None = None,
     *,
     beside_print: bool,
-) -> dict[str, str]:
-    """Return what pages include on the four questions, by the names of their files.
+) -> str:
+    """Return a section for each of the four questions.
 
     Parameters
     ----------
@@ -172,12 +189,8 @@ def texts(
         Whether the flight has the paper's cameras, so that its answers stand beside the paper's.
     """
     both = {one.chapter: _beside(one.chapter, found, ideal or {}) for one in QUESTIONS}
-    short = [
-        f"{i}. **{one.asked}** {both[one.chapter][0]} ({{doc}}`_executed/{one.chapter}`)"
-        for i, one in enumerate(QUESTIONS, 1)
-    ]
     whole = [_section(i, one, both, beside_print) for i, one in enumerate(QUESTIONS, 1)]
-    return {"answers.md": "\n".join(short) + "\n", "four-questions.md": "\n\n".join(whole) + "\n"}
+    return "\n\n".join(whole) + "\n"
 
 
 def _beside(
@@ -198,9 +211,134 @@ def _section(
     said = f"**The paper** ({one.sections}). {one.answered()}\n\n" if beside_print else ""
     ours = "\n\n".join(found[one.chapter])
     return (
-        f"## {number}. {one.asked}\n\n{said}**Here.** {ours}\n\n"
+        f"## {number}. {one.asked}\n\n{said}**This book.** {ours}\n\n"
         f"More in {{doc}}`_executed/{one.chapter}`."
     )
+
+
+# --- numbers side by side --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What a run tells of the four questions.
+
+    Attributes
+    ----------
+    found : Results
+        Of all stages, or of the mounting and the validation.
+    answers : mapping of str to sequence of str
+        As `answers` returns it.
+    """
+
+    found: folder.Results
+    answers: Mapping[str, Sequence[str]]
+
+
+def side_by_side(four: Told, ideal: Told | None, camera: str) -> str:
+    """Return a row for each question: the paper's number, and this book's, as a MyST table.
+
+    Parameters
+    ----------
+    four : Told
+        Of a flight whose synthetic images are made of heads.
+    ideal : Told, optional
+        Of the same flight with one ideal camera; mounting and validation are then of both.
+    camera : str
+        Name of the synthetic camera.
+    """
+    printed = (_sigma_of_heads_printed(), _quality_printed(), _shifts_printed(), _rms_printed())
+    ours = (_sigma_of_heads(four), _quality(four), *_both(four, ideal, camera))
+    rows = [
+        {
+            "question": one.short,
+            "paper": Markup(said),
+            "this book": Markup(own),
+            "how independent": one.independence,
+            "chapter": Markup(f"{{doc}}`_executed/{one.chapter}`"),
+        }
+        for one, said, own in zip(QUESTIONS, printed, ours, strict=True)
+    ]
+    return myst_table(pd.DataFrame(rows), CAPTION, name="tab-side-by-side") + "\n"
+
+
+CAPTION = "The paper's four questions, answered by numbers"
+
+
+def _between(sigma: Sequence[float]) -> str:
+    return f"σ of principal points {min(sigma):.1f}–{max(sigma):.1f} µm"
+
+
+def _sigma_of_heads_printed() -> str:
+    return _between(
+        [1e3 * paper.sigma(1, name, h) for name in ("xp_mm", "yp_mm") for h in paper.HEADS]
+    )
+
+
+def _sigma_of_heads(told: Told) -> str:
+    rows = folder.rows(told.found, "parameters", "heads/bundle")
+    return _between(list(1e3 * rows[rows["parameter"].isin(["xp_mm", "yp_mm"])]["sigma"]))
+
+
+def _quality_printed() -> str:
+    return f"residuals of about {paper.statement('synthetic_quality_um'):g} µm"
+
+
+def _quality(told: Told) -> str:
+    """Return the number with which the chapter answers."""
+    sentence = told.answers["02-synthetic-image"][0]
+    share = re.search(r"[\d.]+ µm", sentence)
+    return f"{share[0]} where heads overlap" if share else UNANSWERED
+
+
+def _both(four: Told, ideal: Told | None, camera: str) -> tuple[str, str]:
+    """Return the differences of the methods, and the accuracy."""
+    if ideal is None:
+        return _shifts(four, camera), _rms(four)
+    pairs = (
+        (_shifts(ideal, camera), _shifts(four, camera, title="")),
+        (_rms(ideal), _rms(four, title="")),
+    )
+    by_shift, by_rms = (f"{one} (ideal camera); {other} (four heads)" for one, other in pairs)
+    return by_shift, by_rms
+
+
+def _listed(shifts: Sequence[float], title: str) -> str:
+    return f"{title}{', '.join(f'{1e3 * one:+.1f}' for one in shifts)} µm"
+
+
+SHIFTS = "two-step less single-step $f$, $x_p$, $y_p$: "
+
+
+def _shifts_printed() -> str:
+    return _listed(paper.differences(3, "two_step", "single_step", SHIFTED), SHIFTS)
+
+
+def _shifts(told: Told, camera: str, title: str = SHIFTS) -> str:
+    two, one = (
+        folder.parameters(told.found, f"mounting/{method}", camera)["value"]
+        for method in (TWO_STEP, "single_step")
+    )
+    return _listed([two[name] - one[name] for name in SHIFTED], title)
+
+
+SHIFTED = ("f_mm", "xp_mm", "yp_mm")
+
+
+def _accuracy(rms: Sequence[float], title: str) -> str:
+    return f"{title}{math.hypot(*rms[:2]):.2f} m in plan, {rms[2]:.2f} m in height"
+
+
+RMS = "RMS "
+
+
+def _rms_printed() -> str:
+    return _accuracy([paper.value(4, f"rms_{axis}_m", "single_step") for axis in AXES], RMS)
+
+
+def _rms(told: Told, title: str = RMS) -> str:
+    pairs = folder.rows(told.found, "validation", "validation/single_step")
+    return _accuracy([math.sqrt((pairs[f"d_{axis}_m"] ** 2).mean()) for axis in AXES], title)
 
 
 TABLE_3 = ("f_mm", "xp_mm", "yp_mm", *(f"lever_{axis}_m" for axis in "xyz"), *BORESIGHT_ANGLES)
@@ -222,7 +360,7 @@ def small_table_3(runs: Mapping[str, folder.Results], camera: str) -> str:
         ("two-step", "two_step", TWO_STEP),
         ("single-step", "single_step", "single_step"),
     ):
-        columns[f"Paper, {title}"] = [paper.shown(3, name, column) for name in TABLE_3]
+        columns[f"paper, {title}"] = [paper.shown(3, name, column) for name in TABLE_3]
         for made_of, found in runs.items():
             ours = folder.parameters(found, f"mounting/{method}", camera)
             columns[f"{made_of}, {title}"] = [

@@ -25,16 +25,15 @@ def test_the_papers_answers_have_its_numbers(number, said):
     assert said in questions.QUESTIONS[number].answered()
 
 
-def test_the_front_page_has_a_sentence_for_each_question_and_the_other_page_all():
-    texts = questions.texts(ANSWERS, beside_print=True)
-    assert texts["answers.md"].count("says so.") == 4
-    assert "And why." not in texts["answers.md"]
-    assert texts["four-questions.md"].count("And why.") == 4
-    assert texts["four-questions.md"].count("**The paper**") == 4
+def test_the_page_has_the_papers_answer_and_ours():
+    text = questions.text(ANSWERS, beside_print=True)
+    assert text.count("And why.") == 4
+    assert text.count("**The paper**") == 4
+    assert text.count("**This book.**") == 4
 
 
 def test_beside_another_camera_the_paper_says_nothing():
-    assert "**The paper**" not in questions.texts(ANSWERS, beside_print=False)["four-questions.md"]
+    assert "**The paper**" not in questions.text(ANSWERS, beside_print=False)
 
 
 def test_an_answer_is_what_the_tagged_cell_of_a_notebook_shows(tmp_path):

@@ -3,7 +3,7 @@
 Counted is what a reader reads from left to right: paragraphs and lists, and the sentences that a
 run wrote where `make book` has left the executed notebook. Tables, code, formulas on lines of their
 own, exercises and their solutions, the teaching kit, the interface and the bibliography are not.
-Run by `python -m project.words`.
+Run by `python -m acx4book.pages.words` in the working copy.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from pathlib import Path
 import nbformat
 import yaml
 from markdown_it import MarkdownIt
-from mdit_py_plugins.colon_fence import colon_fence_plugin
-from mdit_py_plugins.dollarmath import dollarmath_plugin
 
-from support.helpers import ROOT
+BOOK, NOTEBOOKS = Path("book"), Path("notebooks")
+"""Folders of the working copy, the current folder."""
 
-BOOK = ROOT / "book"
-MARKDOWN = MarkdownIt("commonmark").enable("table").use(colon_fence_plugin).use(dollarmath_plugin)
+A_MINUTE = 200
+"""Words of a text with formulas that are read in a minute."""
+
+MARKDOWN = MarkdownIt("commonmark").enable("table")
 READ = {"admonition", "dropdown", "grid", "grid-item-card", "note", "tip", "warning", "glossary"}
 """Directives whose content is prose."""
 
@@ -30,6 +31,7 @@ NOT_COUNTED = ("teaching/", "_generated/", "api", "bibliography")
 """How the names of pages begin that are looked up, not read."""
 
 SOLUTION = re.compile(r"`{3,}\{solution-start\}.*?`{3,}\{solution-end\}\n`{3,}", re.DOTALL)
+FENCE, FORMULA = re.compile(r"^:{3,}", re.MULTILINE), re.compile(r"\$\$.*?\$\$", re.DOTALL)
 OPTIONS = re.compile(r"^:[\w-]+:.*\n?", re.MULTILINE)
 ROLE = re.compile(r"\{[\w:]+\}`(?:([^`<]+?) *<[^`>]*>|([^`]*))`|\]\([^)]*\)|\$[^$]*\$")
 
@@ -37,9 +39,11 @@ ROLE = re.compile(r"\{[\w:]+\}`(?:([^`<]+?) *<[^`>]*>|([^`]*))`|\]\([^)]*\)|\$[^
 def words(text: str) -> int:
     """Count the words of prose of MyST text."""
     counted, table = 0, 0
-    for token in MARKDOWN.parse(text):
+    for token in MARKDOWN.parse(
+        FENCE.sub(lambda found: "`" * len(found[0]), FORMULA.sub("", text))
+    ):
         table += {"table_open": 1, "table_close": -1}.get(token.type, 0)
-        if token.type in {"fence", "colon_fence"}:
+        if token.type == "fence":
             counted += words(_inside(token.info.strip(), token.content))
         elif token.type == "inline" and not table:
             plain = ROLE.sub(lambda found: f" {found[1] or found[2] or ''} ", token.content)
@@ -59,10 +63,11 @@ def _inside(directive: str, content: str) -> str:
 def prose(page: str) -> str:
     """Return the text of a page: of a notebook its Markdown, and what its cells wrote as such."""
     written, executed = BOOK / f"{page}.md", BOOK / f"{page}.ipynb"
-    source = ROOT / "notebooks" / f"{page.removeprefix('_executed/')}.ipynb"
+    source = NOTEBOOKS / f"{page.removeprefix('_executed/')}.ipynb"
     if written.is_file():
         return written.read_text("utf-8")
-    notebook = nbformat.read(executed if executed.is_file() else source, as_version=4)
+    path = executed if executed.is_file() else source
+    notebook = nbformat.read(path, as_version=4)  # type: ignore[no-untyped-call] # untyped
     parts = []
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
@@ -80,6 +85,12 @@ def pages(contents: Path = BOOK / "_toc.yml") -> Iterator[str]:
         for chapter in part["chapters"]:
             if not chapter["file"].startswith(NOT_COUNTED):
                 yield chapter["file"]
+
+
+def minutes(*parts: str) -> int:
+    """Return how long the pages are read whose names begin so, in minutes, in fives."""
+    read = sum(words(prose(page)) for page in pages() if page.startswith(parts))
+    return max(5 * round(read / A_MINUTE / 5), 5)
 
 
 def main() -> None:
