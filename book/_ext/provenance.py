@@ -15,10 +15,11 @@ MADE_FROM = Path("_generated", "made_from.json")
 """The commit, and the names of the flights by page; in the folder of the book."""
 
 OTHER_PAGES = {
+    "certificate": "acx4book.pages.certificate.page",
     "scorecard": "acx4book.paper.scorecard_page.texts",
     "speed": "acx4book.pages.benchmarks.speed.page",
     "rendering-speed": "acx4book.pages.benchmarks.rendering.page",
-    "coverage": "acx4book.pages.benchmarks.sigma.page",
+    "coverage": "acx4book.pages.benchmarks.coverage.sigma.page",
     "many-flights": "acx4book.pages.benchmarks.many.page",
     "reproducibility": "acx4book.pages.provenance.page",
     "frames-and-notation": "acx4book.pages.frames.draw",

@@ -36,7 +36,7 @@ def html():
 @pytest.fixture(scope="session")
 def pages(html):
     """Every page but forwards, parsed, by its path inside the book."""
-    others = {"_static", "_downloads"}  # no pages of the book
+    others = {"_static", "_downloads", "downloads"}  # no pages of the book
     files = [path for path in sorted(html.rglob("*.html")) if not others & {*path.parts}]
     gc.disable()  # which would look through all pages again and again
     parsed = {path.relative_to(html).as_posix(): parse(path) for path in files}

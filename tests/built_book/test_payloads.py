@@ -54,7 +54,7 @@ OTHERS = (
 CHAPTERS = (
     *("_executed/00-flight", "_executed/01-head-calibration", "_executed/02-synthetic-image"),
     *("_executed/03-mounting-calibration", "_executed/04-validation", "_executed/06-errata"),
-    *("_executed/07-report", "_executed/08-rig", "scorecard", "reproducibility"),
+    *("certificate", "_executed/08-rig", "scorecard", "reproducibility"),
     *("frames-and-notation", "bibliography", "your-own-flight", "commands", "results", *STUBS),
 )
 """The pages that show something of a flight, and those that they refer to."""

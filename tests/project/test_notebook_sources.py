@@ -25,7 +25,6 @@ ROOMS = {
     "04": ["chapters.validation", "paper"],
     "05": ["reference"],
     "06": ["paper.errata"],
-    "07": ["report"],
     "08": ["chapters.beyond.rig", "paper"],
     "09": ["chapters.beyond.weights", "paper"],
     "10": ["chapters.beyond.image_quality", "paper"],

@@ -156,7 +156,7 @@ def report(
     if pdf:
         page.check_pdf(path)
     with terminal.stage_bars() as tell:
-        page.write(results, path, on_cell=lambda *cells: tell("report", *cells))
+        page.write(results, path, on_part=lambda *parts: tell("report", *parts))
     terminal.show(path)
     if pdf:
         terminal.show(page.write_pdf(path))

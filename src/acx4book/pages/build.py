@@ -22,6 +22,7 @@ from acx4book.notebooks import execute, runner
 from acx4book.pages import (
     accuracy,
     api,
+    certificate,
     example,
     frames,
     geometry,
@@ -45,6 +46,8 @@ from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors, verdict
 from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
 from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
+from acx4book.report import material
+from acx4book.report.page import page as report
 from acx4book.teaching.showing import figure_pack, slides
 from acx4book.teaching.showing import tables as lab_tables
 from acx4book.typesetting.drawing.svg import vector
@@ -80,7 +83,10 @@ DOORS = {
 UNDATED = 315_532_800
 """First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
 
-OF_RESULTS = ("06-errata", "07-report")
+REPORT = Path("downloads", "report.html")
+"""The report, among what is copied into the built book as it is."""
+
+OF_RESULTS = ("06-errata",)
 """Notebooks that show a run's results and are not run by ``acx4 run``."""
 
 OWN = "template/study"
@@ -158,6 +164,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     whole_files.write(generated / "slides.html", slides.page(drawn))
     whole_files.write(generated / "figures.zip", figure_pack.archive(drawn))
     clean.write(generated / clean.FOLDER)
+    report.write(results_path, generated / REPORT)
     whole_files.write(generated / "program.md", release.offered(generated, UNDATED))
     api.write(book)
 
@@ -208,7 +215,7 @@ def run_here(name: str, executed: Path, given: Mapping[str, str], note: str = ""
 def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dict[str, Any]:
     """Return what the extension `provenance` of the book tells: commit, and flights by page."""
     name = f"{flight_path.name}{', simulated' if simulated else ''}"
-    named = dict.fromkeys((*NOTEBOOKS.values(), *OF_RESULTS, OWN, "scorecard"), name)
+    named = dict.fromkeys((*NOTEBOOKS.values(), *OF_RESULTS, OWN, "scorecard", "certificate"), name)
     shows_ideal = [*(NOTEBOOKS[stage] for stage in OF_IDEAL), *independent.OF_IDEAL, OWN]
     of_ideal = dict.fromkeys(shows_ideal if ideal else (), "acx4-ideal, simulated")
     return {"commit": provenance.short(provenance.commit()), "flights": {**named, **of_ideal}}
@@ -297,6 +304,7 @@ def texts_of_run(
     truth = json.loads(true.read_text("utf-8")) if true.is_file() else None
     simulated = truth is not None
     yield from scorecard_page.texts(found, flown, simulated=simulated, ideal=ideal).items()
+    yield "certificate.md", certificate.page(material.read(results_path), REPORT.as_posix())
     yield "simulation.md", simulation.page(flown, truth)
     yield "geometry.md", geometry.geometry_page()
     yield "provenance.md", provenance.page(flight_path, results_path)

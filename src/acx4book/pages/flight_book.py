@@ -24,10 +24,9 @@ import pandas as pd
 import yaml
 
 from acx4book.notebooks.runner import NOTEBOOKS_PATH, Tell
-from acx4book.pages import build, frames
+from acx4book.pages import build, certificate, frames
 from acx4book.report import material
 from acx4book.report.page import page as report
-from acx4book.report.verdict import verdict
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import code, shown
 from acx4book.typesetting.tables import markdown
@@ -161,7 +160,7 @@ def _gather(results_path: Path, source: Path, tell: Tell) -> str:
     frames.draw(generated)
     texts = {
         "index.md": _front(run),
-        "certificate.md": _certificate(run),
+        "certificate.md": f"# Certificate\n\n{certificate.page(run, 'report.html')}",
         "_toc.yml": yaml.safe_dump(_contents(chapters)),
         "_config.yml": yaml.safe_dump(_settings(run.flight.name)),
     }
@@ -236,22 +235,6 @@ def _versions(stage: Mapping[str, object]) -> Iterator[tuple[str, str]]:
     versions = stage.get("versions", {})
     if isinstance(versions, Mapping):
         yield from ((str(name), str(v)) for name, v in versions.items())
-
-
-def _certificate(run: material.Material) -> str:
-    """Return the page of the certificate: the statement, its findings, and the whole report."""
-    found = verdict.findings(run)
-    link = '<a href="report.html">Open the report</a>, one file to print and to keep.'
-    return "\n\n".join(
-        [
-            "# Certificate",
-            "*Can this calibration be used?*",
-            verdict.statement(found),
-            f"{link} Beside it lies the same as JSON, `report.json`.",
-            myst_table(verdict.verdict_table(found), "Findings", name="tab-findings"),
-            "",
-        ]
-    )
 
 
 def _contents(chapters: list[str]) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""The calibration report: a results folder as a document to be printed and filed (chapter 7).
+"""The calibration report: a results folder as a document to be printed and filed.
 
 Everything in it is read from the results of a run; nothing is adjusted again. `material` reads
 them; `verdict` says what holds and what does not, `identity` who calibrated what and how. Then
-follow the rooms of the other sections: `adjustment`, `parameters`, `mounting`, `ground`. The
-notebook 07-report puts the parts in order, and `page` makes one file of it. Begin with `material`.
+follow the rooms of the other sections: `adjustment`, `parameters`, `mounting`, `ground`. The file
+``page/report.md`` has the text with the parts in order, and `page` makes one file of it. Begin
+with `material`.
 """

@@ -1,4 +1,4 @@
-"""What the cells of the notebook show beside figures: texts with tables."""
+"""What the parts of the report show beside figures: texts with tables."""
 
 from __future__ import annotations
 
@@ -52,12 +52,9 @@ OBTAINED = "How obtained"
 
 @dataclass(frozen=True, repr=False)
 class Text:
-    """Markdown that a notebook shows."""
+    """Markdown of a part of the report."""
 
     markdown: str
-
-    def _repr_markdown_(self) -> str:
-        return self.markdown
 
 
 def table(frame: pd.DataFrame, caption: str, *, name: str, obtained: str = "") -> str:

@@ -52,7 +52,6 @@ BEFORE: Mapping[str, Before] = {
     "03-mounting-calibration": Before(design="acx4-ideal"),
     "04-validation": Before(design="acx4-ideal", stages=("mounting",)),
     "06-errata": Before(stages=ALL),
-    "07-report": Before(stages=ALL),
     "08-rig": Before(stages=ALL[:1]),
     "study": Before(design="acx4-ideal"),
 }

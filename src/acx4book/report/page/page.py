@@ -1,4 +1,4 @@
-"""The report's notebook as files: one page of HTML without external files, JSON, and a PDF."""
+"""The report as files: one page of HTML without external files, JSON, and a PDF."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ import tempfile
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
-from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.report.material import Material
+from acx4book.report.material import Material, read
 from acx4book.report.page import record
-from acx4book.report.page.cells import Part, parts
+from acx4book.report.page.contents import TEXT, Part, computed, parts
 from acx4book.report.page.markdown import Document, number_labels, table_labels, to_html
 from acx4book.report.page.printing import chromium, printed
 from acx4book.report.shown import Text
+from acx4book.report.verdict import verdict
 from acx4book.typesetting.drawing.svg import vector
 from acx4book.typesetting.plain_text import shown
 from acx4lib.errors import OutputError
@@ -26,8 +25,6 @@ from acx4lib.flight.text.files import text_of
 from acx4lib.results.own_folder import whole_files
 from acx4lib.results.own_folder.places import check_file
 from acx4lib.results.own_folder.whole_files import SCRATCH
-
-NOTEBOOK = NOTEBOOKS_PATH / "07-report.ipynb"
 
 MARK = b'<meta name="generator" content="acx4'
 """Mark of a report, which may be replaced by a newer one."""
@@ -75,7 +72,7 @@ def write(
     folder: str | Path,
     out: str | Path,
     *,
-    on_cell: Callable[[int, int], None] = lambda _done, _total: None,
+    on_part: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> None:
     """Write the calibration report of a run as one HTML file, and beside it as JSON.
 
@@ -88,8 +85,8 @@ def write(
     out : path
         The page; an existing report is replaced, any other existing file is not. The other file has
         the ending .json.
-    on_cell : callable
-        Called with the number of finished cells, and of all cells.
+    on_part : callable
+        Called with the number of finished parts, and of all parts.
 
     Raises
     ------
@@ -102,9 +99,10 @@ def write(
     """
     out = Path(out)
     _check_places(out)
-    names: dict[str, Any] = {"results_path": str(folder)}
-    shown = list(parts(NOTEBOOK, names, on_cell))
-    texts = page(shown, names["run"]), record.text(names["run"], names["found"])
+    run = read(folder)
+    found = verdict.findings(run)
+    shown = parts(TEXT.read_text(encoding="utf-8"), computed(run, found), on_part)
+    texts = page([*shown], run), record.text(run, found)
     _check_places(out)  # again, as some seconds have passed
     whole_files.write_all(dict(zip((out, out.with_suffix(".json")), texts, strict=True)))
 
@@ -183,7 +181,7 @@ def page(parts: Sequence[Part], material: Material) -> str:
 def _labels(part: Part) -> list[str]:
     if isinstance(part.content, Text):
         return table_labels(part.content.markdown)
-    return [part.told.get("figure", {}).get("name", "")]
+    return [part.name]
 
 
 def _rendered(part: Part, document: Document) -> str:
@@ -191,12 +189,10 @@ def _rendered(part: Part, document: Document) -> str:
         return to_html(part.content.markdown, document)
     document.n_figures += 1
     data = base64.b64encode(vector(part.content).encode()).decode()
-    alt = html.escape(part.told.get("image", {}).get("alt", ""))
-    figure = part.told.get("figure", {})
-    caption = to_html(figure.get("caption", ""), document).strip()
+    caption = to_html(part.caption, document).strip()
     caption = caption.removeprefix("<p>").removesuffix("</p>")
     return (
-        f'<figure id="{html.escape(figure.get("name", ""))}">\n'
-        f'<img alt="{alt}" src="data:image/svg+xml;base64,{data}">\n'
+        f'<figure id="{html.escape(part.name)}">\n'
+        f'<img alt="{html.escape(part.alt)}" src="data:image/svg+xml;base64,{data}">\n'
         f"<figcaption><b>Figure {document.n_figures}.</b> {caption}</figcaption>\n</figure>\n"
     )
