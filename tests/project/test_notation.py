@@ -31,3 +31,13 @@ def test_a_name_is_used_by_the_library(name):
 def test_every_parameter_that_is_reported_has_a_row():
     names = set(NAMES)
     assert {name for name, _ in REPORTED.values()} <= names
+
+
+def test_every_word_of_the_glossary_stands_in_the_table_of_languages():
+    page = (ROOT / "book" / "glossary.md").read_text(encoding="utf-8")
+    defined = page.partition("```{glossary}")[2].partition("```")[0].split("\n\n")[1:]
+    translated = re.findall(r"^\| \{term\}`([^`]+)` \|(?: \S.*? \|){3}$", page, flags=re.MULTILINE)
+    assert [*translated] == sorted(translated, key=str.lower)
+    for entry in defined:
+        assert {*re.findall(r"^\S.*$", entry, flags=re.MULTILINE)} & {*translated}, entry
+    assert len(translated) == len(defined)
