@@ -3,8 +3,8 @@
 Every flight of the design `acx4` is measured in its heads. Once its measurements are carried into
 the synthetic image and adjusted in a single step; once the same measurements are adjusted as a rig
 of four heads. Both are validated on the same check points. Exact flights beside them sweep the
-focal length of head 1. The results replace those in data/benchmarks when all are there. Needs
-PYTHONPATH=tests.
+focal length of head 1, and 64 flights are flown with noise and without. The results replace those
+in data/benchmarks when all are there. Needs PYTHONPATH=tests.
 """
 
 from __future__ import annotations
@@ -34,9 +34,11 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import accuracy, standards
 from acx4lib.georeferencing.differences import Differences
 from acx4lib.georeferencing.validation import Validation, validate
+from acx4lib.least_squares.covariance import sigmas
 from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.carried import carry, synthetic_block
 from acx4lib.synthetic_image.frame import head_from_synthetic
+from acx4lib.synthetic_image.head_errors import parameter_covariance
 from acx4sim.optics import head_truth
 from benchmarks import machine, stored
 from benchmarks.chain import find_head_truth
@@ -61,6 +63,9 @@ AXES = ("east_m", "north_m", "height_m")
 SCALES = (1000, 2000, 5000)
 """Denominators of the scales whose classes are noted: the paper's, and one that is larger."""
 
+NOISE_SEEDS = range(1, 65)
+"""Of the flights that are flown with noise and without."""
+
 SHARING = 16
 """Flights that are carried through one calibration of the heads."""
 
@@ -75,8 +80,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="use seeds 1 to this")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--only", choices=("noise",), help="the flights with noise and without")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
+    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
+    about["design"] = DESIGN
+    with ProcessPoolExecutor(options.processes) as pool:
+        each = pool.map(with_noise_and_without, NOISE_SEEDS)
+        noise = pd.DataFrame([row for rows in each for row in rows])
+    both = about | {"first_seed": NOISE_SEEDS[0], "last_seed": NOISE_SEEDS[-1]}
+    stored.write(options.out, "closed_chain_noise", {"": noise}, both, digits=DIGITS)
+    if options.only:
+        return
     seeds = SEEDS[: options.seeds]
     rows: dict[str, list[Row]] = {"parameters": [], "points": [], "classes": []}
     with ProcessPoolExecutor(options.processes) as pool:
@@ -90,8 +105,7 @@ def main() -> None:
         rows["shared"] = [row for part in shared for row in part]
         rows["pattern"] = pattern()
         rows["centres"] = centres()
-    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
-    about |= {"design": DESIGN, "first_seed": seeds[0], "last_seed": seeds[-1]}
+    about |= {"first_seed": seeds[0], "last_seed": seeds[-1]}
     tables = {name: pd.DataFrame(table) for name, table in rows.items()}
     stored.write(options.out, "closed_chain", tables, about, digits=DIGITS)
 
@@ -144,6 +158,31 @@ def through_heads_of_others(seed: int) -> list[Row]:
     flight = simulated.fly(DESIGN, seed=seed, blocks=("heads", "calibration")).flight
     step = find_head_truth.single_step(flight, orientation)
     return [{"seed": seed, "heads_of": heads_of} | row for row in of_mounting(step)]
+
+
+def with_noise_and_without(seed: int) -> list[Row]:
+    """Return the single step of a flight with both of its sigma, beside that of exact data.
+
+    The exact data are of the same geometry: the same wind, and the same points in the images.
+    """
+    noisy, exact = (
+        simulated.fly(DESIGN, seed=seed, blocks=("heads", "calibration"), exact=exact).flight
+        for exact in (False, True)
+    )
+    heads, exact_heads = (
+        refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
+        for flight in (noisy, exact)
+    )
+    step = find_head_truth.single_step(noisy, heads)
+    points = carry(noisy.calibration, heads, noisy.cameras["SYN"])
+    of_heads = sigmas(parameter_covariance(step.bundle, noisy.calibration, points, heads))
+    of_exact = of_calibration(find_head_truth.single_step(exact, exact_heads).calibration)
+    return [
+        {"seed": seed, **row, "sigma_of_heads": sigma, "exact": true["value"]}
+        for row, sigma, true in zip(
+            of_calibration(step.calibration), of_heads.tolist(), of_exact, strict=True
+        )
+    ]
 
 
 def in_heads(flight: Flight) -> tuple[Mounting, Validation]:
