@@ -17,10 +17,8 @@ MADE_FROM = Path("_generated", "made_from.json")
 OTHER_PAGES = {
     "certificate": "acx4book.pages.certificate.page",
     "scorecard": "acx4book.paper.scorecard_page.texts",
-    "speed": "acx4book.pages.benchmarks.speed.page",
-    "rendering-speed": "acx4book.pages.benchmarks.rendering.page",
+    "speed": "acx4book.pages.benchmarks.speed.texts",
     "coverage": "acx4book.pages.benchmarks.coverage.sigma.page",
-    "many-flights": "acx4book.pages.benchmarks.many.page",
     "reproducibility": "acx4book.pages.provenance.page",
     "frames-and-notation": "acx4book.pages.frames.draw",
 }

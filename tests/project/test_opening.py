@@ -98,8 +98,10 @@ OTHERS = {
         "path.read_text": "the project's sources",
     },
     "acx4book/report/campaigns/page.py": {"sheet.read_text": "a style of the library"},
-    "acx4book/report/page/page.py": {"STYLE.read_text": "a style of the library"},
-    "acx4book/report/page/cells.py": {"notebook.read_text": "a notebook of the library"},
+    "acx4book/report/page/page.py": {
+        "STYLE.read_text": "a style of the library",
+        "TEXT.read_text": "a text of the library",
+    },
     "acx4book/report/page/printing.py": {"pdf.read_bytes": "what Chromium wrote"},
     "acx4book/teaching/showing/slides.py": {
         "Path(__file__).with_name('slides.html').read_text": "a page of the library"

@@ -33,18 +33,9 @@ from acx4book.pages import (
     words,
 )
 from acx4book.pages.back import citation, clean, licences, release
-from acx4book.pages.benchmarks import (
-    commands,
-    imports,
-    many,
-    measuring,
-    rendering,
-    rendering_goals,
-    speed,
-)
+from acx4book.pages.benchmarks import imports, speed
 from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors, verdicts
 from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
-from acx4book.pages.benchmarks.figure_speed import seconds_by_points
 from acx4book.paper import printed, questions, scorecard_page
 from acx4book.report import material
 from acx4book.report.page import page as report
@@ -145,17 +136,17 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb", note)
     pages = [f"_executed/{name}" for name in left_out]
     independent.leave_out(book, pages if whole else [*pages, api.FOLDER])
-    adjusted, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
+    timed, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
         *texts_of_run(flight_path, results_path, ideal_path),
         *texts_of_front(results_path, executed, ideal_path),
-        *texts_of_benchmarks(adjusted, errors),
+        *texts_of_benchmarks(timed, errors),
         *texts_of_examples(book),
         *lab_tables.texts(),
         *texts_of_back_matter(),
     ):
         whole_files.write(generated / name, text)
-    for name, figure in figures_of_benchmarks(adjusted, errors):
+    for name, figure in figures_of_benchmarks(timed, errors):
         whole_files.write(generated / name, vector(figure))
     told = made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
     whole_files.write(generated / "made_from.json", json.dumps(told, indent=1))
@@ -349,17 +340,10 @@ def _run(results_path: Path) -> tuple[results.Results, Flight]:
 
 
 def texts_of_benchmarks(
-    adjusted: speed.Benchmark, errors: sigma.Errors
+    timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
 ) -> Iterator[tuple[str, str]]:
-    """Yield names and texts: speed, rendering, many flights, errors over standard deviations."""
-    rendered = rendering_goals.read(BENCHMARKS)
-    yield "speed-commands.md", commands.page(commands.read(BENCHMARKS))
-    yield "speed-measure.md", measuring.page(measuring.read(BENCHMARKS))
-    yield "speed.md", speed.page(adjusted)
-    yield "speed-growth.md", speed.growth(adjusted)
-    yield "rendering.md", rendering.page(rendered)
-    yield "rendering-limits.md", rendering.limits(rendered)
-    yield "many.md", many.page(many.read(BENCHMARKS))
+    """Yield names and texts: speed, what imports say, errors over standard deviations."""
+    yield from speed.texts(timed)
     yield from imports.texts(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
@@ -388,9 +372,9 @@ def texts_of_back_matter() -> Iterator[tuple[str, str]]:
 
 
 def figures_of_benchmarks(
-    adjusted: speed.Benchmark, errors: sigma.Errors
+    timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
 ) -> Iterator[tuple[str, Figure]]:
     """Yield names and figures."""
-    yield "speed.svg", seconds_by_points(adjusted.sweep)
+    yield "speed.svg", speed.seconds_by_points(timed["adjustment"])
     own = [table[table["method"] == sigma.MAIN] for table in (errors.parameters, errors.points)]
     yield "coverage.svg", normalised_errors(*own)

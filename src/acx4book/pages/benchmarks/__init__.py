@@ -1,5 +1,5 @@
 """Pages on what long runs left in ``data/benchmarks``, read by `stored`.
 
-`speed` of the adjustment; `rendering` with its `rendering_goals`; `coverage`, whether errors keep
-to their standard deviations.
+`speed` of commands, adjustment and rendering; `imports`, what they said of other programs' files;
+`coverage`, whether errors keep to their standard deviations.
 """

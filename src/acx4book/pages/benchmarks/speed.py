@@ -1,37 +1,27 @@
-"""How long an adjustment takes beside other solvers, as a page of the book.
+"""How long commands, the adjustment and the rendering take, and others beside them: one page.
 
 The numbers are those of ``make bench``, which leaves them in ``data/benchmarks``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from acx4book.pages.benchmarks import stored
+from acx4book.typesetting import style
 from acx4book.typesetting.myst import at_commit, myst_table, scientific
+from acx4book.typesetting.plain_text import Markup
+from acx4lib.expected import Array
 
-OURS = "ours"
-CERES = {"automatic": "Ceres, automatic", "analytic": "Ceres, by hand"}
-"""Kinds of derivatives that the image equations of Ceres have."""
-
-SWEEP = "sweep-"
-"""How the names of problems begin that differ in their number of tie points only."""
-
-
-FREE = "free-"
-"""How the names of problems begin that pycolmap can state, too: it has no lever arms."""
-
-PYCOLMAP = {
-    "pycolmap_tuned": "pycolmap, tuned",
-    "pycolmap_covariance": "with covariances",
-    "pycolmap_default": "by default",
-}
+NAMES = ("commands", "many", "measuring", "adjustment", "rendering")
+"""Of the benchmarks, as their files and the parts of the page are called."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,260 +31,409 @@ class Benchmark:
     Attributes
     ----------
     runs : DataFrame
-        ``adjustment.csv``: a row for each run of a solver on a problem.
-    about : dict
-        ``adjustment.json``: date, machine, versions, and how far answers agree.
+        ``NAME.csv``: a row for each run.
+    about : mapping
+        ``NAME.json``: date, machine, versions, and what belongs to all runs.
     """
 
     runs: pd.DataFrame
     about: Mapping[str, Any]
 
-    @property
-    def medians(self) -> pd.DataFrame:
-        """Medians of all runs, a row for each problem and solver, in the file's order."""
-        numbers = ["wall_s", "cpu_s", "peak_mb", "growth_mb", "steps", "cost"]
-        numbers += [name for name in ("first_wall_s", "first_cpu_s") if name in self.runs]
-        size = ["images", "points", "image_points", "observations", "unknowns"]
-        groups = self.runs.groupby(["problem", "solver"], sort=False)
-        return groups.agg(
-            {**dict.fromkeys(size, "first"), **dict.fromkeys(numbers, "median"), "converged": "all"}
-        )
-
-    @property
-    def sweep(self) -> pd.DataFrame:
-        """The medians of the problems that differ in their number of tie points only."""
-        names = self.medians.index.get_level_values("problem")
-        return self.medians[names.str.startswith(SWEEP)]
-
-    def of(self, problem: str) -> dict[str, dict[str, Any]]:
-        """Return the medians of one problem by solver."""
-        own = self.medians.xs(problem, level="problem")
-        return {str(solver): dict(row) for solver, row in own.iterrows()}
-
-    @property
-    def problems(self) -> list[str]:
-        """Names of the problems of calibration, those of the sweep left out."""
-        names = dict.fromkeys(self.runs["problem"])
-        return [name for name in names if not name.startswith((SWEEP, FREE))]
+    def medians(self, *by: str) -> pd.DataFrame:
+        """Return medians of the numbers of all runs with the same keys, in the file's order."""
+        return self.runs.groupby(list(by), sort=False).median(numeric_only=True)
 
 
-def read(folder: Path) -> Benchmark:
-    """Read what ``make bench`` left in a folder."""
-    about, (runs,) = stored.read(folder, "adjustment")
-    return Benchmark(runs=runs, about=about)
+def read(folder: Path) -> dict[str, Benchmark]:
+    """Read what ``make bench`` left in a folder, by the names of the benchmarks."""
+    found = {}
+    for name in NAMES:
+        about, (runs,) = stored.read(folder, name)
+        found[name] = Benchmark(runs=runs, about=about)
+    return found
 
 
-def page(benchmark: Benchmark) -> str:
-    """Return the measured seconds and megabytes as MyST text."""
-    parts = [
-        _machine(benchmark.about),
-        _table(
-            *_seconds(benchmark, "cpu_s"),
-            "CPU time of all threads together, in seconds; ratios of Ceres to acx4lib",
-            "cpu",
-        ),
-        _table(
-            *_seconds(benchmark, "wall_s"),
-            "Time that passed, in seconds; ratios of Ceres to acx4lib",
-            "wall",
-        ),
-        _table(*_memory(benchmark), "Peak memory of the process, in MB", "memory"),
-        _covariance(benchmark),
-        _first_call(benchmark),
-        _pycolmap(benchmark),
-        _scipy(benchmark),
-        _agreement(benchmark.about),
-    ]
-    return "\n\n".join(part for part in parts if part) + "\n"
+def texts(benchmarks: Mapping[str, Benchmark]) -> Iterator[tuple[str, str]]:
+    """Yield the names of the parts of the page, and each as MyST text: machine and tables."""
+    parts = {
+        "commands": commands,
+        "many": many,
+        "measuring": measuring,
+        "adjustment": adjustment,
+        "rendering": rendering,
+    }
+    for name, part in parts.items():
+        benchmark = benchmarks[name]
+        shown = [measured(benchmark.about), *part(benchmark)]
+        yield f"speed-{name}.md", "\n\n".join(text for text in shown if text) + "\n"
 
 
-def growth(benchmark: Benchmark) -> str:
-    """Say with which power of the number of points the time grows; a sentence, or nothing."""
-    sweep = benchmark.sweep
-    ours = sweep[sweep.index.get_level_values("solver") == OURS].sort_values("points")
+def measured(about: Mapping[str, Any]) -> str:
+    """Say when, at what commit, and on what machine it was measured."""
+    versions = about.get("versions", {})
+    names = ("python", "numpy", "numba", "ceres", "pycolmap", "distributed", "nona", "enblend")
+    software = ", ".join(f"{name} {versions[name]}" for name in names if name in versions)
+    return (
+        f"Measured on {about['date']} at {at_commit(about['commit'])}: {about['processor']}, "
+        f"{about['cores']} cores, {about['memory_gb']:g} GB of memory; {software}."
+    )
+
+
+def _table(
+    table: pd.DataFrame, caption: str, name: str, formats: Mapping[str, str] | None = None
+) -> str:
+    return myst_table(table, caption, name=f"tab-speed-{name}", formats=dict(formats or {}))
+
+
+# --- commands ------------------------------------------------------------------------------------
+
+IMPORTS, GROWTH = "imports", "run --numbers-only"
+"""What stands for a command where the packages are only imported; the command whose growth with
+the number of images is told."""
+
+
+def commands(benchmark: Benchmark) -> Iterator[str]:
+    """Yield the table of whole commands, and how one of them grows.
+
+    Parameters
+    ----------
+    benchmark : Benchmark
+        `flight`, `command`, `images`, `measurements`, `wall_s`, `cpu_s`, `tree_mb`.
+    """
+    medians = benchmark.medians("flight", "command").reset_index()
+    alone = medians[medians["command"] == IMPORTS].set_index("flight")["cpu_s"]
+    own = medians[medians["command"] != IMPORTS]
+    beyond = own["cpu_s"] - own["flight"].map(alone)
+    table = pd.DataFrame(
+        {
+            "Flight": own["flight"],
+            "Command": [Markup(f"`acx4 {name}`") for name in own["command"]],
+            "Images": own["images"].astype(int),
+            "Image points": own["measurements"].astype(int),
+            "Seconds": own["wall_s"],
+            "CPU seconds": own["cpu_s"],
+            "beyond imports": beyond.where(beyond > 0),  # some import less than a run
+            "MB": own["tree_mb"],
+        }
+    )
+    seconds = dict.fromkeys(("Seconds", "CPU seconds", "beyond imports"), ".1f")
+    caption = (
+        "Whole commands: the time that passes, CPU time of all processes, the part of it beyond "
+        f"{benchmark.about['imports']}, and the largest memory of all processes together"
+    )
+    counts = dict.fromkeys(("Images", "Image points"), ",d")
+    yield _table(table, caption, "commands", {**counts, **seconds, "MB": ",.0f"})
+    yield _of_two_sizes(own[own["command"] == GROWTH].sort_values("measurements"))
+
+
+def _of_two_sizes(runs: pd.DataFrame) -> str:
+    """Say how time and memory grow from one to the other of the two largest flights."""
+    if len(runs) < 2:
+        return ""
+    times = runs.iloc[-1][["images", "cpu_s", "tree_mb"]] / runs.iloc[-2]
+    power = np.log(float(times["cpu_s"])) / np.log(float(times["images"]))
+    return (
+        f"With {times['images']:.1f} times the images `acx4 {GROWTH}` takes {times['cpu_s']:.1f} "
+        f"times the CPU time, the power {power:.2f} of their number, and {times['tree_mb']:.1f} "
+        "times the memory."
+    )
+
+
+def many(benchmark: Benchmark) -> Iterator[str]:
+    """Yield the table of many flights: in one process, in two, and on a cluster.
+
+    Parameters
+    ----------
+    benchmark : Benchmark
+        `way`, `workers`, `flights`, `wall_s`, `cpu_s`, `worker_mb`; the first is compared with.
+    """
+    runs = benchmark.runs
+    table = pd.DataFrame(
+        {
+            "Way": runs["way"],
+            "At a time": runs["workers"],
+            "Flights": runs["flights"],
+            "Seconds": runs["wall_s"],
+            "Speed-up": runs["wall_s"].iloc[0] / runs["wall_s"],
+            "CPU seconds a flight": runs["cpu_s"] / runs["flights"],
+            "MB of a worker": runs["worker_mb"],
+        }
+    )
+    formats = {"Seconds": ".0f", "Speed-up": ".2f", "CPU seconds a flight": ".2f"}
+    caption = Markup(
+        f"Seeds of the design {benchmark.about['design']}, simulated and run: time that passes, "
+        f"speed-up, CPU time, and the largest memory of a worker"
+    )
+    yield _table(table, caption, "many", {**formats, "MB of a worker": ".0f"})
+
+
+def measuring(benchmark: Benchmark) -> Iterator[str]:
+    """Yield the table of what `acx4 measure` takes, measured and computed."""
+    found = computed(benchmark.runs)
+    shown = found[found["pictures"] > 0]
+    table = pd.DataFrame(
+        {
+            "": np.where(shown["run"], "measured", "computed"),
+            "Pictures": shown["pictures"],
+            "Megapixels each": shown["megapixels"],
+            "Pairs": shown["pairs"],
+            "CPU seconds": shown["cpu_s"],
+            "MB": shown["tree_mb"],
+        }
+    )
+    formats = {"Megapixels each": ".1f", "CPU seconds": ",.0f", "MB": ",.0f"}
+    caption = (
+        "Measuring pictures: CPU time, and the largest memory of all processes together; what is "
+        "computed follows from the costs of a pair and of a megapixel in the other rows"
+    )
+    yield _table(table, caption, "measuring", formats)
+
+
+def computed(runs: pd.DataFrame) -> pd.DataFrame:
+    """Return the runs with time and memory of the rows that have none.
+
+    A pair costs the same at each level of the search, and a picture by its pixels, which are read
+    at each level; what the library costs alone is a row without pictures. Memory grows with the
+    pixels of a picture, because a few are held at a time.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        `pictures`, `megapixels`, `levels`, `pairs`, `cpu_s`, `tree_mb`.
+    """
+    found = runs.copy()
+    run = found["cpu_s"].notna().to_numpy()
+    columns = ("levels", "pairs", "pictures", "megapixels")
+    levels, pairs, pictures, pixels = (found[name].to_numpy() for name in columns)
+    ones = np.ones(len(found))
+    by = {
+        "cpu_s": np.column_stack([ones, levels * pairs, levels * pictures * pixels]),
+        "tree_mb": np.column_stack([pictures == 0, pictures > 0, pixels]),
+    }
+    for name, A in by.items():
+        found.loc[~run, name] = A[~run] @ _costs(A[run], found.loc[run, name].to_numpy())
+    return found.assign(run=run)
+
+
+def _costs(A: Array, cost: Array) -> Array:
+    """Return the costs by least squares; none is below zero."""
+    from scipy.optimize import nnls  # noqa: PLC0415 here alone
+
+    weights = 1 / cost
+    return np.asarray(nnls(A * weights[:, None], cost * weights)[0])
+
+
+# --- adjustment ----------------------------------------------------------------------------------
+
+OURS, SWEEP, FREE = "ours", "sweep-", "free-"
+"""Our solver; how the names of problems begin that differ in their number of tie points only, and
+of those that pycolmap can state, too: it has no lever arms."""
+
+CERES = {"automatic": "Ceres, automatic", "analytic": "Ceres, by hand"}
+PYCOLMAP = {
+    "pycolmap_tuned": "pycolmap, tuned",
+    "pycolmap_covariance": "with covariances",
+    "pycolmap_default": "by default",
+}
+SIZES = {"images": "Images", "points": "Points", "observations": "Observations"}
+KEYS = ("problem", "solver")
+
+
+def adjustment(benchmark: Benchmark) -> Iterator[str]:
+    """Yield tables of the adjustment beside Ceres and pycolmap, growth, and agreement.
+
+    Parameters
+    ----------
+    benchmark : Benchmark
+        `problem`, `solver`, `images`, `points`, `image_points`, `observations`, `wall_s`, `cpu_s`,
+        `peak_mb`, `cost`. Of the ways to solve with Ceres the fastest counts.
+    """
+    medians = benchmark.medians(*KEYS).reset_index()
+    alone = medians[~medians["problem"].str.startswith((SWEEP, FREE))]
+    yield _beside_ceres(alone)
+    yield _beside_pycolmap(medians[medians["problem"].str.startswith(FREE)])
+    yield _of_points(medians[medians["problem"].str.startswith(SWEEP)])
+    yield _agreement(benchmark.about)
+
+
+def _of(medians: pd.DataFrame, beginning: str) -> pd.DataFrame:
+    """Return the fastest way of a kind to solve each problem."""
+    own = medians[medians["solver"].str.startswith(beginning)]
+    return own.sort_values("cpu_s").groupby("problem").first()
+
+
+def _beside_ceres(medians: pd.DataFrame) -> str:
+    ours = _of(medians, OURS).reindex(medians["problem"].unique())
+    table = ours[[*SIZES]].astype(int).rename(columns=SIZES)
+    table["CPU s"], table["s"], table["MB"] = ours["cpu_s"], ours["wall_s"], ours["peak_mb"]
+    for kind, label in CERES.items():
+        theirs = _of(medians, f"ceres_{kind}_").reindex(ours.index)
+        table[f"{label}: CPU s"] = theirs["cpu_s"]
+        table[f"{label}: MB"] = theirs["peak_mb"]
+    formats = {
+        **dict.fromkeys(SIZES.values(), ",d"),
+        **{name: ".3f" for name in map(str, table) if name.endswith("CPU s")},
+        **{name: ",.0f" for name in map(str, table) if name.endswith("MB")},
+        "s": ".3f",
+    }
+    caption = (
+        "The adjustment, and Ceres on the same problem: CPU time of all threads, the time that "
+        "passed, and the peak memory of the process"
+    )
+    return _table(table, caption, "adjustment", formats)
+
+
+def _beside_pycolmap(medians: pd.DataFrame) -> str:
+    of = {name: medians[medians["solver"] == name].set_index("problem") for name in PYCOLMAP}
+    ours = _of(medians, OURS).sort_values("observations")
+    if ours.empty or all(found.empty for found in of.values()):
+        return ""
+    table = ours[[*SIZES]].astype(int).rename(columns=SIZES)
+    table["acx4lib"] = ours["cpu_s"]
+    for name, label in PYCOLMAP.items():
+        table[label] = of[name]["cpu_s"].reindex(ours.index).astype(float)
+    apart = max((of[n]["cost"] / ours["cost"] - 1).abs().max() for n in PYCOLMAP)
+    caption = f"CPU time beside pycolmap, in seconds; costs agree to {scientific(apart)}"
+    formats = dict.fromkeys(SIZES.values(), ",d") | dict.fromkeys(
+        ("acx4lib", *PYCOLMAP.values()), ".3f"
+    )
+    return _table(table, Markup(caption), "pycolmap", formats)
+
+
+def _of_points(sweep: pd.DataFrame) -> str:
+    """Say with which power of the number of points the time grows."""
+    ours = sweep[sweep["solver"] == OURS].sort_values("points")
     upper = ours.iloc[len(ours) // 2 :]
     if len(upper) < 2:
         return ""
     power, _ = np.polyfit(np.log(upper["points"]), np.log(upper["cpu_s"]), 1)
     return (
-        f"From {upper['points'].iloc[0]:,} to {upper['points'].iloc[-1]:,} points our time grows "
-        f"with the power {power:.2f} of their number.\n"
+        f"From {upper['points'].iloc[0]:,.0f} to {upper['points'].iloc[-1]:,.0f} points on the "
+        f"same images our time grows with the power {power:.2f} of their number."
     )
-
-
-def _table(table: pd.DataFrame, formats: dict[str, str], caption: str, name: str) -> str:
-    return myst_table(table, caption, name=f"tab-speed-{name}", formats=formats)
-
-
-def _best(benchmark: Benchmark, key: str) -> dict[str, pd.DataFrame]:
-    """Return medians by problem of ours, and of the best way of each kind of Ceres."""
-    medians = benchmark.medians.sort_values(key)
-    solver = medians.index.get_level_values("solver")
-    out = {}
-    for who in (OURS, *CERES):
-        own = medians[solver.str.startswith(who if who == OURS else f"ceres_{who}_")]
-        fastest = own.groupby("problem").first()
-        out[who] = fastest.reindex([p for p in benchmark.problems if p in fastest.index])
-    return out
-
-
-def _seconds(benchmark: Benchmark, key: str) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Return a row for each problem: ours, Ceres, how many times as long this takes; formats."""
-    best = _best(benchmark, key)
-    ours = best[OURS]
-    table, formats = _sizes(ours)
-    table["acx4lib"] = ours[key]
-    formats["acx4lib"] = ".3f"
-    for kind, label in CERES.items():
-        table[label] = _of(best[kind], key, ours)
-        ratio = label.replace("Ceres", "Ratio")
-        table[ratio] = table[label] / ours[key]
-        formats |= {label: ".3f", ratio: ".1f"}
-    return table, formats
-
-
-def _memory(benchmark: Benchmark) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Return a row for each problem: peaks, and what of ours is not Python with its libraries."""
-    best = _best(benchmark, "peak_mb")
-    ours, theirs = best[OURS], CERES["automatic"]
-    table, formats = _sizes(ours)
-    table["acx4lib"] = ours["peak_mb"]
-    table["beyond Python and its libraries"] = ours["growth_mb"]
-    table[theirs] = _of(best["automatic"], "peak_mb", ours)
-    table["Share of Ceres"] = ours["peak_mb"] / table[theirs]
-    formats |= dict.fromkeys(("acx4lib", "beyond Python and its libraries", theirs), ".0f")
-    return table, formats | {"Share of Ceres": ".2f"}
-
-
-def _sizes(ours: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Return the size of every problem, and the formats of its columns."""
-    names = {"images": "Images", "points": "Points", "observations": "Observations"}
-    table = ours[list(names)].rename(columns=names)
-    return table.astype(int), dict.fromkeys(names.values(), ",d")
-
-
-def _of(theirs: pd.DataFrame, key: str, ours: pd.DataFrame) -> pd.Series:
-    """Return a column for our problems, NaN where there is no result."""
-    return theirs.reindex(index=ours.index, columns=[key])[key].astype(float)
-
-
-def _machine(about: Mapping[str, Any]) -> str:
-    versions = about["versions"]
-    text = (
-        f"Measured on {about['date']} at {at_commit(about['commit'])}: {about['processor']}, "
-        f"{about['cores']} cores, {about['memory_gb']:g} GB of memory, {about['system']}, "
-        f"Python {versions['python']}, numpy {versions['numpy']}, numba {versions['numba']}."
-    )
-    if "ceres" not in versions:
-        return f"{text} Ceres was not there."
-    return (
-        f"{text} Ceres {versions['ceres']} of the system, its cost functions compiled by "
-        f"`{versions['compiler']}` with `{about['flags']}`; BLAS `{versions['blas of ceres']}`."
-    )
-
-
-def _covariance(benchmark: Benchmark) -> str:
-    """Say what the covariance matrix of the calibration alone costs Ceres."""
-    sentences = []
-    for problem in benchmark.problems:
-        of_problem = benchmark.of(problem)
-        if "ceres_covariance" in of_problem:
-            found, ours = of_problem["ceres_covariance"], of_problem[OURS]
-            sentences.append(
-                f"with {ours['points']:,} points {found['cpu_s']:.2f} s and "
-                f"{found['peak_mb']:.0f} MB"
-            )
-    if not sentences:
-        return ""
-    return (
-        "The times of Ceres are without covariances. The covariance matrix of the 14 parameters of "
-        f"the calibration alone, by `ceres::Covariance`, takes {'; '.join(sentences)}."
-    )
-
-
-def _first_call(benchmark: Benchmark) -> str:
-    """Say what the first adjustment of a process takes; nothing where it was not measured."""
-    medians = benchmark.medians
-    ours = medians[medians.index.get_level_values("solver") == OURS].droplevel("solver")
-    ours = ours.reindex(benchmark.problems)
-    if "first_cpu_s" not in ours or ours["first_cpu_s"].isna().all():
-        return ""
-    smallest = ours.sort_values("observations").iloc[:2]
-    times = " and ".join(
-        f"{row['first_cpu_s']:.2f} s of CPU time instead of {row['cpu_s']:.2f} s with "
-        f"{row['points']:,.0f} points"
-        for _, row in smallest.iterrows()
-    )
-    return (
-        "Compiled code is loaded with its modules, as that of an extension module is. The first "
-        f"adjustment of a process takes {times}."
-    )
-
-
-def _pycolmap(benchmark: Benchmark) -> str:
-    """Return a table of the problems that pycolmap adjusts, too; nothing where it has not."""
-    medians = benchmark.medians
-    medians = medians[medians.index.get_level_values("problem").str.startswith(FREE)]
-    solver = medians.index.get_level_values("solver")
-    if not solver.str.startswith("pycolmap").any():
-        return ""
-    of = {name: medians[solver == name].droplevel("solver") for name in (OURS, *PYCOLMAP)}
-    table, formats = _sizes(of[OURS])
-    table["acx4lib, with covariances"] = of[OURS]["cpu_s"]
-    formats["acx4lib, with covariances"] = ".3f"
-    for name, label in PYCOLMAP.items():
-        table[label] = _of(of[name], "cpu_s", of[OURS])
-        table[f"Ratio, {label}"] = table[label] / of[OURS]["cpu_s"]
-        formats |= {label: ".3f", f"Ratio, {label}": ".1f"}
-    apart = max((of[n]["cost"] / of[OURS]["cost"] - 1).abs().max() for n in PYCOLMAP)
-    text = (
-        f"pycolmap {benchmark.about['versions'].get('pycolmap', '')}, with the Ceres of its own, "
-        "adjusts free poses with observed positions. The blocks below have no lens distortion, no "
-        "control and no lever arm, so that both have the same equations. The time begins with the "
-        "same arrays, and what each makes of them before it adjusts is part of it. Costs agree to "
-        f"{scientific(apart)}."
-    )
-    caption = "CPU time beside pycolmap, in seconds; ratios of pycolmap to acx4lib"
-    return f"{text}\n\n{_table(table, formats, caption, 'pycolmap')}"
-
-
-def _scipy(benchmark: Benchmark) -> str:
-    """Say what scipy takes, where it was asked."""
-    sentences = []
-    for problem in benchmark.problems:
-        of_problem = benchmark.of(problem)
-        if "scipy" not in of_problem:
-            continue
-        found, ours = of_problem["scipy"], of_problem[OURS]
-        times = found["cpu_s"] / ours["cpu_s"]
-        off = found["cost"] / ours["cost"] - 1
-        end = (
-            ""
-            if found["converged"]
-            else (f" and then has not converged: its cost is still {scientific(off)} too large")
-        )
-        sentences.append(
-            f"`scipy.optimize.least_squares` (trust region reflective, sparse analytic Jacobian, "
-            f"lsmr) takes {found['cpu_s']:.1f} s of CPU time on {ours['points']:,} points, "
-            f"{times:.0f} times ours, for {found['steps']:.0f} evaluations{end}."
-        )
-    return " ".join(sentences)
 
 
 def _agreement(about: Mapping[str, Any]) -> str:
     """Say how far the answers of Ceres and ours lie apart."""
-    rows = pd.DataFrame(about["agreement"])
+    rows = pd.DataFrame(about.get("agreement", ()))
     if rows.empty:
         return ""
-    timed, cost = (rows[key].abs().max() for key in ("cost_timed", "cost"))
-    text = (
-        f"All solve the same problem. Stopped where the cost changes by less than "
-        f"{scientific(about['ceres_tolerance'])} of itself, as it was timed, Ceres ends at a cost "
-        f"that is at most {scientific(timed)} from ours. When it goes on to "
-        f"{scientific(about['ceres_exact_tolerance'])}, costs agree to {scientific(cost)} and the "
-        f"14 parameters to {scientific(rows['parameters_sigma'].max())} of their standard "
-        "deviations"
+    return (
+        f"All solve the same problem: where Ceres goes on until its cost changes by less than "
+        f"{scientific(about['ceres_exact_tolerance'])} of itself, costs agree to "
+        f"{scientific(rows['cost'].abs().max())}, and the 14 parameters to "
+        f"{scientific(rows['parameters_sigma'].max())} of their standard deviations."
     )
-    if "sigma" not in rows:
-        return f"{text}."
-    return f"{text}; these, where Ceres computes them, agree to {scientific(rows['sigma'].max())}."
+
+
+SOLVERS = {
+    OURS: ("acx4lib, with covariance", style.BLUE, "o-"),
+    "ceres_automatic_dense_1": ("Ceres, automatic derivatives", style.ORANGE, "s-"),
+}
+
+
+def seconds_by_points(benchmark: Benchmark) -> Figure:
+    """Draw CPU seconds of the adjustment over the number of points, in all and for each ray."""
+    medians = benchmark.medians(*KEYS).reset_index()
+    medians = medians[medians["problem"].str.startswith(SWEEP)]
+    if medians.empty:
+        return style.nothing("No numbers of tie points were compared.")
+    with style.applied():
+        fig, (total, each) = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
+        for solver, (label, colour, line) in SOLVERS.items():
+            own = medians[medians["solver"] == solver].sort_values("points")
+            points, seconds = own["points"].to_numpy(), own["cpu_s"].to_numpy()
+            total.plot(points / 1000, seconds, line[0], color=colour, label=label)
+            if len(own) > 1:
+                slope, start = np.polyfit(points, seconds, 1)
+                total.plot(points / 1000, start + slope * points, color=colour, lw=1.0)
+            each.plot(points / 1000, 1e6 * seconds / own["image_points"], line, color=colour)
+        total.set(xlabel="points (1000)", ylabel="CPU time (s)", ylim=(0, None), xlim=(0, None))
+        each.set(xscale="log", xlabel="points (1000)", ylim=(0, None))
+        each.set_ylabel("CPU time for an image point (\N{MICRO SIGN}s)")
+        ticks = np.unique(medians["points"]) / 1000
+        each.set_xticks(ticks, [f"{tick:.2g}" for tick in ticks])
+        each.set_xticks([], minor=True)
+        style.legend_below(fig, total.get_legend_handles_labels()[0])
+    return fig
+
+
+# --- rendering -----------------------------------------------------------------------------------
+
+RENDERERS = {
+    "ours_2": "acx4lib, two threads",
+    "ours_1": "acx4lib, one thread",
+    "ours_cubic_1": "acx4lib, one thread, cubic",
+    "remap_linear": "OpenCV remap, linear",
+    "remap_cubic": "OpenCV remap, cubic",
+    "pyvips": "pyvips mapim, bilinear",
+    "scipy": "scipy map_coordinates, order 1",
+    "skimage": "scikit-image warp, order 1",
+}
+"""Those in memory, in the order of the table."""
+
+FILES = {
+    "acx4_render": "acx4 render",
+    "acx4_render_unequalised": "acx4 render, --equalise none",
+    "nona": "nona",
+    "enblend": "enblend, after nona",
+}
+"""Commands that go from files to files."""
+
+TIES = {"method": "Way", "points": "Points", "rms_px": "rms (px)", "cpu_s": "CPU s"}
+
+
+def rendering(benchmark: Benchmark) -> Iterator[str]:
+    """Yield tables of renderers in memory, of commands, and of ways to find tie points.
+
+    Parameters
+    ----------
+    benchmark : Benchmark
+        `what`, `reduction`, `width_px`, `height_px`, `pixels`, `samples`, `wall_s`, `cpu_s`,
+        `peak_mb`, `rms_dn`.
+    """
+    about, medians = benchmark.about, benchmark.medians("what", "reduction")
+    own = medians.xs(about["reduction"], level="reduction")
+    own = own.reindex([name for name in RENDERERS if name in own.index])
+    samples = own["samples"].to_numpy()
+    table = pd.DataFrame(
+        {
+            "Renderer": [RENDERERS[name] for name in own.index],
+            "ns a sample, CPU": 1e9 * own["cpu_s"].to_numpy() / samples,
+            "ns a sample, passed": 1e9 * own["wall_s"].to_numpy() / samples,
+            "Errors, rms (DN)": own["rms_dn"].to_numpy(),
+        }
+    )
+    size = f"{about['width_px']:,} × {about['height_px']:,} px, three bands of 16 bit"
+    formats = dict.fromkeys(("ns a sample, CPU", "ns a sample, passed"), ".1f")
+    caption = f"Sampling the heads' pictures in memory for a synthetic image of {size}"
+    if len(table):
+        yield _table(table, caption, "rendering", {**formats, "Errors, rms (DN)": ".2f"})
+    yield _by_files(medians.reset_index())
+    if len(ties := pd.DataFrame(about["ties"])):
+        shown = ties[[*TIES]].rename(columns=TIES)
+        caption = "Tie points of one overlap, errors against the truth of the simulation"
+        formats = {"Points": ",d", "rms (px)": ".3f", "CPU s": ".2f"}
+        yield _table(shown, caption, "ties", formats)
+
+
+def _by_files(medians: pd.DataFrame) -> str:
+    """Return a table of whole commands, the larger image first."""
+    order = {name: i for i, name in enumerate(FILES)}
+    own = medians[medians["what"].isin(FILES)]
+    own = own.sort_values(["reduction", "what"], key=lambda c: c.map(order).fillna(c))
+    if own.empty:
+        return ""
+    sizes = zip(own["width_px"], own["height_px"], strict=True)
+    table = pd.DataFrame(
+        {
+            "Command": [FILES[what] for what in own["what"]],
+            "Image": [f"{width:,.0f} × {height:,.0f} px" for width, height in sizes],
+            "Seconds": own["wall_s"].to_numpy(),
+            "CPU seconds": own["cpu_s"].to_numpy(),
+            "MB": own["peak_mb"].to_numpy(),
+        }
+    )
+    formats = {"Seconds": ".1f", "CPU seconds": ".1f", "MB": ",.0f"}
+    caption = "From the heads' files to the image's: whole commands, their start included"
+    return _table(table, caption, "files", formats)

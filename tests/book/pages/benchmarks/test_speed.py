@@ -1,193 +1,182 @@
-"""The page on speed says what the benchmark's files hold, and nothing else."""
+"""The page on speed says what the benchmarks' files hold, and nothing else."""
 
-import json
+import re
 
+import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from acx4book.pages.benchmarks import speed
-from acx4book.pages.benchmarks.figure_speed import seconds_by_points
+from support.helpers import ROOT
 
-SIZE = {"images": 52, "points": 556, "image_points": 6694, "observations": 13868}
 ABOUT = {
     "date": "2026-01-02",
-    "processor": "a processor",
+    "commit": "0123456789",
+    "processor": "P",
     "cores": 2,
-    "memory_gb": 8.0,
-    "system": "a system",
-    "commit": "abc",
-    "flags": "-O3",
-    "ceres_tolerance": 1e-10,
-    "ceres_exact_tolerance": 1e-14,
-    "versions": {
-        "python": "3.11",
-        "numpy": "2",
-        "numba": "0",
-        "ceres": "2.1",
-        "compiler": "g++ 12",
-        "blas of ceres": "libblas",
-    },
-    "agreement": [
-        {"problem": "a", "cost_timed": -2e-11, "cost": 3e-15, "parameters_sigma": 4e-6},
-        {"problem": "b", "cost_timed": 1e-12, "cost": 0.0, "parameters_sigma": 1e-7, "sigma": 5e-9},
-    ],
+    "memory_gb": 4.0,
+    "versions": {"numpy": "2.0", "ceres": "2.1"},
 }
 
 
-def run(solver, cpu_s, *, number=1, problem="a", **changed):
-    row = {"problem": problem, **SIZE, "unknowns": 1994, "solver": solver, "run": number}
-    row |= {"wall_s": cpu_s / 2, "cpu_s": cpu_s, "peak_mb": 200.0, "growth_mb": 80.0}
-    return row | {"steps": 5, "converged": True, "cost": 100.0} | changed
+def benchmark(rows, **about):
+    return speed.Benchmark(runs=pd.DataFrame(rows), about=ABOUT | about)
 
 
-def benchmark(rows, about=ABOUT):
-    return speed.Benchmark(runs=pd.DataFrame(rows), about=about)
+def lines(text, name):
+    """Return the cells of a table below its heading."""
+    (table,) = re.findall(rf":name: tab-speed-{name}\n\n(.*?)\n```", text, flags=re.DOTALL)
+    rows = [row.strip("| ").split(" | ") for row in table.splitlines()]
+    return [[cell.strip() for cell in row] for row in rows[2:]]
 
 
-BESIDE_PYCOLMAP = [
-    run("ours", 0.1, problem="free-5k"),
-    run("pycolmap_default", 3.0, problem="free-5k"),
-    run("pycolmap_tuned", 0.6, problem="free-5k", cost=100.0002),
-    run("pycolmap_covariance", 1.1, problem="free-5k"),
-]
+def text_of(part, rows, **about):
+    return "\n\n".join(part(benchmark(rows, **about)))
+
+
+def test_it_says_when_and_on_what_it_was_measured():
+    assert speed.measured(ABOUT) == (
+        "Measured on 2026-01-02 at commit `0123456`: P, 2 cores, 4 GB of memory; numpy 2.0, "
+        "ceres 2.1."
+    )
+
+
+def command(flight, name, images, cpu_s, run=1):
+    size = {"flight": flight, "images": images, "measurements": 10 * images}
+    return {**size, "command": name, "run": run, "wall_s": 2 * cpu_s, "cpu_s": cpu_s, "tree_mb": 50}
+
+
+def test_commands_are_medians_without_what_every_run_imports():
+    rows = [command("a", "imports", 5, 0.5), command("a", "check", 5, 0.3)]
+    rows += [command("a", "run --numbers-only", 5, cpu, run) for run, cpu in enumerate((1, 9, 2))]
+    text = text_of(speed.commands, rows, imports="numpy")
+    check, run = lines(text, "commands")
+    assert check == ["a", "`acx4 check`", "5", "50", "0.6", "0.3", "–", "50"]
+    assert run[3:] == ["50", "4.0", "2.0", "1.5", "50"]
+    assert "times the images" not in text
+
+
+def test_growth_is_that_of_the_two_largest_flights():
+    name = "run --numbers-only"
+    rows = [command(n, name, n_images, cpu) for n, n_images, cpu in (("a", 1, 9), ("b", 10, 2))]
+    text = text_of(speed.commands, [*rows, command("c", name, 40, 16)], imports="numpy")
+    assert "With 4.0 times the images" in text
+    assert "8.0 times the CPU time, the power 1.50 of their number, and 1.0 times" in text
+
+
+def test_many_flights_are_compared_with_one_process():
+    row = {"workers": 1, "flights": 10, "cpu_s": 20.0, "worker_mb": 250.0}
+    rows = [{"way": "one", "wall_s": 30.0, **row}, {"way": "two", "wall_s": 20.0, **row}]
+    found = lines(text_of(speed.many, rows, design="d"), "many")
+    assert [one[3:6] for one in found] == [["30", "1.00", "2.00"], ["20", "1.50", "2.00"]]
+
+
+def test_what_was_not_measured_follows_from_pairs_and_pixels():
+    """One second for the library, two for a pair and level, three for a megapixel and level."""
+    sizes = [(0, 0, 0.0, 0), (8, 3, 1.0, 2), (8, 3, 2.0, 3), (8, 3, 4.0, 4), (50, 200, 8.0, 5)]
+    names = ("pictures", "pairs", "megapixels", "levels")
+    table = pd.DataFrame([dict(zip(names, size, strict=True)) for size in sizes])
+    pixels = table["pictures"] * table["megapixels"]
+    cpu = 1 + table["levels"] * (2 * table["pairs"] + 3 * pixels)
+    mb = np.where(table["pictures"] > 0, 100 + 10 * table["megapixels"], 50)
+    known = table.index < 4
+    found = speed.computed(
+        table.assign(cpu_s=cpu.where(known), tree_mb=np.where(known, mb, np.nan))
+    )
+    assert found["run"].tolist() == [True] * 4 + [False]
+    assert found["cpu_s"].iloc[-1] == pytest.approx(cpu.iloc[-1])
+    assert found["tree_mb"].iloc[-1] == pytest.approx(180.0)
+
+
+def run(solver, cpu_s, problem="a", points=556, number=1):
+    size = {"images": 52, "points": points, "image_points": 10 * points, "observations": 13_868}
+    took = {"wall_s": cpu_s / 2, "cpu_s": cpu_s, "peak_mb": 1000 * cpu_s, "cost": 1.0}
+    return {"problem": problem, **size, "solver": solver, "run": number, **took}
+
 
 COMPARED = [
-    run("ours", 0.3, number=1),
-    run("ours", 0.1, number=2),
-    run("ours", 0.2, number=3),
-    run("ceres_automatic_dense_1", 1.0, wall_s=0.9, peak_mb=850.0),
-    run("ceres_automatic_dense_2", 1.5, wall_s=0.5, peak_mb=800.0),
-    run("ceres_analytic_sparse_1", 0.5),
-    run("ceres_analytic_sparse_2", 0.75),
-    run("ceres_covariance", 2.5, peak_mb=500.0),
-    run("scipy", 40.0, steps=200, converged=False, cost=100.0003),
+    *(run("ours", cpu_s, number=n) for n, cpu_s in enumerate((0.2, 0.9, 0.1))),
+    *(run("ceres_automatic_dense_1", 1.0), run("ceres_automatic_sparse_2", 2.0)),
+    *(run("ceres_analytic_dense_1", 0.5), run("ceres_covariance", 0.1)),
 ]
 
 
-@pytest.fixture(scope="module")
-def text():
-    return speed.page(benchmark(COMPARED))
+def test_the_adjustment_stands_beside_the_fastest_way_of_each_kind():
+    text = text_of(speed.adjustment, COMPARED)
+    ours, theirs = ["0.200", "0.100", "200"], ["1.000", "1,000", "0.500", "500"]
+    assert lines(text, "adjustment") == [["52", "556", "13,868", *ours, *theirs]]
+    assert "pycolmap" not in text
 
 
-def lines(text, label):
-    """The rows of the table with a label, without its head."""
-    table = text.split(f":name: {label}\n")[1].split("```")[0]
-    return [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in table.strip().splitlines()[2:]
-    ]
+def test_a_problem_that_only_we_have_solved_has_no_numbers_of_others():
+    text = text_of(speed.adjustment, [*COMPARED, run("ours", 0.4, problem="b")])
+    assert lines(text, "adjustment")[1][6:] == ["–"] * 4
 
 
-def test_medians_stand_beside_the_best_way_of_ceres_for_each_quantity(text):
+def test_pycolmap_has_a_table_of_the_problems_that_it_can_state():
+    rows = [run("ours", 0.1, "free-a"), run("pycolmap_tuned", 0.4, "free-a")]
+    rows += [run("pycolmap_covariance", 0.5, "free-a"), run("pycolmap_default", 2.0, "free-a")]
+    text = text_of(speed.adjustment, [*COMPARED, *rows])
     size = ["52", "556", "13,868"]
-    assert lines(text, "tab-speed-cpu") == [[*size, "0.200", "1.000", "5.0", "0.500", "2.5"]]
-    assert lines(text, "tab-speed-wall") == [[*size, "0.100", "0.500", "5.0", "0.250", "2.5"]]
+    assert lines(text, "pycolmap") == [[*size, "0.100", "0.400", "0.500", "2.000"]]
+    assert len(lines(text, "adjustment")) == 1
 
 
-def test_memory_is_the_smallest_of_the_ways_of_ceres(text):
-    assert lines(text, "tab-speed-memory") == [["52", "556", "13,868", "200", "80", "800", "0.25"]]
-
-
-def test_what_others_need_besides_is_said(text):
-    assert "with 556 points 2.50 s and 500 MB" in text
-    assert "200 times ours, for 200 evaluations and then has not converged" in text
-    assert "still 3·10⁻⁶ too large" in text
-
-
-def test_the_worst_agreement_is_said(text):
-    assert "at most 2·10⁻¹¹ from ours" in text
-    assert "costs agree to 3·10⁻¹⁵ and the 14 parameters to 4·10⁻⁶" in text
-    assert "agree to 5·10⁻⁹" in text
-
-
-def test_processor_flags_date_and_commit_are_said(text):
-    assert "2026-01-02 at commit `abc`: a processor, 2 cores, 8 GB" in text
-    assert "compiled by `g++ 12` with `-O3`; BLAS `libblas`" in text
-
-
-def test_a_benchmark_without_ceres_has_a_page():
-    about = ABOUT | {"agreement": [], "versions": dict.fromkeys(("python", "numpy", "numba"), "1")}
-    text = speed.page(benchmark([run("ours", 0.2)], about))
-    assert "Ceres was not there" in text
-    assert lines(text, "tab-speed-cpu")[0][3:] == ["0.200", "–", "–", "–", "–"]
-
-
-def sweep(power):
-    return [
-        run(
-            solver,
-            factor * ties**power,
-            problem=f"sweep-{ties}",
-            points=ties,
-            image_points=12 * ties,
-        )
-        for ties in (500, 1000, 2000, 4000)
-        for solver, factor in (("ours", 1e-5), ("ceres_automatic_dense_1", 5e-5))
+@pytest.mark.parametrize("power", [1.0, 1.3])
+def test_growth_with_the_number_of_points_is_told_and_drawn(power):
+    rows = [
+        run(solver, factor * n**power, f"sweep-{n}", points=n)
+        for n in (500, 1000, 2000, 4000)
+        for solver, factor in (("ours", 1e-3), ("ceres_automatic_dense_1", 1e-2))
     ]
+    swept = benchmark([*COMPARED, *rows])
+    text = "\n\n".join(speed.adjustment(swept))
+    assert (
+        f"From 2,000 to 4,000 points on the same images our time grows with the power {power:.2f}"
+        in text
+    )
+    total, each = speed.seconds_by_points(swept).axes
+    ours = total.lines[0]
+    np.testing.assert_allclose(ours.get_xdata(), [0.5, 1, 2, 4])
+    per_ray = np.array(each.lines[0].get_ydata())
+    np.testing.assert_allclose(per_ray * 10 * np.array(ours.get_xdata()) / 1e3, ours.get_ydata())
 
 
-@pytest.mark.parametrize("power", [1.0, 1.5])
-def test_the_power_of_the_growth_is_found(power):
-    text = speed.growth(benchmark(sweep(power)))
-    assert text.startswith("From 2,000 to 4,000 points")
-    assert f"power {power:.2f} " in text
+def test_agreement_is_the_largest_of_all_problems():
+    rows = [{"cost": -2e-9, "parameters_sigma": 1e-7}, {"cost": 1e-9, "parameters_sigma": 3e-7}]
+    text = text_of(speed.adjustment, COMPARED, agreement=rows, ceres_exact_tolerance=1e-14)
+    assert "costs agree to 2·10⁻⁹, and the 14 parameters to 3·10⁻⁷ of their" in text
 
 
-def test_the_sweep_is_no_problem_of_the_tables():
-    text = speed.page(benchmark([*COMPARED, *sweep(1.0)]))
-    assert len(lines(text, "tab-speed-cpu")) == 1
+def rendered(what, cpu_s, reduction=1, **more):
+    size = {"width_px": 100 // reduction, "height_px": 80 // reduction}
+    row = {"what": what, "reduction": reduction, "run": 1, **size, "pixels": 8000}
+    return {**row, "samples": 10_000, "wall_s": cpu_s / 2, "cpu_s": cpu_s, "peak_mb": 9.0, **more}
 
 
-def test_time_that_is_proportional_is_level_for_each_measurement():
-    figure = seconds_by_points(benchmark(sweep(1.0)).sweep)
-    FigureCanvasAgg(figure).draw()
-    total, each = figure.axes
-    for line, factor in zip(each.lines, (1e-5, 5e-5), strict=True):
-        assert line.get_ydata() == pytest.approx(4 * [1e6 * factor / 12])
-    assert [t.get_text() for t in figure.legends[0].get_texts()] == [
-        "acx4lib, with covariance",
-        "Ceres, automatic derivatives",
+def test_renderers_are_compared_by_the_time_of_a_sample():
+    rows = [rendered("remap_linear", 2e-4, rms_dn=0.5), rendered("ours_1", 1e-4, rms_dn=0.25)]
+    rows += [rendered("nona", 60.0), rendered("acx4_render", 4.0, 4), rendered("acx4_render", 9.0)]
+    about = {"reduction": 1, "width_px": 100, "height_px": 80, "ties": []}
+    text = text_of(speed.rendering, rows, **about)
+    assert lines(text, "rendering") == [
+        ["acx4lib, one thread", "10.0", "5.0", "0.25"],
+        ["OpenCV remap, linear", "20.0", "10.0", "0.50"],
     ]
-    assert all("(" in ax.get_xlabel() and "(" in ax.get_ylabel() for ax in (total, each))
-
-
-def test_without_a_sweep_the_figure_says_so():
-    figure = seconds_by_points(benchmark(COMPARED).sweep)
-    assert [t.get_text() for t in figure.axes[0].texts] == [
-        "No numbers of tie points were compared."
+    assert [row[:2] for row in lines(text, "files")] == [
+        ["acx4 render", "100 × 80 px"],
+        ["nona", "100 × 80 px"],
+        ["acx4 render", "25 × 20 px"],
     ]
-    assert speed.growth(benchmark(COMPARED)) == ""
+    assert "tab-speed-ties" not in text
 
 
-def test_files_that_are_missing_are_named(tmp_path):
+def test_what_is_stored_makes_a_page_and_what_is_missing_is_named(tmp_path):
+    stored = speed.read(ROOT / "data" / "benchmarks")
+    texts = dict(speed.texts(stored))
+    page = (ROOT / "book" / "speed.md").read_text(encoding="utf-8")
+    assert sorted(texts) == sorted(set(re.findall(r"_generated/(speed-.*\.md)", page)))
+    assert all(text.startswith("Measured on 20") for text in texts.values())
+    assert "tab-speed-ties" in texts["speed-rendering.md"]
     with pytest.raises(FileNotFoundError, match="make bench"):
         speed.read(tmp_path)
-
-
-def test_the_files_of_the_repository_make_a_page(pytestconfig):
-    folder = pytestconfig.rootpath / "data" / "benchmarks"
-    stored = speed.read(folder)
-    assert stored.about == json.loads((folder / "adjustment.json").read_text("utf-8"))
-    text = speed.page(stored)
-    assert len(lines(text, "tab-speed-cpu")) == len(stored.problems)
-    assert "nan" not in text
-
-
-def test_pycolmap_has_a_table_of_its_own_where_it_was_measured():
-    about = {**ABOUT, "versions": {**ABOUT["versions"], "pycolmap": "4.2.1"}}
-    text = speed.page(benchmark([*COMPARED, *BESIDE_PYCOLMAP], about))
-    assert "pycolmap 4.2.1" in text
-    row = next(line for line in text.splitlines() if "0.600" in line)
-    for number in ("0.100", "6.0", "1.100", "11.0", "3.000", "30.0"):
-        assert number in row
-    assert "Costs agree to 2·10⁻⁶" in text
-    assert benchmark([*COMPARED, *BESIDE_PYCOLMAP]).problems == ["a"]
-    assert "pycolmap" not in speed.page(benchmark(COMPARED))
-
-
-def test_the_first_adjustment_of_a_process_is_told_where_it_was_measured():
-    rows = [run("ours", 0.1, first_cpu_s=0.14, first_wall_s=0.2), *COMPARED[3:]]
-    sentence = "0.14 s of CPU time instead of 0.10 s with 556 points"
-    assert sentence in speed.page(benchmark(rows))
-    assert "first adjustment" not in speed.page(benchmark(COMPARED))
