@@ -30,6 +30,9 @@ from acx4lib.least_squares.eliminated_points import cross_covariance
 if TYPE_CHECKING:
     import pandas as pd
 
+LEAST_CONTROL = 3
+"""Control points that heads need, which no trajectory orients."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Heads:
@@ -337,6 +340,22 @@ def relative_orientation(
         cov_joint=propagate(to_opk, cov),
         n_exposures=len(common.names),
     )
+
+
+def not_calibrated(block: Block) -> str:
+    """Return why the heads of a block are taken as declared; empty where they are calibrated.
+
+    Parameters
+    ----------
+    block : Block
+        Of the heads, with the control points that are measured in it.
+    """
+    expected.instance("block", block, Block)
+    if not len(block.image_points):
+        return f"nothing is measured in block {block.name}"
+    n = len(block.control)
+    few = f"{n or 'no'} control point{' is' if n == 1 else 's are'} measured in block {block.name}"
+    return f"{few}, and three are needed" if n < LEAST_CONTROL else ""
 
 
 def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> RelativeOrientation:

@@ -16,7 +16,7 @@ from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.calibration.heads import RelativeOrientation, not_calibrated
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.reader import Flight
 from acx4lib.flight.text.files import text_of
@@ -213,7 +213,7 @@ def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
 def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, RelativeOrientation]:
     provenance.verify(results_path)
     heads = flight.blocks.get("heads")
-    is_measured = heads is None or len(heads.image_points) > 0
+    is_measured = heads is None or not not_calibrated(heads)
     before = ["heads"] if is_measured else ["synthetic"]  # heads as declared have no stage heads
     found = provenance.results_before(results_path, before, flight)
     if is_measured and results.has(found, "synthetic"):

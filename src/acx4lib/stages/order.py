@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from acx4lib.calibration.heads import not_calibrated
 from acx4lib.flight.reader import Flight
 
 DECISIVE = ("heads/bundle", "mounting/single_step")
@@ -38,8 +39,10 @@ def missing(flight: Flight, stage: str) -> str:
 
 def _unmeasured(flight: Flight, stage: str, block: str) -> str:
     """Return which measurements a stage lacks in its block; empty where it lacks none."""
-    if not len(flight.blocks[block].image_points):
-        return f"nothing is measured in block {block}; its heads are as flight.toml has them"
+    of_heads = not_calibrated(flight.blocks[block]) if stage == "heads" else ""
+    if of_heads or not len(flight.blocks[block].image_points):
+        reason = of_heads or f"nothing is measured in block {block}"
+        return f"{reason}; its heads are as flight.toml has them"
     if stage == "rig" and len(flight.blocks[block].cameras) < 2:
         return f"block {block} has one camera only"
     checked = flight.blocks[block].check.point_idx

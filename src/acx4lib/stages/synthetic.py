@@ -11,7 +11,7 @@ import numpy as np
 
 from acx4lib import shown
 from acx4lib.attempts import Failed, attempt
-from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
+from acx4lib.calibration.heads import RelativeOrientation, declared_orientation, not_calibrated
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
@@ -193,7 +193,7 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
 
 
 def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
-    """Return the oriented heads as stage heads left them, or as declared if nothing is measured.
+    """Return the oriented heads as stage heads left them, or as declared where it cannot run.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
         Where it could not orient the heads.
     """
     synthetic = flight.synthetic_camera
-    if synthetic is not None and not len(flight.block("heads").image_points):
+    if synthetic is not None and not_calibrated(flight.block("heads")):
         return declared_orientation([flight.cameras[n] for n in flight.head_names], synthetic)
     found = provenance.results_before(results_path, ["heads"], flight)
     reasons = folder.messages(found.summary.get(ORIENTED, {}), "left_out")

@@ -11,7 +11,7 @@ from acx4lib.calibration.heads import Heads, relative_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.results import adjustments
 from acx4lib.results import folder as results
-from acx4lib.stages import attempt, heads, synthetic
+from acx4lib.stages import attempt, heads, order, synthetic
 from support.flights.simulated import HEADS
 
 
@@ -54,6 +54,21 @@ def test_heads_without_control_points_are_told_so(flight):
     said = heads.calibrate(replace(flight, blocks={"heads": block})).heads
     assert set(said.failures) == set(HEADS)
     assert said.failures["CAM1"].startswith("0 control points in images do not orient the block")
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_heads_whose_block_has_tie_points_alone_are_taken_as_declared(flight, tmp_path, n):
+    """So a flight that `acx4 measure` found tie points for goes on as it did before."""
+    control = flight.heads.control
+    tied = replace(flight.heads, control=control[np.arange(len(control)) < n])
+    flight = replace(flight, blocks={**flight.blocks, "heads": tied})
+    reason = order.missing(flight, "heads")
+    assert reason.endswith("and three are needed; its heads are as flight.toml has them")
+    assert reason.startswith(("no control points are", "1 control point is", "2 control points"))
+    declared = synthetic.read_heads(flight, tmp_path)
+    assert [head.interior for head in declared.heads] == [
+        flight.cameras[name].interior for name in HEADS
+    ]
 
 
 def test_heads_of_which_nothing_is_estimated_go_all_the_way(flight, tmp_path):

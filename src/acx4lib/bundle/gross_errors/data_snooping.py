@@ -249,7 +249,7 @@ def _to_take(observed: Observations, w: Array) -> Mask:
     np.maximum.at(row_pose, observed.pose[posed], w[posed])
     at_pose = row_pose.copy()
     np.maximum.at(at_pose, observed.pose[tied], w[tied])
-    at_point = np.zeros(observed.point.max(initial=-1) + 1)
+    at_point = np.zeros(observed.point.max(initial=-1) + 2)  # likewise
     np.maximum.at(at_point, observed.point[of_point], w[of_point])
     np.maximum.at(at_point, observed.point[tied], row_pose[observed.pose[tied]])
     largest = np.where(of_point, at_point[observed.point], at_pose[observed.pose])

@@ -118,7 +118,8 @@ def _wrong_rays(network: Network, off_deg: Array) -> str:
         f"{block.points[points.point_idx[row]]} in {block.images.names[points.image_idx[row]]}"
         for row in worst
     )
-    return f"; {len(bad)} measurements are far off, most of all {listed}" if listed else ""
+    said = "1 measurement is" if len(bad) == 1 else f"{len(bad)} measurements are"
+    return f"; {said} far off, most of all {listed}" if listed else ""
 
 
 def _angles(seen: Seen, state: State) -> Array:

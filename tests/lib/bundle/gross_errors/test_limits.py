@@ -16,6 +16,7 @@ from acx4lib.bundle.gross_errors.limits import (
 from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.errors import AdjustmentError
+from acx4lib.flight.block import NO_POINTS
 from support import blocks
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
@@ -30,6 +31,14 @@ def with_errors(block, kind, rows, component, size):
     by = np.zeros_like(blocks.observed_sigmas(block)[kind])
     by[rows, component] = size
     return blocks.changed(block, kind, by)
+
+
+def test_a_block_in_which_no_point_has_two_rays_is_its_trajectory(exact_block):
+    points = exact_block.image_points
+    _, first = np.unique(points.point_idx, return_index=True)
+    block = replace(exact_block, image_points=points[first], control=NO_POINTS, check=NO_POINTS)
+    fit = adjust_rejecting(block, lambda b: mounted_orientation(b, free=(), free_mount=()))
+    assert (fit.solution.redundancy, fit.rejected) == (0, ())
 
 
 @pytest.mark.parametrize(
