@@ -24,8 +24,8 @@ A_MINUTE = 200
 """Words of a text with formulas that are read in a minute."""
 
 MARKDOWN = MarkdownIt("commonmark").enable("table")
-READ = {"admonition", "dropdown", "grid", "grid-item-card", "note", "tip", "warning", "glossary"}
-"""Directives whose content is prose."""
+READ = {"admonition", "grid", "grid-item-card", "note", "tip", "warning", "glossary"}
+"""Directives whose content is prose; what is folded is not read."""
 
 NOT_COUNTED = ("teaching/", "_generated/", "api", "bibliography")
 """How the names of pages begin that are looked up, not read."""
