@@ -40,9 +40,19 @@ def parameter_title(name: str) -> str:
     return LABELS.get(name.rpartition("/")[2], name)
 
 
-def pair_text(pair: Pair) -> Markup:
-    """Return a pair of parameters with its correlation."""
-    one, other = shown(parameter_title(pair.one)), shown(parameter_title(pair.other))
+def pair_texts(pairs: Sequence[Pair]) -> list[Markup]:
+    """Return pairs of parameters with their correlations, and their camera where several occur."""
+    cameras = {name.rpartition("/")[0] for pair in pairs for name in (pair.one, pair.other)}
+    return [_pair_text(pair, whose=len(cameras) > 1) for pair in pairs]
+
+
+def _pair_text(pair: Pair, *, whose: bool) -> Markup:
+    one, other = (shown(parameter_title(name)) for name in (pair.one, pair.other))
+    first, last = (name.rpartition("/")[0] for name in (pair.one, pair.other))
+    if whose and last:
+        other = Markup(f"{other} of {shown(last)}")
+    if whose and first and first != last:
+        one = Markup(f"{one} of {shown(first)}")
     return Markup(f"{one} and {other} ({pair.rho:+.2f})")
 
 

@@ -91,7 +91,7 @@ class OverlapTies:
         if self.n_textured < 0.25 * self.n_cells:
             return (
                 f"{heads}: {_grouped(self.n_textured)} of {_grouped(self.n_cells)} cells have "
-                "texture (water or cloud?)"
+                "texture"
             )
         if not self.n_ties and self.n_textured:
             return (

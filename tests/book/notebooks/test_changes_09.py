@@ -1,6 +1,7 @@
 """Chapter 9 changed as it suggests, and what one flight of each kind says."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import acx4sim
@@ -93,3 +94,16 @@ def test_a_model_of_refraction_that_is_not_there_does_harm(run, as_it_is):
     with_model = vacuum["ratio"]["standard"].droplevel("unit")
     assert with_model["f"] == pytest.approx(-as_it_is["ratio"]["none"][("f", "mm")], rel=0.05)
     assert np.all(np.abs(vacuum["ratio"]["none"]) <= 0.003)
+
+
+def test_a_trajectory_without_times_says_so(tmp_path):
+    flown = acx4sim.DESIGNS["single-head"](seed=1)
+    acx4sim.write(flown, tmp_path / "flight")
+    for path in (tmp_path / "flight").glob("*/trajectory.csv"):
+        table = pd.read_csv(path, dtype=str).drop(columns="time_s")
+        table.to_csv(path, index=False)
+    mounting.run(flights.read(tmp_path / "flight"), tmp_path / "results")
+    names = changed("09", flight_path=tmp_path / "flight", results_path=tmp_path / "results")
+    assert not names["timed"]
+    assert names["slowly"] is None
+    assert "the study" in names["ended"]

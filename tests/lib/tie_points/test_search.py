@@ -163,7 +163,7 @@ def test_an_overlap_of_water_gives_nothing_and_says_so(images, found):
     assert one.n_textured < 0.02 * one.n_cells
     assert one.n_ties == 0
     assert one.sentence.startswith("CAM3 and CAM4: ")
-    assert one.sentence.endswith("cells have texture (water or cloud?)")
+    assert one.sentence.endswith("cells have texture")
     dry = by_names(with_water)["CAM1", "CAM2"]
     assert dry.n_ties > 0.95 * by_names(found)["CAM1", "CAM2"].n_ties
 

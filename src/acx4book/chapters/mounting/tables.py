@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from acx4book.typesetting.labels import LABELS, UNITS, group_label
+from acx4book.typesetting.labels import LABELS, UNITS, group_label, value_and_sigma
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4book.typesetting.tables import SYMBOLS
@@ -16,6 +16,7 @@ from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import WEAK
 from acx4lib.calibration.absorption import Absorption, effective_heights
+from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.calibration.trust.detectable import Detectable
 from acx4lib.calibration.trust.determination import (
@@ -29,6 +30,7 @@ from acx4lib.calibration.trust.joint_tests import GroupTest
 from acx4lib.expected import Array
 from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.frames import log, transform
+from acx4lib.geometry.parameters import MOUNT
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.statistical import distributions
 from acx4lib.results.files.schemas import COMPONENTS
@@ -358,6 +360,17 @@ def taken_up(mountings: Mountings, found: Absorption | None) -> dict[str, object
 
 
 # --- image by image --------------------------------------------------------------------------
+
+
+def mountings(single: Mounting) -> dict[str, tuple[list[Markup], list[Markup]]]:
+    """Return lever arm and boresight of every camera as they are estimated; nothing where held."""
+    found: dict[str, tuple[list[Markup], list[Markup]]] = {
+        camera.name: ([], []) for camera in single.calibration.cameras
+    }
+    for one in parameters(single.calibration):
+        if one.sigma > 0 and one.key in MOUNT:
+            found[one.camera][one.key in MOUNT[3:]].append(value_and_sigma(one.value, one.sigma))
+    return found
 
 
 def scatter(mounting: Mounting | Failed) -> pd.DataFrame:

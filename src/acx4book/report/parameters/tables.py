@@ -14,7 +14,7 @@ from acx4book.report.parameters.estimates import (
     strong_pairs,
 )
 from acx4book.report.shown import Text, show, table
-from acx4book.report.words import heading, pair_text, parameter_title
+from acx4book.report.words import heading, pair_texts, parameter_title
 from acx4book.typesetting.labels import group_label, p_value, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration.estimates import METHODS
@@ -154,7 +154,7 @@ def correlation_sentence(material: Material) -> str:
     pairs = strong_pairs(material, material.calibration)
     if not pairs:
         return f"No correlation exceeds {STRONG:g}."
-    return f"Correlations above {STRONG:g}: " + ", ".join(pair_text(pair) for pair in pairs) + "."
+    return f"Correlations above {STRONG:g}: " + ", ".join(pair_texts(pairs)) + "."
 
 
 def method_table(material: Material) -> pd.DataFrame:

@@ -12,7 +12,7 @@ from acx4book.report.material import Material, sentences, validated
 from acx4book.report.mounting.stability import turns_of
 from acx4book.report.parameters.estimates import STRONG, strong_pairs
 from acx4book.report.verdict.finding import FAILS, HOLDS, NOTE, ChanceTest, Finding, matters
-from acx4book.report.words import adjustment_title, begun, listed, pair_text, plural
+from acx4book.report.words import adjustment_title, begun, listed, pair_texts, plural
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.gross_errors.limits import NAMES, too_many
 from acx4lib.bundle.gross_errors.rejections import CRITICAL
@@ -228,7 +228,7 @@ def apart(material: Material) -> Iterator[Finding]:
         yield Finding(question=question, state=HOLDS, answer=answer)
         return
     answer = Markup(
-        f"Of the parameters, {listed([pair_text(pair) for pair in pairs])} "
+        f"Of the parameters, {listed(pair_texts(pairs))} "
         f"correlate by more than {STRONG:g}. They are determined together: use them together, "
         "with their covariance."
     )

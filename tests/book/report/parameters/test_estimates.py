@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from acx4book.report.material import read
 from acx4book.report.parameters import estimates
 from acx4book.report.parameters.tables import correlation_sentence, joint_table, parameter_table
+from acx4book.report.words import pair_texts
 from acx4lib.results import folder as results
 from support.run_results import SINGLE
 
@@ -75,6 +76,11 @@ def test_strong_pairs_are_those_of_the_covariance(folder):
     assert correlation_sentence(material) == (
         "Correlations above 0.9: $f$ and $x_p$ (+0.95), $x_p$ and $y_p$ (-0.91)."
     )
+    two = [replace(pairs[0], other="B/xp_mm"), pairs[1]]
+    assert pair_texts(two) == [
+        "$f$ of CAM and $x_p$ of B (+0.95)",
+        "$x_p$ and $y_p$ of CAM (-0.91)",
+    ]
 
 
 def test_joint_tests_are_those_of_the_parameters_and_their_covariance(run):

@@ -33,7 +33,7 @@ def promised(geometry: Calibration, found: Calibration) -> pd.DataFrame:
     return _beside({"promised": geometry.table(), "stated": found.table()})
 
 
-def side_by_side(found: Mapping[str, Mounting | Failed]) -> pd.DataFrame:
+def side_by_side(found: Mapping[str, Mounting | Failed | None]) -> pd.DataFrame:
     """Return the sigma of two adjustments and their ratio; empty where one has no outcome."""
     tables = {title: one.table() for title, one in found.items() if one}
     return _beside(tables) if len(tables) == len(found) else pd.DataFrame()
