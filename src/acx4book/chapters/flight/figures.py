@@ -42,8 +42,9 @@ def system(flight: Flight) -> Figure:
         fig, ax = style.subplots(figsize=(style.WIDTH, 4.4))
         _draw_mount(ax)
         down = [camera.T_b_c.R @ [0.0, 0.0, -1.0] for camera in cameras]
-        for i in np.argsort([_depth(way) for way in down]):
-            _draw_head(ax, down[i], style.colour(int(i)), cameras[i].name)
+        places = _places(down)
+        for i in np.argsort([_depth(at) for at in places]):
+            _draw_head(ax, places[i], down[i], style.colour(int(i)), cameras[i].name)
         _draw_imu(ax)
         _label(ax, flight, cameras)
         blank(fig)
@@ -55,9 +56,23 @@ def _heads(flight: Flight) -> tuple[Camera, ...]:
     return tuple(flight.cameras[name] for name in names)
 
 
-def _depth(way: Array) -> float:
-    """Return how near to the viewer a head is, which looks one way."""
-    return float(VIEW.apply(aside(way))[2])
+def _depth(at: Array) -> float:
+    """Return how near to the viewer a head is."""
+    return float(VIEW.apply(at)[2])
+
+
+def _places(ways: Sequence[Array]) -> list[Array]:
+    """Return where heads are on the mount; those that look one way stand around its middle."""
+    at = [aside(way) for way in ways]
+    of_place: dict[tuple[float, ...], list[int]] = {}
+    for i, place in enumerate(at):
+        of_place.setdefault(tuple(place.round(1) + 0.0), []).append(i)
+    for together in of_place.values():
+        angle = np.pi / 4 + 2 * np.pi * np.arange(len(together)) / len(together)
+        if len(together) > 1:
+            for i, a in zip(together, angle, strict=True):
+                at[i] = at[i] + 0.7 * ASIDE * np.array([np.cos(a), np.sin(a), 0.0])
+    return at
 
 
 def aside(way: Array) -> Array:
@@ -74,9 +89,8 @@ def _draw_mount(ax: Axes) -> None:
     _solid(ax, slab, style.SOFT, alpha=0.3, zorder=3)
 
 
-def _draw_head(ax: Axes, way: Array, colour: str, name: str) -> None:
+def _draw_head(ax: Axes, at: Array, way: Array, colour: str, name: str) -> None:
     """Draw a lens below the mount, the camera above it, and the axis along which it looks."""
-    at = aside(way)
     tip = at + LENS * way
     _solid(ax, np.concatenate([ring(at, way, RADIUS), ring(tip, way, 1.2 * RADIUS)]), colour)
     back = ring(at, way, 1.5 * RADIUS)
@@ -123,7 +137,7 @@ def _label(ax: Axes, flight: Flight, cameras: Sequence[Camera]) -> None:
     for at, text in (
         (np.array([2.3, 0.9, 1.0]), imu),
         (ANTENNA_AT + np.array([-0.9, 0.6, 0.3]), "GNSS antenna\non the aeroplane"),
-        (np.array([-2.3, -1.0, -0.3]), "common mount"),
+        (np.array([-2.3, 0.3, -0.3]), "common mount"),
         (np.array([2.6, -2.3, -0.5]), camera),
     ):
         note(ax, VIEW.apply(at)[:2], text, style.INK, shift=(0, 0))

@@ -1,15 +1,18 @@
 """The system and the target: directions of the flight, areas of a disc, names of the paper."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 from matplotlib.text import Text
 from numpy.testing import assert_allclose
 
+import acx4lib
 from acx4book.chapters.flight import figures
 from acx4lib.flight.parts import without_control
 from support.figures import drawn
+from support.flights import unlike
 
 
 def texts(flight):
@@ -38,6 +41,14 @@ def test_a_ring_is_a_circle_across_its_direction():
     circle = figures.ring(np.ones(3), way, 0.5) - 1
     assert_allclose(np.linalg.norm(circle, axis=1), 0.5)
     assert_allclose(circle @ way, 0, atol=1e-12)
+
+
+def test_labels_of_heads_that_look_one_way_do_not_lie_over_each_other(tmp_path):
+    parallel = acx4lib.read(unlike.write("parallel heads", tmp_path))
+    fig = drawn(figures.system(parallel))
+    at = [t.get_window_extent() for t in fig.findobj(Text) if t.get_text() in parallel.cameras]
+    assert len(at) == 4
+    assert not [(a, b) for a, b in combinations(at, 2) if a.overlaps(b)]
 
 
 # --- the target ------------------------------------------------------------------------------
