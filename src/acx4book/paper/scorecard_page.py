@@ -240,7 +240,7 @@ def _rms_of_table_4(card: pd.DataFrame, found: folder.Results) -> str:
     plan = np.hypot(*pairs[:2])
     return (
         f"**What differs.** The RMS of the single step's differences is printed as {plan[0]:.2f} m "
-        f"in plan and {pairs[2, 0]:.2f} m in height. Here it is {plan[1]:.2f} m and "
+        f"in plan and {pairs[2, 0]:.2f} m in height. In this one flight it is {plan[1]:.2f} m and "
         f"{pairs[2, 1]:.2f} m over *pairs* of images, as the paper counts, and "
         f"{np.hypot(*over_points[:2]):.2f} m and {over_points[2]:.2f} m over *points*, each "
         "intersected once from all its rays. Ours is what the simulated noise predicts. The "

@@ -26,8 +26,9 @@ def parameter_covariance(
 ) -> Array:
     """Return the covariance of a synthetic camera's parameters that its heads' calibration causes.
 
-    Valid for the calibration of heads that carried the points. Other flights that are carried by
-    the same one share this error.
+    Valid for the calibration of heads that carried the points, and for what the noise of its
+    measurements does. What a focal length that is held wrongly does to a head is no part of it.
+    Other flights that are carried by the same one share this error.
 
     Parameters
     ----------

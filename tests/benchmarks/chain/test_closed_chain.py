@@ -1,10 +1,17 @@
 """What is stored of the closed chain is what a flight computed again gives."""
 
+from dataclasses import replace
+
+import numpy as np
 import pandas as pd
 import pytest
 
+import acx4sim
 from acx4book.paper import printed
-from benchmarks.chain import closed_chain
+from acx4sim import Options
+from acx4sim.optics import head_truth
+from benchmarks.chain import closed_chain, find_head_truth
+from support.flights import simulated
 
 pytestmark = pytest.mark.slow
 
@@ -32,6 +39,33 @@ def test_differences_at_check_points_are_the_stored_ones(computed):
     assert own["n"].tolist() == kept["n"].tolist()
     for name in ("rms_m", "mean_m", "sigma_m"):
         assert own[name].to_numpy() == pytest.approx(kept[name], rel=1e-5, abs=1e-5)  # m
+
+
+def test_a_flight_with_noise_and_without_is_the_stored_one():
+    own, kept = pd.DataFrame(closed_chain.with_noise_and_without(1)), stored("noise")
+    assert own["parameter"].tolist() == kept["parameter"].tolist()
+    for name in ("value", "exact", "sigma", "sigma_of_heads"):
+        assert own[name].to_numpy() == pytest.approx(kept[name].astype(float), rel=1e-4)
+
+
+def scatter_of_exact(f_mm=None):
+    """Return how x_p of the heads scatters over paths and points, without noise, mm."""
+    heads = dict(head_truth.HEADS)
+    if f_mm:
+        heads = {name: replace(head, f_mm=f_mm) for name, head in heads.items()}
+    with find_head_truth.true_heads(heads):
+        flights = [
+            simulated.read_back(
+                acx4sim.acx4(seed=seed, options=Options(blocks=("heads",), **simulated.EXACT))
+            ).flight
+            for seed in range(1, 5)
+        ]
+    found = [find_head_truth.calibrated_heads(flight) for flight in flights]
+    return np.std([[h.interior.xp for h in heads.heads] for heads in found], axis=0)
+
+
+def test_exact_heads_scatter_where_their_focal_length_is_held_wrong():
+    assert np.all(scatter_of_exact(f_mm=74.0) < 0.02 * scatter_of_exact())
 
 
 def at(share, lowered_m=0.0):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from acx4lib.expected import Array
 
@@ -20,7 +21,7 @@ STORED = Path(str(resources.files("acx4book.chapters.beyond.synthetic_cost") / "
 SYNTHETIC, RIG = "synthetic", "rig"
 """The two ways: a single step of carried points, and a rig of four heads."""
 
-PARTS = ("parameters", "points", "classes", "shared", "sweep", "pattern", "centres")
+PARTS = ("parameters", "points", "classes", "shared", "noise", "sweep", "pattern", "centres")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,6 +39,9 @@ class Study:
     shared : DataFrame
         Single steps of flights that are carried through the heads of one: seed, heads_of (the
         seed of these), camera, parameter, value, sigma.
+    noise : DataFrame
+        Single steps of flights with noise, with the sigma that heads add, beside those of exact
+        data of the same geometry: seed, camera, parameter, value, sigma, sigma_of_heads, exact.
     sweep : DataFrame
         Of exact data: f_1_mm, heads (calibrated or refined), camera, parameter, value, sigma.
     pattern : DataFrame
@@ -47,13 +51,14 @@ class Study:
         much it is lower than on the simulated rig), method, camera, parameter, value, sigma. The
         method *expected* has the shift of f, x_p, y_p that the single step's lever arm must cause.
     about : mapping
-        Date, processor, commit, seeds.
+        Date, processor, commit, seeds; the same of `noise`.
     """
 
     parameters: pd.DataFrame
     points: pd.DataFrame
     classes: pd.DataFrame
     shared: pd.DataFrame
+    noise: pd.DataFrame
     sweep: pd.DataFrame
     pattern: pd.DataFrame
     centres: pd.DataFrame
@@ -81,12 +86,13 @@ def read(folder: str | Path = "") -> Study:
     """
     place = Path(folder) if folder else STORED
     files = {part: place / f"closed_chain_{part}.csv" for part in PARTS}
-    about = place / "closed_chain.json"
-    if not all(path.is_file() for path in (about, *files.values())):
+    abouts = place / "closed_chain.json", place / "closed_chain_noise.json"
+    if not all(path.is_file() for path in (*abouts, *files.values())):
         msg = f"no flights of the closed chain in {place}: make chain"
         raise FileNotFoundError(msg)
     tables = {part: pd.read_csv(path) for part, path in files.items()}
-    return Study(about=json.loads(about.read_text(encoding="utf-8")), **tables)
+    about, of_noise = (json.loads(path.read_text(encoding="utf-8")) for path in abouts)
+    return Study(about={**about, "noise": of_noise}, **tables)
 
 
 def variance_factors(study: Study, way: str) -> Array:
@@ -207,14 +213,42 @@ def excess(study: Study) -> dict[str, float]:
     }
 
 
-def from_heads(study: Study) -> dict[str, tuple[float, float]]:
-    """Return the scatter of the synthetic camera's parameters in two parts.
+def scatter_with_heads(study: Study, *, alpha: float = 0.01) -> pd.DataFrame:
+    """Return how the synthetic camera scatters over a sigma that has its heads' part.
+
+    Parameters
+    ----------
+    study : Study
+    alpha : float
+        Probability that the noise of any parameter lies outside its bounds, if sigma is right.
 
     Returns
     -------
-    dict of str to tuple of two floats
-        By parameter: its stated sigma, and the rest, which comes from the heads' calibration.
+    DataFrame
+        By parameter: sigma, and that of the heads (root mean squares over flights); the scatter
+        over flights over the root of the sum of both squares: of the flights as they are
+        (``ratio``), of their noise alone (``noise``), which is what they differ by from exact data
+        of the same geometry, and of these exact data (``exact``); the bounds of noise, ``low`` and
+        ``high``, from the chi-square distribution.
     """
-    own = scatter(study, SYNTHETIC).set_index("parameter")
-    rest = np.sqrt((own["scatter"] ** 2 - own["sigma"] ** 2).clip(lower=0.0))
-    return {str(name): (own["sigma"][name], rest[name]) for name in own.index}
+    own = study.noise.assign(
+        noise=study.noise["value"] - study.noise["exact"],
+        variance=study.noise["sigma"] ** 2,
+        of_heads=study.noise["sigma_of_heads"] ** 2,
+    )
+    grouped = own.groupby("parameter", sort=False)
+    mean = grouped[["variance", "of_heads"]].mean()
+    both = np.sqrt(mean.sum(axis=1))
+    dof, tail = study.noise["seed"].nunique() - 1, alpha / len(mean) / 2
+    low, high = np.sqrt(stats.chi2.ppf([tail, 1 - tail], dof) / dof)
+    return pd.DataFrame(
+        {
+            "sigma": np.sqrt(mean["variance"]),
+            "sigma_of_heads": np.sqrt(mean["of_heads"]),
+            "ratio": grouped["value"].std() / both,
+            "noise": grouped["noise"].std() / both,
+            "exact": grouped["exact"].std() / both,
+            "low": low,
+            "high": high,
+        }
+    )

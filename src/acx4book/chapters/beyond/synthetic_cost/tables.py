@@ -11,7 +11,11 @@ import pandas as pd
 from acx4book.chapters.beyond.synthetic_cost import geometry, study
 from acx4book.chapters.beyond.synthetic_cost.study import RIG, SYNTHETIC, Study
 from acx4book.paper import printed
+from acx4lib.calibration.estimates import Calibration
+from acx4lib.calibration.estimates import parameters as parameters_of
+from acx4lib.expected import Array
 from acx4lib.geometry.parameters import REPORTED, SHOWN
+from acx4lib.least_squares.covariance import sigmas
 
 SQUARE_ROWS = ("f_mm", "k1", "k2", "k3", "p1", "p2", "lever_x_m", "lever_y_m", "lever_z_m")
 """Parameters of the table of squares; a boresight does not depend on them."""
@@ -60,6 +64,36 @@ def parameters(found: Study) -> pd.DataFrame:
         ("scatter over stated σ", "sigma"): own["sigma_ratio"],
     }
     return pd.DataFrame(columns).set_index(_index(own["parameter"]))
+
+
+def both_sigma(calibration: Calibration, of_heads: Array) -> pd.DataFrame:
+    """Return the stated sigma of a calibration, and that of its heads.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    of_heads : ndarray, shape (n, n)
+        From `head_errors.parameter_covariance`.
+    """
+    own = parameters_of(calibration)
+    table = pd.DataFrame({"σ stated": [p.sigma for p in own], "σ of the heads": sigmas(of_heads)})
+    return _formatted(table.set_index(_index(p.name for p in own)), dict.fromkeys(table, ".2g"))
+
+
+def with_heads(found: Study) -> pd.DataFrame:
+    """Return the two parts of sigma, and the scatter over flights over both together."""
+    own = study.scatter_with_heads(found)
+    columns = {
+        "σ stated": own["sigma"],
+        "σ of the heads": own["sigma_of_heads"],
+        "scatter over both": own["ratio"],
+        "of noise alone": own["noise"],
+        "of exact data": own["exact"],
+    }
+    table = pd.DataFrame(columns).set_index(_index(own.index))
+    return _formatted(
+        table, dict.fromkeys(list(columns)[:2], ".2g") | dict.fromkeys(list(columns)[2:], ".2f")
+    )
 
 
 def heights(found: Study, heights_m: Iterable[float] = HEIGHTS_M) -> pd.DataFrame:

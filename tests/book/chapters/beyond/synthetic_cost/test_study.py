@@ -85,7 +85,28 @@ def test_what_is_stated_holds_among_flights_with_the_same_heads(found):
     assert 3 < study.scatter(found, study.SYNTHETIC)["ratio"].max() < 4
 
 
-def test_what_the_heads_add_and_what_is_stated_make_the_scatter(found):
-    own = study.scatter(found, study.SYNTHETIC).set_index("parameter")
-    sigma, rest = study.from_heads(found)["xp_mm"]
-    assert np.hypot(sigma, rest) == pytest.approx(own["scatter"]["xp_mm"])
+def test_noise_scatters_by_the_sigma_that_has_the_part_of_the_heads(found):
+    both = study.scatter_with_heads(found)
+    assert found.noise["seed"].nunique() >= 60
+    assert both["noise"].between(both["low"], both["high"]).all()
+    stated = both["noise"] * np.hypot(1, both["sigma_of_heads"] / both["sigma"])
+    assert (stated > both["high"]).sum() > 5  # without that part they do not
+
+
+def test_scatter_with_heads_is_that_of_planted_noise(found):
+    """Normal noise of known size, in 2000 flights of two parameters, beside a scatter of model."""
+    rng = np.random.default_rng(3)
+    sigma, of_heads = np.array([1.0, 2.0]), np.array([3.0, 0.5])
+    exact = rng.normal(0, 4, (2000, 2))
+    value = exact + rng.normal(0, 1, (2000, 2)) * np.hypot(sigma, of_heads)
+    rows = [
+        {"seed": i, "parameter": name, "value": value[i, k], "exact": exact[i, k]}
+        | {"sigma": sigma[k], "sigma_of_heads": of_heads[k]}
+        for i in range(2000)
+        for k, name in enumerate("ab")
+    ]
+    both = study.scatter_with_heads(replace(found, noise=pd.DataFrame(rows)))
+    assert both["noise"].to_numpy() == pytest.approx(1, abs=0.06)
+    assert both["exact"].to_numpy() == pytest.approx(4 / np.hypot(sigma, of_heads), rel=0.06)
+    assert both["sigma"].to_numpy() == pytest.approx(sigma)
+    assert both["low"].iloc[0] == pytest.approx(1 - 2.81 / np.sqrt(2 * 1999), abs=0.002)

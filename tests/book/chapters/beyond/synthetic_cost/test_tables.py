@@ -27,6 +27,14 @@ def test_parameters_are_those_over_flights(found):
     assert row["scatter over stated σ", "value"] == own["ratio"]
 
 
+def test_both_parts_of_sigma_stand_beside_the_scatter(found):
+    table = tables.with_heads(found)
+    own = study.scatter_with_heads(found).loc["xp_mm"]
+    row = table.loc[("xp", "mm")]
+    assert row["σ of the heads"] == own["sigma_of_heads"]
+    assert row["of noise alone"] == own["noise"]
+
+
 def test_a_step_on_the_ground_is_its_pixels_times_the_ground_pixel(found):
     row = tables.heights(found, [1000.0]).iloc[0]
     step, ground = row["largest step at a seam (px)"], row["that step on the ground (cm)"]
