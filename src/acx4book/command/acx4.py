@@ -109,10 +109,16 @@ Example:
 def check(flight: terminal.Flight) -> None:
     """Read a flight and print a summary."""
     from acx4lib.conventions.search import notes  # noqa: PLC0415 quick help
+    from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
+    from acx4lib.exchange.safe.picture_sizes import is_cut_off  # noqa: PLC0415 quick help
     from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
     from acx4lib.flight.summary import summary  # noqa: PLC0415 quick help
 
     found = read(flight)
+    files = (path for paths in found.image_files.values() for path in paths if path is not None)
+    if cut := [path for path in files if is_cut_off(path)]:
+        says = "is cut off, its pixels have no end; copy it again"
+        raise FlightError([f"{path}: {says}" for path in cut])
     terminal.show(summary(replace(found, notes=(*found.notes, *notes(found)))))
 
 

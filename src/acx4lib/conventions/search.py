@@ -59,7 +59,7 @@ class Found:
     quantity : str
         What the residuals are of.
     given, found : float
-        Robust residuals of the given reading and of this one.
+        Robust residuals of the given reading and of this one; NaN where the name says all.
     unit : str
         Of both: °, m, px or σ.
     """
@@ -79,6 +79,9 @@ class Found:
                 f"with {self.name} the residuals of {self.quantity} are {found}; as the numbers "
                 "are, rays do not meet"
             )
+        if not np.isfinite(self.found):
+            given = _shown(self.given, self.unit)
+            return f"the residuals of {self.quantity} are {given}: {self.name}"
         change = "fall" if self.found < self.given else "rise"
         return (
             f"with {self.name} the residuals of {self.quantity} {change} "

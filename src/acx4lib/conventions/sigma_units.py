@@ -21,6 +21,15 @@ RIGHT = 1.6
 ANGLE_UNITS = {"seconds of arc": 1 / 3600, "minutes of arc": 1 / 60, "radians": 180 / np.pi}
 LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2}
 
+ALONE_M = 0.5, 15.0
+"""Standard deviations of positions that a receiver without corrections states."""
+
+SHARED = (
+    "this sigma is rather that of an error which neighbouring exposures share, as of a receiver "
+    "without corrections; gnss in flight.toml makes a common shift an unknown"
+)
+"""What is said in the place of another unit: such an error leaves small residuals."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
@@ -29,10 +38,10 @@ class Unit:
     Attributes
     ----------
     name : str
-        As in "sigma of attitude in seconds of arc".
+        As in "sigma of attitude in seconds of arc", or `SHARED`.
     quantity : str
     given, found : float
-        Residuals in terms of sigma, as given and in this unit.
+        Residuals in terms of sigma, as given and in this unit; NaN where it is no unit.
     """
 
     name: str
@@ -71,6 +80,9 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Unit | None:
         ("position", LENGTH_UNITS, position, attitude),
     ):
         units.append((quantity, known, given.misfit / sigma, np.hypot(other, noise) / sigma))
+    if ALONE_M[0] <= position * range_m <= ALONE_M[1]:
+        _, _, misfit, rest = units.pop()
+        units.append(("position", {SHARED: np.nan}, misfit, rest))
     return next((unit for row in units for unit in _right(*row)), None)
 
 
@@ -96,6 +108,8 @@ def _right(quantity: str, units: dict[str, float], misfit: float, rest: float) -
     if not (before > OFF or before < 1 / OFF):
         return
     for unit, factor in units.items():
+        if np.isnan(factor) and before < 1 / OFF:
+            yield Unit(name=unit, quantity=quantity, given=before, found=np.nan)
         after = misfit / np.hypot(factor, rest)
         if 1 / RIGHT < after < RIGHT:
             name = f"sigma of {quantity} in {unit}"

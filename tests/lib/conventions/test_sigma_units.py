@@ -9,7 +9,7 @@ import pytest
 
 from acx4lib.conventions.mounted import mounted
 from acx4lib.conventions.sightings import sightings
-from acx4lib.conventions.sigma_units import other_unit
+from acx4lib.conventions.sigma_units import SHARED, other_unit
 from support.flights import simulated
 
 
@@ -56,6 +56,15 @@ def test_a_sigma_in_another_unit_is_named(block, factors, name):
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0, 4.0])
 def test_a_sigma_that_is_a_little_wrong_is_no_other_unit(block, factor):
     assert unit_of(with_sigma(block, attitude=factor, position=factor, image=factor)) is None
+
+
+def test_metres_of_a_receiver_without_corrections_are_no_millimetres(block):
+    """Its error hardly changes from exposure to exposure, so that residuals are small."""
+    sigma = np.full_like(block.trajectory.sigma_position, 3.0)
+    found = unit_of(replace(block, trajectory=replace(block.trajectory, sigma_position=sigma)))
+    assert found is not None
+    assert (found.name, found.quantity) == (SHARED, "position")
+    assert found.given < 0.1
 
 
 def test_what_is_not_known_has_no_unit(block):

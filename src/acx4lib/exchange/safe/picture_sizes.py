@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from os import SEEK_END
+from pathlib import Path
 
-from acx4lib.flight.text.files import free_memory
+from acx4lib.flight.text.files import free_memory, opened
 
 LARGEST_RATIO = 200
 """Of a picture's bytes to those of its file; pictures of the ground have 2 to 50."""
@@ -16,6 +18,9 @@ SMALL = 100_000_000
 SCAN, END = 0xDA, 0xD9
 FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG's frame headers."""
+
+LARGE = 65_536
+"""Bytes at the end of a large JPEG; previews with an end of their own stand at its beginning."""
 
 LAST = 4096
 """Bytes at the end of a PNG among which its last chunk begins."""
@@ -41,6 +46,22 @@ def is_whole(data: bytes) -> bool:
         return b"IEND" in data[-LAST:]
     start = 2 + sum(4 + len(part) for _, part in segments(data))
     return data.find(b"\xff\xd9", start) >= 0  # which no pixels have: 0 follows their 255
+
+
+def is_cut_off(path: Path) -> bool:
+    """Tell whether a file is a JPEG or a PNG without its end.
+
+    A large JPEG that has one among its last bytes is not read to find it.
+    """
+    if path.suffix.lower() not in (".jpg", ".jpeg", ".png"):
+        return False
+    with opened(path) as file:
+        size = file.seek(0, SEEK_END)
+        file.seek(max(size - LARGE, 0))
+        if size > 2 * LARGE and b"\xff\xd9" in file.read():
+            return False
+        file.seek(0)
+        return not is_whole(file.read())
 
 
 def size_of(data: bytes) -> tuple[int, int] | None:
