@@ -13,7 +13,7 @@ import pytest
 from acx4lib.errors import FlightError
 from acx4lib.exchange import written_toml
 from acx4lib.exchange.pictures import tags
-from acx4lib.exchange.programs.micmac import files
+from acx4lib.exchange.programs import micmac
 from acx4lib.exchange.safe import archive, opened
 from acx4lib.flight.text.document import read_toml
 from acx4lib.geometry.camera import Camera, Interior
@@ -86,9 +86,9 @@ def test_interior_orientations_of_each_image_are_told_apart_in_linear_time(tmp_p
     for n in (250, 1_000):
         folder, _ = swelling.interiors(tmp_path / f"{n}", n)
         start = time.process_time()
-        found = files.files_of(folder)
+        found = micmac.project(folder)
         seconds.append(time.process_time() - start)
-        assert len(found.interior) == n
+        assert len(found.images.names) == n
     assert seconds[1] < LESS * max(seconds[0], 0.05)
 
 

@@ -8,7 +8,7 @@ centre of the top-left one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +35,9 @@ HELD_PX, WORTH = 0.05, 0.5
 
 STEPS = 100
 """Largest number of iterations of `inverse`."""
+
+BROWN = ("k1", "k2", "u", "v", "k3")
+"""OpenCV's first coefficients, by what they are in `effects`."""
 
 Model = Callable[[Array], Array]
 """From points (n, 2) to points (n, 2)."""
@@ -262,6 +265,43 @@ def off_fisheye(points: Array) -> Array:
     return points * scale[:, None]
 
 
+def effects(points: Array, values: Mapping[str, float]) -> Array:
+    """Return what a distortion adds to points, by the formula that nearly all programs share.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Ideal points x, y, in any unit.
+    values : mapping of str to float
+        k1 to k6, d1 to d3, u and v, m1, m2, s0 to s3, in powers of the same unit; absent is zero.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        With r² = x² + y², R = (1 + k1 r² + k2 r⁴ + ...) / (1 + d1 r² + ...), M = 1 + m1 r² + m2 r⁴:
+        x (R - 1) + (2 u x y + v (r² + 2 x²)) M + s0 r² + s1 r⁴ and
+        y (R - 1) + (2 v x y + u (r² + 2 y²)) M + s2 r² + s3 r⁴; u, v are OpenCV's p1, p2.
+    """
+    x, y = points.T
+    r2 = x * x + y * y
+    radial = _power_series(r2, values, "k", 6)
+    if any(role[0] == "d" for role in values):
+        below = _power_series(r2, values, "d", 3)
+        radial = (radial - below) / (1 + below)
+    u, v = values.get("u", 0.0), values.get("v", 0.0)
+    more = 1 + _power_series(r2, values, "m", 2)
+    s0, s1, s2, s3 = (values.get(f"s{i}", 0.0) for i in range(4))
+    dx = x * radial + (2 * u * x * y + v * (r2 + 2 * x * x)) * more + r2 * (s0 + s1 * r2)
+    dy = y * radial + (2 * v * x * y + u * (r2 + 2 * y * y)) * more + r2 * (s2 + s3 * r2)
+    return np.stack([dx, dy], axis=1)
+
+
+def _power_series(r2: Array, values: Mapping[str, float], letter: str, most: int) -> Array:
+    """Return c1 r² + c2 r⁴ + ... of the values of a letter."""
+    powers = ((i, values.get(f"{letter}{i}", 0.0)) for i in range(1, most + 1))
+    return sum((c * r2**i for i, c in powers if c), np.zeros_like(r2))
+
+
 def brown(at: Array, off: Array, f_px: float) -> tuple[Array, Left]:
     """Return OpenCV's coefficients k1, k2, p1, p2, k3 by linear least squares, and what is left.
 
@@ -306,12 +346,7 @@ def _pixels_by_ray(ideal: Model, colrow: Array, rays: Array) -> Array:
 
 def _terms(at: Array) -> Array:
     """Return the effects of `brown`'s coefficients at points (n, 2), first along, then across."""
-    x, y = at.T
-    r2 = x * x + y * y
-    radial = np.stack([r2, r2**2, r2**3])
-    along = [x * radial[0], x * radial[1], 2 * x * y, r2 + 2 * x * x, x * radial[2]]
-    across = [y * radial[0], y * radial[1], r2 + 2 * y * y, 2 * x * y, y * radial[2]]
-    return np.concatenate([np.stack(along, axis=1), np.stack(across, axis=1)])
+    return np.stack([effects(at, {role: 1.0}).T.ravel() for role in BROWN], axis=1)
 
 
 def _nearest(A: Array, off: Array) -> Array:

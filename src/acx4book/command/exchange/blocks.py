@@ -47,7 +47,7 @@ Examples:
 """
 
 
-@bring.read_by("opensfm.reading", of_flight=("crs",))
+@bring.read_by("opensfm", of_flight=("crs",))
 def opensfm(
     source: Source,
     out: bring.Out,
@@ -113,7 +113,7 @@ Examples:
 """
 
 
-@bring.read_by("micmac.reading")
+@bring.read_by("micmac")
 def micmac(
     source: Source,
     out: bring.Out,
@@ -136,14 +136,14 @@ def bundler(
     """Write what bundle.out has of a flight."""
 
 
-@bring.read_by("bingo")
+@bring.read_by("photo_lists", reader="read_bingo")
 def bingo(
     source: Source, size: Size, pixel_um: NeededPixelUm, out: bring.Out, block: Block = None
 ) -> None:
     """Write what a list of BINGO has of a flight."""
 
 
-@bring.read_by("patb")
+@bring.read_by("photo_lists", reader="read_patb")
 def patb(
     source: Source,
     unit: Annotated[Literal["um", "mm"], typer.Option(show_default=False, help="Of x and y.")],

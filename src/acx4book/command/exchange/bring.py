@@ -146,9 +146,9 @@ def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
 
 
 def read_by(
-    module: str, *, of_flight: Sequence[str] = ()
+    module: str, *, of_flight: Sequence[str] = (), reader: str = "read"
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Make a command of a declaration of options, which are those of a reader's `read`.
+    """Make a command of a declaration of options, which are those of a reader.
 
     The reader is imported when the command is called, so that help is quick.
 
@@ -158,6 +158,8 @@ def read_by(
         Of the reader, below `acx4lib.exchange.programs`.
     of_flight : sequence of str
         What a flight that was begun says where no option does: crs, or crs and heights.
+    reader : str
+        Function of the module.
     """
 
     def command_of(declared: Callable[..., None]) -> Callable[..., None]:
@@ -167,8 +169,8 @@ def read_by(
             if begun:
                 known = {"crs": options.get("crs") or begun, "heights": heights}
                 options |= {name: known[name] for name in of_flight}
-            reader = importlib.import_module(f"acx4lib.exchange.programs.{module}")
-            place(reader.read(source, **options), out)
+            found = importlib.import_module(f"acx4lib.exchange.programs.{module}")
+            place(getattr(found, reader)(source, **options), out)
 
         return command
 

@@ -66,7 +66,7 @@ Orientations = Annotated[
 ]
 
 
-@bring.read_by("metashape.reading", of_flight=("crs", "heights"))
+@bring.read_by("metashape", of_flight=("crs", "heights"))
 def metashape(  # noqa: PLR0913, PLR0917 options of a command
     source: Source,
     out: bring.Out,
@@ -100,7 +100,7 @@ Examples:
 """
 
 
-@bring.read_by("colmap.reading")
+@bring.read_by("colmap")
 def colmap(
     source: Source,
     out: bring.Out,
@@ -127,7 +127,7 @@ Example:
 """
 
 
-@bring.read_by("opf.reading", of_flight=("crs", "heights"))
+@bring.read_by("opf", of_flight=("crs", "heights"))
 def opf(
     source: Source,
     out: bring.Out,

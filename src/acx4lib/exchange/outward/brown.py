@@ -87,13 +87,10 @@ def pixels(values: Array | list[float], ideal: Array) -> Array:
     ideal : ndarray, shape (n, 2)
         y down.
     """
-    f, cx, cy, k1, k2, p1, p2, k3, b1 = values
-    x, y = ideal.T
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    u = x * (radial + b1) + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    v = y * radial + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)
-    return np.stack([f * u + cx, f * v + cy], axis=1)
+    f, cx, cy, *coefficients, b1 = values
+    measured = ideal + lens.effects(ideal, dict(zip(lens.BROWN, coefficients, strict=True)))
+    measured[:, 0] += b1 * ideal[:, 0]
+    return f * measured + [cx, cy]
 
 
 def derivatives(camera: Camera, columns: Index, n_columns: int) -> Array:

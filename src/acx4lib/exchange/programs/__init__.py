@@ -1,5 +1,4 @@
 """Other programs' projects: cameras, images, measurements, control and orientations.
 
-A folder for each program: `lens` has its camera model, `reading` its files. What all of them do in
-the same way is in `shared`.
+A file for each program: `project` returns what it knows, `read` the flight that is made of it.
 """

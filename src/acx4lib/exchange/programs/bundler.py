@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from acx4lib.exchange import lens
-from acx4lib.exchange.brought import Brought, number_of
-from acx4lib.exchange.programs.shared import cameras, oriented
-from acx4lib.exchange.programs.shared.cameras import Lens
-from acx4lib.exchange.programs.shared.oriented import Oriented
+from acx4lib.exchange import tables
+from acx4lib.exchange.axes import is_rotation, nearest_rotation
+from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.lens import FLIP as FLIP_Y
+from acx4lib.exchange.lens import Pinhole
+from acx4lib.exchange.lens_models import BUNDLER, Lens
+from acx4lib.exchange.project import Images, Measured, Project, Proof, flight_of
 from acx4lib.exchange.safe import opened, text_lines
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.text_lines import Line
@@ -45,17 +48,8 @@ ASSUMED = (
 class Bundle:
     """What is in bundle.out.
 
-    Attributes
-    ----------
-    lenses : ndarray, shape (n_images, 3)
-        f (px), k1, k2; f is 0 for an image that was not oriented.
-    T_w_c : Pose
-    x_w : ndarray, shape (n_points, 3)
-    image_idx, point_idx : ndarray of int, shape (n,)
-    xy : ndarray, shape (n, 2)
-        px from the middle of the image, y up.
-    again : int
-        Measurements of points that an image has twice; the first is taken.
+    `lenses` are f (px), k1, k2 of each image, f is 0 where it was not oriented; `xy` are px from
+    the middle of the image, y up; `again` counts points that an image has twice.
     """
 
     lenses: Array
@@ -70,7 +64,12 @@ class Bundle:
 def read(
     source: Path, *, size: tuple[int, int], block: str | None = None, pixel_um: float | None = None
 ) -> Brought:
-    """Read bundle.out, and the names of the images from list.txt beside it or above.
+    """Read bundle.out as a part of a flight; options as those of `project` and `flight_of`."""
+    return flight_of(project(source, size=size), block=block, pixel_um=pixel_um)
+
+
+def project(source: Path, *, size: tuple[int, int]) -> Project:
+    """Return bundle.out, with the names of the images from list.txt beside it or above.
 
     Parameters
     ----------
@@ -78,9 +77,6 @@ def read(
         The file bundle.out.
     size : tuple of int
         Width and height of the images, px: Bundler does not write them.
-    block : str, optional
-        By default calibration.
-    pixel_um : float, optional
 
     Raises
     ------
@@ -91,33 +87,50 @@ def read(
     bundle = _bundle(file)
     listed, names = _names(source, len(bundle.lenses), file)
     good = np.flatnonzero(bundle.lenses[:, 0] > 0)
-    images, refitted = _images(file, bundle, names, good, size, pixel_um)
-    block = block or "calibration"
-    return Brought(
+    of = [tuple(row) for row in bundle.lenses[good].tolist()]
+    different = list(dict.fromkeys(of))
+    called = {
+        one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)
+    }
+    images = tuple(names[k] for k in good)
+    cameras = tuple(called[one] for one in of)
+    points = tuple(str(k) for k in range(len(bundle.x_w)))
+    named = {"image": images, "camera": cameras, "point": points}
+    tables.require_all_names(named, file.wrong)
+    row = np.full(len(bundle.lenses), -1)
+    row[good] = np.arange(len(good))
+    used = row[bundle.image_idx] >= 0
+    measured = Measured(
+        points=points,
+        x_w=bundle.x_w,
+        image_idx=row[bundle.image_idx[used]],
+        point_idx=bundle.point_idx[used],
+        colrow=bundle.xy[used] * FLIP_Y + np.array([size[0] - 1, size[1] - 1]) / 2,
+    )
+    return Project(
         source=file.text().split("\n", 1)[0].lstrip("# ").replace("Bundle file", "Bundler"),
-        sha256=opened.checksums([file, *listed]),
-        settings=refitted.settings,
-        tables=oriented.tables_of(images, block, file),
-        assumed=(*ASSUMED, *refitted.assumed),
-        found=(
-            f"{number_of(len(images.images), 'images')}, "
-            f"{number_of(len(images.points), 'tie points')} with "
-            f"{number_of(len(images.colrow), 'measurements')}; lenses: {len(images.cameras)}",
-            oriented.proved(images, "the program's own points"),
-            *refitted.found,
-        ),
-        left_out=_left_out(bundle, len(good)),
+        sources=[file, *listed],
+        lenses={called[one]: _lens(file, one, size) for one in different},
+        images=Images(names=images, cameras=cameras, exposures=images, T_w_c=bundle.T_w_c[good]),
+        measured=measured,
+        proofs=(Proof(whose="the program's own points", measured=measured),),
+        lost={
+            "images that Bundler did not orient": len(bundle.lenses) - len(good),
+            "second measurements of a point in one image": bundle.again,
+        },
+        assumed=ASSUMED,
     )
 
 
-def _left_out(bundle: Bundle, oriented_images: int) -> tuple[str, ...]:
-    lost = len(bundle.lenses) - oriented_images
-    counts = (
-        (oriented_images, "orientations", ": Bundler's coordinates are in no CRS"),
-        (lost, "images", " that Bundler did not orient"),
-        (bundle.again, "second measurements", " of a point in one image"),
+def _lens(file: Opened, values: tuple[float, ...], size: tuple[int, int]) -> Lens:
+    f, *coefficients = values
+    return Lens(
+        width_px=size[0],
+        height_px=size[1],
+        hole=Pinhole(fx=f, fy=f, cx=(size[0] - 1) / 2, cy=(size[1] - 1) / 2),
+        distortion=BUNDLER.distortion(coefficients),
+        wrong=partial(file.wrong, "camera"),
     )
-    return tuple(f"{number_of(n, nouns)}{why}" for n, nouns, why in counts if n)
 
 
 def _bundle(file: Opened) -> Bundle:
@@ -179,18 +192,11 @@ def _camera(rows: _Rows) -> Array:
     second = rows.next("rotation")
     below = [second, rows.next("rotation"), rows.next("rotation")]
     R = np.stack([row.numbers(0, 3, "rotation", ENTRY) for row in below])
-    if f > 0 and (np.abs(R @ R.T - np.eye(3)).max() > SKEW or np.linalg.det(R) < 0):
+    if f > 0 and not is_rotation(R, SKEW):
         raise second.wrong("rotation", "three rows are no rotation", "must be one")
     t = rows.next("translation").numbers(0, 3, "translation", LENGTH)
     k = first.numbers(1, 3, "k1, k2", COEFFICIENT)
-    return np.concatenate([[f], k, (_orthogonal(R) if f > 0 else np.eye(3)).ravel(), t])
-
-
-def _orthogonal(R: Array) -> Array:
-    """Return the rotation that is nearest to a matrix printed with few digits."""
-    u, _, v = np.linalg.svd(R)
-    nearest: Array = u @ v
-    return nearest
+    return np.concatenate([[f], k, (nearest_rotation(R) if f > 0 else np.eye(3)).ravel(), t])
 
 
 def _views(rows: _Rows, n_cameras: int) -> dict[int, tuple[float, float]]:
@@ -224,56 +230,3 @@ def _names(source: Path, n: int, file: Opened) -> tuple[list[Opened], list[str]]
             short = [one.rpartition("/")[2] for one in paths]
             return [listed], short if len(set(short)) == n else paths
     return [], [f"image{k:04d}" for k in range(n)]
-
-
-def _images(
-    file: Opened,
-    bundle: Bundle,
-    names: list[str],
-    good: Index,
-    size: tuple[int, int],
-    pixel_um: float | None,
-) -> tuple[Oriented, cameras.Refitted]:
-    """Return the oriented images, and a camera for every different lens."""
-    triples = [tuple(row) for row in bundle.lenses[good].tolist()]
-    different = list(dict.fromkeys(triples))
-    called = {
-        one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)
-    }
-    lenses = {called[one]: _lens(one, size) for one in different}
-    try:
-        refitted = cameras.refitted(lenses, pixel_um=pixel_um)
-    except ValueError as error:
-        raise file.wrong("camera", str(error), "must be a lens of images of --size") from None
-    new_row = np.full(len(bundle.lenses), -1)
-    new_row[good] = np.arange(len(good))
-    used = new_row[bundle.image_idx] >= 0
-    middle = np.array([size[0] - 1, size[1] - 1]) / 2
-    images = tuple(names[k] for k in good)
-    return (
-        Oriented(
-            cameras=refitted.cameras,
-            images=images,
-            camera_of=tuple(called[one] for one in triples),
-            exposure_of=images,
-            T_w_c=bundle.T_w_c[good],
-            points=tuple(str(k) for k in range(len(bundle.x_w))),
-            x_w=bundle.x_w,
-            image_idx=new_row[bundle.image_idx[used]],
-            point_idx=bundle.point_idx[used],
-            colrow=bundle.xy[used] * lens.FLIP + middle,
-        ),
-        refitted,
-    )
-
-
-def _lens(values: tuple[float, ...], size: tuple[int, int]) -> Lens:
-    f, k1, k2 = values
-    hole = lens.Pinhole(fx=f, fy=f, cx=(size[0] - 1) / 2, cy=(size[1] - 1) / 2)
-
-    def forward(ideal: Array) -> Array:
-        r2 = np.sum(ideal**2, axis=1, keepdims=True)
-        return ideal * (1 + r2 * (k1 + r2 * k2))
-
-    ideal = oriented.backwards(forward, hole, lambda points: points)
-    return Lens(width_px=size[0], height_px=size[1], hole=hole, ideal=ideal)

@@ -7,23 +7,24 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
 from acx4lib.errors import FlightError
-from acx4lib.exchange.brought import Brought, number_of
-from acx4lib.exchange.programs.shared import crs as coordinates
-from acx4lib.exchange.programs.shared import tables
+from acx4lib.exchange import crs as coordinates
+from acx4lib.exchange import tables
+from acx4lib.exchange.axes import UNKNOWN, stacked
+from acx4lib.exchange.brought import Brought
+from acx4lib.exchange.project import Control, Images, Measured, Project, flight_of
 from acx4lib.exchange.safe import opened, text_lines
 from acx4lib.exchange.safe.opened import Opened
 from acx4lib.exchange.safe.text_lines import Line
 from acx4lib.expected import Array
 from acx4lib.flight.problems import METRES, RANGES, quoted
-from acx4lib.flight.text.in_memory import Columns
 
 UTM = re.compile(r"WGS\s?84\s+UTM\s+(\d{1,2})\s*([NS]?)", re.ASCII | re.I)
 
@@ -32,18 +33,7 @@ _EXPECTED = "must be WGS84 UTM 17N, EPSG:n, WGS84, or a PROJ string"
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """A line of the list.
-
-    Attributes
-    ----------
-    line : Line
-    name : str
-        Empty where the point has none.
-    xyz : tuple of float
-        Two, where the height is not known.
-    colrow : tuple of float
-    image : str
-    """
+    """A line of the list: two coordinates where the height is not known, maybe no name."""
 
     line: Line
     name: str
@@ -55,17 +45,20 @@ class Seen:
 def read(
     source: Path, *, block: str | None = None, crs: str | None = None, camera: str | None = None
 ) -> Brought:
-    """Read gcp_list.txt.
+    """Read gcp_list.txt as a part of a flight; options as those of `project` and `flight_of`."""
+    return flight_of(project(source, crs=crs, camera=camera), block=block or "calibration")
+
+
+def project(source: Path, *, crs: str | None = None, camera: str | None = None) -> Project:
+    """Return the points of gcp_list.txt and their measurements.
 
     Parameters
     ----------
     source : Path
-    block : str, optional
-        Of the measurements, by default calibration.
     crs : str, optional
         Of the flight; by default the file's own, or the UTM zone for longitudes and latitudes.
     camera : str, optional
-        Name of the camera of all images: then images.csv is brought, too.
+        Name of the camera of all images: then there are images, too.
 
     Raises
     ------
@@ -85,64 +78,34 @@ def read(
         enh = chosen.from_source(xyz)
     except ValueError as error:
         raise first.wrong("CRS", str(error), "must lead to the flight's CRS") from None
-    brought = _brought(file, seen, names, enh, block or "calibration")
-    return _with_images(brought, chosen, seen, block or "calibration", camera)
-
-
-def _brought(
-    file: Opened, seen: list[Seen], names: dict[tuple[float, ...], str], enh: Array, block: str
-) -> Brought:
     known = np.isfinite(enh[:, 2])
-    points = [name for name, one in zip(names.values(), known, strict=True) if one]
-    flat = [name for name, one in zip(names.values(), known, strict=True) if not one]
-    images, measured = [one.image for one in seen], [names[one.xyz] for one in seen]
-    colrow = np.array([one.colrow for one in seen])
-    return Brought(
+    high, flat = (
+        tuple(name for name, one in zip(names.values(), mask, strict=True) if one)
+        for mask in (known, ~known)
+    )
+    images, image_idx = tables.first_use([one.image for one in seen])
+    points, point_idx = tables.first_use([names[one.xyz] for one in seen])
+    without = f"points without a height: {', '.join(flat[:5])}"
+    return Project(
         source="ODM's control points",
-        sha256=opened.checksums([file]),
-        tables={
-            "control_points.csv": _control(points, enh[known]),
-            f"{block}/image_points.csv": tables.image_points(images, measured, colrow),
-        },
-        assumed=("pixel 0, 0 is the centre of the top-left one, rows grow down",),
-        found=(_counts(len(names), len(seen), len(set(images))),),
-        left_out=_without_height(flat),
-    )
-
-
-def _with_images(
-    brought: Brought, chosen: coordinates.Chosen, seen: list[Seen], block: str, camera: str | None
-) -> Brought:
-    """Return what was brought with the CRS, and with images.csv where the camera is named."""
-    pictures = list(dict.fromkeys(one.image for one in seen))
-    made: dict[str, Columns] = {}
-    if camera is not None:
-        made[f"{block}/images.csv"] = tables.images(pictures, [camera] * len(pictures), pictures)
-    return replace(
-        brought,
+        sources=[file],
+        images=Images(
+            names=tuple(images),
+            cameras=(camera or "",) * len(images),
+            exposures=tuple(images),
+            T_w_c=stacked([UNKNOWN] * len(images)),
+        ),
+        measured=Measured(
+            points=tuple(points),
+            image_idx=image_idx,
+            point_idx=point_idx,
+            colrow=np.array([one.colrow for one in seen]),
+        ),
+        control=Control(names=high, enh=enh[known]),
         settings=chosen.settings,
-        tables={**brought.tables, **made},
-        assumed=(*chosen.assumed, *brought.assumed),
+        lost={without: len(flat)},
+        assumed=(*chosen.assumed, "pixel 0, 0 is the centre of the top-left one, rows grow down"),
     )
-
-
-def _counts(points: int, measured: int, images: int) -> str:
-    return (
-        f"{number_of(points, 'points')}, {number_of(measured, 'measurements')} in "
-        f"{number_of(images, 'images')}"
-    )
-
-
-def _without_height(flat: list[str]) -> tuple[str, ...]:
-    if not flat:
-        return ()
-    n = number_of(len(flat), "points")
-    return (f"coordinates of {n} without a height: {', '.join(flat[:5])}",)
-
-
-def _control(names: list[str], enh: Array) -> dict[str, Any]:
-    east, north, height = np.round(enh, tables.METRES).T.tolist()
-    return {"point": names, "east_m": east, "north_m": north, "height_m": height}
 
 
 def crs_of(text: str) -> str:

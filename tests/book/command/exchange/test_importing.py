@@ -19,22 +19,23 @@ def test_every_kind_has_its_place_in_the_help(acx4):
 
 
 @pytest.mark.parametrize(
-    ("command", "module"),
+    ("command", "reader"),
     [
-        (projects.metashape, "metashape.reading"),
-        (projects.colmap, "colmap.reading"),
-        (projects.opf, "opf.reading"),
-        (blocks.opensfm, "opensfm.reading"),
-        (blocks.micmac, "micmac.reading"),
-        (blocks.bundler, "bundler"),
-        (blocks.bingo, "bingo"),
-        (blocks.patb, "patb"),
-        (blocks.odm_control, "odm"),
+        (projects.metashape, "metashape.read"),
+        (projects.colmap, "colmap.read"),
+        (projects.opf, "opf.read"),
+        (blocks.opensfm, "opensfm.read"),
+        (blocks.micmac, "micmac.read"),
+        (blocks.bundler, "bundler.read"),
+        (blocks.bingo, "photo_lists.read_bingo"),
+        (blocks.patb, "photo_lists.read_patb"),
+        (blocks.odm_control, "odm.read"),
     ],
 )
-def test_options_are_those_of_the_reader(command, module):
+def test_options_are_those_of_the_reader(command, reader):
     """But for the heights, which only a flight that was begun can say."""
-    read = import_module(f"acx4lib.exchange.programs.{module}").read
+    module, _, name = reader.partition(".")
+    read = getattr(import_module(f"acx4lib.exchange.programs.{module}"), name)
     taken, options = (
         {name: one.default for name, one in inspect.signature(function).parameters.items()}
         for function in (read, command)

@@ -5,11 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4lib.exchange.outward.kinds import KINDS
-from acx4lib.exchange.programs.colmap import reading as colmap
-from acx4lib.exchange.programs.metashape import reading as metashape
-from acx4lib.exchange.programs.micmac import reading as micmac
-from acx4lib.exchange.programs.opensfm import reading as opensfm
-from acx4lib.exchange.programs.opf import reading as opf
+from acx4lib.exchange.programs import colmap, metashape, micmac, opensfm, opf
 from acx4lib.exchange.trajectories import orientation_table
 from acx4lib.exchange.trajectories.orientations import Meaning
 from acx4lib.flight.setup import camera_of
