@@ -106,7 +106,9 @@ def copied(unmeasured: Unmeasured, own: OwnFolder) -> None:
     flight = unmeasured.flight
     names = [name.as_posix() for name in table_files(flight)]
     pictures = dict(_pictures(flight))
-    missing = [] if any("control_points" in name for name in names) else ["control_points.csv"]
+    own_control = (f"{block}/control_points.csv" in names for block in flight.blocks)
+    has_control = "control_points.csv" in names or all(own_control)
+    missing = [] if has_control else ["control_points.csv"]
     own.expect([*names, *pictures, *missing])
     made = {
         f"{block}/images.csv": _used_images(unmeasured, block, tables)

@@ -95,6 +95,7 @@ def match_block(
     options: MeasureOptions,
     matching: Matching,
     tell: Tell,
+    skip: int = 0,
 ) -> Matched:
     """Match all overlapping pictures of a block, level by level.
 
@@ -113,6 +114,8 @@ def match_block(
     matching : Matching
     tell : callable
         Called with the name of a level, its finished pairs, and all.
+    skip : int
+        Levels that are left out at the start; one where orientations come from features.
 
     Raises
     ------
@@ -122,9 +125,10 @@ def match_block(
         Where the points cannot be adjusted.
     """
     best, of_file = None, views[0].shrink
-    for shrink in sizes_of(views, options.reduce):
+    sizes = sizes_of(views, options.reduce)
+    for k, shrink in enumerate(sizes[min(skip, len(sizes) - 1) :], start=skip):
         views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
-        match = COARSE if best is None else FINE
+        match = FINE if k else COARSE
         count = partial(tell, f"{block.name} 1/{max(shrink)}")
         try:
             rays = _matched(block, views, surface, match, options.points, matching, count)

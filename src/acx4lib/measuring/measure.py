@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from acx4lib.errors import FlightError
+from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.block import Block, select_images
 from acx4lib.flight.reader import Flight, read
 from acx4lib.measuring import flights
@@ -21,6 +22,7 @@ from acx4lib.measuring.levels import (
     match_block,
     placed,
 )
+from acx4lib.measuring.orientation import Coarse, oriented_by_features
 from acx4lib.measuring.pictures import ground
 from acx4lib.measuring.pictures.ground import Surface
 from acx4lib.measuring.pictures.store import Matching
@@ -45,21 +47,21 @@ class Outcome:
     surveyed : Surveyed
         Control and check points.
     options : MeasureOptions
-    beyond : str
-        Says that the trajectory may be off by more than is searched; empty where it is not.
+    coarse : tuple of str
+        Sentences on a coarse orientation by features, where there was one.
     """
 
     block: str
     matched: Matched
     surveyed: Surveyed
     options: MeasureOptions
-    beyond: str = ""
+    coarse: tuple[str, ...] = ()
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What was found, and what was not, for the user."""
         return (
-            *([self.beyond] if self.beyond else []),
+            *self.coarse,
             *_on_ties(self.block, self.matched, self.options.reduce),
             *_on_surveyed(self.block, self.surveyed),
         )
@@ -131,18 +133,59 @@ def _measured(
     files = flight.image_files[name]
     block = select_images(flight.block(name), np.array([path is not None for path in files]))
     views = views_of(flight, block, [path for path in files if path is not None])
-    surface = _ground(unmeasured, block, options)
-    beyond = beyond_search(block, views, surface, options.reduce)
-    try:
-        matched = match_block(block, views, surface, options=options, matching=matching, tell=tell)
-    except FlightError as error:
-        raise FlightError([*error.problems, *([beyond] if beyond else [])]) from None
-    matched = placed(block, matched)
     control = unmeasured.tables[name].control
+    surface = _ground(unmeasured, block, options)
+    matched, coarse = _matched(block, views, surface, options, matching, tell)
+    if len(control):
+        matched = placed(coarse.block if coarse else block, matched)
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
-    names = control.text["point"]
-    surveyed = find_surveyed(matched.views, matched.surface, names, x_m, given)
-    return Outcome(block=name, matched=matched, surveyed=surveyed, options=options, beyond=beyond)
+    surveyed = find_surveyed(matched.views, matched.surface, control.text["point"], x_m, given)
+    return Outcome(
+        block=name,
+        matched=matched,
+        surveyed=surveyed,
+        options=options,
+        coarse=coarse.said if coarse else (),
+    )
+
+
+def _matched(
+    block: Block,
+    views: Sequence[View],
+    surface: Surface | None,
+    options: MeasureOptions,
+    matching: Matching,
+    tell: Tell,
+) -> tuple[Matched, Coarse | None]:
+    """Match a block from where its trajectory puts it; where that is too coarse, by features."""
+    run = partial(match_block, options=options, matching=matching, tell=tell)
+    beyond = beyond_search(block, views, surface, options.reduce) if surface else ""
+    first: FlightError | AdjustmentError | None = None
+    if surface and not beyond:
+        try:
+            return run(block, views, surface), None
+        except (FlightError, AdjustmentError) as error:
+            first = error
+    count = partial(tell, f"{block.name} features")
+    try:
+        coarse = oriented_by_features(block, views, executor=matching.executor, tell=count)
+    except (FlightError, AdjustmentError) as error:
+        raise _joined(first, beyond if surface else _NO_HEIGHT, error) from None
+    return run(coarse.block, coarse.views, coarse.surface, skip=1), coarse
+
+
+def _joined(
+    first: FlightError | AdjustmentError | None, beyond: str, last: FlightError | AdjustmentError
+) -> FlightError | AdjustmentError:
+    """Return the error of a block that can be matched neither by its trajectory nor by features."""
+    if isinstance(first, AdjustmentError):
+        return first
+    return FlightError(
+        [*(first.problems if first else []), *([beyond] if beyond else []), str(last)]
+    )
+
+
+_NO_HEIGHT = "no control points tell the height of the ground; it may be given by --ground HEIGHT"
 
 
 def views_of(flight: Flight, block: Block, files: Sequence[Path]) -> list[View]:
@@ -161,16 +204,15 @@ def views_of(flight: Flight, block: Block, files: Sequence[Path]) -> list[View]:
     return [seen_at(view, size_on_file(view.path, view.declared)) for view in views]
 
 
-def _ground(unmeasured: Unmeasured, block: Block, options: MeasureOptions) -> Surface:
-    """Return a first, level ground: as given, or the mean of the surveyed points."""
+def _ground(unmeasured: Unmeasured, block: Block, options: MeasureOptions) -> Surface | None:
+    """Return a first, level ground: as given, or the mean of the surveyed points, if any."""
     control = unmeasured.tables[block.name].control
     if options.ground_m is not None:
         below = block.frame.to_grid(np.mean(block.trajectory.T_m_b.r, axis=0)[None])
         below[0, 2] = options.ground_m
         return ground.level(float(block.frame.from_grid(below)[0, 2]))
     if not len(control):
-        says = "no control points tell the height of the ground; give it by --ground HEIGHT"
-        raise FlightError([f"{control.file}: {says}"])
+        return None
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
     return ground.level(float(np.median(x_m[:, 2])))
 

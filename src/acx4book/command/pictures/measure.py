@@ -13,11 +13,12 @@ from acx4book.command.terminal import Flight, refuse, say_if_not_kept, show, sta
 HELP = """Measure the pictures of a flight, and write the measured flight.
 
 FLIGHT has settings, images.csv with the column file, a trajectory and, where there are some,
-control points; image_points.csv may be missing or empty. MEASURED is a complete flight with the
-same tables and pictures: tie points found in the pictures, each with its standard deviation from
-the matching, and surveyed points, which are looked for where the trajectory puts them. Measurements
-that are there already are kept. What is not found is listed. A command that was interrupted goes
-on where it was.
+control points; image_points.csv may be missing or empty. Attitudes may be wrong by ten degrees
+and the height of the ground unknown: features of the pictures tell. MEASURED is a complete flight
+with the same tables and pictures: tie points found in the pictures, each with its standard
+deviation from the matching, and surveyed points, which are looked for where the trajectory puts
+them. Measurements that are there already are kept. What is not found is listed. A command that was
+interrupted goes on where it was.
 
 \b
 Examples:
@@ -42,7 +43,7 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     ground: Annotated[
         float | None,
         typer.Option(
-            metavar="HEIGHT", show_default=False, help="Of the mean ground; else from the points."
+            metavar="HEIGHT", show_default=False, help="Of the mean ground, if nothing tells it."
         ),
     ] = None,
     show_in: Annotated[

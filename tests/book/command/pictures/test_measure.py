@@ -28,14 +28,10 @@ def test_a_flight_is_not_measured_into_itself(acx4, flight):
     assert err == f"{flight}: is the flight itself; choose another folder for the measured one\n"
 
 
-def test_a_height_of_the_ground_is_asked_for_where_nothing_tells_it(acx4, flight, tmp_path):
+def test_no_height_of_the_ground_is_needed_where_pictures_overlap(acx4, flight, tmp_path):
     own = shutil.copytree(flight, tmp_path / "own", copy_function=shutil.os.link)
     (own / "control_points.csv").unlink()
     shutil.rmtree(own / "validation")
-    status, _, err = acx4("measure", own, "--out", tmp_path / "out")  # the same folder again below
-    assert status == 2
-    assert "no control points tell the height of the ground; give it by --ground HEIGHT" in err
-    status, _, err = acx4("measure", own, "--out", tmp_path / "out", "--ground", 430)
-    assert err == ""
-    assert status == 0
+    status, _, err = acx4("measure", own, "--out", tmp_path / "out")
+    assert (status, err) == (0, "")
     assert not len(read(tmp_path / "out").calibration.control)
