@@ -3,6 +3,8 @@
 import csv
 import shutil
 
+import cv2
+import numpy as np
 import pytest
 
 from acx4lib.errors import FlightError
@@ -48,8 +50,11 @@ def test_wrong_attitudes_and_positions_and_no_height_cost_no_measurement(whole, 
 
 def test_pictures_without_anything_in_common_are_refused(whole, tmp_path):
     own = misled(tmp_path, whole.flight)
-    images = own / "calibration" / "images"
-    for path in sorted(images.glob("*.tif"))[1:]:
+    rng = np.random.default_rng(5)
+    for path in sorted((own / "calibration" / "images").glob("*.tif"))[1:]:
+        picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         path.unlink()
+        noise = rng.integers(0, 255, picture.shape).astype(picture.dtype)
+        cv2.imwrite(str(path), noise, [cv2.IMWRITE_TIFF_COMPRESSION, 1])
     with pytest.raises(FlightError, match="features in common"):
         measure_flight(own, tmp_path / "out")
