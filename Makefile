@@ -129,11 +129,7 @@ mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of ever
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.planted_mistakes
 
 bench: .venv/.stamp-bench ## time commands, and adjustment and rendering beside others, for data/benchmarks
-	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.whole
-	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.many
-	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.measuring
-	@PYTHONPATH=tests $(BIN)/python -m benchmarks.adjusting.adjustment
-	@PYTHONPATH=tests $(BIN)/python -m benchmarks.rendering.rendering
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.bench
 
 coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, and their verdicts, for data/benchmarks
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.coverage_flights

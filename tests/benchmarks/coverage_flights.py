@@ -35,10 +35,10 @@ from acx4lib.georeferencing import validation
 from acx4lib.least_squares.processors import as_finished
 from acx4lib.results.files.schemas import RELATIVE
 from acx4sim.plan import SlowErrors
-from benchmarks import machine, stored
+from benchmarks import harness
 from support.flights import simulated
 
-OUT = machine.ROOT / "data" / "benchmarks"
+OUT = harness.OUT
 DESIGN = "acx4-ideal"
 HEADS_DESIGN = "acx4"
 N_FLIGHTS, N_PAIRS = 200, 250
@@ -63,7 +63,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
-    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
+    about = harness.about()
     about |= {"design": DESIGN, "heads_design": HEADS_DESIGN}
     n, m = options.flights, options.pairs
     files = {"coverage": ((mountings, n), (heads, n), (pair, m)), "slow_errors": ((slowly, n),)}
@@ -260,7 +260,7 @@ def single_step(flown: Flight, *, distortion_at: str) -> estimates.Calibration:
 def write(folder: Path, name: str, tables: Tables, about: dict[str, Any]) -> None:
     """Write a file for every table and one about them, and only then replace older ones."""
     frames = {part: pd.DataFrame(rows) for part, rows in tables.items()}
-    stored.write(folder, name, frames, about, digits=DIGITS)
+    harness.write(folder, name, frames, about, digits=DIGITS)
 
 
 if __name__ == "__main__":

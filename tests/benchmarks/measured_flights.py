@@ -15,9 +15,9 @@ import pandas as pd
 
 from acx4book.chapters.beyond.from_pictures import whole
 from acx4lib.calibration.estimates import parameters
-from benchmarks import machine, stored
+from benchmarks import harness
 
-OUT = machine.ROOT / "data" / "benchmarks"
+OUT = harness.OUT
 SEEDS = 6
 DIGITS = 6
 """Of the numbers written down."""
@@ -33,9 +33,9 @@ def main() -> None:
     for seed in range(1, options.flights + 1):
         rows += of_seed(seed)
         sys.stderr.write(f"\r{seed} of {options.flights} flights")
-    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
+    about = harness.about()
     about |= {"reduce": whole.REDUCE, "pictures": len(whole.EXPOSURES)}
-    stored.write(options.out, "measured_flights", {"": pd.DataFrame(rows)}, about, digits=DIGITS)
+    harness.write(options.out, "measured_flights", {"": pd.DataFrame(rows)}, about, digits=DIGITS)
 
 
 def of_seed(seed: int) -> list[dict[str, Any]]:

@@ -1,31 +1,26 @@
-"""Time the adjustment against others that solve the same problem (``make bench``).
+"""The adjustment beside others that solve the same problem.
 
 Every run is a process of its own, which reads the problem from a file before its clock starts;
-the solvers take turns. The results replace those in data/benchmarks when all are there.
+the solvers take turns.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
-import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from acx4lib.geometry.frames import log, rotation_from_opk
-from benchmarks import machine, stored
+from benchmarks import harness
 from benchmarks.adjusting import bench_blocks, ceres_solver, problem_file
 
 HERE = Path(__file__).parent
-OUT = machine.ROOT / "data" / "benchmarks"
 CERES = tuple(
     f"ceres_{derivatives}_{schur}_{threads}"
     for derivatives in ("automatic", "analytic")
@@ -48,8 +43,6 @@ NO_PYCOLMAP = "it is missing (pip install -r environment-bench.txt)"
 ALONE = ("e2m",)
 """Ceres would need four times the memory and minutes that the largest of the others takes it."""
 
-SCIPY_ON = ("a500",)
-COVARIANCE_ON = ("a500", "a5k")
 SWEEP = (500, 1_000, 2_000, 4_000, 8_000, 16_000, 32_000, 64_000)
 """Numbers of tie points on 52 images."""
 
@@ -58,21 +51,13 @@ SLOWER = 1.2
 
 COLUMNS = (
     *("problem", "images", "points", "image_points", "observations", "unknowns", "solver", "run"),
-    *("wall_s", "cpu_s", "first_wall_s", "first_cpu_s", "peak_mb", "growth_mb"),
-    *("steps", "converged", "cost"),
+    *("wall_s", "cpu_s", "peak_mb", "growth_mb", "steps", "converged", "cost"),
 )
 Row = dict[str, Any]
 
 
-def main() -> None:
-    """Run what the command line asks for."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    sizes = [*bench_blocks.DESIGNS, *FREE]
-    parser.add_argument("--sizes", nargs="*", choices=sizes, default=sizes, metavar="SIZE")
-    parser.add_argument("--repeat", type=int, default=5, help="runs of each solver (5)")
-    parser.add_argument("--sweep", type=int, nargs="*", default=list(SWEEP), metavar="TIES")
-    parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
-    options = parser.parse_args()
+def rows(_folder: Path, repeat: int) -> tuple[list[Row], Row]:
+    """Return the runs of all solvers on all problems; versions and agreement belong to all."""
     try:
         ceres: Path | None = ceres_solver.build()
     except ceres_solver.NoCeres as why:
@@ -80,16 +65,27 @@ def main() -> None:
         sys.stderr.write(f"{why}\n")
     if find_spec("pycolmap") is None:
         sys.stderr.write(f"no comparison with pycolmap: {NO_PYCOLMAP}\n")
-    designs = {name: (bench_blocks.DESIGNS | FREE)[name] for name in options.sizes}
-    designs |= {
-        f"sweep-{ties}": bench_blocks.Design(layout="52", ties=ties) for ties in options.sweep
-    }
-    rows, agreement = [], []
+    sweep = {f"sweep-{ties}": bench_blocks.Design(layout="52", ties=ties) for ties in SWEEP}
+    return of_problems(bench_blocks.DESIGNS | FREE | sweep, ceres=ceres, repeat=repeat)
+
+
+def of_problems(
+    designs: Mapping[str, bench_blocks.Design], *, ceres: Path | None, repeat: int
+) -> tuple[list[Row], Row]:
+    """Return the runs on some problems, by their names, and what belongs to all."""
+    found, agreement = [], []
     for name, design in designs.items():
-        found, agreed = measure(name, design, ceres=ceres, repeat=options.repeat)
-        rows += found
-        agreement += agreed
-    write(options.out, rows, {**machine.described(ceres), "agreement": agreement})
+        runs, agrees = measure(name, design, ceres=ceres, repeat=repeat)
+        found += runs
+        agreement += agrees
+    of_ceres = {} if ceres is None else ceres_solver.versions(ceres)
+    about = harness.about()
+    return found, {
+        "versions": about["versions"] | of_ceres,
+        "flags": " ".join(ceres_solver.FLAGS),
+        "ceres_exact_tolerance": float(ceres_solver.EXACT),
+        "agreement": agreement,
+    }
 
 
 def measure(
@@ -109,7 +105,7 @@ def measure(
             progress(rows[-1])
         if "ceres_automatic_sparse_1" not in last:
             return fill(rows, last["ours"]), []
-        exact = last.get("ceres_covariance") or run("ceres_exact")
+        exact = run("ceres_exact")
     return fill(rows, last["ours"]), [
         agreed(name, last["ours"], last["ceres_automatic_sparse_1"], exact)
     ]
@@ -135,8 +131,7 @@ def solvers(name: str, ceres: Path | None) -> tuple[str, ...]:
         return ("ours",)
     if name.startswith("sweep"):
         return ("ours", "ceres_automatic_dense_1")
-    extra = ("ceres_covariance",) if name in COVARIANCE_ON else ()
-    return ("ours", *CERES, *extra, *(("scipy",) if name in SCIPY_ON else ()))
+    return ("ours", *CERES)
 
 
 def turns(names: Sequence[str], repeat: int, rows: Sequence[Row]) -> Iterator[tuple[int, str]]:
@@ -144,7 +139,7 @@ def turns(names: Sequence[str], repeat: int, rows: Sequence[Row]) -> Iterator[tu
     for number in range(1, repeat + 1):
         first = {row["solver"]: row for row in rows if row["run"] == 1}
         for solver in names:
-            if number == 1 or not (solver == "scipy" or outrun(solver, first)):
+            if number == 1 or not outrun(solver, first):
                 yield number, solver
 
 
@@ -163,19 +158,7 @@ def runner(problem: Path, ceres: Path | None, *, free: bool = False) -> Callable
     """Return what runs a solver on a problem in a fresh process."""
 
     def run(solver: str) -> Row:
-        done = subprocess.run(
-            _command(solver, problem, ceres, free=free),
-            capture_output=True,
-            text=True,
-            check=False,
-            env=os.environ | machine.ENVIRONMENT,
-        )
-        if done.returncode:
-            message = (done.stderr.strip().splitlines() or ["no message"])[-1]
-            sys.exit(f"{solver} failed: {message}")
-        found = json.loads(done.stdout)
-        if solver == "ceres_covariance":  # its own time; the solution before it is not counted
-            found |= {key: found[f"covariance_{key}"] for key in ("wall_s", "cpu_s", "peak_mb")}
+        found: Row = json.loads(harness.called(_command(solver, problem, ceres, free=free)))
         return found
 
     return run
@@ -199,9 +182,9 @@ def progress(row: Row) -> None:
 
 
 def fill(rows: list[Row], ours: Row) -> list[Row]:
-    """Return the rows with the numbers of observations and unknowns."""
+    """Return the rows as they are stored, with the numbers of observations and unknowns."""
     size = {key: ours[key] for key in ("observations", "unknowns")}
-    return [row | size for row in rows]
+    return [{key: (row | size).get(key) for key in COLUMNS} for row in rows]
 
 
 def agreed(name: str, ours: Row, timed: Row, exact: Row) -> Row:
@@ -221,13 +204,3 @@ def agreed(name: str, ours: Row, timed: Row, exact: Row) -> Row:
         theirs = np.array(exact["sigma"])[straight]
         out["sigma"] = np.abs(theirs / sigma[:11] - 1).max()
     return out
-
-
-def write(folder: Path, rows: Sequence[Row], about: dict[str, Any]) -> None:
-    """Write both files, and only then put them in the place of older ones."""
-    table = pd.DataFrame(rows, columns=list(COLUMNS), dtype=object)  # whole numbers stay whole
-    stored.write(folder, "adjustment", {"": table}, about)
-
-
-if __name__ == "__main__":
-    main()

@@ -40,11 +40,11 @@ from acx4lib.synthetic_image.carried import carry, synthetic_block
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.synthetic_image.head_errors import parameter_covariance
 from acx4sim.optics import head_truth
-from benchmarks import machine, stored
+from benchmarks import harness
 from benchmarks.chain import find_head_truth
 from support.flights import simulated
 
-OUT = machine.ROOT / "data" / "benchmarks"
+OUT = harness.OUT
 DESIGN = "acx4"
 SEEDS = range(1, 49)
 FOCAL_LENGTHS_MM = tuple(round(float(f), 2) for f in np.arange(74.0, 74.61, 0.1))
@@ -83,13 +83,13 @@ def main() -> None:
     parser.add_argument("--only", choices=("noise",), help="the flights with noise and without")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
-    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
+    about = harness.about()
     about["design"] = DESIGN
     with ProcessPoolExecutor(options.processes) as pool:
         each = pool.map(with_noise_and_without, NOISE_SEEDS)
         noise = pd.DataFrame([row for rows in each for row in rows])
     both = about | {"first_seed": NOISE_SEEDS[0], "last_seed": NOISE_SEEDS[-1]}
-    stored.write(options.out, "closed_chain_noise", {"": noise}, both, digits=DIGITS)
+    harness.write(options.out, "closed_chain_noise", {"": noise}, both, digits=DIGITS)
     if options.only:
         return
     seeds = SEEDS[: options.seeds]
@@ -107,7 +107,7 @@ def main() -> None:
         rows["centres"] = centres()
     about |= {"first_seed": seeds[0], "last_seed": seeds[-1]}
     tables = {name: pd.DataFrame(table) for name, table in rows.items()}
-    stored.write(options.out, "closed_chain", tables, about, digits=DIGITS)
+    harness.write(options.out, "closed_chain", tables, about, digits=DIGITS)
 
 
 # --- one flight --------------------------------------------------------------------------------

@@ -19,8 +19,8 @@ import pandas as pd
 
 from acx4book.command.acx4 import main as acx4
 from acx4book.reference import data
-from benchmarks import machine, stored
-from benchmarks.commands.whole import OUT
+from benchmarks import harness
+from benchmarks.harness import OUT
 
 SETS = ("applanix_pdal", "formats", "ign-uce-m3")
 EVENTS = "image,time\nfirst,151631.004\nsecond,151631.0075\n"
@@ -51,8 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if missing := [name for name in SETS if not data.is_here(name)]:
         sys.exit(f"{', '.join(missing)}: {data.HINT}")
     table = pd.DataFrame(list(said()))
-    about = {"commands": COMMANDS, "versions": machine.package_versions(["acx4lib"])}
-    stored.write(given.out, "imports", {"": table}, about)
+    about = {"commands": COMMANDS, "versions": harness.package_versions(["acx4lib"])}
+    harness.write(given.out, "imports", {"": table}, about)
 
 
 def said(names: Sequence[str] = tuple(RUNS)) -> Iterator[dict[str, str]]:

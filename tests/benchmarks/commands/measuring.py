@@ -1,19 +1,16 @@
-"""Time ``acx4 measure`` of eight pictures at three sizes (``make bench``).
+"""Runs of ``acx4 measure`` with eight pictures at three sizes.
 
 Beside them stands, without a time, how much fifty pictures of full size are: the page computes it.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from acx4book.chapters.beyond.from_pictures.whole import EXPOSURES
 from acx4lib.flight.block import Block, select_images
@@ -23,8 +20,7 @@ from acx4lib.measuring.levels import sizes_of
 from acx4lib.measuring.pictures import ground
 from acx4lib.measuring.pictures.overlaps import overlapping
 from acx4lib.measuring.pictures.views import declared_views, seen_at
-from benchmarks import machine, stored
-from benchmarks.commands.whole import ACX4, COMMAND, OUT
+from benchmarks import harness
 
 REDUCED = (8, 4, 2)
 MANY = 50
@@ -34,18 +30,12 @@ LIBRARY = "import acx4lib.measuring.measure"
 """What each run loads, timed alone."""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Time all sizes and store what they took."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
-    given = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory() as folder:
-        table = pd.DataFrame(list(rows(Path(folder))))
-    about = {**machine.computer(), "versions": machine.package_versions(machine.PACKAGES)}
-    stored.write(given.out, "measuring", {"": table}, about, digits=5)
+def rows(folder: Path, _repeat: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return the library alone, every size, and what is only counted; nothing belongs to all."""
+    return [*measured(folder)], {}
 
 
-def rows(folder: Path, reduced: Sequence[int] = REDUCED) -> Iterator[dict[str, Any]]:
+def measured(folder: Path, reduced: Sequence[int] = REDUCED) -> Iterator[dict[str, Any]]:
     """Yield the library alone, every size, and what is only counted.
 
     Parameters
@@ -55,20 +45,20 @@ def rows(folder: Path, reduced: Sequence[int] = REDUCED) -> Iterator[dict[str, A
     reduced : sequence of int
         Sizes of the pictures: at 1/K.
     """
-    yield work(0, 0, 1, 0.0) | _timed([sys.executable, "-c", LIBRARY])
+    yield work(0, 0, 1, 0.0) | harness.timed(sys.executable, "-c", LIBRARY)
     for k in reduced:
         flight = folder / f"at-{k}"
         options = ["--images", ",".join(EXPOSURES), "--reduce", str(k)]
-        machine.called([ACX4, "simulate", "single-head", *options, "--out", str(flight)])
+        harness.called([harness.ACX4, "simulate", "single-head", *options, "--out", str(flight)])
         whole = read(flight)
         block = whole.block("calibration")
         here = np.isin(block.images.names, EXPOSURES)
         points = flight / "calibration" / "image_points.csv"
         points.write_text(points.read_text(encoding="utf-8").splitlines()[0], encoding="utf-8")
-        call = [ACX4, "measure", str(flight), "--out"]
+        call = [harness.ACX4, "measure", str(flight), "--out"]
         if k == reduced[0]:
-            machine.called([*call, str(folder / "compiled")])
-        yield counted(select_images(block, here), k) | _timed([*call, str(folder / f"of-{k}")])
+            harness.called([*call, str(folder / "compiled")])
+        yield counted(select_images(block, here), k) | harness.timed(*call, str(folder / f"of-{k}"))
     many = whole.block("validation")
     yield counted(select_images(many, np.arange(len(many.images.names)) < MANY), 1)
 
@@ -95,11 +85,3 @@ def work(
         "levels": levels,
         "pairs": pairs,
     }
-
-
-def _timed(arguments: Sequence[str]) -> dict[str, Any]:
-    return machine.reported(COMMAND, *arguments)
-
-
-if __name__ == "__main__":
-    main()

@@ -21,8 +21,8 @@ def test_a_row_for_every_way(tmp_path):
 def test_other_bytes_end_it(tmp_path, monkeypatch):
     bytes_left = iter([{"a": b"1"}, {"a": b"1"}, {"a": b"2"}, {"a": b"1"}])
     monkeypatch.setattr(many, "left", lambda _: next(bytes_left))
-    monkeypatch.setattr(many.machine, "reported", lambda *_: {"wall_s": 1.0})
-    monkeypatch.setattr(many.machine, "called", lambda *_: "")
+    monkeypatch.setattr(many.harness, "timed", lambda *_: {"wall_s": 1.0})
+    monkeypatch.setattr(many.harness, "called", lambda *_: "")
     for way in many.WORKERS:
         (tmp_path / way).mkdir()
         (tmp_path / way / "times.csv").write_text("cpu_s,peak_mb\n1,100\n")

@@ -1,13 +1,11 @@
-"""Time the rendering of a synthetic image beside others (``make bench``, after adjustment.py).
+"""The rendering of a synthetic image beside others.
 
 Every run is a process of its own that has what it needs before its clock starts; all take turns.
-The pictures are simulated into a folder that is kept, which at full size takes minutes. The
-results replace those in data/benchmarks when all are there.
+The pictures are simulated into a folder that is kept, which at full size takes minutes.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import tempfile
@@ -16,29 +14,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
-from benchmarks import machine, stored
+from benchmarks import harness
 from benchmarks.rendering import hugin, peers
 from benchmarks.rendering.run import RUNS
 from benchmarks.rendering.scene import EXPOSURE, read
 
 HERE = Path(__file__).parent
 RUN = HERE / "run.py"
-COMMAND = machine.ROOT / "tests/benchmarks/commands/command.py"
-OUT = machine.ROOT / "data" / "benchmarks"
-FLIGHTS = machine.ROOT / "build" / "benchmarks"
-ACX4 = str(Path(sys.executable).with_name("acx4"))
 
 SMALLER = 4
 """Files are rendered at full size, and at such a part of it, where enblend ends in time."""
 
 COMMANDS = ("acx4_render", "acx4_render_unequalised", "nona", "enblend")
 ONCE, SMALLER_ONLY = ("nona", "enblend"), ("enblend",)
-PACKAGES = (
-    *("acx4lib", "numpy", "numba", "scipy", "opencv-python-headless", "scikit-image"),
-    *("pyvips", "tifffile"),
-)
 COLUMNS = (
     *("what", "reduction", "width_px", "height_px", "pixels", "samples", "run"),
     *("wall_s", "cpu_s", "peak_mb", "rms_dn", "p999_dn", "max_dn", "position_px"),
@@ -68,26 +56,21 @@ class Material:
     reduction: int
 
 
-def main() -> None:
-    """Run what the command line asks for."""
-    known = (*RUNS, *COMMANDS, "ties")
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--repeat", type=int, default=3, help="runs of each (3)")
-    parser.add_argument("--reduce", type=int, default=1, help="pictures at 1/K of the size (1)")
-    parser.add_argument("--only", nargs="*", choices=known, default=known, metavar="WHAT")
-    parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
-    parser.add_argument("--flights", type=Path, default=FLIGHTS, help="folder of the pictures")
-    options = parser.parse_args()
-    material = prepare(options.flights, options.reduce)
+def rows(_folder: Path, repeat: int, *, reduce: int = 1) -> tuple[list[Row], Row]:
+    """Return the runs of all renderers and commands, and what belongs to all.
+
+    The pictures, at 1/reduce of their size, are kept in `harness.FLIGHTS`.
+    """
+    material = prepare(harness.FLIGHTS, reduce)
     paths = [str(p) for p in (material.flight, material.results, material.response)]
-    truth = machine.reported(HERE / "truth.py", *paths)
+    truth = harness.reported(HERE / "truth.py", *paths)
     lacking = missing()
-    names = [name for name in options.only if name not in lacking]
-    rows = list(measure(material, names, options.repeat))
-    ties = machine.reported(HERE / "tie_points.py", paths[0])["ties"] if "ties" in names else []
-    about = {**described(), **truth, "exposure": EXPOSURE}
-    about |= {"missing": lacking, "ties": ties}
-    stored.write(options.out, "rendering", {"": with_errors(rows, truth)}, about)
+    names = [name for name in (*RUNS, *COMMANDS) if name not in lacking]
+    found = list(measure(material, names, repeat))
+    ties = harness.reported(HERE / "tie_points.py", paths[0])["ties"]
+    versions = {**harness.about()["versions"], **hugin.installed()}
+    about = {"versions": versions, **truth, "exposure": EXPOSURE, "missing": lacking, "ties": ties}
+    return with_errors(found, truth), about
 
 
 # --- what is measured on -------------------------------------------------------------------------
@@ -107,11 +90,11 @@ def prepare(folder: Path, reduction: int) -> Material:
         if not (path / "flight.toml").is_file():
             sys.stderr.write(f"simulating {path}\n")
             images = ["--images", EXPOSURE, "--reduce", str(k)]
-            machine.called([ACX4, "simulate", "acx4", "--out", str(path), *images])
+            harness.called([harness.ACX4, "simulate", "acx4", "--out", str(path), *images])
     if not (material.results / "summary.json").is_file():
         sys.stderr.write(f"orienting the heads of {material.flight}\n")
         results = ["--results", str(material.results), "--stages", "heads,synthetic"]
-        machine.called([ACX4, "run", str(material.flight), *results])
+        harness.called([harness.ACX4, "run", str(material.flight), *results])
     return material
 
 
@@ -123,16 +106,6 @@ def missing() -> dict[str, str]:
     if "nona" in lacking:
         lacking["enblend"] = lacking.get("enblend", "nona")  # it blends what nona made
     return absent | lacking
-
-
-def described() -> Row:
-    """Return what the results hang on."""
-    versions = {**machine.package_versions(PACKAGES), **hugin.installed()}
-    python_version = ".".join(map(str, sys.version_info[:3]))
-    return {
-        **machine.computer(),
-        "versions": {"python": python_version, **versions},
-    }
 
 
 # --- runs ----------------------------------------------------------------------------------------
@@ -147,7 +120,7 @@ def measure(material: Material, names: Sequence[str], repeat: int) -> Iterator[R
                 sizes: Iterable[tuple[int, Callable[[], Row]]] = [
                     (
                         material.reduction,
-                        lambda name=name: machine.reported(RUN, name, *paths),
+                        lambda name=name: harness.reported(RUN, name, *paths),
                     )
                 ]
             elif name in COMMANDS and (number == 1 or name not in ONCE):
@@ -178,7 +151,7 @@ def acx4_render(name: str, flight: Path, results: Path) -> Row:
         how = ["--equalise", "none"] if name == "acx4_render_unequalised" else []
         where = ["--results", str(results), "--out", str(Path(folder) / "images")]
         what = ["--exposures", EXPOSURE]
-        return machine.reported(COMMAND, ACX4, "render", str(flight), *where, *what, *how)
+        return harness.timed(harness.ACX4, "render", str(flight), *where, *what, *how)
 
 
 def by_hugin(name: str, flight: Path, results: Path) -> Row:
@@ -187,10 +160,10 @@ def by_hugin(name: str, flight: Path, results: Path) -> Row:
         project = Path(folder) / "project.pto"
         project.write_text(hugin.project(read(flight, results)), encoding="utf-8")
         own = {key: value for key, value in os.environ.items() if key != "OMP_NUM_THREADS"}
-        found = machine.reported(COMMAND, *hugin.nona(project, Path(folder)), environment=own)
+        found = harness.timed(*hugin.nona(project, Path(folder)), environment=own)
         if name == "enblend":
             command = hugin.enblend(Path(folder))
-            found = machine.reported(COMMAND, *command, environment=own)
+            found = harness.timed(*command, environment=own)
         return found
 
 
@@ -205,7 +178,7 @@ def progress(row: Row) -> None:
 # --- results -------------------------------------------------------------------------------------
 
 
-def with_errors(rows: Iterable[Row], truth: Mapping[str, Any]) -> pd.DataFrame:
+def with_errors(rows: Iterable[Row], truth: Mapping[str, Any]) -> list[Row]:
     """Return the rows with the size of the image and with the errors of who made it."""
     out = []
     for row in rows:
@@ -217,9 +190,6 @@ def with_errors(rows: Iterable[Row], truth: Mapping[str, Any]) -> pd.DataFrame:
             errors = dict(truth["grey"].get(row["what"], {}))
             if row["what"].startswith("ours"):
                 errors["position_px"] = truth["position_px"]["max"]
-        out.append({**row, **size, "pixels": pixels, **errors})
-    return pd.DataFrame(out, columns=list(COLUMNS), dtype=object)  # integers stay integers
-
-
-if __name__ == "__main__":
-    main()
+        whole = {**row, **size, "pixels": pixels, **errors}
+        out.append({key: whole.get(key) for key in COLUMNS})
+    return out

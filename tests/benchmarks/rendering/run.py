@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +11,7 @@ import cv2
 import numpy as np
 
 from acx4lib.synthetic_image.head_map import between_nodes
-from acx4lib.synthetic_image.rendering import RenderPlan, render, render_rows
+from acx4lib.synthetic_image.rendering import RenderPlan, render_rows
 from acx4lib.synthetic_image.response import Response
 from benchmarks.measure import memory_mb, report, timed
 from benchmarks.rendering import peers
@@ -25,31 +24,15 @@ from benchmarks.rendering.scene import (
     window_of_head,
 )
 
-COPIES = 5
-STRIPE = 512  # rows that come from mapped files at a time
 BLOCK = 1024  # rows that are rendered at a time into memory that has been used before
 Run = Callable[[Scene, Response], dict[str, Any]]
 
 
-def copy(scene: Scene, response: Response) -> dict[str, Any]:
-    """Copy an image as large as the result; the median of some copies."""
-    source, to = (np.full(scene.shape, value, np.uint16) for value in (1, 2))
-    times = [timed(lambda: np.copyto(to, source))[1] for _ in range(1 + COPIES)][1:]
-    return _sized(
-        scene, {key: statistics.median(t[key] for t in times) for key in ("wall_s", "cpu_s")}, 1.0
-    )
-
-
-def plan(scene: Scene, response: Response) -> dict[str, Any]:
-    """Make the maps that all images of an orientation share."""
-    return _sized(scene, timed(lambda: scene.plan(response))[1], 0.0)
-
-
-def in_memory(threads: int, *, with_response: bool = True, **how: object) -> Run:
+def in_memory(threads: int, **how: object) -> Run:
     """Return a run that renders from images in memory, into memory that has been used before."""
 
     def run(scene: Scene, response: Response) -> dict[str, Any]:
-        own = scene.plan(response if with_response else None, **how)
+        own = scene.plan(response, **how)
         images = scene.loaded().heads.images
         out = np.full(scene.shape, 1, images[0].dtype)
         _ready(own, images, threads)
@@ -62,32 +45,6 @@ def in_memory(threads: int, *, with_response: bool = True, **how: object) -> Run
         return _sized(scene, timed(fill)[1], samples_per_pixel(own))
 
     return run
-
-
-def at_once(scene: Scene, response: Response) -> dict[str, Any]:
-    """Render the whole image with one call, whose memory the system has to provide first."""
-    own = scene.plan(response)
-    images = scene.loaded().heads.images
-    _ready(own, images, 2)
-    return _sized(
-        scene,
-        timed(lambda: render(own, images, threads=2))[1],
-        samples_per_pixel(own),
-    )
-
-
-def stripes(scene: Scene, response: Response) -> dict[str, Any]:
-    """Render stripe by stripe from mapped images, whose memory is given back."""
-    own = scene.plan(response)
-    _ready(own, scene.heads.images, 2)
-    rows = own.height_px
-
-    def run() -> None:
-        for start in range(0, rows, STRIPE):
-            render_rows(own, scene.heads.images, start, min(start + STRIPE, rows), threads=2)
-            scene.heads.forget()
-
-    return _sized(scene, timed(run)[1], samples_per_pixel(own))
 
 
 def _ready(own: RenderPlan, images: Any, threads: int) -> None:
@@ -138,19 +95,12 @@ def _sized(scene: Scene, times: dict[str, float], samples: float) -> dict[str, A
 
 
 RUNS: dict[str, Run] = {
-    "copy": copy,
-    "plan": plan,
     "ours_2": in_memory(2),
     "ours_1": in_memory(1),
-    "ours_fresh": at_once,
-    "ours_plain_1": in_memory(1, with_response=False, feather_px=0.0),
-    "ours_seam": in_memory(2, feather_px=0.0),
-    "ours_cubic": in_memory(2, interpolation="cubic"),
     "ours_cubic_1": in_memory(1, interpolation="cubic"),
-    "ours_stripes": stripes,
     "remap_linear": tiled("remap_linear"),
     "remap_cubic": tiled("remap_cubic"),
-    **{name: in_window(name) for name in ("pyvips", "scipy", "skimage", "oracle")},
+    **{name: in_window(name) for name in ("pyvips", "scipy", "skimage")},
 }
 
 

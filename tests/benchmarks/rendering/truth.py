@@ -24,8 +24,8 @@ from support.pictures import exact_rendering
 EVERY = 11  # row and column where positions are compared; no divisor of any distance of nodes
 BATCH = 64  # of these rows at a time
 SEED = 1
-LINEAR = ("ours_1", "ours_2", "ours_fresh", "ours_stripes")
-CUBIC = ("ours_cubic_1", "ours_cubic")
+LINEAR = ("ours_1", "ours_2")
+CUBIC = ("ours_cubic_1",)
 
 
 def main(flight: Path, results: Path, response: Path) -> None:

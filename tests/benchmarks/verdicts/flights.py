@@ -39,11 +39,11 @@ from acx4lib.errors import Acx4Error
 from acx4lib.least_squares.processors import as_finished
 from acx4lib.results import folder as results
 from acx4sim.files.writer import write_files
-from benchmarks import machine, stored
+from benchmarks import harness
 from benchmarks.verdicts import sizes
 from benchmarks.verdicts.faults import FAULTS, PLANS, SLOW, Planted, fly
 
-OUT = machine.ROOT / "data" / "benchmarks"
+OUT = harness.OUT
 NAME, PILOTS, SLOWLY = "verdicts", "verdicts_pilots", "slow_validations"
 N_CLEAN, N_SPOILT, N_THIRD, N_PILOT = 200, 60, 20, 4
 N_FIRST = 60
@@ -227,7 +227,7 @@ def taken_out(found: Path, planted: Sequence[Planted]) -> Row:
 @cache
 def source() -> str:
     """Return a digest of the code and the plans on which verdicts depend."""
-    src, here = machine.ROOT / "src", Path(__file__).parent
+    src, here = harness.ROOT / "src", Path(__file__).parent
     digest = hashlib.sha256()
     for folder in (*(src / house for house in HOUSES), here):
         for path in sorted(p for p in folder.rglob("*") if p.suffix in {".py", ".toml"}):
@@ -274,9 +274,9 @@ def write(
     folder: Path, rows: Sequence[Row], planned: Mapping[str, int], *, name: str = NAME
 ) -> None:
     """Write the table, and what it hangs on; how many flights are planned for every purpose."""
-    about = {key: value for key, value in machine.described(None).items() if "ceres" not in key}
+    about = harness.about()
     about["planned"] = dict(planned)
-    stored.write(folder, name, {"": pd.DataFrame(rows)}, about, digits=DIGITS)
+    harness.write(folder, name, {"": pd.DataFrame(rows)}, about, digits=DIGITS)
 
 
 # --- sizes -----------------------------------------------------------------------------------

@@ -1,7 +1,4 @@
-"""What the results of a benchmark hang on: processor, memory, compilers, versions, commit.
-
-And how a script is run whose results they are.
-"""
+"""What all benchmarks share: the machine, processes that are timed, and files of results."""
 
 from __future__ import annotations
 
@@ -10,14 +7,22 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from benchmarks.adjusting import ceres_solver
+import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[2]
+OUT = ROOT / "data" / "benchmarks"
+FLIGHTS = ROOT / "build" / "benchmarks"
+ACX4 = str(Path(sys.executable).with_name("acx4"))
+COMMAND = Path(__file__).with_name("command.py")
+"""The script that times a command."""
+
 ENVIRONMENT = {
     **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS")},
     "PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")]),
@@ -27,24 +32,10 @@ own; Hugin's programs take as many as they like."""
 PACKAGES = ("acx4lib", "numpy", "scipy", "numba", "pycolmap")
 
 
-def described(ceres: Path | None) -> dict[str, Any]:
-    """Return the description.
-
-    Parameters
-    ----------
-    ceres : Path or None
-        The compiled comparator.
-    """
+def about() -> dict[str, Any]:
+    """Return what the results of a benchmark hang on: computer, commit, versions."""
     versions = {"python": platform.python_version(), **package_versions(PACKAGES)}
-    if ceres is not None:
-        versions |= ceres_solver.versions(ceres)
-    return {
-        **computer(),
-        "flags": " ".join(ceres_solver.FLAGS),
-        "ceres_tolerance": float(ceres_solver.TOLERANCE),
-        "ceres_exact_tolerance": float(ceres_solver.EXACT),
-        "versions": versions,
-    }
+    return {**computer(), "versions": versions}
 
 
 def computer() -> dict[str, Any]:
@@ -108,3 +99,46 @@ def called(command: Sequence[str], environment: Mapping[str, str] | None = None)
         lines = done.stderr.strip().splitlines() or ["no message"]
         sys.exit(f"{' '.join(command[:4])} failed: {lines[-1]}")
     return done.stdout
+
+
+def timed(*command: str, environment: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Run a command; return the seconds and the memory of all its processes."""
+    return reported(COMMAND, *command, environment=environment)
+
+
+# --- results -----------------------------------------------------------------------------------
+
+
+def write(
+    folder: Path,
+    name: str,
+    tables: Mapping[str, pd.DataFrame],
+    about: Mapping[str, Any],
+    *,
+    digits: int | None = None,
+) -> None:
+    """Write all files, and only then put them in the place of older ones.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        ``NAME.json`` says what the tables hang on, and the date.
+    tables : dict of str to DataFrame
+        Each becomes ``NAME_KEY.csv``, or ``NAME.csv`` for an empty key.
+    about : dict
+    digits : int, optional
+        Significant digits of the numbers in the tables; all by default.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    about = {"date": datetime.now(UTC).date().isoformat(), **about}
+    form = None if digits is None else f"%.{digits}g"
+    with tempfile.TemporaryDirectory(dir=folder) as fresh:
+        for key, table in tables.items():
+            path = Path(fresh, f"{name}_{key}.csv" if key else f"{name}.csv")
+            table.to_csv(path, index=False, float_format=form)
+        text = json.dumps(about, indent=2) + "\n"
+        Path(fresh, f"{name}.json").write_text(text, encoding="utf-8")
+        for made in sorted(Path(fresh).iterdir()):
+            made.replace(folder / made.name)
+    sys.stderr.write(f"{folder / name}.json\n")

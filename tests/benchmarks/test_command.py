@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from benchmarks.commands import command
+from benchmarks import command
 
 
 def test_a_command_tells_its_seconds_and_its_memory(tmp_path):

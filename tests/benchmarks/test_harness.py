@@ -7,12 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.pages.benchmarks import stored as read_by_the_book
-from benchmarks import stored
+from benchmarks import harness
 
 
 def test_the_book_reads_what_is_written(tmp_path):
     points = pd.DataFrame({"name": ["A"], "x": [1 / 3]})
-    stored.write(tmp_path, "runs", {"points": points}, {"cores": 2}, digits=4)
+    harness.write(tmp_path, "runs", {"points": points}, {"cores": 2}, digits=4)
     about, (found,) = read_by_the_book.read(tmp_path, "runs", "points")
     assert about["cores"] == 2
     assert "date" in about
@@ -20,9 +20,9 @@ def test_the_book_reads_what_is_written(tmp_path):
 
 
 def test_files_are_replaced_whole_or_not_at_all(tmp_path):
-    stored.write(tmp_path, "runs", {"": pd.DataFrame({"x": [1]})}, {})
+    harness.write(tmp_path, "runs", {"": pd.DataFrame({"x": [1]})}, {})
     with pytest.raises(TypeError):
-        stored.write(tmp_path, "runs", {"": pd.DataFrame({"x": [2]})}, {"cannot": object()})
+        harness.write(tmp_path, "runs", {"": pd.DataFrame({"x": [2]})}, {"cannot": object()})
     assert (tmp_path / "runs.csv").read_text() == "x\n1\n"
     assert "cannot" not in json.loads((tmp_path / "runs.json").read_text())
     assert sorted(path.name for path in tmp_path.iterdir()) == ["runs.csv", "runs.json"]
