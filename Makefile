@@ -43,7 +43,7 @@ NOTEBOOKS := $(wildcard notebooks/*.ipynb)
 SOURCES   := $(shell find src -name '*.py' 2>/dev/null)
 
 # Make removes only what bears a mark: of acx4, which lists its files, or of make.
-CLEAR      = PYTHONPATH=src $(firstword $(wildcard $(BIN)/python) '$(PYTHON)') -m acx4lib.results.own_folder.claims
+CLEAR      = PYTHONPATH=src $(firstword $(wildcard $(BIN)/python) '$(PYTHON)') -m acx4lib.results.own_folder
 BOOK      := book/_build book/_executed book/_generated
 define REMOVE_BOOK
 for made in $(BOOK); do \
@@ -192,12 +192,12 @@ $(INDEX): | .venv/.stamp
 
 pdf: $(INDEX) ## print the built book of FLIGHT with Chromium into one PDF below build
 	@mkdir -p build
-	@$(BIN)/python -m acx4book.pages.back.pdf '$(SITE)' $(if $(filter $(STUDY),$(FLIGHT)),book/_generated/_toc.yml,'$(SITE)/_toc.yml') '$(PDF)'
+	@$(BIN)/python -m acx4book.pages.pdf '$(SITE)' $(if $(filter $(STUDY),$(FLIGHT)),book/_generated/_toc.yml,'$(SITE)/_toc.yml') '$(PDF)'
 	@echo '$(PDF)'
 
 # The book is built from the commit that is released, so that it names this one.
 release: check book ## check, and make the wheel and the archive of the book, in build/release
-	@$(BIN)/python -m acx4book.pages.back.release book/_build/html build/release
+	@$(BIN)/python -m acx4book.pages.release book/_build/html build/release
 
 serve: ## show the built book of FLIGHT at localhost:PORT
 	@$(BIN)/python -m http.server --bind localhost --directory $(SITE) $(PORT)

@@ -7,7 +7,7 @@ from pathlib import Path
 from docutils import nodes
 from sphinx.application import Sphinx
 
-from acx4book.typesetting.drawing.inline import inline
+from acx4book.typesetting.svg import inline
 
 
 def put_in(app: Sphinx, doctree: nodes.document, _page: str) -> None:

@@ -13,7 +13,7 @@ from urllib.parse import quote
 from sphinx.application import Sphinx
 
 CITATION = Path("_generated", "citation.json")
-"""What `acx4book.pages.back.citation` says; below the folder of the book."""
+"""What `acx4book.pages.reproducibility` says; below the folder of the book."""
 
 DOWNLOADS = Path("_generated", "downloads")
 """What is copied into the built book as it is."""

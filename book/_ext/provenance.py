@@ -16,10 +16,10 @@ MADE_FROM = Path("_generated", "made_from.json")
 
 OTHER_PAGES = {
     "certificate": "acx4book.pages.certificate.page",
-    "scorecard": "acx4book.paper.scorecard_page.texts",
+    "scorecard": "acx4book.paper.scorecard.texts",
     "speed": "acx4book.pages.benchmarks.speed.texts",
-    "coverage": "acx4book.pages.benchmarks.coverage.sigma.page",
-    "reproducibility": "acx4book.pages.provenance.page",
+    "coverage": "acx4book.pages.benchmarks.sigma.page",
+    "reproducibility": "acx4book.pages.reproducibility.page",
     "frames-and-notation": "acx4book.pages.frames.draw",
 }
 """What made the figures and tables of the pages that are no notebooks."""

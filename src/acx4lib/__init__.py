@@ -22,8 +22,7 @@ from importlib import import_module
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from acx4lib.flight.from_tables import from_tables
-    from acx4lib.flight.reader import read
+    from acx4lib.flight.reader import from_tables, read
     from acx4lib.georeferencing.direct import georeference
     from acx4lib.production.flight_images import render_flight as render
     from acx4lib.stages.mounting import calibrate

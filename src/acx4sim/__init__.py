@@ -9,7 +9,7 @@ where the aircraft truly is, `observe` what is measured; `gross_errors`, `optics
 """
 
 from acx4sim.designs import DESIGNS, acx4, acx4_ideal, simulate
-from acx4sim.files.writer import write
+from acx4sim.files import write
 from acx4sim.plan import Options
 
 __all__ = ["DESIGNS", "Options", "acx4", "acx4_ideal", "simulate", "write"]

@@ -5,10 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-from acx4sim.files.flights import SimulatedFlight, simulate_plan
-from acx4sim.files.writer import write
-from acx4sim.optics import head_truth
-from acx4sim.optics.lens import Camera
+from acx4sim import optics
+from acx4sim.files import SimulatedFlight, simulate_plan, write
+from acx4sim.optics import Camera
 from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, layout
 
 _FIELD = (671_000.0, 7_189_500.0)  # near Curitiba, Brazil
@@ -54,7 +53,7 @@ def _heads_block() -> BlockPlan:
     low = Strip(n=7, height_m=1600.0, base_m=190.0)
     return BlockPlan(
         letter="H",
-        cameras=tuple(head_truth.HEADS),
+        cameras=tuple(optics.HEADS),
         centre_m=_FIELD,
         azimuth_deg=_FIELD_AZIMUTH,
         strips=(
@@ -143,7 +142,7 @@ def acx4_ideal_plan() -> Plan:
 
 def _four_heads(name: str, title: str, *, mount_deg: tuple[float, float, float]) -> Plan:
     """Plan the flight of the four heads; the synthetic frame is turned by `mount_deg`."""
-    heads = {name: head_truth.mounted(name, mount_deg) for name in head_truth.HEADS}
+    heads = {name: optics.mounted(name, mount_deg) for name in optics.HEADS}
     return Plan(
         name=name,
         draws="acx4",
@@ -173,8 +172,8 @@ def _four_heads(name: str, title: str, *, mount_deg: tuple[float, float, float])
             "validation": _validation_block(),
         },
         synthetic="SYN",
-        heads=tuple(head_truth.HEADS),
-        head_angles_deg={name: head.boresight_deg for name, head in head_truth.HEADS.items()},
+        heads=tuple(optics.HEADS),
+        head_angles_deg={name: head.boresight_deg for name, head in optics.HEADS.items()},
     )
 
 

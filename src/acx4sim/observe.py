@@ -7,8 +7,7 @@ import numpy as np
 
 from acx4sim.earth import Array, BoolArray, Grid, axes_of_enu_in_ecef, terrain_height
 from acx4sim.fly import Track, poses_in_ecef
-from acx4sim.optics.air import bent
-from acx4sim.optics.lens import inside, project
+from acx4sim.optics import bent, inside, project
 from acx4sim.plan import BlockPlan, Plan, grid_from_field
 
 _MARGIN_PX = 25.0  # nothing is measured nearer to the edge

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from acx4sim.earth import Array
-from acx4sim.optics.lens import Camera
+from acx4sim.optics import Camera
 
 BLOCKS = ("heads", "calibration", "validation")
 

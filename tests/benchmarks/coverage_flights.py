@@ -21,11 +21,11 @@ import numpy as np
 import pandas as pd
 
 import acx4sim
-from acx4book.chapters.beyond.weights import study
+from acx4book.chapters import weights
 from acx4book.command.batch.executors import on_processes
-from acx4book.notebooks.simulated.flown import fly
+from acx4book.notebooks.simulated import flown_fly
 from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import estimates, mounting
 from acx4lib.expected import Array
@@ -33,7 +33,7 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.collinearity import DISTORTION_AT
 from acx4lib.georeferencing import validation
 from acx4lib.least_squares.processors import as_finished
-from acx4lib.results.files.schemas import RELATIVE
+from acx4lib.results.table_files import RELATIVE
 from acx4sim.plan import SlowErrors
 from benchmarks import harness
 from support.flights import simulated
@@ -177,8 +177,8 @@ def slowly(seed: int) -> Tables:
 
     Once it takes them for independent, and once with the weights of their correlation.
     """
-    flown = fly(DESIGN, seed, study.SLOW)
-    blocks = {"white": flown.block, "correlated": study.modelled(flown.block, SlowErrors())}
+    flown = flown_fly(DESIGN, seed, weights.SLOW)
+    blocks = {"white": flown.block, "correlated": weights.modelled(flown.block, SlowErrors())}
     rows: list[Row] = []
     for kind, block in blocks.items():
         bundle = adjust(mounted_orientation(block, free=flown.flight.estimate_mounting))

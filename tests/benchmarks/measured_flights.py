@@ -13,7 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from acx4book.chapters.beyond.from_pictures import whole
+from acx4book.chapters import from_pictures
 from acx4lib.calibration.estimates import parameters
 from benchmarks import harness
 
@@ -34,13 +34,13 @@ def main() -> None:
         rows += of_seed(seed)
         sys.stderr.write(f"\r{seed} of {options.flights} flights")
     about = harness.about()
-    about |= {"reduce": whole.REDUCE, "pictures": len(whole.EXPOSURES)}
+    about |= {"reduce": from_pictures.REDUCE, "pictures": len(from_pictures.EXPOSURES)}
     harness.write(options.out, "measured_flights", {"": pd.DataFrame(rows)}, about, digits=DIGITS)
 
 
 def of_seed(seed: int) -> list[dict[str, Any]]:
     """Return error and sigma of every parameter of a flight that is measured in its pictures."""
-    found, mounting = whole.measured(seed)
+    found, mounting = from_pictures.measured(seed)
     factor = mounting.bundle.solution.sigma0_sq
     return [
         {

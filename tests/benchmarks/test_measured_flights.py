@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from acx4book.chapters.beyond.from_pictures.whole import STORED
+from acx4book.chapters.from_pictures import STORED
 
 
 def test_errors_of_all_parameters_of_six_flights_are_stored():

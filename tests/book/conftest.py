@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from acx4book.chapters.beyond.stability import history
-from acx4book.chapters.beyond.stability.history import Flown
+from acx4book.chapters import stability
+from acx4book.chapters.stability import Flown
 from acx4book.notebooks import functions, runner
-from acx4sim.files import writer
-from acx4sim.files.flights import simulate_plan
+from acx4sim import files
+from acx4sim.files import simulate_plan
 from acx4sim.plan import Options
 
 WARM = {2021: 8.0, 2024: 32.0}
@@ -22,9 +22,9 @@ def folders(tmp_path_factory):
     for year in (2021, 2024):
         flown = Flown(date=dt.date(year, 5, 1), temperature_c=WARM[year])
         options = Options(blocks=("calibration",), tie_points={"calibration": 120})
-        flight = simulate_plan(history.plan_of(flown), year, options)
+        flight = simulate_plan(stability.plan_of(flown), year, options)
         session = f"\n[session]\ndate = {flown.date}\ntemperature_c = {flown.temperature_c}\n"
-        writer.write(replace(flight, toml=flight.toml + session), at / f"flight{year}")
+        files.write(replace(flight, toml=flight.toml + session), at / f"flight{year}")
         way, stages = functions.Functions(), ("mounting",)
         runner.run(at / f"flight{year}", at / f"year{year}", way=way, stages=stages)
     return [at / "year2021", at / "year2024"]

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from pypdf import PdfReader
 
-from acx4book.pages.back import clean, licences, pdf
+from acx4book.pages import pdf, release, reproducibility
 from built_book.conftest import parse
 from support.helpers import ROOT, book_extension
 
@@ -37,7 +37,7 @@ def test_every_notebook_can_be_taken_along_as_it_was_executed_and_to_run(html, c
     for name in notebooks:
         links = chapters[name].select(".dropdown-download-buttons a[href*='downloads/']")
         to_run, executed = ((html / name).parent / link["href"] for link in links)
-        assert to_run.resolve() == html / clean.FOLDER / source(name)
+        assert to_run.resolve() == html / release.FOLDER / source(name)
         with zipfile.ZipFile(executed) as packed:
             whole = packed.read(Path(source(name)).name)
         for content, has in ((to_run.read_bytes(), False), (whole, True)):
@@ -85,7 +85,7 @@ def test_every_file_that_others_made_has_its_licence(html):
         "moving/moving.css",
     }
     files = [path.relative_to(html).as_posix() for path in (html / "_static").rglob("*.*")]
-    nobodys = {name for name in files if licences.of(name) is None}
+    nobodys = {name for name in files if reproducibility.of(name) is None}
     assert {name.removeprefix("_static/") for name in nobodys} <= ours
 
 

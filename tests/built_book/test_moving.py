@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4book.chapters.beyond.design import explorer as design
-from acx4book.chapters.beyond.design.plans import papers
-from acx4book.chapters.beyond.error_budget import explorer as error_budget
-from acx4book.foundations.explorers import boresight, distortion, two_heights
-from acx4book.notebooks.simulated import flown
+from acx4book.chapters import design, error_budget
+from acx4book.chapters.design import papers
+from acx4book.foundations import explorers
+from acx4book.notebooks import simulated
 from acx4book.typesetting.moving import plane, shown
 from acx4lib.calibration.mounting import single_step
 from acx4lib.georeferencing.mapping_flight import like
@@ -19,16 +18,16 @@ from support.helpers import ROOT
 
 def calibrated():
     """Return a single-step calibration, and the mapping flight where the sliders begin."""
-    flight = flown.fly("acx4-ideal", 1, blocks=("calibration", "validation")).flight
+    flight = simulated.flown_fly("acx4-ideal", 1, blocks=("calibration", "validation")).flight
     single = single_step(flight.calibration, free=flight.estimate_mounting)
     mapping = like(flight.block("validation"), single.calibration.cameras[0])
     return single.calibration, replace(mapping, height_m=1300.0)
 
 
 EXPLORERS = {
-    "boresight": boresight.explorer,
-    "distortion": distortion.explorer,
-    "two_heights": two_heights.explorer,
+    "boresight": explorers.explorer,
+    "distortion": explorers.distortion_explorer,
+    "two_heights": explorers.two_heights_explorer,
     "error_budget": lambda: error_budget.explorer(*calibrated()),
     "design": lambda: design.explorer(papers(gnss=("shift",))),
 }
@@ -113,14 +112,14 @@ def test_at_the_stops_it_draws_and_says_what_the_library_computes(opened, explor
 
 def test_the_ground_that_is_drawn_is_that_of_the_mounting(opened):
     """Arrows' ends in metres, against eq. (14) with the wrong mounting, which is not linear."""
-    explorer, values = boresight.explorer(), [0.07, -0.05, 0.1, 0.3, -0.8, 0.5]
+    explorer, values = explorers.explorer(), [0.07, -0.05, 0.1, 0.3, -0.8, 0.5]
     seen = opened(explorer).evaluate(MOVE, [explorer.name, values])
     for (azimuth, _), panel, (d,) in zip(
-        boresight.STRIPS.values(), explorer.panels, seen["paths"], strict=True
+        explorers.STRIPS.values(), explorer.panels, seen["paths"], strict=True
     ):
         ends = numbers(d).reshape(-1, 10)  # of the stroke, and three points of the head
         wrong, right = (
-            boresight.on_ground(azimuth, boresight.HEIGHT_M, boresight.POINTS_MM, mounting)
+            explorers.on_ground(azimuth, explorers.HEIGHT_M, explorers.POINTS_MM, mounting)
             for mounting in (np.array(values), np.zeros(6))
         )
         drawn = (ends[:, 2:4] - ends[:, :2]) / panel.marks[0].scale

@@ -2,7 +2,7 @@
 
 import pytest
 
-from acx4book.report.page.page import write
+from acx4book.report.page import write
 from acx4lib.results import provenance
 
 SEEN = """() => ({

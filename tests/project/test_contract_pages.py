@@ -5,8 +5,8 @@ import re
 import pytest
 
 from acx4book.command.acx4 import app
-from acx4lib.flight.checks.settings import CHOICES, KEYS
-from acx4lib.flight.text.schemas import SCHEMAS
+from acx4lib.flight.settings import CHOICES, KEYS
+from acx4lib.flight.tables import SCHEMAS
 from support.helpers import ROOT
 
 

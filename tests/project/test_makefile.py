@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from acx4lib.results.own_folder.marks import mark_all
+from acx4lib.results.own_folder import mark_all
 from support.helpers import ROOT
 
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not here")

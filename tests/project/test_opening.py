@@ -41,7 +41,7 @@ READ_ONLY = ("pages", "reference", "chapters", "paper", "foundations", "typesett
 """Rooms of the book that read the project's own files."""
 
 OTHERS = {
-    "acx4lib/results/own_folder/whole_files.py": {
+    "acx4lib/results/whole_files.py": {
         "os.open": "the one place that writes",
         "os.fdopen": "as above",
         "draft.open": "as above",
@@ -52,18 +52,18 @@ OTHERS = {
         "open": "the one place that reads",
         "os.open": "as above",
     },
-    "acx4lib/flight/text/files.py": {
+    "acx4lib/flight/table_files.py": {
         "(group / f'memory.{name}').read_text": "a file of the system",
         "Path('/proc/meminfo').read_text": "a file of the system",
         "Path('/proc/self/statm').read_text": "a file of the system",
         "read_bytes": "the one place that reads",
     },
-    "acx4lib/flight/text/document.py": {"read_text": "of the one place that reads"},
-    "acx4lib/flight/text/table_files.py": {"read_text": "of the one place that reads"},
+    "acx4lib/flight/toml_file.py": {"read_text": "of the one place that reads"},
+    "acx4lib/flight/table_files.py": {"read_text": "of the one place that reads"},
     "acx4lib/flight/block_from_tables.py": {"read_table": "of the one place that reads"},
     "acx4book/report/material.py": {"pd.read_csv": "of a file that is open"},
     "acx4book/teaching/students.py": {"read_bytes": "of the one place that reads"},
-    "acx4lib/results/own_folder/locks.py": {
+    "acx4lib/results/own_folder.py": {
         "os.open": "a lock is the file that is open, and is gone in the end",
         "os.fdopen": "as above",
     },
@@ -71,49 +71,52 @@ OTHERS = {
         "tifffile.TiffWriter": "writes the draft that it is given, in many steps",
         "tifffile.TiffFile": "an image that a command wrote",
     },
-    "acx4lib/production/pyramid.py": {"TemporaryFile": "has no name, and is gone in the end"},
-    "acx4lib/measuring/pictures/views.py": {"cv2.imread": "looks first"},
-    "acx4lib/measuring/pictures/store.py": {
+    "acx4lib/production/tiff.py": {"TemporaryFile": "has no name, and is gone in the end"},
+    "acx4tools/measuring/pictures/views.py": {"cv2.imread": "looks first"},
+    "acx4tools/measuring/pictures/store.py": {
         "np.savez": "into the draft that is open",
         "np.load": "of a file that is open",
     },
-    "acx4lib/results/files/inside.py": {"read_text": "of the one place that reads"},
-    "acx4lib/results/files/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
-    "acx4lib/exchange/safe/tiff_tags.py": {"tifffile.TiffFile": "of bytes, or after a look"},
-    "acx4lib/exchange/safe/archive.py": {"zipfile.ZipFile": "of bytes", "archive.open": "of bytes"},
+    "acx4lib/results/table_files.py": {"read_text": "of the one place that reads"},
+    "acx4lib/results/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
+    "acx4lib/production/tiff_tags.py": {"tifffile.TiffFile": "of bytes, or after a look"},
+    "acx4tools/exchange/safe/archive.py": {
+        "zipfile.ZipFile": "of bytes",
+        "archive.open": "of bytes",
+    },
     "acx4lib/compiling.py": {"p.read_bytes": "the library's sources"},
-    "acx4lib/georeferencing/standards.py": {"table.read_text": "a table of the library"},
-    "acx4sim/files/writer.py": {"path.write_text": "into a draft of the whole folder"},
-    "acx4sim/pictures/photography.py": {"tifffile.imwrite": "into a draft of the whole folder"},
-    "acx4sim/scenery/photo.py": {"np.fromfile": "looks first", "os.open": "the null device"},
+    "acx4lib/georeferencing/accuracy.py": {"table.read_text": "a table of the library"},
+    "acx4sim/files.py": {"path.write_text": "into a draft of the whole folder"},
+    "acx4sim/pictures.py": {"tifffile.imwrite": "into a draft of the whole folder"},
+    "acx4sim/scenery/scenery.py": {"np.fromfile": "looks first", "os.open": "the null device"},
     "acx4book/command/surroundings.py": {"os.open": "the working folder"},
     "acx4book/command/terminal.py": {
         "os.open": "the null device",
         "Path(os.devnull).open": "the null device",
     },
     "acx4book/notebooks/interpreter.py": {"os.open": "the null device"},
-    "acx4book/notebooks/executed.py": {"executed.parent.rename": "inside of a draft"},
-    "acx4book/notebooks/inputs.py": {
+    "acx4book/notebooks/execute.py": {"executed.parent.rename": "inside of a draft"},
+    "acx4book/notebooks/execute.py": {
         "path.read_bytes": "the project's sources",
         "path.read_text": "the project's sources",
     },
-    "acx4book/report/campaigns/page.py": {"sheet.read_text": "a style of the library"},
-    "acx4book/report/page/page.py": {
+    "acx4book/report/campaigns/written.py": {"sheet.read_text": "a style of the library"},
+    "acx4book/report/page.py": {
         "STYLE.read_text": "a style of the library",
         "TEXT.read_text": "a text of the library",
     },
-    "acx4book/report/page/printing.py": {"pdf.read_bytes": "what Chromium wrote"},
+    "acx4book/report/page.py": {"pdf.read_bytes": "what Chromium wrote"},
     "acx4book/teaching/showing/slides.py": {
         "Path(__file__).with_name('slides.html').read_text": "a page of the library"
     },
     "acx4book/teaching/showing/figure_pack.py": {"zipfile.ZipFile": "in memory"},
-    "acx4book/pages/back/release.py": {
+    "acx4book/pages/release.py": {
         "zipfile.ZipFile": "into the draft that is open",
         "sources.extractall": "into a temporary folder",
     },
-    "acx4book/pages/back/pdf.py": {"shutil.copytree": "into a temporary folder"},
+    "acx4book/pages/pdf.py": {"shutil.copytree": "into a temporary folder"},
     "acx4book/pages/flight_book.py": {"shutil.copyfile": "into a temporary folder"},
-    "acx4book/typesetting/drawing/svg.py": {"figure.savefig": "in memory"},
+    "acx4book/typesetting/svg.py": {"figure.savefig": "in memory"},
     "acx4book/typesetting/style.py": {"self.savefig": "in memory"},
 }
 """By file and call, the reason why it opens no file that is left or may be a stranger's."""

@@ -21,7 +21,7 @@ SECONDS = 0.5
 """Linear ones take some milliseconds; quadratic ones from 10 s to minutes."""
 
 OWN_TEXT = {f"acx4book/{name}" for name in ("chapters", "pages", "paper", "reference")}
-OWN_TEXT |= {"acx4book/typesetting/drawing"}
+OWN_TEXT |= {"acx4book/typesetting/svg.py"}
 """These read what the project wrote itself, or files whose checksums it knows."""
 
 USES = ("search", "match", "fullmatch", "finditer", "findall", "sub", "split")

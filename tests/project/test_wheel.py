@@ -38,7 +38,7 @@ import json, acx4lib
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.paper import printed
 from acx4book.reference import comparisons, data
-from acx4lib.georeferencing import standards
+from acx4lib.georeferencing import accuracy as standards
 print(json.dumps([
     acx4lib.__file__,
     sorted(path.name for path in NOTEBOOKS_PATH.glob("*.ipynb")),
@@ -281,7 +281,9 @@ def test_a_downloaded_notebook_runs_in_an_empty_folder(whole):
     empty = whole / "empty"
     empty.mkdir()
     (empty / "env").symlink_to(whole / "env")
-    write = "from pathlib import Path; from acx4book.pages.back import clean; clean.write(Path())"
+    write = (
+        "from pathlib import Path; from acx4book.pages import release as clean; clean.write(Path())"
+    )
     succeeds(empty, "python", "-c", write)
     done = run(empty, "python", "-m", "papermill", "03-mounting-calibration.ipynb", "done.ipynb")
     assert done.returncode == 0, done.stderr[-2000:]

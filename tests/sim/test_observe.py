@@ -224,7 +224,7 @@ def test_tie_points_at_given_places_are_measured_in_every_image_that_shows_them(
     block = plan.blocks["calibration"]
     places = np.array([[0.0, 0.0], [30.0, -40.0], [50_000.0, 0.0]])
     placed = replace(plan, blocks={"calibration": replace(block, tie_places=places)})
-    flight = acx4sim.files.flights.simulate_plan(placed, 1, EXACT)
+    flight = acx4sim.files.simulate_plan(placed, 1, EXACT)
     points = flight.tables["calibration/image_points.csv"]
     counts = points.loc[points["point"].str.startswith("T"), "point"].value_counts()
     # the third is out of sight; the others lie under all five strips
@@ -237,7 +237,7 @@ def test_hills_of_another_relief_and_a_slower_strip_are_flown():
     block = plan.blocks["calibration"]
     strips = (replace(block.strips[0], speed_m_s=35.0, name="slow"), *block.strips[1:])
     flat = replace(plan, relief=0.0, blocks={"calibration": replace(block, strips=strips)})
-    flight = acx4sim.files.flights.simulate_plan(flat, 1, EXACT)
+    flight = acx4sim.files.simulate_plan(flat, 1, EXACT)
     heights = flight.tables["control_points.csv"]["height_m"]
     assert_allclose(heights, plan.ground_m, atol=1e-9)
     time_s = flight.tables["calibration/trajectory.csv"]["time_s"]

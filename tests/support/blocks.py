@@ -14,12 +14,11 @@ from acx4lib.bundle.unknowns import layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import Camera, Interior, inside
-from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.collinearity import project, refraction_lift
 from acx4lib.geometry.distances import Distances, lengths
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4lib.geometry.parameters import MOUNT
-from acx4lib.geometry.refraction import refraction_lift
 
 FRAME = MappingFrame(grid=GridSystem(crs="EPSG:31982"), origin=np.array([-49.3, -25.4]))
 GROUND_M = 900.0

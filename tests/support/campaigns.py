@@ -1,11 +1,11 @@
 """Campaigns of simulated flights, and a rig of which one head turned."""
 
-from acx4book.chapters.beyond.stability import turned
-from acx4book.notebooks.simulated.flown import read
+from acx4book.chapters import stability
+from acx4book.notebooks.simulated import read
 from acx4lib.calibration.mounting import single_step
-from acx4lib.calibration.trust.rigidity import rigidity
-from acx4lib.results.campaigns.campaign import of_mounting
+from acx4lib.calibration.stability import rigidity
 from acx4lib.stages import rig
+from acx4tools.campaigns.campaign import of_mounting
 
 
 def campaign(flight):
@@ -16,5 +16,5 @@ def campaign(flight):
 
 def rigidity_of_a_turned_head(seed):
     """Adjust the heads of a flight together, of which one turned, and test whether they turn."""
-    stage = rig.calibrate(read(turned.turning(turned.flown(seed))))
+    stage = rig.calibrate(read(stability.turning(stability.flown(seed))))
     return rigidity(stage.rig.bundle)

@@ -15,8 +15,8 @@ SECONDS = 60
 """A small command takes a few; one that takes longer waits for something, and is ended."""
 
 LOADED = (
-    *("acx4lib.conventions.search", "acx4lib.flight.summary", "acx4lib.exchange.programs.opf"),
-    *("acx4book.report.page.page", "acx4book.report.campaigns.written", "acx4lib.planning.design"),
+    *("acx4lib.conventions.search", "acx4lib.flight.summary", "acx4tools.exchange.programs.opf"),
+    *("acx4book.report.page", "acx4book.report.campaigns.written", "acx4tools.planning.design"),
     *("acx4book.command.batch.runs", "acx4book.notebooks.ways", "acx4book.teaching.class_table"),
 )
 

@@ -11,7 +11,7 @@ import pandas as pd
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.report.material import Material, read
-from acx4book.report.verdict.verdict import findings
+from acx4book.report.verdict import findings
 from acx4lib import flight
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration import mounting
@@ -19,9 +19,8 @@ from acx4lib.calibration.estimates import Calibration
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.georeferencing import validation
-from acx4lib.results import adjustments, provenance, read_back, validations
+from acx4lib.results import adjustments, own_folder, provenance, read_back
 from acx4lib.results import folder as results
-from acx4lib.results.own_folder import claims, marks
 from acx4lib.results.rows import calibration_tables, orientation_tables
 from support.flights import written
 
@@ -45,7 +44,7 @@ def leave_results(folder, *, design="single-head", seed=2):
     at, kept = Path(folder) / "flight", Path(folder) / "results"
     acx4sim.write(acx4sim.DESIGNS[design](seed=seed), at)
     flown = flight.read(at)
-    with claims.claim(kept, command=runner.COMMAND) as own:
+    with own_folder.claim(kept, command=runner.COMMAND) as own:
         own.expect([*results.FILES, provenance.FILE])
         results.replace(kept, [], tables={}, summary={})
         provenance.keep(own, flown)
@@ -63,7 +62,7 @@ def _compute(flown, kept):
         validation.validate(flown.validation, one, method=method)
         for method, one in calibrations.items()
     ]
-    adjustments.write(kept, "validation", validations.of_validations(validated))
+    adjustments.write(kept, "validation", adjustments.of_validations(validated))
     provenance.stamp(kept, "validation")
 
 
@@ -86,10 +85,10 @@ def seal_again(folder):
         for name in origin["files"]:
             path = folder / provenance.KEPT / name
             if path.is_file():
-                origin["files"][name] = marks.written(path).sha256
+                origin["files"][name] = own_folder.written(path).sha256
         (folder / provenance.FILE).write_text(json.dumps(origin, indent=2), encoding="utf-8")
     with contextlib.suppress(OSError):
-        marks.mark_all(folder, runner.COMMAND)
+        own_folder.mark_all(folder, runner.COMMAND)
 
 
 def state(folder_or_run, question):
@@ -115,7 +114,7 @@ def leave_calibration(folder, calibration, *, method="single_step", related=None
                 "heads", "relative_orientation", related
             ),
         }
-    with claims.claim(kept, command=runner.COMMAND) as own:
+    with own_folder.claim(kept, command=runner.COMMAND) as own:
         own.expect([*results.FILES, provenance.FILE])
         for name, tables in made.items():
             entry = {name: ADJUSTED if name.startswith("mounting/") else {"converged": True}}

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from acx4lib.errors import FlightError
-from acx4lib.exchange import written_toml
-from acx4lib.exchange.pictures import tags
-from acx4lib.exchange.programs import micmac
-from acx4lib.exchange.safe import archive, opened
-from acx4lib.flight.text.document import read_toml
+from acx4lib.flight.toml_file import read_toml
 from acx4lib.geometry.camera import Camera, Interior
-from acx4lib.measuring.pictures import views
 from acx4lib.production.image_files import image_from_file
-from acx4lib.results.files import table_files
+from acx4lib.results import table_files
+from acx4tools.exchange import written_toml
+from acx4tools.exchange.pictures import tags
+from acx4tools.exchange.programs import micmac
+from acx4tools.exchange.safe import archive, opened
+from acx4tools.measuring.pictures import views
 from support import swelling
 from support.flights import written
 from support.helpers import ROOT

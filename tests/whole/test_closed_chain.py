@@ -11,12 +11,10 @@ from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.flight.block import Block
 from acx4lib.stages.synthetic import refine
-from acx4lib.synthetic_image.carried import CarriedPoints, carry
 from acx4lib.synthetic_image.rendering import render_plan, render_rows
+from acx4lib.synthetic_image.transferred_points import CarriedPoints, carry
 from acx4sim.designs import acx4_plan
-from acx4sim.pictures.ground_rays import station
-from acx4sim.pictures.photography import landscape
-from acx4sim.pictures.pictures import Tiles, picture
+from acx4sim.pictures import Tiles, landscape, picture, station
 from benchmarks.chain import find_head_truth
 from support.flights import simulated
 from support.flights.simulated import HEADS

@@ -14,7 +14,7 @@ import pytest
 import acx4sim
 from acx4lib import flight
 from acx4lib.bundle import adjust, uses
-from acx4lib.bundle.start.start_values import recovered
+from acx4lib.bundle.start import recovered
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.block import select_cameras
 from acx4lib.geometry.camera import colrow_from_xy, xy_from_colrow

@@ -8,11 +8,11 @@ import pytest
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.executed import Notebooks
+from acx4book.notebooks.execute import Notebooks
 from acx4book.notebooks.functions import Functions
-from acx4book.report.page import page
-from acx4lib.flight.checks.settings import CHOICES, KEYS, NAME
+from acx4book.report import page
 from acx4lib.flight.reader import read
+from acx4lib.flight.settings import CHOICES, KEYS, NAME
 from acx4lib.results import folder
 
 SINGLE, HEADS = "single-head", "acx4"

@@ -11,7 +11,7 @@ from scipy import stats
 
 import acx4sim
 from acx4lib.bundle import uses
-from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
+from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import calibrate_heads
 from acx4lib.flight.block import select_cameras

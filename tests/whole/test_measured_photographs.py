@@ -13,13 +13,13 @@ import pandas as pd
 import pytest
 
 from acx4book.reference import data
-from acx4book.reference.dbat import blocks, statements
+from acx4book.reference.dbat import comparison, statements
 from acx4lib.bundle import uses
-from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
-from acx4lib.exchange import written_toml
+from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.frames import Pose, rotation_from_opk
-from acx4lib.measuring.measure import measure_flight
+from acx4tools.exchange import written_toml
+from acx4tools.measuring.measure import measure_flight
 from support.reference_files import needs
 
 PHOTOGRAPHS = (1, 2, 3)
@@ -133,7 +133,7 @@ def network(project, rows):
 @needs("sxb-photos")
 @needs("dbat-sxb")
 def test_tie_points_of_real_photographs_give_the_published_orientation(tmp_path, rng):
-    project = blocks.sxb()
+    project = comparison.sxb()
     flight(tmp_path / "flight", project, rng)
     measure_flight(tmp_path / "flight", tmp_path / "measured")
     table = tmp_path / "measured" / "calibration" / "image_points.csv"

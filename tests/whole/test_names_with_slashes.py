@@ -11,14 +11,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from acx4book.chapters.heads.figures import mean_residuals
+from acx4book.chapters.heads import mean_residuals
 from acx4book.chapters.mounting.tables import determination, reliability
 from acx4book.report.words import adjustment_title, parameter_title
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.matrix import correlation_matrix
 from acx4lib.calibration import mounting
-from acx4lib.calibration.correlations import parameter_correlations
-from acx4lib.calibration.trust.detectable import detectable
+from acx4lib.calibration.determination import detectable, parameter_correlations
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
 from support import blocks

@@ -3,7 +3,7 @@
 import pytest
 
 from acx4book.notebooks import runner
-from acx4book.notebooks.executed import Notebooks
+from acx4book.notebooks.execute import Notebooks
 from acx4lib.results import folder as results
 from support.flights import in_heads, pictured
 

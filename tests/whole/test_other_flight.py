@@ -13,21 +13,19 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4book.command import acx4
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import execute
-from acx4book.notebooks.executed import Notebooks
+from acx4book.notebooks.execute import Notebooks, execute
 from acx4book.notebooks.functions import Functions
-from acx4book.pages.back import clean
+from acx4book.pages import release
 from acx4book.report import material
-from acx4book.report.verdict.verdict import findings
+from acx4book.report.verdict import findings
 from acx4lib.errors import FlightError
-from acx4lib.exchange.outward import calibrated
 from acx4lib.flight import reader
 from acx4lib.georeferencing.validation import validate
-from acx4lib.results import folder, provenance
-from acx4lib.results.campaigns import campaign
-from acx4lib.results.own_folder import claims
-from acx4lib.results.own_folder.marks import MARK
+from acx4lib.results import folder, own_folder, provenance
+from acx4lib.results.own_folder import MARK
 from acx4lib.stages import mounting, validation
+from acx4tools.campaigns import campaign
+from acx4tools.exchange.outward import calibrated
 from support.flights import written
 
 NAME = "One camera turned by 90 degrees, simulated"
@@ -124,7 +122,7 @@ def test_a_stage_without_results_before_says_what_to_run_first(flown, tmp_path):
 def test_the_notebook_of_the_book_calibrates_the_flight_that_it_is_given(
     flown, tmp_path, monkeypatch
 ):
-    clean.write(tmp_path / "notebooks")
+    release.write(tmp_path / "notebooks")
     monkeypatch.chdir(tmp_path)
     papermill.execute_notebook(
         tmp_path / "notebooks" / "04-validation.ipynb",
@@ -202,7 +200,7 @@ def test_sigma_of_the_earlier_parameters_enters_the_differences(flown, tmp_path)
     """A calibration with ten times the sigma makes the predicted differences larger."""
     results = copied(flown, tmp_path, "results_A")
     before = validation.run(reader.read(flown / "B"), tmp_path / "one", results)
-    with claims.claim(results, command=runner.COMMAND) as own:
+    with own_folder.claim(results, command=runner.COMMAND) as own:
         path = results / "covariance.csv"
         lines = path.read_text().splitlines()
         cells = [line.rpartition(",") for line in lines[1:]]
@@ -303,7 +301,7 @@ def test_an_earlier_calibration_is_for_the_validation_alone(flown, tmp_path, cap
 
 def test_mixed_results_of_the_version_before_are_not_exported_or_compared(flown, tmp_path):
     results = copied(flown, tmp_path, "results_A")
-    with claims.claim(results, command=runner.COMMAND) as own:
+    with own_folder.claim(results, command=runner.COMMAND) as own:
         provenance.keep(own, reader.read(flown / "B"))
         own.seal()
     for read in (campaign.read, calibrated.read):

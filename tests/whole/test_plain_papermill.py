@@ -10,10 +10,10 @@ import pytest
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
-from acx4book.pages.back import clean
+from acx4book.pages import release
 from acx4lib.flight import reader
 from acx4lib.results import provenance
-from acx4lib.results.files.schemas import NOTEBOOKS
+from acx4lib.results.table_files import NOTEBOOKS
 from support.flights import in_heads
 from support.helpers import ROOT
 
@@ -129,7 +129,7 @@ def test_an_unknown_parameter_is_named_in_the_last_line(ran, name):
 
 
 def test_a_download_of_the_book_makes_what_it_lacks_and_its_results_are_a_run(tmp_path):
-    clean.write(tmp_path / "downloads")
+    release.write(tmp_path / "downloads")
     (tmp_path / "empty").mkdir()
     out = tmp_path / "out.ipynb"
     papermill.execute_notebook(

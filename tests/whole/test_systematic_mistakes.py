@@ -8,7 +8,7 @@ import pytest
 
 import acx4sim
 from acx4lib import flight as flights
-from acx4lib.calibration.trust.confirmation import confirmations
+from acx4lib.calibration.confirmation import confirmations
 from acx4lib.results import folder
 from acx4lib.stages import mounting, order
 from support.flights.simulated import read_back

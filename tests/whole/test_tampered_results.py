@@ -13,7 +13,7 @@ import pytest
 from acx4book.notebooks import functions, runner
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.results import provenance
-from acx4lib.results.own_folder.marks import MARK
+from acx4lib.results.own_folder import MARK
 from support.flights import written
 from support.run_results import seal_again
 

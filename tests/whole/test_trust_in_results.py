@@ -12,13 +12,12 @@ from bs4 import BeautifulSoup
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.executed import Notebooks
+from acx4book.notebooks.execute import Notebooks
 from acx4lib import flight as flights
 from acx4lib.errors import FlightError
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
-from acx4lib.results.own_folder import claims
-from acx4lib.results.own_folder.marks import MARK
+from acx4lib.results import own_folder, provenance
+from acx4lib.results.own_folder import MARK
 from support.flights import pictured
 from support.helpers import write_notebook
 from support.run_results import leave_results
@@ -84,7 +83,7 @@ def test_a_file_that_changes_while_a_run_is_going_does_not_reach_its_results(tmp
     block = flights.read_kept(kept).calibration
     read = results.read(tmp_path / "results").summary["mounting/single_step"]["read"]
     assert read["east"] == block.frame.to_grid(block.control.x_m)[0, 0]
-    claims.verify(tmp_path / "results", cure="")
+    own_folder.verify(tmp_path / "results", cure="")
 
 
 def test_a_table_that_changed_after_it_was_read_is_not_kept(tmp_path):
@@ -94,7 +93,7 @@ def test_a_table_that_changed_after_it_was_read_is_not_kept(tmp_path):
     with (at / "calibration" / "trajectory.csv").open("a") as file:
         file.write("\n")
     with (
-        claims.claim(tmp_path / "results", command=runner.COMMAND) as own,
+        own_folder.claim(tmp_path / "results", command=runner.COMMAND) as own,
         pytest.raises(FlightError, match=r"trajectory\.csv: changed while it was read; run again"),
     ):
         provenance.keep(own, read)
@@ -145,7 +144,7 @@ def test_a_run_of_all_stages_replaces_results_that_were_changed(own, tmp_path):
     (folder / "parameters.csv").write_text("mine\n")
     runner.run(at, folder, way=Notebooks(path=notebooks))
     assert results.read(folder).parameters.empty
-    claims.verify(folder, cure="")
+    own_folder.verify(folder, cure="")
 
 
 def test_a_book_is_not_made_of_changed_results(own):
@@ -297,7 +296,7 @@ def test_simulate_writes_over_nothing(acx4, tmp_path):
     (tmp_path / "flight.truth.json").unlink()
     assert acx4("simulate", "single-head", "--out", tmp_path / "new" / "below" / "flight")[0] == 0
     assert acx4("simulate", "single-head", "--out", out)[0] == 0
-    claims.clear(out)
+    own_folder.clear(out)
     assert acx4("simulate", "single-head", "--out", out, "--seed", "2")[0] == 0  # an older truth
     for place in ("/dev/full", tmp_path, out):
         status, err = acx4("simulate", "single-head", "--out", place)

@@ -6,10 +6,10 @@ import nbformat
 import pytest
 
 from acx4book.notebooks import runner
-from acx4book.notebooks.executed import Notebooks
+from acx4book.notebooks.execute import Notebooks
 from acx4book.pages import build, flight_book
-from acx4lib.results.files.schemas import NOTEBOOKS
 from acx4lib.results.provenance import KEPT
+from acx4lib.results.table_files import NOTEBOOKS
 from support.flights import unlike
 
 NEVER = {

@@ -19,11 +19,9 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from acx4book.command import book, compare, run, teaching, terminal
+from acx4book.command import book, compare, pictures, planning, run, teaching, terminal
 from acx4book.command.endings import TERMINATED, status_of
 from acx4book.command.exchange import export, importing, new
-from acx4book.command.pictures import measure, render
-from acx4book.command.planning import plan, simulate
 from acx4book.command.surroundings import shut_out
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
@@ -110,9 +108,9 @@ def check(flight: terminal.Flight) -> None:
     """Read a flight and print a summary."""
     from acx4lib.conventions.search import notes  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
-    from acx4lib.exchange.safe.picture_sizes import is_cut_off  # noqa: PLC0415 quick help
     from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
     from acx4lib.flight.summary import summary  # noqa: PLC0415 quick help
+    from acx4lib.production.picture_sizes import is_cut_off  # noqa: PLC0415 quick help
 
     found = read(flight)
     files = (path for paths in found.image_files.values() for path in paths if path is not None)
@@ -125,8 +123,8 @@ def check(flight: terminal.Flight) -> None:
 app.command(help=run.HELP)(run.run)
 
 
-app.command(help=plan.HELP)(plan.plan)
-app.command(help=simulate.HELP)(simulate.simulate)
+app.command(help=planning.PLAN_HELP)(planning.plan)
+app.command(help=planning.SIMULATE_HELP)(planning.simulate)
 
 
 @app.command(
@@ -155,7 +153,7 @@ def report(
 ) -> None:
     """Write the calibration report of a run."""
     terminal.need_book("report")
-    from acx4book.report.page import page  # noqa: PLC0415 quick help
+    from acx4book.report import page  # noqa: PLC0415 quick help
     from acx4lib.results import folder  # noqa: PLC0415 quick help
 
     path = out or folder.of_run(results) / "report.html"
@@ -173,7 +171,7 @@ app.command(help=compare.HELP)(compare.compare)
 app.add_typer(importing.app, name="import")
 app.command(help=new.HELP)(new.new)
 app.command(help=export.HELP)(export.export)
-app.command(help=measure.HELP)(measure.measure)
-app.command(help=render.HELP)(render.render)
+app.command(help=pictures.MEASURE_HELP)(pictures.measure)
+app.command(help=pictures.RENDER_HELP)(pictures.render)
 app.command(help=teaching.LAB_HELP)(teaching.lab)
 app.command(help=teaching.GRADE_HELP)(teaching.grade)

@@ -43,7 +43,7 @@ def book(
     if importlib.util.find_spec("jupyter_book") is None:
         terminal.refuse("acx4 book needs jupyter_book: pip install 'acx4lib[book]'")
     from acx4book.notebooks import runner  # noqa: PLC0415 quick help
-    from acx4book.notebooks.executed import Notebooks  # noqa: PLC0415 quick help
+    from acx4book.notebooks.execute import Notebooks  # noqa: PLC0415 quick help
     from acx4book.pages import flight_book  # noqa: PLC0415 quick help
 
     with tempfile.TemporaryDirectory(prefix="acx4-run-") as temporary:

@@ -67,19 +67,19 @@ def compare(
     methods = [name.strip() for name in method.split(",") if name.strip()]
     _check(methods, against, len(results))
     terminal.need_book("compare")
-    from acx4book.report.campaigns import rig, sentences, study, written  # noqa: PLC0415 quick help
+    from acx4book.report.campaigns import figures, tables, written  # noqa: PLC0415 quick help
 
     if len(results) == 1:
-        found = rig.read(results[0])
+        found = figures.read(results[0])
         written.write_rigidity(found, out, name=results[0].resolve().name, level=level)
-        lines = rig.for_terminal(found, level=level)
+        lines = figures.for_terminal(found, level=level)
     else:
-        campaigns = study.read(results, methods=methods)
-        compared = study.study(
+        campaigns = tables.read(results, methods=methods)
+        compared = tables.study(
             campaigns, against=against, height_m=height, level=level, apriori=apriori
         )
         written.write(compared, out)
-        lines = sentences.for_terminal(compared)
+        lines = tables.for_terminal(compared)
     terminal.show("\n".join([*lines, str(out / written.PAGE)]))
 
 

@@ -111,11 +111,11 @@ def _jobs(
 def _simulated(flight: Path) -> str:
     """Return the name of a design, or the path of a plan from the root; refuse all others."""
     from acx4book.command.batch import jobs  # noqa: PLC0415 quick help
-    from acx4book.notebooks.simulated import by_name  # noqa: PLC0415 quick help
+    from acx4book.notebooks import simulated  # noqa: PLC0415 quick help
 
     name = str(flight)
-    by_name.check(name)
-    return str(jobs.absolute(flight)) if by_name.is_plan(name) else name
+    simulated.check(name)
+    return str(jobs.absolute(flight)) if simulated.is_plan(name) else name
 
 
 def table_of(outcomes: Mapping[str, Outcome]) -> list[str]:

@@ -53,9 +53,9 @@ def lab(
     ] = None,
 ) -> None:
     """Write the simulated flight of one student."""
-    from acx4book.teaching import students, writing  # noqa: PLC0415 quick help
+    from acx4book.teaching import handed_in, students  # noqa: PLC0415 quick help
     from acx4book.teaching.sheets.every import sheet_of  # noqa: PLC0415 quick help
-    from acx4lib.results.own_folder import claims, places  # noqa: PLC0415 quick help
+    from acx4lib.results import own_folder  # noqa: PLC0415 quick help
 
     try:
         chosen = sheet_of(sheet)
@@ -63,9 +63,9 @@ def lab(
     except ValueError as error:
         terminal.refuse(str(error))
     secret = students.read_key(key)
-    places.check_new(folder)
-    with claims.placed(folder, command="acx4 lab") as draft:
-        writing.write(chosen, student, secret, draft)
+    own_folder.check_new(folder)
+    with own_folder.placed(folder, command="acx4 lab") as draft:
+        handed_in.write(chosen, student, secret, draft)
     terminal.show(folder)
 
 
@@ -88,15 +88,15 @@ def grade(
 ) -> None:
     """Mark what students handed in."""
     from acx4book.teaching import class_table, students  # noqa: PLC0415 quick help
-    from acx4lib.results.own_folder import places, whole_files  # noqa: PLC0415 quick help
+    from acx4lib.results import own_folder, whole_files  # noqa: PLC0415 quick help
 
     secret = students.read_key(key)
     if out is not None:
         mark = ",".join(class_table.COLUMNS).encode()
-        places.check_file(out, mark=mark, what="a table of acx4 grade")
+        own_folder.check_file(out, mark=mark, what="a table of acx4 grade")
     if totals is not None:
         mark = ",".join(class_table.TOTALS[1:]).encode()
-        places.check_file(totals, mark=mark, what="a table of totals of acx4 grade")
+        own_folder.check_file(totals, mark=mark, what="a table of totals of acx4 grade")
     found = class_table.grade(
         handed_in, secret, lambda marks: terminal.show("\n".join(class_table.lines(marks)))
     )

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import ast
+import hashlib
 import re
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +17,13 @@ import nbformat
 import papermill
 
 from acx4book.notebooks import interpreter
+from acx4book.notebooks.runner import NOTEBOOKS_PATH, Step
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError, OutputError, unsolvable
-from acx4lib.results.own_folder.whole_files import write
+from acx4lib.flight.reader import Flight
+from acx4lib.results import provenance
+from acx4lib.results.runs import EXECUTED, FAILED
+from acx4lib.results.table_files import NOTEBOOKS
+from acx4lib.results.whole_files import write
 
 
 class NotebookError(Acx4Error):
@@ -175,3 +184,158 @@ def _renumber(notebook: nbformat.NotebookNode) -> None:
     for number, cell in enumerate(counted, 1):
         for counts in (cell, *(o for o in cell.outputs if o.output_type == "execute_result")):
             counts["execution_count"] = number
+
+
+# --- What the outcome of a notebook depends on, where it depends on no flight: a digest of it all
+
+
+HOUSES = ("acx4lib", "acx4sim", "acx4book")
+"""Packages whose modules are followed; all others have their version in environment.lock."""
+
+SHOWS = "acx4book.typesetting.svg"
+"""The module by which figures are shown, which no notebook imports."""
+
+
+def digest(notebook: Path, sources: Path, data: Iterable[Path]) -> str:
+    """Return the SHA-256 of a notebook, of all modules that it reaches, and of its data.
+
+    Parameters
+    ----------
+    notebook : Path
+    sources : Path
+        Folder of the houses.
+    data : iterable of Path
+        Files; their contents and names count, and not where they lie.
+    """
+    total = hashlib.sha256()
+    for path in (notebook, *sorted(modules(notebook, sources)), *sorted(data)):
+        total.update(f"{path.name}\0{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return total.hexdigest()
+
+
+def modules(notebook: Path, sources: Path) -> set[Path]:
+    """Return the files of all modules of the houses that a notebook imports, and those they do.
+
+    A package that is only on the way to a module is read; what it loads on demand is not followed.
+    """
+    read = nbformat.read(notebook, as_version=4)  # type: ignore[no-untyped-call] # untyped
+    cells = [cell.source for cell in read.cells if cell.cell_type == "code"]
+    waiting = [SHOWS, *_imported("\n".join(cells))]
+    found: set[Path] = set()
+    while waiting:
+        name = waiting.pop()
+        path = _file(name, sources)
+        if path is None or path in found:
+            continue
+        found.add(path)
+        above = name.split(".")[:-1]
+        waiting += [".".join(above[:n]) for n in range(2, len(above) + 1)]
+        if above:
+            found.add(sources / above[0] / "__init__.py")
+        waiting += _imported(path.read_text("utf-8"))
+    return found
+
+
+def _file(name: str, sources: Path) -> Path | None:
+    """Return the file of a module, or None for a name that is none."""
+    base = sources.joinpath(*name.split("."))
+    return next((p for p in (base.with_suffix(".py"), base / "__init__.py") if p.is_file()), None)
+
+
+def _imported(source: str) -> Iterator[str]:
+    """Yield what may be names of modules of the houses in the imports of a source."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        else:
+            continue
+        yield from (name for name in names if name.partition(".")[0] in HOUSES)
+
+
+# --- The way of the notebooks: every stage by its notebook, executed with parameters
+#
+# A notebook reads only the copy of the flight's tables in the results, and the pictures. Executed
+# notebooks have no date and no place, so two runs of one flight give equal bytes.
+
+
+GIVEN = {"flight_path", "pictures_path", "results_path", "calibration_path"}
+"""Parameters of the notebooks that a run sets itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notebooks:
+    """Stages run by their notebooks; the notebook of the flight, which only shows it, comes first.
+
+    Attributes
+    ----------
+    path : Path
+        Their folder.
+    parameters : mapping of str to object
+        Values of further parameters, such as ``seed``; each notebook gets those that it has.
+    """
+
+    path: Path = field(default_factory=lambda: NOTEBOOKS_PATH)  # no place in its signature
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def steps(
+        self, flight: Flight, folder: Path, stages: Sequence[str], calibration: str
+    ) -> dict[str, Step]:
+        """Return what runs each stage, as `runner.Way` has it.
+
+        Raises
+        ------
+        ValueError
+            A parameter that no notebook has, or that is of another type.
+        FileNotFoundError
+            A notebook is not there.
+        """
+        given = {
+            **self.parameters,
+            "flight_path": str(folder / provenance.KEPT),
+            "pictures_path": str(flight.path),
+            "calibration_path": calibration,
+        }
+        notebooks = {stage: self._notebook(stage) for stage in ("flight", *stages)}
+        values = {s: with_defaults(path, given) for s, path in notebooks.items()}
+        _check_known(self.parameters, values)
+        if calibration and "calibration_path" not in values.get("validation", {}):
+            msg = f"{notebooks['validation'].stem}: has no parameter calibration_path"
+            raise ValueError(msg)
+        return {s: partial(_execute, path, values[s]) for s, path in notebooks.items()}
+
+    def _notebook(self, stage: str) -> Path:
+        notebook = self.path / f"{NOTEBOOKS[stage]}.ipynb"
+        if not notebook.is_file():
+            msg = f"{notebook}: no such notebook"
+            raise FileNotFoundError(msg)
+        return notebook
+
+
+def _check_known(given: Mapping[str, Any], values: Mapping[str, Mapping[str, Any]]) -> None:
+    known = {name for of_one in values.values() for name in of_one} - GIVEN
+    if given.keys() - known:
+        unknown = ", ".join(sorted(given.keys() - known))
+        msg = f"no notebook has a parameter {unknown}; known: {', '.join(sorted(known))}"
+        raise ValueError(msg)
+
+
+def _execute(
+    notebook: Path,
+    values: Mapping[str, Any],
+    staging: Path,
+    on_cell: Callable[[int, int], None],
+) -> None:
+    """Execute a notebook in a copy of the results; if it fails, it is left in another folder."""
+    executed = staging / EXECUTED / notebook.name
+    given = {**values, "results_path": str(staging)}
+    try:
+        execute(notebook, executed, parameters=given, on_cell=on_cell)
+    except Acx4Error:
+        if executed.is_file():
+            executed.parent.rename(staging / FAILED)
+            with suppress(OutputError):  # no space for it: the error says so
+                scrub(staging / FAILED / notebook.name, hidden=staging.name)
+        raise
+    scrub(executed, hidden=staging.name)

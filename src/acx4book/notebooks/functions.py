@@ -12,9 +12,11 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from acx4book.notebooks import runner
 from acx4book.notebooks.runner import Step
 from acx4lib.flight.reader import Flight
 from acx4lib.stages import heads, mounting, rig, validation
+from acx4sim import designs, files
 
 
 def _synthetic(flight: Flight, staging: Path) -> object:
@@ -61,3 +63,52 @@ def _compute(
     with threadpool_limits(1, user_api="blas"):
         run(flight, staging)
     tell(1, 1)
+
+
+# --- What a notebook needs that runs by itself, in an empty folder: its flight, and earlier
+# stages
+
+
+PICTURES, REDUCE = ("H1-05", "H3-04", "C2-05"), 4
+"""The exposures of the book's flight that have pictures, and at what part of the size."""
+
+
+def flight_of(design: str) -> str:
+    """Return the name of the folder of a flight that a notebook simulates for itself."""
+    return f"flight-{design}"
+
+
+def prepare(
+    flight_path: str | Path,
+    results_path: str | Path,
+    *,
+    design: str = "acx4",
+    stages: Sequence[str] = (),
+) -> None:
+    """Simulate the flight of the book where there is none, and run the stages that come before.
+
+    What is there already stays as it is: a flight of one's own, and results of an earlier run. The
+    stages before are those of the flight that is given, and only the book's flight is simulated.
+
+    Parameters
+    ----------
+    flight_path : path
+        Folder of the flight; that of the book is called as `flight_of` says.
+    results_path : path
+        Folder of the results.
+    design : str
+        One of `acx4sim.DESIGNS`; the flight of the book has pictures, others have none.
+    stages : sequence of str
+        Stages whose results the notebook needs, of `acx4lib.results.folder.STAGES`.
+
+    Raises
+    ------
+    FlightError, OutputError, AdjustmentError
+        As `runner.run`.
+    """
+    if not Path(flight_path).exists() and Path(flight_path).name == flight_of(design):
+        flown = designs.DESIGNS[design]()
+        pictured = files.photograph(flown, PICTURES, reduce=REDUCE) if design == "acx4" else flown
+        files.write(pictured, flight_path)
+    if stages and not Path(results_path).exists():
+        runner.run(flight_path, results_path, way=Functions(), stages=stages)

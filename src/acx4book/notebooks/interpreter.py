@@ -34,8 +34,8 @@ from threadpoolctl import threadpool_limits
 from traitlets.config import Config
 
 import acx4lib.stages.mounting  # noqa: F401 loaded before the copy
-from acx4book.typesetting.drawing.svg import vector
-from acx4lib.results.own_folder import whole_files
+from acx4book.typesetting.svg import vector
+from acx4lib.results import whole_files
 
 ENGINE = "acx4"
 """Name by which papermill knows the interpreter."""

@@ -14,14 +14,13 @@ from pathlib import Path
 from typing import Protocol
 
 from acx4lib.errors import Acx4Error, AdjustmentError
-from acx4lib.flight import reader as flights
+from acx4lib.flight import reader
 from acx4lib.flight.reader import Flight
 from acx4lib.results import folder as results
-from acx4lib.results import runs
-from acx4lib.results.files.schemas import NOTEBOOKS, PART_OF
-from acx4lib.results.own_folder import claims, places
-from acx4lib.results.own_folder.claims import OwnFolder
+from acx4lib.results import own_folder, runs
+from acx4lib.results.own_folder import OwnFolder
 from acx4lib.results.runs import COMMAND
+from acx4lib.results.table_files import NOTEBOOKS, PART_OF
 from acx4lib.stages import order
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
@@ -139,13 +138,13 @@ def run(
         msg = "the calibration of an earlier flight is for stage validation alone"
         raise ValueError(msg)
     folder, tell = Path(results_path), tell or (lambda *_: None)
-    places.check_place(folder, away_from=[Path(flight_path)])
-    flight = flights.read(flight_path)
+    own_folder.check_place(folder, away_from=[Path(flight_path)])
+    flight = reader.read(flight_path)
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
     ran = tuple(stage for stage in wanted if stage not in skipped)
     told = _earlier(calibration, flight) if str(calibration) else None
     steps = way.steps(flight, folder, ran, str(calibration))
-    with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
+    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         runs.check_calibration(own.path, stages, told)
         runs.prepare(own, flight, stages, skipped=skipped)
         own.remove(name for stage in {"flight"} - steps.keys() for name in runs.beside(stage))
@@ -163,9 +162,9 @@ def run(
 
 def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
     """Return what is said of the results of an earlier flight."""
-    from acx4lib.results import earlier  # noqa: PLC0415 loads what adjusts
+    from acx4lib.results import read_back  # noqa: PLC0415 loads what adjusts
 
-    return earlier.read(calibration, flight).told
+    return read_back.read(calibration, flight).told
 
 
 def _run_steps(

@@ -18,6 +18,6 @@ def way_of(notebooks: Path | None) -> Way:
     """
     if notebooks is None:
         return Functions()
-    from acx4book.notebooks.executed import Notebooks  # noqa: PLC0415 needs the extra book
+    from acx4book.notebooks.execute import Notebooks  # noqa: PLC0415 needs the extra book
 
     return Notebooks(path=notebooks)

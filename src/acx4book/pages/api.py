@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 
-from acx4lib.results.own_folder import whole_files
+from acx4lib.results import whole_files
 
 FOLDER = "_generated/api"
 """Where the pages are in the book."""
@@ -17,7 +17,7 @@ CELLAR = "compiled"
 """Name of the folders that no page shows."""
 
 EXCHANGE = ("outward", "pictures", "programs", "safe", "trajectories")
-BY_MODULE = tuple(f"acx4lib.exchange.{part}." for part in EXCHANGE)
+BY_MODULE = tuple(f"acx4tools.exchange.{part}." for part in EXCHANGE)
 """Where modules are listed with what they are for: their functions serve one kind of files, and no
 user's program calls them."""
 

@@ -16,40 +16,24 @@ from typing import Any
 import nbformat
 from matplotlib.figure import Figure
 
-from acx4book.chapters.flight import exposure
+from acx4book.chapters import flight
 from acx4book.notebook import ENDS
 from acx4book.notebooks import execute, runner
-from acx4book.pages import (
-    accuracy,
-    api,
-    certificate,
-    example,
-    frames,
-    geometry,
-    independent,
-    methods,
-    provenance,
-    simulation,
-    words,
-)
-from acx4book.pages.back import citation, clean, licences, release
-from acx4book.pages.benchmarks import imports, speed
-from acx4book.pages.benchmarks.coverage import bias, sigma, slow_errors, verdicts
-from acx4book.pages.benchmarks.coverage.figure_sigma import normalised_errors
-from acx4book.paper import printed, questions, scorecard_page
-from acx4book.report import material
-from acx4book.report.page import page as report
+from acx4book.pages import api, certificate, example, frames, release, reproducibility, study, words
+from acx4book.pages.benchmarks import imports, sigma, speed, verdicts
+from acx4book.pages.benchmarks.sigma import normalised_errors
+from acx4book.paper import printed, questions, scorecard
+from acx4book.report import material, page
 from acx4book.teaching.showing import figure_pack, slides
 from acx4book.teaching.showing import tables as lab_tables
-from acx4book.typesetting.drawing.svg import vector
 from acx4book.typesetting.myst import numbered
+from acx4book.typesetting.svg import vector
 from acx4lib.flight.reader import Flight, read_kept
-from acx4lib.results import agreement
+from acx4lib.results import agreement, own_folder, whole_files
 from acx4lib.results import folder as results
-from acx4lib.results.files.schemas import NOTEBOOKS
-from acx4lib.results.own_folder import claims, whole_files
 from acx4lib.results.provenance import KEPT
-from acx4sim.files.writer import truth_path
+from acx4lib.results.table_files import NOTEBOOKS
+from acx4sim.files import truth_path
 
 BENCHMARKS = Path("data", "benchmarks")
 """What long runs left, below the current folder: that of the working copy."""
@@ -123,19 +107,19 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         If results were changed since their run, or a notebook fails.
     """
     for path in (results_path, *([] if ideal_path is None else [ideal_path])):
-        claims.verify(path, cure="run acx4 run again")
+        own_folder.verify(path, cure="run acx4 run again")
     executed, generated = book / "_executed", book / "_generated"
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
     write_notebooks(results_path, executed, ideal_path, pictures_path=flight_path)
     whole = ideal_path is not None
-    left_out = independent.bring(executed, ideal_path)
+    left_out = study.bring(executed, ideal_path)
     # The code of part I is part of what it teaches.
-    for name in independent.CHAPTERS.keys() - {*left_out, *independent.FOUNDATIONS}:
-        note = IDEAL if name in independent.OF_IDEAL else ""
+    for name in study.CHAPTERS.keys() - {*left_out, *study.FOUNDATIONS}:
+        note = IDEAL if name in study.OF_IDEAL else ""
         fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb", note)
     pages = [f"_executed/{name}" for name in left_out]
-    independent.leave_out(book, pages if whole else [*pages, api.FOLDER])
+    study.leave_out(book, pages if whole else [*pages, api.FOLDER])
     timed, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
         *texts_of_run(flight_path, results_path, ideal_path),
@@ -154,8 +138,8 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     drawn = [*figure_pack.figures(executed)]
     whole_files.write(generated / "slides.html", slides.page(drawn))
     whole_files.write(generated / "figures.zip", figure_pack.archive(drawn))
-    clean.write(generated / clean.FOLDER)
-    report.write(results_path, generated / REPORT)
+    release.write(generated / release.FOLDER)
+    page.write(results_path, generated / REPORT)
     whole_files.write(generated / "program.md", release.offered(generated, UNDATED))
     api.write(book)
 
@@ -207,9 +191,12 @@ def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dic
     """Return what the extension `provenance` of the book tells: commit, and flights by page."""
     name = f"{flight_path.name}{', simulated' if simulated else ''}"
     named = dict.fromkeys((*NOTEBOOKS.values(), *OF_RESULTS, OWN, "scorecard", "certificate"), name)
-    shows_ideal = [*(NOTEBOOKS[stage] for stage in OF_IDEAL), *independent.OF_IDEAL, OWN]
+    shows_ideal = [*(NOTEBOOKS[stage] for stage in OF_IDEAL), *study.OF_IDEAL, OWN]
     of_ideal = dict.fromkeys(shows_ideal if ideal else (), "acx4-ideal, simulated")
-    return {"commit": provenance.short(provenance.commit()), "flights": {**named, **of_ideal}}
+    return {
+        "commit": reproducibility.short(reproducibility.commit()),
+        "flights": {**named, **of_ideal},
+    }
 
 
 def fold(executed: Path, page: Path, note: str = "") -> None:
@@ -294,11 +281,11 @@ def texts_of_run(
     true = truth_path(flight_path)
     truth = json.loads(true.read_text("utf-8")) if true.is_file() else None
     simulated = truth is not None
-    yield from scorecard_page.texts(found, flown, simulated=simulated, ideal=ideal).items()
+    yield from scorecard.texts(found, flown, simulated=simulated, ideal=ideal).items()
     yield "certificate.md", certificate.page(material.read(results_path), REPORT.as_posix())
-    yield "simulation.md", simulation.page(flown, truth)
-    yield "geometry.md", geometry.geometry_page()
-    yield "provenance.md", provenance.page(flight_path, results_path)
+    yield "simulation.md", study.simulation_page(flown, truth)
+    yield "geometry.md", study.geometry_page()
+    yield "provenance.md", reproducibility.page(flight_path, results_path)
 
 
 def texts_of_front(
@@ -306,9 +293,9 @@ def texts_of_front(
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts of the front page and of the four questions, a drawing among them."""
     found, flown = _run(results_path)
-    drawn = exposure.exposure(flown)
+    drawn = flight.exposure(flown)
     yield "front.svg", vector(drawn)
-    yield "front.md", FRONT.format(alt=exposure.ALT, caption=exposure.caption(flown))
+    yield "front.md", FRONT.format(alt=flight.ALT, caption=flight.caption(flown))
     applies = printed.applies(flown)
     own = executed if ideal_path is None else results_path / "notebooks"
     four, ideal = questions.Told(found=found, answers=questions.answers(own)), None
@@ -316,7 +303,7 @@ def texts_of_front(
         answers = questions.answers(ideal_path / "notebooks")
         ideal = questions.Told(found=results.read(ideal_path), answers=answers)
     camera = flown.synthetic.camera if flown.synthetic else ""
-    ideally = "" if ideal is None else methods.page(ideal.found, camera, BENCHMARKS)
+    ideally = "" if ideal is None else study.methods_page(ideal.found, camera, BENCHMARKS)
     yield "methods.md", f"{ideally}\n"
     ideal_answers = None if ideal is None else ideal.answers
     yield "four-questions.md", questions.text(four.answers, ideal_answers, beside_print=applies)
@@ -331,7 +318,7 @@ def texts_of_front(
     yield "side-by-side.md", questions.side_by_side(four, ideal, camera) if whole else "\n"
     for name, pages in DOORS.items():
         yield f"minutes-{name}.md", f"{words.minutes(*pages)} minutes to read\n"
-    yield "front-accuracy.md", accuracy.page(BENCHMARKS) if ideal_path is not None else "\n"
+    yield "front-accuracy.md", study.page(BENCHMARKS) if ideal_path is not None else "\n"
 
 
 def _run(results_path: Path) -> tuple[results.Results, Flight]:
@@ -348,9 +335,9 @@ def texts_of_benchmarks(
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
     yield "coverage-found.md", sigma.found(errors)
-    yield "coverage-bias.md", bias.page(bias.read(BENCHMARKS))
-    yield "coverage-slow.md", slow_errors.page(slow_errors.read(BENCHMARKS))
-    yield "coverage-validated.md", slow_errors.validated(slow_errors.read_validated(BENCHMARKS))
+    yield "coverage-bias.md", sigma.bias_page(sigma.bias_read(BENCHMARKS))
+    yield "coverage-slow.md", verdicts.page(verdicts.slow_errors_read(BENCHMARKS))
+    yield "coverage-validated.md", verdicts.validated(verdicts.read_validated(BENCHMARKS))
     said = verdicts.read(BENCHMARKS)
     yield "coverage-good.md", verdicts.good(said)
     yield "coverage-spoilt.md", verdicts.spoilt(said)
@@ -366,9 +353,9 @@ def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
 
 def texts_of_back_matter() -> Iterator[tuple[str, str]]:
     """Yield the names and texts of what the project's own files say, in the current folder."""
-    yield "citation.json", json.dumps(citation.footer(Path("CITATION.cff")))
-    yield "cite.md", citation.sentence(Path("CITATION.cff"))
-    yield "licences.md", licences.page()
+    yield "citation.json", json.dumps(reproducibility.footer(Path("CITATION.cff")))
+    yield "cite.md", reproducibility.sentence(Path("CITATION.cff"))
+    yield "licences.md", reproducibility.licences_page()
 
 
 def figures_of_benchmarks(

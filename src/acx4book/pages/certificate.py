@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from acx4book.report import verdict
 from acx4book.report.material import Material
-from acx4book.report.verdict import verdict
 from acx4book.typesetting.myst import myst_table
 
 

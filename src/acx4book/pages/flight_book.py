@@ -25,17 +25,16 @@ import yaml
 
 from acx4book.notebooks.runner import NOTEBOOKS_PATH, Tell
 from acx4book.pages import build, certificate, frames
-from acx4book.report import material
-from acx4book.report.page import page as report
+from acx4book.report import material, page
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import code, shown
 from acx4book.typesetting.tables import markdown
 from acx4lib.errors import Acx4Error, visible
-from acx4lib.results.files.schemas import NOTEBOOKS
-from acx4lib.results.own_folder import claims, whole_files
-from acx4lib.results.own_folder.claims import OwnFolder
-from acx4lib.results.own_folder.whole_files import SCRATCH
+from acx4lib.results import own_folder, whole_files
+from acx4lib.results.own_folder import OwnFolder
 from acx4lib.results.provenance import KEPT
+from acx4lib.results.table_files import NOTEBOOKS
+from acx4lib.results.whole_files import SCRATCH
 
 COMMAND = "acx4 book"
 """The command that is named in the mark of a book."""
@@ -108,16 +107,16 @@ def write(
     BookError
         Where Sphinx fails.
     """
-    claims.verify(results_path, cure="run acx4 run again")
+    own_folder.verify(results_path, cure="run acx4 run again")
     with (
         tempfile.TemporaryDirectory(prefix="acx4-book-") as temporary,
-        claims.claim(site, command=COMMAND) as own,
+        own_folder.claim(site, command=COMMAND) as own,
     ):
         source = Path(temporary) / "book"
         name = _gather(results_path, source, tell)
         html = _built(source, Path(temporary), strict=strict)
         _escape(html, visible(name))
-        report.write(results_path, html / "report.html")
+        page.write(results_path, html / "report.html")
         shutil.copyfile(source / "_toc.yml", html / "_toc.yml")  # by which it can be printed
         tell("pages", 1, 1)
         _place(html, own)

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from acx4book.typesetting import style
-from acx4book.typesetting.drawing.svg import vector
-from acx4book.typesetting.sketch import BODY, CAMERA, MAPPING, RAY, arrow, note, triad, view
+from acx4book.typesetting.maps import BODY, CAMERA, MAPPING, RAY, arrow, note, triad, view
 from acx4book.typesetting.style import EDGE, INK, LAND, LAND_EDGE, PAPER, SHEET, SOFT, TEAL
-from acx4lib.results.own_folder import whole_files
+from acx4book.typesetting.svg import vector
+from acx4lib.results import whole_files
 
 Vector = NDArray[np.floating]
 

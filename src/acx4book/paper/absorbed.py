@@ -6,7 +6,7 @@ from acx4lib.calibration.absorption import Absorption, absorption
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.results import folder
-from acx4lib.results.carried import mounted_block
+from acx4lib.results.adjustments import mounted_block
 from acx4lib.stages import mounting
 
 

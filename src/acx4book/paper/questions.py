@@ -11,7 +11,7 @@ from pathlib import Path
 import nbformat
 import pandas as pd
 
-from acx4book.paper import printed as paper
+from acx4book.paper import printed
 from acx4book.paper.scorecard import TWO_STEP
 from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
 from acx4book.typesetting.myst import myst_table
@@ -54,30 +54,30 @@ class Question:
 
 
 def _heads() -> str:
-    sigma = [1e3 * paper.sigma(1, name, h) for name in ("xp_mm", "yp_mm") for h in paper.HEADS]
+    sigma = [1e3 * printed.sigma(1, name, h) for name in ("xp_mm", "yp_mm") for h in printed.HEADS]
     return (
         "Yes. A bundle over a field of signalised points gives each head its interior orientation "
-        f"while the focal length is held at {paper.statement('head_f_fixed_mm'):g} mm (Table 1). "
+        f"while the focal length is held at {printed.statement('head_f_fixed_mm'):g} mm (Table 1). "
         f"The principal points have standard deviations of {min(sigma):.1f} to {max(sigma):.1f} "
         f"µm, the distortion at the border is about "
-        f"{paper.statement('head_border_distortion_px'):g} pixels, and interior and exterior "
-        f"orientation are correlated by less than {100 * paper.statement('max_correlation'):g} %."
+        f"{printed.statement('head_border_distortion_px'):g} pixels, and interior and exterior "
+        f"orientation are correlated by less than {100 * printed.statement('max_correlation'):g} %."
     )
 
 
 def _synthetic() -> str:
     return (
-        f"Yes. Its residuals are around {paper.statement('synthetic_quality_um'):g} µm, "
-        f"{paper.statement('synthetic_quality_px'):g} pixel. Decentring distortion is not "
+        f"Yes. Its residuals are around {printed.statement('synthetic_quality_um'):g} µm, "
+        f"{printed.statement('synthetic_quality_px'):g} pixel. Decentring distortion is not "
         "significant, and the radial distortion at the border is close to "
-        f"{paper.statement('synthetic_border_distortion_px'):g} pixels, which may come from the "
+        f"{printed.statement('synthetic_border_distortion_px'):g} pixels, which may come from the "
         "measurement of the image points."
     )
 
 
 def _mounting() -> str:
     differ = ", ".join(
-        f"{LABELS[name]} is {' mm and '.join(paper.shown(3, name, m) for m in paper.METHODS)} mm"
+        f"{LABELS[name]} is {' mm and '.join(printed.shown(3, name, m) for m in printed.METHODS)} mm"
         for name in ("f_mm", "xp_mm", "yp_mm")
     )
     return (
@@ -88,13 +88,13 @@ def _mounting() -> str:
 
 
 def _validation() -> str:
-    rms = [paper.value(4, f"rms_{axis}_m", m) for axis in AXES for m in paper.METHODS]
-    share = paper.shown(4, "within_3_gsd_percent", "single_step")
-    scales = (paper.statement(f"{end}_scale") for end in ("smallest", "largest"))
+    rms = [printed.value(4, f"rms_{axis}_m", m) for axis in AXES for m in printed.METHODS]
+    share = printed.shown(4, "within_3_gsd_percent", "single_step")
+    scales = (printed.statement(f"{end}_scale") for end in ("smallest", "largest"))
     return (
         f"The RMS of the differences is {min(rms):.2f} to {max(rms):.2f} m by axis, about "
-        f"{paper.statement('accuracy_px'):g} pixels, with either method; {share} % of the points "
-        f"lie within {paper.statement('within_factor'):g} ground pixels. That suffices for maps at "
+        f"{printed.statement('accuracy_px'):g} pixels, with either method; {share} % of the points "
+        f"lie within {printed.statement('within_factor'):g} ground pixels. That suffices for maps at "
         f"{' to '.join(f'1:{scale:.0f}' for scale in scales)} by the Brazilian standard."
     )
 
@@ -271,7 +271,7 @@ def _between(sigma: Sequence[float]) -> str:
 
 def _sigma_of_heads_printed() -> str:
     return _between(
-        [1e3 * paper.sigma(1, name, h) for name in ("xp_mm", "yp_mm") for h in paper.HEADS]
+        [1e3 * printed.sigma(1, name, h) for name in ("xp_mm", "yp_mm") for h in printed.HEADS]
     )
 
 
@@ -281,7 +281,7 @@ def _sigma_of_heads(told: Told) -> str:
 
 
 def _quality_printed() -> str:
-    return f"residuals of about {paper.statement('synthetic_quality_um'):g} µm"
+    return f"residuals of about {printed.statement('synthetic_quality_um'):g} µm"
 
 
 def _quality(told: Told) -> str:
@@ -311,7 +311,7 @@ SHIFTS = "two-step less single-step $f$, $x_p$, $y_p$: "
 
 
 def _shifts_printed() -> str:
-    return _listed(paper.differences(3, "two_step", "single_step", SHIFTED), SHIFTS)
+    return _listed(printed.differences(3, "two_step", "single_step", SHIFTED), SHIFTS)
 
 
 def _shifts(told: Told, camera: str, title: str = SHIFTS) -> str:
@@ -333,7 +333,7 @@ RMS = "RMS "
 
 
 def _rms_printed() -> str:
-    return _accuracy([paper.value(4, f"rms_{axis}_m", "single_step") for axis in AXES], RMS)
+    return _accuracy([printed.value(4, f"rms_{axis}_m", "single_step") for axis in AXES], RMS)
 
 
 def _rms(told: Told, title: str = RMS) -> str:
@@ -360,7 +360,7 @@ def small_table_3(runs: Mapping[str, folder.Results], camera: str) -> str:
         ("two-step", "two_step", TWO_STEP),
         ("single-step", "single_step", "single_step"),
     ):
-        columns[f"paper, {title}"] = [paper.shown(3, name, column) for name in TABLE_3]
+        columns[f"paper, {title}"] = [printed.shown(3, name, column) for name in TABLE_3]
         for made_of, found in runs.items():
             ours = folder.parameters(found, f"mounting/{method}", camera)
             columns[f"{made_of}, {title}"] = [
@@ -369,7 +369,7 @@ def small_table_3(runs: Mapping[str, folder.Results], camera: str) -> str:
                 else "held"
                 for name in TABLE_3
             ]
-    units = paper.table(3).drop_duplicates("parameter").set_index("parameter")["unit"]
+    units = printed.table(3).drop_duplicates("parameter").set_index("parameter")["unit"]
     names = [with_unit(LABELS[name], units[name]) for name in TABLE_3]
     table = pd.DataFrame({"Parameter": names, **columns})
     caption = (

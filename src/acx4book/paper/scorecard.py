@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Mapping
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from acx4book.paper import absorbed
 from acx4book.paper import printed as paper
-from acx4book.paper.roles import ROLES
+from acx4book.paper.errata import mounting
+from acx4book.paper.printed import ROLES
+from acx4book.typesetting.labels import LABELS, TITLES, value_and_sigma, with_unit
+from acx4book.typesetting.myst import myst_table, scientific
+from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.flight.design import ground_sample_m
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
@@ -337,3 +342,323 @@ def _reason(printed: Printed, what: str) -> str:
         if table == printed.table and name.startswith(prefixes):
             return reason
     return "chance, or something that is not understood"
+
+
+# --- The scorecard as a page of the book
+
+
+Run = tuple[folder.Results, Flight]
+"""A run and its flight."""
+
+RULE = (
+    "A number *agrees* where it differs from the printed one by at most two combined standard "
+    "deviations, is *near* up to three, and *differs* beyond. Combined are the rounding of the "
+    "print, the paper's standard deviation where it prints one, and ours, which is that of "
+    "{numref}`tab-our-sigma`. The paper's two-step column is compared with the two-step method "
+    "that has GNSS positions in its bundle, since the printed standard deviations are those of "
+    "that reading."
+)
+"""The rule of the verdict, by `scorecard.line`."""
+
+OUR_SIGMA = (
+    ("a parameter", "as the adjustment has it, a posteriori"),
+    (
+        Markup("a mean over $n$ points that scatter by $s$"),
+        Markup("$s/\\sqrt{n}$, times what the covariance between the points adds"),
+    ),
+    (Markup("a scatter or an RMS over $n$ points"), Markup("$s/\\sqrt{2n}$")),
+    (Markup("a number $m$ of pairs"), Markup("$\\sqrt{m}$")),
+    (
+        Markup("a number of points out of $n$, their share being $q$"),
+        Markup("$\\sqrt{n\\,q\\,(1-q)}$, at least 1/2"),
+    ),
+    (
+        "a standard deviation",
+        "20 %, since it depends on tie points that the paper does not tell",
+    ),
+)
+"""What counts as our standard deviation of which number."""
+
+ALL = "Every number of the paper's Tables 1 to 4 stands below beside that of this copy's run."
+
+IDEAL = (
+    "Tables 3 and 4 are judged by the flight with an ideal synthetic camera, `acx4-ideal`. The "
+    "column *chain* has the number of the closed chain, whose synthetic images are made of four "
+    "heads. The heads were chosen so that the $f$ of the single step comes out. Everything else in "
+    "the column follows from them; {doc}`_executed/12-synthetic-cost` explains where it differs."
+)
+"""Where the numbers of Tables 3 and 4 come from, if there are two flights."""
+
+MORE = (
+    "Every number stands on the {doc}`scorecard <scorecard>`; {doc}`reproducibility` lists what "
+    "was given and what was chosen."
+)
+
+WHY = (
+    "The flight of the study is not public. This copy of the book was made from a simulated one, "
+    "over the study's own block design, computed from exact geometry by code that shares nothing "
+    "with the estimator."
+)
+
+
+def texts(
+    found: folder.Results, flight: Flight, *, simulated: bool, ideal: Run | None = None
+) -> dict[str, str]:
+    """Return the texts on the printed numbers that pages include, by the names of their files.
+
+    Parameters
+    ----------
+    found : Results
+    flight : Flight
+        If it is not the simulated flight of the paper's design, its own parameters are listed
+        instead.
+    simulated : bool
+        Whether the truth of the flight is known.
+    ideal : tuple of Results and Flight, optional
+        The same flight with an ideal synthetic camera: Tables 3 and 4 are judged by it.
+
+    Returns
+    -------
+    dict of str to str
+        MyST: ``roles.md`` says what is independent, ``standing-out.md`` what stands out,
+        ``scorecard.md`` has the rule, the counts, and every number by table.
+    """
+    if not (simulated and paper.applies(flight)):
+        return {
+            "roles.md": _other_flight(flight) + "\n",
+            "standing-out.md": "\n",
+            "scorecard.md": _own_parameters(found),
+        }
+    card, judged = scorecard(found, flight), (found, flight)
+    if ideal is not None:
+        card, judged = beside_chain(card, scorecard(*ideal, tables=(3, 4))), ideal
+    return {
+        "roles.md": f"{WHY} {paper.sentence(card)}\n",
+        "standing-out.md": _standing_out(card, *judged),
+        "scorecard.md": _tables(card),
+    }
+
+
+def beside_chain(card: pd.DataFrame, ideal: pd.DataFrame) -> pd.DataFrame:
+    """Put the closed chain's numbers beside those of an ideal camera.
+
+    Parameters
+    ----------
+    card, ideal : DataFrame
+        As `scorecard` returns them: the closed chain's with all tables, and some of the ideal
+        camera's, which replace the former.
+
+    Returns
+    -------
+    DataFrame
+        With a column chain: the closed chain's number where the ideal camera's is judged.
+    """
+    keys = ["table", "quantity", "column"]
+    chain = card[[*keys, "ours"]].rename(columns={"ours": "chain"})
+    others = card[~card["table"].isin(ideal["table"])]
+    return pd.concat([others, ideal.merge(chain, on=keys, how="left")], ignore_index=True)
+
+
+def _tables(card: pd.DataFrame) -> str:
+    """Return the roles, the rule, the counts, and every number by table."""
+    counted = myst_table(counts(card), "The verdicts, by role", name="tab-verdicts")
+    sigma = pd.DataFrame(list(OUR_SIGMA), columns=["Number", "Our standard deviation"])
+    combined = myst_table(sigma, "Our standard deviations in the rule", name="tab-our-sigma")
+    both = [IDEAL] if "chain" in card else []
+    parts = [ALL, *both, paper.roles_table(), counted, RULE, combined]
+    for number, lines in card.groupby("table"):
+        name = f"tab-card-{number}"
+        caption = f"The paper's Table {number}, number by number"
+        notes = list(dict.fromkeys(reason for reason in lines["reason"] if reason))
+        table = myst_table(_shown(lines, notes), caption, name=name, formats={"off by (σ)": ".1f"})
+        why = "\n".join(f"- **({_letter(i)})** {note}." for i, note in enumerate(notes))
+        title = f"The paper's Table {number}: {len(lines)} numbers"
+        parts.append(f"::::{{dropdown}} {title}\n\n{table}\n\n{why}\n::::")
+    return "\n\n".join(parts) + "\n"
+
+
+def _standing_out(card: pd.DataFrame, found: folder.Results, flight: Flight) -> str:
+    """Return what stands out, as a list."""
+    lines = (
+        _shift_of_methods(card, mounting.lever_arm_in_interior(absorbed.of_run(flight, found))),
+        _sigma_of_table_3(card, flight),
+        _rms_of_table_4(card, found),
+    )
+    return "\n".join(f"- {line}" for line in lines) + f"\n\n{MORE}\n"
+
+
+def _pick(card: pd.DataFrame, table: int, quantity: str, column: str) -> tuple[float, float]:
+    """Return a printed number and ours."""
+    row = card[
+        (card["table"] == table) & (card["quantity"] == quantity) & (card["column"] == column)
+    ]
+    return float(row["printed"].iloc[0]), float(row["ours"].iloc[0])
+
+
+def _shift_of_methods(card: pd.DataFrame, absorbed_arm: pd.DataFrame) -> str:
+    """Say what the two methods differ by, in print and here, and what that rests on."""
+    names = ", ".join(LABELS[name] for name in paper.STRONG)
+    combined = [_apart(name) for name in paper.STRONG]
+    said = (
+        f"**The evidence.** The two-step {names} less the single-step ones are printed as "
+        f"{_shifts(card, 'printed')} mm, {min(combined):.1f} to {max(combined):.1f} of their "
+        "combined standard deviations. The interior orientation absorbs the lever arm that the "
+        f"two-step method holds at zero. Here they are {_shifts(card, 'ours')} mm"
+    )
+    if "chain" in card:
+        said += (
+            " where *one ideal camera* takes the images, and "
+            f"{_shifts(card, 'chain')} mm where the images are *made of four heads*, as in the "
+            "study. In the latter $f$ does not follow, because four lens centres in a square give "
+            "the synthetic camera another lever arm; with lenses that stand lower it does "
+            "({doc}`_executed/12-synthetic-cost`)"
+        )
+    said += (
+        ". The agreement rests on two readings: of the two-step method that has GNSS positions in "
+        "its bundle, and of the lever arm's axes as forward, left, up. The paper states neither."
+    )
+    if "expected_mm" not in absorbed_arm:
+        return said
+    off_um = 1e3 * (absorbed_arm["shift_mm"] - absorbed_arm["expected_mm"]).abs()
+    rest_mm = 1e3 * absorbed_arm["sum_effective_m"].abs()
+    return (
+        f"{said} By least squares over this block, the printed lever arm must shift them by "
+        f"{', '.join(f'{x:+.4f}' for x in absorbed_arm['expected_mm'])} mm. The paper's own "
+        f"two columns agree with that to {off_um.max():.1f} µm, a lever arm of "
+        f"{rest_mm.min():.0f} to {rest_mm.max():.0f} mm ({{doc}}`_executed/06-errata`)."
+    )
+
+
+def _shifts(card: pd.DataFrame, column: str) -> str:
+    """Return the two-step values of `roles.STRONG` less the single-step ones, mm."""
+    own = card[(card["table"] == 3) & card["quantity"].isin(paper.STRONG)]
+    wide = own.pivot_table(index="quantity", columns="column", values=column)
+    shift = wide["two_step"] - wide["single_step"]
+    return ", ".join(f"{shift[name]:+.4f}" for name in paper.STRONG)
+
+
+def _apart(name: str) -> float:
+    """Return how far the two printed values of a parameter are apart, in combined sigma."""
+    values, sigma = (
+        [of(3, name, method) for method in paper.METHODS] for of in (paper.value, paper.sigma)
+    )
+    return float(abs(values[0] - values[1]) / np.linalg.norm(sigma))
+
+
+def _sigma_of_table_3(card: pd.DataFrame, flight: Flight) -> str:
+    is_sigma = (card["table"] == 3) & card["quantity"].str.startswith("sigma of")
+    of_interest = card[is_sigma & (card["role"] == "chosen")]
+    ratio = of_interest["ours"] / of_interest["printed"]
+    block = flight.calibration
+    gnss = np.nan if block is None else np.median(block.trajectory.sigma_position)
+    return (
+        f"**Chosen.** {len(ratio)} standard deviations of the paper's Table 3 come out "
+        f"between {ratio.min():.2f} and {ratio.max():.2f} times the printed ones. The number of "
+        f"tie points and a GNSS noise of about {100 * gnss:.2g} cm were chosen for that: the paper "
+        "gives no number, and a larger noise. Their agreement is no evidence; that two choices "
+        "serve all of them shows that Table 3 is consistent with the paper's block."
+    )
+
+
+def _rms_of_table_4(card: pd.DataFrame, found: folder.Results) -> str:
+    """Say the RMS over pairs, as Table 4 has it, and over points, each from all its rays."""
+    points = folder.rows(found, "check_points", "validation/single_step")
+    d = points[["d_east_m", "d_north_m", "d_height_m"]].to_numpy()
+    over_points = np.sqrt(np.mean(d**2, axis=0))
+    pairs = np.array([_pick(card, 4, f"rms_{axis}_m", "single_step") for axis in AXES])
+    plan = np.hypot(*pairs[:2])
+    return (
+        f"**What differs.** The RMS of the single step's differences is printed as {plan[0]:.2f} m "
+        f"in plan and {pairs[2, 0]:.2f} m in height. In this one flight it is {plan[1]:.2f} m and "
+        f"{pairs[2, 1]:.2f} m over *pairs* of images, as the paper counts, and "
+        f"{np.hypot(*over_points[:2]):.2f} m and {over_points[2]:.2f} m over *points*, each "
+        "intersected once from all its rays. Ours is what the simulated noise predicts. The "
+        "paper's RMS, scatter and count of small errors contradict each other "
+        "({doc}`_executed/06-errata`)."
+    )
+
+
+def _other_flight(flight: Flight) -> str:
+    return (
+        f"This copy of the book was made from the flight *{shown(flight.name)}*, which is not the "
+        "study's: the paper's numbers do not stand beside its own. Where the pages speak of the "
+        "paper, they explain the method."
+    )
+
+
+def _own_parameters(found: folder.Results) -> str:
+    """Return the parameters from the run of another flight."""
+    listed = found.parameters
+    table = pd.DataFrame(
+        {
+            "method": listed["stage"] + "/" + listed["method"],
+            "camera": listed["camera"],
+            "parameter": [
+                with_unit(_label(name), unit)
+                for name, unit in zip(listed["parameter"], listed["unit"], strict=True)
+            ],
+            "estimate": [
+                value_and_sigma(v, s) for v, s in zip(listed["value"], listed["sigma"], strict=True)
+            ],
+        }
+    )
+    return f"{myst_table(table, 'What was estimated', name='tab-estimated')}\n"
+
+
+def _letter(i: int) -> str:
+    return chr(ord("a") + i)
+
+
+def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
+    """Return the columns of the card for readers; reasons are letters that refer to notes."""
+    ours = [
+        value_and_sigma(v, s) if s > 0 else f"{v:.4g}" if v % 1 else f"{v:.0f}"
+        for v, s in zip(lines["ours"], lines["sigma"], strict=True)
+    ]
+    chain = _chain(lines)
+    return pd.DataFrame(
+        {
+            "quantity": [
+                with_unit(_label(q), u)
+                for q, u in zip(lines["quantity"], lines["unit"], strict=True)
+            ],
+            "column": [_column_title(c) for c in lines["column"]],
+            "printed": lines["as_printed"],
+            "ours": ours,
+            **chain,
+            "off by (σ)": lines["deviation"],
+            "role": lines["role"],
+            "verdict": [
+                f"{said}\N{NO-BREAK SPACE}({_letter(notes.index(reason))})" if reason else said
+                for said, reason in zip(lines["verdict"], lines["reason"], strict=True)
+            ],
+        }
+    )
+
+
+def _chain(lines: pd.DataFrame) -> dict[str, list[str]]:
+    """Return the column of the closed chain, to the digits of ours, where it is."""
+    if "chain" not in lines or lines["chain"].isna().all():
+        return {}
+    chain = [
+        value_and_sigma(v, s).partition(" ±")[0] if s > 0 else _plain(float(f"{v:.6g}"))
+        for v, s in zip(lines["chain"], lines["sigma"], strict=True)
+    ]
+    return {"chain": chain}
+
+
+def _label(quantity: str) -> str:
+    name = quantity.removeprefix("sigma of ")
+    label = LABELS.get(name, name)
+    if name == quantity:
+        return label
+    return Markup(label.replace("mean", "scatter") if "mean" in label else f"σ of {shown(label)}")
+
+
+def _column_title(column: str) -> str:
+    return TITLES.get(column, column)
+
+
+def _plain(value: float) -> str:
+    """Return a number as text, with a power of ten if it is very small."""
+    return scientific(value, digits=2) if 0 < abs(value) < 1e-3 else f"{value:.9g}"

@@ -11,33 +11,29 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from acx4book.reference import data, stored
-from acx4book.reference.dbat import blocks, comparison
-from acx4book.reference.dbat import table as dbat
-from acx4book.reference.heads import pairs, parallax, relatives, rotations, vignetting
-from acx4book.reference.heads.solved import FIVE, TEN
-from acx4book.reference.ign import points
-from acx4book.reference.nist import regressions
-from acx4book.reference.noaa import frames
+from acx4book.reference import data, heads, ign, noaa, stored
+from acx4book.reference import nist as reference_nist
+from acx4book.reference.dbat import comparison, statements
+from acx4book.reference.heads import FIVE, TEN
 from acx4book.reference.stored import Comparison
 from acx4book.typesetting import myst
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.geometry.parameters import AXES
 
 COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
-    "camcal": ("dbat-camcal", lambda: dbat.results(blocks.camcal())),
-    "sxb": ("dbat-sxb", lambda: dbat.results(blocks.sxb())),
-    "nist": ("nist-strd", regressions.results),
-    "noaa": ("noaa-dss-dg", frames.results),
-    "ign": ("ign-uce-m3", points.results),
-    "ign_forgotten_steps": ("ign-uce-m3", points.forgotten_steps),
-    "ten_pairs": (TEN, lambda: pairs.pairs(TEN)),
-    "ten_rotations": (TEN, lambda: rotations.rotations(TEN)),
-    "ten_readings": (TEN, lambda: relatives.relatives(TEN)),
-    "ten_parallax": (TEN, lambda: parallax.parallax(TEN)),
-    "ten_vignetting": (TEN, lambda: vignetting.vignetting(TEN)),
-    "five_pairs": (FIVE, lambda: pairs.pairs(FIVE)),
-    "five_rotations": (FIVE, lambda: rotations.rotations(FIVE)),
+    "camcal": ("dbat-camcal", lambda: statements.results(comparison.camcal())),
+    "sxb": ("dbat-sxb", lambda: statements.results(comparison.sxb())),
+    "nist": ("nist-strd", reference_nist.results),
+    "noaa": ("noaa-dss-dg", noaa.results),
+    "ign": ("ign-uce-m3", ign.results),
+    "ign_forgotten_steps": ("ign-uce-m3", ign.forgotten_steps),
+    "ten_pairs": (TEN, lambda: heads.pairs(TEN)),
+    "ten_rotations": (TEN, lambda: heads.rotations(TEN)),
+    "ten_readings": (TEN, lambda: heads.relatives(TEN)),
+    "ten_parallax": (TEN, lambda: heads.parallax(TEN)),
+    "ten_vignetting": (TEN, lambda: heads.vignetting(TEN)),
+    "five_pairs": (FIVE, lambda: heads.pairs(FIVE)),
+    "five_rotations": (FIVE, lambda: heads.rotations(FIVE)),
 }
 """For every comparison, the set of files that it needs and the function that computes it."""
 
@@ -121,12 +117,12 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 def nist_summary(table: pd.DataFrame) -> pd.DataFrame:
     """Return the digits that agree for every data set of NIST."""
-    return regressions.summary(table)
+    return reference_nist.summary(table)
 
 
 def ign_summary(table: pd.DataFrame) -> pd.DataFrame:
     """Return the surveyed points and the tie points' statistics of IGN's images."""
-    return points.summary(table)
+    return ign.summary(table)
 
 
 def answer(
@@ -140,7 +136,7 @@ def answer(
         As `computed_or_stored` returns them under these names.
     """
     agrees = pd.concat([camcal.table["agrees"], sxb.table["agrees"]])
-    converged = nist.table["outcome"] == regressions.CONVERGED
+    converged = nist.table["outcome"] == reference_nist.CONVERGED
     runs = nist.table.assign(good=converged).groupby(["dataset", "start"])["good"].first()
     height = ign.table.loc[ign.table["kind"] == "tie point", "d_height_m"]
     return (

@@ -12,8 +12,8 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from acx4book.reference import data
-from acx4lib.results.own_folder import whole_files
-from acx4lib.results.own_folder.places import working_copy
+from acx4lib.results import whole_files
+from acx4lib.results.own_folder import working_copy
 
 PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")
 

@@ -10,7 +10,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from acx4book.teaching import flights, handed_in, students
-from acx4book.teaching.case import Rights
+from acx4book.teaching.flights import Rights
 from acx4book.teaching.grading import Verdict, graded
 from acx4book.teaching.sheets.every import sheet_of
 from acx4lib.errors import Acx4Error

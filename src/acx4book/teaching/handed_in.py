@@ -14,15 +14,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from acx4book.teaching import students
+from acx4book.teaching import flights, students
+from acx4book.teaching.flights import Sheet
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import Range, lines_of
-from acx4lib.flight.text.cells import numbers_of
-from acx4lib.flight.text.document import read_toml
-from acx4lib.flight.text.names import NUMBER
-from acx4lib.flight.text.schemas import Schema
-from acx4lib.flight.text.table import Table
-from acx4lib.flight.text.table_files import read_columns
+from acx4lib.flight.table_files import read_columns
+from acx4lib.flight.tables import NUMBER, Schema, Table, numbers_of
+from acx4lib.flight.toml_file import read_toml
+from acx4lib.results import whole_files
+from acx4sim.files import write_files
 
 ANSWERS = "answers.csv"
 """The file to fill in, in the folder of every student's flight."""
@@ -246,3 +246,65 @@ def _table(path: Path, schema: Schema, *, as_written: Callable[[str], str] = str
     if table.problems:
         raise FlightError(lines_of(table.problems))
     return table
+
+
+# --- A student's folder: the flight without its truth, what to do with it, and answers to fill in
+
+
+README = "README.md"
+
+
+def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
+    """Write the flight of a student, with nothing from which its truth could be read.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    student : str
+        Name, as it stands in what is handed in.
+    key : bytes
+    folder : Path
+        New.
+    """
+    name = students.shown_name(student)
+    flight = flights.flight_of(sheet, name, key)
+    case = flights.case_of(flight)
+    if sheet.hand_out is None:
+        write_files(flight, folder)
+    else:
+        folder.mkdir(exist_ok=True)
+        for file, content in sheet.hand_out(case).items():
+            whole_files.write(folder / file, content)
+    whole_files.write(folder / README, readme(sheet, name, sheet.given(case)))
+    whole_files.write(folder / ANSWERS, answers(sheet, name))
+
+
+def readme(sheet: Sheet, student: str, given: Sequence[str]) -> str:
+    """Return what a student is told of the own flight, as Markdown."""
+    asked = "\n".join(
+        f"| {q.name} | {q.asks} | {q.unit or '-'} | {q.digits}{' and σ' if q.with_sigma else ''} |"
+        for q in sheet.questions
+    )
+    told = "\n".join(given)
+    return f"""# {sheet.name}: {sheet.title}
+
+Flight of {student}, simulated. Every student has another flight with other true values.
+
+{told}
+
+Fill in the columns value and sigma of {ANSWERS}: decimal points, no thousands separators. Leave
+sigma empty where none is asked for. Hand in this one file.
+
+| question | what | unit | digits after the point |
+|---|---|---|---|
+{asked}
+"""
+
+
+def answers(sheet: Sheet, student: str) -> str:
+    """Return the file to fill in."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([student, sheet.name, q.name, "", "", q.unit] for q in sheet.questions)
+    return out.getvalue()

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import lines_of, quoted
-from acx4lib.flight.text.files import read_bytes
-from acx4lib.flight.text.names import name_fault
+from acx4lib.flight.table_files import read_bytes
+from acx4lib.flight.tables import name_fault
 
 SHORTEST_KEY = 32
 """Bytes. A short key could be found by trying: simulate, and compare with the flight."""

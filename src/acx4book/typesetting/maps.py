@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +17,10 @@ from acx4book.typesetting import style
 from acx4lib.expected import Array
 from acx4lib.flight import design
 from acx4lib.flight.block import Block, SurveyedPoints
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
 
 LEVEL_COLOURS = (style.BLUE, style.ORANGE)
 """Colours of the flying heights, from the highest down; repeated if there are more heights."""
@@ -242,3 +246,67 @@ def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
     fig.colorbar(
         marks, ax=ax, label="height (m)", location="bottom", shrink=0.7, aspect=35, pad=0.02
     )
+
+
+# --- Parts of drawings in space: arrows, labels and frames of axes, seen along parallel rays
+
+
+MAPPING, BODY, CAMERA, RAY = style.TEAL, style.BRICK, style.BLUE, style.PLUM
+"""The colour of each frame, and of what light does, in every drawing."""
+
+
+def view(from_deg: float, above_deg: float) -> Rotation:
+    """Return the view on a scene (east, north, up): the first two coordinates are the paper's.
+
+    Parameters
+    ----------
+    from_deg : float
+        Where one looks from: 0 south, 90 east.
+    above_deg : float
+        How far above the horizon: 90 is the map.
+    """
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 a report draws arrows without it
+
+    return Rotation.from_euler("zx", [-from_deg, above_deg - 90.0], degrees=True)
+
+
+def arrow(ax: Axes, tail: Array, tip: Array, colour: str, *, width: float = 1.8) -> None:
+    """Draw an arrow between two points on the paper."""
+    how = {"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", xy=(tip[0], tip[1]), xytext=(tail[0], tail[1]), arrowprops=how, zorder=4)
+
+
+def note(ax: Axes, at: Array, text: str, colour: str, *, shift: tuple[float, float]) -> None:
+    """Write a label beside a point on the paper, `shift` in points."""
+    ax.annotate(
+        text, xy=(at[0], at[1]), xytext=shift, textcoords="offset points",
+        color=style.WRITTEN.get(colour, colour),
+        ha="center", va="center", fontsize=10, zorder=6,
+    )  # fmt: skip
+
+
+def triad(
+    ax: Axes, seen: Rotation, origin: Array, axes: Array, names: Sequence[str], colour: str
+) -> None:
+    """Draw the axes of a frame in space, rows of `axes`, with their names at the tips."""
+    start = seen.apply(origin)[:2]
+    for axis, name in zip(axes, names, strict=True):
+        tip = seen.apply(origin + axis)[:2]
+        arrow(ax, start, tip, colour)
+        reach = 6 + 2.8 * len(name)  # points: half of the name's width
+        outwards = (tip - start) / max(float(np.hypot(*(tip - start))), 1e-9)
+        note(ax, tip, name, colour, shift=(reach * outwards[0], 11 * outwards[1]))
+    ax.plot(*start, "o", color=colour, ms=4, zorder=5)
+
+
+def blank(fig: Figure) -> None:
+    """Make all axes of a figure the ground of a drawing: no frame, equal scales."""
+    for ax in fig.axes:
+        ax.set_aspect("equal")
+        ax.axis("off")
+
+
+def scene(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
+    """Make axes the ground of a drawing with these limits: no frame, equal scales."""
+    ax.set(xlim=x, ylim=y, aspect="equal")
+    ax.axis("off")

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
-from acx4lib.bundle.gross_errors.limits import Stopped
-from acx4lib.bundle.gross_errors.rejections import Exchange, Rejection
 from acx4lib.bundle.network import Network, camera_poses
-from acx4lib.bundle.observations.points import whole
-from acx4lib.bundle.start.ray_misfits import ASTRAY, far_off, suspects, with_estimates
+from acx4lib.bundle.observations import whole
+from acx4lib.bundle.rejections import Exchange, Rejection, Stopped
+from acx4lib.bundle.start import ASTRAY, far_off, suspects, with_estimates
 from acx4lib.bundle.unknowns import State
 from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError

@@ -15,7 +15,7 @@ from scipy import linalg
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations.points import distance_equations, of_halves
+from acx4lib.bundle.observations import distance_equations, of_halves
 from acx4lib.bundle.unknowns import State, holding
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask

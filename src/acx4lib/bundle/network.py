@@ -13,11 +13,13 @@ from functools import cached_property
 import numpy as np
 
 from acx4lib import shown
-from acx4lib.bundle.observations.mountings import mounting_equations
-from acx4lib.bundle.observations.points import control_equations, distance_equations, of_halves
-from acx4lib.bundle.observations.trajectory import (
+from acx4lib.bundle.observations import (
     PoseObservations,
     attitude_equations,
+    control_equations,
+    distance_equations,
+    mounting_equations,
+    of_halves,
     position_equations,
 )
 from acx4lib.bundle.unknowns import Layout, State, moved, named
@@ -25,16 +27,15 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, SurveyedPoints
 from acx4lib.geometry.collinearity import (
     Measurement,
+    as_seen,
     image_derivatives,
     image_residuals,
     mounted_jacobian,
 )
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.refraction import as_seen
-from acx4lib.least_squares.eliminated_points import of_points
-from acx4lib.least_squares.normal_equations import PlainNormals
-from acx4lib.least_squares.problem import Equations, Normals
+from acx4lib.least_squares.adjustment import of_points
+from acx4lib.least_squares.normal_equations import Equations, Normals, PlainNormals
 
 try:
     from acx4lib.bundle.compiled.chain_rule import Hanging

@@ -15,20 +15,31 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.network import Network, camera_poses
-from acx4lib.bundle.observations.points import usable
-from acx4lib.bundle.observations.strips import Strips, motion_of, strips_of
-from acx4lib.bundle.observations.trajectory import PoseObservations, slow_errors, unobserved
-from acx4lib.bundle.start.ray_misfits import far_off, in_front, with_estimates
-from acx4lib.bundle.start.robust import robust_phase
-from acx4lib.bundle.start.start_values import recovered, start_points
+from acx4lib.bundle.observations import (
+    PoseObservations,
+    Strips,
+    motion_of,
+    slow_errors,
+    strips_of,
+    unobserved,
+    usable,
+)
+from acx4lib.bundle.start import (
+    far_off,
+    in_front,
+    recovered,
+    robust_phase,
+    start_points,
+    with_estimates,
+)
 from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, joining, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import mountings, require_millimetres
+from acx4lib.geometry.collinearity import REFRACTION
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import DELAYS, GNSS, MOUNT
-from acx4lib.geometry.refraction import REFRACTION
 from acx4lib.least_squares import processors
 
 

@@ -14,12 +14,10 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
-from acx4lib.least_squares import processors
-from acx4lib.least_squares.eliminated_points import elimination
-from acx4lib.least_squares.problem import Equations
-from acx4lib.least_squares.statistical import distributions
-from acx4lib.least_squares.statistical.residuals import Group
-from acx4lib.least_squares.statistical.weighted_squares import tails
+from acx4lib.least_squares import processors, statistics
+from acx4lib.least_squares.adjustment import elimination
+from acx4lib.least_squares.normal_equations import Equations
+from acx4lib.least_squares.statistics import Group, tails
 
 PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("control plan", "control_point", (0, 1)),
@@ -104,8 +102,8 @@ class Component:
         Chi-square above, normal below, because an estimated variance may be negative.
         """
         ratio = (self.factor / self.applied) ** 2
-        above = distributions.chi2_sf(self.effective * ratio, self.effective)
-        below = distributions.norm_cdf((ratio - 1) * np.sqrt(self.effective / 2))
+        above = statistics.chi2_sf(self.effective * ratio, self.effective)
+        below = statistics.norm_cdf((ratio - 1) * np.sqrt(self.effective / 2))
         return float(min(1.0, 2 * min(above, below)))
 
     @property
@@ -328,8 +326,8 @@ def _sigma_test(group: _Rows, square: float, weights: Array) -> SigmaTest:
         below, above = tails(cost, weights)
     else:
         scaled = effective * cost / redundancy
-        below = distributions.chi2_cdf(scaled, effective)
-        above = distributions.chi2_sf(scaled, effective)
+        below = statistics.chi2_cdf(scaled, effective)
+        above = statistics.chi2_sf(scaled, effective)
     return SigmaTest(
         group=group.name,
         ratio=float(np.sqrt(cost / redundancy)),

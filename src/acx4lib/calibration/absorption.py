@@ -13,7 +13,7 @@ import numpy as np
 
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations.trajectory import PoseObservations
+from acx4lib.bundle.observations import PoseObservations
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.mounting import Mountings

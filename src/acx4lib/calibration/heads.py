@@ -11,24 +11,30 @@ import numpy as np
 
 from acx4lib import expected, shown
 from acx4lib.bundle.adjust import Bundle, adjust, qualities
-from acx4lib.bundle.gross_errors.data_snooping import adjust_rejecting
-from acx4lib.bundle.gross_errors.rejections import without
+from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations.shared_errors import shared_errors
+from acx4lib.bundle.observations import shared_errors
+from acx4lib.bundle.rejections import without
 from acx4lib.bundle.uses import free_orientation
-from acx4lib.calibration.estimates import from_bundle, not_determined, parameter_rows
-from acx4lib.calibration.trust.needs import require_control
+from acx4lib.calibration.estimates import (
+    from_bundle,
+    not_determined,
+    parameter_rows,
+    reported_covariance,
+    require_control,
+)
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, select_cameras
-from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior, distortion, xy_from_colrow
 from acx4lib.geometry.frames import Pose, mean_rotation, opk_jacobian, skew, transform
 from acx4lib.geometry.parameters import RELATIVE
+from acx4lib.least_squares.adjustment import cross_covariance
 from acx4lib.least_squares.covariance import propagate, sigmas
-from acx4lib.least_squares.eliminated_points import cross_covariance
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 LEAST_CONTROL = 3
 """Control points that heads need, which no trajectory orients."""
@@ -554,3 +560,47 @@ def _by_control(fit: Bundle) -> Array:
     out = np.zeros((len(network.block.points), 3, network.n_columns))
     out[control.point_idx] = (control.R_g_m @ cross) / sigma[:, :, None]
     return out[network.block.control.point_idx].reshape(-1, network.n_columns).T
+
+
+# --- The distortion of a calibrated camera over its image (section 4.1, eqs 7-11)
+
+
+RADIAL = ("k1", "k2", "k3")
+
+
+def corner_radius(camera: Camera) -> float:
+    """Return half the image diagonal, mm."""
+    return 0.5 * camera.pixel_mm * camera.diagonal_px
+
+
+def radial_profile(fit: Bundle, *, n: int = 200) -> tuple[Array, Array, Array]:
+    """Compute the radial distortion of a calibrated camera from its middle to its corner.
+
+    Parameters
+    ----------
+    fit : Bundle
+        An adjustment of one camera.
+    n : int
+        Number of radii.
+
+    Returns
+    -------
+    r, px, sigma_px : ndarray, shape (n,)
+        Radius, mm; distortion of eqs (7)-(8) and its a posteriori standard deviation, px.
+    """
+    camera, calibration = fit.cameras[0], from_bundle(fit)
+    r = np.linspace(0.0, corner_radius(camera), n)
+    powers = np.stack([r**3, r**5, r**7], axis=1) / camera.pixel_mm
+    values = np.array([getattr(camera.interior, name) for name in RADIAL])
+    columns = calibration.layout.interior[0][[INTERIOR.index(name) for name in RADIAL]]
+    padded = np.pad(reported_covariance(calibration), (0, 1))  # column -1: held, no variance
+    cov = padded[np.ix_(columns, columns)]
+    return r, powers @ values, np.sqrt(np.einsum("ni,ij,nj->n", powers, cov, powers))
+
+
+def largest_at_corners(camera: Camera) -> float:
+    """Return the length of the whole distortion, eqs (7)-(10), at the worst corner, px."""
+    w, h = camera.width_px - 0.5, camera.height_px - 0.5
+    corners = np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]])
+    dxy = distortion(camera.interior, xy_from_colrow(camera, corners))
+    return float(np.hypot(*dxy.T).max() / camera.pixel_mm)

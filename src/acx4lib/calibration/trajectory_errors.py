@@ -14,16 +14,17 @@ from scipy.linalg import block_diag
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations.strips import Motion
+from acx4lib.bundle.observations import Motion
 from acx4lib.calibration.estimates import (
     LIMIT_BORESIGHT_DEG,
     LIMIT_LEVER_M,
     Parameter,
+    features,
     from_bundle,
+    needed,
     to_reported,
 )
 from acx4lib.calibration.estimates import parameters as camera_parameters
-from acx4lib.calibration.trust.needs import features, needed
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas

@@ -7,8 +7,7 @@ made of those of heads. Layout and rules of the folder: part *Your own flight* o
 with `reader`, then `block`; after them `setup`, `block_from_tables`, `problems`, `summary`.
 """
 
-from acx4lib.flight.from_tables import from_tables
-from acx4lib.flight.reader import Flight, read, read_kept
+from acx4lib.flight.reader import Flight, from_tables, read, read_kept
 from acx4lib.flight.summary import summary
 
 __all__ = ["Flight", "from_tables", "read", "read_kept", "summary"]

@@ -20,12 +20,12 @@ from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.geodesy import MappingFrame
-from acx4lib.geometry.local_frame import LocalFrame
-from acx4lib.least_squares.statistical.gauss_markov import WHITE, GaussMarkov
+from acx4lib.geometry.geodesy import LocalFrame, MappingFrame
+from acx4lib.least_squares.gauss_markov import WHITE, GaussMarkov
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 SMALLEST_ANGLE = float(np.radians(2.0))
 """A block leaves out tie points whose rays meet at less than this, unless it says otherwise."""
@@ -379,3 +379,47 @@ def select_images(block: Block, keep: Mask) -> Block:
         ),
         image_points=replace(points, image_idx=renumbered[points.image_idx]),
     )
+
+
+# --- The synthetic images of a block that is measured in heads: one for each exposure, by
+# its name
+
+
+def synthetic_images(block: Block, synthetic: Camera) -> Block:
+    """Return a block's synthetic images, without measurements.
+
+    Parameters
+    ----------
+    block : Block
+        Measured in heads.
+    synthetic : Camera
+        The only camera of the result.
+
+    Returns
+    -------
+    Block
+        Images are in the order of the exposures' first images, and have their strips. Points,
+        control and trajectory are those of `block`.
+    """
+    expected.instance("block", block, Block)
+    expected.instance("synthetic", synthetic, Camera)
+    first = first_images(block)
+    exposures = np.argsort(first, kind="stable")[: int(np.sum(first < len(block.images)))]
+    return replace(
+        block,
+        cameras=(synthetic,),
+        images=Images(
+            names=tuple(block.trajectory.exposures[i] for i in exposures),
+            camera_idx=np.zeros(len(exposures), dtype=np.intp),
+            exposure_idx=exposures,
+            strips=tuple(block.images.strips[i] for i in first[exposures]),
+        ),
+        image_points=block.image_points[np.zeros(0, dtype=np.intp)],
+    )
+
+
+def first_images(block: Block) -> Index:
+    """Return the first image of every exposure, shape (n_exposures,); n_images for none."""
+    first = np.full(len(block.trajectory), len(block.images))
+    np.minimum.at(first, block.images.exposure_idx, np.arange(len(block.images)))
+    return first

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from acx4lib.flight.block import SMALLEST_ANGLE
-from acx4lib.flight.text.document import Toml
-from acx4lib.flight.text.files import named_file
+from acx4lib.flight.table_files import named_file
+from acx4lib.flight.toml_file import Toml
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem
-from acx4lib.geometry.prior import Prior
-from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
+from acx4lib.geometry.parameters import Prior
+from acx4lib.least_squares.gauss_markov import GaussMarkov
 
 SIZE = ("width_px", "height_px", "pixel_um", "focal_mm")
 LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")

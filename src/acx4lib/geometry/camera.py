@@ -12,8 +12,7 @@ import numpy as np
 from acx4lib import expected, shown
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.frames import Pose, transform
-from acx4lib.geometry.parameters import MOUNT, SHOWN
-from acx4lib.geometry.prior import Prior
+from acx4lib.geometry.parameters import MOUNT, SHOWN, Prior
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,9 +18,8 @@ from acx4lib.bundle.unknowns import Layout
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera, correct, inside, xy_from_colrow
-from acx4lib.geometry.collinearity import pinhole, project, to_camera
+from acx4lib.geometry.collinearity import as_seen, pinhole, project, to_camera
 from acx4lib.geometry.intersection import largest_angles
-from acx4lib.geometry.refraction import as_seen
 from acx4lib.georeferencing import direct
 from acx4lib.georeferencing.direct import Georeferenced
 from acx4lib.georeferencing.error_sources import ErrorSources, turned

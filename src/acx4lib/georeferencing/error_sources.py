@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from acx4lib import expected
-from acx4lib.bundle.observations.shared_errors import SharedErrors
+from acx4lib.bundle.observations import SharedErrors
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.covariance import half, propagate

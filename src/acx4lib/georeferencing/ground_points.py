@@ -9,9 +9,8 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
-from acx4lib.geometry.collinearity import directions, image_derivatives
+from acx4lib.geometry.collinearity import as_seen, directions, image_derivatives
 from acx4lib.geometry.geodesy import MappingFrame
-from acx4lib.geometry.refraction import as_seen
 from acx4lib.georeferencing.direct import (
     Georeferenced,
     Rays,

@@ -1,32 +1,42 @@
-"""Validation on check points by direct georeferencing (section 4.3, Table 4)."""
+"""Validation on check points by direct georeferencing (section 4.3, Table 4).
+
+Points, differences, tests of rays.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import sparse
 
 from acx4lib import expected, shown
-from acx4lib.bundle.gross_errors.absurd_control import elsewhere
-from acx4lib.bundle.gross_errors.exchanged import pairs_of
-from acx4lib.bundle.gross_errors.limits import Stopped, within_limits
-from acx4lib.bundle.gross_errors.rejections import CRITICAL, Exchange, Rejection
+from acx4lib.bundle.gross_errors import elsewhere, pairs_of
+from acx4lib.bundle.observations import SharedErrors
+from acx4lib.bundle.rejections import CRITICAL, Exchange, Rejection, Stopped, within_limits
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.errors import unsolvable
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight import standing_out
-from acx4lib.flight.block import Block
-from acx4lib.geometry.collinearity import Measurement, directions
+from acx4lib.flight import checks
+from acx4lib.flight.block import Block, SurveyedPoints
+from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
 from acx4lib.geometry.intersection import intersect, largest_angles
 from acx4lib.geometry.parameters import AXES
-from acx4lib.geometry.refraction import REFRACTION
-from acx4lib.georeferencing import accuracy, direct, error_sources, ray_tests
-from acx4lib.georeferencing.differences import Differences, differences_at
+from acx4lib.georeferencing import accuracy, direct, error_sources
+from acx4lib.georeferencing.direct import Georeferenced, Intersections, Rays
+from acx4lib.georeferencing.error_sources import ErrorSources, block_matrix, turned
+from acx4lib.least_squares import processors
 from acx4lib.least_squares.adjustment import two_sided_p
+from acx4lib.least_squares.covariance import half, propagate
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+# --- Validation on check points by direct georeferencing (section 4.3, Table 4)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,7 +179,7 @@ def validate(
     try:
         return _validated(block, calibration, method, refraction)
     except np.linalg.LinAlgError as error:
-        where = f"the equations of the check points{standing_out.sentence(block)}"
+        where = f"the equations of the check points{checks.sentence(block)}"
         raise unsolvable(str(error), where) from error
 
 
@@ -196,7 +206,7 @@ def _validated(block: Block, calibration: Calibration, method: str, refraction: 
         exchanged=_exchanged(block, georeferenced, whole, at_points, absurd, refraction),
         n_failed=n_failed + int(np.sum(~paired)),
         n_left_out=int(np.sum(~met & ~absurd)),
-        cost=ray_tests.cost(block, georeferenced, rays, refraction=refraction),
+        cost=cost(block, georeferenced, rays, refraction=refraction),
         redundancy=rays.colrow.size - 3 * rays.n_groups,
         joint_chi_square=error_sources.chi_square(at_points.sources, at_points.d),
         mean_cov=error_sources.mean_covariance(at_points.sources),
@@ -259,7 +269,7 @@ def _fitting(
             return kept, statistic
         _, group = np.unique(selected.group[testable], return_inverse=True)
         own = selected.select(testable, group)
-        w = ray_tests.of(block, georeferenced, own, refraction=refraction)
+        w = of(block, georeferenced, own, refraction=refraction)
         worst = np.zeros(group.max() + 1)
         np.maximum.at(worst, group, w)
         out = (w == worst[group]) & (w > CRITICAL)
@@ -373,3 +383,288 @@ def _renumbered(selected: direct.Rays, keep: Mask) -> tuple[direct.Rays, Index]:
     rows = np.flatnonzero(keep[selected.group])
     points, group = np.unique(selected.group[rows], return_inverse=True)
     return selected.select(rows, group), points
+
+
+# --- Differences between intersected and surveyed points, with what their errors come from
+
+
+@shown.briefly
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Differences:
+    """Estimated minus surveyed coordinates along the axes of the flight's CRS.
+
+    Attributes
+    ----------
+    point_idx : ndarray, shape (n,)
+        Indices of the block's check points.
+    image_idx : ndarray, shape (n, 2)
+        First and last image of the intersection.
+    n_images : ndarray, shape (n,)
+    d, sigma : ndarray, shape (n, 3)
+        East, north, height, m; sigma a priori.
+    sources : ErrorSources
+        Of `d`, along the same axes; the survey is part of a difference's own covariance.
+    """
+
+    point_idx: Index
+    image_idx: Index
+    n_images: Index
+    d: Array
+    sigma: Array
+    sources: ErrorSources
+
+    def __len__(self) -> int:
+        """Count the differences."""
+        return len(self.d)
+
+
+def differences_at(
+    block: Block,
+    georeferenced: direct.Georeferenced,
+    selected: direct.Rays,
+    check_idx: Index,
+    refraction: str,
+) -> Differences:
+    """Intersect groups of rays, and compare every intersection with its check point.
+
+    Parameters
+    ----------
+    block : Block
+    georeferenced : Georeferenced
+    selected : Rays
+        At least one ray in every group.
+    check_idx : ndarray, shape (n_groups,)
+        Indices into `block.check`.
+    refraction : str
+        ``"none"`` or ``"standard"``.
+    """
+    found = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
+    d, sigma = compare(block, found.x_m, found.cov, check_idx)
+    groups = np.arange(len(check_idx))
+    starts = np.searchsorted(selected.group, groups)
+    ends = np.searchsorted(selected.group, groups, side="right")
+    check = block.check[check_idx]
+    along_grid = turned(found.sources, check.R_g_m)
+    survey = np.eye(3) * check.sigma_m[:, None, :] ** 2
+    return Differences(
+        point_idx=check_idx,
+        image_idx=np.column_stack([selected.image_idx[starts], selected.image_idx[ends - 1]]),
+        n_images=ends - starts,
+        d=d,
+        sigma=sigma,
+        sources=replace(along_grid, survey=survey),
+    )
+
+
+def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Array, Array]:
+    """Return estimated minus surveyed coordinates of check points and their sigma.
+
+    Parameters
+    ----------
+    block : Block
+    x_m : ndarray, shape (n, 3)
+        Estimated coordinates, mapping frame, m.
+    cov : ndarray, shape (n, 3, 3)
+        Their covariances, m^2.
+    check_idx : ndarray, shape (n,)
+        Indices into `block.check`.
+
+    Returns
+    -------
+    d, sigma : ndarray, shape (n, 3)
+        East, north, height in the flight's CRS, m; sigma includes that of the survey.
+    """
+    x_m = expected.numbers("x_m", x_m, ("n", 3))
+    expected.shape("cov", cov, (len(x_m), 3, 3))
+    expected.whole_numbers("check_idx", check_idx, (len(x_m),))
+    expected.places("check_idx", check_idx, len(block.check))
+    check: SurveyedPoints = block.check[check_idx]
+    met = np.isfinite(x_m).all(axis=1)
+    d = np.full((len(x_m), 3), np.nan)
+    d[met] = block.frame.to_grid(x_m[met]) - block.frame.to_grid(check.x_m[met])
+    cov_grid = propagate(check.R_g_m, cov)
+    return d, np.sqrt(np.diagonal(cov_grid, axis1=1, axis2=2) + check.sigma_m**2)
+
+
+def rays_of_pairs(
+    block: Block, pairs: Differences, which: Sequence[int] | None = None
+) -> direct.Rays:
+    """Return the rays of pairs: where each image of a pair shows its point.
+
+    Parameters
+    ----------
+    block : Block
+        That of the pairs.
+    pairs : Differences
+        Of pairs of images.
+    which : sequence of int, optional
+        Which of the pairs; by default all.
+    """
+    points = block.image_points
+    keys = zip(points.image_idx.tolist(), points.point_idx.tolist(), strict=True)
+    row_of = {key: row for row, key in enumerate(keys)}
+    chosen = np.arange(len(pairs)) if which is None else np.asarray(which, dtype=np.intp)
+    shown = block.check.point_idx[pairs.point_idx]
+    rows = [row_of[int(i), int(shown[k])] for k in chosen for i in pairs.image_idx[k]]
+    return direct.Rays(
+        image_idx=points.image_idx[rows],
+        group=np.repeat(np.arange(len(chosen)), 2),
+        colrow=points.colrow[rows],
+        sigma_px=points.sigma_px[rows],
+    )
+
+
+# --- How well the rays of a point fit each other, within the errors of pixels and trajectory
+
+
+CONTROLLED = 1e-6
+"""A residual with a smaller share of its variance is not tested: nothing else checks it."""
+
+
+def of(
+    block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
+) -> Array:
+    """Test rays against the others of their group, with weights that include the trajectory's.
+
+    Exposures are independent, unless the trajectory's errors change slowly: then all rays of a
+    group have their joint covariance. What groups share plays no part.
+
+    Parameters
+    ----------
+    block : Block
+    georeferenced : Georeferenced
+    selected : Rays
+    refraction : str
+        ``"none"`` or ``"standard"``.
+
+    Returns
+    -------
+    w : ndarray, shape (n,)
+        The larger of the two normalised residuals of every ray; zero where nothing controls it.
+
+    Notes
+    -----
+    Baarda's test for correlated observations: w = (P v)_i / sqrt((P Q_vv P)_ii).
+    """
+    first = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
+    if georeferenced.shared is not None:
+        exposure = block.images.exposure_idx[selected.image_idx]
+        return _together(first, selected, exposure, georeferenced.cov_body, georeferenced.shared)
+    P = np.linalg.inv(first.cov_v)
+    fit = direct.intersect_rays(block, georeferenced, selected, weights=P, refraction=refraction)
+    return _one_by_one(P, fit, selected)
+
+
+def _one_by_one(P: Array, fit: Intersections, selected: Rays) -> Array:
+    """Test rays whose misclosures are independent."""
+    B = fit.by_point
+    normal = np.zeros((selected.n_groups, 3, 3))
+    np.add.at(normal, selected.group, np.swapaxes(B, 1, 2) @ P @ B)
+    cov_v = fit.cov_v - B @ np.linalg.inv(normal)[selected.group] @ np.swapaxes(B, 1, 2)
+    Pv = np.einsum("nij,nj->ni", P, fit.v)
+    w = _normalised(Pv, np.diagonal(P @ cov_v @ P, axis1=1, axis2=2), _diagonal(P))
+    worst: Array = w.max(axis=1)
+    return worst
+
+
+def _together(
+    first: Intersections, selected: Rays, exposure: Index, cov_body: Array, shared: SharedErrors
+) -> Array:
+    """Test the rays of every group with their joint covariance; points move linearly."""
+    w = np.zeros(len(selected.group))
+    starts = np.searchsorted(selected.group, np.arange(selected.n_groups + 1))
+    for start, end in pairwise(starts):
+        rows = slice(start, end)
+        B, e = first.by_point[rows].reshape(-1, 3), exposure[rows]
+        C = direct.by_trajectory(first.by_body[rows], e, cov_body, shared)
+        P = np.linalg.inv(C + np.diag(np.repeat(selected.sigma_px[rows] ** 2, 2)))
+        PB, v = P @ B, first.v[rows].ravel()
+        inverse = np.linalg.inv(B.T @ PB)
+        Pv = P @ (v - B @ (inverse @ (PB.T @ v)))
+        variance = np.diag(P) - np.einsum("ij,jk,ik->i", PB, inverse, PB)
+        w[rows] = _normalised(Pv, variance, np.diag(P)).reshape(-1, 2).max(axis=1)
+    return w
+
+
+def _normalised(Pv: Array, variance: Array, weight: Array) -> Array:
+    """Return |P v| by its own standard deviation, zero where a residual is not controlled."""
+    controlled = variance > CONTROLLED * weight
+    return np.nan_to_num(np.abs(Pv) / np.sqrt(np.where(controlled, variance, np.inf)))
+
+
+def _diagonal(P: Array) -> Array:
+    return np.diagonal(P, axis1=1, axis2=2)
+
+
+def cost(
+    block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
+) -> float:
+    """Return the weighted sum of squares of all residuals, with all that rays have in common.
+
+    Parameters
+    ----------
+    block, georeferenced, selected, refraction
+        As `of` takes them.
+
+    Returns
+    -------
+    float
+        Where all sigma are right, it has the chi-square distribution, with a degree of freedom for
+        every image coordinate less three for every point.
+
+    Notes
+    -----
+    Rays of one exposure share the errors of its pose, whatever they show, and all share those of
+    the calibration. With these errors, of covariance S, the residuals v of pixels alone, their
+    derivatives A by them, and what is left of these beside the points, N = A^T P Q_vv P A, the
+    least sum is v^T P v - b^T S (I + N S)^-1 b, with b = A^T P v.
+    """
+    fit = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
+    n, sigma = len(selected.group), selected.sigma_px[:, None]
+    if n == 0:
+        return 0.0
+    rows, v = np.arange(n), (fit.v / sigma).ravel()
+    used, place = np.unique(block.images.exposure_idx[selected.image_idx], return_inverse=True)
+    by_body = block_matrix(fit.by_body / sigma[:, None], rows, place, (n, len(used)))
+    by_parameters = (fit.by_parameters / sigma[:, None]).reshape(2 * n, -1)
+    A = sparse.hstack([by_body, sparse.csr_array(by_parameters)], format="csr")
+    N, b = _beside_points(A, fit.by_point / sigma[:, None], selected), A.T @ v
+    return float(v @ v - _explained(N, b, georeferenced, used))
+
+
+def _beside_points(A: sparse.csr_array, by_point: Array, selected: Rays) -> sparse.csr_array:
+    """Return A^T A less what the points take up of it."""
+    groups = np.arange(selected.n_groups)
+    normal = np.zeros((selected.n_groups, 3, 3))
+    np.add.at(normal, selected.group, np.swapaxes(by_point, 1, 2) @ by_point)
+    shape = (len(selected.group), selected.n_groups)
+    by_points = block_matrix(by_point, np.arange(shape[0]), selected.group, shape)
+    inverse = block_matrix(np.linalg.inv(normal), groups, groups, (shape[1], shape[1]))
+    moved = A.T @ by_points
+    return (A.T @ A - moved @ inverse @ moved.T).tocsr()
+
+
+def _explained(N: sparse.csr_array, b: Array, georeferenced: Georeferenced, used: Index) -> float:
+    """Return b^T S (I + N S)^-1 b, S of the poses of some exposures and of the calibration."""
+    from scipy.sparse.linalg import splu  # noqa: PLC0415 loads long, and planning solves nothing
+
+    g, n = georeferenced, len(used)
+    if g.shared is not None:
+        first, second = (i.ravel() for i in np.indices((n, n)))
+        poses = g.shared.between(used[first], used[second])
+        poses[first == second] = g.cov_body[used]
+        among = block_matrix(poses, first, second, (n, n))
+        S = sparse.block_diag([among, g.cov_parameters], format="csr")
+        inner = np.eye(len(b)) + (N @ S).toarray()
+        return float(np.asarray(S @ b) @ np.linalg.solve(inner, b))
+    each = np.arange(n)
+    own = block_matrix(half(g.cov_body[used]), each, each, (n, n))
+    H = sparse.block_diag([own, half(g.cov_parameters)], format="csr")
+    joint = (sparse.eye_array(len(b)) + H.T @ N @ H).tocsc()
+    right = np.asarray(H.T @ b)
+    with processors.on_one_thread():
+        try:
+            whole = splu(joint, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
+        except RuntimeError as error:  # SuperLU has no error of its own
+            raise np.linalg.LinAlgError(str(error)) from error
+        return float(right @ whole.solve(right))

@@ -14,15 +14,16 @@ import numpy as np
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
+    ENOUGH,
     Calibration,
     Parameter,
     from_bundle,
     is_determined,
+    needed,
     parameters,
     to_reported,
 )
-from acx4lib.calibration.trust.needs import ENOUGH, needed
-from acx4lib.calibration.trust.steady import calm_sigmas
+from acx4lib.calibration.steady import calm_sigmas
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera

@@ -18,12 +18,17 @@ from acx4lib import expected, shown
 from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import processors
-from acx4lib.least_squares.damping import Damping, gain
 from acx4lib.least_squares.dense import Inverse
-from acx4lib.least_squares.normal_equations import PlainNormals
-from acx4lib.least_squares.problem import Normals, Precision, Problem
-from acx4lib.least_squares.statistical.distributions import chi2_cdf, chi2_sf
-from acx4lib.least_squares.statistical.residuals import Group
+from acx4lib.least_squares.normal_equations import (
+    Equations,
+    Normals,
+    PlainNormals,
+    Precision,
+    Problem,
+    point_normals,
+    strips,
+)
+from acx4lib.least_squares.statistics import Group, chi2_cdf, chi2_sf
 
 S = TypeVar("S")
 
@@ -351,3 +356,153 @@ def require_own_datum(solution: Solution) -> None:
             "inner constraints; take that with minimal constraints, whose residuals are the same"
         )
         raise ValueError(msg)
+
+
+# --- Damping of Gauss-Newton steps by the gain ratio (Levenberg, Marquardt, Nielsen)
+
+
+FIRST = 1e-3
+"""Damping where the first full step fails, as a share of the diagonal."""
+
+LEAST_SHRINKAGE = 1 / 3
+"""Factor on the damping after a step that kept all of its promise."""
+
+NEGLIGIBLE, MOST = 1e-14, 1e20
+"""Damping below which steps are full, and above which there is nothing left to try."""
+
+FULL_GAIN = 0.25
+"""Gain of a full step below which a shorter one is tried."""
+
+
+def gain(decrease: float, promised: float) -> float:
+    """Return the decrease of the cost divided by the predicted one; none promised, none gained."""
+    return decrease / promised if promised > 0 else -np.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class Damping:
+    """Damping of the next step, and how it goes on from there.
+
+    Attributes
+    ----------
+    value : float
+        Share of the diagonal; zero for a full step.
+    kept : float
+        The value with which damping begins again if the full step fails.
+    growth : float
+        Factor after a step that fails; it doubles from failure to failure.
+
+    Notes
+    -----
+    After a success
+    the damping changes by ``max(1/3, 1 - (2 gain - 1)^3)`` [1]_.
+
+    References
+    ----------
+    .. [1] H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05, 1999.
+    """
+
+    value: float = 0.0
+    kept: float = FIRST
+    growth: float = 2.0
+
+    @property
+    def most_hopeful(self) -> float:
+        """The value after a step that keeps all of its promise."""
+        return LEAST_SHRINKAGE * self.value
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether no step can be expected to help any more."""
+        return self.value > MOST
+
+    def helps(self, gain: float) -> bool:
+        """Tell whether a step with this gain is taken."""
+        return gain > (0.0 if self.value else FULL_GAIN)
+
+    def after_success(self, gain: float, *, near: bool) -> Damping:
+        """Return the damping after a step that was taken; near the minimum the next one is full."""
+        if self.value == 0.0:
+            return self
+        value = max(self.most_hopeful, self.value * (1 - (2 * gain - 1) ** 3))
+        if near or value < NEGLIGIBLE:
+            return Damping(kept=max(value, NEGLIGIBLE))
+        return Damping(value=value)
+
+    def after_failure(self) -> Damping:
+        """Return the damping after a step that was not taken."""
+        if self.value == 0.0:
+            return replace(self, value=self.kept)
+        return replace(self, value=self.value * self.growth, growth=2 * self.growth)
+
+
+# --- Points that were eliminated: how they follow the reduced unknowns, and vary with them
+
+
+def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: Index) -> Array:
+    """Return the a priori covariance of some points with the reduced unknowns.
+
+    Parameters
+    ----------
+    problem : Problem
+    state : the solution's
+    solution : Solution
+    points : ndarray, shape (k,)
+
+    Returns
+    -------
+    ndarray, shape (k, 3, n_columns)
+
+    Raises
+    ------
+    ValueError
+        In the datum of inner constraints, where points depend on more than their observations.
+    """
+    require_own_datum(solution)
+    gain, _ = elimination(problem, state, points)
+    return np.asarray(-solution.inverse.times(gain))
+
+
+def elimination(problem: Problem[S], state: S, points: Index) -> tuple[Array, Array]:
+    """Return how some points follow the reduced unknowns, and what is left to themselves.
+
+    Parameters
+    ----------
+    problem : Problem
+        It needs no observations of other points.
+    state : the solution's
+    points : ndarray, shape (k,)
+        Held ones follow nothing, and are known.
+
+    Returns
+    -------
+    gain : ndarray, shape (k, 3, n_columns)
+        Points move by -gain dx where the reduced unknowns move by dx.
+    own : ndarray, shape (k, 3, 3)
+        Covariance of each point where the reduced unknowns are known.
+    """
+    known, back = np.unique(points, return_inverse=True)
+    equations = [of_points(e, known)[0] for e in problem.equations(state) if e.B is not None]
+    free = problem.free_points[known]
+    V, _ = point_normals(free, equations)
+    own, gain = np.linalg.inv(V), np.zeros((len(known), 3, problem.n_columns))
+    for chunk, strip in strips(problem.n_columns, free, equations):
+        gain[chunk] = own[chunk] @ strip
+    own[~free] = 0.0
+    return gain[back], own[back]
+
+
+def of_points(e: Equations, points: Index) -> tuple[Equations, Index]:
+    """Return the observations of some points, numbered by their places among these; their rows.
+
+    Parameters
+    ----------
+    e : Equations
+        With points.
+    points : ndarray, shape (k,)
+        Sorted.
+    """
+    of = np.asarray(e.point)
+    rows = np.flatnonzero(np.isin(of, points))
+    parts = {name: getattr(e, name)[rows] for name in ("v", "sigma", "A", "unit", "B")}
+    return replace(e, **parts, point=np.searchsorted(points, of[rows])), rows

@@ -16,8 +16,7 @@ import numpy as np
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.dense import Inverse, held_at_zero
-from acx4lib.least_squares.normal_equations import gather, point_normals
-from acx4lib.least_squares.problem import Equations, Problem
+from acx4lib.least_squares.normal_equations import Equations, Problem, gather, point_normals
 
 S = TypeVar("S")
 

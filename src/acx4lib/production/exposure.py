@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,19 +17,26 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError, FlightError, OutputError
 from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
-from acx4lib.production.flight_response import SEED
-from acx4lib.production.head_images import HeadImages, read_heads
+from acx4lib.production.head_images import HeadFiles, HeadImages, read_heads
 from acx4lib.production.image_files import fingerprint
-from acx4lib.production.stripes import TellRows, blended, stacked, stripes
-from acx4lib.production.tiff import COMPRESSIONS, Format, write, write_preview
+from acx4lib.production.tiff import COMPRESSIONS, TILE, Format, write, write_preview
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.rendering import (
     FEATHER_PX,
     Interpolation,
     RenderPlan,
+    render_into,
     render_plan,
+    render_rows,
 )
-from acx4lib.synthetic_image.response import Response, estimate_response
+from acx4lib.synthetic_image.response import (
+    Response,
+    ResponseFit,
+    Samples,
+    estimate_response,
+    fit_response,
+    overlap_samples,
+)
 from acx4lib.tie_points.overlap_check import check_overlaps
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.search import find_ties
@@ -338,3 +346,164 @@ def _reach(response: Response, k: int) -> list[float | None]:
     """Return the limits of q of a head; None where there is none, as JSON has no infinity."""
     limits = [] if response.reach is None else response.reach[k].tolist()
     return [one if np.isfinite(one) else None for one in limits]
+
+
+# --- A synthetic image in stripes, from top to bottom: heads blended, or stacked as its bands
+
+
+TellRows = Callable[[str, int, int], None]
+"""It is called with the exposure, the number of finished rows and the number of all rows."""
+
+Fill = Callable[[Raster, int], Any]
+"""Fills an array with the rows of the image from one on."""
+
+
+def blended(plan: RenderPlan, images: Sequence[Raster], threads: int | None) -> Fill:
+    """Return what fills stripes with one image of all heads."""
+    return lambda out, start: render_into(out, plan, images, start, threads)
+
+
+def stacked(plan: RenderPlan, images: Sequence[Raster], threads: int | None) -> Fill:
+    """Return what fills stripes with the bands of all heads, head after head, side by side."""
+    alone = [replace(plan, maps=(head,), feather_px=0.0) for head in plan.maps]
+
+    def fill(out: Raster, start: int) -> None:
+        stop = start + len(out)
+        parts = (
+            render_rows(one, [image], start, stop, threads=threads)
+            for one, image in zip(alone, images, strict=True)
+        )
+        np.concatenate(list(parts), axis=2, out=out)
+
+    return fill
+
+
+def stripes(
+    fill: Fill, shape: tuple[int, int, int], dtype: np.dtype, tell: Callable[[int, int], None]
+) -> Iterator[Raster]:
+    """Yield the image from top to bottom; the next stripe is made while one is written.
+
+    A stripe is overwritten after the next one. Rendering runs in a thread of its own, which
+    signals do not interrupt.
+
+    Parameters
+    ----------
+    fill : callable
+    shape : tuple of int
+        Rows, columns and bands of the image.
+    dtype : dtype
+    tell : callable
+        Called with the number of finished rows and of all.
+    """
+    rows = shape[0]
+    rooms = np.empty((2, TILE, *shape[1:]), dtype)
+
+    def stripe(start: int) -> Raster:
+        out = rooms[start // TILE % 2, : rows - start]
+        fill(out, start)
+        return out
+
+    with ThreadPoolExecutor(1) as pool:
+        ahead = pool.submit(stripe, 0)
+        for start in range(TILE, rows + TILE, TILE):
+            done = ahead.result()
+            if start < rows:
+                ahead = pool.submit(stripe, start)
+            yield done
+            tell(min(start, rows), rows)
+
+
+# --- One response of a flight's heads from a few exposures, so that neighbouring images agree
+
+
+EXPOSURES = 3
+"""Number of exposures, spread over the flight, from which the response is estimated."""
+
+SEED = 4
+"""Seed of the positions where grey values are compared."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightResponse:
+    """The response of a flight's heads, and the exposures from which it was estimated.
+
+    Attributes
+    ----------
+    fit : ResponseFit
+    exposures : tuple of str
+        Exposures with good files.
+    """
+
+    fit: ResponseFit
+    exposures: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return a sentence on its exposures, and on differences of heads before and after."""
+        before, after = (
+            100 * np.nanmax([0.0, *(v for o in self.fit.overlaps for v in getattr(o, name))])
+            for name in ("before", "after")
+        )  # NaN for an overlap that is completely dark or saturated
+        return (
+            f"response of the heads from {', '.join(self.exposures)}: overlaps disagree by at most "
+            f"{before:.1f} % before and {after:.1f} % after"
+        )
+
+
+def spread(files: Sequence[HeadFiles]) -> list[HeadFiles]:
+    """Return up to `EXPOSURES` of a flight's exposures, evenly spread from first to last."""
+    at = np.linspace(0, len(files) - 1, min(len(files), EXPOSURES)).round().astype(int)
+    return [files[i] for i in at]
+
+
+def estimate_flight_response(
+    files: Sequence[HeadFiles], orientation: RelativeOrientation, synthetic: Camera
+) -> FlightResponse | None:
+    """Estimate one response from several exposures.
+
+    Parameters
+    ----------
+    files : sequence of HeadFiles
+        Exposures with bad files, or with another number of bands than the first good one, are
+        not used.
+    orientation : RelativeOrientation
+        At full size.
+    synthetic : Camera
+
+    Returns
+    -------
+    FlightResponse or None
+        None where no exposure is good, or no two heads overlap.
+    """
+    rng = np.random.default_rng(SEED)
+    samples: list[Samples] = []
+    used: list[str] = []
+    n_bands = 0
+    for one in files:
+        found = _samples(one, orientation, synthetic, rng)
+        bands = found[0].log_ratio.shape[1] if found else 0
+        if found and bands == (n_bands or bands):
+            samples += found
+            used.append(one.exposure)
+            n_bands = bands
+    if not samples:
+        return None
+    fit = fit_response(samples, n_heads=len(orientation.heads), n_bands=n_bands)
+    return FlightResponse(fit=fit, exposures=tuple(used))
+
+
+def _samples(
+    files: HeadFiles,
+    orientation: RelativeOrientation,
+    synthetic: Camera,
+    rng: np.random.Generator,
+) -> list[Samples]:
+    """Return the samples of one exposure; empty where its files are not good."""
+    try:
+        heads = read_heads(files.paths, orientation.heads)
+    except FlightError:
+        return []  # the problem is reported when this exposure is rendered
+    reduced = reduced_heads(orientation, heads.reduction)
+    camera = reduced_camera(synthetic, heads.reduction)
+    if check_overlaps(heads.images, reduced, camera):
+        return []
+    return overlap_samples(heads.images, reduced, camera, rng=rng)

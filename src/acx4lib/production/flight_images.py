@@ -12,27 +12,33 @@ import importlib.metadata
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from acx4lib.calibration.heads import RelativeOrientation, not_calibrated
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.reader import Flight
-from acx4lib.flight.text.files import text_of
+from acx4lib.flight.table_files import text_of
 from acx4lib.geometry.camera import Camera
-from acx4lib.production.exposure import Outcome, RenderJob, RenderOptions
-from acx4lib.production.flight_response import FlightResponse, estimate_flight_response, spread
+from acx4lib.least_squares.processors import as_finished
+from acx4lib.production.exposure import (
+    FlightResponse,
+    Outcome,
+    RenderJob,
+    RenderOptions,
+    TellRows,
+    estimate_flight_response,
+    render_exposure,
+    spread,
+)
 from acx4lib.production.head_images import HeadFiles, flight_files
 from acx4lib.production.image_files import fingerprint
-from acx4lib.production.stripes import TellRows
 from acx4lib.production.tiff import read_about
-from acx4lib.production.workers import made
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
-from acx4lib.results.own_folder import claims, whole_files
-from acx4lib.results.own_folder.file_names import file_stem
+from acx4lib.results import own_folder, provenance, whole_files
 from acx4lib.results.read_back import read_relative_orientation
+from acx4lib.results.whole_files import file_stem
 
 ORIENTED = ("synthetic/refined", "heads/relative_orientation")
 """Results with the orientation of the heads; the first one that exists is used."""
@@ -138,7 +144,7 @@ def render_flight(  # noqa: PLR0913 what, how and where
     complete, incomplete = files.complete, files.incomplete
     chosen = files.chosen(exposures)
     sources = spread(list(complete.values())) if options.equalise == "flight" else []
-    with claims.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
+    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
         jobs = _jobs(rig, [complete[n] for n in chosen if n in complete], folder, options, sources)
         own.expect([IMAGES, *(path.name for job in jobs for path in (job.path, job.preview))])
         kept = {job.exposure for job in jobs if _is_made(job)}
@@ -351,3 +357,50 @@ def _list(folder: Path, rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
     writer.writeheader()
     writer.writerows(rows[name] for name in sorted(rows) if (folder / rows[name]["file"]).is_file())
     whole_files.write(path, table.getvalue())
+
+
+# --- Synthetic images made one after the other, or by the workers of an executor
+
+
+def made(
+    jobs: Sequence[RenderJob], executor: Executor | None, tell: TellRows
+) -> Iterator[tuple[RenderJob, Outcome]]:
+    """Yield every image with its outcome, as they are finished.
+
+    Parameters
+    ----------
+    jobs : sequence of RenderJob
+    executor : Executor or None
+        Its workers must be able to read the files; without one, images are made here.
+    tell : callable
+        Called with exposure, rows finished and all rows; of an executor, for whole images.
+    """
+    if executor is None:
+        yield from ((job, render_exposure(job, tell)) for job in jobs)
+        return
+    for job, call in as_finished(executor, _made, [_absolute(job) for job in jobs]):
+        tell(job.exposure, job.synthetic.height_px, job.synthetic.height_px)
+        yield job, _outcome(job, call)
+
+
+def _made(job: RenderJob) -> Outcome:
+    return render_exposure(job, lambda *_: None)
+
+
+def _absolute(job: RenderJob) -> RenderJob:
+    """Return a job for a worker that may run in another folder."""
+    files = tuple(path.absolute() for path in job.files)
+    return replace(job, files=files, path=job.path.absolute(), preview=job.preview.absolute())
+
+
+def _outcome(job: RenderJob, call: Future[Outcome]) -> Outcome:
+    """Return what a call returned; where it was lost with its worker, the image has a problem."""
+    try:
+        return call.result()
+    except FileNotFoundError as error:
+        problem = error.strerror or str(error)
+        return Outcome(exposure=job.exposure, problems=(problem,))
+    except Exception as error:  # the other images go on
+        reason = " ".join(str(error).split()) or type(error).__name__
+        problem = f"{reason}; short of memory? use fewer workers"
+        return Outcome(exposure=job.exposure, problems=(problem,))

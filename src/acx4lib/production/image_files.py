@@ -17,10 +17,10 @@ import numpy as np
 import tifffile
 
 from acx4lib.errors import FlightError
-from acx4lib.exchange.safe import picture_sizes, tiff_tags
 from acx4lib.expected import Raster
-from acx4lib.flight.text.files import opened
+from acx4lib.flight.table_files import opened
 from acx4lib.geometry.camera import Camera
+from acx4lib.production import picture_sizes, tiff_tags
 
 BANDS = 4
 """Largest number of bands of an image."""

@@ -17,10 +17,9 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.problems import Problem, lines_of, quoted
 from acx4lib.flight.reader import Flight
 from acx4lib.results import folder as results
-from acx4lib.results.files import table_files
-from acx4lib.results.files.cell_checks import FIRST, wrong_rows
-from acx4lib.results.files.schemas import OF_TRAJECTORY, STAGES, UNITS
-from acx4lib.results.files.summary_entries import problem_of
+from acx4lib.results import table_files
+from acx4lib.results.summary_entries import problem_of
+from acx4lib.results.table_files import FIRST, OF_TRAJECTORY, STAGES, UNITS, wrong_rows
 
 SAME = 1e-6
 """Share by which numbers that are written twice may differ."""

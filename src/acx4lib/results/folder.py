@@ -19,14 +19,12 @@ from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Mask
 from acx4lib.flight.problems import Problem
-from acx4lib.results.files import schemas, table_files
-from acx4lib.results.files.cell_checks import cell_problems
-from acx4lib.results.files.inside import is_there
-from acx4lib.results.files.summary_entries import read_summary, summary_text
-from acx4lib.results.files.table_files import COLUMNS
-from acx4lib.results.own_folder.whole_files import Drafts, together
+from acx4lib.results import table_files
+from acx4lib.results.summary_entries import read_summary, summary_text
+from acx4lib.results.table_files import COLUMNS, cell_problems, is_there
+from acx4lib.results.whole_files import Drafts, together
 
-STAGES = schemas.STAGES
+STAGES = table_files.STAGES
 
 _PLACES = {stage: place for place, stage in enumerate(STAGES)}
 

@@ -19,16 +19,13 @@ from pathlib import Path
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import lines_of, quoted
 from acx4lib.flight.reader import Flight, read_kept, table_files
-from acx4lib.flight.text.document import read_toml
-from acx4lib.results import agreement
+from acx4lib.flight.toml_file import read_toml
+from acx4lib.results import agreement, own_folder
 from acx4lib.results import folder as results
-from acx4lib.results.files.inside import is_there
-from acx4lib.results.files.schemas import NOTEBOOKS, STAGES
-from acx4lib.results.files.summary_entries import Wrong, problem_of, read_object
-from acx4lib.results.own_folder import claims
-from acx4lib.results.own_folder.claims import OwnFolder
-from acx4lib.results.own_folder.marks import MARK, is_below, written
-from acx4lib.results.own_folder.whole_files import SCRATCH, copy, write
+from acx4lib.results.own_folder import MARK, OwnFolder, is_below, written
+from acx4lib.results.summary_entries import Wrong, problem_of, read_object
+from acx4lib.results.table_files import NOTEBOOKS, STAGES, is_there
+from acx4lib.results.whole_files import SCRATCH, copy, write
 
 KEPT = "flight"
 """Folder of the copies in the results."""
@@ -374,7 +371,7 @@ def verify(folder: Path) -> None:
         A line for each that was changed, cut or removed, or for who is writing there.
     """
     is_there(folder / MARK)
-    claims.verify(folder, [*results.FILES, FILE], cure=AGAIN)
+    own_folder.verify(folder, [*results.FILES, FILE], cure=AGAIN)
 
 
 def read(folder: Path) -> Provenance:

@@ -9,9 +9,9 @@ import pandas as pd
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations.mountings import observed_mountings
+from acx4lib.bundle.observations import observed_mountings
+from acx4lib.bundle.rejections import Rejection
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
     Calibration,
@@ -26,10 +26,9 @@ from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import REPORTED
-from acx4lib.georeferencing.differences import compare
+from acx4lib.georeferencing.validation import compare
 from acx4lib.least_squares.covariance import propagate, sigmas
-from acx4lib.results.files.schemas import COMPONENTS, RELATIVE
-from acx4lib.results.files.table_files import COLUMNS
+from acx4lib.results.table_files import COLUMNS, COMPONENTS, RELATIVE
 
 
 def unit_of(kind: str, component: int = 0) -> float:

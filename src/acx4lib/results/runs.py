@@ -14,15 +14,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from acx4lib.errors import Acx4Error, FlightError, OutputError
-from acx4lib.flight import reader as flights
-from acx4lib.flight.from_tables import PLACE
-from acx4lib.flight.reader import Flight
+from acx4lib.flight import reader
+from acx4lib.flight.reader import PLACE, Flight
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
-from acx4lib.results.files.schemas import NOTEBOOKS, PART_OF
-from acx4lib.results.own_folder import claims, whole_files
-from acx4lib.results.own_folder.claims import OwnFolder
-from acx4lib.results.own_folder.marks import changes
+from acx4lib.results import own_folder, provenance, whole_files
+from acx4lib.results.own_folder import OwnFolder, changes
+from acx4lib.results.table_files import NOTEBOOKS, PART_OF
 
 COMMAND = "acx4 run"
 """The command that is named in the mark of a results folder."""
@@ -68,7 +65,7 @@ def written(
         yield at
         return
     whole, _, part = stage.partition("/")
-    with claims.claim(at, command=COMMAND, away_from=[flight.path]) as own:
+    with own_folder.claim(at, command=COMMAND, away_from=[flight.path]) as own:
         check_calibration(at, [whole], calibration)
         prepare(own, flight, [] if part else [whole])
         with replaced(own, "rig" if part else whole, calibration=calibration) as copied:
@@ -99,7 +96,7 @@ def prepare(
     own.expect(
         [
             *(*results.FILES, provenance.FILE),
-            *(f"{provenance.KEPT}/{name.as_posix()}" for name in flights.table_files(flight)),
+            *(f"{provenance.KEPT}/{name.as_posix()}" for name in reader.table_files(flight)),
             *(name for stage in NOTEBOOKS for name in beside(stage)),
         ]
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from acx4lib.conventions import search
 from acx4lib.errors import AdjustmentError, unsolvable
-from acx4lib.flight import standing_out
+from acx4lib.flight import checks
 from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record
 from acx4lib.results.folder import messages
@@ -93,6 +93,6 @@ def solving(flight: Flight, block_name: str) -> Iterator[None]:
     try:
         yield
     except np.linalg.LinAlgError as error:
-        odd = standing_out.sentence(flight.block(block_name))
+        odd = checks.sentence(flight.block(block_name))
         where = f"the equations of block {block_name!r}{odd}"
         raise unsolvable(str(error), where) from error

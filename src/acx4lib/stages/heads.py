@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from acx4lib import shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.calibration.correlations import interior_exterior, largest_pairs
+from acx4lib.calibration.determination import interior_exterior, largest_pairs
 from acx4lib.calibration.heads import (
     Heads,
     RelativeOrientation,

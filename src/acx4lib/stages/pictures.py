@@ -14,11 +14,10 @@ from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Raster
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
-from acx4lib.production.flight_response import spread
+from acx4lib.production.exposure import spread
 from acx4lib.production.head_images import head_files, read_heads
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
-from acx4lib.synthetic_image.grey_samples import overlap_samples
-from acx4lib.synthetic_image.response import ResponseFit, fit_response
+from acx4lib.synthetic_image.response import ResponseFit, fit_response, overlap_samples
 from acx4lib.tie_points.overlap_check import check_overlaps
 from acx4lib.tie_points.search import ImageTies, OverlapTies, find_ties
 from acx4lib.tie_points.ties import TiePoints

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from dataclasses import dataclass, replace
 
 import cv2
@@ -308,3 +309,25 @@ def _cell(at: Array, step_px: int, n: int) -> tuple[np.ndarray, Array]:
     """Return the node before each position, and the fraction of the way to the next node."""
     before = np.clip(at // step_px, 0, n - 2).astype(np.intp)
     return before, at / step_px - before
+
+
+# --- Images mapped from their files: memory of pixels that were read can be given back
+
+
+def mapped_file(image: np.ndarray) -> mmap.mmap | None:
+    """Return the file mapping of an image; None for an image in memory."""
+    base: object = image
+    while isinstance(base, np.ndarray | memoryview):
+        base = base.base if isinstance(base, np.ndarray) else base.obj
+    return base if isinstance(base, mmap.mmap) else None
+
+
+def forget(image: np.ndarray) -> None:
+    """Give back the memory of mapped pixels; they are read again when they are needed.
+
+    An image in memory is not changed. The images of four aerial heads are too large to be held in
+    memory during rendering.
+    """
+    mapped = mapped_file(image)
+    if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
+        mapped.madvise(mmap.MADV_DONTNEED)

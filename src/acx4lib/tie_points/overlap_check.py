@@ -13,9 +13,8 @@ from scipy import sparse
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares import processors
-from acx4lib.tie_points import large_shifts
-from acx4lib.tie_points.harris import noise_level
-from acx4lib.tie_points.matching import OverlapTask, TieOptions, match_overlap
+from acx4lib.tie_points import search
+from acx4lib.tie_points.matching import OverlapTask, TieOptions, match_overlap, noise_level
 from acx4lib.tie_points.overlaps import GreyExposure, SharedWindow, reduced_exposure, shared_windows
 
 # whether each of two pictures must be turned by 180 degrees to fit the other
@@ -68,7 +67,7 @@ def check_overlaps(
     windows = shared_windows(orientation, synthetic)
     largest = max((shared.area_px for shared in windows), default=0.0)
     windows = [shared for shared in windows if shared.area_px > largest / 2]
-    right = reduced_exposure(images, orientation, synthetic, large_shifts.coarse_factor(windows))
+    right = reduced_exposure(images, orientation, synthetic, search.coarse_factor(windows))
     turned = tuple(np.ascontiguousarray(image[::-1, ::-1]) for image in right.images)
     rng = np.random.default_rng(0)  # the same images always give the same result
     noise = [noise_level(image, rng=rng) for image in images]
@@ -95,12 +94,12 @@ def _task(
         orientation=orientation,
         synthetic=synthetic,
         shared=shared,
-        shift=large_shifts.NO_SHIFT,
-        cell=large_shifts.LEAST_CELL_PX,
+        shift=search.NO_SHIFT,
+        cell=search.LEAST_CELL_PX,
         noise=noise,
         options=TieOptions(),
     )
-    return large_shifts.coarse_task(whole, right)
+    return search.coarse_task(whole, right)
 
 
 def _verdict(
@@ -202,7 +201,7 @@ def _fitting(task: OverlapTask) -> _Fitting:
     """Match two pictures in the places of an overlap's heads."""
     matches = match_overlap(task)
     n_textured = int(matches.counts[1])
-    agree = large_shifts.consensus(matches, 2 * task.options.consensus_px)
+    agree = search.consensus(matches, 2 * task.options.consensus_px)
     fits = n_textured >= LEAST_CELLS and agree.sum() > LEAST_SHARE * n_textured
     shifts = np.hypot(*(matches.colrow_b - matches.colrow_a)[agree].T)
     return _Fitting(

@@ -19,8 +19,7 @@ from acx4lib.synthetic_image.frame import (
     reduced_camera,
     reduced_heads,
 )
-from acx4lib.synthetic_image.head_map import HeadMap, window_map
-from acx4lib.synthetic_image.mapped_pixels import forget
+from acx4lib.synthetic_image.head_map import HeadMap, forget, window_map
 from acx4lib.tie_points.compiled.spline import mean_of_bands, sample_between_nodes
 from acx4lib.tie_points.least_squares_matching import REACH, spline_coefficients
 

@@ -1,11 +1,13 @@
 """The map of an invented country: its net of lanes, its water, woods and villages."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acx4sim.earth import Array
-from acx4sim.scenery.noise import scattered
+from acx4sim.scenery.drawing import Shapes, rectangles, ribbons, scattered, shapes, thin
 
 PITCH = np.array([290.0, 210.0])  # of the net of lanes, m
 _TURN = np.radians(17.0)
@@ -120,3 +122,456 @@ def _around(en: Array, first: Array, pitch: float, seed: int) -> Array:
     play = np.stack([h & np.uint32(1023), (h >> np.uint32(10)) & np.uint32(1023)], axis=-1) / 1023
     moved = np.any(index != 0, axis=-1, keepdims=True)
     return np.asarray(here - moved * (play - 0.5) * 0.3 * pitch)
+
+
+# --- Fields with furrows, and the lanes between them
+
+
+_STEPS = 10  # corners along a side of a field
+_MARGIN_M = 1.1
+_PAVED_EVERY = (4, 5)
+_TRACKS = 0.6  # share of the other lanes
+
+# red, green, blue, roughness; spacing of rows m, their contrast, contrast of wheel tracks;
+# frequency
+CROPS = np.array(
+    [
+        [196, 180, 136, 125, 0.5, 0.05, 0.16, 3],  # ripe wheat
+        [122, 146, 96, 130, 0.5, 0.06, 0.20, 4],  # young wheat
+        [92, 120, 76, 155, 0.75, 0.13, 0.05, 4],  # maize
+        [132, 142, 96, 145, 0.9, 0.14, 0.05, 3],  # soya
+        [164, 124, 100, 140, 1.4, 0.09, 0.02, 2],  # tilled, red soil
+        [132, 102, 86, 165, 2.1, 0.12, 0.02, 2],  # ploughed
+        [186, 170, 138, 140, 3.0, 0.08, 0.05, 3],  # stubble
+        [136, 152, 104, 150, 6.0, 0.03, 0.00, 3],  # meadow
+        [124, 138, 96, 160, 9.0, 0.02, 0.00, 2],  # pasture
+        [202, 192, 100, 130, 0.5, 0.03, 0.18, 1],  # rape in flower
+        [176, 154, 124, 150, 1.0, 0.05, 0.03, 2],  # bare, dry
+    ]
+)
+_ASPHALT = (116, 116, 119, 85)
+_VERGE = (150, 146, 118, 140)
+_WHITE = (226, 226, 222, 60)
+_EARTH = (176, 158, 128, 130)
+_GRASS = (122, 138, 92, 155)
+_CONCRETE = (172, 170, 164, 70)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fields:
+    """The fields of a cell.
+
+    Attributes
+    ----------
+    shapes : Shapes
+        Their areas.
+    across : ndarray, shape (n, 2)
+        Unit vectors across their rows, east and north.
+    rows : ndarray, shape (n, 3)
+        Spacing of rows, m; contrast of rows and of wheel tracks.
+    """
+
+    shapes: Shapes
+    across: Array
+    rows: Array
+
+
+def fields(country: Country, a: int, b: int) -> Fields:
+    """Divide a cell into strips, each with a crop."""
+    rng = country.rng(a, b, 2)
+    axis = int(rng.random() < 0.35)
+    cuts = _cuts(rng, PITCH[1 - axis])
+    outlines = np.stack(
+        [
+            _outline(country, np.array([a, b]) * PITCH, axis, low, high)
+            for low, high in pairwise(cuts)
+        ]
+    )
+    n = len(outlines)
+    crop = CROPS[rng.choice(len(CROPS), n, p=CROPS[:, 7] / CROPS[:, 7].sum())]
+    colours = crop[:, :4].copy()
+    colours[:, :3] *= rng.uniform(0.9, 1.08, (n, 1)) * rng.uniform(0.96, 1.04, (n, 3))
+    along = outlines[:, _STEPS - 1] - outlines[:, 0]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    return Fields(shapes=shapes(outlines, colours), across=across, rows=crop[:, 4:7])
+
+
+def _cuts(rng: np.random.Generator, length_m: float) -> Array:
+    """Return the positions where a cell is cut into strips."""
+    widths = rng.uniform(0.4, 1.6, rng.integers(2, 7))
+    return np.asarray(np.concatenate([[0.0], np.cumsum(widths)]) / widths.sum() * length_m)
+
+
+def _outline(country: Country, corner: Array, axis: int, low: float, high: float) -> Array:
+    """Return the outline of the strip from `low` to `high`, along `axis` of the net."""
+    way = np.linspace(3.5, PITCH[axis] - 3.5, _STEPS)
+    low, high = low + _MARGIN_M + 2 * (low == 0), high - _MARGIN_M
+    sides = np.concatenate(
+        [
+            np.column_stack([way, np.full(_STEPS, low)]),
+            np.column_stack([way[::-1], np.full(_STEPS, high)]),
+        ]
+    )
+    return country.map_from_net(corner + (sides[:, ::-1] if axis else sides))
+
+
+def lane(country: Country, a: int, b: int, axis: int) -> Array:
+    """Return the line of a cell's first side along an axis of the net, shape (n, 2)."""
+    way = np.linspace(0, PITCH[axis], 31)[:, None] * np.eye(2)[axis]
+    return country.map_from_net(np.array([a, b]) * PITCH + way)
+
+
+def is_paved(a: int, b: int, axis: int) -> bool:
+    """Tell whether the lane along a cell's side has asphalt."""
+    return (a % _PAVED_EVERY[0] == 1) if axis else (b % _PAVED_EVERY[1] == 2)
+
+
+def lane_shapes(country: Country, a: int, b: int) -> tuple[list[Shapes], list[Shapes]]:
+    """Build the tracks and the roads along the two first sides of a cell."""
+    rng = country.rng(a, b, 3)
+    tracks: list[Shapes] = []
+    roads: list[Shapes] = []
+    for axis in (0, 1):
+        line = lane(country, a, b, axis)
+        if is_paved(a, b, axis):
+            roads += _paved(line)
+        elif rng.random() < _TRACKS:
+            tracks += _track(line)
+    return tracks, roads
+
+
+def _paved(line: Array) -> list[Shapes]:
+    fine = np.column_stack(
+        [np.interp(np.linspace(0, 30, 121), np.arange(31), line[:, i]) for i in range(2)]
+    )
+    dashes = ribbons(fine, -0.07, 0.07, overlap_m=0.0)[::4]
+    return [
+        shapes(ribbons(line, -5.2, 5.2), _VERGE),
+        shapes(ribbons(line, -3.6, 3.6), _ASPHALT),
+        thin(ribbons(line, -3.32, -3.18), _WHITE, 0.14, _ASPHALT),
+        thin(ribbons(line, 3.18, 3.32), _WHITE, 0.14, _ASPHALT),
+        thin(dashes, _WHITE, 0.14, _ASPHALT),
+    ]
+
+
+def bridge_shapes(country: Country, a: int, b: int) -> list[Shapes]:
+    """Build the bridges of paved lanes over a river."""
+    found: list[Shapes] = []
+    for axis in (0, 1):
+        line = lane(country, a, b, axis)
+        over = (country.river_m(line) > -9) & (country.lake_m(line) < -30)
+        if not (is_paved(a, b, axis) and over.any()):
+            continue
+        span = np.flatnonzero(over)
+        part = line[max(span[0] - 1, 0) : span[-1] + 2]
+        found.append(shapes(ribbons(part + 3.6 * SHADOW, -4.6, 4.6), (26, 34, 38, 8)))
+        found.append(shapes(ribbons(part, -4.6, 4.6), _CONCRETE))
+        found.append(shapes(ribbons(part, -3.6, 3.6), _ASPHALT))
+        found.append(thin(ribbons(part, -3.32, -3.18), _WHITE, 0.14, _ASPHALT))
+        found.append(thin(ribbons(part, 3.18, 3.32), _WHITE, 0.14, _ASPHALT))
+    return found
+
+
+def _track(line: Array) -> list[Shapes]:
+    return [
+        shapes(ribbons(line, -2.4, 2.4), _GRASS),
+        shapes(ribbons(line, -1.35, -0.55), _EARTH),
+        shapes(ribbons(line, 0.55, 1.35), _EARTH),
+    ]
+
+
+def car_shapes(country: Country, a: int, b: int) -> list[Shapes]:
+    """Put cars on the asphalt of a cell."""
+    rng = country.rng(a, b, 4)
+    found: list[Shapes] = []
+    for axis in (0, 1):
+        if not is_paved(a, b, axis):
+            continue
+        line = lane(country, a, b, axis)
+        at = rng.integers(2, 29, rng.poisson(1.6))
+        along = line[at + 1] - line[at]
+        angle = np.arctan2(along[:, 1], along[:, 0])
+        side = rng.choice([-1.75, 1.75], len(at))
+        place = line[at] + side[:, None] * np.column_stack([-np.sin(angle), np.cos(angle)])
+        dry = country.lake_m(place) < -4
+        place, angle = place[dry], angle[dry]
+        found += cars(place, angle, rng)
+    return found
+
+
+def cars(place: Array, angle: Array, rng: np.random.Generator) -> list[Shapes]:
+    """Build cars with their shadows and windows."""
+    paint = np.array([[215, 215, 215], [60, 62, 66], [150, 40, 38], [50, 70, 120], [168, 170, 172]])
+    colours = np.column_stack([paint[rng.integers(0, 5, len(place))], np.full(len(place), 15)])
+    return [
+        shapes(rectangles(place + 0.6 * SHADOW, 4.5, 1.9, angle), (40, 42, 44, 20)),
+        shapes(rectangles(place, 4.4, 1.8, angle), colours),
+        shapes(rectangles(place, 2.3, 1.5, angle), (52, 58, 64, 10)),
+        shapes(rectangles(place, 1.3, 1.5, angle), colours),
+    ]
+
+
+# --- Villages: streets, houses with their roofs and shadows, gardens and halls
+
+
+_ROOFS = np.array(
+    [[178, 92, 66], [164, 84, 62], [150, 92, 74], [122, 76, 64], [120, 118, 118], [186, 112, 84]]
+)
+_HALLS = np.array([[206, 208, 208], [176, 182, 188], [228, 226, 220], [146, 150, 158]])
+_STREET = (132, 130, 128, 85)
+_LAWN = np.array([124, 142, 94, 155])
+_GARDENS = (116, 132, 90, 175)
+_PAVEMENT = (152, 150, 146, 90)
+_BED = np.array([128, 108, 84, 190])
+_PLOT_M = 19.0
+_ALONG = np.array([1.0, 0.0])
+
+
+def houses(
+    middle: Array, length: Array, width: Array, angle: Array, roof: NDArray[np.int64]
+) -> tuple[Shapes, Shapes]:
+    """Build shadows and gable roofs of houses; colours (n, 3)."""
+    tall = 3.0 + 0.45 * width
+    base = rectangles(middle, length, width, angle)
+    cast = base + SHADOW * tall[:, None, None]
+    shadow = np.concatenate([_sweeps(base, cast), cast])
+    across = np.column_stack([-np.sin(angle), np.cos(angle)])
+    sunny = (across @ SHADOW) < 0
+    quarter = across * width[:, None] / 4
+    left = rectangles(middle + quarter, length, width / 2, angle)
+    right = rectangles(middle - quarter, length, width / 2, angle)
+    light = np.where(sunny, 1.12, 0.74)[:, None]
+    ridge = rectangles(middle, length, 0.35, angle)
+    chimney = rectangles(middle + across * width[:, None] / 7, 0.9, 0.7, angle)
+    rough = np.full((len(middle), 1), 95)
+    outlines = np.concatenate([left, right, ridge, chimney])
+    colours = np.concatenate(
+        [
+            np.hstack([roof * light, rough]),
+            np.hstack([roof * (1.86 - light), rough]),
+            np.hstack([roof * 0.9, rough]),
+            np.hstack([roof * 0 + 92, rough]),
+        ]
+    )
+    return shapes(shadow, SHADE), shapes(outlines, colours)
+
+
+def _sweeps(base: Array, cast: Array) -> Array:
+    """Return the areas between the sides of a base and their cast shadows: (4 n, 4, 2)."""
+    after, cast_after = np.roll(base, -1, axis=1), np.roll(cast, -1, axis=1)
+    return np.stack([base, after, cast_after, cast], axis=2).reshape(-1, 4, 2)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Village:
+    """The content of a cell of a village.
+
+    Attributes
+    ----------
+    ground, shadows, roofs : list of Shapes
+        In the order of drawing.
+    trees : ndarray, shape (n, 2)
+        Positions of the trees in the gardens.
+    """
+
+    ground: list[Shapes]
+    shadows: list[Shapes]
+    roofs: list[Shapes]
+    trees: Array
+
+
+def village(country: Country, a: int, b: int) -> Village:
+    """Build a cell of a village."""
+    rng = country.rng(a, b, 5)
+    corner = np.array([a, b]) * PITCH
+    place, angle = _plots(country, corner, rng)
+    n = len(place)
+    hall = rng.random(n) < 0.06
+    length = np.where(hall, rng.uniform(16, 18, n), rng.uniform(9.0, 14.0, n))
+    width = np.where(hall, rng.uniform(12, 14, n), rng.uniform(7, 9.5, n))
+    colour = np.where(hall[:, None], _HALLS[rng.integers(0, 4, n)], _ROOFS[rng.integers(0, 6, n)])
+    turn = np.where(rng.random(n) < 0.3, np.pi / 2, 0) + rng.normal(0, 0.03, n)
+    shadow, roof = houses(place, length, width, angle + turn, colour)
+    shed = place + _offset(angle, rng.uniform(-6, 6, n), rng.uniform(-12, -10, n))
+    long, wide = rng.uniform([3, 2.5], [5, 3.5], (n, 2)).T
+    shed_shadow, shed_roof = houses(shed, long, wide, angle, _ROOFS[rng.integers(2, 5, n)])
+    garden = place + _offset(angle, rng.choice([-7.5, 7.5], n), rng.uniform(-12, 8, n))
+    behind = place + _offset(angle, rng.uniform(-8, 8, n), rng.uniform(-19, -13, n))
+    return Village(
+        ground=[*_gardens(country, corner, place, angle, rng), *_streets(country, corner)],
+        shadows=[shadow, shed_shadow],
+        roofs=[shed_roof, roof],
+        trees=np.concatenate([garden[rng.random(n) < 0.7], behind[rng.random(n) < 0.6]]),
+    )
+
+
+def _streets(country: Country, corner: Array) -> list[Shapes]:
+    u, v = (np.linspace(0, length, 24) for length in PITCH)
+    lines = [np.column_stack([u, np.full(24, PITCH[1] * k / 3)]) for k in (1, 2)]
+    lines.append(np.column_stack([np.full(24, PITCH[0] / 2), v]))
+    drawn = [country.map_from_net(corner + line) for line in lines]
+    return [
+        *(shapes(ribbons(line, -3.9, 3.9), _PAVEMENT) for line in drawn),
+        *(shapes(ribbons(line, -2.6, 2.6), _STREET) for line in drawn),
+    ]
+
+
+def _gardens(
+    country: Country, corner: Array, place: Array, angle: Array, rng: np.random.Generator
+) -> list[Shapes]:
+    """Build the ground between the houses: meadows, lawns, beds, drives, pools."""
+    n = len(place)
+    frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PITCH
+    meadow = country.map_from_net(corner + frame)[None]
+    lawn = _LAWN * np.hstack([rng.uniform(0.88, 1.08, (n, 3)), np.ones((n, 1))])
+    bed = place + _offset(angle, rng.uniform(-5, 5, n), rng.uniform(-16, -11, n))
+    long, wide = rng.uniform([3, 3], [9, 6], (n, 2)).T
+    soil = _BED * np.hstack([rng.uniform(0.85, 1.2, (n, 1)).repeat(3, axis=1), np.ones((n, 1))])
+    drive = place + _offset(angle, rng.uniform(-7, -5, n), np.full(n, 9.0))
+    pool = rng.random(n) < 0.08
+    at = place[pool] + _offset(angle[pool], np.full(pool.sum(), 4.0), np.full(pool.sum(), -10.0))
+    return [
+        shapes(meadow, _GARDENS),
+        shapes(rectangles(place, _PLOT_M - 1.0, 30.0, angle), lawn),
+        shapes(rectangles(bed, long, wide, angle), soil),
+        shapes(rectangles(drive, 3.2, 10.0, angle), _PAVEMENT),
+        shapes(rectangles(at, 8.0, 4.2, angle[pool]), (110, 176, 192, 20)),
+    ]
+
+
+def _offset(angle: Array, along: Array, across: Array) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([c * along - s * across, s * along + c * across])
+
+
+def _plots(country: Country, corner: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return the middles and directions of the plots of a cell, on both sides of two streets."""
+    u = np.arange(_PLOT_M * 0.7, PITCH[0] - 10, _PLOT_M)
+    u = u[np.abs(u - PITCH[0] / 2) > 15]
+    v = np.concatenate([PITCH[1] * k / 3 + np.array([-18.0, 18.0]) for k in (1, 2)])
+    uv = corner + np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    place = country.map_from_net(uv)
+    ahead = country.map_from_net(uv + _ALONG) - place
+    angle = np.arctan2(ahead[:, 1], ahead[:, 0])
+    away = np.tile(np.repeat([0.0, np.pi], len(u)), 2)
+    keep = (rng.random(len(uv)) < 0.88) & (country.water_m(place) < -20)
+    keep &= country.village_m(place) > -60
+    return (place + rng.normal(0, 0.8, place.shape))[keep], (angle + away)[keep]
+
+
+def farm(country: Country, a: int, b: int) -> tuple[Shapes, Shapes]:
+    """Build the sheds of a single farm in the corner of a cell: shadows and roofs."""
+    rng = country.rng(a, b, 6)
+    uv = np.array([a, b]) * PITCH + [[30.0, 22.0], [58.0, 26.0], [34.0, 52.0]]
+    place = country.map_from_net(uv)
+    dry = country.water_m(place) < -30
+    ahead = country.map_from_net(uv + _ALONG) - place
+    angle = np.arctan2(ahead[:, 1], ahead[:, 0]) + np.array([0, np.pi / 2, 0])
+    length, width = rng.uniform([20, 30, 12], [30, 45, 15]), rng.uniform([11, 13, 8], [15, 18, 10])
+    colour = np.vstack([_HALLS[rng.integers(0, 4, 2)], _ROOFS[rng.integers(0, 6, 1)]])
+    return houses(place[dry], length[dry], width[dry], angle[dry], colour[dry])
+
+
+# --- Trees from above: shadow, crown, and its sunlit side and clumps
+
+
+SHADOW = np.array([0.58, -0.60])  # of something one metre high, east and north, m
+SHADE = (52, 58, 50, 140)
+_FLOOR = (98, 110, 74, 190)
+_CORNERS = 18
+_CLUMPS = 14
+_LEAST = 3.0  # cells; smaller clumps are not drawn
+_ROUGH = 240
+_SPACING = 5.3
+_CROWNS = np.array([[70, 92, 52], [60, 84, 50], [84, 100, 56], [54, 74, 48], [92, 104, 60]])
+_FROM_WATER = 4.0
+_FROM_LANES = 6.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trees:
+    """Trees in layers.
+
+    Attributes
+    ----------
+    floor, shadows, crowns : Shapes
+        The ground around the trees, their shadows, and their crowns.
+    """
+
+    floor: Shapes
+    shadows: Shapes
+    crowns: Shapes
+
+
+def trees(places: Array, radius: Array, rng: np.random.Generator) -> Trees:
+    """Build trees at positions (n, 2), with radii (n,), m."""
+    n = len(places)
+    bearing = np.linspace(0, 2 * np.pi, _CORNERS, endpoint=False)
+    circle = np.column_stack([np.cos(bearing), np.sin(bearing)])
+    crown = radius[:, None, None] * _ragged(n, bearing, rng)[..., None] * circle
+    tall = radius * rng.uniform(1.1, 1.7, n)
+    dark = _CROWNS[rng.integers(0, len(_CROWNS), n)] * rng.uniform(0.75, 0.98, (n, 1))
+    sunny = -0.22 * SHADOW / np.linalg.norm(SHADOW) * radius[:, None]
+    away, where = rng.uniform(0, 0.85, (n, _CLUMPS)), rng.uniform(0, 2 * np.pi, (n, _CLUMPS))
+    clump = (away * radius[:, None] * np.array([np.cos(where), np.sin(where)])).transpose(1, 2, 0)
+    size = radius[:, None] * rng.uniform(0.10, 0.22, (n, _CLUMPS))
+    parts = np.concatenate(
+        [
+            crown[:, None],
+            (sunny[:, None] + 0.72 * crown)[:, None],
+            clump[:, :, None] + size[..., None, None] * circle,
+        ],
+        axis=1,
+    )
+    toward_sun = 1.24 + 0.35 * (clump @ -SHADOW) / radius[:, None]
+    tone = np.concatenate([np.tile([1.0, 1.16], (n, 1)), toward_sun], axis=1)
+    tone[:, 2:] *= rng.uniform(0.88, 1.12, (n, _CLUMPS))
+    colours = np.concatenate(
+        [dark[:, None] * tone[..., None], np.full((n, 2 + _CLUMPS, 1), _ROUGH)], axis=2
+    )
+    return Trees(
+        floor=shapes(places[:, None] + 1.4 * radius[:, None, None] * circle, _FLOOR),
+        shadows=shapes((places + SHADOW * tall[:, None])[:, None] + 0.98 * crown, SHADE),
+        crowns=replace(
+            shapes(
+                (places[:, None, None] + parts).reshape(-1, _CORNERS, 2), colours.reshape(-1, 4)
+            ),
+            least=_LEAST,
+        ),
+    )
+
+
+def _ragged(n: int, bearing: Array, rng: np.random.Generator) -> Array:
+    """Return the radii of n crowns by bearing, about 1."""
+    waves = np.array([2, 3, 5])
+    phase = rng.uniform(0, 2 * np.pi, (n, 3, 1))
+    ripple = 0.06 * np.sin(waves[:, None] * bearing + phase).sum(axis=1)
+    return np.asarray(1 + ripple + rng.normal(0, 0.03, ripple.shape))
+
+
+def wood_places(country: Country, a: int, b: int) -> tuple[Array, NDArray[np.float64]]:
+    """Return positions and radii of the trees in a cell's part of the woods, m."""
+    rng = country.rng(a, b, 1)
+    n = np.ceil(PITCH / _SPACING).astype(int)
+    grid = np.stack(np.meshgrid(np.arange(n[0]), np.arange(n[1])), axis=-1).reshape(-1, 2)
+    within = (grid + rng.uniform(0.1, 0.9, grid.shape)) * (PITCH / n)
+    radius = rng.uniform(2.4, 4.6, len(within))
+    en = country.map_from_net(within + PITCH * [a, b])
+    edge = np.minimum(within, PITCH - within).min(axis=1)
+    keep = (country.woods(en) > 0) & (edge > _FROM_LANES) & (country.village_m(en) < -20)
+    keep &= country.water_m(en) < -_FROM_WATER
+    return en[keep], radius[keep]
+
+
+def row_places(country: Country, line: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return positions and radii of trees and bushes along a line (n, 2), m."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    gaps = rng.choice([3.5, 5.0, 8.0, 30.0], int(length[-1] / 4), p=[0.4, 0.3, 0.2, 0.1])
+    way = np.cumsum(gaps)
+    way = way[way < length[-1]]
+    en = np.column_stack([np.interp(way, length, line[:, i]) for i in range(2)])
+    en += rng.normal(0, 0.6, en.shape)
+    radius = rng.uniform(1.2, 3.4, len(en))
+    keep = country.water_m(en) < -_FROM_WATER
+    return en[keep], radius[keep]

@@ -13,7 +13,7 @@ import numpy as np
 
 from acx4lib.bundle import uses
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations.trajectory import PoseObservations
+from acx4lib.bundle.observations import PoseObservations
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import (
     INTERIOR,

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.chapters.beyond.rig.truth import true_head
+from acx4book.chapters.rig import true_head
 from acx4book.paper import printed
 from acx4lib.calibration import mounting, rig
 from acx4lib.calibration.absorption import ABSORBING, absorption
@@ -31,15 +31,13 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, border_distance, xy_from_colrow
 from acx4lib.geometry.collinearity import project, rays
 from acx4lib.geometry.frames import Pose
-from acx4lib.georeferencing import accuracy, standards
-from acx4lib.georeferencing.differences import Differences
-from acx4lib.georeferencing.validation import Validation, validate
+from acx4lib.georeferencing import accuracy
+from acx4lib.georeferencing.validation import Differences, Validation, validate
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.stages.synthetic import refine
-from acx4lib.synthetic_image.carried import carry, synthetic_block
 from acx4lib.synthetic_image.frame import head_from_synthetic
-from acx4lib.synthetic_image.head_errors import parameter_covariance
-from acx4sim.optics import head_truth
+from acx4lib.synthetic_image.transferred_points import carry, parameter_covariance, synthetic_block
+from acx4sim import optics
 from benchmarks import harness
 from benchmarks.chain import find_head_truth
 from support.flights import simulated
@@ -130,7 +128,7 @@ def of_seed(seed: int) -> tuple[list[Row], list[Row], list[Row]]:
 def of_classes(found: Validation) -> Row:
     """Return the classes of PEC-PCD that the check points reach, by scale."""
     said = accuracy.from_differences(found.points.d)
-    reached = {scale: standards.pec_pcd(said, scale) for scale in SCALES}
+    reached = {scale: accuracy.pec_pcd(said, scale) for scale in SCALES}
     plan = {f"plan_{scale}": each.plan for scale, each in reached.items()}
     return plan | {f"height_{scale}": each.height for scale, each in reached.items()}
 
@@ -260,12 +258,12 @@ def at_side(share: float, lowered_m: float = 0.0) -> list[Row]:
     lowered_m : float
         By how much all lens centres are lower than they are.
     """
-    points = np.array([head.lever_m for head in head_truth.HEADS.values()])
+    points = np.array([head.lever_m for head in optics.HEADS.values()])
     middle = points.mean(axis=0)
     places = middle + share * (points - middle) - [0.0, 0.0, lowered_m]
     heads = {
         name: replace(head, lever_m=tuple(map(float, place)))
-        for (name, head), place in zip(head_truth.HEADS.items(), places, strict=True)
+        for (name, head), place in zip(optics.HEADS.items(), places, strict=True)
     }
     flight = find_head_truth.exact_flight(heads)
     oriented = refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
@@ -311,7 +309,7 @@ def pattern() -> list[Row]:
     A pixel is followed through its head: as it is carried, and as the head saw it from where it
     was, onto level ground, and from there into the camera that the single step found.
     """
-    flight = find_head_truth.exact_flight(head_truth.HEADS)
+    flight = find_head_truth.exact_flight(optics.HEADS)
     oriented = refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
     found = find_head_truth.single_step(flight, oriented).calibration.cameras[0]
     cols, rows = (np.arange(0.5, n) / n for n in NODES)

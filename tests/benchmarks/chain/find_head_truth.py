@@ -1,7 +1,7 @@
 """Find the true heads of the simulated system (run by hand).
 
 Table 1 prints what a self-calibration with f held at 74 mm gives; Table 3 what a single step makes
-of synthetic images. Starting from the constants in `acx4sim.optics.head_truth`, this script changes
+of synthetic images. Starting from the constants in `acx4sim.optics`, this script changes
 the heads until exact data of seed 1 give Table 1's omega, phi, kappa, x_p, y_p, k1, p1, p2 and Zc
 and, measured in the heads, carried into the synthetic image and adjusted in a single step, Table
 3's f. It prints the new constants:
@@ -24,9 +24,9 @@ from acx4lib.calibration.heads import RelativeOrientation, calibrate_heads, rela
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.stages.synthetic import refine
-from acx4lib.synthetic_image.carried import carry, synthetic_block
-from acx4sim.optics import head_truth
-from acx4sim.optics.lens import Camera
+from acx4lib.synthetic_image.transferred_points import carry, synthetic_block
+from acx4sim import optics
+from acx4sim.optics import Camera
 from support.flights.simulated import EXACT, HEADS, read_back
 
 LENS = ("xp_mm", "yp_mm", "k1", "p1", "p2")
@@ -72,7 +72,7 @@ def carried(flight: Flight, heads: RelativeOrientation) -> Block:
     return synthetic_block(block, carry(block, heads, synthetic), synthetic)
 
 
-def exact_chain(heads: Mapping[str, Camera] = head_truth.HEADS) -> Chain:
+def exact_chain(heads: Mapping[str, Camera] = optics.HEADS) -> Chain:
     """Return the chain of exact data of seed 1, measured by heads of any truth."""
     return chain(exact_flight(heads))
 
@@ -89,12 +89,12 @@ def exact_flight(
 @contextmanager
 def true_heads(heads: Mapping[str, Camera]) -> Iterator[None]:
     """Simulate with other heads for a while."""
-    before = head_truth.HEADS
-    head_truth.HEADS = MappingProxyType(dict(heads))
+    before = optics.HEADS
+    optics.HEADS = MappingProxyType(dict(heads))
     try:
         yield
     finally:
-        head_truth.HEADS = before
+        optics.HEADS = before
 
 
 def missing_to_table_1(of: RelativeOrientation) -> dict[str, np.ndarray]:
@@ -127,7 +127,7 @@ def moved(head: Camera, change: np.ndarray, *, f_mm: float) -> Camera:
 
 def find(f_mm: float) -> dict[str, Camera]:
     """Return the heads that give Table 1 and a single step with focal length `f_mm`."""
-    heads = dict(head_truth.HEADS)
+    heads = dict(optics.HEADS)
     for _ in range(12):
         found = exact_chain(heads)
         missing = missing_to_table_1(found.orientation)
@@ -152,8 +152,8 @@ def fitted_to_table_1(f_1_mm: float) -> dict[str, Camera]:
     f_1_mm : float
         Within some tenths of a millimetre of that of `head_truth`.
     """
-    scale = f_1_mm / head_truth.HEADS[HEADS[0]].f_mm
-    heads = {name: replace(head, f_mm=head.f_mm * scale) for name, head in head_truth.HEADS.items()}
+    scale = f_1_mm / optics.HEADS[HEADS[0]].f_mm
+    heads = {name: replace(head, f_mm=head.f_mm * scale) for name, head in optics.HEADS.items()}
     for _ in range(6):
         missing = missing_to_table_1(calibrated_heads(exact_flight(heads, ("heads",))))
         if largest(missing) < 2e-5:

@@ -8,8 +8,7 @@ import pytest
 
 import acx4sim
 from acx4book.paper import printed
-from acx4sim import Options
-from acx4sim.optics import head_truth
+from acx4sim import Options, optics
 from benchmarks.chain import closed_chain, find_head_truth
 from support.flights import simulated
 
@@ -50,7 +49,7 @@ def test_a_flight_with_noise_and_without_is_the_stored_one():
 
 def scatter_of_exact(f_mm=None):
     """Return how x_p of the heads scatters over paths and points, without noise, mm."""
-    heads = dict(head_truth.HEADS)
+    heads = dict(optics.HEADS)
     if f_mm:
         heads = {name: replace(head, f_mm=f_mm) for name, head in heads.items()}
     with find_head_truth.true_heads(heads):

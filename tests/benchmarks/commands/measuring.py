@@ -12,21 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from acx4book.chapters.beyond.from_pictures.whole import EXPOSURES
+from acx4book.chapters.from_pictures import EXPOSURES
 from acx4lib.flight.block import Block, select_images
 from acx4lib.flight.design import flying_heights
 from acx4lib.flight.reader import read
-from acx4lib.measuring.levels import sizes_of
-from acx4lib.measuring.pictures import ground
-from acx4lib.measuring.pictures.overlaps import overlapping
-from acx4lib.measuring.pictures.views import declared_views, seen_at
+from acx4tools.measuring.levels import sizes_of
+from acx4tools.measuring.pictures import ground
+from acx4tools.measuring.pictures.overlaps import overlapping
+from acx4tools.measuring.pictures.views import declared_views, seen_at
 from benchmarks import harness
 
 REDUCED = (8, 4, 2)
 MANY = 50
 """Of the validation block, which has the overlaps of a mapping flight."""
 
-LIBRARY = "import acx4lib.measuring.measure"
+LIBRARY = "import acx4tools.measuring.measure"
 """What each run loads, timed alone."""
 
 

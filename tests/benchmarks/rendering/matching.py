@@ -21,9 +21,15 @@ from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, r
 from acx4lib.tie_points.overlaps import grey_window, shared_windows
 from acx4lib.tie_points.search import find_ties
 from acx4sim.designs import acx4_plan
-from acx4sim.pictures.ground_rays import ground_from_pixels, pixels_from_ground, reduced, station
-from acx4sim.pictures.photography import landscape
-from acx4sim.pictures.pictures import Tiles, camera_image
+from acx4sim.pictures import (
+    Tiles,
+    camera_image,
+    ground_from_pixels,
+    landscape,
+    pixels_from_ground,
+    reduced,
+    station,
+)
 from benchmarks.measure import timed
 from support.pictures import printed_camera
 

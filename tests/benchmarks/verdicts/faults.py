@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.notebooks.simulated import to_simulator
+from acx4book.notebooks import simulated
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
-from acx4lib.planning import text
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 from acx4sim.plan import Options, SlowErrors
+from acx4tools.planning import plan as plans
 
 FOLDER = Path(__file__).parent / "plans"
 PLANS = ("two-heights-crossing", "one-height", "flat", "oblique-heads", "no-control")
@@ -124,12 +124,12 @@ def fly(
     rng = np.random.default_rng([seed, 1])
     declare(values, rng)
     of.declares(values, size)
-    planned = text.from_values(values)
+    planned = plans.from_values(values)
 
     def again(options: Options) -> dict[str, pd.DataFrame]:
-        return {**to_simulator.simulate(planned, seed=seed, options=options).tables}
+        return {**simulated.simulate(planned, seed=seed, options=options).tables}
 
-    clean = to_simulator.simulate(planned, seed=seed, options=of.options(size))
+    clean = simulated.simulate(planned, seed=seed, options=of.options(size))
     tables = {path: table.copy() for path, table in clean.tables.items()}
     planted = of.makes(Flown(tables=tables, size=size, rng=rng, again=again))
     return replace(clean, tables=tables), planted

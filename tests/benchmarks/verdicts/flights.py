@@ -32,13 +32,11 @@ import pandas as pd
 from acx4book.command.batch.executors import on_processes
 from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
-from acx4book.report import material
-from acx4book.report.page import record
-from acx4book.report.verdict import verdict
+from acx4book.report import material, record, verdict
 from acx4lib.errors import Acx4Error
 from acx4lib.least_squares.processors import as_finished
 from acx4lib.results import folder as results
-from acx4sim.files.writer import write_files
+from acx4sim.files import write_files
 from benchmarks import harness
 from benchmarks.verdicts import sizes
 from benchmarks.verdicts.faults import FAULTS, PLANS, SLOW, Planted, fly

@@ -21,9 +21,9 @@ import numpy as np
 import pandas as pd
 from scipy import optimize, special, stats
 
+from acx4book.report.findings import LEVEL, MATTERS
 from acx4book.report.material import Material, validated
-from acx4book.report.verdict.finding import LEVEL, MATTERS
-from acx4lib.bundle.gross_errors.rejections import CRITICAL
+from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.geometry.parameters import AXES
 
 FOUND = 0.8

@@ -17,7 +17,7 @@ from acx4book.command.acx4 import app, main
 from acx4book.notebooks import runner
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
-from acx4lib.results.own_folder.marks import MARK
+from acx4lib.results.own_folder import MARK
 from support.flights.spoilt import change
 from support.helpers import hears_interrupts, write_notebook
 

@@ -7,14 +7,12 @@ import pytest
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import NotebookError
-from acx4book.notebooks.executed import Notebooks
+from acx4book.notebooks.execute import NotebookError, Notebooks
 from acx4lib.errors import OutputError
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
-from acx4lib.results.own_folder import claims
-from acx4lib.results.own_folder.marks import MARK
-from acx4lib.results.own_folder.whole_files import SCRATCH
+from acx4lib.results import own_folder, provenance
+from acx4lib.results.own_folder import MARK
+from acx4lib.results.whole_files import SCRATCH
 from support.flights import written
 from support.helpers import write_notebook
 
@@ -68,7 +66,7 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
     told = []
     for name in ("one", "two"):
         folder = tmp_path / name / "results"
-        with claims.claim(folder, command=runner.COMMAND) as own:
+        with own_folder.claim(folder, command=runner.COMMAND) as own:
             own.expect(results.FILES)
             results.replace(folder, ["heads"], tables={}, summary={"heads/bundle/OLD": {}})
             own.seal()

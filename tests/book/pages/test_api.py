@@ -36,7 +36,7 @@ def test_a_page_has_the_docstring_a_table_and_a_section_for_every_module():
 def test_a_house_refers_to_its_rooms_and_shows_its_own_modules(tmp_path):
     (tmp_path / "_generated").mkdir()
     (tmp_path / "_generated" / "_toc.yml").write_text(
-        "- file: _generated/api/acx4sim\n- file: _generated/api/acx4sim/optics"
+        "- file: _generated/api/acx4sim\n- file: _generated/api/acx4sim/optics.py"
     )
     api.write(tmp_path)
     folder = tmp_path / "_generated" / "api"
@@ -49,6 +49,6 @@ def test_a_house_refers_to_its_rooms_and_shows_its_own_modules(tmp_path):
 
 def test_modules_for_users_show_their_functions_and_others_what_they_are_for():
     assert ".. automodule:: acx4lib.bundle.adjust\n```" in "\n".join(api.page("acx4lib.bundle"))
-    exchange = "\n".join(api.page("acx4lib.exchange"))
-    assert ".. automodule:: acx4lib.exchange.opencv\n```" in exchange
-    assert ".. automodule:: acx4lib.exchange.safe.records\n   :no-members:\n" in exchange
+    exchange = "\n".join(api.page("acx4tools.exchange"))
+    assert ".. automodule:: acx4tools.exchange.opencv\n```" in exchange
+    assert ".. automodule:: acx4tools.exchange.safe.records\n   :no-members:\n" in exchange

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4book.report.identity import describe
+from acx4book.report import identity
 from acx4book.report.material import Material, block_of, image_residuals
 from acx4lib import flight as flights
 from acx4lib.results import adjustments, folder
-from acx4lib.results.carried import of_carried
+from acx4lib.results.adjustments import of_carried
 from acx4lib.results.provenance import Provenance
-from acx4lib.synthetic_image.carried import carry
+from acx4lib.synthetic_image.transferred_points import carry
 from support.flights import in_heads, pictured
 from support.run_results import SINGLE
 
@@ -48,7 +48,7 @@ def test_every_adjustment_has_the_images_that_it_adjusted(material, adjustment, 
 
 
 def test_the_method_says_that_points_were_carried(material):
-    assert describe.CARRIED in describe.method(material)
+    assert identity.CARRIED in identity.method(material)
 
 
 def test_residuals_stand_where_they_were_measured(run):

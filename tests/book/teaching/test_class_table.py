@@ -1,7 +1,7 @@
 import csv
 import io
 
-from acx4book.teaching import class_table, writing
+from acx4book.teaching import class_table, handed_in
 from acx4book.teaching.sheets.every import SHEETS
 
 
@@ -42,7 +42,7 @@ def test_a_class_is_marked_and_what_cannot_be_read_stops_nothing(tmp_path, key, 
 
 
 def test_an_empty_answers_file_has_no_points(tmp_path, key):
-    writing.write(SHEETS["lab-2"], "Ada", key, tmp_path / "flight")
+    handed_in.write(SHEETS["lab-2"], "Ada", key, tmp_path / "flight")
     (marks,) = class_table.grade([tmp_path / "flight"], key).marks
     assert marks.points == 0
     assert {verdict.says for verdict in marks.verdicts} == {"not answered"}

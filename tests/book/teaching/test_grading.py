@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from acx4book.teaching import grading
-from acx4book.teaching.case import Mistake, computed, estimated
+from acx4book.teaching.flights import Mistake, computed, estimated
 from acx4book.teaching.handed_in import Answer
 from acx4book.teaching.sheets.every import SHEETS
 from support.helpers import repeats

@@ -2,9 +2,13 @@
 
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
+from numpy.testing import assert_allclose
 
+from acx4book.typesetting import maps, style
 from acx4book.typesetting.maps import block_maps, control_maps
 from support.figures import assert_labelled, assert_texts_apart, drawn, legend, panels
 from support.flights.simulated import fly
@@ -68,3 +72,34 @@ def test_surveyed_points_have_their_names(flight):
 def test_a_flight_without_a_block_gets_a_sentence():
     (text,) = drawn(block_maps(None)).axes[0].texts
     assert text.get_text() == "The flight has no such block."
+
+
+EAST, NORTH, UP = np.eye(3)
+
+
+def test_from_straight_above_one_sees_the_map():
+    seen = maps.view(0, 90)
+    assert_allclose(seen.apply([EAST, NORTH])[:, :2], np.eye(2), atol=1e-15)
+
+
+@pytest.mark.parametrize(("from_deg", "right"), [(0, EAST), (90, NORTH), (180, -EAST)])
+def test_from_the_horizon_up_is_up_and_what_is_right_depends_on_where_one_stands(from_deg, right):
+    seen = maps.view(from_deg, 0)
+    assert_allclose(seen.apply([right, UP])[:, :2], np.eye(2), atol=1e-15)
+
+
+def test_a_frame_has_a_name_at_every_tip_also_at_one_that_points_at_the_reader():
+    with style.applied():
+        fig, ax = plt.subplots()
+        maps.triad(ax, maps.view(0, 90), np.zeros(3), np.eye(3), ("x", "y", "z"), "black")
+        maps.blank(fig)
+    texts = [text.get_text() for text in drawn(fig).axes[0].texts if text.get_text()]
+    assert texts == ["x", "y", "z"]
+
+
+def test_a_scene_has_limits_equal_scales_and_no_frame():
+    with style.applied():
+        _, ax = style.subplots(figsize=(3.0, 2.0))
+        maps.scene(ax, (-1.0, 2.0), (0.0, 1.0))
+    assert (ax.get_xlim(), ax.get_ylim(), ax.get_aspect()) == ((-1.0, 2.0), (0.0, 1.0), 1.0)
+    assert not ax.axison

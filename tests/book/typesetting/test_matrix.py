@@ -5,8 +5,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acx4book.typesetting import matrix, style
-from acx4book.typesetting.drawing import svg
+from acx4book.typesetting import matrix, style, svg
+from acx4book.typesetting.matrix import sigma_figure
+from acx4lib.georeferencing.budget import SOURCES, Budget
+from acx4lib.georeferencing.mapping_flight import Format
+from support.figures import drawn, panels
 
 VALUES = np.array([[1.0, -0.72, 0.0], [-0.72, 1.0, 0.31], [0.0, 0.31, 1.0]])
 
@@ -54,3 +57,22 @@ def test_cells_cover_what_is_filled_and_nothing_else(gap):
     seen = [any(mpl.path.Path(bar).contains_point(m) for bar in bars) for m in middles]
     assert np.array_equal(np.reshape(seen, filled.shape), filled)
     assert len(bars) == (7 if gap else 3)
+
+
+# --- Standard deviations over the format are drawn where they are, in centimetres
+
+
+def test_panels_have_plan_height_and_the_calibrations_part():
+    """Variances of 1, 4 and 9 cm^2 of image points, and 16 cm^2 of the interior in height."""
+    variance = np.zeros((4, 3, len(SOURCES)))
+    variance[:, :, SOURCES.index("image points")] = np.array([1.0, 4.0, 9.0]) * 1e-4
+    variance[:, 2, SOURCES.index("interior orientation")] = 16e-4
+    variance[3] = np.nan
+    col, row = np.meshgrid([0.0, 99.0], [0.0, 199.0])
+    shown = Format(colrow=np.stack([col, row], axis=-1), budget=Budget(variance=variance))
+    axes = panels(drawn(sigma_figure(shown)))[:3]
+    for ax, cm in zip(axes, (np.sqrt(5.0), 5.0, 4.0), strict=True):
+        image = np.ma.filled(ax.images[0].get_array(), np.nan)
+        np.testing.assert_allclose(image.ravel(), [cm, cm, cm, np.nan])
+        assert ax.get_ylim() == (199.0, 0.0)
+    assert [ax.get_title(loc="left") for ax in axes] == ["plan", "height", "height, calibration"]

@@ -17,7 +17,7 @@ from myst_parser.config.main import MdParserConfig
 from myst_parser.parsers.mdit import create_md_parser
 
 from acx4book.command import terminal
-from acx4book.report.page.markdown import Document, to_html
+from acx4book.report.markdown import Document, to_html
 from acx4book.typesetting import myst, style
 from acx4book.typesetting.plain_text import ISOLATE, POP, Markup, code, shown
 from support.flights import payloads

@@ -9,13 +9,13 @@ from numpy.testing import assert_allclose
 
 from acx4lib.bundle import uses
 from acx4lib.bundle.adjust import adjust, designed
-from acx4lib.bundle.start.start_values import start_points
+from acx4lib.bundle.start import start_points
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import ImagePoints, Images, SurveyedPoints
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import MappingFrame
-from acx4lib.least_squares.eliminated_points import cross_covariance
+from acx4lib.least_squares.adjustment import cross_covariance
 from support import blocks
 from support.helpers import dense_covariance, dense_jacobian, rotation_angle, weighted_residuals
 from support.strategies import opk, vectors

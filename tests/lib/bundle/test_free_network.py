@@ -15,7 +15,7 @@ from acx4lib.bundle.reliability import parameter_effects
 from acx4lib.bundle.unknowns import holding
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.distances import lengths
-from acx4lib.least_squares.eliminated_points import cross_covariance
+from acx4lib.least_squares.adjustment import cross_covariance
 from acx4lib.least_squares.normal_equations import PlainNormals
 from support import blocks
 from support.helpers import dense_jacobian, weighted_residuals

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib.bundle import uses
 from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.observations.trajectory import PoseObservations
+from acx4lib.bundle.observations import PoseObservations
 from acx4lib.geometry.frames import Pose, log
 from acx4lib.results import rows
 from support import blocks

@@ -11,7 +11,7 @@ from acx4lib.calibration import mounting
 from acx4lib.calibration.absorption import absorption, by_lever_arms, effective_heights
 from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.frames import Pose, log, rotation_from_opk
-from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
+from acx4lib.least_squares.gauss_markov import GaussMarkov
 from support import blocks
 from support.flights.simulated import fly
 from support.helpers import repeats

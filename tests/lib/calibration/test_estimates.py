@@ -12,18 +12,22 @@ from numpy.testing import assert_allclose
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.unknowns import layout
 from acx4lib.bundle.uses import mounted_orientation
-from acx4lib.calibration import estimates
+from acx4lib.calibration import estimates, mounting
 from acx4lib.calibration.estimates import (
+    ENOUGH,
+    NEEDS,
+    features,
     from_bundle,
     given,
     is_determined,
+    needed,
     not_determined,
     parameters,
 )
-from acx4lib.calibration.trust.needs import needed
+from acx4lib.flight.block import select_images
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk
-from acx4lib.geometry.parameters import MOUNT
+from acx4lib.geometry.parameters import MOUNT, REPORTED
 from support import blocks
 from support.helpers import numeric_jacobian
 
@@ -184,3 +188,68 @@ def test_a_camera_with_other_reported_values_has_these_and_keeps_the_others(foun
     changed = estimates.reported_values(estimates.with_reported(camera, new))
     for name, value in values.items():
         assert_allclose(changed[name], new.get(name, value), rtol=1e-12, atol=1e-15)
+
+
+# --- A flight is asked only for what it does not have
+
+
+ALL = {"heights", "control", "opposite", "crosswise", "corners", "sides"}
+
+
+def flown(strips=blocks.BOTH_WAYS, **options):
+    options = {"ties": blocks.terrain(150, half_m=450.0), "control": blocks.crosses()} | options
+    return blocks.simulate(blocks.fly(strips, tilt_deg=0.0), **options)
+
+
+def test_a_flight_with_everything_has_every_feature():
+    assert features(flown()) >= ALL
+
+
+@pytest.mark.parametrize(
+    ("strips", "lacking"),
+    [
+        (((1000.0, -150.0, 0.0), (1000.0, 150.0, 180.0)), {"heights", "crosswise"}),
+        (((1000.0, 0.0, 0.0), (1500.0, 0.0, 0.0)), {"opposite", "crosswise"}),
+        (((1000.0, 0.0, 0.0), (1500.0, 0.0, 90.0)), {"opposite"}),
+    ],
+)
+def test_strips_lack_what_they_do_not_fly(strips, lacking):
+    assert ALL - features(flown(strips)) == lacking
+
+
+def test_without_control_points_the_block_has_none():
+    assert ALL - features(flown(control=None)) == {"control"}
+
+
+def test_points_in_two_strips_are_an_overlap():
+    block = blocks.in_strips(blocks.standard(), 3)
+    assert "overlap" in features(block)
+    alone = select_images(block, np.array(block.images.strips) == "A")
+    assert "overlap" not in features(alone)
+
+
+def test_measurements_in_the_middle_are_neither_in_corners_nor_on_all_sides():
+    over_one_place = ((1000.0, 0.0, 0.0), (1000.0, 0.0, 180.0))
+    block = blocks.simulate(
+        blocks.fly(over_one_place, base_m=20.0), ties=blocks.terrain(60, half_m=60.0)
+    )
+    assert not {"corners", "sides"} & features(block)
+
+
+@pytest.mark.parametrize("key", [*REPORTED, "shift", "delay"])
+def test_every_need_can_be_met(key):
+    have = frozenset(need.features[0] for need in NEEDS[key])
+    assert needed(key, have) == ENOUGH
+    for need in NEEDS[key]:
+        assert needed(key, have - set(need.features)) == need.text
+    assert needed(key) == ", and ".join(need.text for need in NEEDS[key])
+
+
+def test_a_flight_without_control_but_two_heights_is_not_asked_for_heights():
+    block = blocks.noisy(blocks.standard(control=None), np.random.default_rng(3))
+    found = mounting.single_step(block, free=("f", "xp", "yp")).calibration
+    (line,) = not_determined(found, features(block))
+    assert line.endswith("it would need: control points")
+    assert not_determined(found)[0].endswith(
+        "it would need: control points, and two flying heights or f held"
+    )

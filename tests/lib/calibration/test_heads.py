@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.uses import free_orientation
-from acx4lib.calibration import heads as ro
+from acx4lib.calibration import heads
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry import frames
 from acx4lib.geometry.camera import Camera, Interior
@@ -53,13 +53,13 @@ def block():
 def adjusted(block, free=("xp", "yp")):
     """Self-calibrate every head, without looking for gross errors."""
     return {
-        camera.name: adjust(free_orientation(ro.select_cameras(block, [camera.name]), free=free))
+        camera.name: adjust(free_orientation(heads.select_cameras(block, [camera.name]), free=free))
         for camera in block.cameras
     }
 
 
 def oriented(fits):
-    return ro.relative_orientation(ro.Heads(bundles=fits, failures={}), SYNTHETIC)
+    return heads.relative_orientation(heads.Heads(bundles=fits, failures={}), SYNTHETIC)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +114,7 @@ def test_a_wrong_focal_length_goes_into_zc(block):
 
 
 def test_heads_are_calibrated_one_by_one(block):
-    found = ro.calibrate_heads(block, ["CAM2", "CAM1"], free=("xp", "yp"))
+    found = heads.calibrate_heads(block, ["CAM2", "CAM1"], free=("xp", "yp"))
     assert list(found.bundles) == ["CAM2", "CAM1"]
     assert found.failures == {}
     for name, fit in found.bundles.items():
@@ -126,7 +126,7 @@ def test_a_head_that_cannot_be_adjusted_is_named(block):
     points = block.image_points
     camera = block.images.camera_idx[points.image_idx]
     blind = replace(block, image_points=points[camera == 0])
-    found = ro.calibrate_heads(blind, ["CAM1", "CAM2"], free=("xp", "yp"))
+    found = heads.calibrate_heads(blind, ["CAM1", "CAM2"], free=("xp", "yp"))
     assert list(found.bundles) == ["CAM1"]
     assert "0 control points in images do not orient" in found.failures["CAM2"]
 
@@ -158,16 +158,16 @@ def test_weak_interior_orientations_orient_nothing_unless_they_may(block, rng):
     weak = adjusted(noisy, free=("f", "xp", "yp"))
     with pytest.raises(AdjustmentError, match="the interior orientation of CAM1, CAM2 is not"):
         oriented(weak)
-    fits = ro.Heads(bundles=weak, failures={})
-    assert ro.relative_orientation(fits, SYNTHETIC, weak=True).n_exposures == 6
+    fits = heads.Heads(bundles=weak, failures={})
+    assert heads.relative_orientation(fits, SYNTHETIC, weak=True).n_exposures == 6
 
 
 def test_a_head_that_could_not_be_adjusted_leaves_the_others_without_orientation(bundles):
-    fits = ro.Heads(bundles=bundles, failures={"CAM3": "too few"})
+    fits = heads.Heads(bundles=bundles, failures={"CAM3": "too few"})
     with pytest.raises(AdjustmentError, match="CAM3 could not be adjusted"):
-        ro.relative_orientation(fits, SYNTHETIC)
+        heads.relative_orientation(fits, SYNTHETIC)
     with pytest.raises(AdjustmentError, match=r"flight.toml has no table \[synthetic\]"):
-        ro.relative_orientation(replace(fits, failures={}), None)
+        heads.relative_orientation(replace(fits, failures={}), None)
 
 
 def test_heads_that_share_no_exposure_are_an_error(block):
@@ -312,7 +312,7 @@ def test_heads_as_declared_are_turned_against_the_frame_of_the_synthetic_image()
         )
         for name, f, R in zip("AB", (5.0, 6.0), body, strict=True)
     ]
-    found = ro.declared_orientation(cameras, cameras[0])
+    found = heads.declared_orientation(cameras, cameras[0])
     R = rotation_from_opk(found.opk)
     assert_allclose(R, body[0].T @ body, atol=1e-12)
     assert_allclose(found.xyz_mm, [[0, 0, 5.0]] * 2)
@@ -320,9 +320,9 @@ def test_heads_as_declared_are_turned_against_the_frame_of_the_synthetic_image()
 
 
 def test_common_exposures_have_the_poses_of_which_the_orientation_is_the_mean(block, bundles):
-    fits = ro.Heads(bundles=bundles, failures={})
-    common = ro.common_exposures(fits)
-    orientation = ro.relative_orientation(fits, SYNTHETIC)
+    fits = heads.Heads(bundles=bundles, failures={})
+    common = heads.common_exposures(fits)
+    orientation = heads.relative_orientation(fits, SYNTHETIC)
     assert len(common.names) == orientation.n_exposures == 6
     R_s_m = np.swapaxes(common.T_m_b.R @ SYNTHETIC.T_b_c.R, -1, -2)
     apart = frames.transform(R_s_m, common.T_m_h[1].r - common.T_m_h[0].r)
@@ -334,5 +334,22 @@ def test_common_exposures_have_the_poses_of_which_the_orientation_is_the_mean(bl
 
 
 def test_what_is_held_is_shown_without_the_mounting_that_no_head_has(block):
-    none = ro.calibrate_heads(block, ["CAM1"], free=())
+    none = heads.calibrate_heads(block, ["CAM1"], free=())
     assert list(none.table().index) == [("f", "mm"), ("yp", "mm")]  # held, and not zero
+
+
+# --- What is read from a lens: distortion at border and corners
+
+
+def test_border_distortion_is_the_papers_15_pixels(fits):
+    r, px, sigma = heads.radial_profile(fits["CAM1"])
+    assert r[-1] == pytest.approx(np.hypot(8984, 6732) / 2 * 0.006)
+    assert px[-1] == pytest.approx(15.0, abs=1.0)  # "approximately 15 pixels"
+    assert 0 < sigma[-1] < 0.3
+
+
+def test_the_worst_corner_has_the_decentring_too(fits):
+    camera = fits["CAM1"].cameras[0]
+    radial = replace(camera, interior=Interior(f=74.0, k1=2.27e-6))
+    assert heads.largest_at_corners(radial) == pytest.approx(14.45, abs=0.01)
+    assert heads.largest_at_corners(camera) == pytest.approx(18.3, abs=0.5)

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4lib.bundle import adjust, uses
-from acx4lib.calibration import heads as ro
+from acx4lib.calibration import heads as calibration_heads
 from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import from_bundle, not_determined
 from acx4lib.errors import AdjustmentError
@@ -52,8 +52,8 @@ def test_exact_heads_come_back(exact):
 def test_exact_data_give_the_relative_orientation_of_the_heads_one_by_one(exact):
     """Two ways through different unknowns; only the definition is common to both."""
     found = rig.relative_orientation(rig.calibrate(exact, free=FREE), SYNTHETIC)
-    one_by_one = ro.calibrate_heads(exact, ["CAM1", "CAM2", "CAM3"], free=FREE)
-    alone = ro.relative_orientation(one_by_one, SYNTHETIC)
+    one_by_one = calibration_heads.calibrate_heads(exact, ["CAM1", "CAM2", "CAM3"], free=FREE)
+    alone = calibration_heads.relative_orientation(one_by_one, SYNTHETIC)
     assert_allclose(found.opk, alone.opk, atol=1e-8)  # rad
     assert_allclose(found.xyz_mm, alone.xyz_mm, atol=1e-6)  # mm
     assert found.n_exposures == alone.n_exposures == 12

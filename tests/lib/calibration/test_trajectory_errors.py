@@ -9,12 +9,12 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4book.report.words import parameter_title
 from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.observations.trajectory import position_errors
+from acx4lib.bundle.observations import position_errors
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import not_determined, parameters
 from acx4lib.geometry.parameters import AXES, MOUNT
-from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
+from acx4lib.least_squares.gauss_markov import GaussMarkov
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
 from support import blocks

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.conventions import mounted as module
+from acx4lib.conventions import mounted as conventions_mounted
 from acx4lib.conventions.mounted import measuring_noise, mounted, size
-from acx4lib.conventions.sightings import sightings
-from acx4lib.conventions.sigma_units import RIGHT
+from acx4lib.conventions.readings import sightings
+from acx4lib.conventions.search import RIGHT
 from acx4lib.geometry.frames import Pose, turn
 from support.flights import simulated
 from support.helpers import rotation_angle
@@ -63,22 +63,27 @@ def test_a_delay_is_told_from_a_lever_arm_that_cannot_be(block):
 def test_derivatives_agree_with_differences(block):
     seen = sightings(block)
     velocity = np.random.default_rng(1).normal(size=(len(seen.exposures), 3))
-    state = replace(module.started(seen, body(block, seen)), delay_s=0.1)
-    v, A, B = module._linear(seen, body(block, seen), state, velocity)
+    state = replace(conventions_mounted.started(seen, body(block, seen)), delay_s=0.1)
+    v, A, B = conventions_mounted._linear(seen, body(block, seen), state, velocity)
     steps = np.array([*[1e-6] * 3, *[1e-3] * 6, 1e-9, 1e-12, 1e-15, 1e-8, 1e-8, 1e-4])
     for column, h in enumerate(steps):
         dx = np.zeros(len(steps))
         dx[column] = h
         there, back = (
-            module._linear(
-                seen, body(block, seen), module._moved(state, s * dx, state.x_m), velocity
+            conventions_mounted._linear(
+                seen,
+                body(block, seen),
+                conventions_mounted._moved(state, s * dx, state.x_m),
+                velocity,
             )[0]
             for s in (1, -1)
         )
         numeric = (there - back) / (2 * h)
         assert_allclose(A[:, :, column], numeric, atol=1e-5 * np.abs(numeric).max())
     shifted = replace(state, x_m=state.x_m + np.array([0.0, 0.0, 1e-3]))
-    numeric = (module._linear(seen, body(block, seen), shifted, velocity)[0] - v) / 1e-3
+    numeric = (
+        conventions_mounted._linear(seen, body(block, seen), shifted, velocity)[0] - v
+    ) / 1e-3
     assert_allclose(B[:, :, 2], numeric, atol=1e-5 * np.abs(numeric).max())
 
 

@@ -4,11 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
-from acx4lib.flight import block as block_module
+from acx4lib import flight
+from acx4lib.flight import block
+from acx4lib.flight.block import select_images, synthetic_images
+from acx4lib.flight.design import forward_overlaps, ground_sample_m
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from support import blocks
+from support.flights import in_heads, written
 
 SECOND = replace(
     blocks.CAMERA,
@@ -37,7 +41,7 @@ def described(block):
 
 
 def test_the_part_of_one_camera_holds_its_measurements_and_no_others(rig):
-    part = block_module.select_cameras(rig, ["SIDE"])
+    part = block.select_cameras(rig, ["SIDE"])
     assert [camera.name for camera in part.cameras] == ["SIDE"]
     assert described(part) == [row for row in described(rig) if row[0] == "SIDE"]
     assert all(name.endswith("SIDE") for name in part.images.names)
@@ -47,14 +51,14 @@ def test_the_part_of_one_camera_holds_its_measurements_and_no_others(rig):
 
 def test_the_part_of_some_images_holds_their_measurements_and_no_others(rig):
     keep = rig.images.exposure_idx % 3 == 1
-    part = block_module.select_images(rig, keep)
+    part = block.select_images(rig, keep)
     exposures = {rig.trajectory.exposures[e] for e in range(1, len(rig.trajectory), 3)}
     assert described(part) == [row for row in described(rig) if row[1] in exposures]
 
 
 def test_a_camera_that_is_not_there_is_named(rig):
     with pytest.raises(ValueError, match="no camera 'TAIL', only CAM, SIDE"):
-        block_module.select_cameras(rig, ["TAIL"])
+        block.select_cameras(rig, ["TAIL"])
 
 
 def test_a_selection_keeps_rows_together(rig):
@@ -96,3 +100,45 @@ def test_what_is_not_known_of_a_trajectory_has_no_covariance(rig):
     assert_allclose(cov[1, :3, :3], 0.0, atol=0)
     assert np.all(np.diagonal(cov[1])[3:] > 0)
     assert np.all(np.diagonal(cov[0]) > 0)
+
+
+# --- What a flight that is measured in heads says of its synthetic images before they are made
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory):
+    return flight.read(in_heads.write(tmp_path_factory.mktemp("in_heads")))
+
+
+def test_a_block_in_heads_is_flown_as_one_of_synthetic_images(read, tmp_path):
+    plain = flight.read(written.write_flight(tmp_path, blocks=("heads", "calibration"))).calibration
+    mounted = read.mounted("calibration")
+    assert mounted.images.names == mounted.trajectory.exposures == plain.trajectory.exposures
+    assert mounted.images.strips == plain.images.strips
+    assert_allclose(ground_sample_m(mounted), ground_sample_m(plain), rtol=1e-12)
+    assert_allclose(forward_overlaps(mounted)[1], forward_overlaps(plain)[1], atol=1e-12)
+    assert len(mounted.image_points) == 0
+    assert mounted.points == read.calibration.points
+
+
+def test_a_block_that_is_not_carried_is_what_was_measured(read):
+    assert read.mounted("heads") is read.heads
+    plain = replace(read, synthetic=replace(read.synthetic, measured_in="synthetic"))
+    assert plain.mounted("calibration") is plain.calibration
+
+
+def test_exposures_without_any_image_make_none(read):
+    block = read.calibration
+    without = select_images(block, block.images.exposure_idx != 2)
+    made = synthetic_images(without, read.synthetic_camera)
+    assert len(made.images) == len(block.trajectory) - 1
+    assert 2 not in made.images.exposure_idx
+    assert_array_equal(made.trajectory.T_m_b.r, block.trajectory.T_m_b.r)
+
+
+def test_the_summary_shows_both_the_heads_and_the_synthetic_images(read):
+    lines = [line.split() for line in flight.summary(read).splitlines()]
+    assert lines.count(["carried", "into", "6", "images", "of", "CAM"]) == 2
+    assert sum(line[:2] == ["GSD", "CAM"] for line in lines) == 2
+    assert sum(line[:2] == ["GSD", "LEFT"] for line in lines) == 3
+    assert np.isfinite(read.mounted("validation").T_m_b_images.r).all()

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4lib.flight.setup import camera_of, camera_table, camera_toml
-from acx4lib.geometry.prior import Prior
+from acx4lib.geometry.parameters import Prior
 from support import blocks
 
 SIGMA = (0.01, 0.02, 0.03, 1e-4, 2e-4, 3e-4)

@@ -10,7 +10,8 @@ from acx4lib.calibration.estimates import Calibration, given
 from acx4lib.geometry.frames import log
 from acx4lib.georeferencing import direct
 from acx4lib.georeferencing.direct import Rays, georeference, intersect_rays
-from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
+from acx4lib.georeferencing.validation import validate
+from acx4lib.least_squares.gauss_markov import GaussMarkov
 from support import blocks
 from support.blocks import COLUMN_STEPS, SECOND, moved_calibration, moved_trajectory
 from support.blocks import SEEN as POINTS
@@ -318,3 +319,40 @@ def test_a_point_by_hand_has_the_covariance_of_its_rays(rig, calibration, share)
     by_hand = G @ direct.ray_covariance(block, g, rays) @ G.T
     assert_allclose(by_hand, found.cov[0], rtol=1e-8, atol=1e-12)
     assert (g.shared is None) == (share == 0.0)
+
+
+# --- A validation with a forgotten step, against what the geometry of the ideal flight says
+
+
+def rms(block, calibration):
+    found = validate(block, calibration, method="given")
+    return float(np.sqrt(np.mean(np.sum(found.points.d**2, axis=1))))
+
+
+@pytest.mark.parametrize("name", ["lever_arm", "boresight", "distortion", "principal_point"])
+def test_a_step_that_a_calibration_lacks_is_seen_at_exact_check_points(block, cameras, name):
+    without = getattr(direct, name)(cameras)
+    assert rms(block, cameras) < 1e-6
+    assert rms(block, without) > 1e-3
+
+
+def test_a_forgotten_convergence_turns_by_it(block, cameras):
+    wrong = direct.convergence(block)
+    lonlat = block.frame.to_geographic(block.trajectory.T_m_b.r)[:, :2]
+    gamma = np.abs(block.frame.grid.convergence(lonlat))
+    turned = np.swapaxes(block.trajectory.T_m_b.R, 1, 2) @ wrong.trajectory.T_m_b.R
+    angle = np.arccos(np.clip((np.trace(turned, axis1=1, axis2=2) - 1) / 2, -1, 1))
+    assert_allclose(angle, gamma, rtol=1e-6)
+    assert rms(wrong, cameras) > 1e-3
+
+
+def test_the_other_steps_stay(cameras):
+    (camera,) = cameras.cameras
+    (without,) = direct.lever_arm(cameras).cameras
+    assert_allclose(without.T_b_c.r, 0.0)
+    assert_allclose(without.T_b_c.R, camera.T_b_c.R)
+    assert without.interior == camera.interior
+    (straight,) = direct.boresight(cameras).cameras
+    assert_allclose(np.abs(straight.T_b_c.R).sum(axis=0), 1.0)  # quarter turns
+    (plain,) = direct.distortion(cameras).cameras
+    assert plain.interior == replace(camera.interior, k1=0.0, k2=0.0, k3=0.0, p1=0.0, p2=0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle.observations.shared_errors import SharedErrors
+from acx4lib.bundle.observations import SharedErrors
 from acx4lib.geometry.frames import rotation_from_opk
 from acx4lib.georeferencing import error_sources
 from acx4lib.georeferencing.error_sources import ErrorSources

@@ -8,9 +8,8 @@ from numpy.testing import assert_allclose
 
 from acx4lib.calibration.estimates import given
 from acx4lib.geometry.camera import Interior
-from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.collinearity import project, refraction_lift
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.refraction import refraction_lift
 from acx4lib.georeferencing.direct import Rays, georeference
 from acx4lib.georeferencing.ground_points import ground_points
 from support import blocks

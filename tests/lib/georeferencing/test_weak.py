@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.calibration.estimates import parameters, to_reported
-from acx4lib.calibration.trust.needs import features
+from acx4lib.calibration.estimates import features, parameters, to_reported
 from acx4lib.georeferencing import weak
-from acx4lib.planning import design, tables, text
+from acx4tools.planning import design, plan, tables
 from support.flights.planned import strip, values
 
 MAPPING = {
@@ -20,7 +19,7 @@ BARE = {"control": NO_CONTROL, "validation": MAPPING}
 
 
 def of(**changes):
-    return design.of(text.from_values(values(**changes)))
+    return design.of(plan.from_values(values(**changes)))
 
 
 def test_the_share_of_a_parameter_is_what_the_variance_falls_by_when_it_is_known():

@@ -9,10 +9,15 @@ from scipy import stats
 
 from acx4lib.errors import AdjustmentError
 from acx4lib.least_squares import adjustment
-from acx4lib.least_squares.adjustment import solve
-from acx4lib.least_squares.eliminated_points import cross_covariance
-from acx4lib.least_squares.normal_equations import CHUNK
-from acx4lib.least_squares.problem import Equations
+from acx4lib.least_squares.adjustment import (
+    FIRST,
+    Damping,
+    cross_covariance,
+    elimination,
+    gain,
+    solve,
+)
+from acx4lib.least_squares.normal_equations import CHUNK, Equations
 from support.helpers import dense_covariance, dense_jacobian, weighted_residuals
 
 EXACT = 1e-12  # relative; a handful of operations in double precision
@@ -467,3 +472,66 @@ def test_the_global_test_is_two_sided(tail):
 def test_a_far_too_large_cost_has_a_small_probability_not_zero():
     """One minus the distribution function would be zero from 1e-16 on."""
     assert 0 < adjustment.two_sided_p(200.0, 10) < 1e-35
+
+
+# --- Nielsen's rule, by the figures of his report
+
+
+def test_damping_begins_where_a_full_step_fails_and_grows_faster_and_faster():
+    damping, values = Damping(), []
+    for _ in range(4):
+        damping = damping.after_failure()
+        values.append(damping.value / FIRST)
+    assert values == pytest.approx([1.0, 2.0, 8.0, 64.0])  # factors 2, 4, 8
+
+
+@pytest.mark.parametrize(("kept", "factor"), [(1.0, 1 / 3), (0.5, 1.0), (0.0, 2.0), (0.75, 0.875)])
+def test_after_a_success_it_follows_the_gain(kept, factor):
+    after = Damping(value=0.1, growth=16.0).after_success(kept, near=False)
+    assert after.value == pytest.approx(0.1 * factor)
+    assert after.growth == 2.0
+
+
+def test_near_the_minimum_steps_are_full_and_damping_is_remembered():
+    after = Damping(value=0.3).after_success(1.0, near=True)
+    assert after.value == 0.0
+    assert after.after_failure().value == pytest.approx(0.1)
+
+
+def test_a_full_step_must_keep_a_quarter_of_its_promise():
+    assert not Damping().helps(0.2)
+    assert Damping().helps(0.3)
+    assert Damping(value=0.1).helps(0.01)
+    assert not Damping(value=0.1).helps(gain(1.0, 0.0))  # nothing was promised
+
+
+# --- Points that were eliminated, in a bundle whose normal matrix is inverted as a whole
+
+
+def test_points_follow_the_unknowns_and_keep_a_rest(mounted):
+    network, solution = mounted.network, mounted.solution
+    full, n = dense_covariance(network, mounted.state), network.n_columns
+    free = np.flatnonzero(network.free_points)
+    some = np.array([5, 0, len(free) - 1, 5])
+    gain, own = elimination(network, mounted.state, free[some])
+    at = n + 3 * some[:, None] + np.arange(3)
+    sigma = np.sqrt(np.diag(full))
+    for i, a in enumerate(at):
+        for j, b in enumerate(at):
+            expected = full[np.ix_(a, b)]
+            found = gain[i] @ full[:n, :n] @ gain[j].T + (own[i] if some[i] == some[j] else 0.0)
+            assert_allclose(
+                found / np.outer(sigma[a], sigma[b]),
+                expected / np.outer(sigma[a], sigma[b]),
+                atol=1e-8,
+            )
+    cross = cross_covariance(network, mounted.state, solution, free[some])
+    assert_allclose(cross, -solution.inverse.times(gain))
+
+
+def test_a_held_point_follows_nothing(mounted):
+    network = mounted.network
+    held = np.flatnonzero(~network.free_points)
+    gain, own = elimination(network, mounted.state, held)
+    assert not gain.any()
+    assert not own.any()

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.datum import Motions, with_inner_constraints
-from acx4lib.least_squares.problem import Equations
+from acx4lib.least_squares.normal_equations import Equations
 
 N_STATIONS, N_POINTS = 3, 5
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.least_squares.normal_equations import PlainNormals
-from acx4lib.least_squares.problem import Equations
+from acx4lib.least_squares.normal_equations import Equations, PlainNormals
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

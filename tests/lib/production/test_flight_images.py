@@ -19,7 +19,7 @@ from acx4lib.production.flight_images import render_flight
 from acx4lib.production.tiff import read_about
 from acx4lib.results import adjustments
 from acx4lib.results import folder as found_results
-from acx4lib.results.own_folder.marks import MARK
+from acx4lib.results.own_folder import MARK
 from support.flights import pictured
 from support.flights import written as small
 

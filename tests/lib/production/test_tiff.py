@@ -12,13 +12,14 @@ import pytest
 import rasterio
 import tifffile
 
-from acx4lib.production.pyramid import halved, level_sizes
 from acx4lib.production.tiff import (
     COMPRESSIONS,
     GAMMA,
     PREVIEW_PX,
     TILE,
     Format,
+    halved,
+    level_sizes,
     read_about,
     write,
     write_preview,

@@ -1,20 +1,24 @@
 """What stands in a results folder is what was computed, and can be read back."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
+from acx4lib import flight as flights
 from acx4lib.calibration import estimates, mounting, weights
-from acx4lib.calibration import heads as relative_orientation
+from acx4lib.calibration import heads as calibration_heads
+from acx4lib.errors import FlightError
 from acx4lib.flight.block import select_images
 from acx4lib.georeferencing import validation
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
-from acx4lib.results import validations as validation_records
-from support.flights import simulated
+from acx4lib.results.adjustments import METHOD, mounted_block, of_carried
+from acx4lib.synthetic_image.transferred_points import carry, synthetic_block
+from support.flights import in_heads, pictured, simulated
 
 SETTINGS = {"free": ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")}
 
@@ -40,7 +44,7 @@ def folder(tmp_path_factory, flown, mountings):
             flown, found, flown.validation.cameras
         ).items()
     ]
-    adjustments.write(path, "validation", validation_records.of_validations(validations))
+    adjustments.write(path, "validation", adjustments.of_validations(validations))
     return path
 
 
@@ -169,10 +173,10 @@ def test_a_scale_that_the_focal_length_may_have_by_chance_is_not_said(flown):
 
 def test_heads_come_back_from_their_files_as_they_were(tmp_path):
     flown = simulated.fly("acx4", seed=1, blocks=("heads",)).flight
-    heads = relative_orientation.calibrate_heads(
+    heads = calibration_heads.calibrate_heads(
         flown.heads, flown.synthetic.heads, free=flown.estimate_heads
     )
-    said = relative_orientation.relative_orientation(heads, flown.cameras["SYN"])
+    said = calibration_heads.relative_orientation(heads, flown.cameras["SYN"])
     bundles = [
         adjustments.of_bundle("heads", "bundle", fit, summary_key=f"heads/bundle/{name}")
         for name, fit in heads.bundles.items()
@@ -273,13 +277,13 @@ def test_a_validation_says_what_spoils_all_of_its_points(flown):
     block = flown.validation
     said = estimates.given(block.cameras)
     checked = validation.validate(block, said, method="given")
-    entry = validation_records.of_validation(checked).summary["validation/given"]
+    entry = adjustments.of_validation(checked).summary["validation/given"]
     assert entry["stopped_groups"] == [["rays of camera CAM", 24, 75]]
     assert entry["n_rejected"] == 0
     check = block.check
     lower = replace(block, check=replace(check, x_m=check.x_m - [0.0, 0.0, 45.0]))
     checked = validation.validate(lower, said, method="given")
-    (note,) = validation_records.of_validation(checked).summary["validation/given"]["notes"]
+    (note,) = adjustments.of_validation(checked).summary["validation/given"]["notes"]
     assert " m too high, " in note
     assert note.endswith("points or trajectory, or the focal length, is wrong")
 
@@ -288,7 +292,94 @@ def test_a_validation_says_how_many_measurements_chance_rejects(flown):
     """Two components of every ray of points in three images or more, at 0.0096 % each."""
     found = mounting.single_step(flown.calibration, **SETTINGS)
     checked = validation.validate(flown.validation, found.calibration, method="single_step")
-    (entry,) = validation_records.of_validation(checked).summary.values()
+    (entry,) = adjustments.of_validation(checked).summary.values()
     n = sum(int(n) for n in checked.points.n_images if n >= 3)
     assert n > 0
     assert entry["expected_rejections"] == pytest.approx(2 * n * 9.62e-5, rel=1e-3)
+
+
+# --- Points carried into synthetic images: written, read back, and refused where they are stale
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    return flights.read(in_heads.write(tmp_path_factory.mktemp("in_heads") / "flight"))
+
+
+@pytest.fixture(scope="module")
+def carried(flight):
+    orientation, camera = pictured.orientation(), flight.synthetic_camera
+    return {name: carry(flight.block(name), orientation, camera) for name in flight.carried}
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory, flight, carried):
+    path = tmp_path_factory.mktemp("results")
+    adjustments.write(path, "synthetic", [of_carried(flight, carried)])
+    return path
+
+
+def test_both_blocks_come_back_as_they_were_carried(flight, carried, kept):
+    assert flight.carried == ("calibration", "validation") == tuple(carried)
+    for name, points in carried.items():
+        block = mounted_block(flight, name, results.read(kept))
+        expected = synthetic_block(flight.block(name), points, flight.synthetic_camera)
+        assert block.images.names == expected.images.names
+        assert [camera.name for camera in block.cameras] == ["CAM"]
+        for field in ("image_idx", "point_idx", "colrow", "sigma_px"):
+            assert_array_equal(
+                getattr(block.image_points, field), getattr(expected.image_points, field)
+            )
+        assert len(block.image_points) == len(points) > 40
+
+
+def test_the_table_has_a_row_for_every_image_and_point(flight, carried, kept):
+    table = results.rows(results.read(kept), "synthetic_points", METHOD)
+    assert list(table) == [
+        *("block", "image", "point", "head"),
+        *("col_px", "row_px", "sigma_col_px", "sigma_row_px"),
+    ]
+    assert len(table) == sum(map(len, carried.values()))
+    assert not table.duplicated(["block", "image", "point"]).any()
+    assert set(table["head"]) == {"LEFT", "RIGHT"}
+    assert set(table["image"]) == set(flight.calibration.trajectory.exposures)
+    entry = results.read(kept).summary[METHOD]
+    assert entry["n_left_out"] == sum(points.n_left_out for points in carried.values())
+
+
+def test_a_block_measured_in_synthetic_images_is_taken_as_it_is(flight, tmp_path):
+    plain = replace(flight, synthetic=replace(flight.synthetic, measured_in="synthetic"))
+    assert plain.carried == ()
+    assert mounted_block(plain, "calibration", results.read(tmp_path)) is flight.calibration
+
+
+def test_without_carried_points_the_stage_to_run_is_named(flight, tmp_path):
+    with pytest.raises(FlightError, match=r"no results of synthetic/points; run stage synthetic"):
+        mounted_block(flight, "calibration", results.read(tmp_path))
+
+
+@pytest.mark.parametrize("change", ["measured again", "table edited"])
+def test_points_of_other_measurements_are_refused(flight, kept, tmp_path, change):
+    copy = shutil.copytree(kept, tmp_path / "results")
+    if change == "measured again":
+        changed = replace(
+            flight, sha256={**flight.sha256, "calibration/image_points.csv": "another"}
+        )
+    else:
+        changed = flight
+        table = copy / "synthetic_points.csv"
+        table.write_text(table.read_text().replace("calibration,E0,", "calibration,E99,"))
+    with pytest.raises(FlightError) as error:
+        mounted_block(changed, "calibration", results.read(copy))
+    assert error.value.problems == (
+        f"{copy}: block calibration is not the one whose points were carried into the synthetic "
+        "image; run stage synthetic again",
+    )
+
+
+def test_a_results_folder_without_the_table_is_read_as_empty(kept, tmp_path):
+    copy = shutil.copytree(kept, tmp_path / "results")
+    (copy / "synthetic_points.csv").unlink()
+    assert results.read(copy).synthetic_points.empty
+    summary = json.loads((copy / "summary.json").read_text())
+    assert METHOD in summary

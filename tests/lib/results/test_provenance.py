@@ -9,8 +9,7 @@ import pytest
 import acx4sim
 from acx4lib import flight
 from acx4lib.errors import FlightError
-from acx4lib.results import provenance
-from acx4lib.results.own_folder import claims
+from acx4lib.results import own_folder, provenance
 
 
 @pytest.fixture
@@ -24,7 +23,7 @@ def kept(tmp_path):
 
 
 def keep(folder, at):
-    with claims.claim(folder, command="acx4 run") as own:
+    with own_folder.claim(folder, command="acx4 run") as own:
         provenance.keep(own, flight.read(at))
 
 

@@ -5,8 +5,8 @@ from numpy.testing import assert_allclose
 
 from acx4lib.bundle import uses
 from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.gross_errors.rejections import Rejection
 from acx4lib.bundle.network import camera_poses
+from acx4lib.bundle.rejections import Rejection
 from acx4lib.calibration import estimates
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.results import folder, rows

@@ -12,7 +12,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder
 from acx4lib.stages import attempt, explained, heads, mounting, rig, synthetic, validation
-from acx4lib.synthetic_image.carried import carry
+from acx4lib.synthetic_image.transferred_points import carry
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from support.flights import in_heads

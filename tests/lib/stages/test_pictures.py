@@ -11,7 +11,7 @@ from acx4lib.errors import FlightError
 from acx4lib.stages import pictures as taken
 from acx4lib.synthetic_image.frame import reduced_heads
 from acx4lib.synthetic_image.rendering import render, render_plan
-from acx4lib.tie_points.differences import tie_differences
+from acx4lib.tie_points.refinement import tie_differences
 from support.flights import pictured
 
 K = pictured.REDUCTION

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from acx4book.chapters.beyond.image_quality.wrong_heads import (
+from acx4book.chapters.image_quality.deviations import (
     refinements,
     simulated_ties,
     with_turned_heads,
@@ -20,12 +20,12 @@ from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
 from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.tie_points import refinement
-from acx4lib.tie_points.differences import (
+from acx4lib.tie_points.refinement import (
     frame_differences,
+    refine_by_rotations,
     synthetic_from_head_jacobian,
     tie_differences,
 )
-from acx4lib.tie_points.refinement import refine_by_rotations
 from support.helpers import numeric_jacobian
 from support.pictures import printed_camera
 from support.strategies import vectors

@@ -9,8 +9,7 @@ from scipy.stats import norm
 
 from acx4sim.scenery import scenery
 from acx4sim.scenery.country import Country
-from acx4sim.scenery.drawing import draw, rectangles, shapes
-from acx4sim.scenery.noise import GroundWindow, cell_m, fractal, white
+from acx4sim.scenery.drawing import GroundWindow, cell_m, draw, fractal, rectangles, shapes, white
 from acx4sim.scenery.scenery import Landscape
 
 MIDDLE = (671_000.0, 7_189_500.0)

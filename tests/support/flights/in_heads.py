@@ -13,8 +13,8 @@ import acx4sim
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera, Interior
 from acx4sim.designs import acx4_plan
-from acx4sim.files.flights import simulate_plan
-from acx4sim.optics.lens import Camera as Lens
+from acx4sim.files import simulate_plan
+from acx4sim.optics import Camera as Lens
 from acx4sim.plan import Options
 from support.flights import written
 from support.flights.simulated import EXACT, HEADS, read_back

@@ -13,9 +13,8 @@ from acx4book.notebooks import runner
 from acx4lib import flight as flown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.frames import Pose
-from acx4lib.results import adjustments, provenance
+from acx4lib.results import adjustments, own_folder, provenance
 from acx4lib.results import folder as results
-from acx4lib.results.own_folder import claims
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 from support.flights import written
 
@@ -106,7 +105,7 @@ def head_path(folder: Path, exposure: str, head: str) -> Path:
 
 def write_results(folder: Path, flight: Path) -> Path:
     """Write results of the heads stage, as exact as the flight is."""
-    with claims.claim(folder, command=runner.COMMAND) as own:
+    with own_folder.claim(folder, command=runner.COMMAND) as own:
         own.expect([*results.FILES, provenance.FILE])
         results.replace(folder, [], tables={}, summary={})
         provenance.keep(own, flown.read(flight))

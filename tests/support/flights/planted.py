@@ -15,7 +15,7 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 import acx4sim
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 from support.flights.sized import FORMS
 
 GEOID_M = 31.4

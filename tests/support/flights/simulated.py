@@ -18,11 +18,11 @@ from scipy import stats
 import acx4sim
 from acx4lib import flight
 from acx4lib.calibration import estimates, mounting
-from acx4lib.calibration import heads as relative_orientation
-from acx4lib.flight.from_tables import PLACE
+from acx4lib.calibration import heads as calibration_heads
+from acx4lib.flight.reader import PLACE
 from acx4lib.georeferencing import validation
 from acx4lib.tie_points import ties as tie_points
-from acx4sim.files.writer import truth_path
+from acx4sim.files import truth_path
 
 SEEDS = range(1, 21)
 CAMERA = {"acx4": "SYN", "acx4-ideal": "SYN", "single-head": "CAM"}
@@ -193,11 +193,9 @@ def mounting_errors(design, method, *, seed):
 def head_estimates(*, seed, exact=False):
     """Return the estimates of the heads one by one, of their orientation, and of its refinement."""
     flown = fly("acx4", seed=seed, blocks=("heads",), exact=exact).flight
-    heads = relative_orientation.calibrate_heads(flown.heads, HEADS, free=flown.estimate_heads)
+    heads = calibration_heads.calibrate_heads(flown.heads, HEADS, free=flown.estimate_heads)
     assert not heads.failures
-    oriented = relative_orientation.relative_orientation(
-        heads, flown.cameras[flown.synthetic.camera]
-    )
+    oriented = calibration_heads.relative_orientation(heads, flown.cameras[flown.synthetic.camera])
     ties = tie_points.shared_points(flown.heads, oriented)
     refined = tie_points.refine_by_mean_differences(oriented, ties)
     return {

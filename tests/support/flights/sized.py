@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import acx4sim
 from acx4sim.designs import acx4_ideal_plan, single_head_plan
-from acx4sim.files.flights import SimulatedFlight, simulate_plan
+from acx4sim.files import SimulatedFlight, simulate_plan
 from acx4sim.plan import Plan, layout
 
 FORMS = ("grid", "geodetic")

@@ -6,10 +6,10 @@ import re
 from pathlib import Path
 from typing import Any
 
-from acx4book.notebooks.simulated import to_simulator
-from acx4lib.planning import text
-from acx4sim.files import writer
+from acx4book.notebooks import simulated as notebooks_simulated
+from acx4sim import files
 from acx4sim.plan import Options
+from acx4tools.planning import plan as plans
 from support.flights import planned
 
 CHECKED = {
@@ -91,10 +91,10 @@ NAMES = tuple(_plans())
 
 def write(name: str, folder: Path, *, simulated: bool = False) -> Path:
     """Write one of the flights below a folder; it does not say that it is simulated."""
-    plan = text.from_values(_plans()[name])
-    flown = to_simulator.simulate(plan, seed=4, options=Options())
+    plan = plans.from_values(_plans()[name])
+    flown = notebooks_simulated.simulate(plan, seed=4, options=Options())
     path = folder / re.sub(r"\W+", "-", name)
-    writer.write(flown, path)
+    files.write(flown, path)
     if not simulated:
         toml = path / "flight.toml"
         said = toml.read_text("utf-8")

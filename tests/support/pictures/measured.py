@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 
 from acx4sim.designs import DESIGNS, PLANS
-from acx4sim.files.flights import photograph
-from acx4sim.files.writer import write
-from acx4sim.pictures.ground_rays import ground_from_pixels, pixels_from_ground, station
+from acx4sim.files import photograph, write
+from acx4sim.pictures import ground_from_pixels, pixels_from_ground, station
 
 FEW = ("C1-04", "C2-04", "C4-04")
 """One exposure each of two opposite strips, and one that crosses them at another height."""

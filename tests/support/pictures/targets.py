@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4sim.optics.lens import Camera
+from acx4sim.optics import Camera
 
 PAD_DN = 3200
 

@@ -6,10 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.bundle import adjust, unknowns, uses, variance_components
+from acx4lib.bundle import adjust, gross_errors, observations, unknowns, uses, variance_components
 from acx4lib.bundle.free_network import adjust_free, datum_defect
-from acx4lib.bundle.gross_errors import data_snooping
-from acx4lib.bundle.observations import trajectory
 from acx4lib.calibration import estimates, heads, mounting, rig, weights
 from acx4lib.conventions import search
 from acx4lib.errors import AdjustmentError
@@ -40,7 +38,7 @@ NO_HEADS = heads.Heads(bundles={}, failures={})
 def adjusted() -> list[Wrong]:
     lonely = replace(BLOCK, image_points=POINTS[:0])
     metres = replace(BLOCK, cameras=(CAMERA.with_interior(camera.Interior(f=0.05)),))
-    with_positions = trajectory.PoseObservations(
+    with_positions = observations.PoseObservations(
         T_m_b=POSES,
         R_g_m=TRAJECTORY.R_g_m,
         sigma_position=TRAJECTORY.sigma_position,
@@ -200,25 +198,25 @@ def adjusted() -> list[Wrong]:
             AdjustmentError,
         ),
         Wrong(
-            lambda: data_snooping.adjust_rejecting(
+            lambda: gross_errors.adjust_rejecting(
                 BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), critical=-3.9
             ),
             "critical: expected a positive number, got -3.9",
         ),
         Wrong(
-            lambda: data_snooping.adjust_rejecting(
+            lambda: gross_errors.adjust_rejecting(
                 BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), critical=np.nan
             ),
             "critical: expected a positive number, got nan",
         ),
         Wrong(
-            lambda: data_snooping.adjust_rejecting(
+            lambda: gross_errors.adjust_rejecting(
                 BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), sigma0="guess"
             ),
             "sigma0: expected one of known, estimated, got 'guess'",
         ),
         Wrong(
-            lambda: data_snooping.adjust_rejecting(BLOCK, fit().network),
+            lambda: gross_errors.adjust_rejecting(BLOCK, fit().network),
             "set_up: expected a function of a block, got a Network",
         ),
         Wrong(

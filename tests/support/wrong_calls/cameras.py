@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from acx4lib.geometry import camera, collinearity, frames, intersection, refraction
+from acx4lib.geometry import camera, collinearity, frames, intersection
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from support.wrong_calls.material import CAMERA, Wrong
 
@@ -133,7 +133,7 @@ def cameras_and_poses() -> list[Wrong]:
             r"colrow: expected shape \(n, 2\), got \(5, 3\)",
         ),
         Wrong(
-            lambda: refraction.as_seen(np.zeros((1, 3)), np.zeros((1, 3)), refraction="yes"),
+            lambda: collinearity.as_seen(np.zeros((1, 3)), np.zeros((1, 3)), refraction="yes"),
             "refraction: expected one of none, standard, got 'yes'",
         ),
         Wrong(

@@ -10,7 +10,7 @@ import acx4sim
 from acx4lib import flight
 from acx4lib.errors import FlightError
 from acx4lib.results import folder
-from acx4sim.files.flights import photograph
+from acx4sim.files import photograph
 from acx4sim.plan import GrossErrors, SlowErrors
 from support.wrong_calls.material import Wrong, flown, no_results
 

@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4book.pages.benchmarks.coverage import sigma_tests
+from acx4book.pages.benchmarks import sigma
 from acx4book.paper import printed
-from acx4lib.bundle import reliability
-from acx4lib.bundle.gross_errors import rejections
+from acx4lib.bundle import rejections, reliability
 from acx4lib.geometry import geodesy
-from acx4lib.georeferencing import accuracy, differences, direct, standards, validation
+from acx4lib.georeferencing import accuracy, direct, validation
 from acx4lib.least_squares import covariance
-from acx4lib.least_squares.statistical import w_test
+from acx4lib.least_squares import statistics as least_squares_statistics
 from support import blocks
 from support.wrong_calls.material import BLOCK, FOUND, FRAME, Wrong, calibrated, fit, said
 
@@ -85,15 +84,13 @@ def ground() -> list[Wrong]:
             "refraction: expected one of none, standard, got 'air'",
         ),
         Wrong(
-            lambda: differences.compare(
+            lambda: validation.compare(
                 BLOCK, np.zeros((2, 3)), np.zeros((2, 3, 3)), np.array([0, 5])
             ),
             "check_idx: expected whole numbers from 0 to 1, got 5 in row 1",
         ),
         Wrong(
-            lambda: differences.compare(
-                BLOCK, np.zeros((2, 3)), np.zeros((2, 3)), np.array([0, 1])
-            ),
+            lambda: validation.compare(BLOCK, np.zeros((2, 3)), np.zeros((2, 3)), np.array([0, 1])),
             r"cov: expected shape \(2, 3, 3\), got \(2, 3\)",
         ),
     ]
@@ -185,20 +182,20 @@ def statistics() -> list[Wrong]:
             "columns: expected whole numbers, got an array of <U1",
         ),
         Wrong(
-            lambda: w_test.critical_tau(-3.9, 10.0),
+            lambda: least_squares_statistics.critical_tau(-3.9, 10.0),
             "critical: expected a positive number, got -3.9",
         ),
-        Wrong(lambda: sigma_tests.nominal(-1.0), "level: expected a positive number, got -1.0"),
+        Wrong(lambda: sigma.nominal(-1.0), "level: expected a positive number, got -1.0"),
         Wrong(
-            lambda: sigma_tests.share_within(np.zeros(0), 1.0),
+            lambda: sigma.share_within(np.zeros(0), 1.0),
             "z: expected one number at least, got none",
         ),
         Wrong(
-            lambda: sigma_tests.sum_p(np.ones(4), 0),
+            lambda: sigma.sum_p(np.ones(4), 0),
             "dof: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: sigma_tests.holm(np.array([5.0, 20.0])),
+            lambda: sigma.holm(np.array([5.0, 20.0])),
             "p: expected probabilities between 0 and 1, got 5.0 in row 0",
         ),
         Wrong(
@@ -220,17 +217,17 @@ def statistics() -> list[Wrong]:
             lambda: covariance.propagate(np.ones((2, 3)), np.ones(3)),
             r"cov: expected shape \(..., n, n\), got \(3,\)",
         ),
-        Wrong(lambda: standards.pec_pcd(FOUND, 1234), "PEC-PCD has no scale 1:1234"),
+        Wrong(lambda: accuracy.pec_pcd(FOUND, 1234), "PEC-PCD has no scale 1:1234"),
         Wrong(
-            lambda: standards.asprs_2023(FOUND, survey_sigma=0.01),
+            lambda: accuracy.asprs_2023(FOUND, survey_sigma=0.01),
             "survey_sigma: expected three numbers, got 0.01",
         ),
         Wrong(
-            lambda: standards.asprs_2014(FOUND, survey_sigma=(0.01, -0.01, 0.01)),
+            lambda: accuracy.asprs_2014(FOUND, survey_sigma=(0.01, -0.01, 0.01)),
             "survey_sigma: expected zero or positive numbers, got -0.01",
         ),
         Wrong(
-            lambda: standards.classes(np.zeros((30, 3))),
+            lambda: accuracy.classes(np.zeros((30, 3))),
             "accuracy: expected an Accuracy, got an array",
         ),
         Wrong(lambda: printed.table(9), "9"),

@@ -10,13 +10,13 @@ from functools import cache
 import numpy as np
 
 import acx4sim
-from acx4book.chapters.beyond.image_quality import wrong_heads as synthetic_experiments
+from acx4book.chapters.image_quality import deviations
 from acx4lib.bundle import adjust
 from acx4lib.calibration import estimates, mounting
 from acx4lib.georeferencing import accuracy, direct
 from acx4lib.results import folder as results
 from acx4lib.tie_points import ties as tie_points
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 from support import blocks
 from support.pictures import printed_camera
 
@@ -58,7 +58,7 @@ def georeferenced() -> direct.Georeferenced:
 @cache
 def ties() -> tie_points.TiePoints:
     rng = np.random.default_rng(1)
-    return synthetic_experiments.simulated_ties(HEADS, SYNTHETIC, rng=rng, per_overlap=20)
+    return deviations.simulated_ties(HEADS, SYNTHETIC, rng=rng, per_overlap=20)
 
 
 @cache

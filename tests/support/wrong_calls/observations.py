@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.bundle.gross_errors import rejections
+from acx4lib.bundle import rejections
 from acx4lib.calibration import mounting
 from acx4lib.flight import block
 from acx4lib.geometry import camera

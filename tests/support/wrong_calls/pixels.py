@@ -6,27 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4book.chapters.beyond.image_quality import deviations
+from acx4book.chapters.image_quality import deviations
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import synthetic_images
+from acx4lib.flight import block
 from acx4lib.production import exposure, tiff
-from acx4lib.synthetic_image import (
-    carried,
-    frame,
-    grey_samples,
-    head_map,
-    parallax,
-    rendering,
-    response,
-)
-from acx4lib.tie_points import (
-    differences,
-    harris,
-    least_squares_matching,
-    matching,
-    refinement,
-    search,
-)
+from acx4lib.synthetic_image import frame, head_map, rendering, response, transferred_points
+from acx4lib.tie_points import least_squares_matching, matching, refinement, search
 from acx4lib.tie_points import ties as tie_points
 from support.pictures import printed_camera
 from support.wrong_calls.material import (
@@ -59,15 +44,15 @@ def pixels() -> list[Wrong]:
             "k: expected a whole number from 0 to 3, got -1",
         ),
         Wrong(
-            lambda: carried.carry(HEADS, HEADS, SYNTHETIC),
+            lambda: transferred_points.carry(HEADS, HEADS, SYNTHETIC),
             "block: expected a Block, got a RelativeOrientation",
         ),
         Wrong(
-            lambda: carried.carry(BLOCK, HEADS, SYNTHETIC),
+            lambda: transferred_points.carry(BLOCK, HEADS, SYNTHETIC),
             f"block 'calibration': no orientation of {BLOCK.cameras[0].name}",
         ),
         Wrong(
-            lambda: synthetic_images.synthetic_images(BLOCK, "SYN"),
+            lambda: block.synthetic_images(BLOCK, "SYN"),
             "synthetic: expected a Camera, got 'SYN'",
         ),
         Wrong(
@@ -87,11 +72,11 @@ def pixels() -> list[Wrong]:
             "spacing_px: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: differences.frame_differences(HEADS, HEADS, SYNTHETIC, spacing_px=0),
+            lambda: refinement.frame_differences(HEADS, HEADS, SYNTHETIC, spacing_px=0),
             "spacing_px: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: differences.frame_differences(
+            lambda: refinement.frame_differences(
                 HEADS, printed_camera.heads(("CAM1", "CAM2")), SYNTHETIC
             ),
             "other: expected 4 heads, as of orientation, got 2",
@@ -212,7 +197,7 @@ def pixels() -> list[Wrong]:
             "rng: expected a Generator, got 1",
         ),
         Wrong(
-            lambda: grey_samples.overlap_samples(pictures, small, synthetic, rng=rng, n_points=0),
+            lambda: response.overlap_samples(pictures, small, synthetic, rng=rng, n_points=0),
             "n_points: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
@@ -256,19 +241,19 @@ def pixels() -> list[Wrong]:
             "half: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: harris.response(PICTURE),
+            lambda: matching.response(PICTURE),
             r"grey: expected shape \(rows, cols\), got \(60, 80, 3\)",
         ),
         Wrong(
-            lambda: harris.best_of_cells(GREY, np.ones_like(GREY, bool), 0),
+            lambda: matching.best_of_cells(GREY, np.ones_like(GREY, bool), 0),
             "cell: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: harris.best_of_cells(GREY, np.ones((5, 5), bool), 8),
+            lambda: matching.best_of_cells(GREY, np.ones((5, 5), bool), 8),
             r"allowed: expected shape \(60, 80\), got \(5, 5\)",
         ),
         Wrong(
-            lambda: harris.noise_level(GREY, rng=rng),
+            lambda: matching.noise_level(GREY, rng=rng),
             r"image: expected shape \(rows, cols, bands\), got \(60, 80\)",
         ),
         Wrong(lambda: deviations.measure(PICTURE, PICTURE[:30]), "the two pictures have"),
@@ -282,11 +267,11 @@ def pixels() -> list[Wrong]:
             "neighbours: expected a whole number of 1 or more, got 0",
         ),
         Wrong(
-            lambda: parallax.parallax(SYNTHETIC, np.ones(3), np.ones(3), np.ones((2, 2))),
+            lambda: frame.parallax(SYNTHETIC, np.ones(3), np.ones(3), np.ones((2, 2))),
             r"relief_m: expected shape \(m,\), got \(2, 2\)",
         ),
         Wrong(
-            lambda: parallax.parallax(SYNTHETIC, np.ones(3), np.ones(4), np.ones(2)),
+            lambda: frame.parallax(SYNTHETIC, np.ones(3), np.ones(4), np.ones(2)),
             r"base_m and height_m: expected as many of either, got \(3,\) and \(4,\)",
         ),
     ]

@@ -14,7 +14,7 @@ from scipy import stats
 
 import acx4sim
 from acx4book.paper import printed as paper
-from acx4lib.calibration import estimates as calibration
+from acx4lib.calibration import estimates as calibration_estimates
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import METHODS
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation
@@ -201,7 +201,7 @@ def test_gross_errors_of_the_heads_are_found_and_do_no_harm():
         assert ("control_point", "", "P28") in names
         rejected |= {name for name in names if name[0] == "image_point"}
         exact = flown.head_estimates(seed=1, exact=True)[head]
-        estimates = flown.of_calibration(calibration.from_bundle(bundle))
+        estimates = flown.of_calibration(calibration_estimates.from_bundle(bundle))
         flown.assert_within_4_sigma(estimates.values - exact.values, estimates)
     assert planted <= rejected
     assert len(rejected - planted) <= 10  # 3.5 are expected

@@ -16,25 +16,25 @@ from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import WEAK
 from acx4lib.calibration.absorption import Absorption, effective_heights
-from acx4lib.calibration.estimates import parameters
-from acx4lib.calibration.mounting import Mounting, Mountings
-from acx4lib.calibration.trust.detectable import Detectable
-from acx4lib.calibration.trust.determination import (
+from acx4lib.calibration.confirmation import GroupTest
+from acx4lib.calibration.determination import (
     CARRIED,
+    Detectable,
     Pair,
     Part,
     strong_correlations,
     weakest_combination,
 )
-from acx4lib.calibration.trust.joint_tests import GroupTest
+from acx4lib.calibration.estimates import parameters
+from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.expected import Array
 from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.frames import log, transform
 from acx4lib.geometry.parameters import MOUNT
+from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import propagate, sigmas
-from acx4lib.least_squares.statistical import distributions
-from acx4lib.results.files.schemas import COMPONENTS
 from acx4lib.results.rows import unit_of
+from acx4lib.results.table_files import COMPONENTS
 
 NAMES = LABELS | {f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"}
 
@@ -329,7 +329,7 @@ def chi_square_seen(found: Absorption | None) -> dict[str, float]:
         return {}
     off = found.lever_seen_m - found.lever_m
     chi_square, n = float(off @ np.linalg.solve(found.cov_lever_m, off)), len(off)
-    return {"chi_square": chi_square, "degrees": n, "p": distributions.chi2_sf(chi_square, n)}
+    return {"chi_square": chi_square, "degrees": n, "p": statistics.chi2_sf(chi_square, n)}
 
 
 def taken_up(mountings: Mountings, found: Absorption | None) -> dict[str, object]:

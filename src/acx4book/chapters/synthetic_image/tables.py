@@ -14,8 +14,8 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.stages.synthetic import Refinement
-from acx4lib.synthetic_image.carried import CarriedPoints
-from acx4lib.tie_points.differences import frame_differences
+from acx4lib.synthetic_image.transferred_points import CarriedPoints
+from acx4lib.tie_points.refinement import frame_differences
 from acx4lib.tie_points.ties import Overlap, TiePoints, overlaps
 
 WAYS = {

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from acx4lib.flight.text.names import name_fault
+from acx4lib.flight.tables import name_fault
 
 TABLE, TIMES = "flights.csv", "times.csv"
 """Files of a folder of many flights; every flight has a folder of its own beside them."""

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
-from acx4book.command.batch import table, work
+from acx4book.command.batch import standing, work
 from acx4book.command.batch.jobs import TABLE, TIMES, Job
 from acx4book.command.batch.work import Outcome
 from acx4lib.least_squares.processors import as_finished
-from acx4lib.results.own_folder import claims
+from acx4lib.results import own_folder
 
 COMMAND = "acx4 run of many flights"
 """The command that is named in the mark of the folder."""
@@ -51,7 +51,7 @@ def run_all(
     outcomes: dict[str, Outcome] = {}
     for job in jobs:
         tell(job.name, 0, 1)
-    with claims.claim(folder, command=COMMAND, away_from=away_from) as own:
+    with own_folder.claim(folder, command=COMMAND, away_from=away_from) as own:
         own.expect([TABLE, TIMES])
         try:
             for job, call in as_finished(executor, work.run, jobs):
@@ -72,13 +72,17 @@ def _outcome(call: Future[Outcome]) -> Outcome:
 
 
 def _write(folder: Path, outcomes: Mapping[str, Outcome]) -> None:
-    before = table.read(folder / TIMES)
+    before = standing.read(folder / TIMES)
     said = {
         name: {"flight": name, "status": str(one.status), "reason": one.reason}
         for name, one in outcomes.items()
     }
     times = {name: before.get(name, {}) if o.kept else o.times for name, o in outcomes.items()}
-    table.write(
-        folder / TABLE, table.COLUMNS, [{**one.row, **said[name]} for name, one in outcomes.items()]
+    standing.write(
+        folder / TABLE,
+        standing.COLUMNS,
+        [{**one.row, **said[name]} for name, one in outcomes.items()],
     )
-    table.write(folder / TIMES, table.TIME_COLUMNS, [{**t, "flight": n} for n, t in times.items()])
+    standing.write(
+        folder / TIMES, standing.TIME_COLUMNS, [{**t, "flight": n} for n, t in times.items()]
+    )

@@ -11,14 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from acx4book.command.batch import standing, table
+from acx4book.command.batch import standing
 from acx4book.command.batch.jobs import Job
 from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
 from acx4lib.flight import reader
-from acx4lib.flight.text.files import text_of
-from acx4lib.results.own_folder import claims, whole_files
+from acx4lib.flight.table_files import text_of
+from acx4lib.results import own_folder, whole_files
 
 COMMAND_OF_SIMULATED = "acx4 simulate"
 """In the mark of a simulated flight."""
@@ -107,13 +107,13 @@ def _simulate(job: Job) -> None:
 
     A copy of the plan stands beside the flight: one of another plan is not taken for it.
     """
-    from acx4book.notebooks.simulated import by_name  # noqa: PLC0415 most flights are not simulated
-    from acx4sim.files.writer import write  # noqa: PLC0415 as above
+    from acx4book.notebooks import simulated  # noqa: PLC0415 most flights are not simulated
+    from acx4sim.files import write  # noqa: PLC0415 as above
 
-    plan = text_of(Path(job.design)) if by_name.is_plan(job.design) else ""
+    plan = text_of(Path(job.design)) if simulated.is_plan(job.design) else ""
     if not job.flight.exists():
-        with claims.placed(job.flight, command=COMMAND_OF_SIMULATED) as draft:
-            write(by_name.fly(job.design, seed=job.seed), draft)
+        with own_folder.placed(job.flight, command=COMMAND_OF_SIMULATED) as draft:
+            write(simulated.fly(job.design, seed=job.seed), draft)
             if plan:
                 whole_files.write(plan_beside(draft), plan)
     elif plan and not (
@@ -134,7 +134,7 @@ def plan_beside(flight: Path) -> Path:
 def _row(job: Job) -> dict[str, str]:
     """Return what the results say of the flight as it is."""
     try:
-        return table.row_of(job.results, standing.stages_of(job.results))
+        return standing.row_of(job.results, standing.stages_of(job.results))
     except Acx4Error:
         return {}
 

@@ -14,7 +14,7 @@ import typer
 from acx4book.command import terminal
 
 if TYPE_CHECKING:
-    from acx4lib.exchange.brought import Brought
+    from acx4tools.exchange.brought import Brought
 
 Out = Annotated[
     Path,
@@ -128,7 +128,7 @@ def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
     """
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
     from acx4lib.flight.problems import lines_of, quoted  # noqa: PLC0415 quick help
-    from acx4lib.flight.text.document import read_toml  # noqa: PLC0415 quick help
+    from acx4lib.flight.toml_file import read_toml  # noqa: PLC0415 quick help
 
     path = out / "flight.toml"
     toml = read_toml(path)
@@ -155,7 +155,7 @@ def read_by(
     Parameters
     ----------
     module : str
-        Of the reader, below `acx4lib.exchange.programs`.
+        Of the reader, below `acx4tools.exchange.programs`.
     of_flight : sequence of str
         What a flight that was begun says where no option does: crs, or crs and heights.
     reader : str
@@ -169,7 +169,7 @@ def read_by(
             if begun:
                 known = {"crs": options.get("crs") or begun, "heights": heights}
                 options |= {name: known[name] for name in of_flight}
-            found = importlib.import_module(f"acx4lib.exchange.programs.{module}")
+            found = importlib.import_module(f"acx4tools.exchange.programs.{module}")
             place(getattr(found, reader)(source, **options), out)
 
         return command
@@ -179,7 +179,7 @@ def read_by(
 
 def place(brought: Brought, out: Path) -> None:
     """Write what was brought, and say what was assumed, found and left out, and what is missing."""
-    from acx4lib.exchange import flight_folder  # noqa: PLC0415 quick help
+    from acx4tools.exchange import flight_folder  # noqa: PLC0415 quick help
 
     if brought.settings and not (out / flight_folder.SETTINGS).is_file():
         named = {"name": out.resolve().name} | dict(brought.settings)

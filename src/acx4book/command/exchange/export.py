@@ -10,9 +10,9 @@ import typer
 from acx4book.command import terminal
 
 if TYPE_CHECKING:
-    from acx4lib.exchange.outward.calibrated import Calibrated
-    from acx4lib.exchange.outward.kinds import Kind
-    from acx4lib.exchange.outward.taken import Taken
+    from acx4tools.exchange.outward.calibrated import Calibrated
+    from acx4tools.exchange.outward.kinds import Kind
+    from acx4tools.exchange.outward.taken import Taken
 
 HELP = """Write a calibration, or orientations by it, for another program.
 
@@ -85,7 +85,7 @@ def export(
     ] = 0.05,
 ) -> None:
     """Write a calibration for another program."""
-    from acx4lib.exchange.outward import calibrated, kinds, taken  # noqa: PLC0415 quick help
+    from acx4tools.exchange.outward import calibrated, kinds, taken  # noqa: PLC0415 quick help
 
     kind = kinds.KINDS.get(to)
     if kind is None:
@@ -110,7 +110,7 @@ def export(
 
 def _made(kind: Kind, found: Calibrated, block: str, flight: Path | None) -> Taken:
     """Return the files of a kind, with orientations where a block is named."""
-    from acx4lib.exchange.outward.orientations import orient, read_flown  # noqa: PLC0415 quick help
+    from acx4tools.exchange.outward.orientations import orient, read_flown  # noqa: PLC0415 quick help
 
     if not block and kind.cameras is not None:
         return kind.cameras(found)
@@ -123,7 +123,7 @@ def _made(kind: Kind, found: Calibrated, block: str, flight: Path | None) -> Tak
 
 
 def _show(title: str, found: Calibrated, made: Taken) -> None:
-    from acx4lib.exchange.outward.taken import sentences  # noqa: PLC0415 quick help
+    from acx4tools.exchange.outward.taken import sentences  # noqa: PLC0415 quick help
 
     terminal.show(title)
     for sentence in sentences(made):

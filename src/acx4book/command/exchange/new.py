@@ -56,11 +56,11 @@ def new(
 ) -> None:
     """Write a new flight to be filled in."""
     answers = _answers({"cameras": cameras, "crs": crs, "heights": heights})
-    from acx4lib.exchange import flight_folder, template  # noqa: PLC0415 quick help
-    from acx4lib.exchange.trajectories import orientations  # noqa: PLC0415 quick help
-    from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
-    from acx4lib.flight.text.names import name_fault  # noqa: PLC0415 quick help
+    from acx4lib.flight.tables import name_fault  # noqa: PLC0415 quick help
     from acx4lib.geometry.geodesy import GridSystem  # noqa: PLC0415 quick help
+    from acx4tools.exchange import flight_folder, template  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     heads = [name.strip() for name in answers["cameras"].split(",") if name.strip()]
     name = folder.resolve().name

@@ -36,7 +36,7 @@ def pictures(
     ] = None,
 ) -> None:
     """Make a flight of a folder of pictures."""
-    from acx4lib.exchange.pictures import folder  # noqa: PLC0415 quick help
+    from acx4tools.exchange.pictures import folder  # noqa: PLC0415 quick help
 
     crs, _ = bring.system_of(out, crs, "")
     bring.place(folder.bring(source, crs=crs, pixel_um=pixel_um), out)

@@ -48,7 +48,7 @@ def image_points(
     camera: Camera = "",
 ) -> None:
     """Read a table of measurements with declared columns."""
-    from acx4lib.exchange.trajectories import point_tables  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import point_tables  # noqa: PLC0415 quick help
 
     options = point_tables.MeasuredOptions(
         columns=columns,
@@ -77,8 +77,8 @@ def control_points(  # noqa: PLR0913 options of a command
     heights: bring.Heights = "",
 ) -> None:
     """Read a table of surveyed points with declared columns."""
-    from acx4lib.exchange.trajectories import point_tables  # noqa: PLC0415 quick help
-    from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import point_tables  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system, ellipsoidal=ellipsoidal)

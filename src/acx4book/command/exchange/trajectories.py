@@ -110,8 +110,8 @@ def sbet(  # noqa: PLR0913 options of a command
     heights: bring.Heights = "",
 ) -> None:
     """Read an SBET at the times of events."""
-    from acx4lib.exchange.trajectories import pospac  # noqa: PLC0415 quick help
-    from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import pospac  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
     options = pospac.SbetOptions(
@@ -165,8 +165,8 @@ def orientations(  # noqa: PLR0913 options of a command
     heights: bring.Heights = "",
 ) -> None:
     """Read a table of orientations with declared columns."""
-    from acx4lib.exchange.trajectories import orientation_table  # noqa: PLC0415 quick help
-    from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientation_table  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
     meaning = Meaning(
@@ -198,8 +198,8 @@ def pospac_text(
     heights: bring.Heights = "",
 ) -> None:
     """Read a text export of POSPac."""
-    from acx4lib.exchange.trajectories import applanix_text, orientation_table  # noqa: PLC0415 quick help
-    from acx4lib.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import applanix_text, orientation_table  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system)

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from acx4book.foundations.adjusting import operations, whole_system
-from acx4book.foundations.adjusting.self_calibration import View
+from acx4book.foundations import adjusting
+from acx4book.foundations.adjusting import View
 from acx4book.typesetting.matrix import cells
 from acx4book.typesetting.style import (
     BLUE,
@@ -49,7 +49,7 @@ def patterns(A: Array, reduced: Array) -> Figure:
         Normal matrix after the points were eliminated.
     """
     owner = np.zeros(A.shape[1], dtype=int)
-    owner[whole_system.POSES], owner[whole_system.POINTS] = 1, 2
+    owner[adjusting.POSES], owner[adjusting.POINTS] = 1, 2
     between = np.array([[0, 0, 0], [0, 1, 3], [0, 3, 2]])
     kinds = between[owner[:, None], owner]
     with applied():
@@ -118,10 +118,10 @@ def cost(*, points_per_image: int = 100, rays: float = 6.0, width: int = 60) -> 
     }
     for i, n in enumerate(n_images.tolist()):
         n_points = points_per_image * n
-        band = operations.banded_cholesky(6 * n, 6 * width)
-        own = operations.elimination(n_points, rays, n_shared=14)
-        ways["whole system"][1][i] = operations.whole(n, n_points, n_shared=14)
-        ways["points eliminated"][1][i] = operations.reduced(n, n_points, rays, n_shared=14)
+        band = adjusting.banded_cholesky(6 * n, 6 * width)
+        own = adjusting.elimination(n_points, rays, n_shared=14)
+        ways["whole system"][1][i] = adjusting.whole(n, n_points, n_shared=14)
+        ways["points eliminated"][1][i] = adjusting.reduced(n, n_points, rays, n_shared=14)
         ways["and a band"][1][i] = own + band
     with applied():
         fig, ax = subplots(figsize=(WIDTH, 3.2))

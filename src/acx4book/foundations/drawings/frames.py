@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.foundations import on_the_map
-from acx4book.typesetting import sketch, style
+from acx4book.foundations import example
+from acx4book.typesetting import maps, style
 from acx4lib.expected import Array
 from acx4lib.geometry.geodesy import GridSystem
 
@@ -31,18 +31,18 @@ def earth() -> Figure:
 def _meridian(ax: Axes) -> None:
     """Draw a quarter of the ellipsoid, Earth-centred axes, and a topocentric frame at a point."""
     angle = np.linspace(-0.25, np.pi / 2 + 0.2, 120)
-    sketch.scene(ax, (-0.55, 1.75), (-0.55, 1.5))
+    maps.scene(ax, (-0.55, 1.75), (-0.55, 1.5))
     ax.plot(np.cos(angle), FLAT * np.sin(angle), color=style.SOFT)
     at, up = on_ellipsoid(np.radians(40.0))
     top = at + 0.22 * up
     north = np.array([-up[1], up[0]])
     axis = at - at[0] / up[0] * up  # where the normal meets the Earth's axis
     for tip, name in (([1.4, 0.0], "$X$"), ([0.0, 1.2], "$Z$")):
-        sketch.arrow(ax, np.zeros(2), np.array(tip), style.INK)
+        maps.arrow(ax, np.zeros(2), np.array(tip), style.INK)
         ax.text(tip[0] + 0.03, tip[1] + 0.03, name)
     ax.plot(*np.stack([axis, top]).T, color=style.BLUE, lw=1.2, ls="--")
-    sketch.arrow(ax, top, top + 0.42 * up, style.TEAL)
-    sketch.arrow(ax, top, top + 0.42 * north, style.TEAL)
+    maps.arrow(ax, top, top + 0.42 * up, style.TEAL)
+    maps.arrow(ax, top, top + 0.42 * north, style.TEAL)
     ax.plot(*top, "o", color=style.INK)
     around = np.linspace(0, np.radians(40.0), 30)
     meets = at[0] - at[1] * up[0] / up[1]
@@ -70,7 +70,7 @@ def _heights(ax: Axes) -> None:
     x = np.linspace(0, 1, 100)
     ellipsoid, geoid = 0.05 * np.sin(np.pi * x), 0.32 + 0.06 * np.sin(5 * x)
     ground = 0.8 + 0.1 * np.sin(7 * x) + 0.08 * np.sin(17 * x)
-    sketch.scene(ax, (-0.02, 1.3), (-0.12, 1.2))
+    maps.scene(ax, (-0.02, 1.3), (-0.12, 1.2))
     ax.set_aspect("auto")
     for y, name, colour in (
         (ellipsoid, "ellipsoid", style.BLUE),
@@ -84,7 +84,7 @@ def _heights(ax: Axes) -> None:
         (50, ellipsoid, geoid, "$N$"),
         (50, geoid, ground, "$H$"),
     ):
-        sketch.arrow(ax, np.array([x[k], low[k]]), np.array([x[k], high[k]]), style.SOFT)
+        maps.arrow(ax, np.array([x[k], low[k]]), np.array([x[k], high[k]]), style.SOFT)
         ax.text(x[k] + 0.02, (low[k] + high[k]) / 2, name, va="center")
     style.heading(ax, "Three surfaces, two heights", "not to scale")
 
@@ -106,7 +106,7 @@ def projection(scales: Mapping[float, tuple[Array, Array]], *, focal_mm: float) 
         ):
             left.plot(east / 1000, 1e6 * (scale - 1), color=colour, label=f"{height:.0f} m")
         left.axhline(0, color=style.INK, lw=0.8)
-        left.axvline(on_the_map.PLACE_M[0] / 1000, color=style.SOFT, ls="--", lw=1.0)
+        left.axvline(example.PLACE_M[0] / 1000, color=style.SOFT, ls="--", lw=1.0)
         left.set(xlabel="east (km)", ylabel="map less ground (mm per km)")
         left.legend(title="height over ellipsoid", loc="upper center", fontsize=style.SMALL)
         other = left.secondary_yaxis(
@@ -121,7 +121,7 @@ def projection(scales: Mapping[float, tuple[Array, Array]], *, focal_mm: float) 
 
 def _graticule(ax: Axes) -> None:
     """Draw meridians and parallels of the zone in map coordinates, and the example's place."""
-    grid = GridSystem(crs=on_the_map.CRS)
+    grid = GridSystem(crs=example.CRS)
     latitudes, longitudes = np.linspace(-30.0, -20.0, 30), np.linspace(-54.0, -48.0, 30)
     for lon in range(-54, -47):
         line = grid.grid_from_lonlat(np.column_stack([np.full(30, lon), latitudes])) / 1000
@@ -129,6 +129,6 @@ def _graticule(ax: Axes) -> None:
     for lat in range(-30, -19, 2):
         line = grid.grid_from_lonlat(np.column_stack([longitudes, np.full(30, lat)])) / 1000
         ax.plot(*line.T, color=style.SOFT, lw=0.7)
-    ax.plot(*np.array(on_the_map.PLACE_M) / 1000, "o", color=style.INK)
+    ax.plot(*np.array(example.PLACE_M) / 1000, "o", color=style.INK)
     ax.set(xlabel="east (km)", ylabel="north (km)", aspect="equal", title="Meridians")
     ax.grid(visible=True)

@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acx4book.foundations.drawings.collinearity import STRIPS
-from acx4book.typesetting import sketch, style
+from acx4book.typesetting import maps, style
 from acx4lib.expected import Array
 
-POSITION, LEVER_ARM, BORESIGHT = sketch.BODY, style.TEAL, sketch.RAY
+POSITION, LEVER_ARM, BORESIGHT = maps.BODY, style.TEAL, maps.RAY
 
 
 def vector_sum() -> Figure:
@@ -25,16 +25,16 @@ def vector_sum() -> Figure:
     a = c + 0.27 * (i - c)
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 3.6))
-        sketch.scene(ax, (-0.6, 10.4), (-0.7, 5.0))
+        maps.scene(ax, (-0.6, 10.4), (-0.7, 5.0))
         ground = np.linspace(-0.4, 10.2, 60)
         ax.plot(ground, 0.17 * np.sin(ground / 1.6) + 0.17 * ground / 7.6, color=style.SOFT)
         for tip in ([1.2, 0.0], [0.0, 1.2]):
-            sketch.arrow(ax, m, m + tip, style.INK)
+            maps.arrow(ax, m, m + tip, style.INK)
         across = np.array([i - c, [-(i - c)[1], (i - c)[0]]]) / np.hypot(*(i - c))
         ax.plot(*(a + 0.8 * np.outer([-1, 1], across[1])).T, color=style.INK, lw=2.2)
-        sketch.arrow(ax, m, b, POSITION)
-        sketch.arrow(ax, b, c, LEVER_ARM)
-        sketch.arrow(ax, c, i, BORESIGHT)
+        maps.arrow(ax, m, b, POSITION)
+        maps.arrow(ax, b, c, LEVER_ARM)
+        maps.arrow(ax, c, i, BORESIGHT)
         ax.plot(*np.stack([b, c, a, i]).T, "o", color=style.INK)
         for at, beside, text, colour in (
             (m, (0.1, -0.45), "mapping frame $m$", style.INK),
@@ -144,7 +144,7 @@ def three_flights() -> Figure:
             (BORESIGHT, LEVER_ARM, POSITION),
             strict=True,
         ):
-            sketch.scene(ax, (-0.6, 9.6), (-0.35, 2.6))
+            maps.scene(ax, (-0.6, 9.6), (-0.35, 2.6))
             ax.axhline(0, color=style.SOFT, lw=1.0)
             for at, way, height in ((1.5, 1, 1.0), (4.5, -1, 1.0), (7.5, 1, 2.0)):
                 _flown(ax, at, way, height, title, colour)
@@ -173,8 +173,8 @@ def _flown(ax: Axes, at: float, way: int, height: float, kind: str, colour: str)
     ax.plot([at, at], [height, 0], color=style.SOFT, ls="--", lw=1.0)
     ax.plot([start, end], [height, 0], color=colour, lw=1.6)
     ax.plot(at, 0, "^", color=style.INK)
-    sketch.arrow(ax, np.array([at, -0.2]), np.array([end, -0.2]), colour)
-    sketch.arrow(
+    maps.arrow(ax, np.array([at, -0.2]), np.array([end, -0.2]), colour)
+    maps.arrow(
         ax, np.array([at - 0.6 * way, height]), np.array([at + 0.6 * way, height]), style.INK
     )
     ax.text(at, height + 0.13, "flown " + ("forth" if way > 0 else "back"), ha="center")
@@ -194,7 +194,7 @@ EXAGGERATED = 1200.0
 
 def _arrows(ax: Axes, at: Array, d: Array, half_m: tuple[float, float], *, colour: str) -> None:
     """Draw displacements over a footprint; forward is to the right."""
-    sketch.scene(ax, (-1.45 * half_m[0], 1.45 * half_m[0]), (-1.3 * half_m[1], 1.3 * half_m[1]))
+    maps.scene(ax, (-1.45 * half_m[0], 1.45 * half_m[0]), (-1.3 * half_m[1], 1.3 * half_m[1]))
     x, y = half_m
     ax.plot([-x, x, x, -x, -x], [-y, -y, y, y, -y], color=style.SOFT, lw=0.8)
     _quiver(ax, at, EXAGGERATED * d, colour, "")
@@ -202,8 +202,8 @@ def _arrows(ax: Axes, at: Array, d: Array, half_m: tuple[float, float], *, colou
 
 def _legend(ax: Axes) -> None:
     """Draw the scale of `ground_errors` and the direction of flight."""
-    sketch.scene(ax, (-280.0, 280.0), (-190.0, 190.0))
+    maps.scene(ax, (-280.0, 280.0), (-190.0, 190.0))
     length = 0.05 * EXAGGERATED
     for y, text in ((60.0, "5 cm on the ground"), (-40.0, "flight")):
-        sketch.arrow(ax, np.array([-150.0, y]), np.array([-150.0 + length, y]), style.INK)
+        maps.arrow(ax, np.array([-150.0, y]), np.array([-150.0 + length, y]), style.INK)
         ax.text(-70.0, y, text, va="center")

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-from acx4book.typesetting import sketch, style
+from acx4book.typesetting import maps, style
 
 F, H, TO_A = 2.1, 6.0, 3.4
 """Focal length, height, and the distance of A from the axis, as they are drawn."""
@@ -21,29 +21,29 @@ def ray() -> Figure:
         for run, drop, tint in ((TO_A, H, style.LAND), (to_a, F, style.SHEET)):
             corners = np.array([[0, 0], [0, -drop], [run, -drop]])
             ax.add_patch(Polygon(corners, fc=tint, ec="none", zorder=0))
-        ax.plot([-1.6, 1.9], [-F, -F], color=sketch.CAMERA, lw=4, solid_capstyle="butt")
-        ax.plot([-4.6, 4.9], [-H, -H], color=sketch.MAPPING, lw=2)
+        ax.plot([-1.6, 1.9], [-F, -F], color=maps.CAMERA, lw=4, solid_capstyle="butt")
+        ax.plot([-4.6, 4.9], [-H, -H], color=maps.MAPPING, lw=2)
         ax.plot([0, 0], [0, -H], color=style.SOFT, lw=1, ls="--")
-        ax.plot([0, TO_A], [0, -H], color=sketch.RAY, lw=2)
+        ax.plot([0, TO_A], [0, -H], color=maps.RAY, lw=2)
         _points(ax, to_a)
         _lengths(ax, to_a)
         ax.set(xlim=(-4.8, 5.1), ylim=(-6.9, 0.7))
-        sketch.blank(fig)
+        maps.blank(fig)
     return fig
 
 
 def _points(ax: Axes, to_a: float) -> None:
     named = (
         ((0, 0), "perspective centre", style.INK, (66, 4)),
-        ((0, -F), "principal point", sketch.CAMERA, (-56, -12)),
-        ((to_a, -F), "image point $a$", sketch.RAY, (58, 10)),
-        ((TO_A, -H), "point $A$", sketch.RAY, (34, 10)),
+        ((0, -F), "principal point", maps.CAMERA, (-56, -12)),
+        ((to_a, -F), "image point $a$", maps.RAY, (58, 10)),
+        ((TO_A, -H), "point $A$", maps.RAY, (34, 10)),
     )
     for at, name, colour, shift in named:
         ax.plot(*at, "o", color=colour, ms=6, zorder=5)
-        sketch.note(ax, np.array(at), name, colour, shift=shift)
-    sketch.note(ax, np.array([-1.6, -F]), "image", sketch.CAMERA, shift=(-24, 0))
-    sketch.note(ax, np.array([-4.0, -H]), "ground", sketch.MAPPING, shift=(0, 11))
+        maps.note(ax, np.array(at), name, colour, shift=shift)
+    maps.note(ax, np.array([-1.6, -F]), "image", maps.CAMERA, shift=(-24, 0))
+    maps.note(ax, np.array([-4.0, -H]), "ground", maps.MAPPING, shift=(0, 11))
 
 
 def _lengths(ax: Axes, to_a: float) -> None:
@@ -58,7 +58,7 @@ def _lengths(ax: Axes, to_a: float) -> None:
         how = {"arrowstyle": "<|-|>", "color": style.INK, "lw": 1, "shrinkA": 0, "shrinkB": 0}
         ax.annotate("", xy=end, xytext=start, arrowprops=how)
         middle = 0.5 * (np.array(start) + np.array(end))
-        sketch.note(ax, middle, name, style.INK, shift=shift)
+        maps.note(ax, middle, name, style.INK, shift=shift)
     ax.plot([-2.9, 0], [0, 0], color=style.SOFT, lw=0.7, ls=":")
 
 
@@ -71,13 +71,13 @@ def first_pixels() -> Figure:
                 ax.add_patch(Rectangle((column, row), 1, 1, fc="none", ec=style.SOFT, lw=0.8))
             start = np.array([at, at])
             for name, tip, shift in (("col", (4.5, at), (14, 0)), ("row", (at, 3.5), (0, -9))):
-                sketch.arrow(ax, start, np.array(tip), sketch.CAMERA)
-                sketch.note(ax, np.array(tip), name, sketch.CAMERA, shift=shift)
+                maps.arrow(ax, start, np.array(tip), maps.CAMERA)
+                maps.note(ax, np.array(tip), name, maps.CAMERA, shift=shift)
             target = np.array([2.5, 1.5])
-            ax.plot(*target, "+", color=sketch.RAY, ms=11, mew=2)
+            ax.plot(*target, "+", color=maps.RAY, ms=11, mew=2)
             said = "({:g}, {:g})".format(*(target - start))
-            sketch.note(ax, target, said, sketch.RAY, shift=(2, 13))
+            maps.note(ax, target, said, maps.RAY, shift=(2, 13))
             ax.set(xlim=(-0.3, 5.0), ylim=(3.8, -0.4))
             ax.set_title(f"(0, 0) at the {place} of the first pixel")
-        sketch.blank(fig)
+        maps.blank(fig)
     return fig

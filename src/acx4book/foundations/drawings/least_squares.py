@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from acx4book.foundations import example
-from acx4book.foundations.adjusting.fitted import Fit
+from acx4book.foundations.adjusting import Fit
 from acx4book.typesetting.style import (
     BLUE,
     INK,
@@ -27,7 +27,7 @@ from acx4book.typesetting.style import (
 from acx4lib.bundle.free_network import FreeNetwork
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose
-from acx4lib.least_squares.statistical import distributions
+from acx4lib.least_squares import statistics
 
 EAST_HEIGHT = np.ix_([0, 2], [0, 2])
 OF_STRIP = {"A": BLUE, "B": ORANGE}
@@ -110,7 +110,7 @@ def promise(errors: Array, fits: Sequence[Fit]) -> Figure:
         left.plot(*(100 * errors[:, [0, 2]]).T, ".", ms=1.6, mew=0, color=SOFT, alpha=0.5)
         cov = 1e4 * fits[0].cov[EAST_HEIGHT]
         for share in (0.39, 0.95):
-            k = np.sqrt(distributions.chi2_ppf(share, 2))
+            k = np.sqrt(statistics.chi2_ppf(share, 2))
             left.add_patch(ellipse(np.zeros(2), cov, FOUR, k=k))
             tip = (0.0, k * np.sqrt(cov[1, 1]))
             left.annotate(
@@ -132,10 +132,10 @@ def promise(errors: Array, fits: Sequence[Fit]) -> Figure:
 def _against_chi_square(ax: Axes, squares: Array, degrees: int) -> None:
     at = np.linspace(0.01, 20, 400)
     step = at[1] - at[0]
-    below = np.array([distributions.chi2_cdf(x, degrees) for x in at])
+    below = np.array([statistics.chi2_cdf(x, degrees) for x in at])
     ax.hist(squares, bins=np.arange(0, 20.5, 0.5).tolist(), density=True, color=MUTED)
     ax.plot(at, np.gradient(below, step), color=FOUR)
-    limit = distributions.chi2_isf(0.05, degrees)
+    limit = statistics.chi2_isf(0.05, degrees)
     ax.axvline(limit, color=INK, lw=1.0, ls="--")
     ax.annotate("exceeded by\n1 in 20", (limit + 0.3, 0.1), fontsize=SMALL)
     ax.set(xlim=(0, 20), yticks=[], xlabel="weighted sum of squared residuals (1)")

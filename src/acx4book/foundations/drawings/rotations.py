@@ -9,7 +9,7 @@ from matplotlib.patches import Polygon
 from scipy.spatial.transform import Rotation
 
 from acx4book.foundations import example
-from acx4book.typesetting import sketch, style
+from acx4book.typesetting import maps, style
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import (
     opk_jacobian,
@@ -27,29 +27,29 @@ COLOURS = (style.ORANGE, style.TEAL, style.PLUM)
 
 def axes() -> Figure:
     """Draw the body axes of A1 and B1 above the ground, omega and phi `TIMES` too large."""
-    seen = sketch.view(18, 22)
+    seen = maps.view(18, 22)
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 3.4))
         ground = np.array([[-7.2, -3, 0], [8.6, -3, 0], [8.6, 4, 0], [-7.2, 4, 0]])
         ax.add_patch(Polygon(seen.apply(ground)[:, :2], fc=style.PAPER, ec=style.LAND_EDGE, lw=1))
         corner = np.array([-6.2, -2.2, 0.0])
-        sketch.triad(ax, seen, corner, 1.6 * np.eye(3), ("east", "north", "up"), sketch.MAPPING)
+        maps.triad(ax, seen, corner, 1.6 * np.eye(3), ("east", "north", "up"), maps.MAPPING)
         for row, east in ((0, -4.0), (2, 5.6)):
             at = np.array([east, 0.6, 4.2])
             _body(ax, seen, at, example.attitudes()[row] * [TIMES, TIMES, 1])
             ax.plot(*seen.apply([at, at * [1, 1, 0]])[:, :2].T, color=style.SOFT, lw=0.8, ls=":")
             name = f"{example.EXPOSURES['image'][row]}, flown {'east' if row == 0 else 'west'}"
-            sketch.note(ax, seen.apply(at)[:2], name, style.INK, shift=(44, -46))
-        sketch.blank(fig)
+            maps.note(ax, seen.apply(at)[:2], name, style.INK, shift=(44, -46))
+        maps.blank(fig)
     return fig
 
 
 def _body(ax: Axes, seen: Rotation, at: Array, opk: Array) -> None:
     """Draw the axes of a body, and thin ones that point to the east, to the north and up."""
     for axis in 1.9 * np.eye(3):
-        ax.plot(*seen.apply([at, at + axis])[:, :2].T, color=sketch.MAPPING, lw=1, ls="--")
+        ax.plot(*seen.apply([at, at + axis])[:, :2].T, color=maps.MAPPING, lw=1, ls="--")
     names = ("$x$ forward", "$y$ left", "$z$ up")
-    sketch.triad(ax, seen, at, 2.1 * rotation_from_opk(opk).T, names, sketch.BODY)
+    maps.triad(ax, seen, at, 2.1 * rotation_from_opk(opk).T, names, maps.BODY)
 
 
 # --- mistakes --------------------------------------------------------------------------------
@@ -114,11 +114,11 @@ def _shift(ax: Axes, shift: Array, image: str, colour: str) -> None:
     """Draw how far the point below an image's axis is carried."""
     length = np.hypot(*shift)
     if long := length > 1:
-        sketch.arrow(ax, np.zeros(2), shift, colour)
+        maps.arrow(ax, np.zeros(2), shift, colour)
     else:
         ax.plot(*shift, "o", color=colour, ms=7)
     text = f"{image}: {length:.1f} m"
-    sketch.note(ax, shift, text, colour, shift=(0, -10) if long else (10, 11))
+    maps.note(ax, shift, text, colour, shift=(0, -10) if long else (10, 11))
 
 
 # --- roll and pitch --------------------------------------------------------------------------
@@ -208,12 +208,12 @@ def singularity() -> Figure:
 
 
 def _turning(ax: Axes, phi: float) -> None:
-    seen = sketch.view(-18, 26)
+    seen = maps.view(-18, 26)
     for axis, name, colour in zip(turning_axes(phi), ("ω", "φ", "κ"), COLOURS, strict=True):
         ends = seen.apply(np.array([-0.55, 1.0])[:, None] * axis)[:, :2]
         last = name == "κ"
-        sketch.arrow(ax, ends[0], ends[1], colour, width=3.2 if last else 1.8)
-        sketch.note(ax, ends[1], name, colour, shift=(-9 if last else 9, 9))
+        maps.arrow(ax, ends[0], ends[1], colour, width=3.2 if last else 1.8)
+        maps.note(ax, ends[1], name, colour, shift=(-9 if last else 9, 9))
     ax.set(xlim=(-1.15, 1.15), ylim=(-0.85, 1.25))
 
 

@@ -14,7 +14,7 @@ from acx4book.typesetting.labels import TITLES
 from acx4book.typesetting.myst import scientific
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
-from acx4lib.georeferencing import standards
+from acx4lib.georeferencing import accuracy
 from acx4lib.georeferencing.accuracy import Accuracy, Triple, from_summary, triple
 
 ROUNDING_M = 0.005
@@ -179,7 +179,7 @@ def map_scale_classes(scales: Sequence[int] = (1000, 2000, 5000, 10000)) -> pd.D
         scale, method, plan, plan_by_axis, height.
     """
     rows = [
-        {"method": method, **asdict(standards.pec_pcd(printed_accuracy(method), scale))}
+        {"method": method, **asdict(accuracy.pec_pcd(printed_accuracy(method), scale))}
         for scale in scales
         for method in paper.METHODS
     ]
@@ -210,7 +210,7 @@ def map_scales() -> tuple[str, str, str]:
         "classes from Table 4's RMS: "
         + "; ".join(texts)
         + "; with its standard deviations in their place"
-        f" 1:{large} in height: {standards.pec_pcd(sigma, large).height}",
+        f" 1:{large} in height: {accuracy.pec_pcd(sigma, large).height}",
         f"1:{small} holds; 1:{large} holds in the lowest classes only, and hangs on which of two"
         " contradictory rows is right (item 5).",
     )

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+import html
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 
-from acx4book.report.campaigns import figures, rig, sentences, tables
-from acx4book.report.campaigns.page import Drawn, page
-from acx4book.report.campaigns.study import Study
+from acx4book.report import page as report_page
+from acx4book.report.campaigns import figures, tables
+from acx4book.report.campaigns.tables import Study
+from acx4book.report.markdown import Document, number_labels, table_labels, to_html
+from acx4book.typesetting import style
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import shown
-from acx4lib.calibration.trust.rigidity import Rigidity
-from acx4lib.results.campaigns import tables as of_library
-from acx4lib.results.campaigns.tables import NOUN, trends_of
-from acx4lib.results.own_folder import claims
-from acx4lib.results.own_folder.whole_files import write_all
+from acx4book.typesetting.svg import inline, vector
+from acx4lib.calibration.stability import Rigidity
+from acx4lib.results import own_folder
+from acx4lib.results.whole_files import write_all
+from acx4tools.campaigns import tables as of_library
+from acx4tools.campaigns.tables import NOUN, trends_of
 
 FORM: Any = {"float_format": "%.10g", "lineterminator": "\n"}
 """How tables are written."""
@@ -67,7 +74,7 @@ def write_rigidity(found: Rigidity, out: Path, *, name: str, level: float) -> No
 @contextlib.contextmanager
 def _claimed(out: Path, listed: Mapping[str, pd.DataFrame]) -> Iterator[Callable[[str], None]]:
     """Claim a folder for tables and a page; yield what writes them all, with the page's text."""
-    with claims.claim(out, command=COMMAND) as own:
+    with own_folder.claim(out, command=COMMAND) as own:
         tables = {f"{name}.csv": of.to_csv(index=False, **FORM) for name, of in listed.items()}
         own.expect([PAGE, *tables])
         yield lambda text: write_all({out / n: t for n, t in {**tables, PAGE: text}.items()})
@@ -76,10 +83,10 @@ def _claimed(out: Path, listed: Mapping[str, pd.DataFrame]) -> Iterator[Callable
 
 
 def _parts(study: Study) -> Iterator[str | Drawn]:
-    yield f"## Has the camera changed?\n\n{sentences.verdict(study)}"
+    yield f"## Has the camera changed?\n\n{tables.verdict(study)}"
     yield "## The campaigns"
     yield myst_table(tables.campaigns(study), "What is compared", name="tab-campaigns")
-    yield sentences.notes(study)
+    yield tables.notes(study)
     yield Drawn(
         figure=figures.time_line(study),
         name="fig-time-line",
@@ -107,7 +114,7 @@ def _parts(study: Study) -> Iterator[str | Drawn]:
         tables.pooled(study), "Values of all campaigns, with their stability", name="tab-pooled"
     )
     yield from _trends(study)
-    yield f"## How the numbers were obtained\n\n{sentences.how(study)}"
+    yield f"## How the numbers were obtained\n\n{tables.how(study)}"
 
 
 def _differences(study: Study) -> Iterator[str]:
@@ -127,7 +134,7 @@ def _differences(study: Study) -> Iterator[str]:
 
 
 def _trends(study: Study) -> Iterator[str | Drawn]:
-    yield f"## Time and temperature\n\n{sentences.trend(study)}"
+    yield f"## Time and temperature\n\n{tables.trend(study)}"
     for what in trends_of(study.comparison):
         yield Drawn(
             figure=figures.over(study, what),
@@ -140,9 +147,9 @@ def _trends(study: Study) -> Iterator[str | Drawn]:
 
 
 def _parts_of_rig(found: Rigidity, table: pd.DataFrame, level: float) -> Iterator[str | Drawn]:
-    yield f"## Do the heads keep their places?\n\n{rig.verdict(found, level=level)}"
+    yield f"## Do the heads keep their places?\n\n{figures.verdict(found, level=level)}"
     yield Drawn(
-        figure=rig.turns(found),
+        figure=figures.turns(found),
         name="fig-turns",
         caption=(
             "Rotation of every head against the first one of the exposure, if the rig is rigid at "
@@ -152,6 +159,99 @@ def _parts_of_rig(found: Rigidity, table: pd.DataFrame, level: float) -> Iterato
     )
     yield "## Exposure by exposure"
     yield myst_table(
-        rig.table(table, level=level), "The free rig against the rigid one", name="tab-f"
+        figures.table(table, level=level), "The free rig against the rigid one", name="tab-f"
     )
-    yield f"## How the numbers were obtained\n\n{rig.HOW.format(level=level)}"
+    yield f"## How the numbers were obtained\n\n{figures.HOW.format(level=level)}"
+
+
+# --- The page of a comparison: one HTML file, by day and by night, without external files
+
+
+ADDED = resources.files("acx4book.report.campaigns") / "campaigns.css"
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="acx4 compare">
+<title>{title}</title>
+<style>
+{style}</style>
+</head>
+<body>
+<header>
+<p class="kind">In-flight camera calibration</p>
+<h1>{title}</h1>
+<p class="name">{name}</p>
+</header>
+<main>
+{body}
+</main>
+</body>
+</html>
+"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drawn:
+    """A figure of a page.
+
+    Attributes
+    ----------
+    figure : Figure
+    name, caption, alt : str
+        The caption is Markdown.
+    """
+
+    figure: Figure
+    name: str
+    caption: str
+    alt: str
+
+
+def page(title: str, name: str, parts: Sequence[str | Drawn]) -> str:
+    """Return texts and figures as a page.
+
+    Parameters
+    ----------
+    title, name : str
+        What the page is, and of what; text as it is.
+    parts : sequence of str or Drawn
+        Markdown, with tables as `myst_table` makes them, and figures.
+    """
+    labels = [
+        name
+        for part in parts
+        for name in ([part.name] if isinstance(part, Drawn) else table_labels(part))
+    ]
+    document = Document(numbers=number_labels(labels))
+    known: set[str] = set()
+    body = [
+        _figure(part, document, known) if isinstance(part, Drawn) else to_html(part, document)
+        for part in parts
+    ]
+    return _PAGE.format(
+        title=shown(title, "html"),
+        style=_style(),
+        name=shown(name, "html"),
+        body="\n".join(body),
+    )
+
+
+def _style() -> str:
+    colours = "".join(f"  --figure-{name}: {value};\n" for value, name in style.NAMES.items())
+    sheets = (report_page.STYLE, ADDED)
+    own, added = (sheet.read_text(encoding="utf-8") for sheet in sheets)
+    return f"{own}\n:root {{\n{colours}}}\n{added}"
+
+
+def _figure(part: Drawn, document: Document, known: set[str]) -> str:
+    document.n_figures += 1
+    name = f"f{document.n_figures}-"
+    drawn = inline(vector(part.figure), alt=part.alt, name=name, known=known)
+    caption = to_html(part.caption, document).strip().removeprefix("<p>").removesuffix("</p>")
+    return (
+        f'<figure id="{html.escape(part.name)}">\n{drawn}\n'
+        f"<figcaption><b>Figure {document.n_figures}.</b> {caption}</figcaption>\n</figure>\n"
+    )

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from acx4book.teaching import flights
-from acx4book.teaching.case import Case, Mistake, Question, Rights, Sheet, computed
-from acx4book.teaching.mistakes import named, scaled, values, wrong_sign
+from acx4book.teaching.flights import Case, Mistake, Question, Rights, Sheet, computed
+from acx4book.teaching.grading import named, scaled, values, wrong_sign
 from acx4lib.calibration.mounting import single_step
 from acx4lib.expected import Array
 from acx4lib.flight.block import select_images
 from acx4lib.results import tables
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 
 DESIGNS = {
     "all": ("1", "2", "3", "4"),

@@ -1,19 +1,29 @@
 """All lab sheets."""
 
-from acx4book.teaching.case import Sheet
+from acx4book.teaching.flights import Sheet
 from acx4book.teaching.sheets import (
     design,
+    estimates,
     gross_errors,
     intersection,
     lens,
     mounting,
     pixels,
     planning,
-    proof,
     rotations,
 )
 
-_ORDER = (pixels, rotations, intersection, lens, gross_errors, mounting, proof, design, planning)
+_ORDER = (
+    pixels,
+    rotations,
+    intersection,
+    lens,
+    gross_errors,
+    mounting,
+    estimates,
+    design,
+    planning,
+)
 
 SHEETS: dict[str, Sheet] = {module.SHEET.name: module.SHEET for module in _ORDER}
 """By name, in the order of the course."""

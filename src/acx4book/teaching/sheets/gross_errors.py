@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from acx4book.teaching import flights
-from acx4book.teaching.case import Case, Mistake, Question, Right, Rights, Sheet, computed
-from acx4book.teaching.mistakes import scaled, swapped, wrong_sign
+from acx4book.teaching.flights import Case, Mistake, Question, Right, Rights, Sheet, computed
+from acx4book.teaching.grading import scaled, swapped, wrong_sign
 from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.gross_errors.rejections import CRITICAL
+from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.stages.mounting import calibrate
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 from acx4sim.plan import GrossErrors, Options
 
 CONTROL, ERROR = "control_point", "control_error_m"

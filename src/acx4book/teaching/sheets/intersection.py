@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from acx4book.teaching import flights
-from acx4book.teaching.case import Case, Mistake, Question, Rights, Sheet, computed, estimated
-from acx4book.teaching.mistakes import named, scaled, swapped, too_small, variances
+from acx4book.teaching.flights import Case, Mistake, Question, Rights, Sheet, computed, estimated
+from acx4book.teaching.grading import named, scaled, swapped, too_small, variances
 from acx4lib.calibration.estimates import given as as_given
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
@@ -19,7 +19,7 @@ from acx4lib.geometry.frames import Pose, transform, turn
 from acx4lib.geometry.intersection import largest_angles
 from acx4lib.georeferencing import direct
 from acx4lib.least_squares.covariance import propagate
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 
 POINT = ("east_m", "north_m", "height_m")
 GEOID_M = 45.3

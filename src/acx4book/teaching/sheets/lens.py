@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from acx4book.teaching import flights
-from acx4book.teaching.case import Case, Mistake, Question, Rights, Sheet, estimated
-from acx4book.teaching.mistakes import named, scaled, values, variances, wrong_sign
+from acx4book.teaching.flights import Case, Mistake, Question, Rights, Sheet, estimated
+from acx4book.teaching.grading import named, scaled, values, variances, wrong_sign
 from acx4book.teaching.sheets.estimates import TITLES, parameters
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Interior, distortion
 from acx4lib.results.tables import covariance
 from acx4lib.stages.mounting import calibrate
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 
 INNER = ("f_mm", "xp_mm", "yp_mm")
 RADII_MM = (10.0, 20.0, 30.0)

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from acx4book.teaching import flights
-from acx4book.teaching.case import Case, Mistake, Question, Rights, Sheet, computed
-from acx4book.teaching.mistakes import (
+from acx4book.teaching.flights import Case, Mistake, Question, Rights, Sheet, computed
+from acx4book.teaching.grading import (
     named,
     of_rotation,
     scaled,
@@ -23,7 +23,7 @@ from acx4lib.calibration.mounting import Mountings
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk, turn
 from acx4lib.stages.mounting import calibrate
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 
 BORESIGHT = ("boresight_omega_deg", "boresight_phi_deg", "boresight_kappa_deg")
 LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from acx4book.teaching import flights
-from acx4book.teaching.case import Case, Mistake, Question, Rights, Sheet, computed
-from acx4book.teaching.mistakes import named, of_angles, scaled, swapped, wrong_sign
+from acx4book.teaching.flights import Case, Mistake, Question, Rights, Sheet, computed
+from acx4book.teaching.grading import named, of_angles, scaled, swapped, wrong_sign
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import xy_from_colrow
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 
 XY = ("x_mm", "y_mm")
 OF_HEIGHT = ("height_above_ground_m", "scale_number", "gsd_m", "sigma_ground_m")

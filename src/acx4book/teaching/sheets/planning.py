@@ -8,21 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from acx4book.notebooks.simulated import to_simulator
-from acx4book.teaching.case import Case, Mistake, Question, Right, Rights, Sheet, computed
-from acx4book.teaching.mistakes import named, scaled, values, variances
+from acx4book.notebooks import simulated
+from acx4book.teaching.flights import Case, Mistake, Question, Right, Rights, Sheet, computed
+from acx4book.teaching.grading import named, scaled, values, variances
 from acx4book.teaching.sheets.estimates import parameters
 from acx4lib.calibration.mounting import single_step
-from acx4lib.planning import design, text
-from acx4lib.planning.choosing import candidates, chosen, target
-from acx4lib.planning.choosing.candidates import Candidates
-from acx4lib.planning.choosing.chosen import Chosen
-from acx4lib.planning.choosing.target import BLOCK
-from acx4lib.planning.exposures import flying_time_s
-from acx4lib.planning.plan import TURN_S, Plan
-from acx4lib.planning.tables import unknowns
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 from acx4sim.plan import Options
+from acx4tools.planning import choosing, design
+from acx4tools.planning import plan as plans
+from acx4tools.planning.choosing import BLOCK, Candidates, Chosen
+from acx4tools.planning.flown import flying_time_s
+from acx4tools.planning.plan import TURN_S, Plan
+from acx4tools.planning.tables import unknowns
 
 ASKED = {"f_mm": "mm", "lever_z_m": "m", "boresight_kappa_deg": "deg"}
 PLANNED = tuple(f"planned_{name}" for name in ASKED)
@@ -64,7 +62,7 @@ def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
 
 
 def _flown(plan: Plan, seed: int) -> SimulatedFlight:
-    return to_simulator.simulate(plan, seed=seed, options=Options())
+    return simulated.simulate(plan, seed=seed, options=Options())
 
 
 def _plan(truth: int, title: str) -> Plan:
@@ -81,7 +79,7 @@ def _plan(truth: int, title: str) -> Plan:
         for where, height in (("low", 300.0), ("high", 500.0))
         for course in (0, 90, 180)
     }
-    return text.from_values(
+    return plans.from_values(
         {
             "name": title,
             "crs": "EPSG:32633",
@@ -115,7 +113,7 @@ def _cheap(truth: int, plan: Plan) -> Chosen:
     every = _candidates(plan, {"sigma": dict.fromkeys(ASKED, 1.0)})
     limits = [float(f"{one.with_all * rng.uniform(1.25, 1.6):.2g}") for one in every.wanted]
     wanted = [replace(one, limit=x) for one, x in zip(every.wanted, limits, strict=True)]
-    return chosen.choose(replace(every, wanted=tuple(wanted)))
+    return choosing.choose(replace(every, wanted=tuple(wanted)))
 
 
 def _target(cheap: Chosen) -> dict[str, Any]:
@@ -127,7 +125,7 @@ def _target(cheap: Chosen) -> dict[str, Any]:
 
 
 def _candidates(plan: Plan, wanted: Mapping[str, Any]) -> Candidates:
-    return candidates.of(target.from_values(wanted, plan))
+    return choosing.of(choosing.from_values(wanted, plan))
 
 
 def given(case: Case) -> Sequence[str]:
@@ -142,8 +140,8 @@ def given(case: Case) -> Sequence[str]:
 def hand_out(case: Case) -> dict[str, str]:
     """Return the files that the student gets in the place of a flight."""
     return {
-        "plan.toml": text.written(_values(case)),
-        "target.toml": text.written(case.truth[TARGET]),
+        "plan.toml": plans.written(_values(case)),
+        "target.toml": plans.written(case.truth[TARGET]),
     }
 
 
@@ -153,10 +151,10 @@ def _values(case: Case) -> dict[str, Any]:
 
 def solve(case: Case) -> Rights:
     """Predict the strips that were flown, which are the cheapest, and adjust their flight."""
-    plan = text.from_values(_values(case))
+    plan = plans.from_values(_values(case))
     flown = {*case.block.images.strips}
     order = [k for k, name in enumerate(plan.blocks[BLOCK].strips) if name in flown]
-    cheap = chosen.with_strips(plan, tuple(order))
+    cheap = choosing.with_strips(plan, tuple(order))
     sigma = {p.name: p.sigma for p in unknowns(design.of(cheap).mountings["single_step"].bundle)}
     calibration = single_step(case.block, free=case.flight.estimate_mounting).calibration
     estimates = parameters(calibration, case.true_camera)
@@ -177,7 +175,7 @@ def _minutes(plan: Plan) -> float:
 
 def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with plans."""
-    plan = text.from_values(_values(case))
+    plan = plans.from_values(_values(case))
     every = _candidates(plan, case.truth[TARGET])
     yield Mistake(
         says="these are the numbers of all strips: leave out what the target does not need",

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from acx4book.teaching import flights
-from acx4book.teaching.case import Case, Mistake, Question, Rights, Sheet, computed
-from acx4book.teaching.mistakes import named, of_angles, of_rotation, values, wrong_sign
+from acx4book.teaching.flights import Case, Mistake, Question, Rights, Sheet, computed
+from acx4book.teaching.grading import named, of_angles, of_rotation, values, wrong_sign
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import (
     opk_from_rotation,
@@ -16,7 +16,7 @@ from acx4lib.geometry.frames import (
     rotation_from_rph,
     turn,
 )
-from acx4sim.files.flights import SimulatedFlight
+from acx4sim.files import SimulatedFlight
 
 GAMMA = "convergence_deg"
 BODY = ("body_omega_deg", "body_phi_deg", "body_kappa_deg")

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import pandas as pd
 
 from acx4book.teaching import flights
-from acx4book.teaching.case import Mistake, Rights, Sheet
+from acx4book.teaching.flights import Mistake, Rights, Sheet
 from acx4book.teaching.grading import apart
 from acx4book.teaching.sheets.every import SHEETS
 from acx4book.typesetting.myst import MISSING, myst_table

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from acx4book.typesetting import sketch
+from acx4book.typesetting import maps
 from acx4book.typesetting.moving import plane, shown
 from acx4lib.expected import Array
 
@@ -100,7 +100,7 @@ class Scene:
 
     def data(self) -> dict[str, Any]:
         """Return what the page holds for the script."""
-        middle, eye = self.middle, sketch.view(FROM_DEG, ABOVE_DEG).inv().apply([0.0, 0.0, 1.0])
+        middle, eye = self.middle, maps.view(FROM_DEG, ABOVE_DEG).inv().apply([0.0, 0.0, 1.0])
         return {
             "from": eye.round(4).tolist(),
             "layers": [
@@ -138,7 +138,7 @@ def html(scene: Scene) -> str:
 
 def drawing(scene: Scene) -> str:
     """Return the scene as SVG, seen along parallel rays."""
-    turn = sketch.view(FROM_DEG, ABOVE_DEG)
+    turn = maps.view(FROM_DEG, ABOVE_DEG)
     flat = [turn.apply(layer.at - scene.middle)[:, :2] for layer in scene.layers]
     half = np.abs(np.concatenate(flat)).max(axis=0)
     factor = float(np.min((np.array(SIZE) / 2 - 18) / half))

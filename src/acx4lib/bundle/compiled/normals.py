@@ -38,10 +38,8 @@ from acx4lib.least_squares.banded import (
     too_large,
 )
 from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero, places
-from acx4lib.least_squares.normal_equations import cost_of, gather, of_pairs
-from acx4lib.least_squares.problem import Equations, Precision
-from acx4lib.least_squares.statistical.correlated import Correlation
-from acx4lib.least_squares.statistical.residuals import Group
+from acx4lib.least_squares.normal_equations import Equations, Precision, cost_of, gather, of_pairs
+from acx4lib.least_squares.statistics import Correlation, Group
 
 R = TypeVar("R")
 

@@ -14,8 +14,7 @@ from typing import NamedTuple
 from acx4lib.bundle.compiled.small_products import SmallProduct
 from acx4lib.compiling import uncounted_inlined
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.collinearity import MOST_STEPS, NEAR_MM
-from acx4lib.geometry.refraction import DENSITY, LAPSE, REFRACTIVITY
+from acx4lib.geometry.collinearity import DENSITY, LAPSE, MOST_STEPS, NEAR_MM, REFRACTIVITY
 
 INTERIOR, RESIDUAL, POINT, WIDTH = 6, 15, 16, 24
 """In a ray's row: positions of the first interior parameter, of the residual and of the first

@@ -10,15 +10,18 @@ from acx4book.chapters.mounting import tables
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS
 from acx4lib.attempts import attempt
-from acx4lib.bundle.gross_errors.rejections import noncentrality
+from acx4lib.bundle.rejections import noncentrality
 from acx4lib.calibration import mounting
 from acx4lib.calibration.absorption import absorption
-from acx4lib.calibration.correlations import nested_f_ratio, parameter_correlations
+from acx4lib.calibration.confirmation import group_tests, undistorted
+from acx4lib.calibration.determination import (
+    detectable,
+    nested_f_ratio,
+    parameter_correlations,
+    strong_correlations,
+)
 from acx4lib.calibration.mounting import single_step
-from acx4lib.calibration.trust.detectable import detectable
-from acx4lib.calibration.trust.determination import strong_correlations
-from acx4lib.calibration.trust.joint_tests import group_tests, undistorted
-from acx4lib.flight import parts
+from acx4lib.flight import design
 from support import blocks
 
 # --- what is determined together -------------------------------------------------------------
@@ -209,9 +212,9 @@ def variants(ideal, mountings):
     single, free = mountings["single_step"], ideal.estimate_mounting
     block = single.bundle.network.block
     changed = {
-        "lowest": parts.lowest_height(block),
-        "without control": parts.without_control(block),
-        "grid": parts.as_if_cartesian(block),
+        "lowest": design.lowest_height(block),
+        "without control": design.without_control(block),
+        "grid": design.as_if_cartesian(block),
     }
     found = {name: single_step(part, free=free, snooping=False) for name, part in changed.items()}
     return tables.variants({"as flown": single, **found})

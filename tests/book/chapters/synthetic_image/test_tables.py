@@ -6,8 +6,8 @@ import pytest
 from acx4book.chapters.synthetic_image import tables
 from acx4lib import flight as flights
 from acx4lib.stages import synthetic
-from acx4lib.synthetic_image.carried import carry
 from acx4lib.synthetic_image.frame import coverage
+from acx4lib.synthetic_image.transferred_points import carry
 from support.flights import in_heads, pictured
 
 

@@ -10,7 +10,7 @@ import time
 import distributed
 import pytest
 
-from acx4book.command.batch import executors, jobs, runs, table
+from acx4book.command.batch import executors, jobs, runs, standing
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.errors import OutputError
@@ -87,11 +87,11 @@ def test_a_second_call_runs_only_what_is_missing_or_was_changed(
     said = []
     run_here(own[:2], tmp_path / "all")
     change(own[1], "control_points.csv", lambda t: t.assign(height_m=t["height_m"] + 0.01))
-    times = table.read(tmp_path / "all" / runs.TIMES)
+    times = standing.read(tmp_path / "all" / runs.TIMES)
     found = run_here(own, tmp_path / "all", tell=lambda *now: said.append(now))
     assert [one.kept for one in found.values()] == [True, False, False]
     assert sorted(said) == sorted((p.name, done, 1) for p in own for done in (0, 1))
-    again = table.read(tmp_path / "all" / runs.TIMES)
+    again = standing.read(tmp_path / "all" / runs.TIMES)
     assert again["flight1"] == times["flight1"]  # what it took when it was run
     assert again["flight2"] != times["flight2"]
     left = contents(tmp_path / "all")
@@ -107,7 +107,7 @@ def test_a_flight_that_fails_stops_no_other(run_here, small_flights, one_by_one,
     found = run_here(flights, tmp_path / "all")
     assert [one.status for one in found.values()] == [0, 2, 2, 0, 0]
     assert contents(tmp_path / "all") == one_by_one
-    rows = table.read(tmp_path / "all" / runs.TABLE)
+    rows = standing.read(tmp_path / "all" / runs.TABLE)
     assert list(rows) == ["flight1", "bad", "nowhere", "flight2", "flight3"]
     assert rows["bad"]["reason"].startswith("control_points.csv:2: sigma_east_m: -1")
     assert rows["bad"]["f_mm"] == ""
@@ -131,7 +131,7 @@ def test_an_interrupt_leaves_the_table_of_what_is_finished(run_here, small_fligh
 
     with pytest.raises(KeyboardInterrupt):
         run_here(small_flights, tmp_path / "all", tell=interrupt)
-    assert list(table.read(tmp_path / "all" / runs.TABLE)) == ["flight1"]
+    assert list(standing.read(tmp_path / "all" / runs.TABLE)) == ["flight1"]
     found = run_here(small_flights, tmp_path / "all")
     assert found["flight1"].kept
     assert [one.status for one in found.values()] == [0, 0, 0]

@@ -1,5 +1,6 @@
 """Which results are kept: those that a run would leave as they are."""
 
+import csv
 import json
 import shutil
 from dataclasses import replace
@@ -10,7 +11,7 @@ from acx4book.command.batch import standing
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.flight import reader
-from acx4lib.results import provenance
+from acx4lib.results import folder, provenance
 from acx4lib.results.runs import EXECUTED
 from support.flights import written
 from support.helpers import write_notebook
@@ -64,7 +65,7 @@ def test_a_stage_that_is_missing_counts(tmp_path, settings):
     del summary["mounting/rig"]  # as of a run that was killed before its last part
     (results / "summary.json").write_text(json.dumps(summary))
     shutil.move(results, tmp_path / "killed")
-    with runner.claims.claim(results, command=runner.COMMAND) as own:
+    with runner.own_folder.claim(results, command=runner.COMMAND) as own:
         own.expect(str(p.relative_to(tmp_path / "killed")) for p in files(tmp_path / "killed"))
         shutil.copytree(tmp_path / "killed", results, dirs_exist_ok=True)
         own.seal()
@@ -90,3 +91,57 @@ def test_notebooks_that_are_wanted_must_be_there_with_the_cells_that_they_have(
     (left / EXECUTED / f"{runner.NOTEBOOKS['flight']}.ipynb").unlink()
     assert not standing.is_whole(flight, left, wanted)
     assert standing.is_whole(flight, left, settings)
+
+
+# --- The table of many flights, beside what the results of each say
+
+
+@pytest.fixture(scope="module")
+def table_left(small_flights, tmp_path_factory):
+    path = tmp_path_factory.mktemp("table") / "results"
+    runner.run(small_flights[0], path, way=Functions())
+    return path
+
+
+def test_a_row_has_the_single_step_as_it_is_written(table_left):
+    row = standing.row_of(table_left, ["mounting", "validation"])
+    found = folder.read(table_left)
+    parameters = folder.parameters(found, "mounting/single_step", row["camera"])
+    assert len(parameters) >= 12
+    for name, one in parameters.iterrows():
+        assert float(row[name]) == one["value"]
+        assert float(row[f"sigma_{name}"]) == one["sigma"]
+    entry = found.summary["mounting/single_step"]
+    assert float(row["sigma0_squared"]) == entry["sigma0_squared"]
+    assert int(row["redundancy"]) == entry["redundancy"]
+    assert "n_check_points" not in row  # there is no such block
+    assert set(row) <= set(standing.COLUMNS)
+
+
+def test_a_stage_of_an_earlier_run_has_no_part_in_it(table_left):
+    assert standing.row_of(table_left, ["validation"]) == {}
+
+
+def test_check_points_are_those_of_the_validation(tmp_path):
+    flight = written.write_flight(tmp_path / "flight", blocks=("validation",))
+    runner.run(flight, tmp_path / "results", way=Functions())
+    row = standing.row_of(tmp_path / "results", ["validation"])
+    entry = folder.read(tmp_path / "results").summary["validation/given"]
+    assert int(row["n_check_points"]) == entry["n_points"]
+    keys = ("rms_east_m", "rms_north_m", "rms_height_m")
+    assert [float(row[key]) for key in keys] == entry["points"]["rms"]
+    assert float(row["mean_height_m"]) == entry["points"]["mean"][2]
+    assert row["normalised_rms_east"] == repr(entry["points"]["normalised_rms"][0])
+
+
+def test_tables_are_read_as_they_were_written(tmp_path):
+    rows = [{"flight": 'a,"b"', "seconds": "1.5"}, {"flight": "c", "other": "left out"}]
+    standing.write(tmp_path / "times.csv", standing.TIME_COLUMNS, rows)
+    found = standing.read(tmp_path / "times.csv")
+    assert list(found) == ['a,"b"', "c"]
+    assert found['a,"b"']["seconds"] == "1.5"
+    assert found["c"] == dict.fromkeys(standing.TIME_COLUMNS, "") | {"flight": "c"}
+    assert standing.read(tmp_path / "nowhere.csv") == {}
+    with (tmp_path / "times.csv").open(newline="") as file:
+        assert tuple(next(csv.reader(file))) == standing.TIME_COLUMNS
+    assert [path.name for path in tmp_path.iterdir()] == ["times.csv"]

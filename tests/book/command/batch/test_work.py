@@ -11,9 +11,9 @@ from acx4book.command.batch import jobs, work
 from acx4book.command.batch.processes import ProcessDiedError
 from acx4book.notebooks import functions, runner
 from acx4lib.errors import AdjustmentError
-from acx4lib.planning import text
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
+from acx4tools.planning import plan as plans
 from support.flights.planned import values
 from support.flights.spoilt import change
 
@@ -107,7 +107,7 @@ def test_a_seed_is_simulated_once_and_run_as_the_two_commands_would(tmp_path, se
 
 def test_a_plan_is_flown_by_its_seeds_and_its_flights_are_not_those_of_another(tmp_path, settings):
     plan = tmp_path / "village.toml"
-    plan.write_text(text.written(values()))
+    plan.write_text(plans.written(values()))
     job, other = jobs.of_seeds([str(plan)], [1, 2], tmp_path / "all", settings)
     assert [job.name, other.name] == ["village-1", "village-2"]
     found = work.run(job)
@@ -115,7 +115,7 @@ def test_a_plan_is_flown_by_its_seeds_and_its_flights_are_not_those_of_another(t
     assert (work.plan_beside(job.flight)).read_bytes() == plan.read_bytes()
     assert work.run(job).kept
     assert work.run(other).row["f_mm"] != found.row["f_mm"]
-    plan.write_text(text.written({**values(), "name": "another name"}))
+    plan.write_text(plans.written({**values(), "name": "another name"}))
     refused = work.run(job)
     assert refused.status == 2
     assert "was flown by another plan than" in refused.reason

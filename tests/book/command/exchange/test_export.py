@@ -4,8 +4,8 @@ import shutil
 
 import pytest
 
-from acx4lib.exchange.outward.kinds import KINDS
 from acx4lib.results import provenance
+from acx4tools.exchange.outward.kinds import KINDS
 from support.run_results import estimated, leave_calibration
 
 

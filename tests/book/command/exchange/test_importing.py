@@ -35,7 +35,7 @@ def test_every_kind_has_its_place_in_the_help(acx4):
 def test_options_are_those_of_the_reader(command, reader):
     """But for the heights, which only a flight that was begun can say."""
     module, _, name = reader.partition(".")
-    read = getattr(import_module(f"acx4lib.exchange.programs.{module}"), name)
+    read = getattr(import_module(f"acx4tools.exchange.programs.{module}"), name)
     taken, options = (
         {name: one.default for name, one in inspect.signature(function).parameters.items()}
         for function in (read, command)

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from acx4book.foundations import example
-from acx4book.foundations.adjusting import operations, self_calibration, whole_system
+from acx4book.foundations import adjusting, example
 from acx4book.foundations.drawings import bundle as drawings
 from support.figures import assert_labelled, assert_texts_apart, drawn, quivers, title
 
@@ -18,7 +17,7 @@ def filled(patch, shape):
 
 
 def test_patterns_fill_a_cell_for_every_entry_and_name_the_rows():
-    A, _, _ = whole_system.equations(whole_system.start())
+    A, _, _ = adjusting.equations(adjusting.start())
     fig = drawn(drawings.patterns(A, np.ones((27, 27))))
     entries = (A != 0, A.T @ A != 0, np.ones((27, 27), dtype=bool))
     for ax, entry in zip(fig.axes, entries, strict=True):
@@ -44,8 +43,8 @@ def test_cost_is_that_of_the_formulas():
     fig = drawn(drawings.cost(points_per_image=10, rays=4, width=20))
     assert_labelled(fig)
     whole, reduced, band = (dict(zip(*line.get_data(), strict=True)) for line in fig.axes[0].lines)
-    assert whole[4] == operations.whole(4, 40, n_shared=14)
-    assert reduced[10_000] == operations.reduced(10_000, 100_000, 4, n_shared=14)
+    assert whole[4] == adjusting.whole(4, 40, n_shared=14)
+    assert reduced[10_000] == adjusting.reduced(10_000, 100_000, 4, n_shared=14)
     assert band[10_000] < reduced[10_000] < whole[10_000]
 
 
@@ -58,8 +57,8 @@ def test_a_step_of_nothing_is_drawn_at_the_foot():
 
 def test_arrows_are_what_is_left_enlarged():
     views = {
-        "flat": self_calibration.view((0, 0, 0)),
-        "hills": self_calibration.view((0, 0, 0), relief_m=50.0),
+        "flat": adjusting.view((0, 0, 0)),
+        "hills": adjusting.view((0, 0, 0), relief_m=50.0),
     }
     fig = drawn(drawings.what_is_left(views))
     change, flat, hills = (quivers(ax)[0] for ax in fig.axes[:3])
@@ -72,5 +71,5 @@ def test_arrows_are_what_is_left_enlarged():
 
 @pytest.mark.parametrize("column", [0, 1, 2])
 def test_nothing_that_is_left_looks_like_a_movement(column):
-    view = self_calibration.view((0, 15, 0), relief_m=30.0)
+    view = adjusting.view((0, 15, 0), relief_m=30.0)
     assert_allclose(view.by_pose.T @ view.left[:, column], 0.0, atol=1e-8)

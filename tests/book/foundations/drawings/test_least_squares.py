@@ -3,8 +3,7 @@ import pytest
 from matplotlib.patches import Ellipse
 from numpy.testing import assert_allclose
 
-from acx4book.foundations import example
-from acx4book.foundations.adjusting import forward_intersection as rays
+from acx4book.foundations import adjusting, example
 from acx4book.foundations.designs import lines, planned
 from acx4book.foundations.drawings import least_squares as drawings
 from acx4lib.bundle.free_network import adjust_free
@@ -14,8 +13,8 @@ from support.figures import assert_labelled, assert_texts_apart, drawn, title
 
 @pytest.fixture(scope="module")
 def results():
-    T, xy = rays.cameras(), example.measured()[:, 0]
-    return rays.intersected(T[:2], xy[:2]), rays.intersected(T, xy)
+    T, xy = adjusting.cameras(), example.measured()[:, 0]
+    return adjusting.intersected(T[:2], xy[:2]), adjusting.intersected(T, xy)
 
 
 def test_an_ellipse_has_the_points_of_equal_probability():
@@ -28,7 +27,7 @@ def test_an_ellipse_has_the_points_of_equal_probability():
 
 
 def test_rays_of_all_images_end_in_p_and_two_ellipses_are_enlarged(results):
-    fig = drawn(drawings.where_rays_meet(rays.cameras(), results))
+    fig = drawn(drawings.where_rays_meet(adjusting.cameras(), results))
     assert_labelled(fig)
     assert_texts_apart(fig)
     side, *near = fig.axes

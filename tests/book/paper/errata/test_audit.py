@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.paper import absorbed, printed
-from acx4book.paper.errata import audit, figures, heads, mounting, text, validation
+from acx4book.paper.errata import audit, heads, mounting, validation
 from acx4lib.errors import FlightError
 from support.flights.simulated import fly
 
@@ -299,14 +299,14 @@ def test_literal_exponents():
 def test_eq_2_as_printed_would_be_seen():
     """At the corners, k1 r^2 (|x| + |y|) of CAM1, its principal point included."""
     x, y = 26.952 + 0.0465, 20.196 + 0.0813  # mm from the principal point, worst corner
-    assert text.radial_mix_up_px() >= 2.27e-6 * 33.679**2 * (26.952 + 20.196) / 0.006
-    assert text.radial_mix_up_px() == pytest.approx(
+    assert audit.radial_mix_up_px() >= 2.27e-6 * 33.679**2 * (26.952 + 20.196) / 0.006
+    assert audit.radial_mix_up_px() == pytest.approx(
         2.27e-6 * (x**2 + y**2) * (x + y) / 0.006, rel=0.01
     )
 
 
 def test_pairs_per_point():
-    m = text.images_per_point()
+    m = audit.images_per_point()
     assert m * (m - 1) / 2 == pytest.approx(262 / 36)
 
 
@@ -329,7 +329,7 @@ def test_what_agrees():
 
 def test_every_decimal_of_the_errata_is_computed():
     """No finding's source has a number with decimals typed in its text."""
-    for module in (heads, mounting, text, validation):
+    for module in (heads, mounting, audit, validation):
         source = Path(module.__file__).read_text(encoding="utf-8")
         code = re.sub(r'"""[\s\S]*?"""', "", source)
         typed = re.findall(r'f?"([^"\n]*)"', code)
@@ -340,14 +340,14 @@ def test_every_decimal_of_the_errata_is_computed():
 
 
 def test_figures_show_the_papers_numbers():
-    axes = figures.sample_sizes().axes[0]
+    axes = audit.sample_sizes().axes[0]
     assert axes.get_xlabel() == "number of errors n"
     assert len(axes.lines) == 3
-    bars = figures.lever_arm().axes[0].patches
+    bars = audit.lever_arm().axes[0].patches
     assert_allclose([bar.get_width() for bar in bars[3:]], (0.201, -0.223, 0.399))
 
 
 def test_the_figure_has_the_effective_heights_of_a_run(absorbed_by_the_study):
-    bars = figures.lever_arm(absorbed_by_the_study).axes[0].patches
+    bars = audit.lever_arm(absorbed_by_the_study).axes[0].patches
     widths = np.array([bar.get_width() for bar in bars]).reshape(3, 3)
     assert_allclose(widths[1], widths[2], atol=0.008)

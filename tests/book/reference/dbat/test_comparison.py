@@ -8,16 +8,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from acx4book.reference import data
-from acx4book.reference.dbat import blocks, comparison, files, printed, statements
-from acx4book.reference.dbat.table import results
+from acx4book.reference.dbat import comparison, files, statements
+from acx4book.reference.dbat.statements import results
+from acx4lib.bundle import adjust, uses
+from acx4lib.calibration.estimates import from_bundle
+from acx4lib.flight.block import select_images
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from acx4lib.geometry.collinearity import project as collinearity_project
+from acx4tools.campaigns import comparison as compared
+from acx4tools.campaigns.campaign import Campaign
 from support.reference_files import needs
 
 PROJECTS = [
-    pytest.param(blocks.camcal, id="camcal", marks=needs("dbat-camcal")),
-    pytest.param(blocks.sxb, id="sxb", marks=needs("dbat-sxb")),
+    pytest.param(comparison.camcal, id="camcal", marks=needs("dbat-camcal")),
+    pytest.param(comparison.sxb, id="sxb", marks=needs("dbat-sxb")),
 ]
 
 
@@ -43,7 +50,7 @@ def test_no_decimal_number_of_the_report_is_left_out(project, table):
     left_out = in_text - Counter(table["printed"])
     course = [  # of the other program's computation
         number
-        for place, line in printed.read(project.report).items()
+        for place, line in files.read(project.report).items()
         if not statements.is_result(place)
         for number in line.numbers
     ]
@@ -164,7 +171,7 @@ def of_model(tmp_path, name, model):
     text = data.path(f"{name}/reference_report.txt").read_text()
     report = tmp_path / "report.txt"
     report.write_text(text.replace("Backward (Photogrammetry) model 3", model))
-    return printed.read(report)
+    return files.read(report)
 
 
 @needs("dbat-sxb")
@@ -182,3 +189,77 @@ def test_another_lens_than_ours_is_told(tmp_path, name):
     """The project camcal estimates an aspect, which model 4 applies after the lens."""
     with pytest.raises(ValueError, match=f"^lens distortion model {re.escape(name)}: expected a"):
         statements.lens_model(of_model(tmp_path, "dbat-camcal", name))
+
+
+# --- Half of the photographs of `camcal` against the other half, as two campaigns
+#
+# The camera was held level or turned by a quarter, in turns, and its lens gives way: eight of the
+# images of either kind have another principal point. Comparing finds it, and finds nothing in the
+# same images with errors of measurement alone.
+
+
+LEVEL, TURNED = np.arange(0, 16, 2), np.arange(1, 16, 2)
+"""Images around the sheet, by the way in which the camera was held."""
+
+
+@pytest.fixture(scope="module")
+def adjusted():
+    return comparison.camcal().bundle
+
+
+@pytest.fixture(scope="module")
+def block(adjusted):
+    return adjusted.network.block
+
+
+def campaign(block, images):
+    part = select_images(block, np.isin(np.arange(len(block.images)), images))
+    network = replace(uses.free_orientation(part, free=comparison.FREE), distortion_at="measured")
+    bundle = adjust.adjust(network)
+    return Campaign(
+        name=part.images.names[0],
+        method="single_step",
+        calibration=from_bundle(bundle),
+        redundancy=bundle.solution.redundancy,
+        height_m=1.5,
+    )
+
+
+def found(block, first, second):
+    """Return the comparison of two groups of images, and their difference."""
+    both = compared.compare([campaign(block, first), campaign(block, second)])
+    return both, compared.difference(both, 0, 1)
+
+
+@needs("dbat-camcal")
+def test_a_camera_that_is_held_otherwise_has_another_principal_point(block):
+    both, difference = found(block, LEVEL, TURNED)
+    assert difference.test().p < 1e-12
+    t = dict(zip(both.names, difference.d / difference.sigma, strict=True))
+    moved = {name for name, value in t.items() if abs(value) > 6}
+    assert {name.split("/")[1] for name in moved} == {"xp_mm", "yp_mm"}
+
+
+@needs("dbat-camcal")
+def test_images_that_were_held_alike_differ_far_less(block):
+    _, held = found(block, LEVEL, TURNED)
+    per_dof = held.test().chi_square / held.test().dof
+    for kind in (LEVEL, TURNED):
+        _, alike = found(block, kind[::2], kind[1::2])
+        assert alike.test().chi_square / alike.test().dof < 0.1 * per_dof
+
+
+@needs("dbat-camcal")
+def test_errors_of_measurement_alone_are_no_change(adjusted, block):
+    """The same halves, with image points where one camera would show them: bounds of 99 %."""
+    points, (camera,) = block.image_points, adjusted.cameras
+    exact = collinearity_project(
+        camera, adjusted.T_m_c[points.image_idx], adjusted.state.x_m[points.point_idx]
+    )
+    chi_square = dof = 0.0
+    for seed in range(6):
+        noise = np.random.default_rng(seed).normal(size=exact.shape) * points.sigma_px[:, None]
+        same = replace(block, image_points=replace(points, colrow=exact + noise))
+        test = found(same, LEVEL, TURNED)[1].test()
+        chi_square, dof = chi_square + test.chi_square, dof + test.dof
+    assert 0.005 < stats.chi2.cdf(chi_square, dof) < 0.995

@@ -4,9 +4,9 @@ import datetime as dt
 
 import pytest
 
-from acx4book.chapters.beyond.stability import history
-from acx4book.chapters.beyond.stability.history import Flown
-from acx4book.report.campaigns.study import study
+from acx4book.chapters import stability
+from acx4book.chapters.stability import Flown
+from acx4book.report.campaigns.tables import study
 from support.campaigns import campaign
 
 WARM = {2021: 8.0, 2022: 32.0, 2024: 20.0}
@@ -18,5 +18,5 @@ def three():
     campaigns = []
     for year, celsius in WARM.items():
         flown = Flown(date=dt.date(year, 5, 1), temperature_c=celsius)
-        campaigns.append(campaign(history.flight(year, flown)))
+        campaigns.append(campaign(stability.flight(year, flown)))
     return study(campaigns)

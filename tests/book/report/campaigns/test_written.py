@@ -1,15 +1,19 @@
 """The folder of a comparison: its files, replaced by a later one, and nothing of others."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from acx4book.report.campaigns import written
-from acx4book.report.campaigns.study import study
+from acx4book.report.campaigns.tables import study
+from acx4book.report.campaigns.written import ADDED, Drawn, page
+from acx4book.typesetting import style
 from acx4lib.errors import OutputError
-from acx4lib.results.own_folder.marks import MARK
+from acx4lib.results.own_folder import MARK
+from support.helpers import ROOT
 
 TABLES = {"campaigns", "tests", "differences", "pooled", "trends", "covariance"}
 
@@ -48,3 +52,31 @@ def test_a_folder_of_somebody_else_is_left_alone(three, tmp_path):
     with pytest.raises(OutputError, match="holds what acx4 compare did not write"):
         written.write(three, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+# --- The page: one file that asks for nothing, in the book's colours by day and by night
+
+
+CODE = "A <script> & $x$"
+
+
+def test_texts_tables_and_figures_are_numbered_and_names_are_shown_as_they_are():
+    with style.applied():
+        fig, _ = style.subplots(figsize=(style.WIDTH, 1))
+    figures = [
+        Drawn(figure=fig, name=name, caption="An *a*.", alt="a < b") for name in ("fig-a", "fig-b")
+    ]
+    text = page("T", CODE, ["## One\n\nSee {numref}`fig-a`.", *figures])
+    assert "&lt;script&gt;" in text
+    assert "<script" not in text
+    assert "See Figure 1." in text
+    assert "<b>Figure 2.</b> An <em>a</em>." in text
+    assert not re.search(r"<link|src=|url\(http|@import", text)
+
+
+def test_colours_of_the_night_are_those_of_the_book():
+    of_book = (ROOT / "book/_static/acx4.css").read_text(encoding="utf-8")
+    night = re.findall(r"(--figure-[\w-]+): (#\w+);", ADDED.read_text(encoding="utf-8"))
+    assert {name.removeprefix("--figure-") for name, _ in night} == set(style.NAMES.values())
+    own = of_book[of_book.index('data-theme="dark"') :]
+    assert dict(night).items() <= dict(re.findall(r"(--figure-[\w-]+): (#\w+);", own)).items()

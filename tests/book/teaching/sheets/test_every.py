@@ -6,7 +6,7 @@ import pytest
 
 from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
-from acx4book.teaching import writing
+from acx4book.teaching import handed_in
 from acx4book.teaching.sheets.every import SHEETS, sheet_of
 from acx4lib.results import folder
 from support.helpers import ROOT
@@ -20,7 +20,7 @@ def test_the_code_of_a_labs_page_runs(name, key, tmp_path, monkeypatch, capsys):
     codes = re.findall(r"^( *)```python\n(.*?)^\1```", text, re.MULTILINE | re.DOTALL)
     assert bool(codes) == (name != "lab-1")
     monkeypatch.chdir(tmp_path)
-    writing.write(SHEETS[name], "Ada", key, tmp_path / "my_flight")
+    handed_in.write(SHEETS[name], "Ada", key, tmp_path / "my_flight")
     if "acx4 run my_flight" in text:
         runner.run("my_flight", "my_results", way=way_of(None), stages=folder.STAGES)
     known = {}

@@ -2,7 +2,7 @@ import pytest
 
 from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
-from acx4book.teaching import writing
+from acx4book.teaching import handed_in
 from acx4book.teaching.sheets import gross_errors
 from acx4book.teaching.sheets.every import SHEETS
 from acx4lib.results import folder
@@ -32,7 +32,7 @@ def test_what_was_planted_is_what_the_library_finds(solved):
 def test_a_check_point_shows_the_error_of_the_survey(student, key, solved, tmp_path):
     """As the page says: the wrong control point becomes a check point, and is compared."""
     _, right = solved("lab-5", student)
-    writing.write(SHEETS["lab-5"], student, key, tmp_path / "flight")
+    handed_in.write(SHEETS["lab-5"], student, key, tmp_path / "flight")
     survey = tmp_path / "flight" / "control_points.csv"
     wrong = f"P{right['control_point'].truth:02.0f}"
     header, *rows = survey.read_text().splitlines()

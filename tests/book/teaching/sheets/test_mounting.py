@@ -5,7 +5,7 @@ from scipy.stats import chi2
 
 from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
-from acx4book.teaching import grading, handed_in, writing
+from acx4book.teaching import grading, handed_in
 from acx4book.teaching.sheets import mounting
 from acx4book.teaching.sheets.every import SHEETS
 from acx4lib.flight.reader import read
@@ -16,7 +16,7 @@ from acx4lib.results import folder
 def run(key, tmp_path_factory):
     """Return a student's flight and the folder of a run of it."""
     at = tmp_path_factory.mktemp("lab")
-    writing.write(SHEETS["lab-6"], "Ada", key, at / "flight")
+    handed_in.write(SHEETS["lab-6"], "Ada", key, at / "flight")
     runner.run(at / "flight", at / "results", way=way_of(None), stages=folder.STAGES)
     return read(at / "flight"), at / "results"
 

@@ -2,28 +2,28 @@ import csv
 
 import pytest
 
-from acx4book.notebooks.simulated import to_simulator
-from acx4book.teaching import flights, writing
+from acx4book.notebooks import simulated
+from acx4book.teaching import flights, handed_in
 from acx4book.teaching.grading import graded
 from acx4book.teaching.sheets.every import SHEETS
 from acx4lib.calibration.mounting import single_step
-from acx4lib.planning import text
-from acx4lib.planning.choosing import candidates, chosen, target
 from acx4sim.plan import Options
+from acx4tools.planning import choosing
+from acx4tools.planning import plan as plans
 
 
 def test_a_student_who_plans_flies_and_adjusts_has_all_points(key, tmp_path, solved, handed):
     """With nothing but the files of the folder, by the same steps as the commands."""
     sheet, folder = SHEETS["lab-9"], tmp_path / "lab"
     folder.mkdir()
-    writing.write(sheet, "Ada", key, folder)
+    handed_in.write(sheet, "Ada", key, folder)
     assert {p.name for p in folder.iterdir()} == {
         "README.md", "answers.csv", "plan.toml", "target.toml",
     }  # fmt: skip
-    plan = text.read(folder / "plan.toml")
-    found = chosen.choose(candidates.of(target.read(folder / "target.toml", plan)))
+    plan = plans.read(folder / "plan.toml")
+    found = choosing.choose(choosing.of(choosing.read(folder / "target.toml", plan)))
     seed = int((folder / "README.md").read_text("utf-8").partition("--seed ")[2].split("`")[0])
-    flown = to_simulator.simulate(found.plan, seed=seed, options=Options())
+    flown = simulated.simulate(found.plan, seed=seed, options=Options())
     case = flights.case_of(flown)
     estimates = single_step(case.block, free=case.flight.estimate_mounting).calibration
     _, right = solved("lab-9", "Ada")

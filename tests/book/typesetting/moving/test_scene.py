@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from bs4 import BeautifulSoup
 
-from acx4book.typesetting import sketch
+from acx4book.typesetting import maps
 from acx4book.typesetting.moving import scene
 from acx4book.typesetting.moving.scene import Layer, Scene
 
@@ -38,7 +38,7 @@ def test_the_eye_is_where_the_drawing_is_seen_from(made):
     """It has no place on the drawing but its middle."""
     eye = np.array(made.data()["from"])
     assert np.linalg.norm(eye) == pytest.approx(1.0, abs=1e-3)
-    turn = sketch.view(scene.FROM_DEG, scene.ABOVE_DEG)
+    turn = maps.view(scene.FROM_DEG, scene.ABOVE_DEG)
     assert turn.apply(eye) == pytest.approx([0.0, 0.0, 1.0], abs=1e-3)
 
 
@@ -58,7 +58,7 @@ def test_the_drawing_is_inside_its_frame_and_in_proportion(made):
     text = scene.drawing(made)
     first = re.search(r'd="M(\S+) (\S+)L(\S+) (\S+)"', text)
     x0, y0, x1, y1 = map(float, first.groups())
-    turn = sketch.view(scene.FROM_DEG, scene.ABOVE_DEG)
+    turn = maps.view(scene.FROM_DEG, scene.ABOVE_DEG)
     along = turn.apply([100.0, 0.0, 0.0])[:2]
     assert (y0 - y1) / (x1 - x0) == pytest.approx(along[1] / along[0], abs=0.01)
     points = np.array([[x0, y0], [x1, y1]])

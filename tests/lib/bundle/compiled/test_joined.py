@@ -10,7 +10,7 @@ from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals
 from acx4lib.bundle.compiled.joined import by_points
 from acx4lib.least_squares import adjustment
-from acx4lib.least_squares.eliminated_points import of_points
+from acx4lib.least_squares.adjustment import of_points
 from acx4lib.least_squares.normal_equations import point_normals
 from support import blocks
 

@@ -9,13 +9,12 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
-from acx4lib.bundle.observations.trajectory import PoseObservations
-from acx4lib.geometry.parameters import MOUNT
-from acx4lib.geometry.prior import Prior
+from acx4lib.bundle.observations import PoseObservations
+from acx4lib.geometry.parameters import MOUNT, Prior
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.banded import BandedInverse
+from acx4lib.least_squares.gauss_markov import GaussMarkov
 from acx4lib.least_squares.normal_equations import PlainNormals
-from acx4lib.least_squares.statistical.gauss_markov import GaussMarkov
 from support.flights.simulated import read_back
 
 ALL = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.gross_errors.rejections import Rejection
+from acx4lib.bundle.rejections import Rejection
 from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration import mounting
 from acx4lib.errors import AdjustmentError

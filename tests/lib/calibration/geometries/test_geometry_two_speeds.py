@@ -9,9 +9,9 @@ import acx4sim
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
-from acx4lib.calibration.trust.needs import features
+from acx4lib.calibration.estimates import features
 from acx4lib.flight import reader
-from acx4sim.files.flights import simulate_plan
+from acx4sim.files import simulate_plan
 from support import blocks
 
 DELAY_S = 0.02

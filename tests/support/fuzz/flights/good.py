@@ -10,7 +10,7 @@ import pandas as pd
 import tifffile
 
 import acx4sim
-from acx4sim.files.writer import truth_path
+from acx4sim.files import truth_path
 from support.flights import in_heads
 from support.flights.written import write_flight
 

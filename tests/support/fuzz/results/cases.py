@@ -11,11 +11,9 @@ from pathlib import Path
 
 from acx4book.command import endings
 from acx4book.notebooks import functions, runner
-from acx4book.report import material
-from acx4book.report.page import record
-from acx4book.report.verdict import verdict
+from acx4book.report import material, record, verdict
 from acx4lib.errors import UNSEEN
-from acx4lib.exchange.outward.kinds import KINDS as EXPORTS
+from acx4tools.exchange.outward.kinds import KINDS as EXPORTS
 from support.flights import pictured, written
 from support.fuzz.results.spoil import spoil
 from support.fuzz.said import said, said_by

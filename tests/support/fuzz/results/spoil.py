@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from acx4lib.results.files.schemas import SCHEMAS
+from acx4lib.results.table_files import SCHEMAS
 from support.fuzz import nasty
 from support.fuzz.flights.mutations import spoil as spoil_flight
 from support.fuzz.strangers.spoil import VALUES

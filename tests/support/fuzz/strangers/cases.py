@@ -10,7 +10,7 @@ from pathlib import Path
 
 from acx4book.notebooks import runner
 from acx4lib.errors import OutputError
-from acx4lib.results.own_folder import claims
+from acx4lib.results import own_folder
 from support.fuzz.said import complaint, said
 from support.fuzz.strangers import sources
 from support.fuzz.strangers.spoil import copy, spoil
@@ -49,7 +49,7 @@ def _seal(results: Path) -> None:
     """Seal mutated results as if a run had left them so."""
     with (
         contextlib.suppress(OutputError, OSError),
-        claims.claim(results, command=runner.COMMAND) as own,
+        own_folder.claim(results, command=runner.COMMAND) as own,
     ):
         own.seal()
 

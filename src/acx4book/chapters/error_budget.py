@@ -1,0 +1,621 @@
+"""Chapter 16, the error budget.
+
+Where the error of a map comes from, for a run and as the paper's numbers say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from acx4book.paper import printed
+from acx4book.typesetting import style
+from acx4book.typesetting.labels import TITLES, inside
+from acx4book.typesetting.moving import shown as html
+from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Roots, Slider
+from acx4book.typesetting.moving.plane import Plane
+from acx4book.typesetting.moving.shown import Shown
+from acx4lib.bundle.unknowns import Layout, layout
+from acx4lib.calibration.estimates import Calibration
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import INTERIOR
+from acx4lib.geometry.parameters import AXES, MOUNT, REPORTED
+from acx4lib.georeferencing import budget, direct, validation
+from acx4lib.georeferencing.budget import Budget
+from acx4lib.georeferencing.error_sources import ErrorSources
+from acx4lib.georeferencing.mapping_flight import MappingFlight, over_ground
+from acx4lib.georeferencing.validation import Differences, Validation
+
+# --- Figures of the error budget: shares, flying heights, and the format
+
+
+STACKED = {
+    "image points": ("image points",),
+    "survey": ("survey",),
+    "GNSS": ("GNSS",),
+    "roll": ("roll",),
+    "pitch": ("pitch",),
+    "heading": ("heading",),
+    "calibration": budget.CALIBRATION,
+}
+"""Sources by the name of their part of a bar; the parts of the calibration are one."""
+
+COLOURS = (style.BLUE, style.INK, style.TEAL, style.ORANGE, style.BRICK, style.SKY, style.PLUM)
+
+
+def stacked(budgets: Mapping[str, Budget]) -> Figure:
+    """Draw the shares of all sources, a bar for every method and coordinate.
+
+    Parameters
+    ----------
+    budgets : mapping of str to Budget
+        By method.
+    """
+    methods = [*budgets]
+    with style.applied():
+        fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.5), sharey=True)
+        means = [of.mean for of in budgets.values()]
+        for axis, ax in enumerate(axes):
+            left = np.zeros(len(methods))
+            for (name, sources), colour in zip(STACKED.items(), COLOURS, strict=True):
+                share = np.array([percent(mean[axis], *sources) for mean in means])
+                ax.barh(np.arange(len(methods)), share, 0.62, left, color=colour, label=name)
+                left = left + share
+            ax.set_title(AXES[axis])
+            ax.set(xlim=(0, 100), xlabel="share of the variance (%)")
+            ax.grid(axis="y", visible=False)
+        axes[0].set_yticks(range(len(methods)), [TITLES[m].replace(", ", ",\n") for m in methods])
+        axes[0].invert_yaxis()
+        style.legend_below(fig, axes[0].get_legend_handles_labels()[0], ncols=7)
+    return fig
+
+
+def calibration(budgets: Mapping[str, Budget]) -> Figure:
+    """Draw the parts of the calibration, groups and correlations, which may be negative.
+
+    Parameters
+    ----------
+    budgets : mapping of str to Budget
+        Of two methods.
+    """
+    names = [*budget.CALIBRATION, "together"]
+    at = np.arange(len(names))
+    with style.applied():
+        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 2.9), sharey=True)
+        for k, (ax, title) in enumerate(zip(axes, COORDINATES, strict=True)):
+            for i, (method, split) in enumerate(budgets.items()):
+                part = plan_and_height(split.mean)[k]
+                share = [percent(part, name) for name in names[:-1]]
+                share.append(percent(part, *budget.CALIBRATION))
+                label = TITLES[method]
+                ax.barh(at + 0.4 * i - 0.2, share, 0.36, color=style.colour(i), label=label)
+            ax.axvline(0, color=style.INK, lw=0.8)
+            ax.set_title(title)
+            ax.set_xlabel("share of the variance (%)")
+            ax.grid(axis="y", visible=False)
+        axes[0].set_yticks(at, names)
+        axes[0].invert_yaxis()
+        style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
+    return fig
+
+
+def over_heights(
+    heights_m: Array, budgets: Mapping[str, Sequence[Budget]], *, method: str
+) -> Figure:
+    """Draw the standard deviations of the groups of sources over the flying height.
+
+    Parameters
+    ----------
+    heights_m : ndarray, shape (n,)
+    budgets : mapping of str to sequence of Budget
+        By method, one for each height. Of the others, the part of the calibration is drawn.
+    method : str
+        Of which all is drawn.
+    """
+    by_method = {
+        name: np.array([plan_and_height(split.mean) for split in each])
+        for name, each in budgets.items()
+    }
+    with style.applied():
+        fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 3.0))
+        for k, (ax, title) in enumerate(zip(axes, COORDINATES, strict=True)):
+            _draw_heights(ax, heights_m, by_method[method][:, k])
+            for dashed in by_method.keys() - {method}:
+                part = by_method[dashed][:, k, -len(budget.CALIBRATION) :].sum(axis=-1)
+                ax.plot(
+                    *(heights_m, np.sqrt(np.maximum(part, 0.0)), "--"),
+                    color=style.colour(2),
+                    label=f"calibration, {inside(TITLES[dashed])}",
+                )
+            ax.set_title(title)
+            ax.set(xlabel="flying height over ground (m)", ylim=(0, None))
+        axes[0].set_ylabel("σ of a ground point (m)")
+        style.legend_below(fig, axes[0].get_legend_handles_labels()[0], ncols=3)
+    return fig
+
+
+def _draw_heights(ax: Axes, heights_m: Array, own: Array) -> None:
+    ax.plot(heights_m, np.sqrt(own.sum(axis=-1)), color=style.INK, label="all together")
+    for i, (name, sources) in enumerate(budget.GROUPS.items()):
+        columns = [budget.SOURCES.index(source) for source in sources]
+        ax.plot(
+            *(heights_m, np.sqrt(own[:, columns].sum(axis=-1))),
+            color=style.colour(i),
+            label=name,
+        )
+
+
+# --- An explorer: what every source makes of a ground point, for any height and any trajectory
+
+
+SLIDERS = (
+    Slider(name="flying height", unit="m", low=500.0, high=3000.0, step=100.0),
+    Slider(name="image point", unit="px", low=0.0, high=3.0, step=0.1),
+    Slider(name="GNSS", unit="cm", low=0.0, high=30.0, step=1.0),
+    Slider(name="roll and pitch", unit="°", low=0.0, high=0.02, step=0.0005),
+    Slider(name="heading", unit="°", low=0.0, high=0.04, step=0.001),
+)
+"""For an aerial camera and its trajectory; those of other flights have other ends."""
+
+SCALES = sorted(
+    (d * 10.0**k for d in (1, 2, 5) for k in range(-6, 7)), key=lambda s: abs(np.log(s))
+)
+"""Factors of the ends of a slider, the nearest to one first."""
+
+ENDS = tuple(d * 10.0**k for k in range(-6, 7) for d in (1.5, 3.0, 6.0))
+"""Where axes may end: thirds of them are short numbers."""
+
+ROWS = {
+    "calibration": (0, budget.CALIBRATION),
+    "image points": (1, ("image points",)),
+    "GNSS": (2, ("GNSS",)),
+    "roll and pitch": (3, ("roll", "pitch")),
+    "heading": (4, ("heading",)),
+}
+"""What is shown: the slider on which it depends, and its sources; the first depends on none."""
+
+
+def unit_flight(height_m: float) -> MappingFlight:
+    """Return a mapping flight whose standard deviations are one unit of each slider."""
+    degree = float(np.radians(1.0))
+    return MappingFlight(
+        height_m=height_m,
+        sigma_position_m=(0.01, 0.01, 0.01),
+        sigma_attitude=(degree, degree, degree),
+        sigma_px=1.0,
+    )
+
+
+def sliders(values: Sequence[float]) -> list[Slider]:
+    """Return the sliders between whose ends values lie: those of `SLIDERS`, or scaled."""
+    return [_around(slider, value) for slider, value in zip(SLIDERS, values, strict=True)]
+
+
+def _around(slider: Slider, value: float) -> Slider:
+    least = max(slider.low, slider.step)
+    scale = next((s for s in SCALES if s * least <= value <= s * slider.high), 1.0)
+    low, high, step = (scale * end for end in (slider.low, slider.high, slider.step))
+    return replace(slider, low=low, high=high, step=step)
+
+
+def effects(calibration: Calibration, height: Slider) -> Array:
+    """Return what one unit of each slider makes of a ground point, at every stop of the height.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of one camera.
+    height : Slider
+
+    Returns
+    -------
+    ndarray, shape (n_stops, 2, n_rows)
+        In plan and in height, cm.
+    """
+    found = []
+    for height_m in height.stops:
+        mean = plan_and_height(over_ground(calibration, unit_flight(height_m)).mean)
+        own = [[budget.SOURCES.index(name) for name in sources] for _, sources in ROWS.values()]
+        found.append([[part[columns].sum() for columns in own] for part in mean])
+    return 100 * np.sqrt(np.maximum(np.array(found), 0.0))
+
+
+def shown(calibration: Calibration, flown: MappingFlight) -> Shown:
+    """Return the explorer as the page shows it."""
+    return html.explorer(explorer(calibration, flown))
+
+
+def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
+    """Return the explorer for a calibration and a flight.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of one camera.
+    flown : MappingFlight
+        Where the sliders begin.
+    """
+    tilt, _, heading = np.degrees(flown.sigma_attitude)
+    values = (flown.height_m, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
+    own = sliders([float(value) for value in values])
+    size = effects(calibration, own[0])
+    table = np.zeros((*size.shape[:2], len(ROWS) + 1, len(own)))
+    for k, (slider, _) in enumerate(ROWS.values()):
+        table[:, :, k, slider] = size[:, :, k]
+        table[:, :, -1, slider] = size[:, :, k]  # all together
+    names = [*ROWS, "all together"]
+    start = [round(float(value), slider.digits) for slider, value in zip(own, values, strict=True)]
+    presets = {
+        "this flight": start,
+        "poor positions": [*start[:2], own[2].high, *start[3:]],
+        "better targets": [start[0], round(start[1] / 3, own[1].digits), *start[2:]],
+        "twice as high": [min(2 * start[0], own[0].high), *start[1:]],
+    }
+    rows = {
+        name: [Roots(sliders=own, table=table[:, k, [i]]) for k in range(2)]
+        for i, name in enumerate(names)
+    }
+    largest = np.max(
+        [[part.at(at)[0] for part in rows[names[-1]]] for at in presets.values()], axis=0
+    )
+    ends = [next(end for end in ENDS if end >= one) for one in largest]
+    return Explorer(
+        name="explorer-error-budget",
+        caption=(
+            "Standard deviation of a ground point by its sources, for a mapping flight with 60 and "
+            "30\N{NO-BREAK SPACE}% of overlap and the calibration of this flight, without an error "
+            "of the survey. The last bar is the root of the sum of the squares of the others."
+        ),
+        sliders=own,
+        presets=presets,
+        panels=[
+            _panel(name, names, Roots(sliders=own, table=_bars(table[:, k])), ends[k])
+            for k, name in enumerate(COORDINATES)
+        ],
+        columns=[Column(title=f"{name} (cm)", digits=1) for name in COORDINATES],
+        rows=rows,
+    )
+
+
+def _bars(table: Array) -> Array:
+    """Return a table of lengths with a row of zeros, the other coordinate, below each."""
+    both = np.zeros((len(table), 2 * table.shape[1], table.shape[2]))
+    both[:, ::2] = table
+    return both
+
+
+def _panel(title: str, names: list[str], lengths: Roots, end: float) -> Panel:
+    n = len(names)
+    plane = Plane(
+        x=(0.0, end), y=(-0.7, n - 0.3), size=(360.0, 230.0), margin=(104.0, 14.0, 8.0, 40.0)
+    )
+    at = np.column_stack([np.zeros(n), np.arange(n)[::-1]])
+    ticks = "".join(
+        plane.line([(tick, plane.y[0]), (tick, plane.y[1])], dash="2 3")
+        + plane.text((tick, plane.y[0]), f"{tick:g}", shift=(0, 16))
+        for tick in np.linspace(0, end, 4)
+    )
+    labels = "".join(
+        plane.text(place, name, anchor="end", shift=(-6, 4))
+        for place, name in zip(at, names, strict=True)
+    )
+    return Panel(
+        title=title,
+        alt=f"Bars for the sources of the error in {title}, and for all of them together.",
+        size=plane.size,
+        fixed=ticks + labels + plane.text((end / 2, plane.y[0]), "σ (cm)", shift=(0, 32)),
+        marks=[
+            Mark(
+                kind="bars",
+                colour="blue",
+                at=plane.at(at),
+                scale=plane.scale,
+                response=lengths,
+            )
+        ],
+    )
+
+
+# --- Tables of the error budget
+
+
+COORDINATES = ("plan", "height")
+
+
+def plan_and_height(variance: Array) -> Array:
+    """Return variances in plan, east and north together, and in height.
+
+    Parameters
+    ----------
+    variance : ndarray, shape (3, n_sources)
+
+    Returns
+    -------
+    ndarray, shape (2, n_sources)
+    """
+    return np.stack([variance[0] + variance[1], variance[2]])
+
+
+def percent(variance: Array, *sources: str) -> float:
+    """Return which part of a variance some sources have, %.
+
+    Parameters
+    ----------
+    variance : ndarray, shape (n_sources,)
+    *sources : str
+        Names of `budget.SOURCES`.
+    """
+    own = [budget.SOURCES.index(source) for source in sources]
+    return float(100 * variance[own].sum() / variance.sum())
+
+
+def groups(
+    validations: Mapping[str, Validation],
+    points: Mapping[str, Budget],
+    pairs: Mapping[str, Budget],
+) -> pd.DataFrame:
+    """Return the predicted RMS at the check points, whether it holds, and the shares of groups.
+
+    Parameters
+    ----------
+    validations : mapping of str to Validation
+        By method.
+    points, pairs : mapping of str to Budget
+        Of their points, each from all its rays, and of their pairs.
+    """
+    rows = {}
+    for method, found in validations.items():
+        for rays, split, own in (
+            ("all", points[method], found.points),
+            ("pairs", pairs[method], found.pairs),
+        ):
+            for name, row in _by_coordinate(split, own).items():
+                rows[TITLES[method], rays, name] = row
+    table = pd.DataFrame(rows.values())
+    table.index = pd.MultiIndex.from_tuples(rows, names=["method", "rays", "coordinate"])
+    sizes = dict.fromkeys(("RMS predicted (m)", "RMS of d / σ"), ".2f")
+    table.attrs["formats"] = sizes | dict.fromkeys(table.columns[2:], ".1f")
+    return table
+
+
+def _by_coordinate(split: Budget, own: Differences) -> dict[str, dict[str, float]]:
+    square = np.mean((own.d / own.sigma) ** 2, axis=0)
+    normalised = np.sqrt([square[:2].mean(), square[2]])
+    return {
+        name: {
+            "RMS predicted (m)": float(np.sqrt(part.sum())),
+            "RMS of d / σ": float(normalised[k]),
+            **{f"{group} (%)": 100 * float(v) for group, v in budget.shares(part).items()},
+        }
+        for k, (name, part) in enumerate(zip(COORDINATES, plan_and_height(split.mean), strict=True))
+    }
+
+
+def printed_flight(cases: Sequence[Assumed], budgets: Sequence[Budget]) -> pd.DataFrame:
+    """Return what the paper's own accuracies predict, and what they leave of its RMS.
+
+    Parameters
+    ----------
+    cases : sequence of Assumed
+    budgets : sequence of Budget
+        Of pairs of rays, one for each case.
+    """
+    rms_, rows = rms(), []
+    for assumed, split in zip(cases, budgets, strict=True):
+        left = unexplained(rms_, split.rms)
+        row = {"image σ (px)": assumed.sigma_px, "GNSS σ (m)": assumed.sigma_gnss_m}
+        for axis, predicted, rest in zip(AXES, split.rms, left, strict=True):
+            row[f"{axis}: predicted (m)"] = predicted
+            row[f"{axis}: left (m)"] = rest if rest > 0 else np.nan
+        rows.append(row)
+    table = pd.DataFrame(rows)
+    table.attrs["formats"] = dict.fromkeys(table, ".2f") | {"image σ (px)": ".1f"}
+    return table
+
+
+def suspects(found: Sequence[Suspect]) -> pd.DataFrame:
+    """Return which single error would explain what is left in plan, and what it does to heights."""
+    rows = {one.name: dict(zip(AXES, one.rms, strict=True)) for one in found}
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("error")
+    table.insert(0, "size needed", [one.needed for one in found])
+    table.columns = ["size needed", *(f"{axis} (m)" for axis in AXES)]
+    table.attrs["formats"] = dict.fromkeys(table.columns[1:], ".2f")
+    return table
+
+
+# --- The budget of the paper's own flight, from what the paper says of its accuracies
+#
+# The rays are those of the simulated flight, whose independent block has the paper's height,
+# overlaps, number of targets and, nearly, number of pairs. Every standard deviation is the
+# paper's.
+
+
+PAPERS = "single_step"
+"""The method of which the paper's numbers are used."""
+
+NOT_PRINTED = ("b1",)
+"""Parameters that the paper does not have."""
+
+SHARED = {
+    "lever arm, forward": ("lever_x", "m", 1.0),
+    "lever arm, left": ("lever_y", "m", 1.0),
+    "boresight ω": ("boresight_x", "°", float(np.degrees(1.0))),
+    "boresight φ": ("boresight_y", "°", float(np.degrees(1.0))),
+    "boresight κ": ("boresight_z", "°", float(np.degrees(1.0))),
+}
+"""Errors that all images share: the unknown, and the unit of a table with what one of the library's
+units is in it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assumed:
+    """What is assumed of the paper's flight where the paper gives a range, or nothing.
+
+    Attributes
+    ----------
+    sigma_px : float
+        Of a natural target in an image.
+    sigma_gnss_m : float
+        Of a position, each coordinate.
+    """
+
+    sigma_px: float
+    sigma_gnss_m: float
+
+
+def assumptions() -> tuple[Assumed, ...]:
+    """Return the cases: the paper's best, poorer targets, and poorer positions as well."""
+    best, worst = (printed.statement(f"gnss_{name}_m") for name in ("best", "worst"))
+    half = printed.statement("synthetic_quality_px")
+    return (
+        Assumed(sigma_px=half, sigma_gnss_m=best),
+        Assumed(sigma_px=3 * half, sigma_gnss_m=best),
+        Assumed(sigma_px=3 * half, sigma_gnss_m=worst),
+    )
+
+
+def rms() -> Array:
+    """Return the RMS that the paper prints for the single-step method, shape (3,), m."""
+    return np.array([printed.value(4, f"rms_{axis}_m", PAPERS) for axis in AXES])
+
+
+def sources(
+    found: Validation, calibration: Calibration, assumed: Assumed
+) -> tuple[ErrorSources, Layout]:
+    """Return the sources of the errors of pairs of rays with the standard deviations of the paper.
+
+    Parameters
+    ----------
+    found : Validation
+        Its rays and pairs are used.
+    calibration : Calibration
+        With the standard deviations of Table 3, as `as_calibrated` returns it.
+    assumed : Assumed
+
+    Returns
+    -------
+    sources : ErrorSources
+    layout : Layout
+        Columns of the calibration, as `budget.of` takes both.
+    """
+    n, pairs = len(found.block.trajectory), found.pairs
+    angle = np.radians(
+        [printed.statement(f"{name}_deg") for name in ("roll_pitch", "roll_pitch", "heading")]
+    )
+    trajectory = replace(
+        found.block.trajectory,
+        sigma_position=np.full((n, 3), assumed.sigma_gnss_m),
+        sigma_attitude=np.tile(angle, (n, 1)),
+    )
+    plan, height = (printed.statement(f"check_{name}_m") for name in ("horizontal", "vertical"))
+    survey = np.tile([plan, plan, height], (len(found.block.check), 1))
+    block = replace(
+        found.block, trajectory=trajectory, check=replace(found.block.check, sigma_m=survey)
+    )
+    georeferenced = direct.georeference(block, calibration)
+    rays = validation.rays_of_pairs(block, pairs)
+    rays = replace(rays, sigma_px=np.full(len(rays.group), assumed.sigma_px))
+    at = validation.differences_at(block, georeferenced, rays, pairs.point_idx, "none")
+    return at.sources, georeferenced.layout
+
+
+def as_calibrated(calibration: Calibration) -> Calibration:
+    """Return a calibration with the standard deviations of Table 3 and no correlations.
+
+    The paper prints no correlations.
+    """
+    sigma = {
+        key: printed.sigma(3, REPORTED[key][0], PAPERS)
+        for key in (*INTERIOR, *MOUNT)
+        if key not in NOT_PRINTED
+    }
+    sigma |= {key: np.radians(value) for key, value in sigma.items() if key in MOUNT[3:]}
+    free = tuple(key for key in INTERIOR if key in sigma)
+    return Calibration(
+        cameras=calibration.cameras,
+        layout=layout(1, 0, free=free, free_mount=MOUNT),
+        cov=np.diag([sigma[key] ** 2 for key in (*free, *MOUNT)]),
+        sigma0_sq=1.0,
+        open_columns=np.zeros(len(sigma), dtype=bool),
+    )
+
+
+def unexplained(found_rms: Array, predicted_rms: Array) -> Array:
+    """Return what a budget leaves of an RMS, shape (3,), m; zero where it predicts more."""
+    left: Array = np.sqrt(np.maximum(found_rms**2 - predicted_rms**2, 0.0))
+    return left
+
+
+# --- which error leaves heights alone ----------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Suspect:
+    """An error that alone explains what the budget leaves of the printed RMS in plan.
+
+    Attributes
+    ----------
+    name, unit : str
+    size : float
+        How large it has to be, in the unit; of random errors their standard deviation.
+    rms : ndarray, shape (3,)
+        What it makes of the pairs' differences: east, north, height, m.
+    """
+
+    name: str
+    unit: str
+    size: float
+    rms: Array
+
+    @property
+    def needed(self) -> str:
+        """The size with its unit, two digits."""
+        gap = "" if self.unit == "°" else " "
+        return f"{self.size:#.2g}{gap}{self.unit}"
+
+
+def printed_suspects(sources: ErrorSources, columns: Layout, assumed: Assumed) -> list[Suspect]:
+    """Return what one error at a time does to the pairs if it alone explains what is left in plan.
+
+    Every error is scaled until its RMS in plan is what the sources leave of the printed one.
+
+    Parameters
+    ----------
+    sources, columns
+        As `sources` returns them.
+    assumed : Assumed
+        What they are of.
+    """
+    split = budget.of(sources, columns).mean
+    left = unexplained(rms(), np.sqrt(split.sum(axis=-1)))
+    size = float(np.sum(left[:2] ** 2))
+    degrees = {name: printed.statement(f"{name}_deg") for name in ("roll_pitch", "heading")}
+    own = {
+        "image points": (assumed.sigma_px, "px"),
+        "GNSS": (assumed.sigma_gnss_m, "m"),
+        "roll": (degrees["roll_pitch"], "°"),
+        "pitch": (degrees["roll_pitch"], "°"),
+        "heading": (degrees["heading"], "°"),
+    }
+    squares = [
+        (name, unit, unity, split[:, budget.SOURCES.index(name)])
+        for name, (unity, unit) in own.items()
+    ]
+    by_column = np.mean(sources.by_parameters**2, axis=0)
+    squares += [
+        (name, unit, unity, by_column[:, columns.mount[0][MOUNT.index(key)]])
+        for name, (key, unit, unity) in SHARED.items()
+    ]
+    squares.append(("the targets themselves, in plan", "m", 1.0, np.array([0.5, 0.5, 0.0])))
+    found_all = []
+    for name, unit, unity, square in squares:
+        factor = np.sqrt(size / square[:2].sum())
+        found_all.append(
+            Suspect(name=name, unit=unit, size=factor * unity, rms=factor * np.sqrt(square))
+        )
+    return found_all

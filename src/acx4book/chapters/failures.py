@@ -1,0 +1,455 @@
+"""Chapter 14, the failure clinic.
+
+Common mistakes planted in a flight, and what shows each of them.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from acx4book.notebooks import functions, runner
+from acx4book.typesetting import style
+from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import scientific
+from acx4book.typesetting.plain_text import Markup, shown
+from acx4lib.conventions import search
+from acx4lib.errors import Acx4Error
+from acx4lib.expected import Array
+from acx4lib.flight.reader import read
+from acx4lib.results import folder
+from acx4sim import files
+from acx4sim.designs import single_head
+from acx4sim.earth import Grid
+from acx4sim.files import SimulatedFlight
+from acx4sim.plan import GrossErrors, Options
+
+# --- One flight of an ordinary camera, and what plants mistakes in its tables
+
+
+BLOCK = "calibration"
+TRAJECTORY, CONTROL = f"{BLOCK}/trajectory.csv", "control_points.csv"
+
+
+def flown(seed: int, *, gross_errors: bool = False) -> SimulatedFlight:
+    """Return the flight without a systematic mistake.
+
+    Parameters
+    ----------
+    seed : int
+    gross_errors : bool
+        Whether single observations are wrong.
+    """
+    wrong = GrossErrors() if gross_errors else None
+    return single_head(seed=seed, options=Options(blocks=(BLOCK,), gross_errors=wrong))
+
+
+def changed(
+    flight: SimulatedFlight, tables: Mapping[str, Mapping[str, pd.Series]]
+) -> SimulatedFlight:
+    """Return a flight with other columns in some of its tables.
+
+    Parameters
+    ----------
+    flight : SimulatedFlight
+    tables : mapping of str to mapping of str to Series
+        Columns by their names, by the file of the table.
+    """
+    others = {path: flight.tables[path].assign(**columns) for path, columns in tables.items()}
+    return replace(flight, tables={**flight.tables, **others})
+
+
+def convergence_deg(flight: SimulatedFlight) -> Array:
+    """Return the convergence of the meridians at the exposures, degrees, shape (n,)."""
+    table = flight.tables[TRAJECTORY]
+    geodetic = np.column_stack([np.radians(table[["lat_deg", "lon_deg"]]), table["height_m"]])
+    out: Array = np.degrees(Grid(crs=flight.plan.crs).convergence(geodetic))
+    return out
+
+
+def late(flight: SimulatedFlight, by_s: float) -> pd.DataFrame:
+    """Return the positions that the aircraft has a little later, strip by strip.
+
+    Parameters
+    ----------
+    flight : SimulatedFlight
+    by_s : float
+
+    Returns
+    -------
+    DataFrame
+        lat_deg, lon_deg, height_m.
+    """
+    table = flight.tables[TRAJECTORY]
+    names = ["lat_deg", "lon_deg", "height_m"]
+    rates = [
+        own[names].apply(lambda column, t=own["time_s"]: np.gradient(column, t))
+        for _, own in table.groupby(table["exposure"].str.partition("-")[0], sort=False)
+    ]
+    return table[names] + by_s * pd.concat(rates)
+
+
+def only(flight: SimulatedFlight, strips: Sequence[str]) -> SimulatedFlight:
+    """Return a flight of which only some strips are left."""
+    images = flight.tables[f"{BLOCK}/images.csv"]
+    images = images[images["strip"].isin(strips)]
+    points = flight.tables[f"{BLOCK}/image_points.csv"]
+    track = flight.tables[TRAJECTORY]
+    kept = {
+        f"{BLOCK}/images.csv": images,
+        f"{BLOCK}/image_points.csv": points[points["image"].isin(images["image"])],
+        TRAJECTORY: track[track["exposure"].isin(images["exposure"])],
+    }
+    return replace(flight, tables={**flight.tables, **kept})
+
+
+# --- A flight with a planted mistake, run as a user would: what the commands say, what is left
+
+
+METHOD, TABLES = "single_step", ("residuals", "rejected")
+"""Which rows of which tables are kept."""
+
+COUNTED = ("tie points", "control points are not measured", "image points rejected")
+"""Words of sentences that count observations and name no mistake."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Examined:
+    """What a mistake leaves.
+
+    Attributes
+    ----------
+    check, run : tuple of str
+        What `acx4 check` and `acx4 run` say of the flight; empty where they find nothing odd.
+    residuals : DataFrame
+        residuals.csv of the single step; empty where it gave no result.
+    parameters : DataFrame
+        Its rows of parameters.csv with the column ``true``; empty likewise.
+    rejected : DataFrame
+        rejected.csv of the single step; empty likewise.
+    planted : list of dict
+        Gross errors of the simulation, with the columns of rejected.csv.
+    places_km : DataFrame
+        Grid east and north of the exposures, by name.
+    """
+
+    check: tuple[str, ...]
+    run: tuple[str, ...]
+    residuals: pd.DataFrame
+    parameters: pd.DataFrame
+    rejected: pd.DataFrame
+    planted: list[dict[str, Any]]
+    places_km: pd.DataFrame
+
+    @property
+    def named(self) -> bool:
+        """Whether a command says more than numbers of observations: what is wrong."""
+        lines = (*self.check, *self.run)
+        return any(not any(words in line for words in COUNTED) for line in lines)
+
+    def __repr__(self) -> str:
+        """Count what the commands say."""
+        return f"Examined: check says {len(self.check)} lines, run {len(self.run)}"
+
+    def _repr_markdown_(self) -> str:
+        """Show what the two commands say of the flight, word for word."""
+        both = (("check", self.check), ("run", self.run))
+        return "\n\n".join(f"`acx4 {name}` says:\n\n{_quoted(lines)}" for name, lines in both)
+
+
+def _quoted(lines: Sequence[str]) -> str:
+    return "\n>\n".join(f"> {shown(line)}" for line in lines) or "> (nothing odd)"
+
+
+def examine(flight: SimulatedFlight) -> Examined:
+    """Write a flight into an empty folder, check it, and run its calibration.
+
+    Parameters
+    ----------
+    flight : SimulatedFlight
+    """
+    with tempfile.TemporaryDirectory() as temporary:
+        written, results = Path(temporary) / "flight", Path(temporary) / "results"
+        files.write(flight, written)
+        check = _checked(written)
+        try:
+            outcome = runner.run(written, results, way=functions.Functions(), stages=("mounting",))
+            run = outcome.not_determined + outcome.notes
+            found = folder.read(results)
+            residuals, rejected = (_of_method(results / f"{n}.csv") for n in TABLES)
+        except Acx4Error as error:
+            said = (*getattr(error, "__notes__", ()), *str(error).splitlines())
+            run, found, residuals, rejected = said, None, pd.DataFrame(), pd.DataFrame()
+    return Examined(
+        check=_plain(check, temporary),
+        run=_plain(run, temporary),
+        residuals=residuals,
+        parameters=pd.DataFrame() if found is None else _with_truth(found, flight),
+        rejected=rejected,
+        planted=flight.truth.get("gross_errors", []),
+        places_km=_places(flight),
+    )
+
+
+def _of_method(path: Path) -> pd.DataFrame:
+    table = pd.read_csv(path)
+    return table[table["method"] == METHOD]
+
+
+def _checked(path: Path) -> tuple[str, ...]:
+    """Return what the command check adds to its summary, or why it refuses the flight."""
+    try:
+        flight = read(path)
+        return (*flight.notes, *search.notes(flight))
+    except Acx4Error as error:
+        return tuple(str(error).splitlines())
+
+
+def _plain(lines: tuple[str, ...], temporary: str) -> tuple[str, ...]:
+    """Return lines with paths as they are in the flight's folder."""
+    return tuple(line.replace(f"{temporary}/flight/", "") for line in lines)
+
+
+def _with_truth(found: folder.Results, flight: SimulatedFlight) -> pd.DataFrame:
+    (camera,) = flight.plan.blocks[BLOCK].cameras
+    own = folder.parameters(found, f"mounting/{METHOD}", camera)
+    true = flight.truth["cameras"][camera]
+    return own.assign(true=[true[name] for name in own.index])
+
+
+def _places(flight: SimulatedFlight) -> pd.DataFrame:
+    """Return where the exposures are, less their mean."""
+    table = flight.tables[TRAJECTORY]
+    geodetic = np.column_stack([np.radians(table[["lat_deg", "lon_deg"]]), table["height_m"]])
+    grid = Grid(crs=flight.plan.crs).grid_from_geodetic(geodetic)[:, :2] / 1000
+    return pd.DataFrame(
+        grid - grid.mean(axis=0), index=table["exposure"], columns=["east", "north"]
+    )
+
+
+# --- numbers ---------------------------------------------------------------------------------
+
+GROUPS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "image points": ("image_point", ("col_px", "row_px")),
+    "control, plan": ("control_point", ("east_m", "north_m")),
+    "control, height": ("control_point", ("height_m",)),
+    "GNSS, plan": ("gnss", ("east_m", "north_m")),
+    "GNSS, height": ("gnss", ("height_m",)),
+    "roll, pitch": ("attitude", ("roll_deg", "pitch_deg")),
+    "heading": ("attitude", ("heading_deg",)),
+}
+"""Kinds and components of residuals.csv by the name of their group."""
+
+
+def of_group(found: Examined, name: str) -> pd.DataFrame:
+    """Return the residuals of one of `GROUPS`; no rows where there is no adjustment."""
+    if not len(found.residuals):
+        return pd.DataFrame(columns=["image_or_exposure", "component", "v", "w"])
+    kind, components = GROUPS[name]
+    own = found.residuals
+    return own[(own["kind"] == kind) & own["component"].isin(components)]
+
+
+def standardised(found: Examined) -> pd.Series:
+    """Return the RMS of the standardised residuals of every group; one where all is right.
+
+    Parameters
+    ----------
+    found : Examined
+
+    Returns
+    -------
+    Series
+        By the names of `GROUPS`; NaN where there is no adjustment.
+    """
+    squares = {name: np.mean(np.square(of_group(found, name)["w"])) for name in GROUPS}
+    return pd.Series(squares, dtype=float) ** 0.5
+
+
+def worst(found: Examined) -> pd.Series | None:
+    """Return the parameter that is off by most of its sigma; None without an adjustment.
+
+    Returns
+    -------
+    Series or None
+        A row of `Examined.parameters` with its error and ``off``, the error over sigma.
+    """
+    if not len(found.parameters):
+        return None
+    error = found.parameters["value"] - found.parameters["true"]
+    off = error.abs() / found.parameters["sigma"]
+    return found.parameters.assign(error=error, off=off).sort_values("off").iloc[-1]
+
+
+# --- Figures of the failure clinic: one panel for each mistake, all in the same scale and layout
+
+
+COLUMNS = 3
+SEEN, LARGEST = 2.0, 3000.0
+"""RMS of standardised residuals from which a group is marked; end of the axis."""
+
+ARROW_KM = 0.3
+"""Length in the map of the longest arrow of a panel."""
+
+REFUSED = "refused when it is read:\nno adjustment"
+
+Draw = Callable[[Axes, Examined], object]
+
+
+def fingerprints(found: Mapping[str, Examined]) -> Figure:
+    """Draw the standardised residuals of every group of observations, mistake by mistake.
+
+    Parameters
+    ----------
+    found : mapping of str to Examined
+    """
+    with style.applied():
+        fig, axes = _panels(found, _draw_fingerprint, height=1.75, sharex=True, sharey=True)
+        first = axes[0, 0]
+        first.set(xscale="log", xlim=(0.3, LARGEST))
+        first.set_yticks(range(len(GROUPS)), [*GROUPS])
+        first.invert_yaxis()
+        for ax in axes[-1]:
+            ax.set_xlabel("RMS of $w$ (1)")
+    return fig
+
+
+def _draw_fingerprint(ax: Axes, one: Examined) -> None:
+    rms = standardised(one)
+    colours = [style.BRICK if value > SEEN else style.BLUE for value in rms]
+    ax.barh(np.arange(len(rms)), rms - 0.3, left=0.3, color=colours, height=0.68)
+    ax.axvline(1.0, color=style.INK, lw=0.8)
+    ax.grid(axis="y", visible=False)
+
+
+def maps(found: Mapping[str, Examined]) -> Figure:
+    """Draw where residuals are: of positions in plan as arrows, of attitudes as colours.
+
+    Parameters
+    ----------
+    found : mapping of str to Examined
+    """
+    with style.applied():
+        fig, axes = _panels(found, _draw_map, height=2.2)
+        reach = 1.35 * max(float(one.places_km.abs().to_numpy().max()) for one in found.values())
+        for ax in axes.flat:
+            ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xticks=[], yticks=[])
+        marks = axes[0, 0].collections[0]
+        label = "residual of the attitude, RMS of $w$ (1)"
+        fig.colorbar(
+            marks, ax=axes, location="bottom", shrink=0.5, aspect=40, pad=0.02, label=label
+        )
+    return fig
+
+
+def _draw_map(ax: Axes, one: Examined) -> None:
+    names = one.places_km.index
+    at = one.places_km.to_numpy()
+    turned = np.sqrt(
+        _by_exposure(one, "roll, pitch", names) ** 2 + _by_exposure(one, "heading", names) ** 2
+    )
+    east, north = at.T
+    ax.scatter(
+        east,
+        north,
+        c=turned,
+        s=16,
+        cmap=style.SHADES,
+        norm=LogNorm(0.5, 500.0),
+        zorder=3,
+        edgecolor=style.SOFT,
+        lw=0.4,
+    )
+    v = of_group(one, "GNSS, plan").pivot_table(
+        index="image_or_exposure", columns="component", values="v"
+    )
+    moved = v.reindex(names)[["east_m", "north_m"]].to_numpy()
+    longest = float(np.nanmax(np.hypot(*moved.T)))
+    arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "width": 0.008, "zorder": 4}
+    ax.quiver(*at.T, *moved.T, scale=longest / ARROW_KM, color=style.ORANGE, **arrows)
+    ax.annotate(
+        f"longest arrow {_length(longest)}", (0.02, 0.03), xycoords="axes fraction", fontsize=7.5
+    )
+
+
+def _by_exposure(one: Examined, group: str, names: pd.Index) -> np.ndarray:
+    """Return the RMS of the standardised residuals of a group, by exposure."""
+    own = of_group(one, group)
+    mean = own.assign(square=own["w"] ** 2).groupby("image_or_exposure")["square"].mean()
+    out: np.ndarray = np.sqrt(mean.reindex(names).to_numpy())
+    return out
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.1f} m" if metres >= 1 else f"{100 * metres:.0f} cm"
+
+
+def _panels(
+    found: Mapping[str, Examined], draw: Draw, *, height: float, **shared: bool
+) -> tuple[Figure, Any]:
+    """Return a figure with a panel for every mistake; what was refused says so."""
+    n_rows = -(-len(found) // COLUMNS)
+    fig, axes = style.subplots(
+        n_rows, COLUMNS, figsize=(style.WIDTH, height * n_rows + 0.5), squeeze=False, **shared
+    )
+    for ax in axes.flat[len(found) :]:
+        ax.axis("off")
+    for ax, (name, one) in zip(axes.flat, found.items(), strict=False):
+        ax.set_title(name)
+        if len(one.residuals):
+            draw(ax, one)
+        else:
+            ax.text(
+                *(0.5, 0.5, REFUSED), ha="center", va="center", color=style.SOFT,
+                transform=ax.transAxes,
+            )  # fmt: skip
+    return fig, axes
+
+
+# --- The table of the failure clinic: what every mistake leaves in residuals and parameters
+
+
+def table(found: Mapping[str, Examined]) -> pd.DataFrame:
+    """Return what every mistake leaves in residuals and parameters, as text.
+
+    Parameters
+    ----------
+    found : mapping of str to Examined
+    """
+    return pd.DataFrame([{"Mistake": name, **_cells(one)} for name, one in found.items()])
+
+
+def _cells(one: Examined) -> dict[str, str]:
+    off = worst(one)
+    if off is None:
+        return {
+            "Largest residuals": "refused when it is read",
+            "Rejected": "",
+            "Parameter that is most wrong": "",
+            "wrong by": "",
+            "in its own σ": "",
+        }
+    rms = standardised(one)
+    return {
+        "Largest residuals": f"{rms.idxmax()}, {rms.max():.3g} σ",
+        "Rejected": f"{len(one.rejected)}",
+        "Parameter that is most wrong": Markup(LABELS[str(off.name)]),
+        "wrong by": _with_unit(float(off["error"]), str(off["unit"])),
+        "in its own σ": f"{off['off']:.3g}",
+    }
+
+
+def _with_unit(value: float, unit: str) -> Markup:
+    if unit == "deg":
+        return Markup(f"{value:+.3g}°")
+    number = scientific(value, digits=1) if abs(value) < 1e-3 else f"{value:+.3g}"
+    return Markup(f"{number} {unit}")

@@ -1,0 +1,608 @@
+"""Chapter 0, the flight that is read (section 3.2).
+
+Its blocks beside the paper's, and a figure for the front page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+from scipy.spatial import ConvexHull
+
+from acx4book.paper import printed
+from acx4book.typesetting import style
+from acx4book.typesetting.maps import BODY, arrow, blank, note, triad, view
+from acx4book.typesetting.plain_text import shown
+from acx4lib.expected import Array
+from acx4lib.flight import design
+from acx4lib.flight.block import Block
+from acx4lib.flight.design import levels
+from acx4lib.flight.reader import Flight
+from acx4lib.geometry.camera import Camera
+
+# --- Figures of chapter 0: the system in space, and a signalised point, after the paper's 2
+# and 4b
+
+
+# --- the system ------------------------------------------------------------------------------
+
+VIEW = view(-28, 30)
+"""From the left and behind, a little above; x of the body is forward."""
+
+ASIDE, LENS, RADIUS = 1.15, 0.6, 0.2
+"""Distance of a head from the middle, and length and radius of its lens."""
+
+IMU_AT = np.array([0.0, 0.0, 0.45])
+ANTENNA_AT = np.array([-1.9, 0.6, 1.5])
+
+
+def system(flight: Flight) -> Figure:
+    """Draw the cameras of a flight on their mount, with the IMU and the GNSS antenna.
+
+    Parameters
+    ----------
+    flight : Flight
+    """
+    cameras = _heads(flight)
+    with style.applied():
+        fig, ax = style.subplots(figsize=(style.WIDTH, 4.4))
+        _draw_mount(ax)
+        down = [camera.T_b_c.R @ [0.0, 0.0, -1.0] for camera in cameras]
+        places = _places(down)
+        for i in np.argsort([_depth(at) for at in places]):
+            _draw_head(ax, places[i], down[i], style.colour(int(i)), cameras[i].name)
+        _draw_imu(ax)
+        _label(ax, flight, cameras)
+        blank(fig)
+    return fig
+
+
+def _heads(flight: Flight) -> tuple[Camera, ...]:
+    names = flight.synthetic.heads if flight.synthetic else tuple(flight.cameras)
+    return tuple(flight.cameras[name] for name in names)
+
+
+def _depth(at: Array) -> float:
+    """Return how near to the viewer a head is."""
+    return float(VIEW.apply(at)[2])
+
+
+def _places(ways: Sequence[Array]) -> list[Array]:
+    """Return where heads are on the mount; those that look one way stand around its middle."""
+    at = [aside(way) for way in ways]
+    of_place: dict[tuple[float, ...], list[int]] = {}
+    for i, place in enumerate(at):
+        of_place.setdefault(tuple(place.round(1) + 0.0), []).append(i)
+    for together in of_place.values():
+        angle = np.pi / 4 + 2 * np.pi * np.arange(len(together)) / len(together)
+        if len(together) > 1:
+            for i, a in zip(together, angle, strict=True):
+                at[i] = at[i] + 0.7 * ASIDE * np.array([np.cos(a), np.sin(a), 0.0])
+    return at
+
+
+def aside(way: Array) -> Array:
+    """Return where a head is on the mount: aside to where it looks."""
+    flat = way * [1.0, 1.0, 0.0]
+    length = float(np.hypot(*flat[:2]))
+    place: Array = ASIDE * flat / length if length > 0.05 else np.zeros(3)
+    return place
+
+
+def _draw_mount(ax: Axes) -> None:
+    corners = 1.75 * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]], dtype=float)
+    slab = np.concatenate([corners, corners - np.array([0.0, 0.0, 0.12])])
+    _solid(ax, slab, style.SOFT, alpha=0.3, zorder=3)
+
+
+def _draw_head(ax: Axes, at: Array, way: Array, colour: str, name: str) -> None:
+    """Draw a lens below the mount, the camera above it, and the axis along which it looks."""
+    tip = at + LENS * way
+    _solid(ax, np.concatenate([ring(at, way, RADIUS), ring(tip, way, 1.2 * RADIUS)]), colour)
+    back = ring(at, way, 1.5 * RADIUS)
+    _solid(ax, np.concatenate([back, back - 0.4 * way]), colour, zorder=4)
+    arrow(ax, VIEW.apply(tip)[:2], VIEW.apply(at + 1.35 * way)[:2], colour, width=1.4)
+    note(ax, VIEW.apply(at + 1.5 * way)[:2], style.plain(name), style.INK, shift=(0, -3))
+
+
+def ring(centre: Array, way: Array, radius: float) -> Array:
+    """Return points of a circle around a direction, shape (24, 3)."""
+    across = np.linalg.svd(way[None])[2][1:]
+    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    circle: Array = centre + radius * np.column_stack([np.cos(angle), np.sin(angle)]) @ across
+    return circle
+
+
+def _solid(ax: Axes, points: Array, colour: str, *, alpha: float = 0.85, zorder: int = 2) -> None:
+    """Draw the outline of a convex body and fill it."""
+    seen = VIEW.apply(points)[:, :2]
+    outline = seen[ConvexHull(seen).vertices]
+    ax.add_patch(Polygon(outline, fc=colour, ec=style.INK, lw=0.7, alpha=alpha, zorder=zorder))
+
+
+def _draw_imu(ax: Axes) -> None:
+    """Draw the IMU with the axes of the body, and the antenna above it."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    _solid(ax, IMU_AT + signs * np.array([0.3, 0.3, 0.22]), BODY, zorder=5)
+    triad(ax, VIEW, IMU_AT, 1.3 * np.eye(3), ["$x$ forward", "$y$ left", "$z$ up"], BODY)
+    rim = ring(ANTENNA_AT, np.array([0.0, 0.0, 1.0]), 0.28)
+    _solid(ax, np.concatenate([rim, rim + np.array([0.0, 0.0, 0.1])]), style.SOFT, zorder=5)
+    line = VIEW.apply(np.stack([IMU_AT, ANTENNA_AT]))[:, :2]
+    ax.plot(*line.T, color=style.SOFT, lw=1.0, ls=(0, (3, 2)), zorder=3)
+
+
+def _label(ax: Axes, flight: Flight, cameras: Sequence[Camera]) -> None:
+    """Write what the parts are."""
+    imu = "IMU (LN-200)\nof the POS-AV510" if printed.applies(flight) else "IMU"
+    first, n = cameras[0], len(cameras)
+    what = f"{n} heads of" if n > 1 else "one camera of"
+    camera = (
+        f"{what}\n{first.width_px} × {first.height_px} px,\n{1000 * first.pixel_mm:g} µm,\n"
+        f"focal length {first.interior.f:g} mm"
+    )
+    for at, text in (
+        (np.array([2.3, 0.9, 1.0]), imu),
+        (ANTENNA_AT + np.array([-0.9, 0.6, 0.3]), "GNSS antenna\non the aeroplane"),
+        (np.array([-2.3, 0.3, -0.3]), "common mount"),
+        (np.array([2.6, -2.3, -0.5]), camera),
+    ):
+        note(ax, VIEW.apply(at)[:2], text, style.INK, shift=(0, 0))
+    ax.set(xlim=(-3.6, 4.3), ylim=(-2.3, 2.5))
+
+
+# --- a signalised point -----------------------------------------------------------------------
+
+SIDE_M = 1.6
+"""Side of the square of ground that is drawn."""
+
+OFF = np.array([0.23, -0.17])
+"""Where the middle of the target is, in pixels from the middle of a pixel."""
+
+SAMPLES = 20
+"""Points along each side of a pixel by which its grey value is found."""
+
+
+def target(flight: Flight) -> Figure:
+    """Draw the target of the paper, and its image from each flying height over the field.
+
+    Parameters
+    ----------
+    flight : Flight
+    """
+    if not printed.applies(flight):
+        return style.nothing("The targets of this flight are not described in its files.")
+    diameter = printed.statement("target_diameter_m")
+    found = _levels(flight)
+    with style.applied():
+        fig, ((*axes,),) = style.subplots(
+            1, 1 + len(found), figsize=(style.WIDTH, 2.1), squeeze=False
+        )
+        _draw_target(axes[0], diameter)
+        for ax, (height, gsd) in zip(axes[1:], found, strict=True):
+            grey = pixels(diameter / gsd, OFF, half=int(np.ceil(SIDE_M / gsd / 2)))
+            reach = gsd * len(grey) / 2
+            ax.imshow(grey, cmap="gray", vmin=-0.25, vmax=1, extent=(-reach, reach, -reach, reach))
+            ax.set_title(f"from {height:.0f} m")
+            ax.set_xlabel(f"{100 * gsd:.1f} cm a pixel:\n{diameter / gsd:.1f} px across")
+        for ax in axes:
+            half = SIDE_M / 2
+            ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xticks=[], yticks=[])
+            ax.grid(visible=False)
+    return fig
+
+
+def _levels(flight: Flight) -> list[tuple[float, float]]:
+    """Return known heights and ground pixels of the blocks over the field, the lowest first."""
+    blocks = [flight.mounted(name) for name in ("heads", "calibration") if name in flight.blocks]
+    found = [(level.height_m, level.gsd_m) for block in blocks for level in levels(block)]
+    return sorted(one for one in found if np.isfinite(one[0]))
+
+
+def pixels(diameter_px: float, centre_px: Array, *, half: int) -> Array:
+    """Return how much of each pixel a disc covers.
+
+    Parameters
+    ----------
+    diameter_px : float
+    centre_px : ndarray, shape (2,)
+        Of the disc, from the middle of the middle pixel.
+    half : int
+        Pixels on each side of the middle one.
+
+    Returns
+    -------
+    ndarray, shape (2 half + 1, 2 half + 1)
+        From zero to one.
+    """
+    n = 2 * half + 1
+    at = (np.arange(n * SAMPLES) + 0.5) / SAMPLES - n / 2
+    col, row = np.meshgrid(at - centre_px[0], at - centre_px[1])
+    inside = np.hypot(col, row) <= diameter_px / 2
+    shares: Array = inside.reshape(n, SAMPLES, n, SAMPLES).mean(axis=(1, 3))
+    return shares
+
+
+def _draw_target(ax: Axes, diameter: float) -> None:
+    """Draw the disc with its measure."""
+    ax.set_facecolor("#5c6166")
+    ax.add_patch(Circle((0, 0), diameter / 2, fc="white", ec="none"))
+    how = {"arrowstyle": "<->", "color": style.BLACK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", (-diameter / 2, 0), (diameter / 2, 0), arrowprops=how)
+    ax.text(0, 0.04, f"{100 * diameter:.0f} cm", ha="center", va="bottom", color=style.BLACK)
+    ax.set_title("on the ground")
+    ax.set_xlabel("a disc")
+
+
+# --- One exposure in space: the heads, the ground that each of them sees, the synthetic image
+
+
+PANE = 0.36
+"""Where on the rays the images are drawn, as a share of the way to the ground."""
+
+ALT = (
+    "An aeroplane over a field, drawn in space. From it the rays of every camera head widen to "
+    "the ground, each in a colour of its own. Half-way they pass through the images, coloured "
+    "panes that overlap; a thick frame around them is the synthetic image. On the ground the "
+    "same panes are large areas that overlap along their inner borders, with the same thick "
+    "frame. The frames of the other exposures of the strip lie one over the other, and triangles "
+    "mark surveyed points."
+)
+"""What is seen."""
+
+AEROPLANE = np.array(
+    [
+        *((1.1, 0.0), (0.9, 0.1), (0.35, 0.12), (0.2, 1.3), (-0.1, 1.3), (-0.2, 0.12)),
+        *((-0.8, 0.07), (-0.9, 0.45), (-1.1, 0.45), (-1.05, 0.0)),
+    ]
+)
+"""Outline of the right half of an aeroplane, from the nose to the tail, in half spans."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """An exposure in metres, in axes along the flight, to its left, and up from the ground.
+
+    Attributes
+    ----------
+    places : ndarray, shape (n, 3)
+        Of all exposures of the strip.
+    middle : int
+        The exposure that is drawn.
+    images : ndarray, shape (n_cameras, 4, 3)
+        Footprints of its images.
+    synthetic : ndarray, shape (n, 4, 3)
+        Footprints of the strip's synthetic images, or of its images where it has no others.
+    control : ndarray, shape (n, 3)
+        The surveyed points, on the ground.
+    names : tuple of str
+        Of the cameras.
+    """
+
+    places: Array
+    middle: int
+    images: Array
+    synthetic: Array
+    control: Array
+    names: tuple[str, ...]
+
+    @property
+    def centre(self) -> Array:
+        """Where the exposure was taken, shape (3,)."""
+        return np.array(self.places[self.middle])
+
+
+def scene(flight: Flight) -> Scene | None:
+    """Return the middle exposure of the lowest strip; None where the ground is not known.
+
+    Of the calibration block, or of the first block where there is none.
+
+    Parameters
+    ----------
+    flight : Flight
+    """
+    name = "calibration" if flight.calibration is not None else next(iter(flight.blocks))
+    block, mounted = flight.block(name), flight.mounted(name)
+    lowest = design.levels(block)[-1]
+    strip_of = np.array(design.strip_of_exposure(block), dtype=object)
+    strip = lowest.strips[len(lowest.strips) // 2]
+    own = np.flatnonzero(strip_of == strip)
+    middle = own[len(own) // 2]
+    to_strip = _along(block, middle)
+    images = to_strip(design.footprints(block)[block.images.exposure_idx == middle])
+    frames = to_strip(design.footprints(mounted)[np.isin(mounted.images.exposure_idx, own)])
+    if not (np.isfinite(images).all() and np.isfinite(frames).all()):
+        return None
+    surveyed = to_strip(np.concatenate([block.control.x_m, block.check.x_m]))
+    return Scene(
+        places=to_strip(block.trajectory.T_m_b.r[own]),
+        middle=len(own) // 2,
+        images=images,
+        synthetic=frames,
+        control=surveyed * [1.0, 1.0, 0.0],
+        names=tuple(camera.name for camera in block.cameras),
+    )
+
+
+def _along(block: Block, exposure: int) -> Callable[[Array], Array]:
+    """Return the map from the mapping frame into the axes of a scene."""
+    ahead = design.directions(block)[exposure]
+    axes = np.array([[*ahead, 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
+    foot = block.trajectory.T_m_b.r[exposure] * [1.0, 1.0, 0.0]
+    foot[2] = design.ground_height(block)
+    return lambda x_m: (x_m - foot) @ axes.T
+
+
+# --- the picture -----------------------------------------------------------------------------
+
+
+def exposure(flight: Flight) -> Figure:
+    """Draw one exposure as one sees it who flies beside it.
+
+    Parameters
+    ----------
+    flight : Flight
+        With ground control, which says where the ground is.
+    """
+    found = scene(flight)
+    if found is None:
+        return style.nothing("No surveyed point tells where the ground is.")
+    with style.applied():
+        fig, ax = style.subplots(figsize=(style.WIDTH, 5.0))
+        look = Look.at(found)
+        _draw_ground(ax, found, look)
+        _draw_rays(ax, found, look)
+        _draw_aeroplane(ax, found, look)
+        _exposure_label(ax, found, look)
+        blank(fig)
+    return fig
+
+
+def caption(flight: Flight) -> str:
+    """Say what the drawing shows, with the numbers of the flight."""
+    found = scene(flight)
+    if found is None:
+        return ""
+    n, each = len(found.images), np.ptp(found.synthetic[found.middle], axis=0)[:2]
+    cameras = f"{n} heads take {n} images at once" if n > 1 else "One camera takes one image"
+    thick = "the synthetic image that is made of them" if n > 1 else "its frame"
+    return (
+        f"{cameras}, {found.centre[2]:.0f} m above the ground, drawn from the trajectory and the "
+        f"cameras of the flight {shown(flight.name)}. Thick: {thick}, {each[0]:.0f} × "
+        f"{each[1]:.0f} m on the ground. Thin: the other exposures of the strip."
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A central projection of a scene.
+
+    Attributes
+    ----------
+    eye : ndarray, shape (3,)
+    axes : ndarray, shape (3, 3)
+        Rows to the right, up and towards the viewer.
+    """
+
+    eye: Array
+    axes: Array
+
+    @classmethod
+    def at(cls, found: Scene) -> Look:
+        """Look at a scene from its right, from behind and from above."""
+        height = found.centre[2]
+        eye = np.array([-1.3, -3.2, 1.75]) * height
+        towards = eye - np.array([0.1, 0.0, 0.38]) * height
+        towards /= np.linalg.norm(towards)
+        right = np.cross([0.0, 0.0, 1.0], towards)
+        right /= np.linalg.norm(right)
+        return cls(eye=eye, axes=np.stack([right, np.cross(towards, right), towards]))
+
+    def __call__(self, points: Array) -> Array:
+        """Return points on the picture, shape (..., 2), in the unit of the scene."""
+        seen = (points - self.eye) @ self.axes.T
+        picture: Array = -seen[..., :2] / seen[..., 2:] * np.linalg.norm(self.eye)
+        return picture
+
+
+def _draw_ground(ax: Axes, found: Scene, look: Look) -> None:
+    """Draw the frames of the whole strip and the surveyed points under it."""
+    for frame in found.synthetic:
+        ax.add_patch(_area(look(frame), style.SOFT, alpha=0.06))
+        ax.add_patch(_outline(look(frame), style.SOFT, lw=0.5))
+    low, high = (f(found.synthetic.reshape(-1, 3), axis=0) for f in (np.min, np.max))
+    margin = 0.12 * (high - low)
+    near = np.all((found.control >= low - margin) & (found.control <= high + margin), axis=1)
+    ax.plot(*look(found.control[near]).T, "^", color=style.INK, ms=3.2)
+
+
+def _draw_rays(ax: Axes, found: Scene, look: Look) -> None:
+    """Draw what every camera sees, from the lens through its image to the ground."""
+    centre = found.centre
+    far_first = np.argsort(-found.images.mean(axis=1) @ (look.eye - centre))[::-1]
+    for i in far_first:
+        corners, colour = found.images[i], style.colour(int(i))
+        ax.add_patch(_area(look(corners), colour, alpha=0.3))
+        ax.add_patch(_outline(look(corners), colour, lw=1.1))
+        for pair in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            ax.add_patch(_area(look(np.array([centre, *pair])), colour, alpha=0.05))
+        for corner in corners:
+            ax.plot(*look(np.array([centre, corner])).T, color=colour, lw=0.5, alpha=0.7)
+    frame = found.synthetic[found.middle]
+    ax.add_patch(_outline(look(frame), style.INK, lw=2.2))
+    for i in far_first:
+        pane = look(centre + PANE * (found.images[i] - centre))
+        ax.add_patch(_area(pane, style.colour(int(i)), alpha=0.6))
+    ax.add_patch(_outline(look(centre + PANE * (frame - centre)), style.INK, lw=2.2))
+
+
+def _draw_aeroplane(ax: Axes, found: Scene, look: Look) -> None:
+    """Draw the line of flight, its exposures, and an aeroplane that is much too large."""
+    ax.plot(*look(found.places).T, "-", color=style.SOFT, lw=0.8)
+    ax.plot(*look(found.places).T, "o", color=style.SOFT, ms=3)
+    outline = np.concatenate([AEROPLANE, AEROPLANE[::-1] * [1.0, -1.0]])
+    flat = np.column_stack([outline * 0.13 * found.centre[2], np.zeros(len(outline))])
+    ax.add_patch(_area(look(found.centre + flat), style.INK, alpha=1.0))
+
+
+def _exposure_label(ax: Axes, found: Scene, look: Look) -> None:
+    """Write what is seen beside it."""
+    centre, frame = found.centre, found.synthetic[found.middle]
+    for name, corners in zip(found.names, found.images, strict=True):
+        outermost = corners[np.argmax(np.hypot(*corners.T[:2]))]
+        at = look(0.8 * corners.mean(axis=0) + 0.2 * outermost)
+        ax.annotate(
+            style.plain(name),
+            (at[0], at[1]),
+            color=style.INK,
+            ha="center",
+            va="center",
+            weight="bold",
+        )  # colours of the palette are too light for letters
+    pane = centre + PANE * (frame - centre)
+    right = max(look(pane), key=lambda at: float(at[0]))
+    left = min(look(pane), key=lambda at: float(at[0]))
+    what = "one synthetic image" if len(found.images) > 1 else "one image"
+    note(ax, right, f"{what}\n(thick frame)", style.INK, shift=(66, 6))
+    if len(found.images) > 1:
+        note(
+            ax,
+            left,
+            f"{len(found.images)} images\nof {len(found.images)} heads",
+            style.INK,
+            shift=(-42, 8),
+        )
+    last = look(found.places)[np.argmax(look(found.places)[:, 0])]
+    note(ax, last, f"exposures, {centre[2]:.0f} m\nabove the ground", style.SOFT, shift=(10, -18))
+    points = look(found.control)
+    note(ax, points[np.argmin(points[:, 1])], "surveyed points", style.SOFT, shift=(54, 0))
+
+
+def _area(corners: Array, colour: str, *, alpha: float) -> Polygon:
+    return Polygon(corners, facecolor=colour, alpha=alpha, lw=0, zorder=2)
+
+
+def _outline(corners: Array, colour: str, *, lw: float) -> Polygon:
+    return Polygon(corners, facecolor="none", edgecolor=colour, lw=lw, zorder=3)
+
+
+# --- What the paper says of its flight (section 3), in the form of the tables of a flight
+
+
+PRINTED: dict[tuple[str, int], dict[str, str]] = {
+    ("heads", 0): {
+        "strips": "block_1_high_strips",
+        "images": "block_1_high_images",
+        "height": "block_1_high_m",
+        "gsd": "block_1_high_gsd_m",
+        "forward": "block_1_forward_overlap",
+    },
+    ("heads", 1): {
+        "strips": "block_1_low_strips",
+        "images": "block_1_low_images",
+        "height": "block_1_low_m",
+        "gsd": "block_1_low_gsd_m",
+        "forward": "block_1_forward_overlap",
+        "side": "block_1_side_overlap",
+        "directions": "block_1_low_directions",
+    },
+    ("calibration", 0): {
+        "strips": "block_2_high_strips",
+        "images": "block_2_high_images",
+        "height": "block_2_high_m",
+        "gsd": "block_2_high_gsd_m",
+        "forward": "block_2_forward_overlap",
+        "side": "block_2_high_side_overlap",
+    },
+    ("calibration", 1): {
+        "strips": "block_2_low_strips",
+        "images": "block_2_low_images",
+        "height": "block_2_low_m",
+        "gsd": "block_2_low_gsd_m",
+        "forward": "block_2_forward_overlap",
+        "side": "block_2_low_side_overlap",
+    },
+    ("validation", 0): {
+        "strips": "block_3_strips",
+        "height": "block_3_m",
+        "gsd": "block_3_gsd_m",
+        "forward": "block_3_forward_overlap",
+    },
+}
+"""The paper's statements on a block and its levels, the highest first."""
+
+PRINTED_IMAGES = {
+    "heads": "block_1_images",
+    "calibration": "block_2_images",
+    "validation": "block_3_images",
+}
+PRINTED_POINTS = {
+    "heads": "field_points",
+    "calibration": "field_points",
+    "validation": "check_points",
+}
+
+COLUMNS = {
+    "height above ground (m)": ("height", 1),
+    "ground pixel (cm)": ("gsd", 100),
+    "strips": ("strips", 1),
+    "directions": ("directions", 1),
+    "images per strip": ("images", 1),
+    "forward overlap (%)": ("forward", 1),
+    "side overlap (%)": ("side", 1),
+}
+"""Columns of `design.level_table`: their names in `PRINTED`, and the factor to their unit."""
+
+
+def beside_paper(flown: pd.DataFrame, flight: Flight) -> pd.DataFrame:
+    """Return levels of blocks, each above what the paper says of its own.
+
+    Parameters
+    ----------
+    flown : DataFrame
+        By ``block`` and ``level``, as `design.level_table` has them.
+    flight : Flight
+        Without the paper's cameras nothing is added.
+    """
+    table = flown.copy()
+    if printed.applies(flight):
+        said = pd.DataFrame([_said(*key) for key in flown.index], index=flown.index)
+        said = said.dropna(how="all")
+        both = pd.concat({"flown": flown, "paper": said}, names=["of"])
+        order = [
+            (of, *key)
+            for key in flown.index
+            for of in ("flown", "paper")
+            if of == "flown" or key in said.index
+        ]
+        table = both.loc[order].reorder_levels(["block", "level", "of"])
+    table.attrs["formats"] = {
+        **dict.fromkeys(table, ".0f"),
+        "ground pixel (cm)": ".1f",
+        "images per strip": ".3g",
+    }
+    return table
+
+
+def _said(block: str, level: int) -> dict[str, float]:
+    names = PRINTED.get((block, level - 1), {})
+    return {
+        column: factor * printed.statement(names[key]) if key in names else np.nan
+        for column, (key, factor) in COLUMNS.items()
+    }
+
+
+def printed_contents(flight: Flight) -> pd.DataFrame:
+    """Return the paper's numbers of images and of surveyed points, to be joined by the block."""
+    names = list(flight.blocks) if printed.applies(flight) else []
+    said = {
+        "paper: images each": {n: printed.statement(PRINTED_IMAGES[n]) for n in names},
+        "paper: surveyed": {n: printed.statement(PRINTED_POINTS[n]) for n in names},
+    }
+    found = pd.DataFrame(said, index=pd.Index(names, name="block", dtype=object))
+    return found if names else found[[]]

@@ -1,0 +1,778 @@
+"""The quality of a synthetic image against known points of the ground (section 4.1).
+
+Points are measured in it by least-squares matching with a picture that one ideal camera took at
+the same place; and it is calibrated by itself, as if it were one camera's image, which shows what
+part of its errors looks like a lens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from acx4book.paper import printed
+from acx4lib import expected, shown
+from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.start import SUSPECT
+from acx4lib.bundle.uses import free_orientation
+from acx4lib.calibration.estimates import require_control
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.expected import Array, Index, Mask, Raster
+from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.geometry.camera import (
+    INTERIOR,
+    Camera,
+    Interior,
+    colrow_from_xy,
+    inside,
+    xy_from_colrow,
+)
+from acx4lib.geometry.frames import Pose, exp, opk_from_rotation, rotation_from_opk
+from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
+from acx4lib.synthetic_image.frame import (
+    head_from_synthetic,
+    reduced_camera,
+    reduced_heads,
+    synthetic_from_head,
+)
+from acx4lib.synthetic_image.rendering import FEATHER_PX, render, render_plan
+from acx4lib.synthetic_image.response import Response
+from acx4lib.tie_points.least_squares_matching import correlate, match
+from acx4lib.tie_points.matching import best_of_cells, response
+from acx4lib.tie_points.overlaps import grey
+from acx4lib.tie_points.refinement import frame_differences, refine_by_rotations, tie_differences
+from acx4lib.tie_points.ties import TiePoints, refine_by_mean_differences
+from acx4sim.designs import acx4_plan
+from acx4sim.optics import Camera as TrueCamera
+from acx4sim.pictures import (
+    Ground,
+    Station,
+    Tiles,
+    ground_from_pixels,
+    head_images,
+    landscape,
+    picture,
+    pixels_from_ground,
+    station,
+)
+
+LENS = ("k1", "k2", "k3", "p1", "p2")
+"""What the self-calibration of a synthetic image estimates of its lens."""
+
+LEAST_CORRELATION = 0.7
+"""Of a window with its place in the other picture."""
+
+BORDER_SHARE = 0.05
+"""Share of the synthetic image's longer side that counts as near its border."""
+
+ZONES = ("one head", "several heads", "near the border")
+
+
+# --- measured --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Windows:
+    """How points are measured.
+
+    Attributes
+    ----------
+    cell_px : int
+        Side of the cells that give one point each.
+    correlation_px, matching_px : int
+        Odd sides of the windows for correlation and for least-squares matching.
+    search_px : int
+        Largest shift that is looked for.
+    largest_sigma_px : float
+        Of a matched point.
+    """
+
+    cell_px: int = 40
+    correlation_px: int = 15
+    matching_px: int = 21
+    search_px: int = 4
+    largest_sigma_px: float = 0.15
+
+
+@shown.briefly
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deviations:
+    """Points of an image against their places in an ideal one.
+
+    Attributes
+    ----------
+    ideal : ndarray, shape (n, 2)
+        col, row of the ideal picture, px.
+    d_px : ndarray, shape (n, 2)
+        Measured less ideal, along columns and rows, px of that picture.
+    sigma_px : ndarray, shape (n,)
+        Of a coordinate, as the matching says.
+    """
+
+    ideal: Array
+    d_px: Array
+    sigma_px: Array
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return len(self.ideal)
+
+    def __getitem__(self, keep: Index | Mask) -> Deviations:
+        """Select points."""
+        return Deviations(**{one.name: getattr(self, one.name)[keep] for one in fields(self)})
+
+
+def measure(image: np.ndarray, ideal: np.ndarray, *, windows: Windows | None = None) -> Deviations:
+    """Measure one corner of each cell of an ideal picture in another image of the same camera.
+
+    Parameters
+    ----------
+    image, ideal : ndarray, shape (rows, cols, bands)
+    windows : Windows, optional
+
+    Returns
+    -------
+    Deviations
+        Points that are found nowhere, or badly, are left out.
+    """
+    if image.shape[:2] != ideal.shape[:2]:
+        msg = f"the two pictures have {image.shape[:2]} and {ideal.shape[:2]} rows and columns"
+        raise ValueError(msg)
+    windows = windows or Windows()
+    a, b = grey(ideal), grey(image)
+    at = _corners(a, windows)
+    near, coefficient = correlate(
+        a, b, at, at.astype(float), half=windows.correlation_px // 2, search=windows.search_px
+    )
+    alike = np.isfinite(near[:, 0]) & (coefficient >= LEAST_CORRELATION)
+    found = match(a, b, at[alike], near[alike], half=windows.matching_px // 2)
+    sigma = np.sqrt(np.mean(found.sigma_px**2, axis=1))
+    good = np.isfinite(found.colrow[:, 0]) & (sigma <= windows.largest_sigma_px)
+    places = at[alike][good].astype(float)
+    return Deviations(ideal=places, d_px=found.colrow[good] - places, sigma_px=sigma[good])
+
+
+def _corners(grey_ideal: Array, windows: Windows) -> Index:
+    margin = windows.matching_px // 2 + windows.search_px + 4  # and the spline's reach
+    allowed = np.zeros(grey_ideal.shape, dtype=bool)
+    allowed[margin:-margin, margin:-margin] = True
+    at, _ = best_of_cells(response(grey_ideal), allowed, windows.cell_px)
+    return at
+
+
+def consistent(found: Deviations, *, neighbours: int = 9) -> Mask:
+    """Tell which points agree with those around them, shape (n,).
+
+    Parameters
+    ----------
+    found : Deviations
+    neighbours : int
+        How many of the nearest are asked for their median.
+
+    Returns
+    -------
+    ndarray of bool
+        False where a point stands out by more than `robust.SUSPECT` spreads of all points.
+    """
+    expected.whole("neighbours", neighbours)
+    if len(found) == 0:
+        return np.zeros(0, dtype=bool)
+    _, near = KDTree(found.ideal).query(found.ideal, k=min(neighbours, len(found)))
+    near = near.reshape(len(found), -1)
+    off = np.hypot(*(found.d_px - np.median(found.d_px[near], axis=1)).T)
+    # the length of a plane normal vector has its median at 1.18 sigma
+    keep: Mask = off <= SUSPECT * np.median(off) / 1.177
+    return keep
+
+
+def zones(orientation: RelativeOrientation, synthetic: Camera, colrow: Array) -> dict[str, Mask]:
+    """Tell which points lie where one head sees, or several, or near the border.
+
+    Parameters
+    ----------
+    orientation : RelativeOrientation
+    synthetic : Camera
+    colrow : ndarray, shape (n, 2)
+        px of the synthetic camera.
+
+    Returns
+    -------
+    dict of str to ndarray of bool
+        By `ZONES`; the last one lies across the others.
+    """
+    xy = xy_from_colrow(synthetic, colrow)
+    seen = [
+        inside(camera, head_from_synthetic(orientation, k, xy))
+        for k, camera in enumerate(orientation.heads)
+    ]
+    count = np.sum(seen, axis=0)
+    size = np.array([synthetic.width_px, synthetic.height_px])
+    from_border = np.min(np.minimum(colrow + 0.5, size - 0.5 - colrow), axis=1)
+    near = from_border <= BORDER_SHARE * size.max()
+    return dict(zip(ZONES, (count == 1, count > 1, near), strict=True))
+
+
+# --- calibrated by itself --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownGround:
+    """Ground points with their coordinates, and where the camera was that saw them.
+
+    Attributes
+    ----------
+    frame : MappingFrame
+    T_m_c : Pose
+        Of the camera, one pose, approximate.
+    x_m : ndarray, shape (n, 3)
+        Error-free, m.
+    """
+
+    frame: MappingFrame
+    T_m_c: Pose
+    x_m: Array
+
+
+def one_image_block(camera: Camera, ground: KnownGround, colrow: Array, sigma_px: Array) -> Block:
+    """Return the block of one image whose points are all known on the ground.
+
+    Parameters
+    ----------
+    camera : Camera
+    ground : KnownGround
+    colrow : ndarray, shape (n, 2)
+        Measured, px.
+    sigma_px : ndarray, shape (n,)
+    """
+    n = len(ground.x_m)
+    known = SurveyedPoints(
+        point_idx=np.arange(n),
+        x_m=ground.x_m,
+        sigma_m=np.zeros((n, 3)),
+    )
+    return Block(
+        frame=ground.frame,
+        cameras=(camera,),
+        images=Images(names=(camera.name,)),
+        points=tuple(f"P{i}" for i in range(n)),
+        image_points=ImagePoints(
+            image_idx=np.zeros(n, dtype=np.intp),
+            point_idx=np.arange(n),
+            colrow=colrow,
+            sigma_px=sigma_px,
+        ),
+        control=known,
+        trajectory=Trajectory(
+            exposures=("1",),
+            T_m_b=Pose(R=ground.T_m_c.R[None], r=ground.T_m_c.r[None]),
+        ),
+    )
+
+
+def self_calibrate(block: Block, *, free: Sequence[str]) -> Bundle:
+    """Adjust a block of known points, exterior orientations free.
+
+    Of one image over ground without relief, f and the flying height, and the principal point and
+    the place, cannot be told apart; `free` should then have none of f, xp and yp.
+
+    Parameters
+    ----------
+    block : Block
+    free : sequence of str
+        Interior parameters, names of `camera.INTERIOR`; the others are held.
+
+    Raises
+    ------
+    AdjustmentError
+        Where fewer than three points off one line are measured, or nothing converges.
+    """
+    require_control(block)
+    return adjust(free_orientation(block, free=free))
+
+
+def residuals_px(fit: Bundle) -> Array:
+    """Return what an adjustment leaves, measured less estimated, col and row, shape (n, 2), px."""
+    return -fit.solution.group("image_point").v
+
+
+# --- A synthetic image of wrong heads, and what their refinements make of it
+
+
+TURNED_DEG, TIE_PX = 0.01, 0.1
+"""Of `repaired`: errors of the heads' angles, noise of tie points."""
+
+
+# --- refinements beside each other -----------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameErrors:
+    """What is wrong with the synthetic image of several wrong orientations.
+
+    Attributes
+    ----------
+    overlap_rms_px, overlap_largest_px : ndarray, shape (n,)
+        Lengths of the differences between heads, measuring errors left out.
+    frame_rms_px, frame_largest_px : ndarray, shape (n,)
+        Lengths of the errors of position over the whole frame, against the truth.
+    """
+
+    overlap_rms_px: Array
+    overlap_largest_px: Array
+    frame_rms_px: Array
+    frame_largest_px: Array
+
+
+def simulated_ties(
+    truth: RelativeOrientation,
+    synthetic: Camera,
+    *,
+    rng: np.random.Generator,
+    per_overlap: int = 5000,
+    sigma_px: float = 0.1,
+) -> TiePoints:
+    """Return tie points at random places of all overlaps, exact but for noise in both heads.
+
+    Parameters
+    ----------
+    truth : RelativeOrientation
+    synthetic : Camera
+        Points lie within its frame.
+    rng : numpy.random.Generator
+    per_overlap : int
+        Of the four heads' large overlaps; pairs that share a corner only have some fewer.
+    sigma_px : float
+        Of a measurement; zero states the rounding of a pixel's millionth.
+    """
+    half = 0.5 * synthetic.pixel_mm * np.array([synthetic.width_px, synthetic.height_px])
+    xy = rng.uniform(-half, half, (12 * per_overlap, 2))
+    seen = [head_from_synthetic(truth, k, xy) for k in range(len(truth.heads))]
+    within = [inside(head, colrow) for head, colrow in zip(truth.heads, seen, strict=True)]
+    rows = [
+        (np.flatnonzero(within[a] & within[b])[:per_overlap], a, b)
+        for a, b in combinations(range(len(seen)), 2)
+    ]
+    n = sum(len(own) for own, _, _ in rows)
+    return TiePoints(
+        head_a=np.concatenate([np.full(len(own), a) for own, a, _ in rows]),
+        head_b=np.concatenate([np.full(len(own), b) for own, _, b in rows]),
+        exposure_idx=np.zeros(n, dtype=np.intp),
+        point_idx=np.concatenate([own for own, _, _ in rows]),
+        colrow_a=np.concatenate([seen[a][own] for own, a, _ in rows])
+        + rng.normal(0, sigma_px, (n, 2)),
+        colrow_b=np.concatenate([seen[b][own] for own, _, b in rows])
+        + rng.normal(0, sigma_px, (n, 2)),
+        sigma_px=np.full(n, max(sigma_px, 1e-6)),
+    )
+
+
+def with_turned_heads(
+    truth: RelativeOrientation, *, rng: np.random.Generator, sigma_deg: float
+) -> RelativeOrientation:
+    """Return the heads with random rotations about all axes of all but the first."""
+    by = np.radians(sigma_deg) * rng.normal(size=(len(truth.heads), 3))
+    by[0] = 0.0
+    R_s_h = rotation_from_opk(truth.opk) @ exp(by)
+    return replace(truth, opk=opk_from_rotation(R_s_h))
+
+
+def with_wrong_interiors(
+    truth: RelativeOrientation, *, rng: np.random.Generator
+) -> RelativeOrientation:
+    """Return the heads with random errors of their interiors, with Table 1's sigma.
+
+    Parameters
+    ----------
+    truth : RelativeOrientation
+        Its heads have the names of the paper's.
+    rng : numpy.random.Generator
+    """
+    heads = [
+        head.with_interior(
+            Interior.from_array(
+                head.interior.to_array() + printed_sigma(head.name) * rng.normal(size=9)
+            )
+        )
+        for head in truth.heads
+    ]
+    return replace(truth, heads=tuple(heads))
+
+
+def printed_sigma(head: str) -> Array:
+    """Return Table 1's sigma of a head's interior, zero where it has none, shape (9,)."""
+    names = {name: f"{name}_mm" if name in ("f", "xp", "yp") else name for name in INTERIOR}
+    listed = set(printed.table(1)["parameter"])
+    sigma = [printed.sigma(1, key, head) if key in listed else 0.0 for key in names.values()]
+    return np.nan_to_num(np.array(sigma))
+
+
+def refinements(
+    truth: RelativeOrientation,
+    wrong: Sequence[RelativeOrientation],
+    synthetic: Camera,
+    ties: TiePoints,
+    *,
+    exact: TiePoints,
+) -> dict[str, FrameErrors]:
+    """Return what is wrong before and after all ways to refine, overlaps and frame apart.
+
+    Parameters
+    ----------
+    truth : RelativeOrientation
+    wrong : sequence of RelativeOrientation
+        The same heads with errors; at least one.
+    synthetic : Camera
+    ties, exact : TiePoints
+        What the refinements are given, and others without noise that judge the overlaps.
+
+    Returns
+    -------
+    dict of str to FrameErrors
+        By the ways of `every_refinement`.
+    """
+    found = [every_refinement(heads, ties) for heads in wrong]
+    return {
+        way: _frame_errors([heads[way] for heads in found], truth, synthetic, exact)
+        for way in found[0]
+    }
+
+
+def every_refinement(wrong: RelativeOrientation, ties: TiePoints) -> dict[str, RelativeOrientation]:
+    """Return wrong heads refined in every way, the first head held.
+
+    Returns
+    -------
+    dict of str to RelativeOrientation
+        ``before``, ``mean shift``, ``rotations``, ``six``.
+    """
+    shifted = refine_by_mean_differences(wrong, ties)
+    held = shifted.xyz_mm + wrong.xyz_mm[0] - shifted.xyz_mm[0]
+    return {
+        "before": wrong,
+        "mean shift": replace(shifted, xyz_mm=held),
+        "rotations": refine_by_rotations(wrong, ties).orientation,
+        "six": refine_by_rotations(wrong, ties, free="six").orientation,
+    }
+
+
+def _frame_errors(
+    orientations: Sequence[RelativeOrientation],
+    truth: RelativeOrientation,
+    synthetic: Camera,
+    exact: TiePoints,
+) -> FrameErrors:
+    overlap = [np.hypot(*tie_differences(o, exact).T) / synthetic.pixel_mm for o in orientations]
+    frame = [frame_differences(o, truth, synthetic) for o in orientations]
+    return FrameErrors(
+        overlap_rms_px=np.array([np.sqrt(np.mean(one**2)) for one in overlap]),
+        overlap_largest_px=np.array([one.max() for one in overlap]),
+        frame_rms_px=np.array([one.rms_px for one in frame]),
+        frame_largest_px=np.array([one.largest_px for one in frame]),
+    )
+
+
+def repaired(
+    truth: RelativeOrientation, synthetic: Camera, *, seed: int, trials: int = 4
+) -> dict[str, dict[str, FrameErrors]]:
+    """Return what the ways to refine make of heads that are wrong by known amounts.
+
+    Parameters
+    ----------
+    truth : RelativeOrientation
+        Heads with the names of the paper's.
+    synthetic : Camera
+    seed : int
+    trials : int
+        Number of draws.
+
+    Returns
+    -------
+    dict of str to dict
+        By the errors that the heads were given, and by the ways of `every_refinement`.
+    """
+    rng = np.random.default_rng(seed)
+    wrong = {
+        f"heads turned by {TURNED_DEG:g}°": [
+            with_turned_heads(truth, rng=rng, sigma_deg=TURNED_DEG) for _ in range(trials)
+        ],
+        "interiors wrong by Table 1's σ": [
+            with_wrong_interiors(truth, rng=rng) for _ in range(trials)
+        ],
+    }
+    ties, exact = (
+        simulated_ties(truth, synthetic, rng=rng, sigma_px=sigma) for sigma in (TIE_PX, 0.0)
+    )
+    return {
+        errors: refinements(truth, draws, synthetic, ties, exact=exact)
+        for errors, draws in wrong.items()
+    }
+
+
+# --- A synthetic image whose every pixel is known: simulated heads, and one ideal camera
+# beside them
+#
+# The ideal camera stands in the middle of the heads and takes the synthetic image's format at
+# once, without distortion, response or noise. What differs is the synthetic image's own.
+
+
+NODES_PX = 16
+"""Full-size pixels between the exact nodes of the map, so that a reduced image shows no other."""
+
+
+@shown.briefly
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownExposure:
+    """One exposure of which all is known.
+
+    Attributes
+    ----------
+    at : simulate.Station
+    images : tuple of ndarray, shape (rows, cols, 3)
+        Of the heads, with response and noise.
+    ideal : ndarray, shape (rows, cols, 3)
+        What the ideal camera sees.
+    orientation : RelativeOrientation
+        The true one, as ground at the mean flying height sees it; full size, no covariance.
+    synthetic : Camera
+        The ideal camera, full size; its mounting is the middle of the heads.
+    reduce : int
+        The pictures have 1/reduce of the size.
+    height_m : float
+        Flying height over the mean ground.
+    relief_m : float
+        Root mean square of the ground's heights about their mean.
+    """
+
+    at: Station
+    images: tuple[Raster, ...]
+    ideal: Raster
+    orientation: RelativeOrientation
+    synthetic: Camera
+    reduce: int
+    height_m: float
+    relief_m: float
+
+
+# --- the exposure ----------------------------------------------------------------------------
+
+
+def known_exposure(
+    exposure: str = "H3-04", *, reduce: int, seed: int = 1, ground: Ground | None = None
+) -> KnownExposure:
+    """Simulate the heads' pictures of one exposure and the one that an ideal camera takes.
+
+    Parameters
+    ----------
+    exposure : str
+        Of the simulated flight.
+    reduce : int
+        The pictures have 1/reduce of the size.
+    seed : int
+        Of the flight, its landscape, responses and noise.
+    ground : Ground, optional
+        What lies there; the simulator's landscape by default.
+    """
+    plan = acx4_plan()
+    at = station(plan, exposure, seed=seed)
+    ground = Tiles(ground=ground or landscape(at, seed=seed))
+    taken = head_images(at, ground, reduce=reduce, seed=seed)
+    synthetic = _ideal_camera(at)
+    ideal = picture(at, simulated(synthetic), ground, reduce=reduce)
+    over_frame = np.asarray(nodes(synthetic, 40), dtype=np.float64)
+    heights = ground_from_pixels(at, simulated(synthetic), over_frame)[:, 2]
+    height_m = float(at.track.x_g[0, 2] - heights.mean())
+    return KnownExposure(
+        at=at,
+        images=tuple(taken[name] for name in plan.heads),
+        ideal=ideal,
+        orientation=_true_orientation(at, synthetic, height_m),
+        synthetic=synthetic,
+        reduce=reduce,
+        height_m=height_m,
+        relief_m=float(heights.std()),
+    )
+
+
+def _ideal_camera(at: Station) -> Camera:
+    """Return the camera of Table 2 in the middle of the heads."""
+    levers = np.array([at.plan.cameras[name].lever_m for name in at.plan.heads])
+    return Camera(
+        name="ideal",
+        width_px=int(printed.value(2, "width_px", "SYN")),
+        height_px=int(printed.value(2, "height_px", "SYN")),
+        pixel_mm=printed.pixel_mm("SYN"),
+        interior=Interior(f=printed.value(2, "f_mm", "SYN")),
+        T_b_c=Pose(R=np.eye(3), r=levers.mean(axis=0)),
+    )
+
+
+def simulated(camera: Camera) -> TrueCamera:
+    """Return the simulator's own camera with the values of ours."""
+    x, y, z = camera.T_b_c.r.tolist()
+    return TrueCamera(
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        pixel_um=1000 * camera.pixel_mm,
+        f_mm=camera.interior.f,
+        lever_m=(x, y, z),
+    )
+
+
+def _true_orientation(at: Station, synthetic: Camera, height_m: float) -> RelativeOrientation:
+    """Return the heads' true lenses and rotations, their places as seen from `height_m`."""
+    truth = [at.plan.cameras[name] for name in at.plan.heads]
+    heads = tuple(
+        Camera(
+            name=name,
+            width_px=one.width_px,
+            height_px=one.height_px,
+            pixel_mm=one.pixel_um / 1000,
+            interior=Interior(
+                f=one.f_mm, xp=one.xp_mm, yp=one.yp_mm, k1=one.k1, p1=one.p1, p2=one.p2
+            ),
+        )
+        for name, one in zip(at.plan.heads, truth, strict=True)
+    )
+    f = synthetic.interior.f
+    bases_m = np.array([one.lever_m for one in truth]) - synthetic.T_b_c.r
+    n = len(heads) * (6 + len(INTERIOR))
+    return RelativeOrientation(
+        heads=heads,
+        xyz_mm=f / height_m * bases_m + [0.0, 0.0, f],
+        opk=np.radians([one.boresight_deg for one in truth]),
+        cov_joint=np.zeros((n, n)),
+        n_exposures=1,
+    )
+
+
+def nodes(camera: Camera, n: int) -> Array:
+    """Return a grid over an image, n nodes along its longer side, shape (m, 2), px."""
+    size = np.array([camera.width_px, camera.height_px])
+    n_cols, n_rows = np.maximum(np.rint(n * size / size.max()).astype(int), 2)
+    cols = np.linspace(-0.5, size[0] - 0.5, n_cols)
+    rows = np.linspace(-0.5, size[1] - 0.5, n_rows)
+    return np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)
+
+
+def seen_ground(known: KnownExposure, colrow: Array) -> Array:
+    """Return the ground that the ideal camera sees, east, north, height (m), shape (n, 3)."""
+    places = np.asarray(colrow, dtype=np.float64)
+    return ground_from_pixels(known.at, simulated(known.synthetic), places)
+
+
+def known_ground(known: KnownExposure, colrow: Array) -> KnownGround:
+    """Return that ground in a mapping frame under the aircraft, and the true camera over it."""
+    grid, track = GridSystem(crs=known.at.plan.crs), known.at.track
+    frame = mean_origin(grid, grid.lonlat_from_grid(track.x_g[:, :2]))
+    # under the aircraft the mapping axes are east, north and up
+    T_m_b = Pose(R=track.R_enu_b.as_matrix()[0], r=frame.from_grid(track.x_g)[0])
+    return KnownGround(
+        frame=frame,
+        T_m_c=T_m_b @ known.synthetic.T_b_c,
+        x_m=frame.from_grid(seen_ground(known, colrow)),
+    )
+
+
+# --- rendered and measured -------------------------------------------------------------------
+
+
+def render_known(
+    known: KnownExposure,
+    orientation: RelativeOrientation,
+    response: Response | None,
+    *,
+    feather_px: float = FEATHER_PX,
+) -> Raster:
+    """Render the synthetic image of a known exposure.
+
+    Parameters
+    ----------
+    known : KnownExposure
+    orientation : RelativeOrientation
+        Full size.
+    response : Response or None
+        None leaves grey values as the heads took them.
+    feather_px : float
+        At full size; 0 is a hard seam.
+    """
+    plan = render_plan(
+        reduced_heads(orientation, known.reduce),
+        reduced_camera(known.synthetic, known.reduce),
+        response=response,
+        feather_px=feather_px / known.reduce,
+        step_px=max(NODES_PX // known.reduce, 4),
+    )
+    return render(plan, known.images)
+
+
+def deviations(
+    known: KnownExposure,
+    orientation: RelativeOrientation,
+    response: Response,
+    *,
+    windows: Windows | None = None,
+) -> Deviations:
+    """Render an exposure by an orientation, and measure the image against the ideal picture.
+
+    Returns
+    -------
+    Deviations
+        In pixels of the full-size image; points that stand out from those around are left out.
+    """
+    image = render_known(known, orientation, response)
+    found = measure(image, known.ideal, windows=windows)
+    found = found[consistent(found)]
+    small = reduced_camera(known.synthetic, known.reduce)
+    return Deviations(
+        ideal=colrow_from_xy(known.synthetic, xy_from_colrow(small, found.ideal)),
+        d_px=known.reduce * found.d_px,
+        sigma_px=known.reduce * found.sigma_px,
+    )
+
+
+def predicted(known: KnownExposure, orientation: RelativeOrientation, colrow: Array) -> Array:
+    """Return where geometry alone puts known points in a synthetic image, less their ideal places.
+
+    Ground points are seen by the simulated heads, and put into the synthetic image through the
+    given orientation; where heads are blended, so are they.
+
+    Parameters
+    ----------
+    known : KnownExposure
+    orientation : RelativeOrientation
+        Full size, with errors or without.
+    colrow : ndarray, shape (n, 2)
+        Ideal places, px of the full-size image.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        col, row, px of the full-size image.
+    """
+    x_g = np.asarray(seen_ground(known, colrow), dtype=np.float64)
+    places, depth = [], []
+    for k, camera in enumerate(orientation.heads):
+        seen = pixels_from_ground(known.at, known.at.plan.cameras[camera.name], x_g)
+        places.append(synthetic_from_head(orientation, k, seen))
+        depth.append(border_depth(camera, seen))
+    weight = _blend(np.stack(depth))
+    blended = np.einsum("kn,kni->ni", weight, np.nan_to_num(np.stack(places)))
+    return colrow_from_xy(known.synthetic, blended) - colrow
+
+
+def border_depth(camera: Camera, colrow: Array) -> Array:
+    """Return how far inside its border a head has a pixel, px; negative outside."""
+    size = np.array([camera.width_px, camera.height_px])
+    inner = np.min(np.minimum(colrow + 0.5, size - 0.5 - colrow), axis=1)
+    return np.nan_to_num(inner, nan=-1.0)
+
+
+def _blend(depth: Array) -> Array:
+    """Return the weights of heads, shape (n_heads, n), as the renderer blends them."""
+    ahead = depth.max(axis=0) - FEATHER_PX
+    weight = np.maximum(np.minimum(depth, depth - ahead), 0.0)
+    return weight / np.maximum(weight.sum(axis=0), np.finfo(float).tiny)

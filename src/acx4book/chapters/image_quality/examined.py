@@ -1,0 +1,302 @@
+"""Synthetic images against one ideal camera's: measured all over, and calibrated by themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+import pandas as pd
+
+from acx4book.chapters.image_quality.deviations import (
+    LENS,
+    Deviations,
+    KnownExposure,
+    Windows,
+    deviations,
+    every_refinement,
+    known_ground,
+    one_image_block,
+    predicted,
+    residuals_px,
+    self_calibrate,
+    simulated,
+    simulated_ties,
+    with_turned_heads,
+    with_wrong_interiors,
+)
+from acx4lib import shown
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.calibration.heads import RelativeOrientation, corner_radius, radial_profile
+from acx4lib.expected import Array
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import colrow_from_xy, inside, xy_from_colrow
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.response import Response
+from acx4lib.tie_points.refinement import frame_differences
+from acx4lib.tie_points.search import find_ties
+from acx4lib.tie_points.ties import TiePoints
+from acx4sim.pictures import pixels_from_ground
+
+TIES = 100
+"""Of an overlap, without error, for the refinement of drawn calibrations."""
+
+STEPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"oriented": (), "calibrated": LENS, "interior": ("f", "xp", "yp", *LENS)}
+)
+"""Interior parameters that the self-calibration of a synthetic image estimates, by its name."""
+
+
+@shown.briefly
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Examined:
+    """A synthetic image, measured all over and calibrated by itself; full-size pixels.
+
+    Attributes
+    ----------
+    orientation : RelativeOrientation
+        By which it was rendered.
+    found : Deviations
+    geometry_px : ndarray, shape (n, 2)
+        What geometry alone says the deviations are.
+    fits : dict of str to Bundle
+        By `STEPS`.
+    """
+
+    orientation: RelativeOrientation
+    found: Deviations
+    geometry_px: Array
+    fits: dict[str, Bundle]
+
+
+@shown.briefly
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TargetErrors:
+    """Radial distortion that errors of measurement invent.
+
+    Attributes
+    ----------
+    n_targets : int
+        In the image.
+    sigma_px : float
+        Of a measured coordinate.
+    radial_px : ndarray, shape (n,)
+        The largest of each calibration.
+    """
+
+    n_targets: int
+    sigma_px: float
+    radial_px: Array
+
+
+# --- calibrations with errors ----------------------------------------------------------------
+
+
+def drawn_calibration(
+    truth: RelativeOrientation, *, seed: int | tuple[int, int], angle_deg: float
+) -> RelativeOrientation:
+    """Return heads whose errors are as large as Table 1's standard deviations.
+
+    Parameters
+    ----------
+    truth : RelativeOrientation
+    seed : int or tuple of int
+        Of the errors.
+    angle_deg : float
+        Standard deviation of the errors of the heads' angles, which Table 1 does not print; the
+        first head, to which the others are related, has none.
+    """
+    rng = np.random.default_rng(seed)
+    return with_turned_heads(with_wrong_interiors(truth, rng=rng), rng=rng, sigma_deg=angle_deg)
+
+
+def measured_ties(known: KnownExposure, orientation: RelativeOrientation) -> TiePoints:
+    """Return tie points measured in the heads' pictures, in their full-size pixels."""
+    small = reduced_heads(orientation, known.reduce)
+    ties = find_ties(known.images, small, reduced_camera(known.synthetic, known.reduce)).ties
+    sides = {}
+    for side, heads in (("a", ties.head_a), ("b", ties.head_b)):
+        colrow = getattr(ties, f"colrow_{side}").copy()
+        for k, camera in enumerate(orientation.heads):
+            own = heads == k
+            colrow[own] = colrow_from_xy(camera, xy_from_colrow(small.heads[k], colrow[own]))
+        sides[f"colrow_{side}"] = colrow
+    return replace(ties, **sides, sigma_px=known.reduce * ties.sigma_px)
+
+
+# --- calibrated by themselves ----------------------------------------------------------------
+
+
+def self_calibrations(known: KnownExposure, found: Deviations) -> dict[str, Bundle]:
+    """Calibrate a synthetic image by points whose ground coordinates are known.
+
+    Parameters
+    ----------
+    known : KnownExposure
+    found : Deviations
+        px of the full-size image.
+
+    Returns
+    -------
+    dict of str to Bundle
+        By `STEPS`: the exterior orientation alone, the lens too, and f, xp, yp as well, which
+        the relief tells from the camera's place, so far as there is any.
+    """
+    block = known_block(known, found)
+    return {name: self_calibrate(block, free=free) for name, free in STEPS.items()}
+
+
+def known_block(known: KnownExposure, found: Deviations) -> Block:
+    """Return the synthetic image as a block of one image, every point known on the ground."""
+    ground = known_ground(known, found.ideal)
+    return one_image_block(known.synthetic, ground, found.ideal + found.d_px, found.sigma_px)
+
+
+def frame_deviations(
+    orientation: RelativeOrientation, known: KnownExposure, *, spacing_px: int = 600
+) -> Deviations:
+    """Return where an orientation puts the nodes of the frame, less where the true one does.
+
+    Exact, over a plane at the mean flying height, without pixels.
+
+    Returns
+    -------
+    Deviations
+        px of the full-size image; sigma is one pixel.
+    """
+    camera = known.synthetic
+    found = frame_differences(orientation, known.orientation, camera, spacing_px=spacing_px)
+    d_px = found.d_px * [1.0, -1.0]  # y goes up, rows go down
+    return Deviations(
+        ideal=colrow_from_xy(camera, found.xy) - d_px,
+        d_px=d_px,
+        sigma_px=np.ones(len(d_px)),
+    )
+
+
+def examine(known: KnownExposure, orientation: RelativeOrientation, response: Response) -> Examined:
+    """Render an exposure by an orientation, measure the image and calibrate it by itself."""
+    off = frame_deviations(orientation, known).d_px / known.reduce
+    windows = Windows(search_px=2 + int(np.ceil(np.abs(off).max())))
+    found = deviations(known, orientation, response, windows=windows)
+    return Examined(
+        orientation=orientation,
+        found=found,
+        geometry_px=predicted(known, orientation, found.ideal),
+        fits=self_calibrations(known, found),
+    )
+
+
+def examine_all(
+    known: KnownExposure,
+    orientations: Mapping[str, RelativeOrientation],
+    response: Response,
+) -> dict[str, Examined]:
+    """Examine the images of several orientations, by their names."""
+    return {name: examine(known, one, response) for name, one in orientations.items()}
+
+
+def geometry_errors(
+    known: KnownExposure, examined: Mapping[str, Examined]
+) -> dict[str, dict[str, float]]:
+    """Return `errors_of` what geometry alone says of the measured points, image by image."""
+    return {
+        name: errors_of(replace(one.found, d_px=one.geometry_px), known)
+        for name, one in examined.items()
+    }
+
+
+def drawn_errors(known: KnownExposure, n: int, *, seed: int, angle_deg: float) -> pd.DataFrame:
+    """Draw calibrations with errors, refine them, and calibrate their synthetic images.
+
+    Geometry alone, without pixels and without measuring errors.
+
+    Parameters
+    ----------
+    known : KnownExposure
+    n : int
+        Calibrations to draw.
+    seed : int
+    angle_deg : float
+        Standard deviation of the errors of the heads' angles.
+
+    Returns
+    -------
+    DataFrame
+        One row per draw and refinement: root mean square and largest error in the frame (rms_px,
+        largest_px); the rms that an exterior orientation leaves, that k1, k2, k3, p1, p2
+        leave, and f, xp, yp besides (oriented_px, calibrated_px, interior_px); radial distortion
+        and decentring found, the largest in the frame (radial_px, decentring_px).
+    """
+    rng = np.random.default_rng(seed)
+    ties = simulated_ties(
+        known.orientation, known.synthetic, rng=rng, per_overlap=TIES, sigma_px=0.0
+    )
+    rows = []
+    for draw in range(n):
+        wrong = drawn_calibration(known.orientation, seed=(seed, draw), angle_deg=angle_deg)
+        every = every_refinement(wrong, ties)
+        rows += [
+            {"draw": draw, "refinement": name, **errors_of(frame_deviations(one, known), known)}
+            for name, one in every.items()
+        ]
+    return pd.DataFrame(rows)
+
+
+def errors_of(found: Deviations, known: KnownExposure) -> dict[str, float]:
+    """Return the size of deviations, and what self-calibration leaves of them and finds, px."""
+    fits = self_calibrations(known, found)
+    left = {f"{name}_px": rms_of_coordinates(residuals_px(fit)) for name, fit in fits.items()}
+    return {
+        "rms_px": rms_of_coordinates(found.d_px),
+        "largest_px": float(np.hypot(*found.d_px.T).max()),
+        **left,
+        "radial_px": largest_radial(fits["calibrated"]),
+        "decentring_px": largest_decentring(fits["calibrated"]),
+    }
+
+
+def border_distortion_of_targets(
+    known: KnownExposure, n: int, *, sigma_px: float, seed: int
+) -> TargetErrors:
+    """Calibrate a perfect image by its signalised targets, measured with errors.
+
+    Parameters
+    ----------
+    known : KnownExposure
+    n : int
+        Times to measure them.
+    sigma_px : float
+        Of a coordinate.
+    seed : int
+    """
+    camera = known.synthetic
+    colrow = pixels_from_ground(known.at, simulated(camera), known.at.marks_g)
+    colrow = colrow[inside(camera, np.nan_to_num(colrow, nan=-1e9))]
+    rng = np.random.default_rng(seed)
+    radial = []
+    for _ in range(n):
+        noise = sigma_px * rng.standard_normal(colrow.shape)
+        found = Deviations(ideal=colrow, d_px=noise, sigma_px=np.full(len(colrow), sigma_px))
+        radial.append(largest_radial(self_calibrate(known_block(known, found), free=LENS)))
+    return TargetErrors(n_targets=len(colrow), sigma_px=sigma_px, radial_px=np.array(radial))
+
+
+def rms_of_coordinates(d: Array) -> float:
+    """Return the root mean square of the coordinates of plane vectors."""
+    return float(np.sqrt(np.mean(d**2)))
+
+
+def largest_radial(fit: Bundle) -> float:
+    """Return the largest radial distortion between the middle and the corner of an image, px."""
+    _, px, _ = radial_profile(fit)
+    return float(np.abs(px).max())
+
+
+def largest_decentring(fit: Bundle) -> float:
+    """Return the largest decentring distortion in the corner of an image, px."""
+    camera = fit.cameras[0]
+    r_sq = corner_radius(camera) ** 2
+    # along the axis of decentring it is three times that across
+    return float(3 * np.hypot(camera.interior.p1, camera.interior.p2) * r_sq / camera.pixel_mm)

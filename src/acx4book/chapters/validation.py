@@ -1,0 +1,437 @@
+"""Chapter 4, direct georeferencing on an independent block (section 4.3, Table 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from scipy import special
+
+from acx4book.paper import printed
+from acx4book.typesetting import style
+from acx4book.typesetting.labels import inside
+from acx4book.typesetting.plain_text import Markup
+from acx4lib.expected import Array
+from acx4lib.flight.design import ground_sample_m
+from acx4lib.flight.reader import Flight
+from acx4lib.geometry.parameters import AXES
+from acx4lib.georeferencing import accuracy, error_sources
+from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, NormalisedTest
+from acx4lib.georeferencing.validation import Validation
+from acx4lib.least_squares.covariance import sigmas
+
+# --- Figures of the validation: where the check points are off, and whether the sigma is honest
+
+
+def difference_map(validation: Validation) -> Figure:
+    """Draw the differences of all check points, from all rays: arrows in plan, colours in height.
+
+    Parameters
+    ----------
+    validation : Validation
+    """
+    block, points = validation.block, validation.points
+    enh = block.frame.to_grid(block.check.x_m[points.point_idx])
+    cameras = block.frame.to_grid(block.T_m_b_images.r)
+    km = 1e-3
+    limit = max(float(np.abs(points.d[:, 2]).max(initial=0.0)), 1e-3)
+    with style.applied():
+        fig, ax = style.subplots(figsize=(5.6, 5.2))
+        ax.plot(
+            *(km * cameras[:, :2].T), ".", ms=1.6, color=style.SOFT, alpha=0.6, label="exposures"
+        )
+        east, north = km * enh[:, :2].T
+        dots = ax.scatter(
+            east,
+            north,
+            s=34,
+            c=points.d[:, 2],
+            cmap=style.DIVERGING,
+            vmin=-limit,
+            vmax=limit,
+            zorder=3,
+            edgecolors=style.INK,
+            linewidths=0.5,
+        )
+        arrows = ax.quiver(
+            *(km * enh[:, :2].T),
+            *points.d[:, :2].T,
+            angles="xy",
+            color=style.INK,
+            width=0.0028,
+            zorder=4,
+        )
+        longest = float(np.hypot(*points.d[:, :2].T).max(initial=0.01))
+        text = f"{longest:.2f} m in plan"
+        ax.quiverkey(arrows, 0.98, 0.04, longest, text, labelpos="W", coordinates="axes")
+        ax.set_aspect("equal")
+        ax.set(xlabel="grid east (km)", ylabel="grid north (km)")
+        ax.ticklabel_format(useOffset=False)
+        bar = fig.colorbar(dots, ax=ax, shrink=0.7, aspect=28)
+        bar.set_label("difference in height (m)")
+        bar.outline.set_visible(False)
+        style.north_arrow(ax, at=(0.03, 0.98))
+        style.scale_bar(ax, per_axis_unit=1.0, unit="km", at=(0.04, 0.03))
+    return fig
+
+
+def normalised_differences(validations: Mapping[str, Validation]) -> Figure:
+    """Draw the points' differences over their predicted sigma against the normal distribution.
+
+    Parameters
+    ----------
+    validations : mapping of str to Validation
+        By their titles.
+    """
+    with style.applied():
+        fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.7), sharey=True)
+        for i, (title, validation) in enumerate(validations.items()):
+            z = np.sort(validation.points.d / validation.points.sigma, axis=0)
+            expected = special.ndtri((np.arange(len(z)) + 0.5) / max(len(z), 1))
+            for axis, ax in enumerate(axes):
+                ax.plot(
+                    *(expected, z[:, axis], "o"),
+                    ms=3,
+                    color=style.colour(i),
+                    alpha=0.8,
+                    label=title,
+                )
+        for name, ax in zip(AXES, axes, strict=True):
+            ax.axline((0, 0), slope=1, color=style.INK, lw=0.8)
+            ax.set_title(name)
+            ax.set_xlabel("expected, normal (σ)")
+        axes[0].set_ylabel("difference / predicted σ")
+        style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
+    return fig
+
+
+def pair_histograms(validation: Validation) -> Figure:
+    """Draw the differences of all pairs with the distribution that their sigma predict.
+
+    Parameters
+    ----------
+    validation : Validation
+    """
+    pairs = validation.pairs
+    limit = 3.2 * float(np.quantile(pairs.sigma, 0.9)) if len(pairs) else 1.0
+    grid = np.linspace(-limit, limit, 201)
+    with style.applied():
+        fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.5), sharey=True)
+        for axis, ax in enumerate(axes):
+            bins = np.linspace(-limit, limit, 41)
+            ax.hist(
+                pairs.d[:, axis],
+                bins,
+                color=style.BLUE,
+                alpha=0.75,
+                density=True,
+                label="pairs found",
+            )
+            ax.plot(
+                *(grid, _density(grid, pairs.sigma[:, axis])),
+                color=style.ORANGE,
+                label="predicted by their σ",
+            )
+            ax.set_title(AXES[axis])
+            ax.set_xlabel("estimated less surveyed (m)")
+        axes[0].set_ylabel("density (1/m)")
+        style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
+    return fig
+
+
+def _density(at: Array, sigma: Array) -> Array:
+    """Return the mean of the densities of normal distributions about zero, shape (n,)."""
+    highest = 1 / (np.sqrt(2 * np.pi) * sigma)
+    return np.array([np.mean(highest * np.exp(-0.5 * (x / sigma) ** 2)) for x in at])
+
+
+def mistakes(validations: Mapping[str, Validation]) -> Figure:
+    """Draw the RMS of the check points' differences, three bars for each validation.
+
+    Parameters
+    ----------
+    validations : mapping of str to Validation
+        By what was forgotten.
+    """
+    rows = np.arange(len(validations))
+    rms = np.array([_rms(found.points.d) for found in validations.values()]).reshape(-1, 3)
+    with style.applied():
+        fig, ax = style.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(rows)))
+        for axis, name in enumerate(AXES):
+            ax.barh(
+                *(rows + 0.26 * (axis - 1), rms[:, axis]),
+                height=0.24,
+                color=style.colour(axis),
+                label=name,
+            )
+        ax.set_xscale("log")
+        ax.set_yticks(rows, [*validations])
+        ax.invert_yaxis()
+        ax.set_xlabel("RMS of the check points' differences (m, logarithmic)")
+        style.legend_below(fig, ax.get_legend_handles_labels()[0])
+    return fig
+
+
+def _rms(d: Array) -> Array:
+    """Return the RMS along every axis, NaN without differences: a mistake may leave none."""
+    rms: Array = np.sqrt(np.mean(d**2, axis=0)) if len(d) else np.full(3, np.nan)
+    return rms
+
+
+# --- Tables of chapter 4: several validations side by side, and the paper's Table 4
+
+
+MEAN, RMS, RMS_PX = "mean (m)", "RMS (m)", "RMS (px)"
+PAIRS, FAILED, POINTS = "pairs of images", "pairs that failed", "check points"
+WITHIN, SHARE = "points within 3 GSD in XYZ", "share of them (%)"
+
+
+def _formatted(table: pd.DataFrame, formats: Mapping[str, str]) -> pd.DataFrame:
+    table.attrs["formats"] = dict(formats)
+    return table
+
+
+def _stacked(rows: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    return pd.concat(rows, names=["method"]) if rows else pd.DataFrame()
+
+
+def differences(
+    validations: Mapping[str, Validation], paper: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Return mean, scatter and RMS of each coordinate, over pairs as Table 4 and over points.
+
+    Parameters
+    ----------
+    validations : mapping of str to Validation
+        By their titles.
+    paper : DataFrame, optional
+        Rows of `printed_differences`.
+
+    Returns
+    -------
+    DataFrame
+        As `Validation.table`, and the RMS in ground pixels; m.
+    """
+    rows = {
+        title: found.table()
+        .droplevel("unit")
+        .assign(**{RMS_PX: lambda table, one=found: table["RMS"] / ground_sample_m(one.block)})
+        for title, found in validations.items()
+    }
+    table = pd.concat([_stacked(rows), paper])
+    columns = {name: f"{name} (m)" for name in ("mean", "scatter", "RMS", "expected RMS")}
+    formats = {**dict.fromkeys(columns.values(), ".2f"), MEAN: "+.2f", RMS_PX: ".1f"}
+    return _formatted(table.rename(columns=columns), formats)
+
+
+def printed_differences(flight: Flight, titles: Mapping[str, str]) -> pd.DataFrame | None:
+    """Return rows of the paper's Table 4, exactly as printed; None for other cameras.
+
+    Parameters
+    ----------
+    flight : Flight
+    titles : mapping of str to str
+        Titles of the rows, by the paper's method.
+    """
+    if not printed.applies(flight):
+        return None
+    rows = {
+        (title, "pairs", axis): {
+            "n": printed.shown(4, "n_pairs", column),
+            "mean": _digits(f"mean_{axis}_m", column),
+            "scatter": _digits(f"mean_{axis}_m", column, sigma=True),
+            "RMS": _digits(f"rms_{axis}_m", column),
+            RMS_PX: _digits(f"rms_{axis}_px", column),
+        }
+        for column, title in titles.items()
+        for axis in AXES
+    }
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    return table.set_axis(pd.MultiIndex.from_tuples(rows, names=["method", "of", "coordinate"]))
+
+
+def _digits(name: str, column: str, *, sigma: bool = False) -> Markup:
+    number = (printed.sigma if sigma else printed.value)(4, name, column)
+    return Markup(printed.digits(printed.printed(4, name, column), number).replace("-", "\u2212"))
+
+
+def counts(
+    validations: Mapping[str, Validation], paper: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Return how many pairs and points there are, and how many points are near their survey.
+
+    Parameters
+    ----------
+    validations : mapping of str to Validation
+        By their titles.
+    paper : DataFrame, optional
+        Rows of `printed_counts`.
+    """
+    rows = {title: _counts(found) for title, found in validations.items()}
+    table = pd.concat([pd.DataFrame.from_dict(rows, orient="index"), paper])
+    return _formatted(table.rename_axis("method"), {SHARE: ".1f"})
+
+
+def _counts(found: Validation) -> dict[str, float]:
+    size = np.linalg.norm(found.points.d, axis=1)
+    within = int(np.sum(size <= 3 * ground_sample_m(found.block)))
+    return {
+        PAIRS: len(found.pairs),
+        FAILED: found.n_failed,
+        POINTS: len(found.points),
+        WITHIN: within,
+        SHARE: 100 * within / max(len(found.points), 1),
+    }
+
+
+def printed_counts(flight: Flight, titles: Mapping[str, str]) -> pd.DataFrame | None:
+    """Return rows of the paper's Table 4 for `counts`, exactly as printed; None for other cameras.
+
+    Parameters
+    ----------
+    flight : Flight
+    titles : mapping of str to str
+        Titles of the rows, by the paper's method.
+    """
+    if not printed.applies(flight):
+        return None
+    names = {
+        PAIRS: "n_pairs",
+        FAILED: "n_fail",
+        POINTS: "n_points",
+        WITHIN: "n_within_3_gsd",
+        SHARE: "within_3_gsd_percent",
+    }
+    rows = {
+        title: {key: printed.shown(4, name, column) for key, name in names.items()}
+        for column, title in titles.items()
+    }
+    return pd.DataFrame.from_dict(rows, orient="index")
+
+
+def normalised(tests: Mapping[str, NormalisedTest]) -> pd.DataFrame:
+    """Return the tests of predicted standard deviations, by their titles."""
+    table = _stacked({title: test.table() for title, test in tests.items()})
+    limits = dict.fromkeys(("RMS of d / σ", "lower limit", "upper limit"), ".2f")
+    return _formatted(table, {**limits, "counts as": ".0f"})
+
+
+def together(validations: Mapping[str, Validation]) -> pd.DataFrame:
+    """Return the joint tests of all differences of a method, with their full covariance."""
+    rows = {
+        title: {
+            "points": len(found.points),
+            "degrees of freedom": found.joint_dof,
+            "χ²": found.joint_chi_square,
+            "p": found.joint_chi_square_p,
+            "χ² as if independent": float(np.sum((found.points.d / found.points.sigma) ** 2)),
+        }
+        for title, found in validations.items()
+    }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("method")
+    return _formatted(table, {"χ²": ".1f", "p": ".3f", "χ² as if independent": ".1f"})
+
+
+def bias(
+    validations: Mapping[str, Validation],
+    sizes: Mapping[str, Accuracy],
+    tests: Mapping[str, AxisTest],
+) -> pd.DataFrame:
+    """Return the tests of the means, one difference per point, and confidence limits of the RMS.
+
+    Parameters
+    ----------
+    validations, sizes, tests : mapping of str to Validation, Accuracy and AxisTest
+        By their titles.
+    """
+    rows = {}
+    for title, test in tests.items():
+        found, said = validations[title], sizes[title]
+        spread = sigmas(found.mean_cov)
+        among = error_sources.axis_covariances(found.points.sources)
+        for axis, name in enumerate(AXES):
+            low, high = accuracy.rms_interval(
+                said.rms[axis], accuracy.effective_number(among[axis])
+            )
+            rows[title, name] = {
+                "points": said.n,
+                MEAN: said.mean[axis],
+                "σ of the mean (m)": spread[axis],
+                "mean / σ": test.statistic[axis],
+                "critical": test.critical,
+                "bias": "none seen" if test.accepted[axis] else "significant",
+                RMS: said.rms[axis],
+                "RMS, from (m)": low,
+                "RMS, to (m)": high,
+            }
+    table = pd.DataFrame(rows.values())
+    if rows:
+        table.index = pd.MultiIndex.from_tuples(rows, names=["method", "coordinate"])
+    formats = dict.fromkeys((MEAN, "σ of the mean (m)", RMS), ".3f")
+    formats |= dict.fromkeys(("critical", "RMS, from (m)", "RMS, to (m)"), ".2f")
+    return _formatted(table, {**formats, "mean / σ": "+.2f"})
+
+
+def most_shared(validations: Mapping[str, Validation]) -> dict[str, object]:
+    """Return where the mean of the points would seem known best if they were independent.
+
+    Parameters
+    ----------
+    validations : mapping of str to Validation
+        By their titles; with points.
+
+    Returns
+    -------
+    dict of str to object
+        The ``method`` and ``axis``, its number ``n`` of points, and the standard deviation of
+        their mean, ``sigma``, and ``if_independent``, m; empty without validations.
+    """
+    if not validations:
+        return {}
+    found = [*validations.values()]
+    mean = np.array([sigmas(one.mean_cov) for one in found])
+    apart = np.array(
+        [np.sqrt(np.sum(one.points.sigma**2, axis=0)) / len(one.points) for one in found]
+    )
+    k, axis = np.unravel_index(np.argmax(mean / apart), mean.shape)
+    return {
+        "method": inside([*validations][k]),
+        "axis": AXES[axis],
+        "n": len(found[k].points),
+        "sigma": mean[k, axis],
+        "if_independent": apart[k, axis],
+    }
+
+
+def classes(
+    validations: Mapping[str, Validation], sizes: Mapping[str, Accuracy], scales: Sequence[int]
+) -> pd.DataFrame:
+    """Return the accuracy classes that every method reaches under each standard.
+
+    Parameters
+    ----------
+    validations, sizes : mapping of str to Validation and Accuracy
+        By their titles.
+    scales : sequence of int
+        Denominators of the map scales of PEC-PCD.
+    """
+    columns: dict[str, dict[str, str]] = {}
+    for title, said in sizes.items():
+        found = validations[title]
+        survey = found.block.check.sigma_m[found.points.point_idx]
+        sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)))
+        cells: dict[str, str] = {}
+        for scale in scales:
+            reached = accuracy.pec_pcd(said, scale)
+            cells[f"PEC-PCD 1:{scale}, plan / height"] = f"{reached.plan} / {reached.height}"
+        cells["NSSDA"] = accuracy.nssda(said).statement
+        old = accuracy.asprs_2014(said, survey_sigma=sigma)
+        new = accuracy.asprs_2023(said, survey_sigma=sigma)
+        cells["ASPRS 2014, horizontal / vertical"] = f"{old.horizontal} / {old.vertical}"
+        cells["ASPRS 2023, horizontal / vertical / 3D"] = (
+            f"{new.horizontal} / {new.vertical} / {new.three_d}"
+        )
+        columns[title] = cells
+    return pd.DataFrame(columns).rename_axis("standard")

@@ -1,0 +1,201 @@
+"""``acx4 measure`` and ``acx4 render``: from pictures to measurements, and to synthetic images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from acx4book.command.many import Where
+from acx4book.command.terminal import (
+    Flight,
+    counting_bar,
+    refuse,
+    say,
+    say_if_not_kept,
+    show,
+    stage_bars,
+)
+
+# --- The command ``acx4 measure``
+
+
+MEASURE_HELP = """Measure the pictures of a flight, and write the measured flight.
+
+FLIGHT has settings, images.csv with the column file, a trajectory and, where there are some,
+control points; image_points.csv may be missing or empty. Attitudes may be wrong by ten degrees
+and the height of the ground unknown: features of the pictures tell. MEASURED is a complete flight
+with the same tables and pictures: tie points found in the pictures, each with its standard
+deviation from the matching, and surveyed points, which are looked for where the trajectory puts
+them. Measurements that are there already are kept. What is not found is listed. A command that was
+interrupted goes on where it was.
+
+\b
+Examples:
+  acx4 measure my_flight --out measured
+  acx4 measure my_flight --out measured --jobs 4 --show seen
+  acx4 measure my_flight --out measured --reduce 2 --ground 140
+  acx4 check measured
+"""
+
+
+def measure(  # noqa: PLR0913, PLR0917 every option is an argument
+    flight: Flight,
+    out: Annotated[
+        Path, typer.Option(metavar="MEASURED", show_default=False, help="Folder for the flight.")
+    ],
+    points: Annotated[
+        int, typer.Option(metavar="N", min=20, help="Corners of a picture, about.")
+    ] = 200,
+    reduce: Annotated[
+        int, typer.Option(metavar="K", min=1, help="Measure at 1/K of the size: poor pictures.")
+    ] = 1,
+    ground: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HEIGHT", show_default=False, help="Of the mean ground, if nothing tells it."
+        ),
+    ] = None,
+    show_in: Annotated[
+        Path | None,
+        typer.Option(
+            "--show", metavar="FOLDER", show_default=False, help="New folder for pictures of them."
+        ),
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Pairs at a time, a process each.")
+    ] = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", show_default=False, help="Dask scheduler to match on."),
+    ] = None,
+) -> None:
+    """Measure the pictures of a flight."""
+    from acx4lib.results import own_folder  # noqa: PLC0415 quick help
+    from acx4tools.measuring import shown  # noqa: PLC0415 quick help
+    from acx4tools.measuring.levels import MeasureOptions  # noqa: PLC0415 quick help
+    from acx4tools.measuring.measure import measure_flight  # noqa: PLC0415 quick help
+
+    if flight.resolve() == out.resolve():
+        refuse(f"{out}: is the flight itself; choose another folder for the measured one")
+    if show_in is not None:
+        own_folder.check_new(show_in)
+    options = MeasureOptions(points=points, reduce=reduce, ground_m=ground)
+    where = Where(jobs=jobs, cluster=cluster)
+    with stage_bars("pairs") as tell, where.maybe_executor() as executor:
+        found = measure_flight(flight, out, options=options, executor=executor, tell=tell)
+    if show_in is not None:
+        with own_folder.placed(show_in, command="acx4 measure --show") as draft:
+            shown.write(found, draft)
+    say_if_not_kept()
+    for one in found:
+        for sentence in one.sentences:
+            show(sentence)
+    show(out)
+
+
+# --- The command ``acx4 render``
+
+
+RENDER_HELP = """Render the synthetic images of a flight from the images of its heads.
+
+The folder gets a tiled BigTIFF with overviews and a small JPEG for every exposure whose heads all
+have files, and images.csv, by which they are a block of a flight. Images that are there
+already, from the same input, are not rendered again. Where an image cannot be rendered the reasons
+are on standard error, the others are finished, and the status is 2.
+
+\b
+Examples:
+  acx4 render my_flight --results my_results --out my_images
+  acx4 render my_flight --results my_results --out my_images --exposures A1,A2 --compression zstd
+  acx4 render my_flight --results my_results --out my_images --cluster tcp://host:8786
+"""
+
+
+def render(  # noqa: PLR0913, PLR0917 every option is an argument
+    flight: Flight,
+    results: Annotated[
+        Path, typer.Option(metavar="DIR", show_default=False, help="Folder of a run.")
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER", show_default=False, help="Folder for the images.")
+    ],
+    exposures: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", show_default=False, help="Only these, or block/A; else all."),
+    ] = None,
+    blend: Annotated[
+        str,
+        typer.Option(
+            metavar="feather|seam|stack", help="Between heads, or each head a band of its own."
+        ),
+    ] = "feather",
+    feather: Annotated[
+        float, typer.Option(metavar="PX", min=1.0, help="Width of the blend, full-size pixels.")
+    ] = 150.0,
+    interpolation: Annotated[
+        str, typer.Option(metavar="bilinear|cubic", help="Between pixels.")
+    ] = "bilinear",
+    equalise: Annotated[
+        str,
+        typer.Option(
+            metavar="flight|image|none", help="Response of the heads from overlaps: once, or each."
+        ),
+    ] = "flight",
+    refine: Annotated[
+        str,
+        typer.Option(metavar="flight|image", help="Heads as in DIR, or by each image's ties."),
+    ] = "flight",
+    compression: Annotated[
+        str, typer.Option(metavar="none|deflate|zstd|lzw", help="Of the TIFF, without loss.")
+    ] = "none",
+    jobs: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Images at a time, a process each.")
+    ] = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", show_default=False, help="Dask scheduler to render on."),
+    ] = None,
+) -> None:
+    """Render the synthetic images of a flight."""
+    from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
+    from acx4lib.production.exposure import RenderOptions  # noqa: PLC0415 quick help
+    from acx4lib.production.flight_images import render_flight  # noqa: PLC0415 quick help
+
+    chosen: dict[str, Any] = {
+        "blend": blend,
+        "feather_px": feather,
+        "interpolation": interpolation,
+        "equalise": "none" if blend == "stack" else equalise,
+        "refine": refine,
+        "compression": compression,
+    }
+    try:
+        options = RenderOptions(**chosen)
+    except ValueError as error:
+        refuse(f"--{error}")
+    named = None if exposures is None else [n.strip() for n in exposures.split(",") if n.strip()]
+    if named == []:
+        refuse("--exposures: name at least one exposure")
+    where = Where(jobs=jobs, cluster=cluster)
+    with counting_bar("images") as tell, where.maybe_executor() as executor:
+        report = render_flight(
+            read(flight),
+            results,
+            out,
+            exposures=named,
+            options=options,
+            executor=executor,
+            threads=where.threads,
+            tell=tell,
+        )
+    say_if_not_kept()
+    for line in report.notes:
+        show(line)
+    there = f", {len(report.kept)} there already" if report.kept else ""
+    images = "1 image" if len(report.rendered) == 1 else f"{len(report.rendered)} images"
+    show(f"{images} rendered{there}, in {out}")
+    if report.problems:
+        say(*report.problems)
+        raise typer.Exit(2)

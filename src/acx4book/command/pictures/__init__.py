@@ -1,1 +1,0 @@
-"""``acx4 measure`` and ``acx4 render``: from pictures to measurements, and to synthetic images."""

@@ -1,0 +1,368 @@
+"""``acx4 plan`` and ``acx4 simulate``: flights that are planned, and flown without an aircraft."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acx4book.command import terminal
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from acx4sim.files import SimulatedFlight
+    from acx4sim.plan import Options
+    from acx4tools.planning.choosing import Chosen, Wanted
+    from acx4tools.planning.design import Design
+    from acx4tools.planning.plan import Plan
+
+
+# --- The command ``acx4 plan``: what a flight will determine, before it is flown
+
+
+PLAN_HELP = """Predict what a flight will determine, from its plan alone.
+
+No measurement is made and no error drawn: a plan has cameras, standard deviations, strips and
+control points, and from their geometry follow sigma and correlations of all unknowns, what is
+determined worst, which errors of observations would be found, and the RMS of check points.
+Nothing needs an image. The status is 1 where something wanted is not determined.
+
+\b
+FILE is TOML: the keys of flight.toml, and besides
+  [field]          where: east_m, north_m, height_m, relief_m, course_deg
+  [control]        control points: layout, number, area_m, sigma_m
+  [calibration]    tie_points, and in [calibration.strips] a line for each strip:
+                   low = {flying_height_m = 600, course_deg = 0, length_m = 900, overlap = 0.8}
+  [heads]          the same for all heads together
+  [validation]     a mapping flight with [validation.check] points
+A whole plan to begin with: acx4 simulate single-head --plan my_plan.toml
+
+With --target the cheapest strips are chosen, by flying time, that give what is wanted, and what
+each of them buys is shown. The status is 1 where no strips give it. Strips to choose from are those
+of [calibration.strips] and all combinations of TARGET's [candidates].
+
+\b
+TARGET is TOML, too:
+  minutes = 60     the longest flying time; without it, as long as is needed
+  [sigma]          sigma wanted, by the names of parameters.csv: f_mm = 0.002
+  [check_points]   RMS wanted: east_m, north_m, height_m
+  [candidates]     strips in which a key may have several values:
+                   c = {flying_height_m = [600, 900], course_deg = [0, 180], ...}
+
+\b
+Examples:
+  acx4 plan my_plan.toml
+  acx4 plan my_plan.toml --out my_prediction
+  acx4 plan my_plan.toml --target my_target.toml --out my_choice
+  acx4 simulate my_choice/plan.toml --out my_flight
+  acx4 simulate my_plan.toml --out my_flight
+"""
+
+NOT_DETERMINED = 1
+"""Exit status where the design leaves something open that is wanted."""
+
+FILES = ("parameters", "covariance", "correlations", "reliability", "check_points")
+"""Tables in the folder."""
+
+
+def plan(
+    file: Annotated[Path, typer.Argument(metavar="FILE", show_default=False, help="A plan, TOML.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", show_default=False, help="Folder for tables, summary and picture."
+        ),
+    ] = None,
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TARGET", show_default=False, help="What is wanted, TOML: choose the strips."
+        ),
+    ] = None,
+) -> None:
+    """Predict what a flight will determine."""
+    from acx4lib.flight.table_files import text_of  # noqa: PLC0415 quick help
+    from acx4tools.planning import design, tables  # noqa: PLC0415 quick help
+    from acx4tools.planning import plan as plans  # noqa: PLC0415 quick help
+
+    if out is not None:
+        terminal.need_book("plan --out")
+    planned = plans.read(file)
+    chosen = None if target is None else choose(planned, target)
+    flown = planned if chosen is None else chosen.plan
+    found = design.of(flown, winds=design.usual_winds(flown))
+    terminal.show("\n".join(tables.lines(found)))
+    if out is not None:
+        source = text_of(file) if chosen is None else plans.written(chosen.plan.values)
+        write(found, source, out, chosen)
+    if tables.sentences(found) or (chosen is not None and not chosen.met):
+        raise typer.Exit(NOT_DETERMINED)
+
+
+def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) -> None:
+    """Write the tables, the summary, the picture and the plan itself into a folder."""
+    from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
+    from acx4book.typesetting.svg import vector  # noqa: PLC0415 quick help
+    from acx4lib.results import own_folder, whole_files  # noqa: PLC0415 quick help
+    from acx4tools.planning import choosing, tables  # noqa: PLC0415 quick help
+
+    made = (
+        tables.parameter_table(design),
+        tables.covariance_table(design),
+        tables.correlation_table(design),
+        tables.reliability_table(design),
+        tables.check_point_table(design),
+    )
+    content = {f"{name}.csv": _csv(table) for name, table in zip(FILES, made, strict=True)}
+    content["summary.json"] = json.dumps(tables.summary(design), indent=1) + "\n"
+    drawing = vector(block_maps(*design.blocks.values()))
+    content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"
+    content["plan.toml"] = source
+    if chosen is not None:
+        content["target.csv"] = _csv(choosing.wanted(chosen))
+        content["strips.csv"] = _csv(choosing.strips(chosen))
+    with own_folder.claim(out, command="acx4 plan") as own:
+        own.expect(content)
+        whole_files.write_all({out / name: written for name, written in content.items()})
+        own.seal()
+    terminal.show(f"\n{out}: {', '.join(content)}")
+
+
+def _csv(table: pd.DataFrame) -> str:
+    return table.to_csv(index=False, lineterminator="\n")
+
+
+# --- ``acx4 plan PLAN --target TARGET``: the cheapest strips that give what is wanted
+
+
+MISSED = 1
+"""Exit status where the target is not met."""
+
+
+def choose(plan: Plan, target: Path) -> Chosen:
+    """Return the strips chosen for a target, and show them.
+
+    Where no choice can meet it, this is said; what comes nearest in a limited time is still chosen.
+    """
+    import numpy as np  # noqa: PLC0415 quick help
+
+    from acx4tools.planning import choosing  # noqa: PLC0415 quick help
+
+    wanted = choosing.read(target, plan)
+    all_strips = choosing.of(wanted)
+    if all_strips.failing:
+        terminal.say(*(unreachable(one, len(all_strips.seconds)) for one in all_strips.failing))
+        if not np.isfinite(wanted.minutes):
+            raise typer.Exit(MISSED)
+    found = choosing.choose(all_strips, minutes=wanted.minutes)
+    terminal.show("\n".join(lines(found, len(all_strips.seconds))))
+    if not found.met and not all_strips.failing:
+        enough = choosing.choose(all_strips)
+        terminal.say(
+            *(missed(one, float(x), wanted.minutes) for one, x in _missing(found)),
+            f"{enough.minutes:.0f} min reach the target: {', '.join(enough.strips)}",
+        )
+    return found
+
+
+def unreachable(one: Wanted, n: int) -> str:
+    """Say that no choice of the candidates gives what is wanted, and what would."""
+    return (
+        f"{_named(one)}: no choice of strips gives {one.limit:g}; with all {n} candidates it is "
+        f"{one.with_all:.3g}, {one.with_all / one.limit:.2g} times that"
+        + (f"; it would need {one.needs}" if one.needs else "")
+    )
+
+
+def missed(one: Wanted, given: float, minutes: float) -> str:
+    """Say what a choice misses that must not take longer."""
+    return (
+        f"{_named(one)}: {given:.3g}, {given / one.limit:.2g} times the {one.limit:g} that is "
+        f"wanted; no better choice was found for {minutes:g} min"
+    )
+
+
+def _missing(found: Chosen) -> Iterator[tuple[Wanted, float]]:
+    for one, given in zip(found.wanted, found.given, strict=True):
+        if given > one.limit:
+            yield one, float(given)
+
+
+def lines(found: Chosen, n: int) -> list[str]:
+    """Return what is shown of a choice: what it gives, then what each strip buys.
+
+    Parameters
+    ----------
+    found : Chosen
+    n : int
+        Number of candidates.
+    """
+    names = [_named(one) for one in found.wanted]
+    limits = [one.limit for one in found.wanted]
+    rows = [
+        ["", "", *names],
+        ["wanted", "", *map(_digits, limits)],
+        [f"all {n} candidates", "", *(_digits(one.with_all) for one in found.wanted)],
+        ["chosen", "", *map(_digits, found.given)],
+        ["", "min", *[""] * len(names)],
+        *(
+            [f"{'+ ' if k else '  '}{strip}", f"{minutes:.1f}", *map(_digits, after)]
+            for k, (strip, minutes, after) in enumerate(
+                zip(found.strips, found.minutes_after, found.after, strict=True)
+            )
+        ),
+    ]
+    return [
+        f"{len(found.strips)} of {n} strips, {found.minutes:.1f} min from first exposure to last",
+        *terminal.aligned(rows),
+        *(
+            f"without {strip}: {_worst(found, without)}"
+            for strip, without in zip(found.strips, found.without, strict=True)
+        ),
+    ]
+
+
+def _worst(found: Chosen, without: Sequence[float]) -> str:
+    """Say what leaving a strip out does to what suffers most, by what is wanted."""
+    shares = [x / one.limit for x, one in zip(without, found.wanted, strict=True)]
+    k = shares.index(max(shares))
+    return f"{_named(found.wanted[k])} {_digits(found.given[k])} -> {_digits(without[k])}"
+
+
+def _named(one: Wanted) -> str:
+    return f"{one.camera} {one.name}".strip()
+
+
+def _digits(x: float) -> str:
+    return f"{x:#.3g}".rstrip(".")
+
+
+# --- The command ``acx4 simulate``: a flight of a design or of a plan, or the plan of a design
+
+
+SIMULATE_HELP = """Write a simulated flight.
+
+Its truth is in FLIGHT.truth.json beside it. It has pixels where --images names exposures: the
+pictures of all cameras that expose together, 16 bit.
+
+\b
+NAME is one of
+  acx4         the paper's: four heads that measure in all three blocks
+  acx4-ideal   the same with an ideal synthetic camera in the blocks 2 and 3
+  single-head  one ordinary camera, turned on its mount
+  PLAN.toml    a plan of your own: acx4 plan --help
+With --plan the plan of the first three is written instead, to be changed and flown.
+
+\b
+Examples:
+  acx4 simulate single-head --out my_flight --seed 3
+  acx4 simulate acx4 --out my_flight --slow-errors --gross-errors
+  acx4 simulate acx4 --out my_flight --images H3-04,C2-05 --reduce 4
+  acx4 simulate single-head --plan my_plan.toml
+  acx4 simulate my_plan.toml --out my_flight
+"""
+
+
+def simulate(  # noqa: PLR0913, PLR0917 one for every option
+    name: Annotated[str, typer.Argument(metavar="NAME", show_default=False)],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FLIGHT", show_default=False, help="New folder for the flight."),
+    ] = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", show_default=False, help="New file for the design's plan; no flight."
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=0, help="The same seed gives the same flight.")
+    ] = 1,
+    slow_errors: Annotated[
+        bool, typer.Option("--slow-errors", help="Trajectory errors that change slowly.")
+    ] = False,
+    gross_errors: Annotated[
+        bool, typer.Option("--gross-errors", help="Mistakes in the calibration block.")
+    ] = False,
+    refraction: Annotated[
+        bool, typer.Option("--refraction", help="Rays bent by the standard atmosphere.")
+    ] = False,
+    images: Annotated[
+        str, typer.Option(metavar="A,B", help="Exposures that get pictures.", show_default=False)
+    ] = "",
+    reduce: Annotated[
+        int, typer.Option(metavar="K", min=1, help="Pictures at 1/K of the size.")
+    ] = 1,
+    ground: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PHOTO",
+            show_default=False,
+            help="A picture to lie on the ground, a pixel every 12.5 cm; else a landscape.",
+        ),
+    ] = None,
+) -> None:
+    """Write a simulated flight, or the plan of one."""
+    from acx4lib.results import own_folder  # noqa: PLC0415 quick help
+    from acx4sim.files import TRUTH_MARK, photograph, truth_path  # noqa: PLC0415 quick help
+    from acx4sim.files import write as files_write  # noqa: PLC0415 quick help
+    from acx4sim.plan import GrossErrors, Options, SlowErrors  # noqa: PLC0415 quick help
+
+    if (out is None) == (plan is None):
+        terminal.refuse("give either --out FLIGHT for a flight, or --plan FILE for its plan")
+    if plan is not None:
+        _write_plan(name, plan)
+        return
+    assert out is not None
+    own_folder.check_new(out)
+    truth = truth_path(out)
+    own_folder.check_file(truth, mark=TRUTH_MARK, what="the truth of a simulated flight")
+    options = Options(
+        slow_errors=SlowErrors() if slow_errors else None,
+        gross_errors=GrossErrors() if gross_errors else None,
+        refraction="standard" if refraction else "none",
+    )
+    exposures = [exposure.strip() for exposure in images.split(",") if exposure.strip()]
+    if not exposures and (reduce > 1 or ground is not None):
+        terminal.refuse("--reduce and --ground are for pictures; name exposures with --images")
+    flight = _flown(name, seed, options)
+    if exposures:
+        try:
+            flight = photograph(flight, exposures, reduce=reduce, photo=ground)
+        except ValueError as error:
+            terminal.refuse(str(error))
+    with (
+        terminal.stage_bars("rows") as tell,
+        own_folder.placed(out, command="acx4 simulate") as draft,
+    ):
+        files_write(flight, draft, tell=tell)
+    terminal.show(f"{out}; its truth in {truth}")
+
+
+def _flown(name: str, seed: int, options: Options) -> SimulatedFlight:
+    """Return the flight of a design, or of the plan in a file."""
+    from acx4book.notebooks import simulated  # noqa: PLC0415 quick help
+
+    try:
+        return simulated.fly(name, seed=seed, options=options)
+    except ValueError as error:
+        terminal.refuse(str(error))
+
+
+def _write_plan(name: str, path: Path) -> None:
+    from acx4book.notebooks import simulated  # noqa: PLC0415 quick help
+    from acx4lib.results import own_folder, whole_files  # noqa: PLC0415 quick help
+    from acx4sim.designs import PLANS  # noqa: PLC0415 quick help
+    from acx4tools.planning import plan as plans  # noqa: PLC0415 quick help
+
+    if name not in PLANS:
+        terminal.refuse(f"--plan is of a design: {', '.join(PLANS)}; got {name!r}")
+    if path.exists():
+        terminal.refuse(f"{path}: is there already; choose another name")
+    own_folder.check_file(path, mark=b"", what="a plan")
+    whole_files.write(path, plans.written(simulated.values(PLANS[name]())))
+    terminal.show(path)

@@ -1,0 +1,689 @@
+"""The page on what ``make coverage`` left.
+
+Errors over their standard deviations, tested, and what is left in the mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy import stats
+
+from acx4book.pages.benchmarks import stored
+from acx4book.typesetting import style
+from acx4book.typesetting.labels import LABELS, TITLES, inside
+from acx4book.typesetting.myst import at_commit, myst_table
+from acx4book.typesetting.plain_text import Markup
+from acx4lib import expected
+from acx4lib.expected import Array
+from acx4lib.geometry.parameters import AXES
+from acx4lib.least_squares.adjustment import two_sided_p
+
+# --- Whether standard deviations can be believed, as a page of the book
+#
+# The errors are those of ``make coverage``, which leaves them in ``data/benchmarks``.
+
+
+ALPHA = 0.01
+"""Probability that any of all tests fails by chance."""
+
+MAIN = "single_step"
+"""The method whose errors are shown one by one."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Errors:
+    """Errors over many flights.
+
+    Attributes
+    ----------
+    parameters : DataFrame
+        Columns seed, method, parameter, error, sigma, decorrelated; of a head's parameters the
+        name has the head before it, and those that follow from others have no decorrelated error.
+    points : DataFrame
+        Columns seed, method, point, and d and sigma by axis, m.
+    about : mapping
+        Date, processor, commit, seeds.
+    """
+
+    parameters: pd.DataFrame
+    points: pd.DataFrame
+    about: Mapping[str, Any]
+
+    @property
+    def methods(self) -> list[str]:
+        """Names of the methods, the main one first."""
+        return sorted(self.parameters["method"].unique(), key=lambda m: m != MAIN)
+
+    def normalised(self, method: str) -> pd.DataFrame:
+        """Return errors over sigma, a row per flight and a column per parameter."""
+        own = self._of(self.parameters, method)
+        return _wide(own.assign(z=own["error"] / own["sigma"]), "z")
+
+    def chi_squares(self, method: str) -> tuple[Array, int]:
+        """Return the joint chi-square of every flight, and its degrees of freedom."""
+        wide = _wide(self._of(self.parameters, method), "decorrelated").dropna(axis=1, how="all")
+        return np.sum(wide.to_numpy() ** 2, axis=1), wide.shape[1]
+
+    def validated(self, method: str) -> Array:
+        """Return differences over sigma, shape (n_flights, n_points, 3).
+
+        NaN for a point that a flight does not have.
+        """
+        own = self._of(self.points, method)
+        parts = []
+        for axis in AXES:
+            z = own.assign(z=own[f"d_{axis}_m"] / own[f"sigma_{axis}_m"])
+            parts.append(z.pivot_table(index="seed", columns="point", values="z").to_numpy())
+        return np.stack(parts, axis=-1) if len(own) else np.zeros((0, 0, 3))
+
+    def _of(self, table: pd.DataFrame, method: str) -> pd.DataFrame:
+        return table[table["method"] == method]
+
+    @cached_property
+    def tests(self) -> pd.DataFrame:
+        """Every test: method, quantity, what is tested, its value, p, and p by Holm over all."""
+        rows = [row for method in self.methods for row in _tests(self, method)]
+        table = pd.DataFrame(rows, columns=["method", "quantity", "test", "value", "p"])
+        return table.assign(joint_p=holm(table["p"].to_numpy()))
+
+
+def _wide(rows: pd.DataFrame, values: str) -> pd.DataFrame:
+    names = list(dict.fromkeys(rows["parameter"]))
+    return rows.pivot_table(index="seed", columns="parameter", values=values, dropna=False)[names]
+
+
+def read(folder: Path) -> Errors:
+    """Read what ``make coverage`` left in a folder."""
+    about, (parameters, points, heads) = stored.read(
+        folder, "coverage", "parameters", "points", "heads", make="coverage"
+    )
+    return Errors(parameters=pd.concat([parameters, heads]), points=points, about=about)
+
+
+# --- tests -----------------------------------------------------------------------------------
+
+Test = tuple[str, str, str, float, float]
+
+
+def _tests(errors: Errors, method: str) -> Iterator[Test]:
+    """Yield method, quantity, name of the test, value and p."""
+    for name, z in errors.normalised(method).items():
+        yield method, str(name), "mean", float(z.mean()), mean_p(z.to_numpy())
+        yield method, str(name), "spread", float(z.std()), spread_p(z.to_numpy())
+    squares, n = errors.chi_squares(method)
+    yield method, "joint", "sum", float(squares.sum()), sum_p(squares, n)
+    yield method, "joint", "distribution", float(n), distribution_p(squares, n)
+    validated = errors.validated(method)
+    if len(validated):
+        for test, power in (("mean", 1), ("spread", 2)):
+            of_flights = np.nanmean(validated**power, axis=1)
+            p = flight_mean_p(of_flights, np.full(3, power - 1.0))
+            values = of_flights.mean(axis=0)
+            for axis, value, p_axis in zip(AXES, values, p, strict=True):
+                yield method, axis, test, float(value), float(p_axis)
+
+
+# --- the page --------------------------------------------------------------------------------
+
+
+def page(errors: Errors) -> str:
+    """Return the tests and their outcome as MyST text."""
+    parts = [
+        _made(errors),
+        verdict(errors),
+        _table(parameter_table(errors, MAIN), f"{TITLES[MAIN]}: {_CAPTION}", "parameters"),
+        _table(joint_table(errors), "Joint χ² of all parameters of a method", "joint"),
+        _table(point_table(errors), "Normalised differences at validation points", "points"),
+    ]
+    for method in errors.methods[1:]:
+        caption, name = f"{TITLES[method]}: {_CAPTION}", method.replace("_", "-")
+        parts.append(_table(parameter_table(errors, method), caption, name))
+    return "\n\n".join(parts) + "\n"
+
+
+_CAPTION = "normalised errors, with p values of mean 0 and standard deviation 1"
+_FORMATS = {
+    "Mean": "+.3f",
+    "p (mean)": ".3f",
+    "Standard deviation": ".3f",
+    "Mean square": ".3f",
+    "p (spread)": ".3f",
+    "Sum of χ²": ".1f",
+    "p (sum)": ".3f",
+    "p (distribution)": ".3f",
+}
+
+
+def _table(table: pd.DataFrame, caption: str, name: str) -> str:
+    formats = {key: f for key, f in _FORMATS.items() if key in table}
+    return myst_table(table, caption, name=f"tab-coverage-{name}", formats=formats)
+
+
+def _made(errors: Errors) -> str:
+    about, seeds = errors.about, errors.parameters["seed"]
+    return (
+        f"Computed on {about['date']} at {at_commit(about['commit'])}: {seeds.nunique()} flights "
+        f"of the design `{about['design']}`, of the heads `{about['heads_design']}`, seeds "
+        f"{seeds.min()} to {seeds.max()}; "
+        f"{about['processor']}, {about['system']}, Python {about['versions']['python']}, numpy "
+        f"{about['versions']['numpy']}."
+    )
+
+
+def verdict(errors: Errors) -> str:
+    """Say whether all tests together pass, and which do not."""
+    tests = errors.tests
+    failed = tests[tests["joint_p"] < ALPHA]
+    worst = tests.iloc[int(tests["p"].argmin())]
+    if failed.empty:
+        said = (
+            f"None of the {len(tests)} tests fails. The smallest p value is that of the "
+            f"{worst['test']} of {_label(worst)}: {worst['p']:.2g} by itself, and "
+            f"{worst['joint_p']:.2g} after Holm's adjustment"
+        )
+    else:
+        each = "; ".join(f"{row['test']} of {_label(row)}" for _, row in failed.iterrows())
+        said = f"{len(failed)} of the {len(tests)} tests fail: {each}"
+    return f"{said}. By chance any of them would fail in {100 * ALPHA:g} % of all repetitions."
+
+
+def found(errors: Errors) -> str:
+    """Say which errors of means and of standard deviations the tests would find."""
+    n, m = int(errors.parameters["seed"].nunique()), len(errors.tests)
+    low, high = found_scales(n, ALPHA / m)
+    return (
+        f"With {n} flights and {m} tests, a bias of {found_bias(n, ALPHA / m):.2g} σ, "
+        f"or a σ that is {100 * (1 / low - 1):.0f} % too large or {100 * (1 - 1 / high):.0f} % too "
+        f"small, is found in {100 * CONFIDENCE:.0f} % of all repetitions. Half as much "
+        "mostly stays hidden."
+    )
+
+
+def _label(test: pd.Series) -> str:
+    quantity = str(test["quantity"])
+    if quantity == "joint":
+        what = "χ²"
+    elif quantity in AXES:
+        what = f"{quantity} at validation points"
+    else:
+        what = _parameter(quantity)
+    return f"{what} ({inside(TITLES[str(test['method'])])})"
+
+
+def _parameter(name: str) -> Markup:
+    """Return the label of a parameter, with its head where it has one."""
+    head, _, key = name.rpartition(" ")
+    return Markup(f"{head} {LABELS[key]}".strip())
+
+
+def _of_test(errors: Errors, method: str, test: str) -> pd.DataFrame:
+    tests = errors.tests
+    own = tests[(tests["method"] == method) & (tests["test"] == test)]
+    return own.set_index("quantity")[["value", "p"]]
+
+
+def parameter_table(errors: Errors, method: str) -> pd.DataFrame:
+    """Return mean and spread of the normalised errors of every parameter, with p values."""
+    names = [str(name) for name in errors.normalised(method)]
+    mean, spread = (_of_test(errors, method, test).loc[names] for test in ("mean", "spread"))
+    return pd.DataFrame(
+        {
+            "Parameter": [_parameter(name) for name in names],
+            "Mean": mean["value"].to_numpy(),
+            "p (mean)": mean["p"].to_numpy(),
+            "Standard deviation": spread["value"].to_numpy(),
+            "p (spread)": spread["p"].to_numpy(),
+        }
+    )
+
+
+def joint_table(errors: Errors) -> pd.DataFrame:
+    """Return the sum of the flights' chi-squares of every method, and its p values."""
+    rows = []
+    for method in errors.methods:
+        squares, n = errors.chi_squares(method)
+        total, shape = (
+            _of_test(errors, method, test).loc["joint"] for test in ("sum", "distribution")
+        )
+        rows.append(
+            {
+                "Method": TITLES[method],
+                "Flights": len(squares),
+                "Independent parameters": n,
+                "Degrees of freedom": n * len(squares),
+                "Sum of χ²": total["value"],
+                "p (sum)": total["p"],
+                "p (distribution)": shape["p"],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def point_table(errors: Errors) -> pd.DataFrame:
+    """Return mean and mean square of the normalised differences of every axis, with p values."""
+    rows = []
+    for method in errors.methods:
+        if not len(errors.validated(method)):
+            continue
+        mean, spread = (_of_test(errors, method, test) for test in ("mean", "spread"))
+        rows += [
+            {
+                "Method": TITLES[method],
+                "Axis": axis,
+                "Mean": mean.loc[axis, "value"],
+                "p (mean)": mean.loc[axis, "p"],
+                "Mean square": spread.loc[axis, "value"],
+                "p (spread)": spread.loc[axis, "p"],
+            }
+            for axis in AXES
+        ]
+    return pd.DataFrame(rows)
+
+
+def shares(errors: Errors) -> str:
+    """Return the share of errors within 1, 2 and 3 sigma as MyST text."""
+    caption = "Share of errors within 1, 2 and 3 σ, in brackets its 95 % interval"
+    return _table(share_table(errors), caption, "shares") + "\n"
+
+
+def share_table(errors: Errors) -> pd.DataFrame:
+    """Return the share of errors within 1, 2 and 3 sigma, percent with intervals."""
+    expected = [_percent(nominal(level)) for level in LEVELS]
+    rows = [_row("normal distribution", expected)]
+    for name, z in errors.normalised(MAIN).items():
+        each = [share_within(z.to_numpy(), level) for level in LEVELS]
+        rows.append(_row(LABELS[str(name)], map(_with_interval, each)))
+    for label, grouped in _grouped(errors):
+        each = [share_within_by_flights(grouped, level) for level in LEVELS]
+        rows.append(_row(label, map(_with_interval, each)))
+    return pd.DataFrame(rows)
+
+
+def _grouped(errors: Errors) -> Iterator[tuple[str, Array]]:
+    """Yield what is counted together, and its normalised errors, a row per flight."""
+    for method in errors.methods:
+        z = errors.normalised(method).to_numpy()
+        yield f"all {z.shape[1]} parameters, {inside(TITLES[method])}", z
+    for i, axis in enumerate(AXES):
+        yield f"validation points, {axis}", errors.validated(MAIN)[:, :, i]
+
+
+def _row(label: str, cells: Iterable[str]) -> dict[str, str]:
+    heads = (f"within {level} σ (%)" for level in LEVELS)
+    return {"Quantity": label} | dict(zip(heads, cells, strict=True))
+
+
+def _with_interval(share: Share) -> str:
+    return f"{_percent(share.value)} ({_percent(share.low)} to {_percent(share.high)})"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f}"
+
+
+# --- Whether standard deviations keep what they promise: statistics of errors over many flights
+#
+# Normalised errors, errors over their a priori sigma, should be standard normal. Flights are
+# independent of each other; what belongs to one flight is not.
+
+
+LEVELS = (1, 2, 3)
+"""Multiples of sigma whose coverage is counted."""
+
+CONFIDENCE = 0.95
+"""Of the intervals of a coverage."""
+
+RESAMPLED = 20_000
+"""Samples of a bootstrap: its p values are multiples of 1 / 20 001."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Share:
+    """A share with its confidence interval.
+
+    Attributes
+    ----------
+    value, low, high : float
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+def nominal(level: float) -> float:
+    """Return the probability that a normal error stays within some sigma."""
+    expected.positive_number("level", level)
+    return float(stats.norm.cdf(level) - stats.norm.cdf(-level))
+
+
+# --- independent errors ----------------------------------------------------------------------
+
+
+def mean_p(z: Array) -> float:
+    """Return the two-sided p value of a mean of zero: Student's test, shape (n,)."""
+    return float(stats.ttest_1samp(z, 0.0).pvalue)
+
+
+def spread_p(z: Array) -> float:
+    """Return the two-sided p value of a standard deviation of one about the mean: chi-square."""
+    dof = len(z) - 1
+    return two_sided_p(float(dof * np.var(z, ddof=1)), dof)
+
+
+def sum_p(chi_squares: Array, dof: int) -> float:
+    """Return the two-sided p value of the sum of chi-squares of one number of freedoms each."""
+    expected.whole("dof", dof)
+    return two_sided_p(float(np.sum(chi_squares)), dof * len(chi_squares))
+
+
+def distribution_p(chi_squares: Array, dof: int) -> float:
+    """Return the p value of all chi-squares as a sample: Kolmogorov's and Smirnov's test."""
+    expected.whole("dof", dof)
+    return float(stats.kstest(chi_squares, stats.chi2(dof).cdf).pvalue)
+
+
+def share_within(z: Array, level: float) -> Share:
+    """Return the share of independent errors within some sigma, with its binomial interval.
+
+    The interval is Clopper's and Pearson's.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+    level : float
+    """
+    expected.positive_number("level", level)
+    expected.some("z", z, "number")
+    return binomial(int(np.sum(np.abs(z) <= level)), len(z))
+
+
+def binomial(k: int, n: int) -> Share:
+    """Return the share k of n independent cases with its interval, Clopper's and Pearson's."""
+    test = stats.binomtest(k, n)
+    low, high = test.proportion_ci(CONFIDENCE)
+    return Share(value=float(test.statistic), low=float(low), high=float(high))
+
+
+def share_p(k: int, n: int, share: float) -> float:
+    """Return the two-sided p value of k of n independent cases where a share is expected."""
+    return float(stats.binomtest(k, n, share).pvalue)
+
+
+def too_many_p(k: int, n: int, share: float) -> float:
+    """Return the probability of k or more of n independent cases where a share is expected."""
+    return float(stats.binomtest(k, n, share, alternative="greater").pvalue)
+
+
+# --- errors that belong to flights -----------------------------------------------------------
+
+
+def flight_mean_p(of_flights: Array, expected: Array) -> Array:
+    """Return the two-sided p value of the mean over flights, by bootstrap over flights.
+
+    Parameters
+    ----------
+    of_flights : ndarray, shape (n_flights, k)
+        One value of each of k quantities for a flight: a mean over its errors.
+    expected : ndarray, shape (k,)
+
+    Returns
+    -------
+    ndarray, shape (k,)
+
+    Notes
+    -----
+    Student's statistic of the sample is compared with that of the samples drawn from it with
+    replacement, about the mean of the sample [1]_.
+
+    References
+    ----------
+    .. [1] B. Efron and R. J. Tibshirani, "An Introduction to the Bootstrap", 1993, section 16.4.
+    """
+    n = len(of_flights)
+    mean = of_flights.mean(axis=0)
+    observed = (mean - expected) / (of_flights.std(axis=0, ddof=1) / np.sqrt(n))
+    counts = _resampled(n)
+    centred = of_flights - mean
+    means = counts @ centred / n
+    squares = counts @ centred**2 / n - means**2
+    drawn = means / np.sqrt(squares / (n - 1))
+    return (1 + np.sum(np.abs(drawn) >= np.abs(observed), axis=0)) / (len(counts) + 1)
+
+
+def share_within_by_flights(z: Array, level: float) -> Share:
+    """Return the share of errors within some sigma, with its interval by bootstrap over flights.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n_flights, k)
+        The k errors of a flight may be correlated; NaN where it has fewer.
+    level : float
+    """
+    of_flights = np.nanmean(np.where(np.isnan(z), np.nan, np.abs(z) <= level), axis=1)
+    means = _resampled(len(z)) @ of_flights / len(z)
+    tail = (1 - CONFIDENCE) / 2
+    low, high = np.quantile(means, [tail, 1 - tail])
+    return Share(value=float(of_flights.mean()), low=float(low), high=float(high))
+
+
+@lru_cache(maxsize=1)
+def _resampled(n: int) -> Array:
+    """Return how often each of n flights is drawn in each sample, always the same samples."""
+    rng = np.random.default_rng(n)
+    return rng.multinomial(n, np.full(n, 1 / n), size=RESAMPLED).astype(float)
+
+
+# --- all together ----------------------------------------------------------------------------
+
+
+def holm(p: Array) -> Array:
+    """Return p values adjusted for their number by Holm's method, shape (n,).
+
+    Those below alpha are rejected jointly: none is by chance, with probability 1 - alpha.
+    """
+    beyond = ~((np.asarray(p) >= 0) & (np.asarray(p) <= 1))
+    if beyond.any():
+        row = int(np.argmax(beyond))
+        msg = f"p: expected probabilities between 0 and 1, got {p[row]} in row {row}"
+        raise ValueError(msg)
+    order = np.argsort(p)
+    factors = np.arange(len(p), 0, -1)
+    adjusted = np.empty(len(p))
+    adjusted[order] = np.minimum(np.maximum.accumulate(factors * np.asarray(p)[order]), 1.0)
+    return adjusted
+
+
+# --- what tests would find -------------------------------------------------------------------
+
+
+def found_bias(n: int, alpha: float) -> float:
+    """Return the mean of n normalised errors that `mean_p` finds in `CONFIDENCE` of all cases.
+
+    Parameters
+    ----------
+    n : int
+        Number of independent errors.
+    alpha : float
+        Two-sided error probability of the single test.
+    """
+    critical = stats.t.ppf(1 - alpha / 2, n - 1)
+    return float((critical + stats.norm.ppf(CONFIDENCE)) / np.sqrt(n))
+
+
+def found_scales(n: int, alpha: float) -> tuple[float, float]:
+    """Return the scatters below and above one that `spread_p` finds in `CONFIDENCE` of all cases.
+
+    Parameters
+    ----------
+    n, alpha : int and float
+        As of `found_bias`.
+    """
+    chi2 = stats.chi2(n - 1)
+    below = chi2.ppf(alpha / 2) / chi2.ppf(CONFIDENCE)
+    above = chi2.ppf(1 - alpha / 2) / chi2.ppf(1 - CONFIDENCE)
+    return float(np.sqrt(below)), float(np.sqrt(above))
+
+
+# --- Figures of errors over their standard deviations, from many flights
+
+
+COLUMNS = 6
+LIMIT = 4.0
+
+MINT = "#a9dccb"
+
+
+def normalised_errors(parameters: pd.DataFrame, points: pd.DataFrame) -> Figure:
+    """Draw how errors over sigma are distributed, beside what theory says.
+
+    Parameters
+    ----------
+    parameters : DataFrame
+        Of one method: seed, parameter, error, sigma, decorrelated.
+    points : DataFrame
+        Of the same method: d_east_m, sigma_east_m, and so on.
+    """
+    names = list(dict.fromkeys(parameters["parameter"]))
+    n_rows = -(-(len(names) + 1 + len(AXES)) // COLUMNS)
+    with style.applied():
+        fig, grid = style.subplots(n_rows, COLUMNS, figsize=(style.WIDTH, 1.45 * n_rows))
+        axes = list(grid.ravel())
+        for name in names:
+            own = parameters[parameters["parameter"] == name]
+            _against_normal(
+                axes.pop(0), own["error"] / own["sigma"], LABELS[name], (style.SKY, style.BLUE)
+            )
+        squares = (parameters["decorrelated"] ** 2).groupby(parameters["seed"]).sum()
+        _against_chi_square(axes.pop(0), squares.to_numpy(), len(names))
+        for axis in AXES:
+            z = points[f"d_{axis}_m"] / points[f"sigma_{axis}_m"]
+            _against_normal(axes.pop(0), z, f"validation, {axis}", (MINT, style.TEAL))
+        for ax in axes:
+            ax.set_visible(False)
+        fig.supxlabel("error over its standard deviation (1)", fontsize=8.5, color=style.INK)
+    return fig
+
+
+def _against_normal(ax: Axes, z: pd.Series, title: str, tints: tuple[str, str]) -> None:
+    bins = np.linspace(-LIMIT, LIMIT, 17)
+    x = np.linspace(-LIMIT, LIMIT, 200)
+    _histogram(ax, np.clip(z.to_numpy(), -LIMIT, LIMIT), bins, tints)
+    ax.plot(x, stats.norm.pdf(x), color=style.INK, lw=1.1)
+    ax.set(xlim=(-LIMIT, LIMIT), ylim=(0, 0.62), xticks=[-3, 0, 3])
+    _titled(ax, title, f"{z.mean():+.2f} ± {z.std():.2f}".replace("-", "−"))
+
+
+def _against_chi_square(ax: Axes, squares: Array, dof: int) -> None:
+    top = float(stats.chi2.ppf(0.9999, dof))
+    x = np.linspace(0, top, 200)
+    _histogram(ax, np.clip(squares, 0, top), np.linspace(0, top, 17), (style.SKY, style.BLUE))
+    density = stats.chi2.pdf(x, dof)
+    ax.plot(x, density, color=style.INK, lw=1.1)
+    ax.set(xlim=(0, top), ylim=(0, 1.55 * density.max()), xticks=[0, dof, 2 * dof])
+    _titled(ax, f"all {dof}: χ²", f"mean {squares.mean():.1f}")
+
+
+def _histogram(ax: Axes, values: Array, bins: Array, tints: tuple[str, str]) -> None:
+    fill, edge = tints
+    ax.hist(values, bins.tolist(), density=True, color=fill, alpha=0.75)
+    ax.hist(values, bins.tolist(), density=True, histtype="step", color=edge, lw=0.8)
+    ax.set_yticks([])
+    ax.spines["left"].set_visible(False)
+    ax.grid(visible=False)
+
+
+def _titled(ax: Axes, title: str, note: str) -> None:
+    ax.set_title(title, loc="center", fontsize=style.SMALL, fontweight="normal", pad=3)
+    ax.annotate(
+        note,
+        xy=(0.5, 1),
+        xytext=(0, -2),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize=style.SMALL,
+        color=style.SOFT,
+    )
+
+
+# --- What errors leave in the mean of noise and its negative, as a part of the page on coverage
+
+
+GOAL = 0.02
+"""Largest bias of a parameter, in its sigma."""
+
+GOAL_ERROR = 0.005
+"""Largest standard error with which the bias is to be known."""
+
+OWN = "adjusted"
+"""Where the library evaluates distortion unless told otherwise."""
+
+HEADINGS = {"adjusted": "Adjusted point", "measured": "Measured point"}
+
+
+def bias_read(folder: Path) -> pd.DataFrame:
+    """Read what ``make coverage`` left of its pairs of flights.
+
+    Returns
+    -------
+    DataFrame
+        Columns seed, distortion_at, parameter, error (the mean of a pair), sigma (of one flight).
+    """
+    _, (pairs,) = stored.read(folder, "coverage", "bias", make="coverage")
+    return pairs
+
+
+def biases(pairs: pd.DataFrame, distortion_at: str) -> pd.DataFrame:
+    """Return bias and standard error over sigma, a row per parameter."""
+    own = pairs[pairs["distortion_at"] == distortion_at]
+    z = (own["error"] / own["sigma"]).groupby(own["parameter"], sort=False)
+    return pd.DataFrame({"bias": z.mean(), "error": z.sem()})
+
+
+def bias_page(pairs: pd.DataFrame) -> str:
+    """Return the biases of the single step and the goal as MyST text."""
+    caption = (
+        "Bias of the single step in thousandths of σ, distortion at adjusted or at measured points"
+    )
+    return (
+        f"{bias_verdict(pairs)}\n\n{myst_table(table(pairs), caption, name='tab-coverage-bias')}\n"
+    )
+
+
+def bias_verdict(pairs: pd.DataFrame) -> str:
+    """Say how large the largest biases are, and whether the goal is reached."""
+    own = biases(pairs, OWN)
+    largest, least_known = own.iloc[int(own["bias"].abs().argmax())], own["error"].max()
+    reached = abs(largest["bias"]) < GOAL and least_known < GOAL_ERROR
+    return (
+        f"In {pairs['seed'].nunique()} pairs the largest bias of the single step is "
+        f"{_shown(largest, digits=4)} σ, of {LABELS[str(largest.name)]}; all are known to "
+        f"{least_known:.4f} σ or better. The goal, less than {GOAL:g} σ known to {GOAL_ERROR:g} σ, "
+        f"is {'reached' if reached else 'not reached'}."
+    )
+
+
+def table(pairs: pd.DataFrame) -> pd.DataFrame:
+    """Return the bias of every parameter in thousandths of sigma, by where distortion is taken."""
+    found = {heading: 1000 * biases(pairs, where) for where, heading in HEADINGS.items()}
+    names = found[HEADINGS[OWN]].index
+    columns = {
+        heading: [_shown(row, digits=2) for _, row in own.iterrows()]
+        for heading, own in found.items()
+    }
+    return pd.DataFrame({"Parameter": [LABELS[str(name)] for name in names], **columns})
+
+
+def _shown(found: pd.Series, *, digits: int) -> str:
+    return f"{found['bias']:+z.{digits}f} ± {found['error']:.{digits}f}".replace("-", "−")

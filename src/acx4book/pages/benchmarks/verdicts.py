@@ -1,0 +1,498 @@
+"""Verdicts of reports on good and spoilt flights, and trajectory errors that change slowly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4book.pages.benchmarks import sigma, stored
+from acx4book.pages.benchmarks.sigma import Share
+from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import at_commit, myst_table
+from acx4lib.least_squares.adjustment import two_sided_p
+from acx4lib.least_squares.statistics import holm
+
+# --- How often a report is wrong on good flights, and which faults it finds, as a part of
+# the page
+#
+# The reports are those of ``make coverage``, which leaves a row for every flight.
+
+
+GOAL = 0.07
+"""Largest share of clean flights whose report may say that something does not hold."""
+
+LEVEL = 0.05
+"""Level of every single test, and of a report as a whole."""
+
+FOUND = 0.8
+"""Share of the spoilt flights in which the fault of the predicted size is to be found."""
+
+ALPHA = 0.01
+"""Probability that any share of a table lies outside its bounds by chance."""
+
+PLANS: Mapping[str, str] = {
+    "two-heights-crossing": "two heights",
+    "one-height": "one height",
+    "flat": "flat ground",
+    "oblique-heads": "oblique heads",
+    "no-control": "no control",
+}
+"""Names of the plans in headings."""
+
+FAULTS: Mapping[str, tuple[str, str]] = {
+    "step": ("the camera turns on its mount, by", "{:.2g}°"),
+    "sigma of image points": ("true σ of image points over the stated one", "{:.3g}"),
+    "sigma of GNSS": ("true σ of GNSS positions over the stated one", "{:.3g}"),
+    "sigma of attitudes": ("true σ of attitudes over the stated one", "{:.3g}"),
+    "delay": ("positions of the calibration late by", "{:.2g} s"),
+    "delay in both": ("positions of calibration and validation late by", "{:.2g} s"),
+    "lever arm": ("declared lever arm wrong in height by", "{:.2g} m"),
+    "datum in plan": ("surveyed points shifted east by", "{:.2g} m"),
+    "datum in height": ("surveyed points shifted in height by", "{:.2g} m"),
+}
+"""What is wrong, and the form of its size; gross errors have a table of their own."""
+
+GROSS: Mapping[str, str] = {
+    "image_point": "an image point",
+    "gnss": "a GNSS height",
+    "control_point": "the height of a control point",
+}
+
+PURPOSES: Mapping[str, str] = {
+    "clean": "clean ones",
+    "spoilt": "with a fault of the predicted size",
+    "third": "with a σ that is a third too small",
+}
+"""What flights are for."""
+
+TEST = "p: "
+"""Before the question and the name of a test, in the heading of its probability."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verdicts:
+    """What reports say of many flights.
+
+    Attributes
+    ----------
+    flights : DataFrame
+        A row for each: purpose (``clean``, ``spoilt``, ``third``), plan, fault, size, status,
+        holds; a column for the state of every question, ``found: KIND`` of planted gross errors,
+        ``p: QUESTION: TEST`` of clean flights.
+    about : mapping
+        Date, commit, number of flights that are planned for every purpose.
+    """
+
+    flights: pd.DataFrame
+    about: Mapping[str, Any]
+
+    def of(self, purpose: str) -> pd.DataFrame:
+        """Return the flights of one purpose."""
+        return self.flights[self.flights["purpose"] == purpose]
+
+    @property
+    def questions(self) -> list[str]:
+        """Names of the questions of the reports."""
+        states = self.flights.select_dtypes(exclude="number").isin(["holds", "fails", "note"])
+        return [str(name) for name in states.columns[states.any()]]
+
+
+def read(folder: Path) -> Verdicts:
+    """Read what ``make coverage`` left in a folder."""
+    about, (flights,) = stored.read(folder, "verdicts", make="coverage")
+    return Verdicts(flights=flights.fillna({"fault": ""}), about=about)
+
+
+def fails(flights: pd.DataFrame) -> pd.Series:
+    """Tell which flights have a report that does not hold, or no results to report on."""
+    return flights["holds"] != 1
+
+
+# --- clean flights ---------------------------------------------------------------------------
+
+
+def good(verdicts: Verdicts) -> str:
+    """Return what reports say of clean flights, as MyST text."""
+    return "\n\n".join(
+        [
+            _made(verdicts),
+            good_verdict(verdicts),
+            _table(good_table(verdicts), "Reports of clean flights, by plan", "clean"),
+            _table(question_table(verdicts), "Answers of reports on clean flights", "questions"),
+            level_verdict(levels(verdicts)),
+            _table(level_table(levels(verdicts)), LEVELS, "levels"),
+        ]
+    )
+
+
+LEVELS = (
+    f"Share of clean flights in which a single test has p below {100 * LEVEL:g} %, and its "
+    f"{100 * sigma.CONFIDENCE:g} % interval"
+)
+
+
+def _made(verdicts: Verdicts) -> str:
+    about, states = verdicts.about, verdicts.flights["source"].nunique()
+    flown = [
+        f"{len(verdicts.of(purpose)):,} of {about['planned'].get(purpose, 0):,} {name}"
+        for purpose, name in PURPOSES.items()
+    ]
+    return (
+        f"Computed on {about['date']} at {at_commit(about['commit'])}, by "
+        f"{'one state' if states == 1 else f'{states} states'} of the code. Flights: "
+        f"{'; '.join(flown)}."
+    )
+
+
+def good_verdict(verdicts: Verdicts) -> str:
+    """Say how many reports of clean flights do not hold, and whether these are too many."""
+    clean = verdicts.of("clean")
+    n_failed = int(fails(clean).sum())
+    share = sigma.binomial(n_failed, len(clean))
+    reached = share.value <= GOAL
+    return (
+        f"Of {len(clean):,} clean flights the reports of {n_failed} say that something does not "
+        f"hold: {_percent(share)}. A report promises {100 * LEVEL:g} % at most; the goal, no more "
+        f"than {100 * GOAL:g} %, is {'reached' if reached else 'not reached'}."
+    )
+
+
+def good_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how many reports of clean flights fail, a row per plan."""
+    clean = verdicts.of("clean")
+    groups = [*((PLANS[name], clean[clean["plan"] == name]) for name in PLANS), ("all", clean)]
+    return pd.DataFrame(
+        [
+            {
+                "Plan": title,
+                "Flights": len(own),
+                "Do not hold": int(fails(own).sum()),
+                "Share": _percent(sigma.binomial(int(fails(own).sum()), len(own))),
+                "Not determined": int((own["status"] != 0).sum()),
+            }
+            for title, own in groups
+            if len(own)
+        ]
+    )
+
+
+def question_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how often every question holds, fails or is a note on clean flights."""
+    clean = verdicts.of("clean")
+    rows = []
+    for question in verdicts.questions:
+        asking = clean.loc[clean[question].notna(), "source"].unique()  # states of the code
+        states = clean[question].dropna()
+        count = {state: int((states == state).sum()) for state in ("holds", "fails", "note")}
+        tested = count["holds"] + count["fails"]
+        share = _percent(sigma.binomial(count["fails"], tested)) if tested else None
+        rows.append(
+            {
+                "Question": question,
+                "Flights": int(clean["source"].isin(asking).sum()),
+                "Holds": count["holds"],
+                "Fails": count["fails"],
+                "Share of failures": share,
+                "Note": count["note"],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def levels(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how often the p of every single test lies below the level on clean flights.
+
+    Returns
+    -------
+    DataFrame
+        question, test, n, k (with p below the level), and joint_p: of k so large, or larger, if the
+        level is right, among all tests by Holm.
+    """
+    clean = verdicts.of("clean")
+    rows = []
+    for name in clean.columns[clean.columns.str.startswith(TEST)]:
+        question, _, test = str(name).removeprefix(TEST).partition(": ")
+        p = clean[name].dropna()
+        k = int((p < LEVEL).sum())
+        if len(p):
+            rows.append((question, test, len(p), k, sigma.too_many_p(k, len(p), LEVEL)))
+    table = pd.DataFrame(rows, columns=["question", "test", "n", "k", "p"])
+    return table.assign(joint_p=holm(table["p"].to_numpy(dtype=float)))
+
+
+def level_verdict(levels: pd.DataFrame) -> str:
+    """Say which single tests fail more often than their level."""
+    many = levels[levels["joint_p"] < ALPHA]
+    if many.empty:
+        said = f"None of the {len(levels)} tests fails more often than chance lets it"
+    else:
+        each = "; ".join(f"{row.test} ({row.k} of {row.n})" for row in many.itertuples())
+        said = f"{len(many)} of the {len(levels)} tests fail more often than they say: {each}"
+    return (
+        f"{said}. By chance any of them would seem to in {100 * ALPHA:g} % of all repetitions "
+        "(Holm). Tests that count rejected observations have few values, and fail more rarely."
+    )
+
+
+def level_table(levels: pd.DataFrame) -> pd.DataFrame:
+    """Return the shares of p below the level, a row per test."""
+    return pd.DataFrame(
+        [
+            {
+                "Question": row.question,
+                "Test": row.test,
+                "Flights": row.n,
+                f"p < {100 * LEVEL:g} %": _percent(sigma.binomial(int(row.k), int(row.n))),  # type: ignore[arg-type]
+            }
+            for row in levels.itertuples()
+        ]
+    )
+
+
+# --- spoilt flights --------------------------------------------------------------------------
+
+
+def spoilt(verdicts: Verdicts) -> str:
+    """Return what reports say of flights with a fault, as MyST text."""
+    thirds = verdicts.of("third")
+    return "\n\n".join(
+        [
+            spoilt_verdict(verdicts),
+            _table(size_table(verdicts), SIZES, "sizes"),
+            _table(finder_table(verdicts), FINDERS, "finders"),
+            _table(share_table(thirds), THIRDS, "thirds"),
+            _table(gross_table(verdicts), GROSS_CAPTION, "gross"),
+        ]
+    )
+
+
+SIZES = "Faults of the size that was predicted, and the share of flights whose report fails"
+FINDERS = "Questions that fail in flights with these faults, and in how many of them"
+THIRDS = "Share of flights whose report fails where a σ is stated a third too small"
+GROSS_CAPTION = "Single gross errors, of the size that the plan says is found in 80 %: taken out"
+
+
+def shares(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how many spoilt flights have a report that fails, a row per fault, plan and size.
+
+    Returns
+    -------
+    DataFrame
+        fault, plan, size, n, k; p of a share so far from `FOUND`; is_hidden, where the fault is not
+        found so often, and no more reports fail than chance lets fail without it.
+    """
+    own = verdicts.of("spoilt")
+    groups = own[own["fault"].isin(FAULTS)].groupby(["fault", "plan", "size"], sort=False)
+    rows = [(*keys, len(rows), int(fails(rows).sum())) for keys, rows in groups]
+    table = pd.DataFrame(rows, columns=["fault", "plan", "size", "n", "k"])
+    counts = list(zip(table["k"].tolist(), table["n"].tolist(), strict=True))
+    table = table.assign(p=[sigma.share_p(k, n, FOUND) for k, n in counts])
+    as_without = np.array([sigma.too_many_p(k, n, LEVEL) > ALPHA for k, n in counts])
+    return table.assign(is_hidden=(table["p"] < ALPHA) & as_without)
+
+
+def spoilt_verdict(verdicts: Verdicts) -> str:
+    """Say at how many sizes the predicted share was found or more, and where it was not."""
+    found = shares(verdicts)
+    hidden, seen = found[found["is_hidden"]], found[~found["is_hidden"]]
+    off = seen[holm(seen["p"].to_numpy(dtype=float)) < ALPHA]
+    low, high = ("; ".join(_cases(part)) for part in (_under(off), _over(off)))
+    never = "; ".join(_cases(hidden))
+    said = [
+        f"{len(seen) - len(_under(off))} of {len(seen)} predicted sizes were found in "
+        f"{100 * FOUND:g} % of the flights or more, within the bounds of chance."
+    ]
+    said += [f"More rarely found: {low}."] if low else []
+    said += [f"More often found: {high}."] if high else []
+    said += [f"Not found, since unknowns take it up: {never}."] if never else []
+    return " ".join(said)
+
+
+def _under(found: pd.DataFrame) -> pd.DataFrame:
+    return found[found["k"] < FOUND * found["n"]]
+
+
+def _over(found: pd.DataFrame) -> pd.DataFrame:
+    return found[found["k"] >= FOUND * found["n"]]
+
+
+def _cases(found: pd.DataFrame) -> Iterator[str]:
+    """Yield what is wrong in which plan, and how often it was found."""
+    for row in found.to_dict("records"):
+        yield f"{_wrong(row)}, {PLANS[row['plan']]} ({row['k']} of {row['n']})"
+
+
+def _wrong(row: Mapping[Any, Any]) -> str:
+    text, form = FAULTS[row["fault"]]
+    return f"{text} {form.format(row['size'])}"
+
+
+def size_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return size and share found of every fault, a column per plan."""
+    cells: dict[str, dict[str, str]] = {name: {} for name in FAULTS}
+    for row in shares(verdicts).to_dict("records"):
+        size = FAULTS[row["fault"]][1].format(row["size"])
+        cells[row["fault"]][PLANS[row["plan"]]] = f"{size}: {row['k']} of {row['n']}"
+    rows = [{"Fault": FAULTS[name][0], **own} for name, own in cells.items() if own]
+    return pd.DataFrame(rows, columns=["Fault", *PLANS.values()])
+
+
+def finder_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return which questions fail in the flights with a fault, of all plans together."""
+    rows = []
+    for fault, (text, _) in FAULTS.items():
+        own = verdicts.of("spoilt")
+        own = own[own["fault"] == fault]
+        if len(own):
+            count = (own[verdicts.questions] == "fails").sum().sort_values(ascending=False)
+            said = [f"{name} {100 * k / len(own):.0f} %" for name, k in count[count > 0].items()]
+            rows.append(
+                {"Fault": text, "Flights": len(own), "Questions that fail": "; ".join(said)}
+            )
+    return pd.DataFrame(rows)
+
+
+def share_table(flights: pd.DataFrame) -> pd.DataFrame:
+    """Return in how many flights the report fails, a row per fault and a column per plan."""
+    cells: dict[str, dict[str, str]] = {}
+    for (fault, plan), own in flights.groupby(["fault", "plan"], sort=False):
+        row = cells.setdefault(str(fault), {})
+        row[PLANS[str(plan)]] = f"{int(fails(own).sum())} of {len(own)}"
+    rows = [{"σ of": name.removeprefix("sigma of "), **own} for name, own in cells.items()]
+    return pd.DataFrame(rows, columns=["σ of", *PLANS.values()])
+
+
+def gross_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how many planted gross errors were taken out, a row per kind and a column per plan."""
+    own = verdicts.of("spoilt")
+    own = own[own["fault"] == "gross errors"]
+    rows = []
+    for kind, title in GROSS.items():
+        found = own.get(f"found: {kind}", pd.Series(dtype=float)).dropna()
+        by_plan = found.groupby(own.loc[found.index, "plan"], sort=False)
+        cells = {PLANS[str(p)]: f"{int(one.sum())} of {len(one)}" for p, one in by_plan}
+        rows.append({"Gross error": title, **cells})
+    return pd.DataFrame(rows, columns=["Gross error", *PLANS.values()])
+
+
+# --- text ------------------------------------------------------------------------------------
+
+
+def _table(table: pd.DataFrame, caption: str, name: str) -> str:
+    return myst_table(table, caption, name=f"tab-verdicts-{name}")
+
+
+def _percent(share: Share) -> str:
+    return f"{100 * share.value:.1f} % ({100 * share.low:.1f} to {100 * share.high:.1f} %)"
+
+
+# --- Errors that change slowly, taken for independent or not, as a part of the page on coverage
+
+
+CHECKED = "Independent check points"
+"""The question of a report that the validation answers."""
+
+HEADINGS = {"white": "Taken for independent", "correlated": "Weights of their correlation"}
+
+
+def slow_errors_read(folder: Path) -> pd.DataFrame:
+    """Read what ``make coverage`` left of its flights with slow errors.
+
+    Returns
+    -------
+    DataFrame
+        Columns seed, weights (a key of `HEADINGS`), parameter, error, sigma (a priori), and the
+        error made independent of those of the other parameters and divided by its sigma.
+    """
+    _, (errors,) = stored.read(folder, "slow_errors", make="coverage")
+    return errors
+
+
+def ratios(errors: pd.DataFrame, weights: str) -> pd.Series:
+    """Return the RMS of the normalised errors, by parameter."""
+    own = errors[errors["weights"] == weights]
+    squares = (own["error"] / own["sigma"]) ** 2
+    return squares.groupby(own["parameter"], sort=False).mean() ** 0.5
+
+
+def chi_square(errors: pd.DataFrame, weights: str) -> tuple[float, int]:
+    """Return the sum of squares of the independent normalised errors, and how many there are."""
+    own = errors.loc[errors["weights"] == weights, "decorrelated"]
+    return float(np.sum(own**2)), len(own)
+
+
+def page(errors: pd.DataFrame) -> str:
+    """Return verdict and table as MyST text."""
+    caption = "RMS of the errors of the single step over their σ, slow errors of the trajectory"
+    return f"{verdict(errors)}\n\n{myst_table(table(errors), caption, name='tab-coverage-slow')}\n"
+
+
+def read_validated(folder: Path) -> pd.DataFrame:
+    """Read what reports say of flights of a plan whose validation has slow errors, too.
+
+    Returns
+    -------
+    DataFrame
+        A row for each flight: fault, what is declared of the errors; size, the share of σ that
+        changes slowly; holds, of the report as a whole; a column with the state of every question.
+    """
+    _, (flights,) = stored.read(folder, "slow_validations", make="coverage")
+    return flights
+
+
+def validated(flights: pd.DataFrame) -> str:
+    """Return what reports say of validations with slow errors, as MyST text."""
+    counts = {kind: _counts(own) for kind, own in flights.groupby("fault", sort=False)}
+    known, n, _ = counts["declared"]
+    unknown, m, _ = counts["not declared"]
+    said = (
+        f"With slow errors in calibration and validation, the question of independent check points "
+        f"fails in {known} of {n} flights where σ, share and time constant are declared, and in "
+        f"{unknown} of {m} where `flight.toml` says nothing of them."
+    )
+    rows = [
+        {
+            "Slow errors": str(kind),
+            "Flights": of,
+            "Independent check points fail": failed,
+            "The report does not hold": lost,
+        }
+        for kind, (failed, of, lost) in counts.items()
+    ]
+    caption = "Reports of flights whose trajectory's errors change slowly"
+    return f"{said}\n\n{myst_table(pd.DataFrame(rows), caption, name='tab-coverage-validated')}\n"
+
+
+def _counts(flights: pd.DataFrame) -> tuple[int, int, int]:
+    """Return in how many flights the question fails, how many there are, and failing reports."""
+    failed = (flights[CHECKED] == "fails").sum()
+    return int(failed), len(flights), int((flights["holds"] != 1).sum())
+
+
+def verdict(errors: pd.DataFrame) -> str:
+    """Say what chi-square says of all parameters together, for both weights."""
+    value, n = chi_square(errors, "correlated")
+    white, _ = chi_square(errors, "white")
+    p = two_sided_p(value, n)
+    where = "within" if p >= ALPHA else "outside"
+    return (
+        f"Over {errors['seed'].nunique()} flights the $\\chi^2$ of all parameters together is "
+        f"{white:,.0f} at {n:,} degrees of freedom where the errors are taken for independent. "
+        f"With the weights of their correlation it is {value:,.0f} ($p$ = {p:.2f}): {where} its "
+        f"two-sided bounds of {100 * (1 - ALPHA):.0f} %."
+    )
+
+
+def table(errors: pd.DataFrame) -> pd.DataFrame:
+    """Return the RMS of the normalised errors, a row per parameter."""
+    columns = {heading: ratios(errors, weights) for weights, heading in HEADINGS.items()}
+    names = columns[HEADINGS["white"]].index
+    shown = {
+        heading: [f"{value:.2f}" for value in own.loc[names]] for heading, own in columns.items()
+    }
+    return pd.DataFrame({"Parameter": [LABELS[str(name)] for name in names], **shown})

@@ -1,0 +1,194 @@
+"""The book as one PDF: ``python -m acx4book.pages.pdf HTML CONTENTS PDF``.
+
+Chromium prints the pages one by one, and pypdf joins them. Links between pages lead inside the PDF:
+what they lead to is a place that Chromium notes only where the page itself has a link to it, so a
+copy of every page is printed that has hidden links to all places which are linked from anywhere.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from html import escape, unescape
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import yaml
+from pypdf import PdfReader, PdfWriter
+from pypdf.annotations import Link
+from pypdf.generic import Fit
+
+from acx4book.report.page import PrintError, chromium, printed
+from acx4lib.results import whole_files
+
+AT_ONCE = 2
+"""Pages that are printed side by side."""
+
+HREF = re.compile(r'<a\b[^>]*?\bhref="([^"]+)"')
+Place = tuple[str, str]
+"""A page, by its path below the folder of the book, and the name of a place on it, or nothing."""
+
+
+def order(contents: Path) -> list[str]:
+    """Return the pages of a book in the order of its table of contents, as files of HTML."""
+
+    def below(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+        for entry in entries:
+            yield f"{entry['file']}.html"
+            yield from below(entry.get("sections", ()))
+
+    read = yaml.safe_load(contents.read_text(encoding="utf-8"))
+    parts = read.get("parts", [read])
+    return [f"{read['root']}.html", *below([e for part in parts for e in part["chapters"]])]
+
+
+def place(root: str, address: str) -> Place | None:
+    """Return where an address leads inside a book; None where it leads elsewhere.
+
+    Parameters
+    ----------
+    root : str
+        Address of the folder of the book.
+    address : str
+        Complete, not relative.
+    """
+    if not address.startswith(f"{root}/"):
+        return None
+    url = urlsplit(address[len(root) + 1 :])
+    return unquote(url.path), unquote(url.fragment)
+
+
+def wanted(html: Path, pages: Sequence[str]) -> dict[str, set[str]]:
+    """Return the places of every page that links of the book lead to."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for page in pages:
+        for address in HREF.findall((html / page).read_text(encoding="utf-8")):
+            url = urlsplit(unescape(address))
+            if url.fragment and not url.scheme and not url.netloc:
+                to = os.path.normpath(Path(page).parent / unquote(url.path)) if url.path else page
+                found[to].add(unquote(url.fragment))
+    return found
+
+
+def prepared(html: Path, folder: Path, pages: Sequence[str]) -> None:
+    """Make a copy of a book to print, whose pages have a hidden link to every place on them."""
+    shutil.copytree(html, folder, copy_function=os.link)
+    places = wanted(html, pages)
+    for page in pages:
+        links = "".join(f'<a href="#{escape(name)}"></a>' for name in sorted(places[page]))
+        text = (html / page).read_text(encoding="utf-8")
+        hidden = f'<div style="display: none">{links}</div></body>'
+        # another file than the book's own, of which it is a second name
+        whole_files.write(folder / page, text.replace("</body>", hidden))
+
+
+def joined(root: str, pdfs: Mapping[str, Path]) -> PdfWriter:
+    """Join the printed pages of a book into one document, whose links lead inside.
+
+    Parameters
+    ----------
+    root : str
+        Address of the folder that was printed.
+    pdfs : mapping of str to Path
+        Every page and its PDF, in order.
+    """
+    readers = {page: PdfReader(pdf) for page, pdf in pdfs.items()}
+    writer = PdfWriter()
+    targets: dict[Place, tuple[int, Fit]] = {}
+    links: list[tuple[int, Any, Place | str]] = []
+    for page, reader in readers.items():
+        first = len(writer.pages)
+        targets[page, ""] = (first, Fit.fit_horizontally())
+        for name, at in reader.named_destinations.items():
+            number = reader.get_destination_page_number(at)
+            if number is not None:
+                targets[page, name.removeprefix("/")] = first + number, Fit.xyz(at.left, at.top)
+        for number, sheet in enumerate(reader.pages, first):
+            links += ((number, rect, to) for rect, to in _taken_links(sheet, root, page))
+        writer.append(reader, outline_item=_title(reader, page), import_outline=False)
+    for number, rect, to in links:
+        _link(writer, number, rect, to, targets)
+    writer.compress_identical_objects()
+    return writer
+
+
+def _taken_links(sheet: Any, root: str, page: str) -> Iterator[tuple[Any, Place | str]]:
+    """Take the links off a sheet; yield where they stand and where they lead."""
+    if "/Annots" not in sheet:
+        return
+    for entry in sheet["/Annots"]:
+        found = entry.get_object()
+        if "/Dest" in found:
+            yield found["/Rect"], (page, unquote(str(found["/Dest"])).removeprefix("/"))
+        elif "/A" in found and "/URI" in found["/A"]:
+            address = str(found["/A"]["/URI"])
+            yield found["/Rect"], place(root, address) or address
+    del sheet["/Annots"]
+
+
+def _link(
+    writer: PdfWriter,
+    number: int,
+    rect: Any,
+    to: Place | str,
+    targets: Mapping[Place, tuple[int, Fit]],
+) -> None:
+    """Put a link on a sheet; none that leads to a file which is not printed."""
+    box, plain = tuple(map(float, rect)), [0, 0, 0]
+    if isinstance(to, tuple):
+        at = targets.get(to) or targets.get((to[0], ""))
+        if at is not None:
+            link = Link(rect=box, border=plain, target_page_index=at[0], fit=at[1])  # type: ignore[arg-type] # four
+            writer.add_annotation(number, link)
+    elif not to.startswith("file:"):
+        writer.add_annotation(number, Link(rect=box, border=plain, url=to))  # type: ignore[arg-type] # four
+
+
+def _title(reader: PdfReader, page: str) -> str:
+    """Return the title of a printed page, without that of the book."""
+    said = (reader.metadata and reader.metadata.title) or page
+    return said.partition(" — ")[0]
+
+
+def make(html: Path, contents: Path, pdf: Path) -> int:
+    """Print a book, and return the number of sheets.
+
+    Parameters
+    ----------
+    html : Path
+        Folder of the built book.
+    contents : Path
+        Its table of contents.
+    pdf : Path
+        The file to write.
+
+    Raises
+    ------
+    PrintError
+        Where Chromium is missing, or a page was not printed.
+    """
+    browser, pages = chromium(), order(contents)
+    with tempfile.TemporaryDirectory(dir=html.resolve().parent) as scratch:  # for hard links
+        folder = Path(scratch, "html")
+        prepared(html, folder, pages)
+        pdfs = {page: Path(scratch, f"{number}.pdf") for number, page in enumerate(pages)}
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            list(pool.map(lambda page: printed(browser, folder / page, pdfs[page]), pages))
+        writer = joined(folder.as_uri(), pdfs)
+        writer.write(pdf)
+        return len(writer.pages)
+
+
+if __name__ == "__main__":
+    try:
+        sheets = make(*map(Path, sys.argv[1:4]))
+    except PrintError as error:
+        sys.exit(str(error))
+    sys.stdout.write(f"{sys.argv[3]}, {sheets} pages\n")

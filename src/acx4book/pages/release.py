@@ -1,0 +1,353 @@
+"""A release: the wheel, the archive of the book, and the notebooks that readers download."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import nbformat
+
+from acx4book.notebooks import functions
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
+from acx4book.pages import reproducibility
+from acx4lib.errors import Acx4Error
+from acx4lib.flight import settings
+from acx4lib.results import own_folder, whole_files
+
+# --- What is given away: ``python -m acx4book.pages.release HTML FOLDER``
+#
+# The wheel is built from the last commit, and the book is packed as it was built. The same commit
+# and the same book give the same bytes: all dates are those of the commit.
+
+
+LIST = Path("FILES.txt")
+"""What an archive of the project names its files in; a clone has none."""
+
+FILE, LINK = 0o100644, 0o120777
+"""Modes of what is packed."""
+
+
+class ReleaseError(Acx4Error):
+    """Something is missing for a release."""
+
+
+def git(*arguments: str) -> bytes:
+    """Return what git says in the current folder.
+
+    Raises
+    ------
+    ReleaseError
+        If it fails.
+    """
+    try:
+        done = subprocess.run(["git", *arguments], capture_output=True, check=False)
+    except OSError as error:
+        msg = f"git: {error.strerror}"
+        raise ReleaseError(msg) from None
+    if done.returncode:
+        msg = f"git {arguments[0]}: {done.stderr.decode().strip()}"
+        raise ReleaseError(msg)
+    return done.stdout
+
+
+def problems(changelog: str, version: str) -> list[str]:
+    """Return what the changelog does not say of a version, a sentence each.
+
+    Parameters
+    ----------
+    changelog : str
+        Text of CHANGELOG.md.
+    version : str
+        The version to be released.
+    """
+    _, _, newest = changelog.partition("\n## ")
+    heading, _, said = newest.partition("\n")
+    said = said.partition("\n## ")[0]
+    found = []
+    if heading.partition(",")[0] != version:
+        found.append(f"CHANGELOG.md begins with {heading!r}; the version is {version}")
+    elif "unreleased" in heading:
+        found.append(f"CHANGELOG.md calls {version} unreleased: write the date of the release")
+    for what, number in (("flights", settings.FORMAT), ("results", own_folder.FORMAT)):
+        if not re.search(rf"[Ff]ormat\s+of\s+{what}\s+is\s+{number}\b", said):
+            found.append(
+                f'CHANGELOG.md does not say "The format of {what} is {number}" and what older '
+                "ones are still read"
+            )
+    return found
+
+
+def wheel(folder: Path, seconds: int) -> None:
+    """Build the wheel of the last commit.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it goes.
+    seconds : int
+        The date of its files, since 1970.
+
+    Raises
+    ------
+    ReleaseError
+        If pip fails.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        with tarfile.open(fileobj=BytesIO(git("archive", "HEAD"))) as sources:
+            sources.extractall(scratch, filter="data")
+        command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps"]
+        done = subprocess.run(
+            [*command, "--no-build-isolation", "--wheel-dir", folder, scratch],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "SOURCE_DATE_EPOCH": str(seconds)},
+        )
+    if done.returncode:
+        raise ReleaseError(done.stderr.strip())
+
+
+def pack(content: Path, archive: Path, seconds: int) -> None:
+    """Pack a folder into an archive that has one folder, of the archive's name.
+
+    Parameters
+    ----------
+    content : Path
+        The folder.
+    archive : Path
+        The ZIP file to write.
+    seconds : int
+        The date of its files, since 1970.
+    """
+    with _packed(archive, seconds) as add:
+        for path in sorted(path for path in content.rglob("*") if path.is_file()):
+            add(path.relative_to(content).as_posix(), path.read_bytes(), FILE)
+
+
+def project(archive: Path, seconds: int) -> None:
+    """Pack what belongs to the working copy in the current folder: what can be built again.
+
+    These are the files that git tracks, as they are; in an unpacked archive those that its list
+    names, so that it can be packed again.
+
+    Parameters
+    ----------
+    archive : Path
+        The ZIP file to write.
+    seconds : int
+        The date of its files, since 1970.
+
+    Raises
+    ------
+    ReleaseError
+        Where the folder is neither a clone nor an unpacked archive.
+    """
+    names = _listed()
+    with _packed(archive, seconds) as add:
+        for path in sorted(Path(name) for name in names if os.path.lexists(name)):
+            if path.is_symlink():
+                add(path.as_posix(), os.fsencode(path.readlink()), LINK)
+            else:
+                add(path.as_posix(), path.read_bytes(), FILE | path.stat().st_mode & 0o111)
+        add(LIST.as_posix(), "\n".join([*names, ""]).encode(), FILE)
+
+
+def offered(generated: Path, seconds: int) -> str:
+    """Pack the project for readers of the book, and return what leads to it as MyST text."""
+    archive = generated / "acx4lib.zip"
+    try:
+        project(archive, seconds)
+    except ReleaseError:
+        return "This copy of the book was not made from a clone, and has no program to download.\n"
+    size = f"{archive.stat().st_size / 1e6:.0f} MB"
+    return f"{{download}}`acx4lib.zip <acx4lib.zip>` ({size}) is the whole project of this book.\n"
+
+
+def _listed() -> list[str]:
+    """Name the files of the working copy."""
+    if LIST.is_file():
+        return LIST.read_text("utf-8").splitlines()
+    return sorted(git("ls-files", "-z").decode().split("\0")[:-1])
+
+
+@contextmanager
+def _packed(archive: Path, seconds: int) -> Iterator[Callable[[str, bytes, int], None]]:
+    """Open a new archive, and give what adds a file to its folder by name, content and mode."""
+    date = time.gmtime(seconds)[:6]
+
+    def add(name: str, content: bytes, mode: int) -> None:
+        entry = zipfile.ZipInfo(f"{archive.stem}/{name}", date)
+        entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, mode << 16
+        packed.writestr(entry, content, compresslevel=9)
+
+    with (
+        whole_files.opened_new(archive) as new,
+        zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as packed,
+    ):
+        yield add
+
+
+def make(html: Path, folder: Path) -> list[str]:
+    """Make a release of the working copy in the current folder, and return what there is to say.
+
+    Parameters
+    ----------
+    html : Path
+        The built book.
+    folder : Path
+        Where the files go.
+
+    Raises
+    ------
+    ReleaseError
+        Where files differ from the last commit, or the wheel cannot be built.
+    """
+    if changed := git("status", "--porcelain").decode().splitlines():
+        msg = f"{len(changed)} files differ from the last commit; commit them, and release then"
+        raise ReleaseError(msg)
+    version = reproducibility.footer(Path("CITATION.cff"))["version"]
+    seconds = int(git("log", "-1", "--format=%ct"))
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in [*folder.glob("acx4lib-*.whl"), *folder.glob("acx4lib-book-*.zip")]:
+        old.unlink()
+    wheel(folder, seconds)
+    pack(html, folder / f"acx4lib-book-{version}.zip", seconds)
+    sums = (f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p}" for p in sorted(folder.iterdir()))
+    said = problems(Path("CHANGELOG.md").read_text(encoding="utf-8"), version)
+    return [f"acx4lib {version}, commit {git('rev-parse', 'HEAD').decode().strip()}", *sums, *said]
+
+
+# --- The notebooks as readers download them: without outputs, and such that they run where
+# they land
+#
+# In the project a notebook reads the flight that make simulated. A copy by itself has other
+# defaults, and a cell that simulates the flight and runs the stages before, where they are
+# missing.
+
+
+FOLDER = Path("downloads", "notebooks")
+"""Where the copies lie in the built book."""
+
+NEEDS = (
+    "> This notebook comes from the book. It needs the package `acx4lib` with its extra `book`: "
+    "`pip install '.[book]'` in a copy of the project, or the wheel of a release. References such "
+    "as {numref} are written in MyST Markdown, which the book shows as links."
+)
+"""What a reader is told at the top."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Before:
+    """What has to be there before a notebook can run.
+
+    Attributes
+    ----------
+    design : str
+        The flight, of `acx4sim.DESIGNS`.
+    stages : tuple of str
+        Whose results it reads.
+    """
+
+    design: str = "acx4"
+    stages: tuple[str, ...] = ()
+
+
+ALL = ("heads", "synthetic", "mounting", "validation")
+BEFORE: Mapping[str, Before] = {
+    "00-flight": Before(),
+    "01-head-calibration": Before(),
+    "02-synthetic-image": Before(stages=ALL[:1]),
+    "03-mounting-calibration": Before(design="acx4-ideal"),
+    "04-validation": Before(design="acx4-ideal", stages=("mounting",)),
+    "06-errata": Before(stages=ALL),
+    "08-rig": Before(stages=ALL[:1]),
+    "study": Before(design="acx4-ideal"),
+}
+"""The notebooks that need a flight, the one that their pages show; the others need none."""
+
+PAGES = ("*.ipynb", "foundations/*.ipynb", "template/study.ipynb")
+"""The notebooks that are pages of the book, below their folder."""
+
+
+def sources() -> list[Path]:
+    """Return the notebooks that are pages of the book."""
+    found = (NOTEBOOKS_PATH.glob(pattern) for pattern in PAGES)
+    return sorted(path for paths in found for path in paths)
+
+
+def write(folder: Path) -> None:
+    """Write a copy of every notebook below a folder, where it lies below that of the notebooks."""
+    for source in sources():
+        name = source.relative_to(NOTEBOOKS_PATH)
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text: str = nbformat.writes(copy(source, name.stem))  # type: ignore[no-untyped-call] # untyped
+        whole_files.write(path, f"{text}\n")
+
+
+def copy(source: Path, name: str) -> nbformat.NotebookNode:
+    """Return a notebook that runs by itself."""
+    notebook: nbformat.NotebookNode = nbformat.read(source, as_version=4)  # type: ignore[no-untyped-call] # untyped
+    notebook.cells[0].source += f"\n\n{NEEDS}"
+    if name in BEFORE:
+        flight, results = _places(name)
+        at = next(
+            i for i, c in enumerate(notebook.cells) if "parameters" in c.metadata.get("tags", [])
+        )
+        parameters = notebook.cells[at]
+        parameters.source = with_default(parameters.source, "flight_path", flight)
+        parameters.source = with_default(parameters.source, "results_path", results)
+        cell = nbformat.v4.new_code_cell(_start(name, parameters.source), id="start")  # type: ignore[no-untyped-call] # untyped
+        notebook.cells.insert(at + 1, cell)
+    return notebook
+
+
+def with_default(source: str, name: str, value: str) -> str:
+    """Return a cell of parameters in which a text has another default, where it is there."""
+    return re.sub(rf'^({name}: str = )"[^"]*"', rf'\1"{value}"', source, flags=re.MULTILINE)
+
+
+def _places(name: str) -> tuple[str, str]:
+    """Return the folders of the flight and of the results of a notebook."""
+    return functions.flight_of(BEFORE[name].design), f"results-{name}"
+
+
+def _start(name: str, parameters: str) -> str:
+    """Return the code that makes what is missing, for the flight that the parameters name.
+
+    A notebook that has no flight among its parameters makes its own results alone.
+    """
+    before, (flight, results) = BEFORE[name], _places(name)
+    path = "flight_path" if "flight_path:" in parameters else f'"{flight}"'
+    stages = repr(before.stages)
+    if "calibration_path:" in parameters:
+        stages = f"() if calibration_path else {stages}"
+    call = f'alone.prepare(\n    {path}, results_path, design="{before.design}", stages={stages}\n)'
+    if path != "flight_path":
+        call = call.replace("\n", "\n    ")
+        call = f'if results_path == "{results}":  # others are there, or a mistake\n    {call}'
+    return (
+        "from acx4book.notebooks import functions as alone\n\n"
+        "# simulates the flight and runs the stages before this one, where they are not there\n"
+        f"{call}"
+    )
+
+
+if __name__ == "__main__":
+    try:
+        lines = make(*map(Path, sys.argv[1:3]))
+    except ReleaseError as error:
+        sys.exit(str(error))
+    sys.stdout.write("\n".join([*lines, ""]))

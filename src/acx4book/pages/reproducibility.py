@@ -1,0 +1,261 @@
+"""What a book was made from: software, flights, licences, and who made which version."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import re
+import subprocess
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from importlib.metadata import version
+from pathlib import Path
+
+import yaml
+
+from acx4book.reference import data
+from acx4book.typesetting.plain_text import code
+from acx4lib.results.provenance import KEPT
+
+# --- What a book was made from: sources, machine, packages and files, as a page of the book
+
+
+def commit() -> str:
+    """Name the commit of the working copy in the current folder, and count its files that differ.
+
+    Files that are new do not count: a flight or its results beside the sources change none of them.
+    """
+
+    def git(*arguments: str) -> str:
+        command = ["git", *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        changed = len(git("status", "--porcelain", "--untracked-files=no").splitlines())
+        return git("rev-parse", "HEAD") + (f", {changed} files differ" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "not a clone of the repository"
+
+
+def short(commit: str) -> str:
+    """Return what `commit` names with ten characters of the hash."""
+    name, _, changed = commit.partition(",")
+    return f"{name[:10]}{' with changes' if changed else ''}" if " " not in name else name
+
+
+def table(name: str, caption: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Compose a numbered table in MyST."""
+    lines = [header, ["---"] * len(header), *rows]
+    body = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return f"```{{table}} {caption}\n:name: {name}\n\n{body}\n```\n"
+
+
+def packages() -> list[tuple[str, str]]:
+    """List the packages that environment.txt names, with the versions installed."""
+    text = Path("environment.txt").read_text(encoding="utf-8")
+    names = re.findall(r"^([\w.-]+)==", text, flags=re.MULTILINE)
+    return [(name, version(name)) for name in names]
+
+
+def files(name: str, folder: Path) -> list[tuple[str, str, str]]:
+    """List the data files under a folder with size and SHA-256."""
+    names = (path.relative_to(folder) for path in folder.rglob("*"))
+    kept = (name for name in names if name.parts[0] != KEPT)  # results keep the flight's tables
+    paths = [folder / name for name in sorted(kept) if name.suffix in {".csv", ".toml", ".json"}]
+    return [
+        (
+            code(f"{name}/{path.relative_to(folder).as_posix()}"),
+            f"{path.stat().st_size:,}",
+            f"`{hashlib.sha256(path.read_bytes()).hexdigest()}`",
+        )
+        for path in paths
+    ]
+
+
+def page(flight: Path, results: Path) -> str:
+    """Return the statement as MyST text; the current folder is the working copy."""
+    sources = [
+        ("acx4lib", version("acx4lib")),
+        ("commit", f"`{commit()}`"),
+        ("Python", platform.python_version()),
+        ("system", f"{platform.system()}, {platform.machine()}"),
+    ]
+    environment, of_files = "The packages that environment.txt names.", ("file", "bytes", "SHA-256")
+    parts = [
+        table("tab-sources", "The sources and the machine.", ("what", "value"), sources),
+        table("tab-packages", environment, ("package", "version"), packages()),
+        table("tab-flight-files", "The flight that was read.", of_files, files("flight", flight)),
+        table("tab-result-files", "The results that it gave.", of_files, files("results", results)),
+    ]
+    return "\n".join(parts)
+
+
+# --- Whose work the built book carries, under what licence, as a page of the book
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """A work of others that lies in the folder of the built book.
+
+    Attributes
+    ----------
+    what, licence : str
+    brought_by : str
+        The package that brings it.
+    files : tuple of str
+        Patterns of its files below the folder of the book; ``*`` is any text, with slashes.
+    """
+
+    what: str
+    licence: str
+    brought_by: str
+    files: tuple[str, ...]
+
+
+WORKS = tuple(
+    Work(what=what, licence=licence, brought_by=package, files=tuple(files.split()))
+    for what, licence, package, files in (
+        ("MathJax with its fonts", "Apache-2.0", "sphinx-mathjax-offline", "_static/mathjax/*"),
+        ("Bootstrap, in the theme", "MIT", "pydata-sphinx-theme", "_static/scripts/bootstrap*"),
+        (
+            "Font Awesome Free, in the theme",
+            "icons CC BY 4.0, fonts SIL OFL 1.1, code MIT",
+            "pydata-sphinx-theme",
+            "_static/vendor/fontawesome/* _static/scripts/fontawesome*",
+        ),
+        (
+            "scripts and styles of the theme",
+            "BSD-3-Clause",
+            "pydata-sphinx-theme",
+            "_static/*/pydata-sphinx-theme* _static/styles/theme.css _static/webpack-*",
+        ),
+        (
+            "scripts, styles, translations and logos of the book's theme",
+            "BSD-3-Clause; the logos belong to the services",
+            "sphinx-book-theme",
+            "_static/*/sphinx-book-theme* _static/locales/* _static/images/logo_* "
+            "_static/sbt-webpack-*",
+        ),
+        (
+            "the search, its word stems (Snowball), basic styles",
+            "BSD-2-Clause; stems BSD-3-Clause",
+            "Sphinx",
+            "_static/basic.css _static/doctools.js _static/documentation_options.js "
+            "_static/language_data.js _static/searchtools.js _static/sphinx_highlight.js "
+            "_static/file.png _static/minus.png _static/plus.png",
+        ),
+        ("colours of code", "BSD-2-Clause", "Pygments", "_static/pygments.css"),
+        ("styles of notebooks", "BSD-3-Clause", "myst-nb", "_static/mystnb*.css"),
+        (
+            "cards, grids and tabs",
+            "MIT",
+            "sphinx-design",
+            "_static/sphinx-design* _static/design-tabs.js",
+        ),
+        ("folded parts of a page", "MIT", "sphinx-togglebutton", "_static/togglebutton*"),
+        (
+            "buttons that copy code, with clipboard.js",
+            "MIT",
+            "sphinx-copybutton",
+            "_static/copy* _static/clipboard.min.js _static/check-solid.svg _static/play-solid.svg",
+        ),
+        (
+            "styles of live code, which the book does not have",
+            "MIT",
+            "sphinx-thebe",
+            "_static/sphinx-thebe*",
+        ),
+        ("styles of exercises", "MIT", "sphinx-exercise", "_static/exercise*"),
+        ("styles of proofs", "BSD-3-Clause", "sphinx-proof", "_static/proof*"),
+    )
+)
+
+
+def of(file: str) -> Work | None:
+    """Return the work that a file of the built book belongs to; None for our own."""
+    return next((work for work in WORKS if any(fnmatch(file, one) for one in work.files)), None)
+
+
+def licences_page() -> str:
+    """Return what the book carries, and what it was compared with, as MyST text."""
+    carried = ((w.what, w.licence, f"{w.brought_by} {version(w.brought_by)}") for w in WORKS)
+    return "\n".join(
+        [
+            table(
+                "tab-of-others",
+                "Works of others in the folder of this book.",
+                ("what", "licence", "brought by"),
+                carried,
+            ),
+            table(
+                "tab-compared",
+                "Measurements and results of others that the book was compared with.",
+                ("repository", "files", "licence"),
+                _compared(),
+            ),
+        ]
+    )
+
+
+def _compared() -> Iterator[tuple[str, str, str]]:
+    """Yield the repositories of the reference data, how many files are theirs, and licences."""
+    counted = Counter((entry.repository, entry.licence) for entry in data.index())
+    for (repository, licence), files in sorted(counted.items()):
+        yield f"`{repository}`", f"{files}", licence
+
+
+# --- Who made which version of the project, as every page of the book says it
+
+
+PARTS = ("code", "text")
+"""What the licences of a CITATION.cff that has two are of, in their order."""
+
+
+def footer(file: Path) -> dict[str, str]:
+    """Return what CITATION.cff says for the foot of a page.
+
+    Parameters
+    ----------
+    file : Path
+        CITATION.cff, or another of its format.
+
+    Returns
+    -------
+    dict
+        name, version, authors, licence; doi and repository where the file has them.
+    """
+    said = yaml.safe_load(file.read_text(encoding="utf-8"))
+    found = {
+        "name": said["title"].partition(":")[0],
+        "version": str(said["version"]),
+        "authors": ", ".join(_name(author) for author in said["authors"]),
+        "licence": _licences(said["license"]),
+        "doi": said.get("doi", ""),
+        "repository": said.get("repository-code", ""),
+    }
+    return {key: value for key, value in found.items() if value}
+
+
+def sentence(file: Path) -> str:
+    """Return how the project is cited, as Markdown: authors, title, version, address."""
+    said, found = yaml.safe_load(file.read_text(encoding="utf-8")), footer(file)
+    ends = (found.get("doi") and f"doi:{found['doi']}", found.get("repository"))
+    parts = (found["authors"], f"*{said['title']}*", f"version {found['version']}", *ends)
+    return f"{', '.join(filter(None, parts))}.\n"
+
+
+def _licences(given: str | list[str]) -> str:
+    """Return the licence of all, or those of the code and of the text, which are two."""
+    if isinstance(given, str):
+        return given
+    return ", ".join(
+        f"{what} {name.replace('-', ' ')}" for what, name in zip(PARTS, given, strict=True)
+    )
+
+
+def _name(author: dict[str, str]) -> str:
+    """Return the name of a person, or of a group, which has one name."""
+    parts = (author.get("given-names"), author.get("name-particle"), author.get("family-names"))
+    return author.get("name") or " ".join(filter(None, parts))

@@ -1,0 +1,617 @@
+"""Parts of pages on the study.
+
+Its flight and truth, the methods beside each other, independent data.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from acx4book.chapters import synthetic_cost
+from acx4book.notebooks import execute
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
+from acx4book.pages.benchmarks import stored
+from acx4book.paper import printed
+from acx4book.reference import data as reference
+from acx4book.typesetting.labels import LABELS, TITLES, UNITS, with_unit
+from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.plain_text import Markup, shown
+from acx4lib.calibration.estimates import LIMIT_BORESIGHT_DEG, LIMIT_INTERIOR, LIMIT_LEVER_M, needed
+from acx4lib.expected import Array
+from acx4lib.flight.block import Block
+from acx4lib.flight.reader import Flight
+from acx4lib.geometry.parameters import BORESIGHT_ANGLES, REPORTED
+from acx4lib.georeferencing import accuracy
+from acx4lib.results import folder, whole_files
+from acx4lib.results.provenance import KEPT as FLIGHT
+from acx4sim.designs import acx4_plan
+
+# --- What was chosen for the simulated flight, since the paper does not tell it
+
+
+Row = tuple[str, str, str]
+"""What was chosen, its value here, and what the paper says or what comes out by it."""
+
+BEFORE = (
+    "The noise of attitude and survey, the blocks, their strips and flying heights are the paper's "
+    "(sections 3.1, 3.2 and 4.3). {numref}`tab-chosen` has everything else that a number of the "
+    "paper can depend on. What is marked *chosen* was set so that printed numbers come out. "
+    "Their agreement is therefore no evidence. The rest are guesses or plain defaults, not tuned."
+)
+
+
+def chosen_page(flight: Flight, truth: Mapping[str, Any]) -> str:
+    """Return everything that was chosen as MyST text.
+
+    Parameters
+    ----------
+    flight : Flight
+        Of the study's design.
+    truth : mapping
+        Its truth.
+    """
+    rows = [
+        *(("chosen", *row) for row in _for_printed_numbers(flight, truth)),
+        *(("a guess", *row) for row in _guessed(flight, truth)),
+    ]
+    columns = ["Kind", "What", "Here", "The paper, and what comes out by it"]
+    table = pd.DataFrame(rows, columns=columns)
+    return f"{BEFORE}\n\n{myst_table(table, 'What was chosen', name='tab-chosen')}"
+
+
+def _for_printed_numbers(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
+    """Return what was set so that printed numbers come out."""
+    best, worst = (printed.statement(f"gnss_{end}_m") for end in ("best", "worst"))
+    rows: list[Row] = []
+    if flight.calibration is not None:
+        gnss = np.median(flight.calibration.trajectory.sigma_position, axis=0)
+        rows += [
+            (
+                "tie points of the calibration block",
+                f"{_n_ties(flight.calibration)}",
+                "Not told. With the next row: the standard deviations of Table 3.",
+            ),
+            (
+                "noise of GNSS positions, plan and height",
+                f"{100 * gnss[0]:g} and {100 * gnss[2]:g} cm",
+                f"{best:.2f} to {worst:.2f} m, with which f and the lever arm's height could not "
+                "be as precise as Table 3 has them.",
+            ),
+        ]
+    if flight.validation is not None:
+        rows += [
+            (
+                "places of the natural targets",
+                _layout(acx4_plan().blocks["validation"].targets),
+                "Shown in a small figure only. They lie where strips overlap, which gives about as "
+                "many pairs as Table 4 has, and none that fails: 100 and 0 %.",
+            )
+        ]
+    return [
+        *rows,
+        (
+            "focal length of the first head",
+            f"{truth['cameras']['CAM1']['f_mm']:.4f} mm",
+            Markup("Held at another value in print. Chosen so that Table 3's $f$ comes out."),
+        ),
+    ]
+
+
+def _guessed(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
+    """Return what the paper does not tell and nothing was tuned by."""
+    plan = acx4_plan()
+    levers = np.array(
+        [[truth["cameras"][h][f"lever_{axis}_m"] for axis in "xyz"] for h in printed.HEADS]
+    )
+    low, high = plan.blocks["validation"].target_px
+    heads, calibration = plan.blocks["heads"], plan.blocks["calibration"]
+    quality = printed.statement("synthetic_quality_px")
+    return [
+        (
+            "noise of image points",
+            f"{plan.noise.image_px:g} px",
+            f"Not told of measurements; the synthetic image's residuals are {quality:g} px.",
+        ),
+        (
+            "noise of natural targets",
+            f"{low:g} to {high:g} px",
+            "Not told. Natural targets are measured less well than signals.",
+        ),
+        (
+            "tie points of every head",
+            f"{heads.tie_points}",
+            "Not told. Standard deviations of Table 1 depend on it.",
+        ),
+        (
+            "ground that has tie points, heads and calibration",
+            f"{_area(heads.tie_area_m)} and {_area(calibration.tie_area_m)} km",
+            "Not told. It decides how many tie points the corners of the images have.",
+        ),
+        (
+            "control field",
+            _layout(plan.control),
+            f"{printed.statement('field_points'):.0f} targets in a layout that is shown in a small "
+            "figure only.",
+        ),
+        (
+            "side overlap of the validation block",
+            f"{100 * _side_overlap():.0f} %",
+            "Not told. It decides in how many images a target is.",
+        ),
+        (
+            "places of the heads",
+            f"a square of {np.ptp(levers, axis=0).max():.2f} m",
+            Markup("$X_c$ and $Y_c$ of Table 1 would put them a metre apart, and were not given."),
+        ),
+        (
+            "axes of the lever arm",
+            "forward, left, up",
+            "Not told, nor whether the boresight is camera to body.",
+        ),
+        (
+            "site, relief, refraction, seed",
+            f"{plan.crs} near Curitiba, hills, {flight.refraction}, {truth['seed']}",
+            "Not told.",
+        ),
+    ]
+
+
+def _n_ties(block: Block) -> int:
+    return int(np.sum(block.rays > 0)) - len(block.control) - len(block.check)
+
+
+def _side_overlap() -> float:
+    """Return the part of an image of the validation block that the next strip has, too."""
+    first, second = acx4_plan().blocks["validation"].strips[:2]
+    f, width = printed.value(3, "f_mm", "single_step"), printed.value(2, "height_mm", "SYN")
+    return 1 - abs(first.left_m - second.left_m) * f / (width * first.height_m)
+
+
+def _layout(places: Array) -> str:
+    """Return number and extent of points on the ground."""
+    extent = 1e-3 * np.ptp(places, axis=0)
+    return f"{len(places)} over {extent[0]:.1f} × {extent[1]:.1f} km"
+
+
+def _area(half_m: tuple[float, float]) -> str:
+    return f"{2e-3 * half_m[0]:.1f} × {2e-3 * half_m[1]:.1f}"
+
+
+# --- How accurate direct georeferencing is over many simulated flights, for the front page
+
+
+SCALES = (2000, 5000)
+"""Denominators of the scales that the paper claims."""
+
+SPREAD = (0.05, 0.95)
+"""Quantiles between which nine of ten flights lie."""
+
+METHODS = ("single_step", "two_step")
+
+Flights = pd.DataFrame
+"""A row a flight: RMS over the check points in plan and height (m), and whether class A of PEC-PCD
+is reached in plan_SCALE and height_SCALE."""
+
+
+def page(benchmarks: Path) -> str:
+    """Return the accuracy over flights as MyST text.
+
+    Parameters
+    ----------
+    benchmarks : Path
+        Folder with what ``make chain`` and ``make coverage`` left.
+    """
+    found = {"four heads, single-step": of_chain(synthetic_cost.read(benchmarks))}
+    found |= {f"ideal camera, {TITLES[m]}": of_ideal(benchmarks, m) for m in METHODS}
+    table = pd.DataFrame([_row(title, flights) for title, flights in found.items()])
+    caption = "RMS at the check points of many simulated flights, and how many reach class A"
+    return (
+        "One flight is one draw. {numref}`tab-front-accuracy` has the accuracy of many flights of "
+        "the same design: the median of the RMS over the check points, between which values nine "
+        "of ten flights lie, and the share of flights that reach class A of the Brazilian standard "
+        "PEC-PCD.\n\n" + myst_table(table, caption, name="tab-front-accuracy") + "\n"
+    )
+
+
+def of_chain(found: synthetic_cost.Study) -> Flights:
+    """Return the flights whose synthetic images are made of four heads."""
+    rms = synthetic_cost.rms_by_flight(found, synthetic_cost.SYNTHETIC)
+    own = found.classes[found.classes["way"] == synthetic_cost.SYNTHETIC].set_index("seed")
+    parts = [f"{part}_{scale}" for part in ("plan", "height") for scale in SCALES]
+    return rms.join(own[parts] == "A")
+
+
+def of_ideal(benchmarks: Path, method: str) -> Flights:
+    """Return the flights whose synthetic images one ideal camera took."""
+    _, (points,) = stored.read(benchmarks, "coverage", "points", make="coverage")
+    rows = []
+    for _, own in points[points["method"] == method].groupby("seed"):
+        said = accuracy.from_differences(own[["d_east_m", "d_north_m", "d_height_m"]].to_numpy())
+        row: dict[str, float | bool] = {"plan": float(np.hypot(*said.rms[:2]))}
+        row["height"] = said.rms[2]
+        for scale in SCALES:
+            reached = accuracy.pec_pcd(said, scale)
+            row |= {f"plan_{scale}": reached.plan == "A", f"height_{scale}": reached.height == "A"}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _row(title: str, flights: Flights) -> dict[str, str]:
+    row = {"Images and method": title, "Flights": f"{len(flights)}"}
+    for part in ("plan", "height"):
+        low, high = flights[part].quantile(list(SPREAD))
+        row[f"RMS, {part} (m)"] = f"{flights[part].median():.2f} ({low:.2f} to {high:.2f})"
+    for scale in SCALES:
+        shares = (100 * flights[f"{part}_{scale}"].mean() for part in ("plan", "height"))
+        plan, height = (f"{share:.0f}" for share in shares)
+        row[f"Class A at 1:{scale}, plan and height (%)"] = f"{plan}, {height}"
+    return row
+
+
+# --- Whether the single step beats the two-step method: one verdict, for the page of questions
+
+
+COMPARED = ("f_mm", "lever_z_m", "boresight_omega_deg")
+"""Parameters whose standard deviations are compared."""
+
+
+def methods_page(found: folder.Results, camera: str, benchmarks: Path) -> str:
+    """Return the verdict on the two methods as MyST text; empty where one of them is missing.
+
+    Parameters
+    ----------
+    found : Results
+        With the stages mounting and validation.
+    camera : str
+    benchmarks : Path
+        Folder with what ``make coverage`` left.
+    """
+    names = ("two_step", "single_step")
+    if not {f"{stage}/{m}" for stage in ("mounting", "validation") for m in names} <= {
+        *found.summary
+    }:
+        return ""
+    two, single = (folder.parameters(found, f"mounting/{m}", camera) for m in names)
+    ratios = {name: two["sigma"][name] / single["sigma"][name] for name in COMPARED}
+    rms = [_rms(found.summary[f"validation/{m}"]) for m in names]
+    return (
+        "## Does the single step beat the two-step method?\n\n"
+        "In what it determines, yes; in maps from the heights at which it was calibrated, hardly. "
+        f"Its {LABELS['f_mm']} has a standard deviation {ratios['f_mm']:.0f} times smaller, its "
+        f"{LABELS['lever_z_m']} {ratios['lever_z_m']:.0f} times, and its boresight about the same "
+        f"({ratios['boresight_omega_deg']:.1f} times for {LABELS['boresight_omega_deg']}). At the "
+        f"check points of this one flight the RMS is {rms[1][0]:.2f} m in plan and "
+        f"{rms[1][1]:.2f} m in height with the single step, {rms[0][0]:.2f} and {rms[0][1]:.2f} m "
+        "with the two-step method. What "
+        "the two-step method leaves undetermined compensates itself near the flying heights of "
+        "the calibration. Farther away it does not: {doc}`_executed/16-error-budget` has its share "
+        "in the variance on the ground by flying height.\n\n"
+        f"{slow_errors(benchmarks)}"
+    )
+
+
+def _rms(entry: dict[str, Any]) -> tuple[float, float]:
+    """Return the RMS over the check points in plan and in height, m."""
+    east, north, height = entry["points"]["rms"]
+    return float(np.hypot(east, north)), float(height)
+
+
+def slow_errors(benchmarks: Path) -> str:
+    """Say what errors of the trajectory that change slowly do to the boresight."""
+    _, (errors,) = stored.read(benchmarks, "slow_errors", make="coverage")
+    own = errors[(errors["weights"] == "white") & errors["parameter"].isin(BORESIGHT_ANGLES)]
+    ratio = ((own["error"] / own["sigma"]) ** 2).groupby(own["parameter"]).mean() ** 0.5
+    return (
+        "All these standard deviations hold where the errors of the trajectory are independent "
+        f"from image to image. Over {own['seed'].nunique()} flights with errors that change "
+        f"slowly, the boresight was off by {ratio.min():.1f} to {ratio.max():.1f} times its "
+        "standard deviation by axis (RMS), if they are taken for independent "
+        "({doc}`coverage`, {doc}`_executed/09-weights`)."
+    )
+
+
+# --- What a simulated flight was given, as a page of the book
+
+
+Truth = Mapping[str, Any]
+"""The content of a flight's ``.truth.json``."""
+
+MOUNT = tuple(f"lever_{axis}_m" for axis in "xyz")
+BORESIGHT = tuple(f"boresight_{angle}_deg" for angle in ("omega", "phi", "kappa"))
+SHOWN = ("f_mm", "xp_mm", "yp_mm", *MOUNT, *BORESIGHT)
+DECIMALS = {"mm": 4, "m": 3, "deg": 6}
+
+
+def simulation_page(flight: Flight, truth: Truth | None) -> str:
+    """Return the true values and the noise of a flight as MyST text.
+
+    Parameters
+    ----------
+    flight : Flight
+    truth : mapping or None
+        None for a flight that was not simulated.
+    """
+    if truth is None:
+        return (
+            f"The flight *{shown(flight.name)}* has no truth beside it: it was measured, or comes "
+            "from elsewhere. Nothing is known of it but its tables.\n"
+        )
+    parts = [
+        f"The flight *{shown(flight.name)}* was made by the simulator with the seed "
+        f"{truth['seed']}: exact geometry on the ellipsoid, over ground with relief, by code that "
+        "shares nothing with the estimator. Its true values lie beside it in a file that no "
+        "estimation reads.",
+        myst_table(_cameras(truth), "True values of the cameras", name="tab-truth"),
+        _of_the_paper(flight, truth) if printed.applies(flight) else "",
+        myst_table(_noise(flight), "Noise of the measurements", name="tab-noise"),
+        chosen_page(flight, truth) if printed.applies(flight) else "",
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _cameras(truth: Truth) -> pd.DataFrame:
+    """Return a row for each true parameter, a column for each camera."""
+    cameras = truth["cameras"]
+    rows = []
+    for name in SHOWN:
+        unit = name.rpartition("_")[2]
+        true = [f"{values[name]:.{DECIMALS[unit]}f}" for values in cameras.values()]
+        rows.append([with_unit(LABELS[name], unit), *true])
+    return pd.DataFrame(rows, columns=["Parameter", *cameras])  # a camera has any name
+
+
+def _of_the_paper(flight: Flight, truth: Truth) -> str:
+    """Say which true values are the paper's, and which are not."""
+    levers = np.array([[truth["cameras"][h][name] for name in MOUNT] for h in printed.HEADS])
+    apart = np.ptp(levers, axis=0).max()
+    held, first = flight.cameras["CAM1"].interior.f, truth["cameras"]["CAM1"]["f_mm"]
+    return (
+        f"{_synthetic_camera(flight, truth)} Table 1 does not print the true values of the heads, "
+        f"but the results of adjustments that hold the focal length at {held:g} mm. The true "
+        "angles and interior orientation are therefore such that exact data, adjusted in that way, "
+        "give Table 1's $\\omega$, $\\varphi$, $\\kappa$, $x_p$, $y_p$, $k_1$, $p_1$, $p_2$ and "
+        "$Z_c$. $Z_c$ tells the ratios of the focal lengths only; that of the first head, "
+        f"{first:.4f} mm, follows from Table 3: the calibration block, measured in these heads, "
+        "carried into the synthetic image and adjusted in a single step, gives the $f$ printed "
+        "there. $X_c$ and $Y_c$ of Table 1 would put the heads a metre apart and were not given: "
+        f"here the heads sit in a square of {apart:.2f} m around the synthetic camera."
+    )
+
+
+def _synthetic_camera(flight: Flight, truth: Truth) -> str:
+    """Say where the synthetic camera comes from."""
+    if "SYN" not in truth["cameras"]:
+        angles = np.degrees(flight.cameras["SYN"].T_b_c.opk)
+        mount = [printed.value(3, name, "single_step") for name in BORESIGHT]
+        same = "is" if np.allclose(angles, mount, atol=1e-9) else "is not"
+        return (
+            "The synthetic camera is made of the heads and has no true values of its own; the "
+            f"mount that flight.toml declares for it {same} the boresight of the paper's Table 3."
+        )
+    given = [
+        name
+        for name, value in truth["cameras"]["SYN"].items()
+        if value == printed.value(3, name, "single_step")
+    ]
+    return (
+        f"The synthetic camera's {len(given)} values are those that the paper's Table 3 prints for "
+        "the single-step method; it is ideal, and not made of the heads."
+    )
+
+
+def _noise(flight: Flight) -> pd.DataFrame:
+    """Return the standard deviations that noise was drawn with, by block."""
+    return pd.DataFrame([{"Block": name, **_sigmas(b)} for name, b in flight.blocks.items()])
+
+
+def _sigmas(block: Block) -> dict[str, str]:
+    surveyed = np.concatenate([block.control.sigma_m, block.check.sigma_m])
+    trajectory = block.trajectory
+    return {
+        "Image points (px)": _range(block.image_points.sigma_px),
+        "Survey: plan, height (m)": _plan_height(surveyed),
+        "GNSS: plan, height (m)": _plan_height(trajectory.sigma_position),
+        f"Roll and pitch, heading ({UNITS['deg']})": _plan_height(
+            np.degrees(trajectory.sigma_attitude)
+        ),
+    }
+
+
+def _range(values: Array) -> str:
+    low, high = (f"{value:g}" for value in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
+
+
+def _plan_height(sigma: Array) -> str:
+    """Return the median of the first two columns and of the third."""
+    if not len(sigma):
+        return ""
+    plan, height = np.median(sigma[:, :2]), np.median(sigma[:, 2])
+    return f"{plan:.3g}, {height:.3g}"
+
+
+# --- Which flight determines which parameter
+
+
+def geometry_page() -> str:
+    """Return which geometry determines which parameter, as MyST text."""
+    caption = "What a parameter needs, and the σ above which it counts as not determined"
+    return myst_table(geometry_table(), caption, name="tab-geometry") + "\n"
+
+
+def geometry_table() -> pd.DataFrame:
+    """Return limit and geometry for every parameter; neighbours with the same ones in one row."""
+    rows: list[dict[str, str]] = []
+    for key, (name, _) in REPORTED.items():
+        limit, geometry = _limit(key), needed(key)
+        if rows and (rows[-1]["Largest σ"], rows[-1]["It needs"]) == (limit, geometry):
+            rows[-1]["Parameter"] = Markup(f"{rows[-1]['Parameter']}, {LABELS[name]}")
+        else:
+            rows.append({"Parameter": LABELS[name], "Largest σ": limit, "It needs": geometry})
+    return pd.DataFrame(rows)
+
+
+def _limit(key: str) -> str:
+    """Return the sigma above which a parameter is not determined; any is accepted of a lens."""
+    if key.startswith("lever"):
+        return f"{LIMIT_LEVER_M:g} m"
+    if key.startswith("boresight"):
+        return f"{LIMIT_BORESIGHT_DEG:g}°"
+    if key in ("f", "xp", "yp"):
+        return Markup(f"{100 * LIMIT_INTERIOR:g} % of $f$")
+    return "any"
+
+
+# --- Chapters that depend on no flight: run when what they depend on has changed, and kept
+#
+# The book of the flight that ships has them all. That of another flight has those that are kept
+# and still hold; the others are neither run for it nor in its table of contents, and neither are
+# the pages of the programming interface.
+
+
+FOUNDATIONS = tuple(
+    f"foundations/{path.stem}" for path in sorted((NOTEBOOKS_PATH / "foundations").glob("*.ipynb"))
+)
+"""The chapters of part I."""
+
+CHAPTERS: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(FOUNDATIONS, ("data/paper/*.csv",)),
+    "05-reference-data": ("data/reference/**/*.csv", "measured"),
+    "09-weights": ("data/paper/*.csv",),
+    "10-synthetic-quality": ("data/paper/*.csv", "data/benchmarks/closed_chain_pattern.csv"),
+    "11-ten-heads": ("data/reference/**/*.csv", "measured"),
+    "12-synthetic-cost": ("data/paper/*.csv", "data/benchmarks/closed_chain*"),
+    "19-from-pictures": (
+        "data/benchmarks/measured_flights*",
+    ),  # takes half a minute, so it is not the last
+    "14-failure-clinic": (),
+    "15-which-flight": (),
+    "18-over-the-years": (),
+    "16-error-budget": ("data/paper/*.csv",),
+}
+"""The notebooks, and what files of the working copy they read; *measured* are the measurements of
+others, wherever they are."""
+
+OF_IDEAL = ("09-weights", "16-error-budget")
+"""Those of any flight, which show that of the ideal camera."""
+
+KEPT = Path("build", "chapters")
+"""Where the executed notebooks are kept, below the current folder: that of the working copy."""
+
+CORES = 2
+"""Notebooks that are run side by side."""
+
+
+def bring(executed: Path, ideal_path: Path | None) -> list[str]:
+    """Bring the chapters into the book, and return the names of those that are left out.
+
+    Parameters
+    ----------
+    executed : Path
+        Where the book has its executed notebooks.
+    ideal_path : Path or None
+        Run of the flight that `OF_IDEAL` shows, where those chapters are run that are not kept, or
+        do not hold any more.
+
+    Raises
+    ------
+    NotebookError
+        If a notebook fails.
+    """
+    names = [name for name in CHAPTERS if ideal_path is not None or name not in OF_IDEAL]
+    kept = {name: KEPT / f"{name}-{_digest(name, ideal_path)[:16]}.ipynb" for name in names}
+    missing = [path for path in kept.values() if not path.is_file()]
+    if ideal_path is not None and missing:
+        for path in missing:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        with ProcessPoolExecutor(min(CORES, len(missing))) as pool:
+            list(pool.map(partial(_run, ideal_path), missing))
+    here = {name: path for name, path in kept.items() if path.is_file()}
+    for name, path in here.items():
+        page = executed / f"{name}.ipynb"
+        page.parent.mkdir(exist_ok=True)
+        whole_files.copy(path, page)
+    return [name for name in CHAPTERS if name not in here]
+
+
+def _run(ideal_path: Path, kept: Path) -> None:
+    """Run a chapter and keep it in the place of what was kept of it."""
+    name = kept.stem.rpartition("-")[0]
+    source = NOTEBOOKS_PATH / kept.parent.relative_to(KEPT) / f"{name}.ipynb"
+    new = kept.with_name(f"new-{kept.name}")
+    of_ideal = {"flight_path": str(ideal_path / FLIGHT), "results_path": str(ideal_path)}
+    values = execute.with_defaults(source, of_ideal if name in OF_IDEAL else {})
+    execute.execute(source, new, parameters=values, on_cell=lambda *_: None)
+    execute.scrub(new)
+    for old in kept.parent.glob(f"{name}-*.ipynb"):
+        old.unlink()
+    new.replace(kept)
+
+
+def _digest(name: str, ideal_path: Path | None) -> str:
+    files = [*_files(CHAPTERS[name])]
+    if ideal_path is not None and name in OF_IDEAL:
+        files += [ideal_path / "parameters.csv", *(ideal_path / FLIGHT).rglob("*.*")]
+    return execute.digest(NOTEBOOKS_PATH / f"{name}.ipynb", Path("src"), files)
+
+
+def _files(patterns: Iterable[str]) -> Iterator[Path]:
+    """Yield the files that patterns mean, and the versions of the libraries."""
+    yield Path("environment.lock")
+    for pattern in patterns:
+        measured = pattern == "measured"
+        found = reference.folder().rglob("*") if measured else Path().glob(pattern)
+        yield from filter(Path.is_file, found)
+
+
+# --- a book without some of them -------------------------------------------------------------
+
+
+def leave_out(book: Path, pages: Collection[str]) -> None:
+    """Write the book's table of contents without some pages, and what the chapters are called.
+
+    The extension `left_out` of the book reads the list: links become titles or names.
+
+    Parameters
+    ----------
+    book : Path
+    pages : collection of str
+        Pages as the table of contents names them, and folders of pages.
+    """
+    contents = yaml.safe_load((book / "_toc.yml").read_text("utf-8"))
+    for part in contents.get("parts", [contents]):
+        part["chapters"] = [*_without(pages, part["chapters"])]
+    if "parts" in contents:  # an empty one is malformed
+        contents["parts"] = [part for part in contents["parts"] if part["chapters"]]
+    generated = book / "_generated"
+    whole_files.write(generated / "_toc.yml", yaml.safe_dump(contents))
+    titles = {page: _title(page) for page in pages}
+    whole_files.write(generated / "left_out.json", json.dumps(titles, indent=1))
+
+
+def _without(pages: Collection[str], entries: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Yield the entries of a table of contents that are none of some pages, and their sections."""
+    for entry in entries:
+        folders = {parent.as_posix() for parent in PurePosixPath(entry["file"]).parents}
+        if not {entry["file"], *folders} & set(pages):
+            inside = [*_without(pages, entry.get("sections", ()))]
+            alone = {key: value for key, value in entry.items() if key != "sections"}
+            yield {**alone, "sections": inside} if inside else alone
+
+
+def _title(page: str) -> str:
+    """Return the title of a chapter; a folder has none."""
+    notebook = NOTEBOOKS_PATH / f"{page.removeprefix('_executed/')}.ipynb"
+    if not notebook.is_file():
+        return ""
+    first = json.loads(notebook.read_text("utf-8"))["cells"][0]["source"]
+    return "".join(first).splitlines()[0].removeprefix("# ")

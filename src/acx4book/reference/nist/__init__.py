@@ -1,1 +1,0 @@
-"""Certified `regressions` of NIST: the problems in `files`, our least squares on them."""

@@ -1,1 +1,0 @@
-"""Frames of NOAA's digital sensor system, and OSSIM's ground points: `files`, then `frames`."""

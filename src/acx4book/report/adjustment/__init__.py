@@ -1,1 +1,0 @@
-"""The adjustments: `groups` of observations, their `tables`, their `residuals` drawn."""

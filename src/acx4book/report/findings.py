@@ -1,0 +1,825 @@
+"""What holds and what does not.
+
+Each question of the verdict with its test, answer and consequence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from acx4book.report.adjustment import CONTROLLED, decisive_qualities
+from acx4book.report.estimates import STRONG, strong_pairs
+from acx4book.report.material import (
+    Material,
+    checked_points,
+    earlier_calibrations,
+    sentences,
+    validated,
+)
+from acx4book.report.mounting import turns_of
+from acx4book.report.words import adjustment_title, begun, listed, pair_texts, plural
+from acx4book.typesetting.plain_text import Markup
+from acx4lib.bundle.rejections import CRITICAL, NAMES, too_many
+from acx4lib.calibration.estimates import LIMIT_SCALE, SIGMAS_OF_SCALE
+from acx4lib.expected import Array
+from acx4lib.geometry.parameters import AXES
+from acx4lib.least_squares import statistics
+from acx4lib.least_squares.statistics import holm
+from acx4lib.results import folder as results
+from acx4lib.results.folder import messages, rows
+
+# --- The questions of the verdict: their answers, the tests behind them, and one level for all
+
+
+HOLDS, FAILS, NOTE = "holds", "fails", "note"
+
+LEVEL = 0.05
+"""Probability that anything fails in the report of a right flight: that of all tests together."""
+
+MATTERS = 1.1
+"""Factor of errors over their σ from which a difference matters: the run reports the same."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChanceTest:
+    """One statistical test behind a finding.
+
+    Attributes
+    ----------
+    name : str
+        What is tested.
+    p : float
+        Probability of such a value, or a more extreme one, where everything is right.
+    said : str
+        What is said where it is significant.
+    relevant : bool
+        Whether what is found is large enough to matter. Of many observations, a σ that is wrong by
+        a hundredth is significant.
+    p_joint : float
+        Of the same among all tests of the report, by Holm; comparable with `LEVEL`. NaN before
+        all tests are known.
+    """
+
+    name: str
+    p: float
+    said: str
+    relevant: bool = True
+    p_joint: float = np.nan
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is more than chance among all tests of the report."""
+        return self.p_joint < LEVEL
+
+    @property
+    def fails(self) -> bool:
+        """Whether it is more than chance, and matters."""
+        return self.significant and self.relevant
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One statement of the verdict.
+
+    Attributes
+    ----------
+    question : str
+        The question.
+    state : str
+        `HOLDS`, `FAILS`, or `NOTE` for information. A finding with tests holds or fails by these.
+    answer : str
+        One or two sentences, text or `Markup`.
+    passed : str
+        What is added where no test is significant.
+    tests : tuple of ChanceTest
+        Empty where nothing depends on chance.
+    """
+
+    question: str
+    state: str
+    answer: str
+    passed: str = ""
+    tests: tuple[ChanceTest, ...] = ()
+
+    @property
+    def p(self) -> float:
+        """Smallest probability of its tests; NaN without any."""
+        return min((test.p for test in self.tests), default=np.nan)
+
+    @property
+    def p_joint(self) -> float:
+        """Smallest probability of its tests among all tests of the report; NaN without any."""
+        return min((test.p_joint for test in self.tests), default=np.nan)
+
+
+def judged(findings: Iterable[Finding]) -> list[Finding]:
+    """Return the findings as all their tests together decide, at one level, by Holm.
+
+    Parameters
+    ----------
+    findings : iterable of Finding
+        Their tests are not judged; those without a probability are left out.
+    """
+    drafts = [replace(f, tests=tuple(t for t in f.tests if np.isfinite(t.p))) for f in findings]
+    joint = iter(holm(np.array([test.p for f in drafts for test in f.tests], dtype=float)).tolist())
+    return [
+        _answered(replace(f, tests=tuple(replace(t, p_joint=next(joint)) for t in f.tests)))
+        for f in drafts
+    ]
+
+
+def _answered(finding: Finding) -> Finding:
+    """Return the finding with what its tests say."""
+    if not finding.tests:
+        return finding
+    said = [test.said for test in finding.tests if test.fails]
+    little = [test.said for test in finding.tests if test.significant and not test.relevant]
+    parts = (
+        finding.answer,
+        f"Significant: {'; '.join(said)}." if said else finding.passed,
+        f"Significant, but too little to matter: {'; '.join(little)}." if little else "",
+    )
+    answer = type(finding.answer)(" ".join(filter(None, parts)))
+    return replace(finding, state=FAILS if said else finding.state, answer=answer)
+
+
+def matters(ratio: float) -> bool:
+    """Tell whether errors over their σ are so far from one that it matters: by a tenth."""
+    return not 1 / MATTERS < ratio < MATTERS
+
+
+def all_tests(findings: Sequence[Finding]) -> list[ChanceTest]:
+    """Return all tests of a report."""
+    return [test for finding in findings for test in finding.tests]
+
+
+# --- What holds of the adjustments by themselves: solutions, residuals, gross errors, boresights
+
+
+DECLARED = ("declared lever arm", "declared boresight")
+"""Groups of observations that the question on the declared mounting tests."""
+
+
+def one_flight(material: Material) -> Iterator[Finding]:
+    """Tell whether all stages saw the same files."""
+    stages = material.provenance.stages
+    stale = [name for name, said in stages.items() if said["flight"] != material.provenance.digest]
+    question = "One state of the data"
+    if stale:
+        answer = (
+            f"The flight was changed after {listed(stale)} had run; these results are of other "
+            "files than those listed below."
+        )
+        yield Finding(question=question, state=FAILS, answer=answer)
+        return
+    answer = "Every stage was computed from the files listed below, which are unchanged since."
+    yield Finding(question=question, state=HOLDS, answer=answer)
+
+
+def converged(material: Material) -> Iterator[Finding]:
+    """Tell whether every adjustment has a solution."""
+    failed = [
+        name
+        for name, entry in material.found.summary.items()
+        if entry.get("converged") is False and not messages(entry, "left_out")
+    ]
+    n = len(material.adjustments)
+    if failed:
+        answer = f"No solution for {listed([adjustment_title(name) for name in failed])}."
+        yield Finding(question="Convergence", state=FAILS, answer=answer)
+    elif n:
+        answer = f"{begun(plural(n, 'adjustment'))} computed, all converged."
+        yield Finding(question="Convergence", state=HOLDS, answer=answer)
+
+
+def contradictions(material: Material) -> Iterator[Finding]:
+    """Tell whether a part of a group that is too large contradicts the others."""
+    lines = _stopped(material, tested_on(material))
+    for name in material.decisive:
+        lines += [f"{name}: {said}" for said in _rejected_away(material, name)]
+    question = "Observations agree with each other"
+    if lines:
+        yield Finding(question=question, state=FAILS, answer="; ".join(lines) + ".")
+    elif material.adjustments:
+        answer = "Of no group would data snooping reject more than single observations."
+        yield Finding(question=question, state=HOLDS, answer=answer)
+
+
+def tested_on(material: Material) -> list[str]:
+    """Return the names of what is certified: the decisive adjustments and their validation."""
+    names = (*material.decisive, validated(material))
+    return [name for name in names if name in material.found.summary]
+
+
+def _stopped(material: Material, names: Iterable[str]) -> list[str]:
+    """Return which groups exceed the limits of data snooping."""
+    summary = material.found.summary
+    return [line for name in names for line in messages(summary[name], "stopped")]
+
+
+def _rejected_away(material: Material, name: str) -> Iterator[str]:
+    """Yield what was rejected of trajectory and control, where that is too much of it."""
+    rejected = rows(material.found, "rejected", "/".join(name.split("/")[:2]))
+    for kind, noun in NAMES.items():
+        out = _names(rejected, kind)
+        n = len(out | _names(material.residuals[name], kind))
+        if too_many(len(out), n):
+            yield f"{len(out)} of {n} {noun} were rejected"
+
+
+def _names(table: pd.DataFrame, kind: str) -> set[tuple[str, str]]:
+    own = table[table["kind"] == kind]
+    return set(zip(own["image_or_exposure"].astype(str), own["point"].astype(str), strict=True))
+
+
+def determined(material: Material) -> Iterator[Finding]:
+    """Tell whether every parameter of the certified adjustments is determined."""
+    lines = [line for name in material.decisive for line in _open(material, name)]
+    question = "All parameters determined"
+    if lines:
+        answer = "; ".join(dict.fromkeys(lines)) + "."
+        yield Finding(question=question, state=FAILS, answer=answer)
+    elif material.decisive and material.found.parameters.empty:
+        answer = "No parameter of a camera was estimated."
+        yield Finding(question=question, state=NOTE, answer=answer)
+    elif material.decisive:
+        answer = (
+            "Every estimated parameter has a standard deviation below the limit of what counts "
+            "as determined."
+        )
+        yield Finding(question=question, state=HOLDS, answer=answer)
+
+
+def _open(material: Material, name: str) -> list[str]:
+    """Return what an adjustment does not determine."""
+    return messages(material.found.summary[name], "not_determined")
+
+
+def other_methods(material: Material) -> Iterator[Finding]:
+    """Say what methods leave open that are not certified."""
+    own = tested_on(material)
+    others = [name for name in material.found.summary if name not in own]
+    lines = [line for name in others for line in _open(material, name)]
+    lines += _stopped(material, others)
+    refined = material.found.summary.get("synthetic/refined", {}).get("sigma0_squared")
+    if refined is not None:
+        sigma0_sq = float(str(refined))
+        lines.append(f"heads refined in the synthetic image: σ₀² = {sigma0_sq:.2f}, not tested")
+    if lines:
+        answer = "; ".join(dict.fromkeys(lines)) + ". This report does not certify these methods."
+        yield Finding(question="Other methods", state=NOTE, answer=answer)
+
+
+def global_test(material: Material) -> Iterator[Finding]:
+    """Test the variance of unit weight of the decisive adjustments."""
+    entries = {name: material.found.summary[name] for name in material.decisive}
+    entries = {name: e for name, e in entries.items() if int(str(e["redundancy"])) > 0}
+    if not entries:
+        return
+    values = [_sigma0(entry) for entry in entries.values()]
+    span = f"{min(values):.3f}" + (f" to {max(values):.3f}" if len(values) > 1 else "")
+    yield Finding(
+        question="Global χ² test",
+        state=HOLDS,
+        answer=f"The variance of unit weight is {span}.",
+        passed="Residuals have the size that the a priori standard deviations promise.",
+        tests=tuple(
+            ChanceTest(
+                name=f"σ₀² of {adjustment_title(name)}",
+                p=float(str(entry["chi_square_p"])),
+                said=f"{adjustment_title(name)} (σ₀² = {_sigma0(entry):.2f}): residuals are "
+                f"{'larger' if _sigma0(entry) > 1 else 'smaller'} than the a priori standard "
+                "deviations promise",
+                relevant=matters(np.sqrt(_sigma0(entry))),
+            )
+            for name, entry in entries.items()
+        ),
+    )
+
+
+def _sigma0(entry: Mapping[str, object]) -> float:
+    return float(str(entry["sigma0_squared"]))
+
+
+def weights(material: Material) -> Iterator[Finding]:
+    """Test the a priori standard deviations of every group of observations."""
+    groups = [g for g in decisive_qualities(material) if g.group not in DECLARED]
+    tests = [
+        ChanceTest(
+            name=f"{g.group} of {adjustment_title(g.adjustment)}",
+            p=g.p,
+            said=f"{g.group} of {adjustment_title(g.adjustment)}: {_factor(g.ratio)}",
+            relevant=matters(g.ratio),
+        )
+        for g in groups
+    ]
+    if tests:
+        yield Finding(
+            question="A priori standard deviations",
+            state=HOLDS,
+            answer="",
+            passed="Those of all groups of observations agree with the residuals.",
+            tests=tuple(tests),
+        )
+
+
+def estimated_weights(material: Material) -> Iterator[Finding]:
+    """Tell whether σ that were estimated from the residuals are within their bounds."""
+    entries = [material.found.summary[name] for name in material.decisive]
+    factors = [said for entry in entries for said in _factors(entry).values()]
+    if all(said.get("applied") in (None, 1.0) for said in factors):
+        return
+    lines = [*sentences(material, "sigma_beyond")]
+    if lines:
+        answer = f"{begun('; '.join(lines))}. No result holds that rests on such weights."
+        yield Finding(question="Estimated weights within bounds", state=FAILS, answer=answer)
+        return
+    from acx4lib.bundle.variance_components import BOUNDS  # noqa: PLC0415 loads what adjusts
+
+    answer = (
+        "σ were multiplied by factors from the residuals, as flight.toml asks; none is outside "
+        f"{BOUNDS[0]:.2g} to {BOUNDS[1]:g} by more than chance."
+    )
+    yield Finding(question="Estimated weights within bounds", state=HOLDS, answer=answer)
+
+
+def _factors(entry: Mapping[str, object]) -> dict[str, dict[str, object]]:
+    said = entry.get("sigma_factors")
+    return said if isinstance(said, dict) else {}
+
+
+def _factor(ratio: float) -> str:
+    if ratio > 1:
+        return f"σ is {ratio:.3g} times too small"
+    return f"σ is {1 / max(ratio, 1e-9):.3g} times too large"
+
+
+def apart(material: Material) -> Iterator[Finding]:
+    """Tell which parameters are only determined together."""
+    if not material.calibration:
+        return
+    pairs = strong_pairs(material, material.calibration)
+    question = "Parameters told apart"
+    if not pairs:
+        answer = f"No two parameters correlate by more than {STRONG:g}."
+        yield Finding(question=question, state=HOLDS, answer=answer)
+        return
+    answer = Markup(
+        f"Of the parameters, {listed(pair_texts(pairs))} "
+        f"correlate by more than {STRONG:g}. They are determined together: use them together, "
+        "with their covariance."
+    )
+    yield Finding(question=question, state=NOTE, answer=answer)
+
+
+def gross_errors(material: Material) -> Iterator[Finding]:
+    """Compare number and size of the rejected observations with what chance rejects."""
+    question = "Gross errors"
+    entries = [material.found.summary[name] for name in tested_on(material)]
+    entries = [entry for entry in entries if entry.get("n_rejected") is not None]
+    if not entries:
+        return
+    n_rejected = sum(int(str(entry["n_rejected"])) for entry in entries)
+    n = sum(int(str(entry["n_observations"])) for entry in entries)
+    answer = begun(f"{plural(n_rejected, 'observation')} of {n:,} taken out as gross errors")
+    mixed = dict.fromkeys(s.partition(": ")[2] for s in sentences(material, "exchanged"))
+    if mixed:
+        answer = f"{begun('; '.join(mixed))}. Correct the names and run again. {answer}"
+    elif any(messages(entry, "stopped") for entry in entries):
+        answer = "Not tested: observations contradict each other, so rejections say nothing."
+        yield Finding(question=question, state=NOTE, answer=answer)
+        return
+    where = "; they are listed below or in rejected.csv." if n_rejected else "."
+    if any(entry.get("expected_rejections") is None for entry in entries):
+        answer += f"{where} These results do not say how many chance takes out; run again."
+        yield Finding(question=question, state=FAILS if mixed else NOTE, answer=answer)
+        return
+    chance = sum(float(str(entry["expected_rejections"])) for entry in entries)
+    largest, n_apart = _rejected(material)
+    many = f"{plural(n_rejected, 'observation')} rejected, where chance takes out {chance:.1f}"
+    yield Finding(
+        question=question,
+        state=FAILS if mixed else HOLDS,
+        answer=f"{answer}, where chance alone takes out {chance:.1f}{where}",
+        tests=(
+            ChanceTest(name="number of rejections", p=poisson_sf(n_apart, chance), said=many),
+            ChanceTest(
+                name="largest rejected residual",
+                p=largest_p(largest, chance),
+                said=f"the largest is w = {largest:.1f}",
+            ),
+        ),
+    )
+
+
+def _rejected(material: Material) -> tuple[float, int]:
+    """Return the largest statistic that was rejected, and how many points and exposures it hit.
+
+    One error may take out several rays of its point, which control each other.
+    """
+    methods = ["/".join(name.split("/")[:2]) for name in tested_on(material)]
+    found = [rows(material.found, "rejected", method) for method in dict.fromkeys(methods)]
+    out = pd.concat(found) if found else pd.DataFrame()
+    if out.empty:
+        return 0.0, 0
+    place = out["point"].where(out["point"].astype(str) != "", out["image_or_exposure"])
+    hit = out["stage"].astype(str) + "/" + out["kind"].astype(str) + "/" + place.astype(str)
+    return float(out["statistic"].abs().max()), int(hit.nunique())
+
+
+def poisson_sf(n: int, chance: float) -> float:
+    """Return the probability of n rejections or more, where chance makes so many on average."""
+    return statistics.chi2_cdf(2 * chance, 2 * n) if n else 1.0
+
+
+def largest_p(w: float, chance: float) -> float:
+    """Return the probability of a residual of w or more among all that were tested.
+
+    Parameters
+    ----------
+    w : float
+        The largest that was rejected; below the critical value where nothing was.
+    chance : float
+        How many of those tested exceed the critical value by chance.
+    """
+    n = chance / (2 * statistics.norm_sf(CRITICAL))
+    each = 2 * statistics.norm_sf(max(w, 0.0))
+    return float(-np.expm1(n * np.log1p(-each))) if each < 1 else 1.0
+
+
+def controlled(material: Material) -> Iterator[Finding]:
+    """Count the observations that the others hardly control."""
+    if not material.decisive:
+        return
+    groups = decisive_qualities(material)
+    weak: dict[str, int] = {}
+    for group in groups:
+        weak[group.group] = weak.get(group.group, 0) + group.weak
+    n = sum(group.n for group in groups)
+    where = "; ".join(f"{count:,} {group}" for group, count in weak.items() if count)
+    answer = (
+        f"{plural(sum(weak.values()), 'observation component')} of {n:,} with a redundancy number "
+        f"below {CONTROLLED:g}"
+        + (f" ({where}): a gross error there would hardly be seen." if where else ".")
+    )
+    state = NOTE if where else HOLDS
+    yield Finding(question="Observations controlled", state=state, answer=begun(answer))
+
+
+def stable(material: Material) -> Iterator[Finding]:
+    """Test the boresight for a drift and for steps between strips."""
+    if not material.certified:
+        return
+    question = "Boresight stable over time"
+    told = material.found.summary.get(material.certified, {}).get("boresight_stability")
+    if not isinstance(told, dict):
+        answer = "These results have no test of the boresight over time; run again."
+        yield Finding(question=question, state=NOTE, answer=answer)
+        return
+    turns = turns_of(material)
+    if not turns:
+        answer = (
+            "Not tested: observations contradict each other."
+            if _stopped(material, [material.certified])
+            else "Not tested: it needs attitudes of two strips or of exposures at several times, "
+            "and more of them than turns."
+        )
+        yield Finding(question=question, state=NOTE, answer=answer)
+        return
+    yield Finding(
+        question=question,
+        state=HOLDS,
+        answer="",
+        passed="No significant drift and no significant differences between strips.",
+        tests=tuple(ChanceTest(name=t.title, p=t.p, said=t.sentence) for t in turns),
+    )
+
+
+# --- What the results are held against: declared mountings, heights, independent check points
+
+
+FEWEST = 2
+"""Number of check points from which something can be said of them."""
+
+
+def mountings(material: Material) -> Iterator[Finding]:
+    """Tell whether the estimated mountings are those that were declared.
+
+    A value with sigma is tested; one without is an approximation, of which only a known mistake
+    fails.
+    """
+    question = "Declared mounting confirmed"
+    parts = [part for name in material.decisive for part in _parts(material, name)]
+    lines = [part.mistaken for part in parts if part.mistaken]
+    approximate = "; ".join(part.approximate for part in parts if part.approximate)
+    tests = tuple(part.test for part in parts if part.test)
+    note = f"Without σ it is an approximation and not tested: {approximate}." if approximate else ""
+    if lines or tests:
+        answer = " ".join(filter(None, ("; ".join(lines) + "." if lines else "", note)))
+        yield Finding(
+            question=question,
+            state=FAILS if lines else HOLDS,
+            answer=answer,
+            passed="What flight.toml declares with σ agrees with the estimates.",
+            tests=tests,
+        )
+    elif material.calibration:
+        yield Finding(question=question, state=NOTE, answer=note or _not_compared(material))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Part:
+    """A declared part of a mounting: its known mistake, its test, or how far off it is."""
+
+    mistaken: str = ""
+    test: ChanceTest | None = None
+    approximate: str = ""
+
+
+def _parts(material: Material, name: str) -> Iterator[_Part]:
+    """Yield the declared parts that an adjustment compared."""
+    entry = material.found.summary[name]
+    declared = entry.get("declared")
+    compared = declared if isinstance(declared, dict) else {}
+    if any("told" not in one for one in compared.values()):  # of an earlier version
+        yield from (_Part(mistaken=line) for line in results.messages(entry, "not_confirmed"))
+    for place, one in compared.items():
+        camera, _, part = place.rpartition("/")
+        title, mistake = f"{part.replace('_', ' ')} of {camera}", one.get("mistake", "")
+        said = f"{title} {one.get('told', 'differs from the declared one')}"
+        if mistake:
+            yield _Part(mistaken=f"{said}; {mistake}" if one["told"] else f"{title} {mistake}")
+        if one.get("p") is not None:
+            yield _Part(test=ChanceTest(name=title, p=float(one["p"]), said=said))
+        elif one["confirmed"]:
+            yield _Part(approximate=said)
+
+
+def _not_compared(material: Material) -> str:
+    """Return why no declared mounting was compared."""
+    cameras = material.flight.cameras.values()
+    if not any(any(camera.prior.declared) for camera in cameras):
+        return (
+            "flight.toml declares no mounting. A delay, an undulation or another north would be "
+            "absorbed by lever arm and boresight without a trace."
+        )
+    if results.messages(material.found.summary.get(material.calibration, {}), "stopped"):
+        return (
+            "Not compared: observations contradict each other, so that the estimated mounting "
+            "says nothing of the one that flight.toml declares."
+        )
+    return "Not compared: what flight.toml declares is held, or not determined."
+
+
+def earlier(material: Material) -> Iterator[Finding]:
+    """Tell of which earlier flight the calibration is that was validated, if it was asked for."""
+    told = earlier_calibrations(material)
+    if not told:
+        return
+    said = told[validated(material)]
+    flown = f", flown {said['flown']}" if said.get("flown") else ""
+    answer = (
+        f"Validated is the calibration {said['method']} of an earlier flight, "
+        f"{said['flight']['name']} (SHA-256 {said['flight']['sha256'][:12]}{flown}); computed "
+        f"{said['computed']}, results {said['results']} with SHA-256 {said['sha256'][:12]}."
+    )
+    yield Finding(question="Calibration of an earlier flight", state=NOTE, answer=answer)
+
+
+def heights(material: Material) -> Iterator[Finding]:
+    """Tell whether control, trajectory and check points have heights of one system."""
+    question = "Heights of one system"
+    offsets = {
+        name: float(str(entry[key]))
+        for name, entry in material.found.summary.items()
+        for key in ("height_scale_error", "height_offset_share")
+        if name in (*material.decisive, validated(material)) and entry.get(key) is not None
+    }
+    if not offsets:
+        return
+    worst = max(offsets, key=lambda name: abs(offsets[name]))
+    sigma = float(str(material.found.summary[worst].get("height_scale_sigma") or 0.0))
+    wrong = abs(offsets[worst]) > max(LIMIT_SCALE, SIGMAS_OF_SCALE * sigma)
+    answer = (
+        f"Heights of points differ from those of the trajectory by {100 * abs(offsets[worst]):.2g} "
+        f"% of the flying height in {worst}; more than {100 * LIMIT_SCALE:g} % is another height "
+        "system or a wrong focal length."
+    )
+    if not wrong and abs(offsets[worst]) > LIMIT_SCALE:
+        answer += (
+            f" That much is not significant here: the σ of the focal length is {100 * sigma:.2g} %."
+        )
+    yield Finding(question=question, state=FAILS if wrong else HOLDS, answer=answer)
+
+
+def check_points(material: Material) -> Iterator[Finding]:
+    """Test the differences at check points, those of the validation with their full covariance."""
+    entry: Mapping[str, Any] = material.found.summary.get(validated(material), {})
+    single = _of_adjustment(material)
+    few = (entry.get("n_points") or 0) < FEWEST
+    if few:
+        single = pd.concat([single, checked_points(material)])
+    single = single.iloc[np.flatnonzero(np.isfinite(_ratios(single)).all(axis=1))]
+    if few and single.empty:
+        answer = "There are no check points, so the accuracy on the ground is not shown."
+        yield Finding(question=CHECKED, state=NOTE, answer=answer)
+        return
+    parts, tests = [], [*_single_tests(single)]
+    if len(single):
+        n = begun(plural(len(single), "check point"))
+        parts.append(f"{n}{'' if few else ' more'}, tested one by one: {_largest(single)}.")
+    if not few:
+        points = entry["points"]
+        rms = ", ".join(f"{v:.2f} m in {axis}" for v, axis in zip(points["rms"], AXES, strict=True))
+        parts.insert(0, f"RMS at {entry['n_points']} points: {rms}.")
+        tests += [*_together(entry), *_means(points), *_spreads(points)]
+        if entry.get("joint_chi_square_p") is None:
+            parts.append("These results have no test of all differences together; run again.")
+    yield Finding(
+        question=CHECKED,
+        state=HOLDS if tests else NOTE,
+        answer=" ".join(parts),
+        passed="No difference, no mean and no spread is significant.",
+        tests=tuple(tests),
+    )
+
+
+CHECKED = "Independent check points"
+
+
+def _of_adjustment(material: Material) -> pd.DataFrame:
+    """Return the check points that take no part in the decisive adjustments, all but blunders."""
+    found = material.found.check_points
+    own = {"/".join(name.split("/")[:2]) for name in material.decisive}
+    return found[(found["stage"] + "/" + found["method"]).isin(own)]
+
+
+def _ratios(points: pd.DataFrame) -> Array:
+    """Return the differences of points over their sigma, shape (n, 3)."""
+    d = points[[f"d_{axis}_m" for axis in AXES]].to_numpy(dtype=float)
+    ratios: Array = d / points[[f"sigma_{axis}_m" for axis in AXES]].to_numpy(dtype=float)
+    return ratios
+
+
+def _largest(points: pd.DataFrame) -> str:
+    """Return the largest difference in words."""
+    ratios = np.abs(_ratios(points))
+    i, axis = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    row, name = points.iloc[int(i)], AXES[axis]
+    d, sigma = row[f"d_{name}_m"], row[f"sigma_{name}_m"]
+    return f"the largest difference is {d:+.2f} ± {sigma:.2f} m in {name}, of {row['point']}"
+
+
+def _single_tests(points: pd.DataFrame) -> Iterator[ChanceTest]:
+    """Yield one test of the largest of many differences, by Bonferroni."""
+    if len(points):
+        ratios = np.abs(_ratios(points))
+        p = 2 * statistics.norm_sf(float(ratios.max())) * ratios.size
+        yield ChanceTest(
+            name="largest difference at a single check point",
+            p=min(1.0, p),
+            said=f"a single check point: {_largest(points)}",
+        )
+
+
+def _together(entry: Mapping[str, Any]) -> Iterator[ChanceTest]:
+    if entry.get("joint_chi_square_p") is not None:
+        larger = entry["joint_chi_square"] > entry["joint_dof"]
+        yield ChanceTest(
+            name="all differences together",
+            p=entry["joint_chi_square_p"],
+            said=f"all differences together are {'larger' if larger else 'smaller'} than predicted",
+        )
+    if (entry.get("redundancy") or 0) > 0:
+        closer = entry["sigma0_squared"] < 1
+        yield ChanceTest(
+            name="rays of the check points",
+            p=entry["chi_square_p"],
+            said=f"rays meet {'more' if closer else 'less'} closely than predicted "
+            f"(σ₀² = {entry['sigma0_squared']:.2f})",
+            relevant=matters(np.sqrt(entry["sigma0_squared"])),
+        )
+
+
+def _means(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
+    """Yield the tests of the means, each with its own sigma."""
+    for mean, sigma, axis in zip(points["mean"], points["mean_sigma"], AXES, strict=True):
+        yield ChanceTest(
+            name=f"mean in {axis}",
+            p=2 * statistics.norm_sf(abs(mean) / sigma),
+            said=f"a mean of {mean:+.2f} ± {sigma:.2f} m in {axis}",
+        )
+
+
+def _spreads(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
+    """Yield the tests of the RMS of differences over their sigma, two-sided."""
+    found = zip(points["normalised_rms"], points["effective_number"], AXES, strict=True)
+    for ratio, n, axis in found:
+        square = n * ratio**2
+        below, above = statistics.chi2_cdf(square, n), statistics.chi2_sf(square, n)
+        yield ChanceTest(
+            name=f"spread in {axis}",
+            p=2 * min(below, above),
+            said=f"an RMS in {axis} that is {ratio:.2f} times the predicted one",
+        )
+
+
+def said(material: Material) -> Iterator[Finding]:
+    """Repeat what the run said: methods left out, notes of stages and of the flight."""
+    lines = [*sentences(material, "left_out"), *sentences(material, "notes")]
+    lines += list(material.flight.notes)
+    if lines:
+        answer = "; ".join(dict.fromkeys(lines))
+        answer += "" if answer.endswith("…") else "."
+        yield Finding(question="Said by the run", state=NOTE, answer=answer)
+
+
+# --- What a finding that fails means for the user of a calibration, and what to do
+
+
+class Consequence(NamedTuple):
+    """What it means, and what to do; both continue a sentence."""
+
+    means: str
+    cure: str
+
+
+CONSEQUENCES: Mapping[str, Consequence] = {
+    "One state of the data": Consequence(
+        "the stages were computed from different files, so these results must not be used",
+        "run all stages again",
+    ),
+    "Convergence": Consequence(
+        "an adjustment has no solution, and what it should have estimated is missing",
+        "read what the run said of it, correct the data, and run again",
+    ),
+    "Observations agree with each other": Consequence(
+        "a whole group of observations contradicts the others, so the calibration must not be used",
+        "find what this group has wrong (unit, axes, names, times, σ), correct it, and run again",
+    ),
+    "Estimated weights within bounds": Consequence(
+        "weights that were estimated hide a mistake of a whole group of observations, so the "
+        "calibration must not be used",
+        "find the mistake in the group that is named (datum, epoch, scale, unit, names), correct "
+        "it, and run again",
+    ),
+    "Heights of one system": Consequence(
+        "heights or the focal length have a wrong scale, so the calibration must not be used",
+        "check heights in flight.toml, the geoid model and focal_mm, and run again",
+    ),
+    "Declared mounting confirmed": Consequence(
+        "the survey and the flight exclude each other; a delay, heights of another system or "
+        "another north may be hidden in the mounting, so the calibration must not be used for "
+        "other flights",
+        "find out which of the two is wrong, correct it, and run again",
+    ),
+    "Independent check points": Consequence(
+        "points on the ground are not as accurate as predicted, so the calibration must not be "
+        "used for direct georeferencing",
+        "look at the differences of the check points: a wrong point, another datum or height "
+        "system, or a camera that changed",
+    ),
+    "Boresight stable over time": Consequence(
+        "camera and IMU turned against each other, or the attitudes have errors that change "
+        "slowly; the interior orientation can be used, the boresight cannot be used for other "
+        "flights",
+        "check the mount and the processing of the INS; state slow errors in flight.toml, or fly "
+        "again",
+    ),
+    "All parameters determined": Consequence(
+        "what is named is not known; the other parameters can be used, with their covariance",
+        "hold it at a surveyed value by fix in flight.toml, or fly what the explanation names",
+    ),
+    "A priori standard deviations": Consequence(
+        "a group of observations has wrong weights; the values can be used as approximations, "
+        "their standard deviations cannot",
+        "look for a systematic error in this group; if there is none, correct its σ or set weights "
+        '= "estimated", and run again',
+    ),
+    "Global χ² test": Consequence(
+        "the observations are not as accurate as their σ say; the values can be used as "
+        "approximations, their standard deviations cannot",
+        "look for the wrong σ or the systematic error in the groups below, correct it, and run "
+        "again",
+    ),
+    "Gross errors": Consequence(
+        "the results were computed without the observations that were taken out, and can be used "
+        "if everything else holds",
+        "look at the largest in the table of rejected observations: a wrong name, target or row; "
+        "correct or remove it, and run again",
+    ),
+}
+"""By the question of a finding, the gravest first: what it means holds for those behind it, too."""
+
+UNKNOWN = Consequence("the results must not be used before the cause is known", "see below")
+
+
+def by_gravity(questions: Iterable[str]) -> list[str]:
+    """Return questions that fail, the gravest first; those not known are the gravest."""
+    order = list(CONSEQUENCES)
+    return sorted(questions, key=lambda q: order.index(q) if q in order else -1)

@@ -1,1 +1,0 @@
-"""What the calibration is worth on the ground: `check_points`."""

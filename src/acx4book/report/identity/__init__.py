@@ -1,1 +1,0 @@
-"""What was calibrated and how: `describe` has identification, method and data."""

@@ -1,1 +1,0 @@
-"""The camera on its mount: the `stability` of the boresight, shown `over_time`."""

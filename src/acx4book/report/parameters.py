@@ -1,0 +1,572 @@
+"""The calibrated parameters: image and lens, their tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from acx4book.report.estimates import (
+    STRONG,
+    Estimate,
+    correlations,
+    estimates,
+    joint_tests,
+    strong_pairs,
+)
+from acx4book.report.material import Material
+from acx4book.report.words import Text, heading, listed, pair_texts, parameter_title, show, table
+from acx4book.typesetting import maps, style
+from acx4book.typesetting.labels import group_label, p_value, value_and_sigma, with_unit
+from acx4book.typesetting.plain_text import Markup, shown
+from acx4lib.calibration.estimates import METHODS
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior, xy_from_colrow
+from acx4lib.geometry.parameters import REPORTED
+from acx4lib.results import folder
+
+# --- The image and its distortion: axes, principal point and corners; the distortion by radius
+
+
+UM = 1000.0
+"""Micrometres in a millimetre."""
+
+SMALLEST_LEVEL = 0.2
+"""Cosine of the slope of the body's x axis against the image below which it is not drawn."""
+
+
+def image_section(material: Material) -> Text:
+    """Return the section on the distortion and the corners of the images."""
+    found = shown_lenses(material)
+    told = "the estimated coefficients, eqs (7) to (11); σ from their covariance matrix"
+    return show(
+        table(balanced_table(found), BALANCED, name="tab-report-balanced", obtained=FROM_RADIAL),
+        table(distortion_table(material), DISTORTION, name="tab-report-distortion", obtained=told),
+        table(corner_table(material), CORNERS, name="tab-report-corners", obtained=FORMAT),
+    )
+
+
+BALANCED = "Calibrated and balanced focal lengths"
+FROM_RADIAL = "the radial coefficients and the focal length, up to the farthest corner of the image"
+DISTORTION = "Lens distortion by the distance from the principal point"
+CORNERS = "Corners of the images: centres of the corner pixels"
+FORMAT = "the numbers of pixels and their size, as flight.toml states them"
+
+
+def balanced_table(found: Sequence[Lens]) -> pd.DataFrame:
+    """Return the calibrated and the balanced focal length of every lens."""
+    rows = [
+        {
+            "Camera": lens.camera.name,
+            "Focal length (mm)": _length(lens.interior.f, np.sqrt(lens.cov[0, 0])),
+            "Balanced (mm)": _length(balance.f, balance.sigma),
+            "Radial, balanced (µm)": f"within ±{UM * balance.largest:.1f}",
+            "Farthest corner (mm)": f"{lens.radius:.2f}",
+        }
+        for lens, balance in ((lens, balanced(lens)) for lens in found)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _length(value: float, sigma: float) -> str:
+    return value_and_sigma(value, sigma) if sigma > 0 else f"{value:g} held"
+
+
+def shown_lenses(material: Material) -> list[Lens]:
+    """Return the lenses of the calibration, and those of the heads that were calibrated alone."""
+    methods = [material.calibration] if material.calibration else []
+    if any(name.startswith("heads/bundle") for name in material.adjustments):
+        methods.append("heads/bundle")
+    return [lens for method in methods for lens in lenses(material, method)]
+
+
+def profile(lens: Lens) -> pd.DataFrame:
+    """Return the distortion at round distances from the principal point, and at the last one.
+
+    Returns
+    -------
+    DataFrame
+        radius_mm, angle_deg, radial_um and its sigma_um, balanced_um (radial, with respect to the
+        balanced focal length), decentring_um.
+    """
+    step = style.round_length(lens.radius / 4)
+    at = np.append(np.arange(step, lens.radius - step / 4, step), lens.radius)
+    return profile_at(lens, balanced(lens), at)
+
+
+def profile_at(lens: Lens, balance: Balanced, radius: np.ndarray) -> pd.DataFrame:
+    """Return the distortion at distances from the principal point, mm, as `profile` does."""
+    d, scale = radial(lens.interior, radius), balance.f / lens.interior.f
+    return pd.DataFrame(
+        {
+            "radius_mm": radius,
+            "angle_deg": np.degrees(np.arctan((radius - d) / lens.interior.f)),
+            "radial_um": UM * d,
+            "sigma_um": UM * radial_sigma(lens, radius),
+            "balanced_um": UM * scale * (d - balance.slope * radius),
+            "decentring_um": UM * decentring(lens.interior, radius),
+        }
+    )
+
+
+def distortion_table(material: Material) -> pd.DataFrame:
+    """Return the distortion of every lens at round distances from the principal point."""
+    found = shown_lenses(material)
+    rows = [
+        {
+            **({"Camera": lens.camera.name} if len(found) > 1 else {}),
+            "Distance (mm)": f"{row['radius_mm']:.4g}",
+            "Field angle (°)": f"{row['angle_deg']:.1f}",
+            "Radial (µm)": value_and_sigma(row["radial_um"], row["sigma_um"]),
+            "Radial, balanced (µm)": f"{row['balanced_um']:+.1f}",
+            "Decentring (µm)": f"{row['decentring_um']:.1f}",
+        }
+        for lens in found
+        for row in profile(lens).to_dict("records")
+    ]
+    return pd.DataFrame(rows)
+
+
+def corners(camera: Camera) -> np.ndarray:
+    """Return the pixel coordinates of the centres of the four corner pixels, shape (4, 2)."""
+    col, row = camera.width_px - 1, camera.height_px - 1
+    return np.array([[0, 0], [col, 0], [col, row], [0, row]], dtype=float)
+
+
+def corner_table(material: Material) -> pd.DataFrame:
+    """Return pixel and image coordinates of the corners of every camera."""
+    cameras = [lens.camera for lens in shown_lenses(material)]
+    alike: dict[tuple[float, ...], list[Camera]] = {}
+    for camera in cameras:
+        size = (camera.width_px, camera.height_px, camera.pixel_mm)
+        alike.setdefault(size, []).append(camera)
+    rows = [
+        {
+            "Camera": listed([camera.name for camera in same]),
+            "Corner": corner,
+            "Column (px)": f"{col:g}",
+            "Row (px)": f"{row:g}",
+            "x (mm)": f"{x:+.4f}",
+            "y (mm)": f"{y:+.4f}",
+        }
+        for same in alike.values()
+        for corner, (col, row), (x, y) in zip(
+            ("upper left", "upper right", "lower right", "lower left"),
+            corners(same[0]),
+            xy_from_colrow(same[0], corners(same[0])),
+            strict=True,
+        )
+    ]
+    return pd.DataFrame(rows)
+
+
+def image_figure(material: Material) -> Figure:
+    """Draw every image with its axes, and the radial distortion of all lenses."""
+    found = shown_lenses(material)
+    if not found:
+        return style.nothing("No interior orientation was calibrated.")
+    n = len(found)
+    columns = min(n, 3)
+    rows = -(-n // columns)
+    with style.applied():
+        beside = n == 1
+        size = (style.WIDTH, 2.9) if beside else (style.WIDTH, 1.9 * rows + 2.4)
+        fig = style.figure(figsize=size)
+        parts = fig.add_gridspec(1, 2) if beside else fig.add_gridspec(rows + 1, columns)
+        for i, lens in enumerate(found):
+            _axes_of_image(fig.add_subplot(parts[divmod(i, columns)]), lens)
+        _curves(fig.add_subplot(parts[0, 1] if beside else parts[rows, :]), found)
+        if n > 1:
+            style.legend_below(fig, fig.axes[-1].get_legend_handles_labels()[0])
+    return fig
+
+
+def _axes_of_image(ax: Axes, lens: Lens) -> None:
+    """Draw the format of an image with its axes, pixel axes, principal point and direction."""
+    camera = lens.camera
+    width, height = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
+    style.bare(ax)
+    ax.set(xticks=[], yticks=[], aspect="equal", title=style.plain(camera.name))
+    ax.set(xlim=(-0.72 * width, 0.72 * width), ylim=(-0.66 * height, 0.66 * height))
+    low, fill = (-width / 2, -height / 2), style.SHEET
+    ax.add_patch(Rectangle(low, width, height, facecolor=fill, edgecolor=style.EDGE))
+    zero, reach = np.zeros(2), 0.3 * min(width, height)
+    for tip, name, shift in (((reach, 0), "x", (8, 0)), ((0, reach), "y", (0, 8))):
+        maps.arrow(ax, zero, np.array(tip), maps.CAMERA)
+        maps.note(ax, np.array(tip), name, maps.CAMERA, shift=shift)
+    corner = np.array([-width / 2, height / 2])
+    for tip, name, shift in (((reach, 0), "col", (0, 8)), ((0, -reach), "row", (-13, 0))):
+        maps.arrow(ax, corner, corner + np.array(tip), style.SOFT, width=1.2)
+        maps.note(ax, corner + np.array(tip), name, style.SOFT, shift=shift)
+    forward = camera.T_b_c.R[0, :2]
+    level = float(np.hypot(*forward))
+    if level > SMALLEST_LEVEL:
+        start = np.array([0.22 * width, -0.3 * height])
+        tip = start + 0.5 * reach * forward / level
+        maps.arrow(ax, start, tip, maps.BODY)
+        behind = -forward / level
+        maps.note(ax, start, "body x", maps.BODY, shift=(21 * behind[0], 8 * behind[1]))
+    ax.plot(lens.interior.xp, lens.interior.yp, "+", color=style.INK, ms=9, mew=1.2, zorder=7)
+
+
+def _curves(ax: Axes, found: Sequence[Lens]) -> None:
+    """Draw the radial distortion with both focal lengths, and its standard deviation."""
+    for i, lens in enumerate(found):
+        at = np.linspace(0.0, lens.radius, 101)
+        told = profile_at(lens, balanced(lens), at)
+        colour = style.colour(i)
+        band = 3 * told["sigma_um"]
+        ax.fill_between(
+            at, told["radial_um"] - band, told["radial_um"] + band, color=colour, alpha=0.18, lw=0
+        )
+        ax.plot(at, told["radial_um"], color=colour, label=style.plain(lens.camera.name))
+        ax.plot(at, told["balanced_um"], "--", color=colour, lw=1.2)
+    ax.axhline(0, color=style.INK, lw=0.7)
+    ax.set_xlabel("distance from the principal point (mm)")
+    ax.set_ylabel("radial distortion (µm)")
+
+
+# --- The calibrated lens: its distortion along a radius, and the focal length that balances it
+
+
+F = INTERIOR.index("f")
+RADIAL = tuple(INTERIOR.index(key) for key in ("k1", "k2", "k3"))
+POWERS = np.array([3, 5, 7])
+"""Powers of the radius that belong to k1, k2, k3: eqs (10)-(11) along a radius."""
+
+HALVINGS = 60
+"""Of the interval with the slope, which then is known to the last digit."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lens:
+    """A camera with the interior orientation of the results.
+
+    Attributes
+    ----------
+    camera : Camera
+    cov : ndarray, shape (9, 9)
+        A posteriori covariance in the order and the units of `INTERIOR`; zero where held.
+    """
+
+    camera: Camera
+    cov: Array
+
+    @property
+    def interior(self) -> Interior:
+        """The interior orientation of the results."""
+        return self.camera.interior
+
+    @property
+    def radius(self) -> float:
+        """Distance of the farthest corner of the image from the principal point, mm."""
+        pixels = np.array([self.camera.width_px, self.camera.height_px])
+        half = 0.5 * self.camera.pixel_mm * pixels
+        return float(np.hypot(*(half + np.abs([self.interior.xp, self.interior.yp]))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Balanced:
+    """The focal length that balances the radial distortion.
+
+    Attributes
+    ----------
+    f, sigma : float
+        mm.
+    slope : float
+        1 - f / c, for the calibrated focal length f and the balanced one c.
+    largest : float
+        Largest distortion with respect to c, mm; its negative is the smallest.
+    """
+
+    f: float
+    sigma: float
+    slope: float
+    largest: float
+
+
+def lenses(material: Material, stage_method: str) -> list[Lens]:
+    """Return the lenses of a method's cameras, as the results have them."""
+    cov = folder.covariance(material.found, stage_method)
+    return [
+        _lens(material, stage_method, name, cov)
+        for name in folder.cameras(material.found, stage_method)
+    ]
+
+
+def _lens(material: Material, stage_method: str, name: str, cov: object) -> Lens:
+    rows = folder.parameters(material.found, stage_method, name)
+    labels = [REPORTED[key][0] for key in INTERIOR]
+    given = {
+        key: float(rows["value"][label])
+        for key, label in zip(INTERIOR, labels, strict=True)
+        if label in rows.index
+    }
+    whole = cov.reindex(index=[f"{name}/{label}" for label in labels])  # type: ignore[attr-defined]
+    camera = material.flight.cameras[name]
+    return Lens(
+        camera=camera.with_interior(replace(camera.interior, **given)),
+        cov=whole.reindex(columns=whole.index).fillna(0.0).to_numpy(),
+    )
+
+
+def radial(interior: Interior, radius: Array) -> Array:
+    """Return the radial distortion, mm, at distances from the principal point, mm, shape (n,).
+
+    Positive outwards; it is subtracted from the measured distance, eqs (10)-(11).
+    """
+    return _powers(radius) @ _coefficients(interior)
+
+
+def radial_sigma(lens: Lens, radius: Array) -> Array:
+    """Return the standard deviation of the radial distortion, mm, shape (n,)."""
+    J = _powers(radius)
+    cov = lens.cov[np.ix_(RADIAL, RADIAL)]
+    return np.sqrt(np.maximum(np.sum((J @ cov) * J, axis=1), 0.0))
+
+
+def decentring(interior: Interior, radius: Array) -> Array:
+    """Return the profile of the decentring distortion, mm, shape (n,): the tangential part.
+
+    At right angles to this direction the decentring distortion is radial, and three times as large.
+    """
+    return np.hypot(interior.p1, interior.p2) * radius**2
+
+
+def _powers(radius: Array) -> Array:
+    return np.asarray(radius, dtype=float)[:, None] ** POWERS
+
+
+def _coefficients(interior: Interior) -> Array:
+    return np.array([interior.k1, interior.k2, interior.k3])
+
+
+def balanced(lens: Lens) -> Balanced:
+    """Return the focal length whose largest and smallest radial distortion have the same size.
+
+    Notes
+    -----
+    A point at the ideal distance f tan(t), measured at r = f tan(t) + d(r), has the distortion
+    r - c tan(t) = (c / f) (d(r) - s r) with respect to the focal length c, where s = 1 - f / c.
+    The sum of the largest and the smallest value of d(r) - s r from the principal point to the
+    farthest corner decreases with s, and is zero for the balanced c = f / (1 - s). Both extremes
+    are stationary or at the corner, so that s depends on a coefficient of d by
+    (r1^n + r2^n) / (r1 + r2), where r1 and r2 are the places of the extremes. For d = k1 r^3 alone
+    s is 3/4 k1 R^2: the difference is a Chebyshev polynomial.
+    """
+    R, interior = lens.radius, lens.interior
+    slope = _balanced_slope(_coefficients(interior) * R ** (POWERS - 1))
+    c = interior.f / (1 - slope)
+    at, values = _extremes(_coefficients(interior) * R ** (POWERS - 1), slope)
+    ends = R * np.array([at[np.argmax(values)], at[np.argmin(values)]])
+    by_k = np.sum(ends[:, None] ** POWERS, axis=0) / max(float(ends.sum()), R * 1e-12)
+    J = np.concatenate([[c / interior.f], c**2 / interior.f * by_k])
+    cov = lens.cov[np.ix_((F, *RADIAL), (F, *RADIAL))]
+    return Balanced(
+        f=c,
+        sigma=float(np.sqrt(max(J @ cov @ J, 0.0))),
+        slope=slope,
+        largest=float(c / interior.f * R * values.max()),
+    )
+
+
+def _balanced_slope(k: Array) -> float:
+    """Return the slope that balances the distortion of a radius of one."""
+    low, high = -float(np.abs(k).sum()), float(np.abs(k).sum())
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        _, values = _extremes(k, middle)
+        if values.max() + values.min() > 0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def _extremes(k: Array, slope: float) -> tuple[Array, Array]:
+    """Return the places where d(r) - s r may be extreme for r from 0 to 1, and its values there."""
+    squares = np.roots([*(POWERS * k)[::-1], -slope])
+    real = squares[np.abs(squares.imag) < 1e-9].real
+    inner = np.sqrt(real[(real > 0) & (real < 1)])
+    at = np.concatenate([[0.0, 1.0], inner])
+    return at, at[:, None] ** POWERS @ k - slope * at
+
+
+# --- Tables of the calibrated parameters
+
+
+def section(material: Material) -> Text:
+    """Return the section on the estimates: tests, methods, correlations."""
+    matrices = correlation_tables(material)
+    return show(
+        table(parameter_table(material), SINGLE, name="tab-report-parameters", obtained=ROWS),
+        heads_sentence(material),
+        table(joint_table(material), JOINT, name="tab-report-joint", obtained=FROM_COVARIANCE),
+        table(method_table(material), METHOD, name="tab-report-methods", obtained=ROWS),
+        *(
+            table(
+                matrix, MATRIX + (f", {name}" if len(matrices) > 1 else ""),
+                name=f"tab-report-correlations-{number}", obtained=FROM_COVARIANCE,
+            )
+            for number, (name, matrix) in enumerate(matrices.items(), 1)
+        ),
+        correlation_sentence(material),
+    )  # fmt: skip
+
+
+SINGLE = "The calibration: parameters, standard deviations and significance"
+JOINT = "The same, several parameters tested together"
+METHOD = "The same by all methods"
+MATRIX = "Correlation matrix of the interior orientation parameters and the mounting"
+ROWS = "parameters.csv: estimates and standard deviations, those times σ₀ of their adjustment"
+FROM_COVARIANCE = "covariance.csv: the covariance matrix of the calibration"
+
+SIGNIFICANT = {True: "yes", False: "no", None: "–"}
+"""Of a parameter beside a declared value nothing is said here: the verdict does."""
+
+
+def correlation_tables(material: Material) -> dict[str, pd.DataFrame]:
+    """Return the full correlation matrix of every camera's parameters, by the camera's name."""
+    if not material.calibration:
+        return {}
+    related = correlations(material, material.calibration)
+    rows = folder.rows(material.found, "parameters", material.calibration)
+    of_cameras = rows[rows["camera"] != ""].groupby("camera", sort=False)["parameter"]
+    return {
+        str(camera): _matrix(related, [f"{camera}/{name}" for name in names])
+        for camera, names in of_cameras
+    }
+
+
+def _matrix(related: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
+    titles = [parameter_title(label) for label in labels]
+    values = related.loc[labels, labels].to_numpy()
+    rows = [
+        [title, *(_correlation(rho, i == j) for j, rho in enumerate(row))]
+        for i, (title, row) in enumerate(zip(titles, values, strict=True))
+    ]
+    return pd.DataFrame(rows, columns=["", *titles])
+
+
+def _correlation(rho: float, own: bool) -> str:
+    if own:
+        return "1"
+    if abs(rho) < 0.005:
+        return "0.00"
+    return Markup(f"**{rho:+.2f}**") if abs(rho) > STRONG else f"{rho:+.2f}"
+
+
+def parameter_table(material: Material) -> pd.DataFrame:
+    """Return the parameters of the calibration with sigma, test and strongest correlation."""
+    if not material.calibration:
+        return pd.DataFrame()
+    found = estimates(material, material.calibration)
+    several = len({p.camera for p in found}) > 1
+    rows = [
+        {
+            **({"Camera": p.camera} if several else {}),
+            "Parameter": with_unit(parameter_title(p.parameter), p.unit),
+            "Value and σ": value_and_sigma(p.value, p.sigma),
+            "Against": f"{p.reference:g}",
+            "t": p.t,
+            "Significant": SIGNIFICANT[p.significant],
+            "Strongest correlation": _strongest(p),
+        }
+        for p in found
+    ]
+    return pd.DataFrame(rows)
+
+
+def _strongest(p: Estimate) -> Markup:
+    if not p.strongest:
+        return Markup("–")
+    return Markup(f"{p.rho:+.2f} with {shown(parameter_title(p.strongest))}")
+
+
+def heads_sentence(material: Material) -> str:
+    """Return a sentence on what errors of the heads add to sigma; empty where none are carried."""
+    told = material.found.summary.get(material.calibration, {}).get("sigma_of_heads")
+    if not isinstance(told, dict) or not told:
+        return ""
+    own = {f"{p.camera}/{p.parameter}": p.sigma for p in estimates(material, material.calibration)}
+    each = {name: float(s) / own[name] for name, s in told.items() if own.get(name, 0.0) > 0}
+    if not each:
+        return ""
+    most = max(each, key=lambda name: each[name])
+    return (
+        "The points were carried into the synthetic image by calibrated heads. Errors of this "
+        "calibration move all points of a head together, which is not in the σ above. They add "
+        f"{min(each.values()):.2g} to {each[most]:.2g} times these σ, most to "
+        f"{parameter_title(most.rpartition('/')[2])}; flights that are carried by the same "
+        "heads share this error."
+    )
+
+
+def joint_table(material: Material) -> pd.DataFrame:
+    """Return the tests of several parameters of the calibration at once."""
+    found = joint_tests(material, material.calibration) if material.calibration else []
+    several = len({test.camera for test in found}) > 1
+    rows = [
+        {
+            **({"Camera": test.camera} if several else {}),
+            "Parameters": group_label(test.keys),
+            "Largest single t": test.largest,
+            "F": test.f_ratio,
+            "Degrees of freedom": f"{len(test.keys)}; {test.redundancy:,}",
+            "p": p_value(test.p),
+        }
+        for test in found
+    ]
+    return pd.DataFrame(rows)
+
+
+def correlation_sentence(material: Material) -> str:
+    """Return a sentence on parameters that can hardly be separated."""
+    if not material.calibration:
+        return ""
+    pairs = strong_pairs(material, material.calibration)
+    if not pairs:
+        return f"No correlation exceeds {STRONG:g}."
+    return f"Correlations above {STRONG:g}: " + ", ".join(pair_texts(pairs)) + "."
+
+
+def method_table(material: Material) -> pd.DataFrame:
+    """Return the parameters of all methods of the mounting stage side by side."""
+    names = [f"mounting/{m}" for m in METHODS if f"mounting/{m}" in material.adjustments]
+    names.sort(key=lambda name: name != material.calibration)
+    if len(names) < 2:
+        return pd.DataFrame()
+    return _side_by_side(
+        {heading(name): folder.rows(material.found, "parameters", name) for name in names}
+    )
+
+
+def head_table(material: Material, stage_method: str) -> pd.DataFrame:
+    """Return the parameters of every head, a column per head; empty without heads."""
+    if not folder.has(material.found, stage_method):
+        return pd.DataFrame()
+    rows = folder.rows(material.found, "parameters", stage_method)
+    heads = rows.groupby("camera", sort=False)
+    return _side_by_side({str(name): own.assign(camera="") for name, own in heads})
+
+
+def _side_by_side(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return parameters with sigma, a column per table; a parameter without a row is held."""
+    several = len({name for rows in tables.values() for name in rows["camera"] if name}) > 1
+    cells: dict[str, dict[str, str]] = {}
+    for column, rows in tables.items():
+        for _, row in rows.iterrows():
+            label = with_unit(parameter_title(str(row["parameter"])), str(row["unit"]))
+            if several and row["camera"]:
+                label = Markup(f"{shown(row['camera'])} {label}")
+            text = value_and_sigma(float(row["value"]), float(row["sigma"]))
+            cells.setdefault(label, {})[column] = text
+    lines = [
+        [label, *(texts.get(column, "held") for column in tables)] for label, texts in cells.items()
+    ]
+    return pd.DataFrame(lines, columns=["Parameter", *tables])  # a camera may have this name too

@@ -1,1 +1,0 @@
-"""The calibrated parameters: `estimates` with tests and correlations, and their `tables`."""

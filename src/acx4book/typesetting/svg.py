@@ -1,0 +1,352 @@
+"""Figures as vector drawings for pages: made, written shorter, and put inside a page."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import re
+from collections.abc import Iterator
+from functools import cache, cached_property
+from itertools import groupby, pairwise
+from xml.etree import ElementTree as ET
+from xml.etree.ElementTree import Element
+
+import matplotlib as mpl
+from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
+from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
+from PIL import Image
+from PIL import WebPImagePlugin as _  # noqa: F401 else Pillow loads every format that it knows
+
+from acx4book.typesetting import style
+
+# --- Figures as vector drawings: the same bytes every time, small, with no text of a flight
+# in them
+#
+# Letters are outlines, so that they look alike on every machine. Colours are those of `style`;
+# `inline` names each of these, so that a page can change them in the dark.
+
+
+LOSSY = 20_000
+"""Bytes from which a picture inside a drawing is stored with the loss of WebP."""
+
+QUALITY, EDGES = 50, 50
+"""Of its colours, and of where it is transparent, of 100."""
+
+EFFORT, THOROUGH = 4, 6
+"""Of WebP, of 6. Without loss, more takes a hundred times as long and saves a few bytes."""
+
+UNSEEN = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
+NUMBER = re.compile(r"(?<![\w#.-])-?\d+\.\d{3,}(?:e-?\d+)?\b")
+PICTURE = re.compile(r'(?<="data:image/)png;base64,([^"]*)')
+
+
+def vector(figure: Figure) -> str:
+    """Return a figure as SVG, beginning with its element.
+
+    It is as wide as the figure, wider where something reaches out of it, and as high as what it
+    shows.
+
+    Parameters
+    ----------
+    figure : Figure
+        Its axes are placed for good.
+    """
+    buffer = io.StringIO()
+    with mpl.rc_context({**style.RC, "figure.constrained_layout.use": False}):
+        box = _lay_out(figure)
+        figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=150, bbox_inches=box)
+    drawn = buffer.getvalue()
+    return smaller(drawn[drawn.index("<svg") :])
+
+
+def _lay_out(figure: Figure) -> Bbox:
+    """Place the axes, else the figure would be drawn twice, and return what is shown, inches."""
+    canvas = _Canvas(figure)
+    figure.dpi = canvas.fixed_dpi
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)  # one of matplotlib's that does nothing draws twice as well
+    return style.shown_part(figure, figure.get_tightbbox())
+
+
+class _Canvas(FigureCanvasSVG):
+    """A canvas that measures text as it is drawn, all with one renderer, which knows it again."""
+
+    @cached_property
+    def _renderer(self) -> RendererSVG:
+        return RendererSVG(*self.figure.bbox.size, io.StringIO())  # type: ignore[no-untyped-call]
+
+    def get_renderer(self) -> RendererSVG:
+        """Return the renderer that a figure asks its canvas for."""
+        return self._renderer
+
+
+def smaller(svg: str) -> str:
+    """Return SVG of matplotlib without what nobody sees, and with pictures as WebP."""
+    seen = UNSEEN.sub("", svg).replace("xlink:href", "href")
+    parts = PICTURE.split(seen)
+    for i, part in enumerate(parts):
+        parts[i] = _stored(part) if i % 2 else NUMBER.sub(_rounded, part)
+    root = ET.fromstring("".join(parts))
+    compact(root)
+    return ET.tostring(root, encoding="unicode").replace(" />", "/>")
+
+
+def _rounded(number: re.Match[str]) -> str:
+    """Return a number to a hundredth, and one below 1, which may be a factor, to four digits."""
+    value = float(number[0])
+    return f"{value:.4g}" if abs(value) < 1 else f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+def _stored(png: str) -> str:
+    """Return a picture, PNG in text, as WebP in text."""
+    picture, buffer = Image.open(io.BytesIO(base64.b64decode(png))), io.BytesIO()
+    plain = len(png) < LOSSY
+    if plain:
+        picture.save(buffer, "WEBP", lossless=True, quality=100, method=EFFORT)
+    else:
+        picture.save(buffer, "WEBP", quality=QUALITY, alpha_quality=EDGES, method=THOROUGH)
+    return f"webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+
+
+# --- Drawings as part of a page, in the page's colours by day and by night
+
+
+COLOUR = re.compile("|".join(style.NAMES))
+NAMED = re.compile(r'(\bid="|href="#|url\(#)(?!D[\w-]+")([\w.-]+)')
+"""Where a name stands, unless it is that of a letter: a letter is the same in all drawings."""
+
+LETTER = re.compile(r'<path id="(D[\w-]+)" [^>]*/>')
+SIZE = re.compile(r'<svg [^>]*?viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>')
+GROUND = re.compile(r'<g id="patch_1"><path [^>]*/></g>')
+"""The sheet that matplotlib puts under a figure."""
+
+POINTS = 72 * style.WIDTH
+"""Width of a figure that takes the whole column."""
+
+
+def inline(svg: str, *, alt: str, name: str, known: set[str]) -> str:
+    """Return a drawing as part of a page; the page's style sheet sets its colours.
+
+    Parameters
+    ----------
+    svg : str
+        As `svg.vector` makes it.
+    alt : str
+        What is seen.
+    name : str
+        Beginning of all names in it, so that they are unique on the page.
+    known : set of str
+        Letters that drawings above it have brought; its own are added.
+    """
+    width, height = SIZE.findall(svg)[0]
+    share = min(1.0, float(width) / POINTS)
+    begin = (
+        f'<svg role="img" aria-label="{html.escape(alt)}" viewBox="0 0 {width} {height}" '
+        f'style="width: {100 * share:.4g}%; min-width: {35 * share:.4g}rem">'
+    )
+    inside = GROUND.sub("", SIZE.sub("", svg, count=1), count=1)
+    coloured = COLOUR.sub(lambda found: f"var(--figure-{style.NAMES[found[0]]})", inside)
+    lettered = LETTER.sub(lambda found: _once(found, known), coloured)
+    names: dict[str, str] = {}
+    named = NAMED.sub(
+        lambda found: found[1] + names.setdefault(found[2], f"{name}{len(names)}"), lettered
+    )
+    return f'<div class="drawing" tabindex="0">{begin}{named}</div>'
+
+
+def _once(letter: re.Match[str], known: set[str]) -> str:
+    """Return the outline of a letter, and nothing where the page has it."""
+    if letter[1] in known:
+        return ""
+    known.add(letter[1])
+    return letter[0]
+
+
+# --- A drawing written shorter: the same marks in the same order, to a hundredth of a point
+#
+# Names that nothing refers to are left out, and groups that say nothing. What neighbours have in
+# common stands once, with a group around them. Paths are written relative to the last point.
+
+
+SVG = "http://www.w3.org/2000/svg"
+ET.register_namespace("", SVG)
+
+_GROUND = "patch_1"
+"""Name of the sheet under a figure: a page takes it away."""
+
+REFERENCE = re.compile(r"#([\w.-]+)")
+FONT, SHORT = "DejaVuSans-", "D"
+"""Begin of the names of letters, and what stands for it."""
+
+COMMON = ("style", "clip-path")
+"""Attributes that a group may have for what is in it."""
+
+OF_GROUPS = re.compile(r"(?<!-)\bopacity")
+"""In a style: what means another thing on a group than on each of its parts."""
+
+JOINED = "stroke-linejoin: round"
+"""What matplotlib's style sheet says of all elements, also of those of the page around."""
+
+PLACE = re.compile(r"translate\((-?[\d.]+)[ ,]+(-?[\d.]+)\)")
+STEP = re.compile(r"[A-Za-z]|-?\d*\.?\d+(?:e-?\d+)?")
+_POINTS = {"M": 1, "L": 1, "Q": 2, "C": 3}
+"""How many points follow a letter of a path."""
+
+
+def compact(root: Element) -> None:
+    """Shorten a drawing.
+
+    Parameters
+    ----------
+    root : Element
+        As matplotlib draws it, without texts; it is changed.
+    """
+    _drop_styles(root)
+    used = {name for element in root.iter() for name in _references(element)}
+    for element in root.iter():
+        element.text = element.tail = None
+        if element.get("id") not in {*used, _GROUND}:
+            element.attrib.pop("id", None)
+        for key, value in element.items():
+            element.set(key, value.replace(FONT, SHORT) if key != "d" else path(value))
+        _place(element)
+    _group(root)
+
+
+def _references(element: Element) -> Iterator[str]:
+    for key, value in element.items():
+        if key == "href" or "url(" in value:
+            yield from REFERENCE.findall(value)
+
+
+def _drop_styles(root: Element) -> None:
+    """Take out style sheets: what they say stands in the outermost group."""
+    for parent in root.iter():
+        for child in [c for c in parent if c.tag == f"{{{SVG}}}style"]:
+            parent.remove(child)
+    for group in root.findall(f"{{{SVG}}}g"):
+        group.set("style", JOINED)
+
+
+def _place(element: Element) -> None:
+    """Write where a letter stands in a line, in hundredths of its size, as whole numbers."""
+    place = PLACE.fullmatch(element.get("transform", ""))
+    if element.tag == f"{{{SVG}}}use" and place:
+        del element.attrib["transform"]
+        for key, number in zip("xy", place.groups(), strict=True):
+            if round(float(number)):
+                element.set(key, f"{float(number):.0f}")
+
+
+# --- groups ----------------------------------------------------------------------------------
+
+
+def _group(parent: Element) -> None:
+    """Open groups that say nothing, and put one around neighbours that have all in common."""
+    for child in parent:
+        _group(child)
+    children = [inside for child in parent for inside in _opened(child)]
+    parent[:] = [part for _, run in groupby(children, _common) for part in _together([*run])]
+    if len(parent) == 1 and parent.tag == parent[0].tag == f"{{{SVG}}}g" and _free(parent):
+        (only,) = parent
+        parent.attrib.update(only.attrib)
+        parent[:] = [*only]
+
+
+def _free(group: Element) -> bool:
+    """Tell whether a group can have all that another one in it says."""
+    return not ({*group[0].keys()} & {*group.keys()}) and "transform" not in group[0].attrib
+
+
+def _opened(element: Element) -> list[Element]:
+    """Return what stands for an element: of a group that says nothing, its parts."""
+    empty = element.tag in {f"{{{SVG}}}g", f"{{{SVG}}}defs"} and not len(element)
+    if empty:
+        return []
+    return [*element] if element.tag == f"{{{SVG}}}g" and not element.attrib else [element]
+
+
+def _common(element: Element) -> tuple[str, ...]:
+    """Return what an element may share with its neighbours, all empty where it is nothing."""
+    found = tuple(element.get(key, "") for key in COMMON)
+    moved = "transform" in element.attrib and "clip-path" in element.attrib
+    named = "id" in element.attrib or element.tag == f"{{{SVG}}}clipPath"
+    return ("", "") if moved or named or OF_GROUPS.search(found[0]) else found
+
+
+def _together(run: list[Element]) -> list[Element]:
+    """Return a group around elements that share something, or the elements."""
+    shared = {key: value for key, value in zip(COMMON, _common(run[0]), strict=True) if value}
+    if len(run) == 1 or not shared:
+        return run
+    for element in run:
+        for key in shared:
+            del element.attrib[key]
+    group = Element(f"{{{SVG}}}g", shared)
+    group.extend(inside for element in run for inside in _opened(element))
+    return [group]
+
+
+# --- paths -----------------------------------------------------------------------------------
+
+
+def path(d: str) -> str:
+    """Return the data of a path, relative to the last point, in hundredths that are not lost.
+
+    Parameters
+    ----------
+    d : str
+        Of the letters M, L, Q, C and z alone, as matplotlib writes them.
+    """
+    numbers, letter, last, start = [], "", (0, 0), (0, 0)
+    written: list[str] = []
+    for step in STEP.findall(d):
+        if step in "zZ":
+            written.append("z")
+            last = start
+        elif step.isalpha():
+            letter = step
+        else:
+            numbers.append(round(100 * float(step)))
+        if letter in _POINTS and len(numbers) == 2 * _POINTS[letter]:
+            written.append(_step(letter, numbers, last))
+            last = (numbers[-2], numbers[-1])
+            start = last if letter == "M" else start
+            letter, numbers = "L" if letter == "M" else letter, []
+    return _joined(written)
+
+
+def _step(letter: str, numbers: list[int], last: tuple[int, int]) -> str:
+    """Return one step, relative to the last point."""
+    if letter == "L" and numbers[1] == last[1]:
+        return f"h{_number(numbers[0] - last[0])}"
+    if letter == "L" and numbers[0] == last[0]:
+        return f"v{_number(numbers[1] - last[1])}"
+    parts = [_number(n - last[i % 2]) for i, n in enumerate(numbers)]
+    text = parts[0]
+    for before, part in pairwise(parts):
+        text += part if part[0] == "-" or (part[0] == "." and "." in before) else f" {part}"
+    return letter.lower() + text
+
+
+@cache
+def _number(hundredths: int) -> str:
+    return re.sub(r"^(-?)0\.", r"\1.", f"{hundredths / 100:.2f}".rstrip("0").rstrip("."))
+
+
+def _joined(steps: list[str]) -> str:
+    """Return steps in a row; a letter that repeats is left out."""
+    text = before = ""
+    for step in steps:
+        letter, numbers = step[0], step[1:]
+        after = "l" if before == "m" else before
+        if letter != after or letter in "mz":
+            text += step
+        else:
+            text += numbers if numbers[0] == "-" else f" {numbers}"
+        before = letter
+    return text

@@ -1,0 +1,740 @@
+"""Observations that do not belong: found by data snooping, and taken out of a block.
+
+A block is adjusted, tested and rid of what is significant until nothing is. Points that were
+surveyed nowhere near where they were measured, and exchanged names, are found first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.observations import usable
+from acx4lib.bundle.rejections import (
+    CRITICAL,
+    KINDS,
+    Exchange,
+    Rejection,
+    Stopped,
+    sentence,
+    too_many,
+    within_limits,
+    without,
+)
+from acx4lib.bundle.start import (
+    ASTRAY,
+    SUSPECT,
+    control_misfits,
+    reweighted,
+    robust_phase,
+    sizes,
+    spread,
+    turned_alike,
+)
+from acx4lib.bundle.unknowns import State
+from acx4lib.bundle.uses import robust_start
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block
+from acx4lib.geometry.frames import Pose, log
+from acx4lib.geometry.intersection import intersect
+from acx4lib.least_squares import statistics as least_squares_statistics
+from acx4lib.least_squares.covariance import medians, propagate
+from acx4lib.least_squares.statistics import (
+    CONTROLLED,
+    OUT,
+    Group,
+    statistics,
+    tau_limits,
+    w_limits,
+)
+
+# --- Gross errors: a robust start where there are many, then Baarda's data snooping
+#
+# Every adjustment is followed by a test of every observation. A used observation is tested by its
+# residual, a rejected one by its difference from the prediction by the others.
+
+
+HEAVY = 0.002
+"""Share of failed tests above which a robust start is made: ten times that by chance."""
+
+SMEARED = 0.5
+"""An observation with less than this share of the largest w near it waits for the next round."""
+
+MOST_ROUNDS = 10
+
+
+def adjust_rejecting(
+    block: Block,
+    set_up: Callable[[Block], Network],
+    *,
+    critical: float = CRITICAL,
+    sigma0: str = "known",
+) -> Bundle:
+    """Adjust and reject gross errors until every remaining observation passes its test.
+
+    Parameters
+    ----------
+    block : Block
+    set_up : callable
+        Makes the network of a block.
+    critical : float
+        Critical value of a normal variable.
+    sigma0 : str
+        ``"known"``: Baarda's w, for observations with reliable sigma.
+        ``"estimated"``: Pope's tau, where only the ratios of the sigmas are known. Tau is w over
+        the a posteriori sigma0; its critical value has the same probability.
+
+    Returns
+    -------
+    Bundle
+        Adjustment of the block without the rejected observations. The statistic of a rejection
+        is the w that the observation would have if it alone were put back.
+
+    Raises
+    ------
+    AdjustmentError
+        Where an adjustment does not converge.
+    ValueError
+        For another `sigma0`, or a critical value that is not positive.
+
+    Notes
+    -----
+    A control point that is far from all of its rays, unlike the others, is rejected first. Then,
+    in every round, the observations with the largest w near them are rejected. A large error
+    raises the w of other observations of its point and its image; these must be tested without
+    it. A rejected observation returns, once at most, if its difference from the prediction by the
+    others passes the same test; the variance is that of this difference. Where the spread of w
+    shows that the a priori sigma of a kind is too small, w is divided by that spread, because a
+    wrong weight is no gross error. What exceeds the limits of `limits` is a systematic error:
+    nothing of that group is rejected, and `Bundle.stopped` names it.
+    """
+    expected.instance("block", block, Block)
+    expected.positive_number("critical", critical)
+    expected.one_of("sigma0", sigma0, ("known", "estimated"))
+    if not callable(set_up):
+        msg = f"set_up: expected a function of a block, got {expected.given(set_up)}"
+        raise ValueError(msg)
+    network, absurd = without_absurd_control(block, set_up)
+    observed = observations(network)
+    test = partial(judge, w_limits if sigma0 == "known" else tau_limits, critical)
+    bundle, search = _first(network, _nothing_out(len(observed.kind)), test)
+    verdict = test(bundle, search.out)
+    for _ in range(MOST_ROUNDS):
+        fits = ~(_misfits_after(bundle, search.out) > SUSPECT)
+        following = _next(search, observed, verdict, fits)
+        if np.array_equal(following.out, search.out):
+            break
+        bundle, search = _following(network, bundle.state, search, following)
+        verdict = test(bundle, search.out)
+    found = (*tested(block, bundle, absurd), *_rejections(search, observed, verdict))
+    if not found:
+        return bundle
+    kept, stopped = within_limits(block, network.rows, found)
+    mixed = exchanges(block, set_up, bundle, found, partial(_failed, test))
+    best = _without(block, set_up, bundle, kept, stopped)
+    return replace(best, rejected=kept, stopped=stopped, exchanged=mixed)
+
+
+def _failed(test: Callable[[Bundle, Mask], Verdict], bundle: Bundle) -> set[tuple[str, int]]:
+    """Return kinds and rows of the observations that fail their tests, with none rejected."""
+    observed = observations(bundle.network)
+    failed = test(bundle, np.zeros(len(observed.kind), dtype=bool)).failed
+    kinds = (KINDS[k] for k in observed.kind[failed])
+    return set(zip(kinds, observed.row[failed].tolist(), strict=True))
+
+
+def _first(
+    network: Network, search: _Search, test: Callable[[Bundle, Mask], Verdict]
+) -> tuple[Bundle, _Search]:
+    """Adjust with all observations; where many fail, without those that misfit a robust state."""
+    try:
+        bundle = adjust(network)
+    except AdjustmentError:
+        state = robust_start(network)
+    else:
+        if np.mean(test(bundle, search.out).failed) <= HEAVY:
+            return bundle, search
+        state = robust_phase(
+            network, bundle.state, [group.redundancy for group in bundle.solution.groups]
+        )
+    search = replace(search, out=_misfits(network, state) > SUSPECT)
+    return _adjust_without(network, search.out, state), search
+
+
+def _following(
+    network: Network, state: State, search: _Search, following: _Search
+) -> tuple[Bundle, _Search]:
+    """Adjust for the next round; without returned observations where it fails with them."""
+    try:
+        return _adjust_without(network, following.out, state), following
+    except AdjustmentError:
+        again = search.out & ~following.out
+        following = replace(
+            following,
+            out=following.out | again,
+            w=np.where(again, _misfits(network, state), following.w),
+        )
+        return _adjust_without(network, following.out, state), following
+
+
+def _without(
+    block: Block,
+    set_up: Callable[[Block], Network],
+    bundle: Bundle,
+    rejected: tuple[Rejection, ...],
+    stopped: tuple[Stopped, ...],
+) -> Bundle:
+    """Adjust without the rejected observations; say what else is wrong where that fails."""
+    network = set_up(without(block, rejected))
+    known, state = np.isfinite(bundle.state.x_m), bundle.state
+    warm = replace(state, x_m=np.where(known, state.x_m, network.start.x_m))
+    try:
+        return adjust(replace(network, start=warm))
+    except AdjustmentError as error:
+        if not stopped:
+            raise
+        raise AdjustmentError(f"{sentence(stopped)}; with them, {error}") from error
+
+
+def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
+    """Adjust without the effect of some observations; their predictions are still computed."""
+    factors = by_group(network, np.where(out, OUT, 1.0))
+    return adjust(reweighted(network, factors).beginning_at(state))
+
+
+def _misfits(network: Network, state: State) -> Array:
+    """Return the residuals divided by their sigma and by the spread of their kind."""
+    return _shares_of_spread(network.residuals(state)[: len(KINDS)])
+
+
+def _misfits_after(bundle: Bundle, out: Mask) -> Array:
+    """Return the same after an adjustment with `OUT` times the sigma of rejected observations."""
+    factors = by_group(bundle.network, np.where(out, OUT, 1.0))
+    groups = zip(bundle.solution.groups[: len(KINDS)], factors, strict=True)
+    return _shares_of_spread([(group.v, group.sigma / factor) for group, factor in groups])
+
+
+def _shares_of_spread(groups: Sequence[tuple[Array, Array]]) -> Array:
+    return flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
+
+
+# --- rounds ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Search:
+    """The rejected observations, and the course of the search.
+
+    Attributes
+    ----------
+    out : ndarray, shape (n,)
+    w : ndarray, shape (n,)
+        The w with which an observation was rejected; zero before its first test.
+    returned : ndarray, shape (n,)
+        Observations that returned; they do not return again.
+    """
+
+    out: Mask
+    w: Array
+    returned: Mask
+
+
+def _nothing_out(n: int) -> _Search:
+    none = np.zeros(n, dtype=bool)
+    return _Search(out=none, w=np.zeros(n), returned=none)
+
+
+def _next(search: _Search, observed: Observations, verdict: Verdict, fits: Mask) -> _Search:
+    """Reject observations that fail their test, put back those that pass; not both at one point.
+
+    An observation that was only suspected, and that no other controls, returns where it fits.
+    """
+    taken = _to_take(observed, np.where(verdict.failed & ~search.out, verdict.w, 0.0))
+    busy = np.isin(observed.point, observed.point[taken & (observed.point >= 0)])
+    passed = search.out & ~verdict.failed & ~search.returned
+    back = passed & ~busy & (verdict.controlled | (fits & (search.w == 0)))
+    return _Search(
+        out=(search.out | taken) & ~back,
+        w=np.where(taken, verdict.w, search.w),
+        returned=search.returned | back,
+    )
+
+
+def _to_take(observed: Observations, w: Array) -> Mask:
+    """Choose the candidates, w > 0, that no larger one near them explains."""
+    of_point, of_pose = observed.point >= 0, observed.pose >= 0
+    posed, tied = of_pose & ~of_point, of_pose & of_point
+    row_pose = np.zeros(observed.pose.max(initial=-1) + 2)  # the last one of what has no pose
+    np.maximum.at(row_pose, observed.pose[posed], w[posed])
+    at_pose = row_pose.copy()
+    np.maximum.at(at_pose, observed.pose[tied], w[tied])
+    at_point = np.zeros(observed.point.max(initial=-1) + 2)  # likewise
+    np.maximum.at(at_point, observed.point[of_point], w[of_point])
+    np.maximum.at(at_point, observed.point[tied], row_pose[observed.pose[tied]])
+    largest = np.where(of_point, at_point[observed.point], at_pose[observed.pose])
+    wide = np.max(w[~tied], initial=0.0)  # control and trajectory affect everything
+    largest = np.maximum(
+        largest, SMEARED * np.where(tied, at_pose[observed.pose], w.max(initial=0.0))
+    )
+    return (w > 0) & (w >= np.maximum(largest, SMEARED * wide))
+
+
+def _rejections(search: _Search, observed: Observations, verdict: Verdict) -> tuple[Rejection, ...]:
+    """Return the rejections, the largest w first."""
+    w = np.where(verdict.controlled & verdict.failed, verdict.w, search.w)
+    rows = np.flatnonzero(search.out)
+    return tuple(
+        Rejection(
+            kind=KINDS[observed.kind[i]],
+            row=int(observed.row[i]),
+            component=int(observed.component[i]),
+            statistic=float(w[i]),
+            limit=float(verdict.limit[i]),
+            largest=int(verdict.largest[i] if observed.component[i] < 0 else observed.component[i]),
+        )
+        for i in rows[np.argsort(-w[rows], kind="stable")]
+    )
+
+
+# --- The test of every single observation of a network at one adjustment
+
+
+T = TypeVar("T", bound=np.generic)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observations:
+    """The tested observations, in the order of `KINDS`; of control points each component.
+
+    Attributes
+    ----------
+    kind : ndarray, shape (n,)
+        Indices into `KINDS`.
+    row, component : ndarray, shape (n,)
+        As in `Rejection`.
+    point, pose : ndarray, shape (n,)
+        The point and the pose that it observes, -1 for none.
+    """
+
+    kind: Index
+    row: Index
+    component: Index
+    point: Index
+    pose: Index
+
+
+def observations(network: Network) -> Observations:
+    """Return the tested observations of a network."""
+    free = np.flatnonzero(~network.held_control)
+    in_block = np.flatnonzero(np.isin(network.block.control.point_idx, network.control.point_idx))
+    points, poses = network.image_points, np.arange(len(network.pose_names))
+    none = np.full(len(network.rows), -1)
+    unmeasured = np.full(len(poses), -1)
+    distances = usable(network.block.distances, points.point_idx)
+    of_none = np.full(len(distances), -1)
+    parts = [
+        (network.rows, none, points.point_idx, network.pose_idx[points.image_idx]),
+        (
+            np.repeat(in_block[free], 3),
+            np.tile(np.arange(3), len(free)),
+            np.repeat(network.control.point_idx[free], 3),
+            np.full(3 * len(free), -1),
+        ),
+        (poses, unmeasured, unmeasured, poses),
+        (poses, unmeasured, unmeasured, poses),
+        (distances, of_none, of_none, of_none),
+    ]
+    row, component, point, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    kind = np.repeat(np.arange(len(KINDS)), [len(part[0]) for part in parts])
+    return Observations(kind=kind, row=row, component=component, point=point, pose=pose)
+
+
+def by_group(network: Network, values: NDArray[T]) -> list[NDArray[T]]:
+    """Return values of the observations as columns, to be broadcast to the network's groups."""
+    n, k = len(network.rows), int(np.sum(~network.held_control))
+    n_poses = len(network.pose_names)
+    image, control, *others = np.split(values, np.cumsum([n, 3 * k, n_poses, n_poses]))
+    return [image[:, None], control.reshape(-1, 3), *(part[:, None] for part in others)]
+
+
+def flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
+    """Return one value per observation, the largest of its components."""
+    largest = [np.max(value, axis=1) for value in values]
+    return np.concatenate([largest[0], values[1].ravel(), *largest[2:]])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verdict:
+    """The test of every observation at one adjustment, the largest of its components.
+
+    Attributes
+    ----------
+    w : ndarray, shape (n,)
+        Zero where no other observation controls it.
+    limit : ndarray, shape (n,)
+    controlled : ndarray, shape (n,)
+    largest : ndarray, shape (n,)
+        The component with it.
+    """
+
+    w: Array
+    limit: Array
+    controlled: Mask
+    largest: Index
+
+    @property
+    def failed(self) -> Mask:
+        """Which observations disagree with the others."""
+        return self.w > self.limit
+
+
+Limits = Callable[[Sequence[Group], Sequence[Mask], float], list[float]]
+
+
+def judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> Verdict:
+    """Test every observation, used or rejected.
+
+    Parameters
+    ----------
+    limits : callable
+        `w_test.w_limits` or `w_test.tau_limits`.
+    critical : float
+        Critical value of a normal variable.
+    bundle : Bundle
+        Adjusted with a factor `w_test.OUT` on the sigma of rejected observations.
+    out : ndarray, shape (n,)
+        Which are rejected.
+    """
+    groups, outs = bundle.solution.groups[: len(KINDS)], by_group(bundle.network, out)
+    tested = [statistics(group, mask) for group, mask in zip(groups, outs, strict=True)]
+    limit = [
+        np.full(group.v.shape, value)
+        for group, value in zip(groups, limits(groups, outs, critical), strict=True)
+    ]
+    return Verdict(
+        w=flat([w for w, _ in tested]),
+        limit=flat(limit),
+        controlled=flat([controlled for _, controlled in tested]),
+        largest=flat([_places_of_largest(w) for w, _ in tested]),
+    )
+
+
+def _places_of_largest(w: Array) -> Index:
+    """Return, for every component, which one of its row is the largest; of control, itself."""
+    largest: Index = np.argmax(w, axis=1)
+    return np.repeat(largest[:, None], w.shape[1], axis=1)
+
+
+def expected_failures(bundle: Bundle, *, critical: float = CRITICAL) -> float:
+    """Return how many tests of a bundle fail by chance where all its observations are right.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    critical : float
+        Critical value of a normal variable, two-sided.
+    """
+    groups = bundle.solution.groups[: len(KINDS)]
+    n = sum(int(np.sum(g.used & (g.redundancy > CONTROLLED))) for g in groups)
+    return n * (2 * least_squares_statistics.norm_sf(critical))
+
+
+# --- Control points that lie far from all of their rays, unlike the other control points
+#
+# Statistical tests cannot find an error of kilometres: before any test, it turns cameras or puts
+# points behind them. Therefore such points are searched for before an adjustment.
+
+
+DOUBTFUL = 2 * ASTRAY
+"""Median angle between a control point and its rays above which the point is examined."""
+
+BESIDE = np.radians(60.0)
+"""Angle that a wrong measurement, in an image that shows the point, cannot reach."""
+
+THROUGH = ASTRAY / 10
+"""A ray that misses a point by a smaller angle passes through it: heights may be a little wrong."""
+
+UNLIKE = 5.0
+"""It must also exceed this multiple of the median: bad approximate values affect all points."""
+
+SHARE = 4
+"""At most one point in so many is absurd, or one alone: if more are, the others may be wrong."""
+
+ENOUGH = 3
+"""Number of other points that must remain; fewer do not orient a block."""
+
+
+def without_absurd_control(
+    block: Block, set_up: Callable[[Block], Network]
+) -> tuple[Network, Index]:
+    """Return the network of a block without the control points far from all of their rays.
+
+    Parameters
+    ----------
+    block : Block
+    set_up : callable
+        Makes the network of a block.
+
+    Returns
+    -------
+    network : Network
+    rows : ndarray of int
+        Rows of these points in the control of the given block.
+    """
+    network = set_up(block)
+    rows = _absurd(network, set_up)
+    if len(rows):
+        network = set_up(without(block, _taken_out(rows)))
+    return network, rows
+
+
+def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
+    """Return the absurd control points: some are doubted first, then tested without them.
+
+    For the first step all poses of a camera turn alike onto the control points. For the second
+    the orientation is the one that most of the other observations agree on.
+    """
+    none = np.zeros(0, dtype=np.intp)
+    if not np.any(control_misfits(network, network.start) > DOUBTFUL):
+        return none
+    doubted = unlike(_misfits_of_control(network, turned_alike(network)))
+    if not doubted.any():
+        return none
+    surveyed = network.block.control.point_idx
+    rows = np.flatnonzero(np.isin(surveyed, network.control.point_idx[doubted]))
+    state = robust_start(set_up(without(network.block, _taken_out(rows))))
+    astray = network.control.point_idx[_misfits_of_control(network, state) > ASTRAY]
+    return rows[np.isin(surveyed[rows], astray)]
+
+
+def _misfits_of_control(network: Network, state: State) -> Array:
+    """Return the median angles of control points; zero for a single ray that may be wrong."""
+    off = control_misfits(network, state)
+    rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
+    return np.where((rays[network.control.point_idx] == 1) & (off < BESIDE), 0.0, off)
+
+
+def unlike(misfits: Array) -> Mask:
+    """Tell which few points miss their rays by far more than the others; none if there are many.
+
+    Parameters
+    ----------
+    misfits : ndarray, shape (k,)
+        Median angles between points and their rays, radians.
+    """
+    if len(misfits) <= ENOUGH:
+        return np.zeros(len(misfits), dtype=bool)
+    out: Mask = misfits > max(DOUBTFUL, UNLIKE * float(np.median(misfits)))
+    n, n_all = int(out.sum()), len(out)
+    few = n <= max(1, n_all // SHARE) and not too_many(n, n_all)
+    return out if few and n_all - n >= ENOUGH else np.zeros_like(out)
+
+
+def tested(block: Block, bundle: Bundle, rows: Index) -> tuple[Rejection, ...]:
+    """Return the rejections of absurd control, with the largest w of each if it were put back.
+
+    Parameters
+    ----------
+    block : Block
+        The block with these control points.
+    bundle : Bundle
+        Adjusted without them. A point with too few rays has its approximate coordinates, and they
+        count as known.
+    rows : ndarray of int
+        Rows of the block's control.
+    """
+    control = block.control[rows]
+    estimated = bundle.state.x_m[control.point_idx]
+    d = np.einsum("nij,nj->ni", control.R_g_m, estimated - control.x_m)
+    cov = propagate(control.R_g_m, bundle.solution.cov_points[control.point_idx])
+    predicted = np.diagonal(cov, axis1=1, axis2=2)
+    w = np.max(np.abs(d) / np.sqrt(control.sigma_m**2 + predicted), axis=1)
+    return tuple(replace(r, statistic=float(x)) for r, x in zip(_taken_out(rows), w, strict=True))
+
+
+def elsewhere(origins: Array, directions: Array, point_idx: Index, x_m: Array) -> Mask:
+    """Tell which points were surveyed far from where their rays meet, unlike the other points.
+
+    "Far" is a share of the distance to the cameras. The survey of a point is not blamed where
+    most of its rays pass through the surveyed position, or where its rays do not meet.
+
+    Parameters
+    ----------
+    origins, directions : ndarray, shape (n, 3)
+        Start points and directions of the rays, mapping frame.
+    point_idx : ndarray, shape (n,)
+    x_m : ndarray, shape (k, 3)
+        Surveyed coordinates, m.
+    """
+    to = x_m[point_idx] - origins
+    distance = np.linalg.norm(to, axis=1)
+    chord = np.linalg.norm(to / distance[:, None] - directions, axis=1)
+    miss = medians(chord, point_idx, len(x_m)) > THROUGH
+    met_m = intersect(origins, directions, point_idx, len(x_m))
+    along = np.sum((met_m[point_idx] - origins) * directions, axis=1)
+    meets = np.bincount(point_idx, minlength=len(x_m)) > 1
+    meets[point_idx[~(along > 0)]] = False
+    off = np.linalg.norm(met_m - x_m, axis=1) / np.maximum(medians(along, point_idx, len(x_m)), 1)
+    out = np.zeros(len(x_m), dtype=bool)
+    out[meets] = unlike(off[meets])
+    return out & miss
+
+
+def _taken_out(rows: Index) -> tuple[Rejection, ...]:
+    """Return the rejections of whole control points, not tested yet."""
+    return tuple(
+        Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
+        for row in rows
+    )
+
+
+# --- Two exposures, or two surveyed points, whose names were exchanged
+#
+# Both are rejected, and each is where the other was expected. So much is no chance, and the cure
+# is known: their names.
+
+
+NEARER = 0.3
+"""Share of its own misfit within which each of a pair lies by the other's name."""
+
+
+def exchanges(
+    block: Block,
+    set_up: Callable[[Block], Network],
+    bundle: Bundle,
+    rejected: Sequence[Rejection],
+    failed: Callable[[Bundle], AbstractSet[tuple[str, int]]],
+) -> tuple[Exchange, ...]:
+    """Return the pairs among rejected observations that were exchanged.
+
+    Parameters
+    ----------
+    block : Block
+        With all observations.
+    set_up : callable
+        Makes the network of a block.
+    bundle : Bundle
+        Adjusted without the effect of the rejected ones.
+    rejected : sequence of Rejection
+        All that the tests would reject.
+    failed : callable
+        Kinds and rows of the observations that fail their tests in another bundle of the block.
+    """
+    candidates = [*_exposures(block, bundle, rejected), *_control(block, bundle, rejected)]
+    if not candidates:
+        return ()
+    mended = block
+    for one in candidates:
+        mended = _mended(mended, one)
+    others = [r for r in rejected if not any(_is_of(one, r.kind, r.row) for one in candidates)]
+    try:
+        network = set_up(without(mended, others))
+        again = adjust(network.beginning_at(bundle.state))
+    except AdjustmentError:
+        return ()
+    wrong = failed(again)
+    return tuple(one for one in candidates if not any(_is_of(one, *row) for row in wrong))
+
+
+def pairs_of(own: Array, other: Array) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of rows that lie near each other's place and far from their own.
+
+    Parameters
+    ----------
+    own : ndarray, shape (n,)
+        Misfit of every row in its own place.
+    other : ndarray, shape (n, n)
+        Misfit of the row in the place of the column's row.
+    """
+    if len(own) < 2:
+        return
+    apart = np.where(np.eye(len(own), dtype=bool), np.inf, other)
+    nearest = np.argmin(apart, axis=1)
+    for i, j in enumerate(nearest):
+        limit = NEARER * min(own[i], own[j])
+        if i < j and nearest[j] == i and max(apart[i, j], apart[j, i]) < limit:
+            yield i, int(j)
+
+
+def _exposures(block: Block, bundle: Bundle, rejected: Sequence[Rejection]) -> Iterator[Exchange]:
+    """Yield the exposures that are candidates: by their positions, else by their attitudes."""
+    w = {kind: _largest(rejected, kind) for kind in ("gnss", "attitude")}
+    kind = "gnss" if len(w["gnss"]) > 1 else "attitude"
+    rows = np.array(sorted(w[kind]), dtype=np.intp)
+    given, found = block.trajectory.T_m_b[rows], bundle.state.T_m_b[rows]
+    apart = _apart(given, found, kind)
+    for i, j in pairs_of(np.diagonal(apart), apart):
+        a, b = int(rows[i]), int(rows[j])
+        largest = max(of_kind.get(row, 0.0) for of_kind in w.values() for row in (a, b))
+        names = (block.trajectory.exposures[a], block.trajectory.exposures[b])
+        yield Exchange(kind="exposure", names=names, rows=(a, b), statistic=largest)
+
+
+def _apart(given: Pose, found: Pose, kind: str) -> Array:
+    """Return how far each given position or attitude is from each one found, (n, n), m or rad."""
+    if kind == "gnss":
+        return np.linalg.norm(given.r[:, None] - found.r[None], axis=2)
+    turns = np.swapaxes(found.R, -1, -2)[None] @ given.R[:, None]
+    n = len(turns)
+    return np.linalg.norm(log(turns.reshape(-1, 3, 3)), axis=1).reshape(n, n)
+
+
+def _control(block: Block, bundle: Bundle, rejected: Sequence[Rejection]) -> Iterator[Exchange]:
+    """Yield the control points that are candidates."""
+    w, control = _largest(rejected, "control_point"), block.control
+    rows = np.array(sorted(w), dtype=np.intp)
+    found = bundle.state.x_m[control.point_idx[rows]]
+    apart = np.linalg.norm(control.x_m[rows][:, None] - found[None], axis=2)
+    for i, j in pairs_of(np.diagonal(apart), apart):
+        a, b = int(rows[i]), int(rows[j])
+        names = (block.points[control.point_idx[a]], block.points[control.point_idx[b]])
+        largest = max(w[a], w[b])
+        yield Exchange(kind="control_point", names=names, rows=(a, b), statistic=largest)
+
+
+def _largest(rejected: Sequence[Rejection], kind: str) -> dict[int, float]:
+    """Return the largest w of every row of a kind that is rejected."""
+    out: dict[int, float] = {}
+    for one in rejected:
+        if one.kind == kind:
+            out[one.row] = max(out.get(one.row, 0.0), one.statistic)
+    return out
+
+
+def _is_of(one: Exchange, kind: str, row: int) -> bool:
+    """Tell whether an observation is one of those that were exchanged."""
+    kinds = ("gnss", "attitude") if one.kind == "exposure" else ("control_point",)
+    return kind in kinds and row in one.rows
+
+
+def _mended(block: Block, one: Exchange) -> Block:
+    """Return the block with the values of two rows exchanged, and their sigma."""
+    given, control = block.trajectory, block.control
+    order = np.arange(len(given if one.kind == "exposure" else control))
+    order[list(one.rows)] = one.rows[::-1]
+    if one.kind == "exposure":
+        mended = replace(
+            given,
+            T_m_b=given.T_m_b[order],
+            sigma_position=given.sigma_position[order],
+            sigma_attitude=given.sigma_attitude[order],
+            time_s=given.time_s[order] if len(given.time_s) == len(order) else given.time_s,
+        )
+        return replace(block, trajectory=mended)
+    moved = replace(
+        control,
+        x_m=control.x_m[order],
+        sigma_m=control.sigma_m[order],
+        R_g_m=control.R_g_m[order],
+    )
+    return replace(block, control=moved)

@@ -1,0 +1,614 @@
+"""What a bundle observes besides image points.
+
+Poses by GNSS and INS with the strips along which they drift, declared mountings, surveyed points
+and distances. How errors that change slowly weigh is in `least_squares.statistics`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from acx4lib import expected, shown
+from acx4lib.bundle.unknowns import Layout, State
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block, SurveyedPoints, Trajectory
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.distances import Distances, lengths
+from acx4lib.geometry.frames import Pose, exp, log, log_jacobian, transform
+from acx4lib.geometry.parameters import DELAYS
+from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.normal_equations import Equations
+from acx4lib.least_squares.statistics import Correlation, Group, SlowErrors
+
+# --- The strips of a block, and how the body moves along them
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Strips:
+    """The strips along which observed positions may drift.
+
+    Attributes
+    ----------
+    names : tuple of str
+        n_strips names.
+    idx : ndarray, shape (n_poses,), or (1,) where there are no strips
+        The strip of each pose, -1 for none.
+    elapsed : ndarray, shape as `idx`
+        Time since the mean time of the strip's exposures.
+    unit : str
+        Unit of the time: ``"s"``, or ``"exposure"`` where only the order is known.
+    """
+
+    names: tuple[str, ...] = ()
+    idx: Index = field(default_factory=lambda: np.full(1, -1))
+    elapsed: Array = field(default_factory=lambda: np.zeros(1))
+    unit: str = "s"
+
+
+# --- Observed positions and attitudes: their systematic errors, and errors that change slowly
+
+
+@shown.briefly
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PoseObservations:
+    """Observed positions and attitudes of poses.
+
+    Attributes
+    ----------
+    T_m_b : Pose
+        n_poses observed poses.
+    R_g_m : ndarray, shape (n_poses, 3, 3)
+        Mapping axes to the axes along which position sigma is given.
+    sigma_position : ndarray, shape (n_poses, 3)
+        m; infinite where a position is not observed.
+    sigma_attitude : ndarray, shape (n_poses, 3)
+        About the pose's own axes, radians; infinite where an attitude is not observed.
+    strips : Strips
+        Strips along which positions drift; none by default.
+    motion : Motion, optional
+        Velocity and rate of rotation, needed where a delay is estimated.
+    slow_positions, slow_attitudes : SlowErrors, optional
+        The correlated part of their errors; none by default.
+
+    Raises
+    ------
+    ValueError
+        Where a part has another shape, or a sigma is not positive.
+    """
+
+    T_m_b: Pose
+    R_g_m: Array
+    sigma_position: Array
+    sigma_attitude: Array
+    strips: Strips = field(default_factory=Strips)
+    motion: Motion | None = None
+    slow_positions: SlowErrors | None = None
+    slow_attitudes: SlowErrors | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.T_m_b)
+        expected.shape("R_g_m", self.R_g_m, (n, 3, 3))
+        for name in ("sigma_position", "sigma_attitude"):
+            expected.shape(name, getattr(self, name), (n, 3))
+            expected.positive(name, getattr(self, name))
+
+    @cached_property
+    def of_positions(self) -> Correlation | None:
+        """Correlation of the positions' errors; None where they are independent."""
+        slow = self.slow_positions
+        return None if slow is None else slow.correlation(self.sigma_position)
+
+    @cached_property
+    def of_attitudes(self) -> Correlation | None:
+        """Correlation of the attitudes' errors; None where they are independent."""
+        slow = self.slow_attitudes
+        return None if slow is None else slow.correlation(self.sigma_attitude)
+
+    @property
+    def linked(self) -> Index:
+        """Pairs of poses whose errors are correlated, shape (k, 2)."""
+        found = [np.zeros((0, 2), dtype=np.intp)]
+        for correlation in (self.of_positions, self.of_attitudes):
+            if correlation is not None:
+                found.append(np.stack([correlation.first, correlation.second], axis=1))
+        return np.concatenate(found)
+
+
+def unobserved(T_m_b: Pose) -> PoseObservations:
+    """Return poses without any observation."""
+    open_sigma = np.full((len(T_m_b), 3), np.inf)
+    return PoseObservations(
+        T_m_b=T_m_b,
+        R_g_m=np.tile(np.eye(3), (len(T_m_b), 1, 1)),
+        sigma_position=open_sigma,
+        sigma_attitude=open_sigma,
+    )
+
+
+def slow_errors(
+    trajectory: Trajectory, of: str, rows: Index | slice = slice(None)
+) -> SlowErrors | None:
+    """Return the part of a trajectory's errors that changes slowly; None where there is none.
+
+    The process runs on from strip to strip: what is left of the correlation after a turn depends
+    on its duration alone.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    of : str
+        ``"position"`` or ``"attitude"``.
+    rows : ndarray or slice
+        Exposures, all by default; they may come twice.
+
+    Raises
+    ------
+    AdjustmentError
+        Where an exposure has no time.
+    """
+    process: GaussMarkov = getattr(trajectory, f"slow_{of}s")
+    sigma: Array = getattr(trajectory, f"sigma_{of}")[rows]
+    if process.share == 0:
+        return None
+    if not has_times(trajectory):
+        msg = f"correlated errors of {of}s need times: trajectory.csv needs its column time_s"
+        raise AdjustmentError(msg)
+    return SlowErrors(
+        sigma=process.share * np.where(np.isfinite(sigma), sigma, 0.0),
+        together=process.together(trajectory.time_s[rows]),
+    )
+
+
+def position_errors(observed: PoseObservations, state: State) -> Array:
+    """Return the systematic errors of observed positions along the grid's axes, m.
+
+    Observed is true, plus the shift, plus drift times elapsed time, plus velocity times delay: a
+    delay is the time by which a position is recorded late.
+
+    Parameters
+    ----------
+    observed : PoseObservations
+    state : State
+        Its shift, m; drift, m per unit of time; and delay, s.
+
+    Returns
+    -------
+    ndarray, shape (n_poses, 3), or (1, 3) where there are neither strips nor delays
+    """
+    strips = observed.strips
+    of_strip: Array = np.vstack([state.drift, np.zeros(3)])[strips.idx]
+    errors: Array = state.shift + strips.elapsed[:, None] * of_strip
+    return errors if observed.motion is None else errors + state.delay[0] * observed.motion.velocity
+
+
+def position_equations(observed: PoseObservations, state: State, columns: Layout) -> Equations:
+    """Linearise observed positions, along the grid's axes.
+
+    Parameters
+    ----------
+    observed : PoseObservations
+    state : State
+    columns : Layout
+    """
+    n, strips = len(state.T_m_b), observed.strips
+    A, where = [observed.R_g_m], [columns.pose[:, :3]]
+    if np.any(columns.shift >= 0):
+        A.append(np.tile(np.eye(3), (n, 1, 1)))
+        where.append(np.tile(columns.shift, (n, 1)))
+    if len(columns.drift):
+        A.append(strips.elapsed[:, None, None] * np.eye(3))
+        where.append(np.vstack([columns.drift, np.full(3, -1)])[strips.idx])
+    if observed.motion is not None and columns.delay[0] >= 0:
+        A.append(observed.motion.velocity[:, :, None])
+        where.append(np.tile(columns.delay[:1], (n, 1)))
+    v = transform(observed.R_g_m, state.T_m_b.r - observed.T_m_b.r)
+    return Equations(
+        kind="gnss",
+        v=v + position_errors(observed, state),
+        sigma=observed.sigma_position,
+        A=np.concatenate(A, axis=2),
+        columns=np.concatenate(where, axis=1),
+        unit=np.arange(n),
+        correlation=observed.of_positions,
+    )
+
+
+def attitude_equations(observed: PoseObservations, state: State, columns: Layout) -> Equations:
+    """Linearise observed attitudes, about the body's axes.
+
+    Observed is what the body has a delay later than at the exposure, as `position_errors` has it.
+
+    Parameters
+    ----------
+    observed : PoseObservations
+    state : State
+    columns : Layout
+    """
+    R, where = np.swapaxes(observed.T_m_b.R, -1, -2) @ state.T_m_b.R, columns.pose[:, 3:]
+    if observed.motion is None or columns.delay[1] < 0:
+        v = log(R)
+        A = log_jacobian(v)
+    else:
+        rate = observed.motion.rate
+        later = exp(state.delay[1] * rate)
+        v = log(R @ later)
+        by_turn = log_jacobian(v)
+        A = np.concatenate(
+            [by_turn @ np.swapaxes(later, -1, -2), by_turn @ rate[:, :, None]], axis=2
+        )
+        where = np.concatenate([where, np.full((len(v), 1), columns.delay[1])], axis=1)
+    return Equations(
+        kind="attitude",
+        v=v,
+        sigma=observed.sigma_attitude,
+        A=A,
+        columns=where,
+        unit=np.arange(len(v)),
+        correlation=observed.of_attitudes,
+    )
+
+
+def strips_of(block: Block) -> Strips:
+    """Return the strips of a block that have exposures at two times or more.
+
+    The time is that of the trajectory; where it has none, the order of the exposures.
+
+    Parameters
+    ----------
+    block : Block
+    """
+    trajectory = block.trajectory
+    strip = np.full(len(trajectory), "", dtype=object)
+    strip[block.images.exposure_idx] = block.images.strips
+    timed = has_times(trajectory)
+    names: list[str] = []
+    idx, elapsed = np.full(len(trajectory), -1), np.zeros(len(trajectory))
+    for name in filter(None, dict.fromkeys(strip)):
+        here = np.flatnonzero(strip == name)
+        time = trajectory.time_s[here] if timed else np.arange(len(here), dtype=float)
+        if np.ptp(time) > 0:
+            idx[here], elapsed[here] = len(names), time - time.mean()
+            names.append(name)
+    return Strips(names=tuple(names), idx=idx, elapsed=elapsed, unit="s" if timed else "exposure")
+
+
+# --- motion ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """How fast a body moves and turns at its exposures.
+
+    Attributes
+    ----------
+    velocity : ndarray, shape (n, 3)
+        Along the grid's axes, m/s; the same at all exposures of a strip.
+    rate : ndarray, shape (n, 3)
+        Of rotation, about the body's axes, rad/s.
+    """
+
+    velocity: Array
+    rate: Array
+
+
+STRAIGHT = 0.2
+"""Root mean square distance of exposures from uniform motion on a line, over the length of their
+strip, above which they have no common velocity."""
+
+
+def motion_of(block: Block, *, delays: Sequence[str] = DELAYS) -> Motion:
+    """Return the velocity of every strip, and the rate of rotation from neighbours in it.
+
+    Parameters
+    ----------
+    block : Block
+    delays : sequence of str
+        Those that are asked for, names of `parameters.DELAYS`: the velocity is zero without
+        ``"delay"``, the rate without ``"attitude_delay"``.
+
+    Raises
+    ------
+    AdjustmentError
+        Where an exposure has no time, no neighbour in its strip, or the time of its neighbour, or
+        where a strip is not straight.
+
+    Notes
+    -----
+    The velocity is the slope of the line that fits the recorded positions of a strip over time.
+    That of neighbours alone would be no observation without error: what wind, and the moment of
+    exposure, move one position against the next by is divided by a second or two. A delay would be
+    estimated from this, and come out too small where the aircraft flies more steadily.
+
+    The rate is at t_i the slope of the parabola through an exposure and its two neighbours; at
+    either end of a strip, that of the line to the one neighbour. A steady turn comes out exactly.
+    Of an oscillation of period T, sampled at intervals h, the share sin(2 pi h / T) / (2 pi h / T)
+    is seen: 94 % at T = 10 h, 64 % at T = 4 h, nothing at T = 2 h. White errors sigma of the
+    recorded attitudes are errors sigma / (sqrt(2) h) of their slopes.
+    """
+    trajectory, strips = block.trajectory, strips_of(block)
+    _require_neighbours(block, strips)
+    velocity, rate = np.zeros((2, len(trajectory), 3))
+    for strip, name in enumerate(strips.names):
+        rows = np.flatnonzero(strips.idx == strip)
+        rows = rows[np.argsort(strips.elapsed[rows], kind="stable")]
+        step = np.diff(strips.elapsed[rows])
+        if np.any(step <= 0):
+            again = trajectory.exposures[rows[int(np.argmin(step)) + 1]]
+            msg = f"a delay cannot be estimated: {again!r} has the time of another of its strip"
+            raise AdjustmentError(msg)
+        if "delay" in delays:
+            velocity[rows] = _uniform(trajectory.T_m_b.r[rows], strips.elapsed[rows], name)
+        if "attitude_delay" in delays:
+            rate[rows] = _rates(trajectory.T_m_b.R[rows], step)
+    return Motion(velocity=transform(trajectory.R_g_m, velocity), rate=rate)
+
+
+def _uniform(r: Array, elapsed: Array, strip: str) -> Array:
+    """Return the velocity with which positions of a strip are passed at times from its middle."""
+    velocity: Array = elapsed @ r / (elapsed @ elapsed)
+    off = r - r.mean(axis=0) - elapsed[:, None] * velocity
+    length = np.linalg.norm(velocity) * np.ptp(elapsed)
+    if np.sqrt(np.mean(np.sum(off**2, axis=1))) > STRAIGHT * length:
+        msg = (
+            f"a delay cannot be estimated: strip {str(strip)!r} is not flown straight at one speed"
+        )
+        raise AdjustmentError(msg)
+    return velocity
+
+
+def has_times(trajectory: Trajectory) -> bool:
+    """Tell whether all exposures have a time."""
+    return bool(np.isfinite(trajectory.time_s).all())
+
+
+def _require_neighbours(block: Block, strips: Strips) -> None:
+    """Raise where an exposure has no time, or none before or after it in its strip."""
+    cannot = "a delay cannot be estimated"
+    if not has_times(block.trajectory):
+        raise AdjustmentError(f"{cannot}: trajectory.csv needs its column time_s")
+    alone = np.flatnonzero(np.broadcast_to(strips.idx, len(block.trajectory)) < 0)
+    if len(alone):
+        name = block.trajectory.exposures[alone[0]]
+        which = "exposure" if len(alone) == 1 else f"{len(alone)} exposures, the first"
+        msg = f"{cannot}: no neighbour in a strip tells the velocity of {which} {name!r}"
+        raise AdjustmentError(msg)
+
+
+def _rates(R: Array, step: Array) -> Array:
+    """Return the slopes of attitudes along one strip, about the body's axes."""
+    turned = log(np.swapaxes(R[:-1], -1, -2) @ R[1:])  # about an axis that both share
+    mean = turned / step[:, None]
+    before, after = step[:-1, None], step[1:, None]
+    inside = (mean[:-1] * after + mean[1:] * before) / (before + after)
+    return np.concatenate([mean[:1], inside, mean[-1:]])
+
+
+# --- What the errors of different exposures of a trajectory have in common, if they change slowly
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SharedErrors:
+    """Covariances between the body poses of n exposures; those of one are `Trajectory.cov`.
+
+    Attributes
+    ----------
+    roots : ndarray, shape (n, 6, 6)
+        Axes of a pose's errors, columns, times the sigma of their slow part: m and radians.
+    together : ndarray, shape (2, n, n)
+        Correlation of the slow parts of positions and of attitudes; zero of an exposure with
+        itself.
+    """
+
+    roots: Array
+    together: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.roots)
+        expected.shape("roots", self.roots, (n, 6, 6))
+        expected.shape("together", self.together, (2, n, n))
+
+    def between(self, first: Index, second: Index) -> Array:
+        """Return the covariances of pairs of poses, shape (k, 6, 6); zero of one with itself."""
+        related = np.repeat(self.together[:, first, second].T, 3, axis=1)
+        cov: Array = (self.roots[first] * related[:, None]) @ np.swapaxes(self.roots[second], 1, 2)
+        return cov
+
+    def among(self, J: Array) -> Array:
+        """Return the part of a covariance that is between exposures: sum of J_i C_ij J_j^T.
+
+        Parameters
+        ----------
+        J : ndarray, shape (n, q, 6)
+            Derivatives of q quantities by the pose of every exposure.
+
+        Returns
+        -------
+        ndarray, shape (q, q)
+        """
+        along = np.moveaxis(J @ self.roots, 0, 1)  # (q, n, 6)
+        q, n, _ = along.shape
+        cov = np.zeros((q, q))
+        for related, own in zip(self.together, (along[:, :, :3], along[:, :, 3:]), strict=True):
+            cov += np.reshape(related @ own, (q, 3 * n)) @ np.reshape(own, (q, 3 * n)).T
+        return cov
+
+
+def shared_errors(trajectory: Trajectory, rows: Index | slice = slice(None)) -> SharedErrors | None:
+    """Return what the errors of a trajectory share; None where exposures err independently.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    rows : ndarray or slice
+        Exposures, all by default.
+
+    Raises
+    ------
+    AdjustmentError
+        Where an exposure has no time.
+    """
+    parts = [slow_errors(trajectory, of, rows) for of in ("position", "attitude")]
+    if not any(parts):
+        return None
+    R_m_g = np.swapaxes(trajectory.R_g_m[rows], 1, 2)
+    n = len(R_m_g)
+    roots, together = np.zeros((n, 6, 6)), np.zeros((2, n, n))
+    for i, (slow, axes) in enumerate(zip(parts, (R_m_g, np.eye(3)), strict=True)):
+        if slow is not None:
+            part = slice(3 * i, 3 * i + 3)
+            roots[:, part, part] = axes * slow.sigma[:, None]
+            together[i] = slow.together - np.diag(np.diagonal(slow.together))
+    return SharedErrors(roots=roots, together=together)
+
+
+# --- Declared mountings that have standard deviations, as observations of those estimated
+
+
+def mounting_equations(
+    cameras: Sequence[Camera], T_b_c: Pose, columns: Index
+) -> Iterator[Equations]:
+    """Linearise the declared mountings that have sigma: lever arms, then boresights.
+
+    Both along the body's axes. Only those that are estimated are observations.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+        As declared.
+    T_b_c : Pose
+        Estimates.
+    columns : ndarray, shape (n_cameras, 6)
+        Columns of the mountings.
+    """
+    if len(rows := observed_mountings(cameras, "lever_arm", columns)):
+        yield Equations(
+            kind="lever_arm",
+            v=T_b_c.r[rows] - np.array([cameras[k].T_b_c.r for k in rows]),
+            sigma=np.array([cameras[k].prior.lever_sigma for k in rows]),
+            A=np.tile(np.eye(3), (len(rows), 1, 1)),
+            columns=columns[rows, :3],
+            unit=np.arange(len(rows)),
+        )
+    if len(rows := observed_mountings(cameras, "boresight", columns)):
+        R_declared = np.array([cameras[k].T_b_c.R for k in rows])
+        v = log(np.swapaxes(R_declared, -1, -2) @ T_b_c.R[rows])
+        yield Equations(
+            kind="boresight",
+            v=transform(R_declared, v),
+            sigma=np.array([cameras[k].prior.boresight_sigma for k in rows]),
+            A=R_declared @ log_jacobian(v),
+            columns=columns[rows, 3:],
+            unit=np.arange(len(rows)),
+        )
+
+
+def observed_mountings(cameras: Sequence[Camera], part: str, columns: Index) -> Index:
+    """Return the cameras of which a part of the mounting is estimated and declared with sigma.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+    part : str
+        ``"lever_arm"`` or ``"boresight"``.
+    columns : ndarray, shape (n_cameras, 6)
+        Columns of the mountings.
+    """
+    own = columns[:, :3] if part == "lever_arm" else columns[:, 3:]
+    sigma = np.array(
+        [c.prior.lever_sigma if part == "lever_arm" else c.prior.boresight_sigma for c in cameras]
+    )
+    return np.flatnonzero(np.isfinite(sigma).any(axis=1) & np.all(own >= 0, axis=1))
+
+
+# --- Observations of points besides their rays: surveyed coordinates, and distances between them
+
+
+def control_equations(control: SurveyedPoints, x_m: Array) -> Equations:
+    """Linearise surveyed coordinates, along the grid's axes.
+
+    Parameters
+    ----------
+    control : SurveyedPoints
+    x_m : ndarray, shape (n_points, 3)
+        All points of the block.
+    """
+    n = len(control)
+    return Equations(
+        kind="control_point",
+        v=transform(control.R_g_m, x_m[control.point_idx] - control.x_m),
+        # a single component that is given without error gets a sigma of one micrometre
+        sigma=np.maximum(control.sigma_m, 1e-6),
+        A=np.zeros((n, 3, 0)),
+        columns=np.zeros((1, 0), dtype=np.intp),
+        unit=np.zeros(n, dtype=np.intp),
+        B=control.R_g_m,
+        point=control.point_idx,
+    )
+
+
+def distance_equations(distances: Distances, x_m: Array, joints: Index) -> Equations:
+    """Linearise measured distances, in halves: first those at the one end, then at the other.
+
+    An observation has one point at most. A distance d between a and b is two halves, each with
+    half of its residual, sigma over the root of two, and one point; an unknown t, added to the
+    one and taken off the other, joins them: minimising over t gives the distance's own equation,
+    exactly. The unknown has no state.
+
+    Parameters
+    ----------
+    distances : Distances
+    x_m : ndarray, shape (n_points, 3)
+        All points of the block.
+    joints : ndarray, shape (n,)
+        Columns of the unknowns that join the halves.
+    """
+    n = len(distances)
+    length, along = lengths(x_m, distances.point_idx)
+    sign = np.repeat([-1.0, 1.0], n)
+    return Equations(
+        kind="distance",
+        v=np.tile((length - distances.distance_m) / 2, 2)[:, None],
+        sigma=np.tile(distances.sigma_m / np.sqrt(2), 2)[:, None],
+        A=sign[:, None, None],
+        columns=joints[:, None],
+        unit=np.tile(np.arange(n), 2),
+        B=(sign[:, None] * np.tile(along, (2, 1)))[:, None, :],
+        point=distances.point_idx.T.ravel(),
+    )
+
+
+def usable(distances: Distances, measured: Index) -> Index:
+    """Return the distances that are used: of finite sigma, with both ends among measured points.
+
+    Parameters
+    ----------
+    distances : Distances
+    measured : ndarray
+        Points with rays.
+    """
+    both = np.isin(distances.point_idx, measured).all(axis=1)
+    return np.flatnonzero(both & np.isfinite(distances.sigma_m))
+
+
+def of_halves(values: Array) -> Array:
+    """Return the sum of the two halves of every distance, over the first axis."""
+    n = len(values) // 2
+    total: Array = values[:n] + values[n:]
+    return total
+
+
+def whole(group: Group, distances: Distances) -> Group:
+    """Return a group of residuals in which distances are not in halves."""
+    if group.kind != "distance":
+        return group
+    return Group(
+        kind=group.kind,
+        v=of_halves(group.v),
+        sigma=distances.sigma_m[:, None],
+        redundancy=of_halves(group.redundancy),
+    )

@@ -1,0 +1,496 @@
+"""Whether estimates differ from given values.
+
+Declared mountings confirmed, several parameters tested together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.observations import strips_of
+from acx4lib.bundle.unknowns import Layout
+from acx4lib.calibration.estimates import Calibration, from_bundle, is_determined, parameters
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
+from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT
+from acx4lib.least_squares import statistics
+from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+
+# --- Are the estimated mountings those that were declared? A declared value is tested, and
+# says so
+#
+# Unknowns absorb systematic errors without a trace in the residuals: a delay at one speed is a
+# lever arm, an undulation is one too, and true north in place of grid north is a boresight. Only
+# what was known before contradicts them.
+
+
+FAR_M, FAR_DEG = 0.05, 3.0
+"""Differences from values without sigma that are said: more than what a survey is off by."""
+
+LONGEST_M = 10.0
+"""Lever arm, not declared, that is longer than inside an aircraft."""
+
+ALPHA = 1e-4
+"""Probability of not confirming right values with right sigma: that of data snooping."""
+
+NORTHS = 0.25
+"""Share of the meridian convergence within which an angle without sigma is one with it."""
+
+LEAST_CONVERGENCE = np.radians(0.1)
+"""Meridian convergence below which no angle without sigma is taken for it."""
+
+SURVEYED_M = 0.03
+"""How far off a tape measure leaves a lever arm: within it, components agree."""
+
+TURNED = np.radians(5.0)
+"""Angle within which a boresight without sigma is off by 90 or 180 degrees."""
+
+EXCHANGED_DEG = 0.5
+"""Difference below which no exchange of angles is taken for it."""
+
+EXPLAINED = 0.12
+"""Share of a difference that an exchange of axes leaves where it explains the difference."""
+
+BESIDE = 0.35
+"""Share of a difference beside an axis up to which it is along this axis, if it may be noise."""
+
+UNSEEN = 1e-4
+"""Share of a declared value's variance below which the other observations say nothing of it."""
+
+SIGMAS = 3.0
+"""Multiple of a standard deviation within which an angle differs by the convergence."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Confirmation:
+    """A declared part of a mounting beside the estimated one.
+
+    Attributes
+    ----------
+    camera : str
+    part : str
+        ``"lever arm"`` or ``"boresight"``.
+    difference : tuple of float
+        Estimated, by the other observations alone, minus declared: along or about the body's x,
+        y, z axes, m or degrees; NaN where nothing is declared.
+    p : float
+        Probability of such differences or larger ones; NaN where there is no sigma.
+    told : str
+        The difference in words, with what would look like it; empty where nothing is declared.
+    mistake : str
+        Which known mistake the difference is; empty for any other.
+    """
+
+    camera: str
+    part: str
+    difference: tuple[float, float, float]
+    p: float
+    told: str = ""
+    mistake: str = ""
+
+    @property
+    def objection(self) -> str:
+        """Why the declared value is not confirmed: its sigma, or a known mistake; else empty."""
+        if self.mistake or self.p < ALPHA:
+            return "; ".join(filter(None, (self.told, self.mistake)))
+        return ""
+
+    @property
+    def sentence(self) -> str:
+        """What is not confirmed and why."""
+        return f"not confirmed: {self.part} of {self.camera} {self.objection}"
+
+    @property
+    def remark(self) -> str:
+        """What is said of a value without sigma, an approximation, that is far off; else empty."""
+        off = np.linalg.norm(np.nan_to_num(self.difference))
+        far = FAR_M if self.part == "lever arm" else FAR_DEG
+        if self.objection or not self.told or np.isfinite(self.p) or not off > far:
+            return ""
+        return f"{self.part} of {self.camera} {self.told}"
+
+
+def confirmations(bundle: Bundle) -> list[Confirmation]:
+    """Compare the mountings that a bundle estimated with the declared ones.
+
+    Parts that are held, not determined, or not declared are left out.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        With the mountings as unknowns; its block has the cameras as declared.
+
+    Notes
+    -----
+    Declared values with sigma are observations of the bundle. Let d be the estimates minus the
+    declared values, D the variances of these and Q the covariance of the estimates. Then D - Q is
+    the covariance of d, d' (D - Q)^-1 d is chi-square with as many degrees of freedom as values,
+    and D (D - Q)^-1 d is the difference that the other observations alone would have.
+    """
+    block, calibration = bundle.network.block, from_bundle(bundle)
+    told = zip(parameters(calibration), is_determined(calibration), strict=True)
+    determined = {(p.camera, p.key) for p, good in told if good}
+    out: list[Confirmation] = []
+    for k, camera in enumerate(block.cameras):
+        if all((camera.name, key) in determined for key in LEVER_ARM):
+            found = _of_lever_arm(calibration, k, camera)
+            if found.declared.any() or found.size > LONGEST_M:
+                out.append(_of_part(camera, "lever arm", found, _lever_said(block, camera, found)))
+        if all((camera.name, key) in determined for key in BORESIGHT):
+            found = _of_boresight(calibration, k, camera)
+            if found.declared.any():
+                out.append(
+                    _of_part(
+                        camera,
+                        "boresight",
+                        found,
+                        _turn_said(block, camera, calibration.cameras[k], found),
+                    )
+                )
+    return out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Difference:
+    """Estimated minus declared values of one part, about or along the body's axes, m or radians.
+
+    Attributes
+    ----------
+    d : ndarray, shape (3,)
+        As the other observations alone would have it.
+    p : float
+        Probability of such differences or larger ones; NaN without sigma.
+    declared : ndarray of bool, shape (3,)
+    sigma, sigma_estimated : ndarray, shape (3,)
+        Of the declared values, infinite without, and of the estimates.
+    """
+
+    d: Array
+    p: float
+    declared: Mask
+    sigma: Array
+    sigma_estimated: Array
+
+    @property
+    def size(self) -> float:
+        """Length of the difference from what is declared, or of all if nothing is."""
+        return float(np.linalg.norm(self.d[self.declared] if self.declared.any() else self.d))
+
+    def significant(self, rough: float = 0.0) -> bool:
+        """Tell whether it is more than the sigma of both values explain, or one without sigma."""
+        of_declared = np.where(np.isfinite(self.sigma), self.sigma, rough)
+        tolerance = SIGMAS * np.hypot(of_declared, self.sigma_estimated)
+        return bool(np.any(self.declared & (np.abs(self.d) > tolerance)))
+
+
+def _of_lever_arm(calibration: Calibration, k: int, camera: Camera) -> _Difference:
+    columns = calibration.layout.mount[k, :3]
+    cov = calibration.cov[np.ix_(columns, columns)]
+    d = calibration.cameras[k].T_b_c.r - camera.T_b_c.r
+    return _difference(d, cov, camera.prior.lever_declared, camera.prior.lever_sigma)
+
+
+def _of_boresight(calibration: Calibration, k: int, camera: Camera) -> _Difference:
+    columns, R = calibration.layout.mount[k, 3:], calibration.cameras[k].T_b_c.R
+    cov = propagate(R, calibration.cov[np.ix_(columns, columns)])
+    d = camera.T_b_c.R @ log(camera.T_b_c.R.T @ R)
+    return _difference(d, cov, camera.prior.boresight_declared, camera.prior.boresight_sigma)
+
+
+def _difference(d: Array, cov: Array, declared: Mask, sigma: Array) -> _Difference:
+    """Return the difference and its test, from the estimates and their covariance."""
+    alone, p = d.copy(), np.nan
+    if len(tested := np.flatnonzero(np.isfinite(sigma))):
+        scale = sigma[tested]
+        both = np.eye(len(tested)) - cov[np.ix_(tested, tested)] / scale[:, None] / scale
+        values, vectors = np.linalg.eigh(both)
+        seen = values > UNSEEN  # of the others, the estimates are the declared values themselves
+        parts = (vectors.T @ (d[tested] / scale))[seen]
+        p = statistics.chi2_sf(np.sum(parts**2 / values[seen]), max(1, seen.sum()))
+        alone[tested] = scale * (vectors[:, seen] @ (parts / values[seen]))
+    return _Difference(d=alone, p=p, declared=declared, sigma=sigma, sigma_estimated=sigmas(cov))
+
+
+# --- what differences look like --------------------------------------------------------------
+
+
+def _of_part(camera: Camera, part: str, found: _Difference, said: tuple[str, str]) -> Confirmation:
+    unit = np.degrees(1.0) if part == "boresight" else 1.0
+    x, y, z = (float(v) for v in np.where(found.declared, unit * found.d, np.nan))
+    told, mistake = said
+    return Confirmation(
+        camera=camera.name,
+        part=part,
+        difference=(x, y, z),
+        p=found.p,
+        told=told,
+        mistake=mistake,
+    )
+
+
+def _lever_said(block: Block, camera: Camera, found: _Difference) -> tuple[str, str]:
+    """Return a lever arm's difference in words, and the known mistake that it is."""
+    if not found.declared.any():
+        heights = "are the heights of control and trajectory of one system?"
+        return "", f"is {found.size:.1f} m long, and none is declared: {heights}"
+    told = f"differs from the declared one by {_listed(found.d, found.declared, '.2f')} m"
+    if not found.significant(SURVEYED_M):
+        return (told if np.isfinite(found.p) or found.significant() else ""), ""
+    if found.declared.all() and (axes := _exchanged_lever(camera.T_b_c.r, found.d)):
+        return told, f"the declared one with {axes} would agree"
+    looks = _looks_like(block, found)
+    return (f"{told}; {looks} would look like this" if looks else told), ""
+
+
+def _looks_like(block: Block, found: _Difference) -> str:
+    """Return at most two mistakes that remove a lever arm's difference; empty where none does."""
+    d = np.where(found.declared, found.d, 0.0)
+    axis = int(np.argmax(np.abs(d)))
+    rest = np.delete(np.abs(d), axis)
+    tolerance = SIGMAS * np.hypot(SURVEYED_M, np.delete(found.sigma_estimated, axis))
+    if np.any(rest > tolerance) or np.linalg.norm(rest) > BESIDE * found.size:
+        return ""
+    off = abs(d[axis])
+    if axis == 0 and np.isfinite(speed := _speed(block)):
+        return (
+            f"a clock that is {1000 * off / speed:.0f} ms off, or positions of an antenna "
+            f"{off:.2f} m {'before' if d[0] < 0 else 'behind'} the IMU,"
+        )
+    if axis == 2:
+        return (
+            f"heights of two systems, such as geoid models {off:.2f} m apart, or positions of an "
+            f"antenna {off:.2f} m {'above' if d[2] < 0 else 'below'} the IMU,"
+        )
+    return ""
+
+
+LEVER_MISTAKES: tuple[tuple[str, Array], ...] = (
+    ("all signs reversed", -np.eye(3)),
+    ("x and y exchanged", np.eye(3)[[1, 0, 2]]),
+    ("y and z reversed", np.diag([1.0, -1.0, -1.0])),
+    ("x and y exchanged and z reversed", np.diag([1.0, 1.0, -1.0]) @ np.eye(3)[[1, 0, 2]]),
+)
+"""Axes of other conventions, as what they make of a lever arm."""
+
+
+def _exchanged_lever(declared: Array, d: Array) -> str:
+    """Return which exchange of axes explains a difference; nothing where none does."""
+    size = float(np.linalg.norm(d))
+    for name, exchange in LEVER_MISTAKES:
+        if np.linalg.norm(declared + d - exchange @ declared) < EXPLAINED * size:
+            return name
+    return ""
+
+
+def _turn_said(
+    block: Block, camera: Camera, estimated: Camera, found: _Difference
+) -> tuple[str, str]:
+    """Return a boresight's difference in words, and the known mistake that it is."""
+    shown = _listed(np.degrees(found.d), found.declared, ".3f")
+    told = f"differs from the declared one by {shown}° about the body's axes"
+    if not found.significant():
+        return told, ""
+    convergence = _convergence(block)
+    if _is_convergence(found, convergence):
+        d, gamma = np.degrees([abs(found.d[2]), abs(convergence)])
+        return (
+            f"differs from the declared one in kappa by {d:.2f}°, about the meridian "
+            f"convergence, {gamma:.2f}°",
+            "is the heading read against true or grid north?",
+        )
+    turn = estimated.T_b_c.R @ camera.T_b_c.R.T
+    if turned := _right_angle(turn, found.declared):
+        return told, turned
+    if found.declared.all() and (angles := _exchanged_angles(camera.T_b_c, turn)):
+        return told, f"the declared one with {angles} would agree"
+    return told, ""
+
+
+def _right_angle(turn: Array, declared: Mask) -> str:
+    """Return about which axis a rotation of the body turns by 90 or 180 degrees; else nothing."""
+    for angle in (90, -90, 180):
+        for axis in np.flatnonzero(declared):
+            left = turn @ exp(-np.radians(angle) * np.eye(3)[axis])
+            if np.linalg.norm(log(left)) < TURNED:
+                return f"it is turned by {abs(angle)}° about the body's {'xyz'[axis]} axis"
+    return ""
+
+
+def _exchanged_angles(declared: Pose, turn: Array) -> str:
+    """Return which exchange of angles explains a rotation of the body; nothing where none does."""
+    omega, phi, kappa = declared.opk
+    others = {
+        "omega and phi exchanged": (phi, omega, kappa),
+        "the sign of omega reversed": (-omega, phi, kappa),
+        "the sign of phi reversed": (omega, -phi, kappa),
+        "the sign of kappa reversed": (omega, phi, -kappa),
+    }
+    matrices = {name: rotation_from_opk(np.array(opk)) for name, opk in others.items()}
+    matrices["its matrix transposed"] = declared.R.T
+    estimated = turn @ declared.R
+    left = {name: np.linalg.norm(log(R @ estimated.T)) for name, R in matrices.items()}
+    best = min(left, key=lambda name: float(left[name]))
+    size = np.linalg.norm(log(turn))
+    return best if size > np.radians(EXCHANGED_DEG) and left[best] < EXPLAINED * size else ""
+
+
+def _is_convergence(found: _Difference, convergence: float) -> bool:
+    """Tell whether kappa differs by the convergence, within what is known of both values."""
+    if not (found.declared[2] and np.isfinite(convergence)):
+        return False
+    off = abs(abs(found.d[2]) - abs(convergence))
+    if np.isfinite(found.sigma[2]):
+        sigma = float(np.hypot(found.sigma[2], found.sigma_estimated[2]))
+        return found.p < ALPHA and bool(off < SIGMAS * sigma < abs(convergence))
+    tilts = np.linalg.norm(found.d[:2])  # of a rough mounting, as large as kappa
+    is_seen = abs(convergence) > max(LEAST_CONVERGENCE, tilts)
+    return bool(is_seen and off < NORTHS * abs(convergence))
+
+
+def _convergence(block: Block) -> float:
+    """Return the meridian convergence in the middle of the exposures, radians."""
+    lonlath = block.frame.to_geographic(np.median(block.trajectory.T_m_b.r, axis=0)[None])
+    return float(block.frame.grid.convergence(lonlath[:, :2])[0])
+
+
+def _speed(block: Block) -> float:
+    """Return the median speed between successive exposures of a strip, m/s; NaN without times."""
+    strips, trajectory = strips_of(block), block.trajectory
+    if strips.unit != "s" or not strips.names:
+        return np.nan
+    dt, steps = np.diff(trajectory.time_s), np.diff(trajectory.T_m_b.r, axis=0)
+    same = (np.diff(strips.idx) == 0) & (strips.idx[1:] >= 0) & (dt != 0)
+    speeds = np.linalg.norm(steps[same], axis=1) / np.abs(dt[same])
+    return float(np.median(speeds)) if len(speeds) else np.nan
+
+
+def _listed(values: Array, declared: Mask, digits: str) -> str:
+    """Return signed numbers in brackets; a dash where nothing is declared."""
+    each = (f"{v:+{digits}}" if known else "-" for v, known in zip(values, declared, strict=True))
+    return f"({', '.join(each)})"
+
+
+# --- Joint tests of several parameters of a calibration, from their covariance
+#
+# A single test asks whether a parameter differs from a value, whatever the others are. Where k1,
+# k2 and k3 correlate by -0.99, each of them may be near zero if the other two take over its part,
+# so none seems significant although together they are. A joint test asks for all of them at once.
+
+
+KEYS = (*INTERIOR, *MOUNT)
+
+GROUPS = (("k1", "k2", "k3"), ("p1", "p2"), LEVER_ARM, BORESIGHT)
+"""Parameters that are tested together."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupTest:
+    """Several parameters of one camera, tested together against given values.
+
+    Attributes
+    ----------
+    camera : str
+    keys : tuple of str
+        The library's names of the parameters.
+    largest : float
+        The largest of their single test statistics, absolute.
+    f_ratio : float
+        d^T C^-1 d / k of the k differences, C their a posteriori covariance.
+    redundancy : int
+        Of the adjustment from which sigma0 comes.
+    """
+
+    camera: str
+    keys: tuple[str, ...]
+    largest: float
+    f_ratio: float
+    redundancy: int
+
+    @property
+    def p(self) -> float:
+        """Probability of such an F-ratio or a larger one, where the given values are right."""
+        return statistics.f_sf(self.f_ratio, len(self.keys), max(self.redundancy, 1))
+
+
+def undistorted(camera: Camera) -> Camera:
+    """Return a camera to test against: it has no distortion, and keeps its mounting."""
+    interior = camera.interior
+    return camera.with_interior(Interior(f=interior.f, xp=interior.xp, yp=interior.yp))
+
+
+def group_tests(
+    calibration: Calibration, against: Sequence[Camera], *, redundancy: int
+) -> list[GroupTest]:
+    """Test every group of parameters of every camera, where two or more of it are estimated.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    against : sequence of Camera
+        With the values to test against, in the order of the calibration's cameras.
+    redundancy : int
+        Of the calibration's adjustment.
+    """
+    expected.instance("calibration", calibration, Calibration)
+    expected.sequence("against", against, Camera)
+    expected.many("against", against, len(calibration.cameras), "cameras")
+    expected.whole("redundancy", redundancy, least=0)
+    return list(_group_tests(calibration, against, redundancy))
+
+
+def _group_tests(
+    calibration: Calibration, against: Sequence[Camera], redundancy: int
+) -> Iterator[GroupTest]:
+    for k, (camera, other) in enumerate(zip(calibration.cameras, against, strict=True)):
+        difference = _joint_tests_difference(camera, other)
+        for group in GROUPS:
+            own, columns = estimated(calibration.layout, k, group)
+            if len(own) < 2 or calibration.open_columns[columns].any():
+                continue
+            cov = calibration.sigma0_sq * calibration.cov[np.ix_(columns, columns)]
+            z = difference[own] / sigmas(cov)
+            yield GroupTest(
+                camera=camera.name,
+                keys=tuple(KEYS[i] for i in own),
+                largest=float(np.abs(z).max()),
+                f_ratio=float(z @ np.linalg.solve(correlation(cov), z)) / len(own),
+                redundancy=redundancy,
+            )
+
+
+def estimated(columns: Layout, k: int, keys: Sequence[str]) -> tuple[Index, Index]:
+    """Return which of camera k's parameters are estimated, of those named, and their columns.
+
+    Parameters
+    ----------
+    columns : Layout
+    k : int
+    keys : sequence of str
+        The library's names of parameters.
+
+    Returns
+    -------
+    own, columns : ndarray of int, shape (m,)
+        Indices into `KEYS`, and columns of the layout.
+    """
+    all_columns = np.concatenate([columns.interior[k], columns.mount[k]])
+    own = np.flatnonzero(np.isin(KEYS, keys) & (all_columns >= 0))
+    return own, all_columns[own]
+
+
+def _joint_tests_difference(camera: Camera, other: Camera) -> Array:
+    """Return all parameters less another camera's, the boresight about the camera's axes."""
+    return np.concatenate(
+        [
+            camera.interior.to_array() - other.interior.to_array(),
+            camera.T_b_c.r - other.T_b_c.r,
+            log(other.T_b_c.R.T @ camera.T_b_c.R),
+        ]
+    )

@@ -1,0 +1,397 @@
+"""What an adjustment determines worst, what correlates, and which errors would be found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.reliability import parameter_effects, reliability
+from acx4lib.bundle.unknowns import holding
+from acx4lib.calibration.confirmation import GroupTest, estimated
+from acx4lib.calibration.estimates import Calibration, parameters, reported_covariance
+from acx4lib.expected import Array, Index
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
+from acx4lib.geometry.collinearity import mounted_jacobian
+from acx4lib.geometry.frames import Pose, opk_jacobian
+from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM, POSE, REPORTED
+from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+from acx4lib.least_squares.dense import held_at_zero
+
+# --- What an adjustment determines worst: condition, weakest combination, strong correlations
+
+
+STRONG = 0.9
+"""Absolute correlation above which a pair of parameters is named."""
+
+SHARE = 0.05
+"""Share of the weakest combination below which an unknown is not named."""
+
+ALIKE = 0.8
+"""Common share of the poses' part above which all poses are said to change alike."""
+
+CARRIED = float(1 / np.finfo(float).eps)
+"""Condition above which double precision has no digit left of the weakest direction, 4.5e15."""
+
+NAMED = 3
+"""Images that are named of those without a position and attitude."""
+
+POSES = dict(
+    zip(
+        POSE,
+        (
+            *(f"{axis} of {{}}positions" for axis in AXES),
+            *(f"{{}}attitudes about {axis}" for axis in "xyz"),
+        ),
+        strict=True,
+    )
+)
+"""Name of an unknown of many poses, by its name in one; ``all`` where poses change alike."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One unknown of the weakest combination, or the same one of all poses.
+
+    Attributes
+    ----------
+    unknown : str
+        ``camera/parameter``, or one of `POSES`.
+    share : float
+        Square of its component in the eigenvector; all squares add up to one.
+    """
+
+    unknown: str
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two parameters that are determined only together.
+
+    Attributes
+    ----------
+    row, column : str
+        ``camera/parameter``.
+    correlation : float
+    """
+
+    row: str
+    column: str
+    correlation: float
+
+
+def weakest_combination(bundle: Bundle) -> tuple[Part, ...]:
+    """Return the unknowns that could change together with the least effect on all residuals.
+
+    They form the eigenvector of the smallest eigenvalue of the normal matrix, after the points
+    are eliminated and the unknowns are scaled to a diagonal of one. Empty where several
+    directions are left open altogether: none of them is the weakest.
+
+    Returns
+    -------
+    tuple of Part
+        The largest first, down to a share of 5 %.
+    """
+    solution, layout = bundle.solution, bundle.network.layout
+    if solution.defect > 1 or layout.n_columns == 0:
+        return ()
+    v, names = solution.weakest, bundle.network.column_names()
+    parts = [
+        _of_poses(label, v[columns[columns >= 0]])
+        for label, columns in zip(POSES.values(), layout.pose.T, strict=True)
+    ]
+    for column in np.setdiff1d(np.arange(len(v)), [*layout.pose.ravel(), *layout.joint]):
+        parts.append(Part(unknown=_reported(names[column]), share=float(v[column] ** 2)))
+    named = (part for part in parts if part.share >= SHARE)
+    return tuple(sorted(named, key=lambda part: -part.share))
+
+
+def beyond_precision(bundle: Bundle) -> str:
+    """Return a sentence on a condition above `CARRIED`, and on the images that make it; or none.
+
+    Their positions and attitudes are not known. What all images share is, as long as it has a
+    standard deviation.
+    """
+    network = bundle.network
+    if not bundle.solution.condition > CARRIED:
+        return ""
+    n_points = np.bincount(network.image_points.image_idx, minlength=len(bundle.oriented))
+    names = [
+        f"{network.block.images.names[k]} (measured points: {n_points[k]})"
+        for k in np.flatnonzero(~bundle.oriented & (n_points > 0))
+    ]
+    of = f"the position and attitude of {', '.join(names[:NAMED])}" if names else "all unknowns"
+    of += f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+    return (
+        "the condition of the normal matrix is more than double precision can carry: the "
+        f"observations do not determine {of}"
+    )
+
+
+def _of_poses(label: str, v: Array) -> Part:
+    """Sum up one unknown of all poses."""
+    share = float(v @ v)
+    alike = len(v) > 1 and np.sum(v) ** 2 > ALIKE * len(v) * share
+    return Part(unknown=label.format("all " if alike else ""), share=share)
+
+
+def _reported(name: str) -> str:
+    """Return a column's name in results; a boresight column, about camera axes, keeps its own."""
+    owner, key = name.rsplit("/", 1)
+    if key in REPORTED and key not in BORESIGHT:
+        key = REPORTED[key][0]
+    return f"{owner}/{key}"
+
+
+def strong_correlations(calibration: Calibration) -> tuple[Pair, ...]:
+    """Return the pairs of reported parameters that correlate by more than 0.9, largest first.
+
+    Parameters that the observations leave open altogether have no correlations.
+    """
+    listed = parameters(calibration)
+    known = [i for i, p in enumerate(listed) if np.isfinite(p.sigma)]
+    names = [f"{p.camera}/{p.name}" for p in listed]
+    related = correlation(reported_covariance(calibration))
+    pairs = [
+        Pair(row=names[i], column=names[j], correlation=float(related[i, j]))
+        for i, j in combinations(known, 2)
+        if abs(related[i, j]) > STRONG
+    ]
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))
+
+
+def as_json(bundle: Bundle, calibration: Calibration) -> dict[str, object]:
+    """Return condition, weakest combination and strong correlations for a summary."""
+    return {
+        "condition": bundle.solution.condition,
+        "weakest": {part.unknown: part.share for part in weakest_combination(bundle)},
+        "correlated": [
+            [pair.row, pair.column, pair.correlation] for pair in strong_correlations(calibration)
+        ],
+    }
+
+
+# --- Correlations between the parameters that a bundle estimates (section 4.1); tests by
+# adjusting
+
+
+EXTERIOR = ("east_m", "north_m", "height_m", "omega_deg", "phi_deg", "kappa_deg")
+"""The exterior orientation as results report it: relative to the grid."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Correlations:
+    """Correlations of a camera's interior with the exterior orientation of its images.
+
+    Attributes
+    ----------
+    interior : tuple of str
+        Names of the estimated interior parameters, as results report them.
+    values : ndarray, shape (n_images, n_interior, 6)
+        Correlations with the components of `EXTERIOR`, for oriented images only.
+    """
+
+    interior: tuple[str, ...]
+    values: Array
+
+    @property
+    def largest(self) -> Array:
+        """The largest absolute correlation of every pair, shape (n_interior, 6)."""
+        out: Array = np.abs(self.values).max(axis=0, initial=0.0)
+        return out
+
+
+def parameter_correlations(calibration: Calibration) -> pd.DataFrame:
+    """Return the correlation matrix of all reported parameters, by their names in results."""
+    names = [
+        p.name if len(calibration.cameras) == 1 else f"{p.camera}/{p.name}"
+        for p in parameters(calibration)
+    ]
+    matrix = correlation(reported_covariance(calibration))
+    return pd.DataFrame(matrix, index=names, columns=names)
+
+
+def interior_exterior(bundle: Bundle) -> Correlations:
+    """Return how the interior orientation correlates with the exterior, image by image.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        An adjustment of one camera.
+    """
+    network, images = bundle.network, bundle.network.block.images
+    columns = network.layout.interior[0]
+    estimated = np.flatnonzero(columns >= 0)
+    oriented = np.flatnonzero(bundle.oriented)
+    pose_idx, camera_idx = network.pose_idx[oriented], images.camera_idx[oriented]
+    by_body, by_mount = mounted_jacobian(
+        bundle.state.T_m_b[pose_idx], bundle.state.T_b_c[camera_idx]
+    )
+    unknowns = np.concatenate(
+        [network.layout.mount[camera_idx], network.layout.pose[pose_idx]], axis=1
+    )
+    inverse, free = bundle.solution.inverse, columns[estimated]
+    interior = held_at_zero(inverse, free[:, None], unknowns[:, None, :])
+    cross = interior @ np.swapaxes(np.concatenate([by_mount, by_body], axis=2), 1, 2)
+    to_grid = _to_grid(bundle)[oriented]
+    sigma_exterior = sigmas(propagate(to_grid, bundle.camera_pose_covariances[oriented]))
+    sigma_interior = sigmas(inverse.at(free[:, None], free))
+    values = cross @ np.swapaxes(to_grid, 1, 2)
+    return Correlations(
+        interior=tuple(REPORTED[INTERIOR[i]][0] for i in estimated),
+        values=values / sigma_interior[:, None] / sigma_exterior[:, None, :],
+    )
+
+
+def _to_grid(bundle: Bundle) -> Array:
+    """Return d(east, north, height, omega, phi, kappa) / d(pose of every image)."""
+    frame, T_m_c = bundle.network.block.frame, bundle.T_m_c
+    out = np.zeros((len(T_m_c), 6, 6))
+    out[:, :3, :3] = frame.grid_axes(T_m_c.r)
+    out[:, 3:, 3:] = opk_jacobian(frame.pose_to_grid(T_m_c)[1])
+    return out
+
+
+def largest_pairs(correlations: Correlations, *, n: int = 4) -> dict[str, float]:
+    """Return the largest absolute correlations by the names of their pairs, largest first.
+
+    Parameters
+    ----------
+    correlations : Correlations
+    n : int
+        Number of pairs.
+
+    Returns
+    -------
+    dict
+        ``xp_mm/phi_deg`` and the like.
+    """
+    largest = correlations.largest
+    order = np.argsort(-largest, axis=None, kind="stable")[:n]
+    return {
+        f"{correlations.interior[i]}/{EXTERIOR[j]}": float(largest[i, j])
+        for i, j in zip(*np.unravel_index(order, largest.shape), strict=True)
+    }
+
+
+def nested_f_ratio(bundle: Bundle, test: GroupTest, against: Sequence[Camera]) -> float:
+    """Return the F-ratio of a group by an adjustment that holds it at the given values.
+
+    It uses the same observations. In a linear problem it equals that of the covariance.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        In which the group was estimated.
+    test : GroupTest
+    against : sequence of Camera
+        With the values to hold, in the order of the bundle's cameras.
+
+    Returns
+    -------
+    float
+        (v^T P v of this adjustment - v^T P v of the bundle) / (k sigma0^2).
+
+    Raises
+    ------
+    AdjustmentError
+        Where the adjustment does not converge.
+    """
+    expected.instance("bundle", bundle, Bundle)
+    expected.instance("test", test, GroupTest)
+    network = bundle.network
+    expected.many("against", against, len(network.block.cameras), "cameras")
+    expected.one_of("test.camera", test.camera, [c.name for c in network.block.cameras])
+    k = [camera.name for camera in network.block.cameras].index(test.camera)
+    _, columns = estimated(network.layout, k, test.keys)
+    state = bundle.state
+    interiors, mounts = list(state.interiors), state.T_b_c
+    interiors[k], T_b_c = _at(test.keys, interiors[k], mounts[k], against[k])
+    R, r = mounts.R.copy(), mounts.r.copy()
+    R[k], r[k] = T_b_c.R, T_b_c.r
+    start = replace(state, interiors=tuple(interiors), T_b_c=Pose(R=R, r=r))
+    held = adjust(replace(network, layout=holding(network.layout, columns), start=start))
+    drop = held.solution.cost - bundle.solution.cost
+    return drop / len(test.keys) / bundle.solution.sigma0_sq
+
+
+def _at(
+    keys: Sequence[str], interior: Interior, T_b_c: Pose, given: Camera
+) -> tuple[Interior, Pose]:
+    """Return interior orientation and mounting with the named parameters of another camera."""
+    values = {key: getattr(given.interior, key) for key in keys if key in INTERIOR}
+    return replace(interior, **values), Pose(
+        R=given.T_b_c.R if set(keys) & set(BORESIGHT) else T_b_c.R,
+        r=np.where(np.isin(LEVER_ARM, keys), given.T_b_c.r, T_b_c.r),
+    )
+
+
+# --- The smallest errors that tests find in each group of observations, and what smaller ones do
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detectable:
+    """One component of one group of observations.
+
+    Attributes
+    ----------
+    kind : str
+        Of the group, as `Group.kind`.
+    component : int
+        Its column in the group.
+    redundancy : ndarray, shape (n,)
+        Redundancy numbers of the n observations that take part.
+    bias : ndarray, shape (n,)
+        Smallest error of each that is found with a probability of 80 %, in the unit of the
+        observation, angles in radians; infinite where nothing controls it.
+    effect : float
+        Largest effect of such an error on a parameter, in its sigmas; NaN without parameters.
+    on : str
+        That parameter, ``camera/parameter`` with the library's name of it.
+    """
+
+    kind: str
+    component: int
+    redundancy: Array
+    bias: Array
+    effect: float
+    on: str
+
+
+def detectable(bundle: Bundle) -> tuple[Detectable, ...]:
+    """Return every component of every group of observations that takes part in a bundle."""
+    return tuple(_components(bundle))
+
+
+def _components(bundle: Bundle) -> Iterator[Detectable]:
+    columns = shared_columns(bundle)
+    names = bundle.network.column_names()
+    effects = parameter_effects(bundle, columns)
+    for group, effect in zip(bundle.solution.groups, effects, strict=True):
+        found = reliability(group)
+        for d in range(found.redundancy.shape[1]):
+            used = np.isfinite(found.redundancy[:, d])
+            if used.any():
+                by_parameter = np.abs(effect[used, d]).max(axis=0)
+                which = int(np.argmax(by_parameter)) if len(columns) else -1
+                yield Detectable(
+                    kind=group.kind,
+                    component=d,
+                    redundancy=found.redundancy[used, d],
+                    bias=found.detectable[used, d],
+                    effect=float(by_parameter[which]) if len(columns) else np.nan,
+                    on=names[columns[which]] if len(columns) else "",
+                )
+
+
+def shared_columns(bundle: Bundle) -> Index:
+    """Return the columns of interior orientations and mountings, which images share."""
+    layout = bundle.network.layout
+    columns = np.concatenate([layout.interior.ravel(), layout.mount.ravel()])
+    return columns[columns >= 0]

@@ -1,0 +1,469 @@
+"""Whether the boresight stays, and whether the heads of a rig keep their places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.observations import attitude_equations, has_times
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.least_squares import statistics
+from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.least_squares.normal_equations import Equations, column_normals, point_normals, strips
+from acx4lib.least_squares.statistics import holm
+
+# --- Does the boresight stay? Steps between strips and a drift, as added unknowns of an
+# adjustment
+#
+# Boresights of single images share the errors of the bundle: of one strip, they are off together.
+# So their differences are tested with the covariance of the attitudes' residuals, which has these
+# errors, and not with the scatter within the strips.
+
+
+OPEN = 1e-3
+"""Share of a turn that shows in the residuals, below which it is a boresight or not determined."""
+
+COMMON = 1e-5
+"""That share of a turn of all exposures, below which the boresight takes it up whole."""
+
+LEAST_REDUNDANCY = 1.0
+"""Redundancy of the attitudes, beside the turns, from which their scatter is known at all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Turns:
+    """Turns of the cameras against the body, tested together.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Strips; of a drift, one name: what is given is the change from the first exposure to the
+        last.
+    turns, sigma : ndarray, shape (n, 3)
+        About the body's axes, less the mean of all exposures; radians, sigma from the attitudes'
+        residuals that are left. Infinite where a turn does not show in the residuals.
+    f : float
+        (T / dof) / s^2; T is the sum of squares that the turns explain, s^2 the variance factor of
+        the attitudes beside them.
+    dof : int
+    redundancy : float
+        Of the attitudes, beside the turns.
+    """
+
+    names: tuple[str, ...]
+    turns: Array
+    sigma: Array
+    f: float
+    dof: int
+    redundancy: float
+
+    @property
+    def p(self) -> float:
+        """Probability of such turns, or larger ones, where the boresight stays."""
+        return statistics.f_sf(self.f, self.dof, self.redundancy)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Residuals:
+    """The attitudes' residuals, with what turns would do to them.
+
+    Attributes
+    ----------
+    equations : Equations
+    redundancy : float
+    shown : ndarray, shape (m, 3, k)
+        By how much a turn of each kind shows in the residuals: Q_vv P C.
+    normal, right : ndarray, shape (k, k) and (k,)
+        C^T P Q_vv P C and C^T P v.
+    scale : ndarray, shape (k,)
+        Roots of the diagonal of C^T P C.
+    """
+
+    equations: Equations
+    redundancy: float
+    shown: Array
+    normal: Array
+    right: Array
+    scale: Array
+
+
+def between_strips(bundle: Bundle) -> Turns | None:
+    """Test whether the boresight differs between strips.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        With attitudes as observations, such as that of the single step.
+
+    Returns
+    -------
+    Turns or None
+        None where there are no two strips with attitudes that the images control.
+
+    Notes
+    -----
+    With the residuals v = estimated - observed, their weights P and covariance Q_vv, and C the
+    derivatives of the observed attitudes by the turns, the turns are M^+ C^T P v with
+    M = C^T P Q_vv P C, and the sum of squares falls by T = v^T P C M^+ C^T P v [1]_. That is what
+    the adjustment gives with the turns as unknowns, where it is linear in them. Turns that all
+    exposures share are no part of it.
+
+    References
+    ----------
+    .. [1] K.-R. Koch, "Parameter Estimation and Hypothesis Testing in Linear Models", 2nd
+       edition, 1999, chapters 3.4 and 4.2.
+    """
+    expected.instance("bundle", bundle, Bundle)
+    block = bundle.network.block
+    strip = np.full(len(block.trajectory), "", dtype=object)
+    strip[block.images.exposure_idx] = block.images.strips
+    names = tuple(filter(None, dict.fromkeys(strip)))
+    if len(names) < 2:
+        return None
+    own = np.stack([strip == name for name in names], axis=1).astype(float)
+    mean = own.mean(axis=0)
+    return _tested(bundle, names, own - mean, np.eye(len(names)) - mean)
+
+
+def over_time(bundle: Bundle) -> Turns | None:
+    """Test whether the boresight drifts, linearly over time or over the order of the exposures.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        As in `between_strips`; so is the test.
+    """
+    expected.instance("bundle", bundle, Bundle)
+    trajectory = bundle.network.block.trajectory
+    time = trajectory.time_s if has_times(trajectory) else np.arange(len(trajectory), dtype=float)
+    if not np.ptp(time) > 0:
+        return None
+    share = (time - time.mean()) / np.ptp(time)
+    return _tested(bundle, ("drift",), share[:, None], np.eye(1))
+
+
+def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, told: Array) -> Turns | None:
+    """Test turns beside one that all exposures share.
+
+    `shares`, shape (m, n), says how far each exposure has each turn, with the mean zero; `told`,
+    shape (n, n), is how far what is given has each of them.
+    """
+    if not _observes_attitudes(bundle.network):
+        return None
+    common_and_each = np.column_stack([np.ones(len(shares)), shares])
+    k = 3 * common_and_each.shape[1]
+    C = np.einsum("mn,ab->manb", common_and_each, np.eye(3)).reshape(-1, 3, k)
+    common, each = np.arange(3), np.arange(3, k)
+    r = _beside(_residuals(bundle, C), common, each)
+    _, of_common, _ = _solved(r, common, COMMON)
+    explained, of_each, dof = _solved(r, each, OPEN)
+    inverse = np.zeros_like(r.normal)
+    inverse[:3, :3], inverse[3:, 3:] = of_common, of_each
+    left = r.equations.v - r.shown @ (inverse @ r.right)
+    weighed = r.equations.weighed(r.shown)
+    redundancy = r.redundancy - float(np.sum(inverse * np.einsum("mdk,mdl->kl", r.shown, weighed)))
+    if dof < 1 or redundancy < LEAST_REDUNDANCY:
+        return None
+    variance = float(np.sum(left * r.equations.weighed(left[:, :, None])[:, :, 0])) / redundancy
+    if not variance > 0:
+        return None
+    by_turns = np.kron(told, np.eye(3))
+    sigma = sigmas(variance * propagate(by_turns, of_each))
+    return Turns(
+        names=names,
+        turns=(by_turns @ of_each @ r.right[each]).reshape(-1, 3),
+        sigma=np.where(sigma > 0, sigma, np.inf).reshape(-1, 3),
+        f=explained / dof / variance,
+        dof=dof,
+        redundancy=redundancy,
+    )
+
+
+def _beside(r: _Residuals, common: Index, each: Index) -> _Residuals:
+    """Return turns that change what they have in common, so that they are independent of it.
+
+    A boresight without sigma takes up a turn of all exposures whole, a declared one nearly so:
+    neither is a step.
+    """
+    _, inverse, _ = _solved(r, common, COMMON)
+    K = np.eye(len(r.right))
+    K[np.ix_(common, each)] = -inverse @ r.normal[np.ix_(common, each)]
+    return replace(r, shown=r.shown @ K, normal=K.T @ r.normal @ K, right=K.T @ r.right)
+
+
+def _observes_attitudes(network: Network) -> bool:
+    rows = len(network.pose_names) == len(network.block.trajectory)
+    return rows and bool(np.isfinite(network.observed.sigma_attitude).any())
+
+
+def _residuals(bundle: Bundle, C: Array) -> _Residuals:
+    """Return what turns C, shape (m, 3, k), do to the residuals of the attitudes."""
+    network, solution = bundle.network, bundle.solution
+    e = attitude_equations(network.observed, bundle.state, network.layout)
+    weighed = e.weighed(C)
+    columns, held = e.columns[e.unit], e.columns[e.unit] < 0
+    A = np.where(held[:, None, :], 0.0, e.A)
+    by_columns = np.zeros((network.n_columns, C.shape[2]))
+    np.add.at(by_columns, columns, np.einsum("mda,mdk->mak", A, weighed))
+    gain = solution.inverse.times(by_columns.T).T
+    shown = C - np.einsum("mda,mak->mdk", A, gain[columns])
+    group = solution.group("attitude")
+    return _Residuals(
+        equations=e,
+        redundancy=float(np.nansum(group.redundancy)),
+        shown=np.where(np.isfinite(e.sigma)[:, :, None], shown, 0.0),
+        normal=np.einsum("mdk,mdl->kl", C, weighed) - by_columns.T @ gain,
+        right=np.einsum("mdk,md->k", weighed, e.v),
+        scale=np.sqrt(np.einsum("mdk,mdk->k", C, weighed)),
+    )
+
+
+def _solved(r: _Residuals, own: Index, least: float) -> tuple[float, Array, int]:
+    """Return what some of the turns explain, the inverse of their normal matrix, and its rank."""
+    scale = np.where(r.scale[own] > 0, r.scale[own], 1.0)
+    values, vectors = np.linalg.eigh(r.normal[np.ix_(own, own)] / scale[:, None] / scale)
+    kept = values > least
+    part = vectors[:, kept] / scale[:, None]
+    along = part.T @ r.right[own]
+    return float(np.sum(along**2 / values[kept])), (part / values[kept]) @ part.T, int(kept.sum())
+
+
+def as_json(bundle: Bundle) -> Mapping[str, object]:
+    """Return both tests as values for JSON, angles in degrees; null for one that is not made."""
+    made = {"strips": between_strips(bundle), "drift": over_time(bundle)}
+    return {name: None if found is None else _told(found) for name, found in made.items()}
+
+
+def _told(found: Turns) -> dict[str, object]:
+    return {
+        "names": list(found.names),
+        "turns_deg": np.degrees(found.turns).tolist(),
+        "sigma_deg": np.degrees(found.sigma).tolist(),
+        "f": found.f,
+        "dof": found.dof,
+        "redundancy": found.redundancy,
+        "p": found.p,
+    }
+
+
+# --- Whether the heads of a rig keep their places: the free rig against the rigid one
+#
+# In the rigid rig every head has one boresight at all exposures. In the free rig the heads turn at
+# an exposure, each by three small angles against the first head there. The free rig has smaller
+# residuals in any case; an F test says whether they are smaller than by chance. Positions are no
+# part of it: a lens that moves by a millimetre moves a point on the ground by as much.
+
+
+MOST_COLUMNS = 10_000
+"""Unknowns of the free rig without its points, whose normal matrix has 0.8 GB."""
+
+_OPEN = 1e-9
+"""Eigenvalue of the scaled normal matrix, as a share of the largest, of what is no deformation."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FTest:
+    """A test of additional unknowns.
+
+    Attributes
+    ----------
+    explained : float
+        By how much the weighted sum of squared residuals is smaller with them.
+    left : float
+        What is left of it.
+    dof : int
+        Number of the unknowns.
+    redundancy : int
+        With them.
+    """
+
+    explained: float
+    left: float
+    dof: int
+    redundancy: int
+
+    @property
+    def f(self) -> float:
+        """(explained / dof) / (left / redundancy)."""
+        return self.explained / self.dof / (self.left / self.redundancy)
+
+    @property
+    def p(self) -> float:
+        """Probability of such an F, or a larger one, if the additional unknowns are zero."""
+        return statistics.f_sf(self.f, self.dof, self.redundancy)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rigidity:
+    """Tests of a rig, exposure by exposure and of all exposures at once.
+
+    Attributes
+    ----------
+    heads : tuple of str
+    exposures : tuple of str
+        Those at which two or more heads have measurements.
+    turns, sigma : ndarray, shape (n_exposures, n_heads, 3)
+        Rotation of every head against the first one that measured, about the head's axes, if the
+        rig is rigid at all other exposures; radians, sigma a posteriori. Zero of the first head,
+        NaN of one that has not measured.
+    tests : tuple of FTest
+        One for each exposure.
+    whole : FTest
+        Of all exposures at once, less what the boresights take up.
+    """
+
+    heads: tuple[str, ...]
+    exposures: tuple[str, ...]
+    turns: Array
+    sigma: Array
+    tests: tuple[FTest, ...]
+    whole: FTest
+
+    @property
+    def p_joint(self) -> Array:
+        """Probabilities of the tests by exposure, comparable with one joint level, by Holm."""
+        return holm(np.array([test.p for test in self.tests]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Turns:
+    """The additional unknowns: three angles for each of these images."""
+
+    images: Index
+    exposure: Index
+
+    def columns(self, exposure: int) -> Index:
+        own = np.flatnonzero(self.exposure == exposure)
+        return (3 * own[:, None] + np.arange(3)).ravel()
+
+
+def rigidity(bundle: Bundle) -> Rigidity:
+    """Test whether the heads of a rig turn against each other.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        Of a rig, as `rig.calibrate` adjusts it, with free boresights.
+
+    Raises
+    ------
+    AdjustmentError
+        Where no exposure has measurements of two heads, or there are too many unknowns.
+
+    Notes
+    -----
+    From the rigid adjustment alone: with M and g the normal equations of the angles of an exposure,
+    reduced by all other unknowns, the sum of squares falls by g^T M^-1 g. This is exact where the
+    residuals are linear in the angles, which are seconds of arc.
+    """
+    expected.instance("bundle", bundle, Bundle)
+    network, solution = bundle.network, bundle.solution
+    turning = _turning(network)
+    if not len(turning.images):
+        msg = "no exposure has measurements of two heads, so that nothing can turn between them"
+        raise AdjustmentError(msg)
+    n = network.n_columns + 3 * len(turning.images)
+    if n > MOST_COLUMNS:
+        msg = f"the free rig has {n} unknowns besides its points; at most {MOST_COLUMNS} are tested"
+        raise AdjustmentError(msg)
+    M, g = _reduced_by_rigid(network, _with_turns(bundle, turning), n)
+    omega, r = solution.sigma0_sq * solution.redundancy, solution.redundancy
+    n_images = len(network.block.images)
+    angles, sigma = np.full((n_images, 3), np.nan), np.full((n_images, 3), np.nan)
+    exposures, tests = np.unique(turning.exposure), []
+    for exposure in exposures.tolist():
+        own = turning.columns(exposure)
+        cov = np.linalg.inv(M[np.ix_(own, own)])
+        explained = float(g[own] @ cov @ g[own])
+        tests.append(_test(explained, omega, len(own), r))
+        images = turning.images[turning.exposure == exposure]
+        angles[images] = (-cov @ g[own]).reshape(-1, 3)
+        sigma[images] = np.sqrt(solution.sigma0_sq) * sigmas(cov).reshape(-1, 3)
+    return Rigidity(
+        heads=tuple(camera.name for camera in network.block.cameras),
+        exposures=tuple(network.pose_names[e] for e in exposures),
+        turns=_by_head(network, angles, exposures),
+        sigma=_by_head(network, sigma, exposures),
+        tests=tuple(tests),
+        whole=_whole(M, g, omega, r),
+    )
+
+
+def _turning(network: Network) -> _Turns:
+    """Return the images that turn: of every exposure all measured ones but the first head's."""
+    images = network.block.images
+    measured = np.unique(network.image_points.image_idx)
+    order = np.lexsort((images.camera_idx[measured], network.pose_idx[measured]))
+    ordered = measured[order]
+    exposure = network.pose_idx[ordered]
+    later: Mask = np.append(False, exposure[1:] == exposure[:-1])
+    return _Turns(images=ordered[later], exposure=exposure[later])
+
+
+def _with_turns(bundle: Bundle, turning: _Turns) -> list[Equations]:
+    """Return the linearised observations; those of image points have the angles, too.
+
+    An angle acts on its image as the boresight of the head does.
+    """
+    network = bundle.network
+    seen, *others = network.equations(bundle.state)
+    camera = network.block.images.camera_idx
+    n_images = len(camera)
+    angles = np.full((n_images, 3), -1)
+    angles[turning.images] = network.n_columns + np.arange(3 * len(turning.images)).reshape(-1, 3)
+    boresight = network.layout.mount[camera, 3:]
+    at = np.argmax(seen.columns[:, :, None] == boresight[:, None, :], axis=1)
+    A = np.take_along_axis(seen.A, at[seen.unit][:, None, :], axis=2)
+    both = replace(
+        seen,
+        A=np.concatenate([seen.A, A], axis=2),
+        columns=np.concatenate([seen.columns, angles], axis=1),
+    )
+    return [both, *others]
+
+
+def _reduced_by_rigid(network: Network, equations: list[Equations], n: int) -> tuple[Array, Array]:
+    """Return the normal equations of the angles, reduced by all unknowns of the rigid rig."""
+    N, g = column_normals(n, equations)
+    V, h = point_normals(network.free_points, equations)
+    for points, strip in strips(n, network.free_points, equations):
+        L_inv = np.linalg.inv(np.linalg.cholesky(V[points]))
+        Z = (L_inv @ strip).reshape(3 * len(strip), -1)
+        N -= Z.T @ Z
+        g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h[points]).ravel()
+    rigid, free = np.arange(network.n_columns), np.arange(network.n_columns, n)
+    scale = 1 / np.sqrt(N.diagonal()[rigid])
+    scaled = N[np.ix_(rigid, rigid)] * scale[:, None] * scale
+    across = N[np.ix_(rigid, free)] * scale[:, None]
+    gain = np.linalg.solve(scaled, np.column_stack([across, g[rigid] * scale]))
+    left = np.column_stack([N[np.ix_(free, free)], g[free]]) - across.T @ gain
+    return left[:, :-1], left[:, -1]
+
+
+def _test(explained: float, omega: float, dof: int, redundancy: int) -> FTest:
+    return FTest(explained=explained, left=omega - explained, dof=dof, redundancy=redundancy - dof)
+
+
+def _whole(M: Array, g: Array, omega: float, redundancy: int) -> FTest:
+    """Test all angles at once; a turn that a head has at all exposures is its boresight."""
+    scale = 1 / np.sqrt(M.diagonal())
+    values, vectors = np.linalg.eigh(M * scale[:, None] * scale)
+    kept = values > _OPEN * values[-1]
+    along = vectors[:, kept].T @ (scale * g)
+    return _test(float(np.sum(along**2 / values[kept])), omega, int(kept.sum()), redundancy)
+
+
+def _by_head(network: Network, values: Array, exposures: Index) -> Array:
+    """Return values of images by exposure and head; zero for the first head that measured."""
+    out = np.full((len(network.pose_names), len(network.block.cameras), 3), np.nan)
+    measured = np.unique(network.image_points.image_idx)
+    camera = network.block.images.camera_idx[measured]
+    out[network.pose_idx[measured], camera] = np.nan_to_num(values[measured])
+    by_exposure: Array = out[exposures]
+    return by_exposure

@@ -1,0 +1,467 @@
+"""Reading tables: first as text, so that every problem has its file, line and column."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import resource
+import stat
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acx4lib.expected import Array, given
+from acx4lib.flight.problems import NO_ROWS, Problem, counted, quoted
+from acx4lib.flight.tables import (
+    MOST_COLUMNS,
+    SCHEMAS,
+    Rows,
+    Schema,
+    Table,
+    cell_problems,
+    extra_notes,
+    header_problems,
+    numbers_of,
+    read_header,
+    read_rows,
+    whole_rows,
+    width_problems,
+)
+from acx4lib.opening import opened, text_of
+
+NO_END = "the last line has no line end; was the file cut off?"
+
+
+def read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
+    """Return a table of a flight; what is wrong is in its `problems`.
+
+    Parameters
+    ----------
+    path : Path
+        Its name is one of `SCHEMAS`.
+    file : str
+        Its name in messages.
+    needed_by : str
+        For the message if the file is missing.
+    """
+    return read_columns(path, file, SCHEMAS[path.name], needed_by=needed_by)
+
+
+def read_columns(
+    path: Path,
+    file: str,
+    schema: Schema,
+    *,
+    needed_by: str,
+    most: int | None = None,
+    as_written: Callable[[str], str] = str,
+) -> Table:
+    """Return a table with the columns of a schema; what is wrong is in its `problems`.
+
+    Parameters
+    ----------
+    path, file, needed_by
+        As in `read_table`, but the file may have any name.
+    schema : Schema
+    most : int, optional
+        Largest size in bytes; by default what the free memory allows.
+    as_written : callable, optional
+        Takes the text of the file, and returns it as a table of commas and decimal points, line
+        by line.
+    """
+    whole, sha256, problems = read_text(path, file, needed_by=needed_by, most=most)
+    whole = as_written(whole)
+    cells, problems = ([], problems) if problems else read_header(whole, file)
+    header = [name.strip() for name in cells]
+    problems = problems or _no_header(whole, header, file)
+    if problems:
+        return Table(file=file, problems=problems)
+    wrong = header_problems(file, header, schema)
+    if wrong and not set(header) & set(schema.required):
+        return Table(file=file, problems=wrong)
+    if len(header) > MOST_COLUMNS:
+        return Table(file=file, problems=wrong)
+    wanted = {name: header.index(name) for name in schema.known if name in header}
+    names = wanted.keys() - schema.ranges.keys()
+    rows, problems = read_rows(whole, file, width=len(header), wanted=wanted, names=names)
+    if problems:
+        return Table(file=file, problems=problems)
+    table, n_blank = _of_rows(file, rows, schema), rows.blank_at_end
+    return replace(
+        table,
+        sha256=sha256,
+        problems=(*wrong, *_row_problems(table, rows, schema)),
+        notes=(
+            *extra_notes(file, header, schema),
+            *([f"{file}: {n_blank} blank line{'s' * (n_blank > 1)} at the end"] if n_blank else []),
+            *([] if whole.endswith(("\n", "\r")) else [f"{file}: {NO_END}"]),
+        ),
+    )
+
+
+def _no_header(text: str, header: list[str], file: str) -> tuple[Problem, ...]:
+    if any(header):
+        return ()
+    found = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
+    return (Problem(file=file, line=1, column="file", found=found, expected="needs a header"),)
+
+
+def _of_rows(file: str, rows: Rows, schema: Schema) -> Table:
+    text = {name: tuple(cells) for name, cells in rows.columns.items()}
+    return Table(
+        file=file,
+        lines=np.array(rows.lines, dtype=np.int64),
+        text=text,
+        numbers={n: numbers_of(cells) for n, cells in text.items() if n in schema.ranges},
+    )
+
+
+def _row_problems(table: Table, rows: Rows, schema: Schema) -> Iterator[Problem]:
+    if schema.rows and not len(table) and not rows.blank:
+        yield table.problem(0, "file", NO_ROWS, "at least one row under the header")
+    yield from width_problems(table.file, rows)
+    yield from cell_problems(table, schema, whole_rows(rows))
+
+
+# --- The bytes of a flight's files: opened once, checked, and read if they fit into memory
+
+
+__all__ = ["fits", "free_memory", "named_file", "opened", "read_bytes", "read_text", "text_of"]
+
+SMALL = 10_000_000
+"""Largest file, bytes, that is read without a check of the free memory."""
+
+DEEPEST = 10
+"""Largest number of folders in the name of a file."""
+
+EXPANSION = 25
+"""Memory needed to read and check a table, as a multiple of the size of its file."""
+
+
+def read_bytes(
+    path: Path, file: str, *, needed_by: str = "a flight", most: int | None = None
+) -> tuple[bytes, tuple[Problem, ...]]:
+    """Return the content of a regular file, or what is wrong with the file.
+
+    Parameters
+    ----------
+    path : Path
+    file : str
+        Its name in messages.
+    needed_by : str
+        For the message if the file is missing.
+    most : int, optional
+        Largest size in bytes; by default what the free memory allows.
+    """
+
+    def wrong(found: str, expected: str) -> tuple[bytes, tuple[Problem, ...]]:
+        problem = Problem(file=file, line=1, column="file", found=found, expected=expected)
+        return b"", (problem,)
+
+    try:
+        size, data = _content(path, most)
+    except FileNotFoundError:
+        if path.is_symlink():
+            return wrong("is a link to nothing", "must be a readable file")
+        return wrong("is not there", f"{needed_by} needs it")
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+        reason = getattr(error, "strerror", None) or error
+        return wrong(f"cannot be read ({reason})", "must be a readable file")
+    if data is None:
+        allowed = f"must have at most {most} bytes" if most else "must fit into free memory"
+        needs = "" if most else f", reading it takes {EXPANSION} times as much memory"
+        return wrong(f"has {size} bytes{needs}", allowed)
+    if len(data) != size:
+        return wrong("changed while it was read", "must be complete before it is read")
+    return data, ()
+
+
+def read_text(
+    path: Path, file: str, *, needed_by: str = "a flight", most: int | None = None
+) -> tuple[str, str, tuple[Problem, ...]]:
+    """Return a file's text, without byte-order mark, its SHA-256, and what is wrong with it."""
+    data, problems = read_bytes(path, file, needed_by=needed_by, most=most)
+    if problems:
+        return "", "", problems
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        at, found = error.start, f"byte 0x{data[error.start]:02x} is not UTF-8"
+    else:
+        at, found = data.find(b"\0"), "holds a null character"
+        if at < 0:
+            return text, hashlib.sha256(data).hexdigest(), ()
+    line = data.count(b"\n", 0, at) + 1
+    expected = "must be UTF-8 text"
+    problem = Problem(file=file, line=line, column="file", found=found, expected=expected)
+    return "", "", (problem,)
+
+
+def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:
+    """Return the resolved path of a flight's file, or None and what is wrong with its name.
+
+    Parameters
+    ----------
+    flight : Path
+        Folder in which the file must lie; without links.
+    folder : Path
+        Folder to which the name is relative; without links.
+    name : str
+    """
+    if name.count("/") > DEEPEST:
+        return None, f"has more than {DEEPEST} folders"
+    path = f"{folder}/{name}" if name[:1] != "/" else name
+    try:
+        mode: int | None = os.stat(path).st_mode  # noqa: PTH116 a path of each of 100 000 names is slow
+        path = os.path.realpath(path)
+    except FileNotFoundError:
+        mode, path = None, os.path.normpath(path)
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        return None, f"is no file name that can be used ({str(reason).splitlines()[0]})"
+    if not path.startswith(f"{flight}/"):
+        return None, "lies outside the flight"
+    if mode is None:
+        return None, "is not there"
+    return (Path(path), "") if stat.S_ISREG(mode) else (None, "is no regular file")
+
+
+def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
+    """Return size and content of a regular file; no content where it is too large."""
+    with opened(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most if most else not fits(size):
+            return size, None
+        return size, file.read(size + 1) if size else b""  # reading one of /proc may never end
+
+
+def fits(size: int) -> bool:
+    """Tell whether files of so many bytes together can be read and checked in the free memory."""
+    return size <= SMALL or size * EXPANSION <= free_memory()
+
+
+def free_memory() -> int:
+    """Return the bytes of memory that this process can still get, according to the system."""
+    known = [_meminfo(), _group_limit(), _process_limit()]
+    return min(free for free in known if free is not None)
+
+
+def _meminfo() -> int:
+    try:
+        lines = Path("/proc/meminfo").read_text("ascii").splitlines()
+        return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvail"))
+    except (OSError, StopIteration):  # another system
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def _group_limit() -> int | None:
+    """Return the free memory of the container, bytes; None outside a container."""
+    group = Path("/sys/fs/cgroup")
+    try:
+        limit, used = ((group / f"memory.{name}").read_text("ascii") for name in ("max", "current"))
+        return int(limit) - int(used)
+    except (OSError, ValueError):  # no such group, or "max"
+        return None
+
+
+def _process_limit() -> int | None:
+    """Return the free part of the process's address space, bytes; None if it has no limit."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return None
+    try:
+        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+    except OSError:
+        return limit
+    return limit - pages * os.sysconf("SC_PAGE_SIZE")
+
+
+# --- Tables in memory: a DataFrame, or arrays by their columns, checked as a file would be
+
+
+PICTURES = ("file",)
+"""Columns that a table in memory does not have: it has no folder in which files could lie."""
+
+
+class Frame(Protocol):
+    """What a DataFrame of pandas and others have in common."""
+
+    @property
+    def columns(self) -> Any:
+        """Names of the columns."""
+
+    def __getitem__(self, column: str, /) -> Any:
+        """Return a column."""
+
+
+Columns = Mapping[str, Any] | Frame
+"""A table in memory: arrays or lists by the names of their columns, or a DataFrame."""
+
+
+class Written(Sequence[str]):
+    """The cells of a numeric column as text, written when somebody asks."""
+
+    def __init__(self, values: NDArray[Any]) -> None:
+        self._values = values
+
+    def __len__(self) -> int:
+        """Count the cells."""
+        return len(self._values)
+
+    @overload
+    def __getitem__(self, row: int) -> str: ...
+    @overload
+    def __getitem__(self, row: slice) -> Sequence[str]: ...
+    def __getitem__(self, row: int | slice) -> str | Sequence[str]:
+        """Return a cell, or some of them."""
+        if isinstance(row, slice):
+            return Written(self._values[row])
+        value = self._values[row]
+        return "" if _is_missing(value) else str(value)
+
+
+def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
+    """Return a table made from columns; what is wrong is in its `problems`.
+
+    Parameters
+    ----------
+    columns : mapping of str to array, or DataFrame
+        Names may be text or whole numbers. A standard deviation may be infinite: not known.
+    name : str
+        What messages call it.
+    schema : Schema
+        Of the file that it stands for, without `PICTURES`.
+    """
+    schema = replace(schema, optional=tuple(c for c in schema.optional if c not in PICTURES))
+    table = Table(file=name, in_memory=True)
+    names = columns if isinstance(columns, Mapping) else getattr(columns, "columns", None)
+    if names is None:
+        expected = "must be a DataFrame, or a dict of arrays"
+        return replace(table, problems=(_whole(name, "table", f"is {given(columns)}", expected),))
+    header = [str(column) for column in names] or [""]
+    wrong = tuple(
+        replace(problem, line=-1, in_memory=True)
+        for problem in header_problems(name, header, schema)
+    )
+    found = {c: _cells(columns[c]) for c in dict.fromkeys(names) if c in schema.known}
+    misshapen = tuple(_shape_problems(name, found))
+    if wrong or misshapen:
+        return replace(table, problems=(*wrong, *misshapen))
+    notes = tuple(extra_notes(name, header, schema))
+    return _checked(replace(table, notes=notes), found, schema)
+
+
+def _cells(column: Any) -> NDArray[Any]:
+    """Return a column as an array; a list keeps the types of its cells."""
+    return np.asarray(column, dtype=object if isinstance(column, list | tuple) else None)
+
+
+def _whole(name: str, column: str, found: str, expected: str) -> Problem:
+    return Problem(
+        file=name, line=-1, column=column, found=found, expected=expected, in_memory=True
+    )
+
+
+def _shape_problems(name: str, columns: Mapping[str, NDArray[Any]]) -> Iterator[Problem]:
+    """Yield the columns that are no column, or not as long as the longest."""
+    n = max((len(cells) for cells in columns.values() if cells.ndim == 1), default=0)
+    longest = next((c for c, cells in columns.items() if cells.shape == (n,)), "")
+    for column, cells in columns.items():
+        if cells.ndim == 0:
+            expected = f"must be one for each row: np.full({n}, {cells.item()!r})"
+            yield _whole(name, column, f"the single value {cells.item()!r}", expected)
+        elif cells.ndim > 1:
+            expected = f"must be one value for each row, shape ({n},)"
+            yield _whole(name, column, f"an array of shape {cells.shape}", expected)
+        elif len(cells) != n:
+            yield _whole(name, column, f"{len(cells)} values", f"must be {n}, as {longest} has")
+
+
+def _checked(table: Table, columns: Mapping[str, NDArray[Any]], schema: Schema) -> Table:
+    """Return the table with its cells, and what is wrong with them."""
+    n = len(next(iter(columns.values())))
+    text: dict[str, Sequence[str]] = {}
+    numbers: dict[str, Array] = {}
+    no_names: list[Problem] = []
+    table = replace(table, lines=np.arange(n))
+    for column, cells in columns.items():
+        if column in schema.ranges:
+            numbers[column], text[column] = _numbers(cells), Written(cells)
+        else:
+            text[column], wrong = _names(cells)
+            no_names += counted(wrong, _no_name(table, column, cells))
+    if no_names:
+        return replace(table, problems=tuple(no_names))
+    table = replace(table, text=text, numbers=numbers)
+    problems = list(cell_problems(_with_known(table), schema, np.ones(n, dtype=bool)))
+    if schema.rows and not n:
+        problems = [_whole(table.file, "table", NO_ROWS, "must have one at least")]
+    return replace(table, problems=tuple(problems), sha256=_checksum(table))
+
+
+def _with_known(table: Table) -> Table:
+    """Return the table with a usual value for standard deviations that are not known."""
+    numbers = {
+        column: np.where(np.isposinf(values), 1.0, values) if column.startswith("sigma") else values
+        for column, values in table.numbers.items()
+    }
+    return replace(table, numbers=numbers)
+
+
+def _numbers(cells: NDArray[Any]) -> Array:
+    """Return cells as numbers, NaN where one is none; text is none, whatever it says."""
+    if cells.dtype.kind in "fiu":
+        return cells.astype(float)
+    return np.fromiter(map(_number, cells), dtype=float, count=len(cells))
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return np.nan
+    try:
+        return float(value)
+    except OverflowError:  # an integer of Python may have any number of digits
+        return np.nan
+
+
+def _names(cells: NDArray[Any]) -> tuple[tuple[str, ...], list[int]]:
+    """Return cells as names, and the rows of those that are neither text nor a whole number."""
+    values = cells.tolist()
+    if cells.dtype.kind in "iu":
+        return tuple(map(str, values)), []
+    empty = [_is_missing(one) or (isinstance(one, float) and np.isnan(one)) for one in values]
+    names = ["" if none else str(one) for none, one in zip(empty, values, strict=True)]
+    good = [none or _is_name(one) for none, one in zip(empty, values, strict=True)]
+    return tuple(names), np.flatnonzero(np.logical_not(good)).tolist()
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str | int | np.integer) and not isinstance(value, bool)
+
+
+def _is_missing(value: object) -> bool:
+    """Tell whether a cell is empty: pandas' own value for that cannot be compared."""
+    return value is None or type(value).__name__ in ("NAType", "NaTType")
+
+
+def _no_name(table: Table, column: str, cells: NDArray[Any]) -> Callable[[int], Problem]:
+    def problem(row: int) -> Problem:
+        found = quoted(cells[row].item() if isinstance(cells[row], np.generic) else cells[row])
+        return table.problem(row, column, found, "must be a name: text, or a whole number")
+
+    return problem
+
+
+def _checksum(table: Table) -> str:
+    """Return the SHA-256 of all cells."""
+    whole = hashlib.sha256()
+    for column, cells in table.text.items():
+        whole.update(column.encode())
+        values = table.numbers.get(column)
+        data = "\0".join(cells).encode() if values is None else values.tobytes()
+        whole.update(data)
+    return whole.hexdigest()

@@ -1,1 +1,0 @@
-"""Tests of observations, and the distributions of tests."""

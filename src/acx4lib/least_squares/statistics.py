@@ -1,0 +1,555 @@
+"""What residuals say.
+
+Weighted squares, distributions, tests one by one and of many, and errors that change slowly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse, special
+
+from acx4lib import expected
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.least_squares import processors
+
+# --- Weighted sums of squares of standard normal values: what a quadratic form of residuals is
+
+
+STEP, NODES = 0.15, 160
+"""Of the trapezoidal rule: probabilities have a relative error below 1e-9."""
+BEND = 0.25
+"""How fast the path of integration turns to the right, where it is as near to the branch as it
+steps: then the integrand falls faster than by a power."""
+_LEAST = 0.5
+"""Smallest distance of the path from the pole at zero, over the standard deviation."""
+
+
+def tails(x: float, weights: Array) -> tuple[float, float]:
+    """Return the probabilities of a weighted sum of squares below and above a value.
+
+    Parameters
+    ----------
+    x : float
+        Value of the sum, not negative.
+    weights : ndarray, shape (n,)
+        Weight of each squared standard normal value, not negative; one at least is positive.
+
+    Returns
+    -------
+    below, above : float
+        Both with a relative error below 1e-9, however small they are.
+
+    Notes
+    -----
+    With K(s) = -1/2 sum log(1 - 2 w s), the probability above x is the integral of
+    exp(K(s) - s x) / s over a path that goes upward through the real axis between zero and
+    1 / (2 max(w)), divided by 2 pi i; below zero it is minus the probability below x [1]_. The
+    integral is taken through the saddle point of the exponent, as for an expansion about it [2]_,
+    but numerically: the trapezoidal rule has an error that falls exponentially.
+
+    References
+    ----------
+    .. [1] J. P. Imhof, "Computing the distribution of quadratic forms in normal variables", 1961.
+    .. [2] R. Lugannani, S. Rice, "Saddle point approximation for the distribution of the sum of
+       independent random variables", 1980.
+    """
+    expected.not_negative("weights", weights)
+    largest = float(np.max(weights, initial=0.0))
+    if not largest > 0:
+        msg = "weights: expected one that is positive"
+        raise ValueError(msg)
+    if not x > 0:
+        return 0.0, 1.0
+    w, x = weights[weights > 0] / largest, float(x) / largest
+    is_above = x >= float(w.sum())
+    part = _part(x, w, is_above=is_above)
+    return (1 - part, part) if is_above else (part, 1 - part)
+
+
+def _part(x: float, w: Array, *, is_above: bool) -> float:
+    """Return the probability above x, or below it; the largest weight is one."""
+    least = _LEAST / np.sqrt(2 * np.sum(w**2))
+    c = _saddle(x, w)
+    c = max(c, least) if is_above else min(c, -least)
+    spread = np.sqrt(np.sum(2 * (w / (1 - 2 * w * c)) ** 2))
+    scale = min(abs(c), 0.5 - c, 1 / spread)
+    bend = BEND * scale / (0.5 - c)
+    t = STEP * (np.arange(NODES) + 0.5)
+    s = c + scale * (1j * t + bend * t**2)
+    exponent = -0.5 * np.sum(np.log(1 - 2 * w[:, None] * s), axis=0) - s * x
+    found = np.sum((np.exp(exponent) / s * scale * (1j + 2 * bend * t)).imag) * STEP / np.pi
+    return float(found if is_above else -found)
+
+
+def _saddle(x: float, w: Array) -> float:
+    """Return where the derivative of K is x, by bisection."""
+    low, high = -len(w) / (2 * x), 0.5 - 0.5 / max(x, 1e-300)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if np.sum(w / (1 - 2 * w * middle)) < x:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+# --- Residuals after an adjustment, with what tests of single observations need
+
+
+LEAST = 1e-6
+"""Control below which no other observation controls an observation."""
+
+
+class Together(NamedTuple):
+    """What the tests of correlated observations need: those of the others count as well.
+
+    Attributes
+    ----------
+    weighted : ndarray, shape (m, d)
+        sigma (P v), v the residuals and P their weights.
+    control : ndarray, shape (m, d)
+        sigma^2 times the diagonal of P Q_vv P, Q_vv the covariance of the residuals.
+    own : ndarray, shape (m, d)
+        sigma^2 times the diagonal of P.
+    """
+
+    weighted: Array
+    control: Array
+    own: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Group:
+    """Residuals of one group after the adjustment.
+
+    Attributes
+    ----------
+    kind : str
+    v, sigma, redundancy : ndarray, shape (m, d)
+        The redundancy number is the share of an error that shows in its own residual; NaN
+        where the component takes no part.
+    together : Together, optional
+        Where the errors are correlated. With independent ones, `weighted` is v / sigma,
+        `control` the redundancy number, and `own` one.
+    """
+
+    kind: str
+    v: Array
+    sigma: Array
+    redundancy: Array
+    together: Together | None = None
+
+    @property
+    def used(self) -> Mask:
+        """Which components took part."""
+        return np.isfinite(self.sigma)
+
+    @property
+    def weighted(self) -> Array:
+        """Weighted residuals times sigma, sigma (P v), shape (m, d)."""
+        return self.v / self.sigma if self.together is None else self.together.weighted
+
+    @property
+    def squares(self) -> Array:
+        """What each component adds to the weighted sum of squared residuals, shape (m, d)."""
+        if self.together is None:
+            return np.square(self.v / self.sigma)
+        return self.v / self.sigma * self.together.weighted
+
+    @property
+    def control(self) -> Array:
+        """How far the others control an observation: sigma^2 (P Q_vv P)_ii, shape (m, d)."""
+        return self.redundancy if self.together is None else self.together.control
+
+    @property
+    def error(self) -> Array:
+        """What an observation differs by from its prediction, where its sigma is very large."""
+        if self.together is None:
+            return self.v
+        return self.sigma * self.weighted / np.where(self.control > 0, self.control, np.nan)
+
+    @property
+    def explained(self) -> Array:
+        """Variance of this prediction."""
+        if self.together is None:
+            return np.maximum(1 - self.redundancy, 0.0) * self.sigma**2
+        return self.sigma**2 * (1 / np.where(self.control > 0, self.control, np.nan) - 1)
+
+    @cached_property
+    def w(self) -> Array:
+        """Baarda's normalised residuals, a priori sigma; NaN where no observation controls them."""
+        w = np.full_like(self.v, np.nan)
+        controlled = self.used & (self.control > LEAST)
+        control = self.control[controlled]
+        if self.together is None:
+            w[controlled] = self.v[controlled] / (self.sigma[controlled] * np.sqrt(control))
+        else:
+            w[controlled] = self.weighted[controlled] / np.sqrt(control)
+        return w
+
+
+# --- Tests of single observations, also of rejected ones: Baarda's w and Pope's tau
+
+
+OUT = 1e4
+"""Factor on the sigma of a rejected observation: no effect, but its residual is computed."""
+
+CONTROLLED = 1e-4
+"""Redundancy number below which the other observations do not control an observation."""
+
+FEW = 20
+"""Number of w below which their spread is not judged."""
+
+MEDIAN_SIGMA = 1.17
+"""Standard deviation of a spread from the median size of n values w, times sqrt(n)."""
+
+
+def statistics(group: Group, out: Mask) -> tuple[Array, Mask]:
+    """Return the test statistics of a group's observations, used and rejected ones.
+
+    Parameters
+    ----------
+    group : Group
+        Adjusted with `OUT` times the sigma of rejected observations.
+    out : ndarray
+        Mask of rejected components; it is broadcast to the group's shape.
+
+    Returns
+    -------
+    w : ndarray, shape (m, d)
+        Absolute value of w. A rejected component is tested as if it alone were used again: its
+        difference from the prediction by the others, over the sigma of this difference.
+    controlled : ndarray, shape (m, d)
+        Components that the other observations control.
+    """
+    explained = group.explained
+    sigma_sq = np.square(np.where(out, group.sigma / OUT, group.sigma))
+    predicted = np.abs(group.error) / np.sqrt(sigma_sq + explained)
+    w = np.nan_to_num(np.where(out, predicted, np.abs(group.w)))
+    share = np.where(out, sigma_sq / (sigma_sq + explained), group.control)
+    return w, np.nan_to_num(share) > CONTROLLED
+
+
+def w_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -> list[float]:
+    """Return the limit of w for each group, times the spread of w where that exceeds one.
+
+    Parameters
+    ----------
+    groups, outs
+        As in `statistics`.
+    critical : float
+        Critical value of a normal variable.
+    """
+    return [
+        critical * _excess(np.where(out, np.nan, group.w))
+        for group, out in zip(groups, outs, strict=True)
+    ]
+
+
+def _excess(w: Array) -> float:
+    """Return the spread of w where it exceeds one by more than chance explains; else one."""
+    known = np.abs(w[np.isfinite(w)])
+    if len(known) < FEW:
+        return 1.0
+    spread = float(np.median(known)) / 0.6745
+    return spread if spread > 1 + 3 * MEDIAN_SIGMA / np.sqrt(len(known)) else 1.0
+
+
+def tau_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -> list[float]:
+    """Return the limit of w for each group: the critical tau times sigma0, the same for all.
+
+    Parameters
+    ----------
+    groups, outs, critical
+        As in `w_limits`.
+    """
+    cost = redundancy = 0.0
+    for group, out in zip(groups, outs, strict=True):
+        part = group.used & ~out
+        cost += float(np.sum(group.squares[part]))
+        redundancy += float(np.sum(group.redundancy[part]))
+    sigma0 = np.sqrt(cost / redundancy) if redundancy > 0 else 1.0
+    return [sigma0 * critical_tau(critical, redundancy)] * len(groups)
+
+
+def critical_tau(critical: float, redundancy: float) -> float:
+    """Return the critical tau with the probability of a normal variable's critical value.
+
+    Infinite for a redundancy of one or less, as tau is then always one.
+
+    Parameters
+    ----------
+    critical : float
+        Critical value of a normal variable, two-sided.
+    redundancy : float
+        Degrees of freedom of sigma0.
+
+    Notes
+    -----
+    Pope (1976): tau^2 = r t^2 / (r - 1 + t^2), t of Student's distribution with r - 1.
+    """
+    expected.positive_number("critical", critical)
+    if redundancy <= 1:
+        return np.inf
+    t = t_isf(norm_sf(critical), redundancy - 1)
+    return t * float(np.sqrt(redundancy / (redundancy - 1 + t**2)))
+
+
+# --- Many tests at one joint level
+
+
+def holm(p: Array) -> Array:
+    """Return the probabilities of many tests, each comparable with one joint level, by Holm.
+
+    If every test is rejected whose value is below the level, the probability that any true
+    hypothesis is among the rejected ones is below the level, however the tests depend on each
+    other. Bonferroni's factor, the number of tests, applies to the smallest probability; the
+    others need less.
+
+    Parameters
+    ----------
+    p : ndarray, shape (n,)
+        Of the single tests; NaN where there is none.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Not below `p`, at most one; NaN stays.
+    """
+    expected.shape("p", p, ("n",))
+    order = np.argsort(p, kind="stable")  # NaN comes last
+    n = int(np.isfinite(p).sum())
+    ordered = p[order]
+    ordered[:n] = np.minimum(1.0, np.maximum.accumulate(ordered[:n] * np.arange(n, 0, -1)))
+    out = np.empty_like(ordered)
+    out[order] = ordered
+    return out
+
+
+# --- Probabilities and quantiles of the distributions of tests, named as in ``scipy.stats``
+#
+# The values are those of that package to the last bit. It is not imported, since loading it takes
+# longer than adjusting a small flight.
+
+
+def norm_cdf(x: float) -> float:
+    """Return the probability of a standard normal value below x."""
+    return float(special.ndtr(x))
+
+
+def norm_sf(x: float) -> float:
+    """Return the probability of a standard normal value above x."""
+    return float(special.ndtr(-x))
+
+
+def norm_ppf(q: float) -> float:
+    """Return what a standard normal value is below with probability q."""
+    return float(special.ndtri(q))
+
+
+def chi2_cdf(x: float, df: float) -> float:
+    """Return the probability of a chi-square value below x >= 0."""
+    return float(special.chdtr(df, x))
+
+
+def chi2_sf(x: float, df: float) -> float:
+    """Return the probability of a chi-square value above x >= 0."""
+    return float(special.chdtrc(df, x))
+
+
+def chi2_ppf(q: float, df: float) -> float:
+    """Return what a chi-square value is below with probability q."""
+    return float(2 * special.gammaincinv(df / 2, q))
+
+
+def chi2_isf(q: float, df: float) -> float:
+    """Return what a chi-square value is above with probability q."""
+    return float(special.chdtri(df, q))
+
+
+def t_sf(x: float, df: float) -> float:
+    """Return the probability of a value of Student's t above x."""
+    return float(special.stdtr(df, -x))
+
+
+def t_ppf(q: float, df: float) -> float:
+    """Return what a value of Student's t is below with probability q."""
+    return float(special.stdtrit(df, q))
+
+
+def t_isf(q: float, df: float) -> float:
+    """Return what a value of Student's t is above with probability q."""
+    return float(-special.stdtrit(df, q))
+
+
+def f_sf(x: float, dfn: float, dfd: float) -> float:
+    """Return the probability of a value of Fisher's F above x >= 0."""
+    return float(special.fdtrc(dfn, dfd, x))
+
+
+# --- Weights of observations whose errors are correlated, component by component
+
+
+NOTHING = 1e-8
+"""Weight of a pair, as a share of the weights of both, that is left out."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SlowErrors:
+    """The correlated part of the errors of m observations of d components.
+
+    Attributes
+    ----------
+    sigma : ndarray, shape (m, d)
+        Its standard deviation.
+    together : ndarray, shape (m, m)
+        Its correlation, the same for all components.
+    """
+
+    sigma: Array
+    together: Array
+
+    def __post_init__(self) -> None:
+        m = len(self.sigma)
+        expected.not_negative("sigma", self.sigma)
+        expected.shape("together", self.together, (m, m))
+
+    def correlation(self, sigma: Array) -> Correlation:
+        """Return the correlation of errors of which this is a part, and the rest is white.
+
+        Parameters
+        ----------
+        sigma : ndarray, shape (m, d)
+            Standard deviation of the whole error. Where it is larger than at first, white noise
+            was added; where it is infinite, an observation takes no part and tells nothing.
+
+        Raises
+        ------
+        AdjustmentError
+            Where two errors are the same.
+        """
+        share = np.minimum(self.sigma / sigma, 1.0)
+        with processors.on_one_thread():
+            return _inverted(share, self.together)
+
+
+def _inverted(share: Array, together: Array) -> Correlation:
+    """Return the weights for correlations of share_i share_j times those of the slow part."""
+    inverse: list[Array] = []
+    for c, own in enumerate(share.T):
+        same = [inverse[b] for b in range(c) if np.array_equal(own, share[:, b])]
+        inverse.append(same[0] if same else _inverse(own, together))
+    counts = np.zeros(together.shape, dtype=bool)
+    for P in inverse:
+        each = np.sqrt(P.diagonal())
+        counts |= np.abs(P) > NOTHING * each[:, None] * each
+    first, second = np.nonzero(counts)
+    weight = np.stack([P[first, second] for P in inverse], axis=1)
+    return Correlation(first=first, second=second, weight=weight)
+
+
+def _inverse(share: Array, together: Array) -> Array:
+    R = share[:, None] * together * share
+    R[np.diag_indices_from(R)] = 1.0
+    try:
+        L_inv = np.linalg.inv(np.linalg.cholesky(R))
+    except np.linalg.LinAlgError:
+        msg = (
+            "correlated errors of two observations are the same: a share of the white noise is "
+            "needed (a correlated share below 1), or exposures at different times"
+        )
+        raise AdjustmentError(msg) from None
+    P: Array = L_inv.T @ L_inv
+    return P
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Correlation:
+    """The inverse correlation matrix of every component of m observations, as pairs.
+
+    Errors far apart in a Gauss-Markov process tell nothing of each other once those between are
+    known, so most of the inverse is zero.
+
+    Attributes
+    ----------
+    first, second : ndarray, shape (p,)
+        Observations of each pair, both orders and each with itself, sorted.
+    weight : ndarray, shape (p, d)
+        Entries of the inverse. Divided by the two sigma they are weights.
+    """
+
+    first: Index
+    second: Index
+    weight: Array
+
+    @cached_property
+    def _starts(self) -> Index:
+        return np.flatnonzero(np.diff(self.first, prepend=-1))
+
+    @property
+    def own(self) -> Array:
+        """Diagonals of the inverse, shape (m, d): one where errors are independent."""
+        return self.weight[self.first == self.second]
+
+    def times(self, z: Array) -> Array:
+        """Return the inverse times z, component by component, shape (m, d, ...) as z."""
+        weight = self.weight.reshape(*self.weight.shape, *(1,) * (z.ndim - 2))
+        product: Array = np.add.reduceat(weight * z[self.second], self._starts, axis=0)
+        return product
+
+    @cached_property
+    def factors(self) -> tuple[Array, ...]:
+        """An upper triangle U, (m, m), of every component: the inverse is U^T U."""
+        dense = (self._matrix(own).toarray() for own in self.weight.T)
+        return tuple(np.linalg.cholesky(P).T for P in dense)
+
+    def whitened(self, z: Array) -> Array:
+        """Return what has the unit matrix for weights, shape (m, d, ...) as z.
+
+        Parameters
+        ----------
+        z : ndarray
+            Residuals or derivatives, divided by sigma.
+        """
+        each = [np.tensordot(U, z[:, c], axes=1) for c, U in enumerate(self.factors)]
+        whitened: Array = np.stack(each, axis=1)
+        return whitened
+
+    def tested(self, z: Array, explained: Array) -> tuple[Array, Together]:
+        """Return redundancy numbers, shape (m, d), and what tests need besides.
+
+        Parameters
+        ----------
+        z : ndarray, shape (m, d)
+            Residuals divided by sigma.
+        explained : ndarray, shape (p, d)
+            Covariances of the adjusted observations of every pair, divided by both sigma.
+
+        Notes
+        -----
+        With the weights P and the residuals' covariance Q_vv = P^-1 - A Q A^T, the redundancy
+        number is (Q_vv P)_ii, and the test of a single error of an observation is
+        w = (P v)_i / sqrt((P Q_vv P)_ii) [1]_. Between observations of no common weight A Q A^T
+        has no effect on either.
+
+        References
+        ----------
+        .. [1] K.-R. Koch, "Parameter Estimation and Hypothesis Testing in Linear Models", 2nd
+           edition, 1999, chapter 4.2.
+        """
+        shared = np.add.reduceat(self.weight * explained, self._starts, axis=0)
+        control = np.empty_like(z)
+        for c in range(z.shape[1]):
+            P, S = self._matrix(self.weight[:, c]), self._matrix(explained[:, c])
+            control[:, c] = P.diagonal() - np.asarray((P @ S).multiply(P).sum(axis=1)).ravel()
+        return 1 - shared, Together(weighted=self.times(z), control=control, own=self.own)
+
+    def _matrix(self, values: Array) -> sparse.csr_array:
+        m = int(self.first[-1]) + 1
+        return sparse.csr_array((values, (self.first, self.second)), shape=(m, m))

@@ -1,0 +1,341 @@
+"""The entries of summary.json: as they are written, and checked when they are read."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acx4lib.errors import FlightError
+from acx4lib.flight.problems import Problem, lines_of
+from acx4lib.results.table_files import STAGES, is_there, text_of
+
+Test = Callable[[Any], bool]
+
+Wrong = tuple[tuple[str, ...], str, str]
+"""Keys in a JSON file, what is there, and what should be."""
+
+
+def _number(value: object) -> bool:
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return plain and -1e15 < value < 1e15  # type: ignore[operator] # compared as numbers only
+
+
+def _whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e15
+
+
+def _not_negative(value: object) -> bool:
+    return _number(value) and float(value) >= 0  # type: ignore[arg-type]
+
+
+def _probability(value: object) -> bool:
+    return _not_negative(value) and float(value) <= 1  # type: ignore[arg-type]
+
+
+def _or_null(test: Test) -> Test:
+    return lambda value: value is None or test(value)
+
+
+def _sentences(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(line, str) for line in value)
+
+
+def _three(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(map(_or_null(_number), value))
+
+
+def _pairs(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(one, list) and len(one) == 3 and _sentences(one[:2]) and _number(one[2])
+        for one in value
+    )
+
+
+def _groups(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(one, list)
+        and len(one) == 3
+        and isinstance(one[0], str)
+        and all(map(_number, one[1:]))
+        for one in value
+    )
+
+
+def _named_pairs(value: Any) -> bool:
+    return isinstance(value, list) and all(_sentences(one) and len(one) == 3 for one in value)
+
+
+def _is_condition(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e300
+
+
+def _by_name(test: Test) -> Test:
+    return lambda value: isinstance(value, dict) and all(map(test, value.values()))
+
+
+_WORDS: Mapping[str, tuple[str, ...]] = {
+    "nssda": ("statement",),
+    "asprs_2014": ("horizontal", "vertical"),
+    "asprs_2023": ("horizontal", "vertical", "three_d"),
+}
+
+
+def _classes(value: Any) -> bool:
+    """Tell whether the classes of every standard are texts."""
+    if not _by_name(_is_object)(value):
+        return False
+    of_scales = value.get("pec_pcd", {}).values()
+    return all(_has_words(one, ("plan", "height")) for one in of_scales) and all(
+        _has_words(value[name], keys) for name, keys in _WORDS.items() if name in value
+    )
+
+
+def _is_object(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+def _is_compared(value: Any) -> bool:
+    return (
+        isinstance(value, dict)
+        and _three(value.get("difference"))
+        and _or_null(_number)(value.get("p"))
+        and isinstance(value.get("confirmed"), bool)
+        and all(isinstance(value.get(key, ""), str) for key in ("told", "mistake"))
+    )
+
+
+_OF_TURNS = ("f", "dof", "redundancy", "p")
+
+
+def _turns(value: Any) -> bool:
+    """Tell whether a test of turns of the cameras against the body is complete."""
+    if not (isinstance(value, dict) and _sentences(value.get("names"))):
+        return False
+    by_name = (value.get("turns_deg"), value.get("sigma_deg"))
+    return all(_number(value.get(key)) for key in _OF_TURNS) and all(
+        isinstance(rows, list) and len(rows) == len(value["names"]) and all(map(_three, rows))
+        for rows in by_name
+    )
+
+
+def _is_sigma_test(value: Any) -> bool:
+    return (
+        isinstance(value, dict)
+        and all(_not_negative(value.get(key)) for key in ("ratio", "redundancy", "effective"))
+        and _probability(value.get("p"))
+    )
+
+
+def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
+    return isinstance(value, dict) and all(isinstance(value.get(key), str) for key in keys)
+
+
+_OF_POINTS = ("mean", "std", "rms", "mean_sigma", "normalised_rms", "effective_number")
+
+
+def _points(value: object) -> bool:
+    return (
+        isinstance(value, dict)
+        and all(_or_null(_three)(value.get(key)) for key in _OF_POINTS)
+        and _classes(value.get("classes", {}))
+    )
+
+
+def _checksums(value: object) -> bool:
+    return isinstance(value, dict) and all(isinstance(one, str) for one in value.values())
+
+
+def _is_named(value: Any) -> bool:
+    """Tell whether a flight has its name and its digest."""
+    return isinstance(value, dict) and _has_words(value, ("name", "sha256"))
+
+
+def _is_earlier(value: Any) -> bool:
+    """Tell whether the calibration of an earlier flight has what names it."""
+    texts = ("results", "sha256", "computed", "method")
+    return _has_words(value, texts) and _is_named(value.get("flight"))
+
+
+_COUNT = ("iterations", "n_observations", "n_unknowns", "redundancy", "n_rejected", "n_left_out")
+_OF_PAIRS = ("n_pairs", "n_points", "n_failed_pairs")
+_NOT_NEGATIVE = ("sigma0_squared", "joint_chi_square", "expected_rejections")
+
+TESTS: Mapping[str, tuple[Test, str]] = {
+    "converged": (lambda value: isinstance(value, bool), "true or false"),
+    **dict.fromkeys(
+        (*_COUNT, *_OF_PAIRS, "n_exposures"), (_or_null(_whole), "a whole number or null")
+    ),
+    **dict.fromkeys(
+        ("height_scale_error", "height_scale_sigma", "height_offset_share", "joint_dof"),
+        (_or_null(_number), "a number or null"),
+    ),
+    **dict.fromkeys(_NOT_NEGATIVE, (_or_null(_not_negative), "zero, positive or null")),
+    **dict.fromkeys(
+        ("chi_square_p", "joint_chi_square_p"),
+        (_or_null(_probability), "between 0 and 1, or null"),
+    ),
+    "condition": (_or_null(_is_condition), "a positive number or null"),
+    **dict.fromkeys(
+        (
+            *("left_out", "not_determined", "weak", "stopped", "exchanged", "not_confirmed"),
+            *("approximations", "sigma_beyond", "notes"),
+        ),
+        (_sentences, "a list of sentences"),
+    ),
+    "declared": (_by_name(_is_compared), "difference, p and confirmed by part of a mounting"),
+    "exchanged_names": (_named_pairs, "a list of a kind and two names each"),
+    "boresight_stability": (
+        _by_name(_or_null(_turns)),
+        "strips and drift, each null or with names, turns_deg, sigma_deg, f, dof, redundancy and p",
+    ),
+    "stopped_groups": (_groups, "a list of a group and two numbers each"),
+    "correlated": (_pairs, "a list of two parameters and a number each"),
+    **dict.fromkeys(
+        ("weakest", "largest_correlations", "left_out_points"),
+        (_by_name(_or_null(_number)), "numbers by name"),
+    ),
+    "sigma_of_heads": (_by_name(_not_negative), "numbers by parameter, zero or positive"),
+    "weak_parameters": (_by_name(_by_name(_or_null(_number))), "numbers by parameter and name"),
+    "sigma_tests": (_by_name(_is_sigma_test), "ratio, redundancy, effective and p by group"),
+    "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),
+    **dict.fromkeys(("mean", "std", "rms"), (_three, "a list of three numbers")),
+    "points": (_points, "mean, std, rms and classes over the points"),
+    "flight": (_is_named, "name and sha256 of a flight"),
+    "calibration": (_is_earlier, "what names the calibration of an earlier flight"),
+    "measured": (_checksums, "checksums by file"),
+}
+"""Tests of the known entries by name, each with what it expects; others are not read."""
+
+_ADJUSTED = ("n_observations", "n_unknowns", "redundancy", "n_rejected", "chi_square_p")
+_VALIDATED = (*_OF_PAIRS, "mean", "std", "rms", "points")
+
+
+def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]]:
+    """Read summary.json; a missing file counts as empty.
+
+    Parameters
+    ----------
+    path : Path
+    problems : list of str
+        A line for each thing that is wrong is added to it.
+    """
+    try:
+        summary = read_object(path, "one object per stage/method") if is_there(path) else {}
+    except FlightError as error:
+        problems += error.problems
+        return {}
+    wrong = list(wrong_entries(summary))
+    problems += lines_of(problem_of(path, *one) for one in wrong)
+    return {} if wrong else summary
+
+
+def read_object(path: Path, what: str) -> dict[str, Any]:
+    """Return the object that a JSON file holds, every key once.
+
+    Parameters
+    ----------
+    path : Path
+        Of a file that is there.
+    what : str
+        What should be in it.
+
+    Raises
+    ------
+    FlightError
+    """
+    text = text_of(path)
+
+    def wrong(line: int, found: str) -> FlightError:
+        expected = f"must be {what}; remove it and run again"
+        problem = Problem(file=str(path), line=line, column="file", found=found, expected=expected)
+        return FlightError([str(problem)])
+
+    try:
+        found = json.loads(text, object_pairs_hook=_once)
+    except json.JSONDecodeError as error:
+        raise wrong(error.lineno, f"not JSON ({error.msg}, character {error.colno})") from None
+    except (ValueError, RecursionError) as error:
+        raise wrong(1, f"not JSON ({' '.join(str(error).split())})") from None
+    if not isinstance(found, dict):
+        raise wrong(1, _quoted(found))
+    return found
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        again = next(key for k, (key, _) in enumerate(pairs) if key in dict(pairs[:k]))
+        msg = f"{_quoted(again)} stands twice in one object"
+        raise ValueError(msg)
+    return found
+
+
+def problem_of(path: Path, keys: Sequence[str], found: str, expected: str) -> Problem:
+    """Return a problem of a key in a JSON file, with its line as far as it is found there."""
+    text, at = text_of(path) if path.is_file() else "", 0
+    for key in keys:
+        place = text.find(f"{json.dumps(key, ensure_ascii=False)}:", at)
+        at = place if place >= 0 else at
+    line = text.count("\n", 0, at) + 1
+    name = ": ".join(keys) or "file"
+    return Problem(file=str(path), line=line, column=name, found=found, expected=expected)
+
+
+def summary_text(summary: Mapping[str, Mapping[str, object]]) -> str:
+    """Return the text of summary.json; a number that is not finite becomes null."""
+    plain = _plain(summary)
+    return json.dumps(plain, indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def wrong_entries(summary: Mapping[str, object]) -> Iterator[Wrong]:
+    """Yield the keys of each thing that is wrong with the objects of a summary, and what is.
+
+    Parameters
+    ----------
+    summary : mapping
+        Objects read from JSON, by ``stage/method``.
+    """
+    for name, entry in summary.items():
+        if name.partition("/")[0] not in STAGES or "/" not in name:
+            yield (name,), "is unknown", f"must be of a stage: {', '.join(STAGES)}"
+            continue
+        if not isinstance(entry, dict):
+            yield (name,), _quoted(entry), "must be an object"
+            continue
+        for key, (test, expected) in TESTS.items():
+            if key in entry and not test(entry[key]):
+                yield (name, key), _quoted(entry[key]), f"must be {expected}"
+        for key in _required(name, entry):
+            if entry.get(key) is None:
+                yield (name, key), "is missing", "an adjustment has it"
+
+
+def _required(name: str, entry: Mapping[str, object]) -> tuple[str, ...]:
+    """Return the required entries of an object, if it is an adjustment or a validation."""
+    if name.startswith("validation/") and "n_points" in entry:
+        return _VALIDATED
+    sigma0_sq = entry.get("sigma0_squared")
+    adjusted = name.startswith(("heads/bundle", "mounting/"))
+    return _ADJUSTED if adjusted and _number(sigma0_sq) else ()
+
+
+def _quoted(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:60]}…"

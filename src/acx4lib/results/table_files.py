@@ -1,0 +1,756 @@
+"""The tables of a results folder: their columns, checked, read and written."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import groupby
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pandas as pd
+
+from acx4lib.errors import FlightError
+from acx4lib.expected import Index, Mask
+from acx4lib.flight.problems import Problem, Range, counted, did_you_mean, lines_of, quoted
+from acx4lib.flight.table_files import opened, read_text
+from acx4lib.geometry.parameters import REPORTED
+from acx4lib.least_squares import processors
+
+# --- The tables of a results folder: their columns, read, and written
+#
+# A large flight has millions of residuals: rows are written in columns, and old ones that stay are
+# copied as they are.
+
+
+SAID = 300
+"""Characters of pandas' words that are repeated; they quote what was found in full length."""
+
+LONGEST = 10_000
+"""Bytes of the longest header that is looked at."""
+
+_METHOD = ("stage", "method")
+
+
+# --- What the tables of a results folder hold: columns, ranges of numbers, words, and what
+# is once
+
+
+STAGES = ("heads", "synthetic", "mounting", "validation")
+"""The stages in the order of the paper, and of the rows of every table."""
+
+COMPONENTS = {
+    "image_point": ("col_px", "row_px"),
+    "control_point": ("east_m", "north_m", "height_m"),
+    "gnss": ("east_m", "north_m", "height_m"),
+    "attitude": ("roll_deg", "pitch_deg", "heading_deg"),
+    "lever_arm": ("lever_x_m", "lever_y_m", "lever_z_m"),
+    "distance": ("distance_m",),
+    "boresight": ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"),
+}
+"""Components of the residuals of every kind; angles are about the body's x, y, z axes."""
+
+ANY = Range(-1e12, 1e12)
+SIGMA = Range(0.0, 1e12, "must be zero or positive, at most 1e12")
+COVARIANCE = Range(-1e24, 1e24)
+COUNT = Range(0, 1e9, "must be a whole number, zero or positive, at most 1e9", whole=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schema:
+    """The required content of a table of results.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        All of them, in the order in which they are written.
+    ranges : mapping
+        Ranges of the columns of numbers; the others are text.
+    needed : tuple of str
+        Columns of numbers without empty cells.
+    words : mapping
+        What alone may stand in some columns of text.
+    key : tuple of str
+        No two rows have the same cells in all these columns; none where rows are too many to be
+        compared, and only counted. Excepted are
+    often : tuple of mapping
+        rows with such words: heads, each adjusted by itself, share points and exposures.
+    """
+
+    columns: tuple[str, ...]
+    ranges: Mapping[str, Range]
+    needed: tuple[str, ...] = ()
+    words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    key: tuple[str, ...] = ()
+    often: tuple[Mapping[str, tuple[str, ...]], ...] = ()
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The columns of text."""
+        return tuple(name for name in self.columns if name not in self.ranges)
+
+
+_OF_STAGE = {"stage": STAGES}
+_POSITION = ("east_m", "north_m", "height_m")
+_DIFFERENCE = tuple(f"d_{name}" for name in _POSITION)
+_SIGMA = tuple(f"sigma_{name}" for name in _POSITION)
+_ATTITUDE = ("omega_deg", "phi_deg", "kappa_deg")
+_SIGMA_ATTITUDE = tuple(f"sigma_{name}" for name in _ATTITUDE)
+_PIXELS = ("col_px", "row_px")
+_SIGMA_PIXELS = ("sigma_col_px", "sigma_row_px")
+_DIFFERENCES = dict.fromkeys(_DIFFERENCE, ANY) | dict.fromkeys(_SIGMA, SIGMA)
+_KINDS = tuple(COMPONENTS)
+_HEADS = {"stage": ("heads",)}
+_OFTEN = (
+    _HEADS | {"kind": tuple(kind for kind in _KINDS if kind != "image_point")},
+    {"kind": ("distance",)},
+)
+
+SCHEMAS: Mapping[str, Schema] = {
+    "parameters": Schema(
+        columns=(*_METHOD, "camera", "parameter", "value", "sigma", "unit"),
+        ranges={"value": ANY, "sigma": SIGMA},
+        needed=("value",),
+        words=_OF_STAGE,
+        key=(*_METHOD, "camera", "parameter"),
+    ),
+    "validation": Schema(
+        columns=("method", "point", "image_a", "image_b", *_DIFFERENCE, *_SIGMA),
+        ranges=_DIFFERENCES,
+        key=("method", "point", "image_a", "image_b"),
+    ),
+    "check_points": Schema(
+        columns=(*_METHOD, "point", "n_images", *_DIFFERENCE, *_SIGMA),
+        ranges={"n_images": COUNT, **_DIFFERENCES},
+        needed=("n_images",),
+        words=_OF_STAGE,
+        key=(*_METHOD, "point"),
+        often=(_HEADS,),
+    ),
+    "exterior_orientation": Schema(
+        columns=(*_METHOD, "image", *_POSITION, *_ATTITUDE, *_SIGMA, *_SIGMA_ATTITUDE),
+        ranges={
+            **dict.fromkeys((*_POSITION, *_ATTITUDE), ANY),
+            **dict.fromkeys((*_SIGMA, *_SIGMA_ATTITUDE), SIGMA),
+        },
+        words=_OF_STAGE,
+        key=(*_METHOD, "image"),
+    ),
+    "residuals": Schema(
+        columns=(
+            *(*_METHOD, "kind", "image_or_exposure", "point", "component"),
+            *("v", "sigma", "redundancy", "w"),
+        ),
+        ranges={"v": ANY, "sigma": SIGMA, "redundancy": ANY, "w": ANY},
+        words={
+            **_OF_STAGE,
+            "kind": _KINDS,
+            "component": tuple(dict.fromkeys(name for k in _KINDS for name in COMPONENTS[k])),
+        },
+    ),
+    "covariance": Schema(
+        columns=(*_METHOD, "row", "column", "value"),
+        ranges={"value": COVARIANCE},
+        words=_OF_STAGE,
+        key=(*_METHOD, "row", "column"),
+    ),
+    "rejected": Schema(
+        columns=(*_METHOD, "kind", "image_or_exposure", "point", "statistic", "reason"),
+        ranges={"statistic": ANY},
+        words={**_OF_STAGE, "kind": _KINDS},
+        key=(*_METHOD, "kind", "image_or_exposure", "point", "reason"),
+        often=_OFTEN,
+    ),
+    "synthetic_points": Schema(
+        columns=("block", "image", "point", "head", *_PIXELS, *_SIGMA_PIXELS),
+        ranges=dict.fromkeys(_PIXELS, ANY) | dict.fromkeys(_SIGMA_PIXELS, SIGMA),
+        needed=(*_PIXELS, *_SIGMA_PIXELS),
+        key=("block", "image", "point"),
+    ),
+}
+"""By the name of the table; its file is this name with ``.csv``."""
+
+COLUMNS: Mapping[str, tuple[str, ...]] = {name: one.columns for name, one in SCHEMAS.items()}
+"""Columns of every table, in order; a table's file is its name with ``.csv``."""
+
+CURE = "remove it and run again"
+"""What helps where a file is no table of results."""
+
+Check = Callable[[str, pd.DataFrame], Iterable[Problem]]
+"""It yields what is wrong with the rows of a file."""
+
+_OF = {"validation": "validation/", "synthetic_points": "synthetic/points/"}
+"""What all rows of a table are of, as far as it has no columns for that."""
+
+_COUNT = {"n_images"}
+"""Columns of counts."""
+
+_ALWAYS_EXACT = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
+_EXACT: dict[str, Any] = {} if _ALWAYS_EXACT else {"float_precision": "round_trip"}
+"""What makes pandas read numbers to the last bit; new versions always do, and warn of it."""
+
+ROWS = 50_000
+"""Number of rows that one processor makes at a time."""
+
+TOGETHER = 8
+"""How often that is done before the rows are written: they wait in memory."""
+
+_SPECIAL = ',"\n\r'
+"""Characters for which a cell is quoted."""
+
+BYTES = 4_000_000
+"""Number of bytes of old rows that are copied together."""
+
+
+def check_columns(name: str, columns: Iterable[str]) -> None:
+    """Raise a ValueError where a table has not exactly the columns of `COLUMNS`, in any order."""
+    if sorted(columns) != sorted(COLUMNS[name]):
+        msg = f"{name} has columns {', '.join(COLUMNS[name])}, got {', '.join(columns)}"
+        raise ValueError(msg)
+
+
+def keys(name: str, frame: pd.DataFrame) -> tuple[Index, list[str]]:
+    """Return which ``stage/method`` every row is of, as an index, and those that occur.
+
+    Parameters
+    ----------
+    name : str
+        One of `COLUMNS`.
+    frame : DataFrame
+        With these columns.
+    """
+    code, known = np.zeros(len(frame), dtype=np.intp), [_OF.get(name, "")]
+    for column in [column for column in _METHOD if column in COLUMNS[name]]:
+        own, texts = _coded(frame[column])
+        code = code * len(texts) + own
+        known = [f"{before}{text}/" for before in known for text in texts]
+    occurs = np.bincount(code, minlength=len(known)) > 0
+    return (np.cumsum(occurs) - 1)[code], [known[k][:-1] for k in np.flatnonzero(occurs)]
+
+
+def _coded(values: pd.Series) -> tuple[Index, list[str]]:
+    """Return which text every cell has, and all texts; the last one is empty, for no value."""
+    if isinstance(values.dtype, pd.CategoricalDtype):
+        code, known = values.cat.codes.to_numpy(dtype=np.intp), values.cat.categories
+    else:
+        code, known = pd.factorize(values)
+    return np.where(code < 0, len(known), code), [*map(str, known.tolist()), ""]
+
+
+# --- read ------------------------------------------------------------------------------------
+
+
+def read(path: Path, check: Check | None = None) -> pd.DataFrame:
+    """Return a table; a missing file counts as one without rows.
+
+    Parameters
+    ----------
+    path : Path
+        Its name is one of `COLUMNS` with ``.csv``.
+    check : callable, optional
+        Looks for what is wrong with the cells.
+
+    Returns
+    -------
+    DataFrame
+        Names are text, counts whole numbers, unknown numbers NaN.
+
+    Raises
+    ------
+    FlightError
+        With a line for each thing that is wrong.
+    """
+    if not is_there(path):
+        return _parsed(path, io.BytesIO(header(path.stem)), None)
+    with opened(path) as file:
+        return _parsed(path, file, check)
+
+
+def read_some(path: Path, begin: tuple[bytes, ...], check: Check | None = None) -> pd.DataFrame:
+    """Return the rows from the first to the last that begins so, where their rows are together.
+
+    Parameters
+    ----------
+    path, check
+        As `read` takes them.
+    begin : tuple of bytes
+        As `begins` returns it.
+
+    Returns
+    -------
+    DataFrame
+        As `read` returns it; all rows where none is found, as the file may be written otherwise.
+
+    Raises
+    ------
+    FlightError
+        As `read`.
+    """
+    if not is_there(path):
+        return read(path)
+    with _opened(path) as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        firsts = [content.find(b"\n" + one) for one in begin]
+        if -1 in firsts or not firsts:
+            return read(path, check)
+        last = max(content.rfind(b"\n" + one, 0, len(content) - 1) for one in begin)
+        end = content.find(b"\n", last + 1)
+        some = content[min(firsts) + 1 : end + 1 if end >= 0 else None]
+    try:
+        return _parsed(path, io.BytesIO(header(path.stem) + some), check)
+    except FlightError:  # the whole file has the numbers of the lines
+        return read(path, check)
+
+
+def _parsed(path: Path, file: BinaryIO, check: Check | None) -> pd.DataFrame:
+    """Return the table in an open file."""
+    schema = SCHEMAS[path.stem]
+    _check_header(path, sorted, file.readline(LONGEST))
+    if not _is_even(file, len(schema.columns)):
+        raise _broken(path, file, "has rows of another width than its header")
+    file.seek(0)
+    try:
+        frame = _typed(file, schema)
+    except ValueError as error:
+        raise _broken(path, file, str(error)) from None
+    if not isinstance(frame.index, pd.RangeIndex):
+        raise _broken(path, file, "has rows that are wider than its header")
+    problems = lines_of(check(str(path), frame)) if check else ()
+    if problems:
+        raise FlightError(problems)
+    counts = {name: "int64" for name in schema.columns if name in _COUNT}
+    return frame.astype(counts)[list(schema.columns)]
+
+
+def _is_even(file: BinaryIO, width: int) -> bool:
+    """Tell whether rows together have the cells that they should, and the last one ends.
+
+    A row that is too wide is refused by pandas, so that none can make up for one that is cut.
+    """
+    file.seek(0)
+    commas, lines, last, quotes = 0, 0, b"", False
+    while some := file.read(BYTES):
+        commas, lines = commas + some.count(b","), lines + some.count(b"\n")
+        last, quotes = some[-1:], quotes or b'"' in some
+    if quotes:
+        file.seek(0)
+        bare = re.sub(rb'"[^"]*"', b"", file.read())
+        commas, lines = bare.count(b","), bare.count(b"\n")
+    return last == b"\n" and commas == lines * (width - 1)
+
+
+def _check_header(path: Path, order: Callable[[Iterable[str]], list[str]], first: bytes) -> None:
+    """Refuse a file that does not begin with the columns of its table."""
+    columns = COLUMNS[path.stem]
+    found = _cells_of(first)
+    if order(found) != order(columns):
+        said = quoted(",".join(found)) if any(found) else "is empty"
+        expected = f"must be {','.join(columns)}; {CURE}"
+        problem = Problem(file=str(path), line=1, column="header", found=said, expected=expected)
+        raise FlightError([str(problem)])
+
+
+def _cells_of(header: bytes) -> list[str]:
+    return header.decode("utf-8-sig", errors="replace").strip().split(",")
+
+
+def _typed(file: BinaryIO, schema: Schema) -> pd.DataFrame:
+    """Return a table; its rows are lines as long as no cell has two."""
+    numbers = list(schema.ranges)
+    return pd.read_csv(
+        file,
+        encoding="utf-8",
+        dtype={**dict.fromkeys(schema.texts, "str"), **dict.fromkeys(numbers, "float64")},
+        keep_default_na=False,
+        na_values=dict.fromkeys(numbers, ""),
+        skip_blank_lines=False,
+        **_EXACT,
+    )
+
+
+# --- where a file is broken ------------------------------------------------------------------
+
+
+def _broken(path: Path, file: BinaryIO, reason: str) -> FlightError:
+    """Return where a file is no table: no text, rows of another width, no numbers, no end."""
+    file.seek(0)
+    data = file.read()
+    found = [*_no_text(data)] or [*_no_cells(data, SCHEMAS[path.stem])]
+    found = found or [(1, "file", " ".join(reason.split())[:SAID], "must be a table of results")]
+    problems = (
+        Problem(file=str(path), line=line, column=column, found=said, expected=f"{must}; {CURE}")
+        for line, column, said, must in found
+    )
+    return FlightError(lines_of(problems))
+
+
+Wrong = tuple[int, str, str, str]
+"""Line, column, what is there, and what should be."""
+
+
+def _no_text(data: bytes) -> Iterator[Wrong]:
+    """Yield the first byte that is no text."""
+    try:
+        at, said = data.decode().find("\0"), "holds a null character"
+    except UnicodeDecodeError as error:
+        at, said = error.start, f"byte 0x{data[error.start]:02x} is not UTF-8"
+    else:
+        at = data.find(b"\0") if at >= 0 else at
+    if at >= 0:
+        yield data.count(b"\n", 0, at) + 1, "file", said, "must be UTF-8 text"
+
+
+def _no_cells(data: bytes, schema: Schema) -> Iterator[Wrong]:
+    """Yield rows that are cut or too wide, and cells that should be numbers."""
+    reader = csv.reader(io.StringIO(data.decode(), newline=""))
+    names = _cells_of(data.partition(b"\n")[0])
+    numbers = [names.index(name) for name in schema.ranges]
+    try:
+        for row in reader:
+            if len(row) != len(names):
+                expected = f"must have {len(names)} cells, as the header"
+                yield reader.line_num, "row", f"has {len(row)} cells", expected
+            elif reader.line_num > 1:
+                for k in numbers:
+                    if row[k] and not _is_number(row[k]):
+                        expected = "must be a finite number, decimal point"
+                        yield reader.line_num, names[k], quoted(row[k]), expected
+    except csv.Error as error:
+        yield reader.line_num, "row", str(error), "must be one row"
+    if not data.endswith(b"\n"):
+        found = "has no line end; was the file cut off?"
+        yield reader.line_num, "row", found, "every row must have one"
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return np.isfinite(float(cell)) and "_" not in cell
+    except ValueError:
+        return False
+
+
+# --- written ---------------------------------------------------------------------------------
+
+
+def header(name: str) -> bytes:
+    """Return the first line of a table's file."""
+    return f"{','.join(COLUMNS[name])}\n".encode()
+
+
+def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
+    """Yield the rows of a table as they stand in its file, many at a time.
+
+    Numbers are written as by Python's ``repr``, text as by its module csv. The cell of a value that
+    is not known, or not finite, is empty.
+
+    Parameters
+    ----------
+    name : str
+        One of `COLUMNS`.
+    frame : DataFrame
+        With these columns; those of text are written fastest as categories.
+
+    Raises
+    ------
+    ValueError
+        Where a cell is no number.
+    """
+    # tables are read without what writes them
+    from acx4lib.results.compiled.lines import LONGEST as lines_LONGEST  # noqa: PLC0415
+    from acx4lib.results.compiled.lines import put_lines  # noqa: PLC0415
+
+    numbers = [column for column in SCHEMAS[name].ranges if column not in _COUNT]
+    texts = [column for column in COLUMNS[name] if column not in numbers]
+    order = [texts.index(c) if c in texts else -1 - numbers.index(c) for c in COLUMNS[name]]
+    coded = [_coded(frame[column]) for column in texts]
+    values = [frame[column].to_numpy(dtype=float) for column in numbers]
+    cells = [_cells(known) for _, known in coded]
+    lengths = [length for _, own in cells for length in own]
+    longest = sum(max(own) for _, own in cells) + lines_LONGEST * len(numbers) + len(order)
+    first = np.cumsum([0, *(len(own) for _, own in cells)])
+    starts = np.cumsum([0, *lengths])
+    content = np.frombuffer(b"".join(text for text, _ in cells), dtype=np.uint8)
+
+    def text(begin: int) -> bytes:
+        some = slice(begin, begin + ROWS)
+        codes = np.array([k + code[some] for k, (code, _) in zip(first, coded, strict=False)])
+        bits = np.array([column[some] for column in values]).view(np.uint64)
+        out = np.empty(codes.shape[1] * longest, dtype=np.uint8)
+        return out[: put_lines(out, np.array(order), codes, content, starts, bits)].tobytes()
+
+    begins = range(0, len(frame), ROWS)
+    for k in range(0, len(begins), TOGETHER):
+        yield from processors.in_order(text, begins[k : k + TOGETHER])
+
+
+def _cells(texts: list[str]) -> tuple[bytes, list[int]]:
+    """Return texts as they stand in a file, one behind the other, and the length of each."""
+    joined = "".join(texts)
+    if joined.isascii() and not any(special in joined for special in _SPECIAL):
+        return joined.encode(), list(map(len, texts))
+    cells = list(map(_cell, texts))
+    return b"".join(cells), list(map(len, cells))
+
+
+def _cell(text: str) -> bytes:
+    if any(special in text for special in _SPECIAL):
+        text = '"{}"'.format(text.replace('"', '""'))
+    return text.encode()
+
+
+# --- old rows --------------------------------------------------------------------------------
+
+
+def begins(name: str, stage_methods: Sequence[str]) -> tuple[bytes, ...]:
+    """Return what the rows of some stages, or ``stage/method``, begin with in a table's file."""
+    of = _OF.get(name, "")
+    asked = [f"{one}/" for one in stage_methods if one.count("/") < 2]
+    found = [one.removeprefix(of) for one in asked if one.startswith(of)]
+    found += ["" for one in asked if of.startswith(one) and one != of]  # any row
+    return tuple(one.replace("/", ",").encode() for one in found)
+
+
+def holds(path: Path, begin: tuple[bytes, ...]) -> bool:
+    """Tell whether a table may have rows that begin so; FlightError as `others`."""
+    with _opened(path) as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        return any(content.find(b"\n" + one, 0, len(content) - 1) >= 0 for one in begin)
+
+
+def others(path: Path, begin: tuple[bytes, ...]) -> Iterator[tuple[str, bytes]]:
+    """Yield the rows that do not begin so, many at a time, with their first cell.
+
+    Raises
+    ------
+    FlightError
+        Where the file does not begin with the header of such a table.
+    """
+    with _opened(path) as file:
+        while some := _rows(file):
+            kept = [row for row in some if not row.startswith(begin)]
+            for cell, alike in groupby(kept, lambda row: row.partition(b",")[0]):
+                yield cell.decode(), b"".join(alike)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    """Open a table after its header."""
+    with opened(path) as file:
+        first = file.readline(LONGEST)
+        _check_header(path, list, first)
+        yield file
+
+
+def _rows(file: BinaryIO) -> list[bytes]:
+    """Return the next rows; lines with an odd number of quotes end or begin inside of a cell."""
+    found = file.readlines(BYTES)
+    if not any(b'"' in line for line in found):
+        return found
+    rows: list[bytes] = []
+    row: list[bytes] = []
+    is_open = False
+    for line in found:
+        row.append(line)
+        is_open ^= line.count(b'"') % 2 == 1
+        if not is_open:
+            rows.append(b"".join(row))
+            row = []
+    while is_open and (line := file.readline()):
+        row.append(line)
+        is_open ^= line.count(b'"') % 2 == 1
+    return [*rows, b"".join(row)] if row else rows
+
+
+PART_OF: Mapping[str, str] = {"rig": "mounting"}
+"""The stage of the results folder that a stage belongs to, where it is not one of its own."""
+
+NOTEBOOKS: Mapping[str, str] = {
+    "flight": "00-flight",
+    "heads": "01-head-calibration",
+    "synthetic": "02-synthetic-image",
+    "mounting": "03-mounting-calibration",
+    "rig": "08-rig",
+    "validation": "04-validation",
+}
+"""The notebook of every stage, in the order in which they are run. ``flight`` only shows the data.
+``rig`` is the part of the stage mounting that uses the block heads."""
+
+RELATIVE = ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg")
+"""Names of the parameters of a head's relative orientation, in their order."""
+
+UNITS = {
+    **{name: (unit,) for name, unit in REPORTED.values()},
+    **{name: (name.rpartition("_")[2],) for name in RELATIVE},
+}
+"""Units of the parameters of cameras and of heads."""
+
+OF_TRAJECTORY = {
+    "gnss_shift_": ("m",),
+    "gnss_drift_": ("m/min", "m/exposure"),
+    "gnss_delay_s": ("s",),
+    "attitude_delay_s": ("s",),
+}
+"""Units of the parameters of a trajectory, which belong to no camera, by their first letters."""
+
+
+# --- What is wrong with the cells of a results table, column by column
+
+
+FIRST = 2
+"""Line of the first row."""
+
+
+def cell_problems(file: str, frame: pd.DataFrame) -> Iterator[Problem]:
+    """Yield what is wrong with the cells of a table, row by row.
+
+    Parameters
+    ----------
+    file : str
+        Its path; the name is one of `SCHEMAS` with ``.csv``.
+    frame : DataFrame
+        With its columns, a row for every line after the first.
+    """
+    schema = SCHEMAS[Path(file).stem]
+    for name, allowed in schema.ranges.items():
+        yield from _numbers(file, frame[name], allowed, needed=name in schema.needed)
+    for name, words in schema.words.items():
+        yield from _words(file, frame[name], words)
+    if schema.key:
+        yield from _repeated(file, frame, schema)
+
+
+def wrong_rows(
+    file: str, column: str, rows: Mask | Index, found: Callable[[int], str], expected: str
+) -> Iterator[Problem]:
+    """Yield the problems of some rows of a table that was read without any problem of its cells.
+
+    Parameters
+    ----------
+    file, column : str
+    rows : ndarray
+        Which rows, or of all of them whether they are wrong.
+    found : callable
+        What is there in a row.
+    expected : str
+    """
+    idx: Index = np.flatnonzero(rows) if rows.dtype == bool else rows.astype(np.intp)
+
+    def problem(row: int) -> Problem:
+        return Problem(
+            file=file, line=row + FIRST, column=column, found=found(row), expected=expected
+        )
+
+    yield from counted(idx, problem)
+
+
+def _numbers(file: str, column: pd.Series, allowed: Range, *, needed: bool) -> Iterator[Problem]:
+    values = column.to_numpy()
+    bad = ~((values >= allowed.low) & (values <= allowed.high))
+    if allowed.whole:
+        bad |= np.floor(values) != values
+    if not needed:
+        bad &= ~np.isnan(values)
+
+    def found(row: int) -> str:
+        return "is empty" if np.isnan(values[row]) else repr(float(values[row]))
+
+    yield from wrong_rows(file, str(column.name), bad, found, str(allowed))
+
+
+def _words(file: str, column: pd.Series, words: tuple[str, ...]) -> Iterator[Problem]:
+    """Yield cells with none of the known words."""
+    bad = ~column.isin(words).to_numpy()
+
+    def found(row: int) -> str:
+        cell = str(column.iloc[row])
+        return f"{quoted(cell)} is unknown{did_you_mean(cell, words)}"
+
+    yield from wrong_rows(file, str(column.name), bad, found, f"must be one of {', '.join(words)}")
+
+
+def _repeated(file: str, frame: pd.DataFrame, schema: Schema) -> Iterator[Problem]:
+    """Yield rows that stand above already."""
+    cells = frame[list(schema.key)]
+    again = np.array(cells.duplicated())
+    if again.any():
+        again &= ~_often(frame, schema)
+
+    def found(row: int) -> str:
+        alike = (cells == cells.iloc[row]).all(axis=1)
+        first = int(np.flatnonzero(alike)[0])
+        names = ", ".join(quoted(str(cell)) for cell in cells.iloc[row])
+        return f"{names} stands in line {first + FIRST} already"
+
+    yield from wrong_rows(file, "row", again, found, f"every {', '.join(schema.key)} once")
+
+
+def _often(frame: pd.DataFrame, schema: Schema) -> Mask:
+    """Tell which rows may repeat others."""
+    out = np.zeros(len(frame), dtype=bool)
+    for words in schema.often:
+        own = np.ones(len(frame), dtype=bool)
+        for name, some in words.items():
+            own &= frame[name].isin(some).to_numpy()
+        out |= own
+    return out
+
+
+# --- Files of a results folder: regular ones, which lie in the folder itself, links resolved
+
+
+MOST_BYTES = 200_000_000
+"""Largest JSON file of results; a thousand heads have a hundredth of it."""
+
+
+def is_there(path: Path, folder: Path | None = None) -> bool:
+    """Tell whether a file of results is there.
+
+    Parameters
+    ----------
+    path : Path
+    folder : Path, optional
+        That of the results; by default the one that the path names.
+
+    Raises
+    ------
+    FlightError
+        Where something else is in its place, or it is a link that leads out of the folder.
+    """
+    # the end of a link is looked at by name before anything is opened there
+    if not is_inside(path, folder or path.parent):
+        raise FlightError([_wrong(path, "is a link that leads out of the results")])
+    if path.is_file():
+        return True
+    if os.path.lexists(path):  # reading a pipe would wait without end
+        found = "is a link to nothing" if path.is_symlink() else "is no regular file"
+        raise FlightError([_wrong(path, found)])
+    return False
+
+
+def is_inside(path: Path, folder: Path) -> bool:
+    """Tell whether a path leads to a place below a folder, whatever links are on the way."""
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+
+
+def _wrong(path: Path, found: str) -> str:
+    expected = "must be a file that a run wrote; remove it and run again"
+    return str(Problem(file=str(path), line=1, column="file", found=found, expected=expected))
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a file that is there.
+
+    Raises
+    ------
+    FlightError
+        Where it is no text, or too large.
+    """
+    text, _, problems = read_text(path, str(path), needed_by="a report", most=MOST_BYTES)
+    if problems:
+        raise FlightError([f"{problem}; remove it and run again" for problem in problems])
+    return text

@@ -1,0 +1,278 @@
+"""Measurements of heads transferred into synthetic images, with the heads' errors (section 2.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from acx4lib import expected, shown
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.reliability import gains
+from acx4lib.calibration.estimates import from_bundle, to_reported
+from acx4lib.calibration.heads import RelativeOrientation, varied
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block, ImagePoints, first_images, synthetic_images
+from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy, inside, xy_from_colrow
+from acx4lib.least_squares.covariance import sigmas
+from acx4lib.synthetic_image.frame import (
+    head_from_synthetic,
+    synthetic_from_head,
+    synthetic_from_head_jacobian,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+# --- Measurements of the heads, carried into the synthetic images of their exposures
+# (section 2.1)
+#
+# A measured point is corrected for its head's distortion, and its ray is intersected with the
+# plane of the synthetic image, as the renderer maps pixels, but without its grid. Of several heads
+# that measured a point at an exposure, one is taken: the one from which `rendering` would take the
+# pixel.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CarriedPoints:
+    """A block's measurements in its synthetic images, one for each exposure and point.
+
+    Attributes
+    ----------
+    exposure_idx, point_idx, camera_idx : ndarray, shape (n,)
+        Indices of the block's exposures, points and cameras; the camera is the head from which
+        the measurement was carried.
+    colrow : ndarray, shape (n, 2)
+        Pixels of the synthetic image.
+    sigma_px : ndarray, shape (n, 2)
+        Of col and row: the measurement's, not that of the heads' calibration.
+    n_left_out : int
+        Points of exposures that lie outside the synthetic image.
+    """
+
+    exposure_idx: Index
+    point_idx: Index
+    camera_idx: Index
+    colrow: Array
+    sigma_px: Array
+    n_left_out: int = 0
+
+    def __post_init__(self) -> None:
+        expected.whole_numbers("exposure_idx", self.exposure_idx)
+        n = len(self.exposure_idx)
+        expected.whole_numbers("point_idx", self.point_idx, (n,))
+        expected.whole_numbers("camera_idx", self.camera_idx, (n,))
+        for name in ("colrow", "sigma_px"):
+            expected.shape(name, getattr(self, name), (n, 2))
+            expected.finite(name, getattr(self, name))
+        expected.positive("sigma_px", self.sigma_px)
+
+    def __repr__(self) -> str:
+        """Say in a line how many they are."""
+        exposures = shown.count(len(np.unique(self.exposure_idx)), "exposure")
+        left_out = f"{self.n_left_out} left out" if self.n_left_out else ""
+        return shown.line("CarriedPoints", f"{len(self)} of {exposures}", left_out)
+
+    def table(self) -> pd.DataFrame:
+        """Return how many come from every head, and the median of their sigma.
+
+        Heads are counted from zero, in the order of the block's cameras.
+        """
+        rows = {}
+        for k in np.unique(self.camera_idx).tolist():
+            own = self.camera_idx == k
+            col, row = np.median(self.sigma_px[own], axis=0).tolist()
+            rows[k] = {
+                "measurements": int(own.sum()),
+                "median sigma col (px)": col,
+                "median sigma row (px)": row,
+            }
+        return shown.row_table("head", rows)
+
+    def __len__(self) -> int:
+        """Count the measurements."""
+        return len(self.colrow)
+
+
+def carry(block: Block, orientation: RelativeOrientation, synthetic: Camera) -> CarriedPoints:
+    """Carry the measurements of a block's heads into their synthetic images.
+
+    Valid as far as all heads look from one place: relief and flying height move nothing.
+
+    Parameters
+    ----------
+    block : Block
+        Its cameras are heads of `orientation`.
+    orientation : RelativeOrientation
+    synthetic : Camera
+
+    Returns
+    -------
+    CarriedPoints
+        In the order of the exposures' first images, then of the measurements.
+
+    Raises
+    ------
+    ValueError
+        Where a camera of the block is no head.
+    """
+    expected.instance("block", block, Block)
+    expected.instance("synthetic", synthetic, Camera)
+    heads = _numbers_of_heads(block, orientation)
+    rows = _nearest_to_the_middle(block, heads, orientation.heads)
+    points = block.image_points[rows]
+    camera_idx = block.images.camera_idx[points.image_idx]
+    colrow, sigma = np.full((len(rows), 2), np.nan), np.full((len(rows), 2), np.nan)
+    for k in np.unique(heads):
+        own = np.flatnonzero(heads[camera_idx] == k)
+        xy = synthetic_from_head(orientation, int(k), points.colrow[own])
+        colrow[own] = colrow_from_xy(synthetic, xy)
+        J = synthetic_from_head_jacobian(orientation, int(k), points.colrow[own])
+        sigma[own] = np.linalg.norm(J, axis=2) * points.sigma_px[own, None] / synthetic.pixel_mm
+    kept = np.flatnonzero(inside(synthetic, colrow))
+    return CarriedPoints(
+        exposure_idx=block.images.exposure_idx[points.image_idx[kept]],
+        point_idx=points.point_idx[kept],
+        camera_idx=camera_idx[kept],
+        colrow=colrow[kept],
+        sigma_px=sigma[kept],
+        n_left_out=len(rows) - len(kept),
+    )
+
+
+def _numbers_of_heads(block: Block, orientation: RelativeOrientation) -> Index:
+    """Return the number in `orientation` of every camera of a block."""
+    names = [head.name for head in orientation.heads]
+    unknown = [camera.name for camera in block.cameras if camera.name not in names]
+    if unknown:
+        msg = f"block {block.name!r}: no orientation of {', '.join(unknown)}"
+        raise ValueError(msg)
+    return np.array([names.index(camera.name) for camera in block.cameras], dtype=np.intp)
+
+
+def _nearest_to_the_middle(block: Block, heads: Index, cameras: Sequence[Camera]) -> Index:
+    """Return one measurement of each point at an exposure: the farthest from its head's border.
+
+    Of several that are as far, the first head's, as a seam has it.
+    """
+    points = block.image_points
+    head = heads[block.images.camera_idx[points.image_idx]]
+    exposure = block.images.exposure_idx[points.image_idx]
+    far = np.zeros(len(points))
+    for k in np.unique(head):
+        far[head == k] = border_distance(cameras[k], points.colrow[head == k])
+    order = np.lexsort((head, -far, points.point_idx, exposure))
+    together = exposure[order] * len(block.points) + points.point_idx[order]
+    chosen = np.sort(order[np.unique(together, return_index=True)[1]])
+    at = first_images(block)[exposure[chosen]]
+    return chosen[np.argsort(at, kind="stable")]
+
+
+def synthetic_block(block: Block, carried: CarriedPoints, synthetic: Camera) -> Block:
+    """Return a block's synthetic images with the measurements that were carried into them.
+
+    Parameters
+    ----------
+    block : Block
+        As it was measured, in heads.
+    carried : CarriedPoints
+    synthetic : Camera
+
+    Returns
+    -------
+    Block
+        As `synthetic_images` has it. A measurement's sigma is the root mean square of its two.
+    """
+    images = synthetic_images(block, synthetic)
+    place = np.full(len(block.trajectory), -1)
+    place[images.images.exposure_idx] = np.arange(len(images.images))
+    return replace(
+        images,
+        image_points=ImagePoints(
+            image_idx=place[carried.exposure_idx],
+            point_idx=carried.point_idx,
+            colrow=carried.colrow,
+            sigma_px=np.sqrt(np.mean(carried.sigma_px**2, axis=1)),
+        ),
+    )
+
+
+# --- What the errors of the heads' calibration do to a camera calibrated in the synthetic image
+#
+# A head that is off moves all points that it measured, at every exposure, together. So this is no
+# standard deviation of single points: the adjustment does not average it, and does not see it.
+
+
+def parameter_covariance(
+    bundle: Bundle, block: Block, carried: CarriedPoints, orientation: RelativeOrientation
+) -> Array:
+    """Return the covariance of a synthetic camera's parameters that its heads' calibration causes.
+
+    Valid for the calibration of heads that carried the points, and for what the noise of its
+    measurements does. What a focal length that is held wrongly does to a head is no part of it.
+    Other flights that are carried by the same one share this error.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        One synthetic camera, mounted, adjusted with the points.
+    block : Block
+        As it was measured, in heads.
+    carried : CarriedPoints
+        All points of the bundle's block, in its order.
+    orientation : RelativeOrientation
+        The heads by which they were carried.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Of the parameters as results report them, in the order of the bundle's columns; it adds to
+        the covariance of the adjustment.
+
+    Notes
+    -----
+    J S_h J^T with the joint covariance S_h of the heads and J = d(parameters) / d(heads): by the
+    normal equations d(parameters) / d(points), times d(points) / d(heads) by differences of a
+    standard deviation to both sides.
+    """
+    expected.instance("bundle", bundle, Bundle)
+    expected.many("carried", carried, len(bundle.network.block.image_points), "measurements")
+    calibration = from_bundle(bundle)
+    columns = np.arange(calibration.n_columns)
+    network, solution = bundle.network, bundle.solution
+    equations = network.equations(bundle.state)
+    found = gains(equations, solution.inverse, network.free_points, columns)
+    by_points = next(g for e, g in zip(equations, found, strict=True) if e.kind == "image_point")
+    (camera,) = network.block.cameras
+    moved = _moved(block, carried, orientation, camera)[network.rows]
+    J = to_reported(calibration) @ np.einsum("mdc,mdk->ck", by_points, moved)
+    known = np.flatnonzero(sigmas(orientation.cov_joint) > 0)
+    cov: Array = J @ orientation.cov_joint[np.ix_(known, known)] @ J.T
+    return cov
+
+
+def _moved(
+    block: Block, carried: CarriedPoints, orientation: RelativeOrientation, camera: Camera
+) -> Array:
+    """Return d(points) / d(parameters of the heads that have a sigma), pixels, shape (n, 2, k)."""
+    sigma = sigmas(orientation.cov_joint)
+    known = np.flatnonzero(sigma > 0)
+    names = [head.name for head in orientation.heads]
+    of_block = np.array([names.index(head.name) for head in block.cameras])
+    heads = of_block[carried.camera_idx]
+    xy = xy_from_colrow(camera, carried.colrow)
+    out = np.zeros((len(carried), 2, len(known)))
+    n = len(names)
+    for place, i in enumerate(known.tolist()):
+        k = i // 6 if i < 6 * n else (i - 6 * n) // ((len(sigma) - 6 * n) // n)
+        own = np.flatnonzero(heads == k)
+        colrow = head_from_synthetic(orientation, k, xy[own])
+        ahead, behind = (
+            synthetic_from_head(varied(orientation, i, step), k, colrow)
+            for step in (sigma[i], -sigma[i])
+        )
+        out[own, :, place] = (ahead - behind) / (2 * sigma[i] * camera.pixel_mm) * [1.0, -1.0]
+    return out

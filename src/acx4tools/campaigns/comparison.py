@@ -1,0 +1,500 @@
+"""Differences between campaigns.
+
+What is common to all, joint tests, and what they move on the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.calibration.estimates import (
+    Parameter,
+    is_determined,
+    parameters,
+    reported_covariance,
+    reported_values,
+    with_reported,
+)
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array, Index
+from acx4lib.geometry.camera import INTERIOR, Camera
+from acx4lib.geometry.collinearity import rays
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
+from acx4lib.least_squares.covariance import sigmas
+from acx4tools.campaigns.campaign import (
+    KNOWN,
+    Campaign,
+    Fit,
+    JointTest,
+    fit,
+    joint_test,
+    same_values,
+    sensors,
+)
+
+# --- Campaigns of the same cameras side by side: differences, what they share, trends, and tests
+#
+# Campaigns count as independent, so that the covariance of a difference is the sum of both.
+
+
+PARTS = {"interior orientation": INTERIOR, "lever arm": LEVER_ARM, "boresight": BORESIGHT}
+"""Parameters that are tested together, by the name of the part."""
+
+APART = 0.01
+"""Degrees by which frames of synthetic images may differ and still count as the same."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Comparison:
+    """Campaigns with the parameters that all of them determined, in the order of time.
+
+    Attributes
+    ----------
+    campaigns : tuple of Campaign
+        By date, where all have one; else as they were given.
+    parameters : tuple of Parameter
+        As the first campaign has them.
+    values : ndarray, shape (n, k)
+        In the units of results; angles without jumps of 360 degrees.
+    covs : ndarray, shape (n, k, k)
+    apriori : bool
+        Whether the covariances are a priori, not multiplied by the variance of unit weight.
+    notes : tuple of str
+        What a reader must know, one sentence each.
+    """
+
+    campaigns: tuple[Campaign, ...]
+    parameters: tuple[Parameter, ...]
+    values: Array
+    covs: Array
+    apriori: bool
+    notes: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, ``camera/parameter``."""
+        return tuple(f"{p.camera}/{p.name}" for p in self.parameters)
+
+    def redundancy(self, *which: int) -> float:
+        """Return the smallest redundancy of some campaigns; infinite for covariances a priori."""
+        chosen = [self.campaigns[i] for i in which] if which else self.campaigns
+        return KNOWN if self.apriori else float(min(c.redundancy for c in chosen))
+
+    def of_camera(self, camera: str) -> Index:
+        """Return the places of a camera's parameters."""
+        return np.flatnonzero([p.camera == camera for p in self.parameters])
+
+    def parts(self) -> Iterator[tuple[str, str, Index]]:
+        """Yield camera, part and the places of its parameters, for parts with any."""
+        for camera in dict.fromkeys(p.camera for p in self.parameters):
+            for part, keys in PARTS.items():
+                own = [
+                    i for i, p in enumerate(self.parameters) if p.camera == camera and p.key in keys
+                ]
+                if own:
+                    yield camera, part, np.array(own)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Difference:
+    """A campaign minus another one.
+
+    Attributes
+    ----------
+    earlier, later : int
+        Places of the campaigns.
+    d : ndarray, shape (k,)
+        Later minus earlier.
+    cov : ndarray, shape (k, k)
+        The sum of both covariances.
+    redundancy : float
+        As in `JointTest`.
+    """
+
+    earlier: int
+    later: int
+    d: Array
+    cov: Array
+    redundancy: float
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations, shape (k,)."""
+        return sigmas(self.cov)
+
+    def test(self, which: Sequence[int] | Index | None = None) -> JointTest:
+        """Test some parameters, or all of them, for no difference."""
+        own = np.arange(len(self.d)) if which is None else np.asarray(which, dtype=np.intp)
+        return joint_test(self.d[own], self.cov[np.ix_(own, own)], redundancy=self.redundancy)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trend:
+    """Straight lines through the parameters of all campaigns, over time or temperature.
+
+    Attributes
+    ----------
+    at : ndarray, shape (n,)
+    at_mean : ndarray, shape (k,)
+        Values of the lines at the mean of `at`.
+    slope : ndarray, shape (k,)
+    cov : ndarray, shape (k, k)
+        Of the slopes.
+    sloping : JointTest
+        Whether all slopes are zero.
+    scatter : JointTest
+        Whether the campaigns lie on their lines.
+    """
+
+    at: Array
+    at_mean: Array
+    slope: Array
+    cov: Array
+    sloping: JointTest
+    scatter: JointTest
+
+
+def compare(campaigns: Sequence[Campaign], *, apriori: bool = False) -> Comparison:
+    """Put campaigns side by side.
+
+    Parameters
+    ----------
+    campaigns : sequence of Campaign
+        Two or more.
+    apriori : bool
+        Whether to use covariances a priori; by default those of the results, which are multiplied
+        by each campaign's variance of unit weight.
+
+    Raises
+    ------
+    FlightError
+        Where two are of the same flight, or their cameras are not the same.
+    """
+    expected.sequence("campaigns", campaigns, Campaign)
+    if len(campaigns) < 2:
+        raise FlightError(["one campaign alone has nothing to be compared with; name two or more"])
+    dated = all(c.session.date for c in campaigns)
+    ordered = sorted(campaigns, key=lambda c: str(c.session.date)) if dated else [*campaigns]
+    problems = [line for a, b in combinations(ordered, 2) for line in _problems(a, b)]
+    if problems:
+        raise FlightError([*dict.fromkeys(problems)])
+    listed = [_determined(c) for c in ordered]
+    common = [name for name in listed[0] if all(name in other for other in listed)]
+    if not common:
+        raise FlightError(["no parameter was determined by all campaigns: nothing to compare"])
+    shown = tuple(listed[0][name][1] for name in common)
+    values = np.array([[own[name][1].value for name in common] for own in listed])
+    turned = np.array([p.unit == "deg" for p in shown])
+    values -= np.where(turned, 360.0 * np.round((values - values[0]) / 360.0), 0.0)
+    places = [np.array([own[name][0] for name in common]) for own in listed]
+    return Comparison(
+        campaigns=tuple(ordered),
+        parameters=shown,
+        values=values,
+        covs=np.array([_cov(c, at, apriori) for c, at in zip(ordered, places, strict=True)]),
+        apriori=apriori,
+        notes=tuple(_notes(ordered, [set(own) for own in listed])),
+    )
+
+
+def _determined(campaign: Campaign) -> dict[str, tuple[int, Parameter]]:
+    """Return the parameters that a campaign determined, with their places, by name."""
+    keep = is_determined(campaign.calibration)
+    listed = enumerate(parameters(campaign.calibration))
+    return {f"{p.camera}/{p.name}": (i, p) for i, p in listed if keep[i]}
+
+
+def _cov(campaign: Campaign, places: Index, apriori: bool) -> Array:
+    cov = reported_covariance(campaign.calibration)[np.ix_(places, places)]
+    return cov / campaign.calibration.sigma0_sq if apriori else cov
+
+
+def _problems(a: Campaign, b: Campaign) -> Iterator[str]:
+    """Yield why two campaigns cannot be compared."""
+    if a.flight and a.flight == b.flight:
+        yield (
+            f"{a.name} and {b.name} are results of the same flight: their errors are the same, "
+            "not independent; name another campaign"
+        )
+    mine, other = sensors(a), sensors(b)
+    both = [name for name in mine if name in other]
+    if not both:
+        yield (
+            f"{a.name} has the cameras {', '.join(mine)}, {b.name} has {', '.join(other)}: none "
+            "is the same; a camera keeps its name in flight.toml from campaign to campaign"
+        )
+    for name in both:
+        if mine[name] != other[name]:
+            yield (
+                f"{name} is not the same camera: {_said(mine[name])} in {a.name}, "
+                f"{_said(other[name])} in {b.name}"
+            )
+    if len(a.frame_deg) == len(b.frame_deg) and np.any(
+        np.abs(np.subtract(a.frame_deg, b.frame_deg)) > APART
+    ):
+        yield (
+            f"mount_* of the synthetic camera define another frame in {a.name} than in {b.name}: "
+            "compare the heads instead, with --method rig"
+        )
+
+
+def _said(sensor: tuple[int, int, float]) -> str:
+    width, height, pixel_mm = sensor
+    return f"{width} x {height} pixels of {1000 * pixel_mm:g} µm"
+
+
+def _notes(campaigns: Sequence[Campaign], listed: Sequence[set[str]]) -> Iterator[str]:
+    """Yield what readers must know of campaigns that can be compared."""
+    for what, said in (
+        ("method", [c.method for c in campaigns]),
+        ("refraction", [c.refraction for c in campaigns]),
+    ):
+        if len(set(said)) > 1:
+            pairs = zip(campaigns, said, strict=True)
+            yield f"{what} is not the same: {', '.join(f'{v} in {c.name}' for c, v in pairs)}"
+    everything = set[str]().union(*listed)
+    for campaign, own in zip(campaigns, listed, strict=True):
+        if lacking := sorted(everything - own):
+            yield f"{campaign.name} does not determine {', '.join(lacking)}: not compared"
+    for a, b in combinations(campaigns, 2):
+        if n := len(a.control & b.control):
+            yield (
+                f"{a.name} and {b.name} have {n} control points with the same coordinates, whose "
+                "errors are common: differences are smaller, pooled values worse than their σ say"
+            )
+
+
+# --- what is tested --------------------------------------------------------------------------
+
+
+def difference(comparison: Comparison, earlier: int, later: int) -> Difference:
+    """Return the difference of two campaigns.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    earlier, later : int
+        Places of the campaigns in it.
+    """
+    for name, place in (("earlier", earlier), ("later", later)):
+        expected.place(name, place, len(comparison.campaigns))
+    values, covs = comparison.values, comparison.covs
+    return Difference(
+        earlier=earlier,
+        later=later,
+        d=values[later] - values[earlier],
+        cov=covs[later] + covs[earlier],
+        redundancy=comparison.redundancy(earlier, later),
+    )
+
+
+def differences(comparison: Comparison, *, against: str = "previous") -> tuple[Difference, ...]:
+    """Return the difference of every campaign but the first.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    against : str
+        ``"previous"``: the campaign before it; ``"first"``: always the first.
+    """
+    expected.one_of("against", against, ("previous", "first"))
+    return tuple(
+        difference(comparison, i - 1 if against == "previous" else 0, i)
+        for i in range(1, len(comparison.campaigns))
+    )
+
+
+def pooled(comparison: Comparison) -> Fit:
+    """Return the parameters that fit all campaigns best; its test is that of their stability."""
+    n = len(comparison.campaigns)
+    return fit(comparison.values, comparison.covs, np.ones((n, 1)))
+
+
+def stability(comparison: Comparison) -> JointTest:
+    """Test whether all campaigns have the same parameters, all of them together."""
+    found = pooled(comparison)
+    return JointTest(chi_square=found.chi_square, dof=found.dof, redundancy=comparison.redundancy())
+
+
+def stable(comparison: Comparison) -> Sequence[JointTest]:
+    """Test every parameter by itself for being the same in all campaigns."""
+    return same_values(comparison.values, comparison.covs, redundancy=comparison.redundancy())
+
+
+def trend(comparison: Comparison, at: Array) -> Trend:
+    """Fit straight lines to all parameters together.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    at : ndarray, shape (n,)
+        Time or temperature of the campaigns, not all the same.
+    """
+    n = len(comparison.campaigns)
+    expected.shape("at", at, (n,))
+    expected.finite("at", at)
+    lines = fit(comparison.values, comparison.covs, np.column_stack([np.ones(n), at - at.mean()]))
+    redundancy, cov = comparison.redundancy(), lines.cov[1, :, 1]
+    return Trend(
+        at=at,
+        at_mean=lines.coefficients[0],
+        slope=lines.coefficients[1],
+        cov=cov,
+        sloping=joint_test(lines.coefficients[1], cov, redundancy=redundancy),
+        scatter=JointTest(chi_square=lines.chi_square, dof=lines.dof, redundancy=redundancy),
+    )
+
+
+def temperatures(comparison: Comparison) -> Array | None:
+    """Return the temperatures, °C; None where one is not known, or all are the same."""
+    at = np.array([c.session.temperature_c for c in comparison.campaigns])
+    return at if np.isfinite(at).all() and np.ptp(at) > 0 else None
+
+
+def years(comparison: Comparison) -> Array | None:
+    """Return the times in years after the first; None where a date is missing, or all are one."""
+    dates = [c.session.date for c in comparison.campaigns]
+    known = [date.toordinal() for date in dates if date is not None]
+    if len(known) < len(dates) or max(known) == min(known):
+        return None
+    return (np.array(known) - known[0]) / 365.25
+
+
+# --- What a change of a camera's parameters moves on the ground, over its format
+
+
+NODES = 15
+"""Nodes along each side of the format."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GroundEffects:
+    """Derivatives of points on level ground, seen by a camera of which body and height are known.
+
+    Attributes
+    ----------
+    colrow : ndarray, shape (n, 2)
+        Nodes over the format, pixels; those that see the ground.
+    xy : ndarray, shape (n, 2)
+        Where they lie, forward and left of the body, m.
+    J : ndarray, shape (n, 2, k)
+        d(forward, left) / d(parameter), m per unit of the parameter.
+    """
+
+    colrow: Array
+    xy: Array
+    J: Array
+
+    def of(self, which: Index) -> GroundEffects:
+        """Return the effects of some of the parameters."""
+        return replace(self, J=self.J[:, :, which])
+
+    def moved(self, d: Array) -> Array:
+        """Return what changes of all parameters together move, m, shape (n, 2)."""
+        out: Array = self.J @ d
+        return out
+
+    def rms(self, d: Array) -> Array:
+        """Return the root mean square of what every parameter moves by itself, m, shape (k,)."""
+        each = np.sum((self.J * d) ** 2, axis=1)
+        out: Array = np.sqrt(each.mean(axis=0))
+        return out
+
+    def sigma(self, cov: Array) -> Array:
+        """Return the standard deviation of the plane vector at the nodes, m, shape (n,)."""
+        variance = np.einsum("nia,ab,nib->n", self.J, cov, self.J, optimize=True)
+        out: Array = np.sqrt(variance)
+        return out
+
+
+def ground_effects(
+    camera: Camera, names: Sequence[str], steps: Array, *, height_m: float
+) -> GroundEffects:
+    """Return what a camera's parameters move on level ground, in a single image.
+
+    The body is level and its pose is right, as with direct georeferencing onto a known height. A
+    change of the focal length changes the scale in the image, one of the lever arm's z the height.
+
+    Parameters
+    ----------
+    camera : Camera
+    names : sequence of str
+        Parameters by their names in results, in any number.
+    steps : ndarray, shape (k,)
+        Steps of the central differences, such as standard deviations.
+    height_m : float
+        Of the body above the ground.
+    """
+    expected.shape("steps", steps, (len(names),))
+    expected.positive("steps", steps)
+    expected.positive_number("height_m", height_m)
+    w, h = camera.width_px - 1, camera.height_px - 1
+    col, row = np.meshgrid(np.linspace(0, w, NODES), np.linspace(0, h, NODES))
+    colrow = np.column_stack([col.ravel(), row.ravel()])
+    own = reported_values(camera)
+    J = np.empty((len(colrow), 2, len(names)))
+    for k, (name, step) in enumerate(zip(names, steps.tolist(), strict=True)):
+        ahead, behind = (
+            _on_ground(with_reported(camera, {name: own[name] + s}), colrow, height_m)
+            for s in (step, -step)
+        )
+        J[:, :, k] = (ahead - behind) / (2 * step)
+    xy = _on_ground(camera, colrow, height_m)
+    seen = np.isfinite(xy).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
+    return GroundEffects(colrow=colrow[seen], xy=xy[seen], J=J[seen])
+
+
+def _on_ground(camera: Camera, colrow: Array, height_m: float) -> Array:
+    """Return where rays of a camera on a level body meet the ground, m, NaN for rays upwards."""
+    r = camera.T_b_c.r + np.array([0.0, 0.0, height_m])
+    n = len(colrow)
+    ray = rays(camera, Pose(R=np.tile(camera.T_b_c.R, (n, 1, 1)), r=np.tile(r, (n, 1))), colrow)
+    down = np.where(ray[:, 2] < 0, -ray[:, 2], np.nan)
+    out: Array = r[:2] + ray[:, :2] * (r[2] / down)[:, None]
+    return out
+
+
+# --- of a comparison -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ground:
+    """Effects on the ground of the parameters of a comparison, camera by camera.
+
+    Attributes
+    ----------
+    height_m : float
+    of : dict of str to GroundEffects
+        By camera; the parameters are those of the camera, in their order.
+    """
+
+    height_m: float
+    of: Mapping[str, GroundEffects]
+
+
+def ground_of(comparison: Comparison, *, height_m: float | None = None) -> Ground:
+    """Return what the parameters of a comparison move on the ground.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    height_m : float, optional
+        By default the flying height of the first campaign, rounded to 10 m.
+    """
+    expected.instance("comparison", comparison, Comparison)
+    first = comparison.campaigns[0]
+    height = max(10.0, round(first.height_m, -1)) if height_m is None else height_m
+    sigma = sigmas(comparison.covs[0])
+    of = {}
+    for camera in first.calibration.cameras:
+        own = comparison.of_camera(camera.name)
+        if len(own):
+            names = [comparison.parameters[i].name for i in own]
+            of[camera.name] = ground_effects(camera, names, sigma[own], height_m=height)
+    return Ground(height_m=height, of=of)

@@ -1,0 +1,56 @@
+"""The kinds of exports, by the names that ``acx4 export --to`` has for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from acx4tools.exchange.outward import flight_toml, tables
+from acx4tools.exchange.outward.calibrated import Calibrated
+from acx4tools.exchange.outward.orientations import Oriented
+from acx4tools.exchange.outward.programs import (
+    colmap,
+    metashape,
+    micasense,
+    micmac,
+    opencv,
+    opensfm,
+    opf,
+    pix4d,
+)
+from acx4tools.exchange.outward.taken import Taken
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """One kind of export.
+
+    Attributes
+    ----------
+    cameras : callable or None
+        Makes the files of the cameras; None where the kind has orientations alone.
+    oriented : callable or None
+        Makes the files of cameras with oriented images; None where the kind has no place for them.
+    heads : bool
+        Whether it is for several heads only.
+    """
+
+    cameras: Callable[[Calibrated], Taken] | None = None
+    oriented: Callable[[Calibrated, Oriented], Taken] | None = None
+    heads: bool = False
+
+
+KINDS: Mapping[str, Kind] = {
+    "toml": Kind(cameras=flight_toml.take),
+    "opencv": Kind(cameras=opencv.cameras),
+    "metashape": Kind(cameras=metashape.cameras, oriented=metashape.images),
+    "colmap": Kind(cameras=colmap.cameras, oriented=colmap.images),
+    "opensfm": Kind(cameras=opensfm.cameras, oriented=opensfm.images),
+    "opf": Kind(cameras=opf.cameras, oriented=opf.images),
+    "micasense": Kind(cameras=micasense.cameras, heads=True),
+    "pix4d": Kind(cameras=pix4d.cameras, oriented=pix4d.images),
+    "micmac": Kind(cameras=micmac.cameras, oriented=micmac.images),
+    "opk": Kind(oriented=lambda _, oriented: tables.opk(oriented)),
+    "opk-topocentric": Kind(oriented=lambda _, oriented: tables.topocentric(oriented)),
+    "rph": Kind(oriented=lambda _, oriented: tables.rph(oriented)),
+}

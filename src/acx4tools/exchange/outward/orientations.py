@@ -1,0 +1,161 @@
+"""Exterior orientations of a block by direct georeferencing, eq. (14), as other programs count."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array
+from acx4lib.flight.block import Block, select_cameras
+from acx4lib.flight.block_from_tables import BLOCKS, read_block, without_points
+from acx4lib.flight.reader import Flight, checked
+from acx4lib.flight.toml_file import read_toml
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import R_ENU_NED, MappingFrame, rotation_enu_to_ecef
+from acx4lib.georeferencing.direct import Georeferenced, georeference, pose_covariances
+from acx4lib.results.rows import exterior_table
+from acx4tools.exchange.outward.calibrated import Calibrated
+
+R_C_TOP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""From a body whose forward axis is up in the image, to the camera's axes; its down is the view."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Oriented:
+    """The images of a block with calibrated cameras, and their poses.
+
+    Attributes
+    ----------
+    block : Block
+    georeferenced : Georeferenced
+        Cameras and poses in the block's topocentric frame.
+    """
+
+    block: Block
+    georeferenced: Georeferenced
+
+    @property
+    def T_m_c(self) -> Pose:
+        """Poses of the images."""
+        return self.georeferenced.T_m_c
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the images."""
+        return self.block.images.names
+
+    @property
+    def origin(self) -> str:
+        """Where the topocentric axes begin, in words."""
+        lon, lat = self.block.frame.origin
+        return f"longitude {lon:.9f}, latitude {lat:.9f} degrees, ellipsoidal height 0"
+
+
+def read_flown(path: Path) -> Flight:
+    """Return a flight of which nothing need be measured, nor any control be there.
+
+    Raises
+    ------
+    FlightError
+        With all that is wrong with it.
+    """
+    there = [name for name in BLOCKS if (path / name).is_dir()]
+    blocks = [without_points(read_block(path, name, pictures=path), path) for name in there]
+    return checked(read_toml(path / "flight.toml"), blocks)
+
+
+def orient(calibrated: Calibrated, flight: Flight, block: str) -> Oriented:
+    """Return the images of a block that calibrated cameras took, oriented by eq. (14).
+
+    Parameters
+    ----------
+    calibrated : Calibrated
+    flight : Flight
+        That of the calibration, or a later one with the same cameras.
+    block : str
+        Of its blocks.
+
+    Raises
+    ------
+    FlightError
+        Where the calibration has no mounting, or the block no image of a calibrated camera.
+    """
+    if not calibrated.mounted:
+        problem = f"{flight.path}: {calibrated.method} has no boresight and no lever arm"
+        raise FlightError([f"{problem}; orient images by another method: --method rig"])
+    names = [camera.name for camera in calibrated.cameras]
+    if block not in flight.blocks:
+        raise FlightError([f"{flight.path}: no block {block}; it has {', '.join(flight.blocks)}"])
+    for own in (flight.mounted(block), flight.block(block)):
+        present = [camera.name for camera in own.cameras if camera.name in names]
+        if present:
+            some = select_cameras(own, present)
+            g = georeference(some, calibrated.calibration)
+            return Oriented(block=some, georeferenced=g)
+    listed = ", ".join(camera.name for camera in flight.block(block).cameras)
+    problem = f"{flight.path}: block {block} has images of {listed}, not of {', '.join(names)}"
+    raise FlightError([f"{problem}; name another --method"])
+
+
+def in_grid(oriented: Oriented) -> pd.DataFrame:
+    """Return positions and omega, phi, kappa in the grid with their sigma, as results have them."""
+    cov = pose_covariances(oriented.block, oriented.georeferenced)
+    return exterior_table(oriented.block, oriented.names, T_m_c=oriented.T_m_c, cov=cov)
+
+
+def topocentric(oriented: Oriented) -> pd.DataFrame:
+    """Return positions and omega, phi, kappa in the block's topocentric frame: x_m, ..., kappa_deg.
+
+    Its axes are east, north, up at `Oriented.origin`.
+    """
+    T = oriented.T_m_c
+    return _table(oriented, ("x_m", "y_m", "z_m"), T.r, ("omega", "phi", "kappa"), T.opk)
+
+
+def geographic(oriented: Oriented) -> pd.DataFrame:
+    """Return latitude, longitude, ellipsoidal height, and roll, pitch, heading of the image.
+
+    The image counts as a body that looks down: its top edge is ahead, its right edge right.
+    """
+    lonlath = oriented.block.frame.to_geographic(oriented.T_m_c.r)
+    names = ("lat_deg", "lon_deg", "height_m")
+    rph = roll_pitch_heading(oriented.block.frame, oriented.T_m_c)
+    return _table(oriented, names, lonlath[:, [1, 0, 2]], ("roll", "pitch", "heading"), rph)
+
+
+def roll_pitch_heading(frame: MappingFrame, T_m_c: Pose) -> Array:
+    """Return roll, pitch, heading of images as bodies with the top edge ahead, radians, (n, 3).
+
+    Parameters
+    ----------
+    frame : MappingFrame
+    T_m_c : Pose
+        Of n images.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Heading from true north, between 0 and a whole turn.
+    """
+    lonlat = frame.to_geographic(T_m_c.r)[:, :2]
+    R_e_m = rotation_enu_to_ecef(frame.origin[None])[0]
+    R_t_c = np.swapaxes(rotation_enu_to_ecef(lonlat), -1, -2) @ R_e_m @ T_m_c.R
+    R = R_ENU_NED @ R_t_c @ R_C_TOP
+    roll = np.arctan2(R[:, 2, 1], R[:, 2, 2])
+    pitch = np.arctan2(-R[:, 2, 0], np.hypot(R[:, 2, 1], R[:, 2, 2]))
+    heading = np.mod(np.arctan2(R[:, 1, 0], R[:, 0, 0]), 2 * np.pi)
+    return np.stack([roll, pitch, heading], axis=-1)
+
+
+def _table(
+    oriented: Oriented, positions: Iterable[str], r: Array, angles: Iterable[str], values: Array
+) -> pd.DataFrame:
+    columns = [*positions, *(f"{angle}_deg" for angle in angles)]
+    frame = pd.DataFrame(np.column_stack([r, np.degrees(values)]), columns=columns)
+    frame.insert(0, "image", list(oriented.names))
+    return frame

@@ -1,0 +1,136 @@
+"""What is taken out of results for another program, and the folder in which it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from acx4lib.errors import OutputError
+from acx4lib.results import own_folder
+from acx4lib.results.whole_files import write_all
+from acx4tools.exchange.lens import Left
+
+COMMAND = "acx4 export"
+"""Whose the folders are."""
+
+STATEMENT = "export.md"
+
+LARGEST_PX = 0.05
+"""Difference between a lens and what stands for it in the other program, above which it is
+refused."""
+
+
+SIGMA = "standard deviations and covariance: parameters.csv and covariance.csv have them"
+BODY = "boresight and lever arm: --to toml has them"
+"""What many formats have no place for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taken:
+    """Files for another program, and what their user has to know.
+
+    Attributes
+    ----------
+    files : mapping of str to str
+        Contents by file below the folder.
+    lenses : mapping of str to Left
+        By camera, how far the lens of the other program is from the calibrated one.
+    assumed, left_out : tuple of str
+        Conventions of the files, and what they have no place for: a sentence each.
+    without_lenses : Taken, optional
+        What is worth having where a lens is too far: the files without lenses.
+    """
+
+    files: Mapping[str, str]
+    lenses: Mapping[str, Left] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    without_lenses: Taken | None = None
+
+
+def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
+    """Return what is taken where lenses are near enough, else what is worth having without them.
+
+    Raises
+    ------
+    OutputError
+        Where a lens differs by more than is allowed and nothing is worth having without.
+    """
+    try:
+        require_near(taken, allowed_px)
+    except OutputError as error:
+        if taken.without_lenses is None:
+            raise
+        less = taken.without_lenses
+        return replace(less, left_out=(*less.left_out, f"lenses: {error}"))
+    return taken
+
+
+def require_near(taken: Taken, allowed_px: float = LARGEST_PX) -> None:
+    """Raise an OutputError where a lens differs by more than is allowed."""
+    far = {n: d for n, d in taken.lenses.items() if not d.largest_px <= allowed_px}
+    if far:
+        name, difference = max(far.items(), key=lambda item: item[1].largest_px)
+        msg = (
+            f"{name}: the other program's lens differs by {difference.largest_px:.3g} px somewhere "
+            f"in the image, more than {allowed_px:g} px; --allow {_above(difference.largest_px)} "
+            "exports it nevertheless"
+        )
+        raise OutputError(msg)
+
+
+def _above(value: float) -> str:
+    """Return a number of two digits that is not below a value."""
+    text = f"{value:.2g}"
+    return text if float(text) > value else f"{value * 1.05:.2g}"
+
+
+def sentences(taken: Taken) -> tuple[str, ...]:
+    """Return a sentence for each lens on its difference."""
+    return tuple(
+        f"{name}: lens refitted over the whole image, off by at most {one.largest_px:.4f} px, "
+        f"rms {one.rms_px:.4f} px"
+        for name, one in taken.lenses.items()
+    )
+
+
+def statement(taken: Taken, *, title: str, origin: str) -> str:
+    """Return export.md: what was written, in which conventions, and what was left out."""
+    parts = {
+        "Lenses": sentences(taken),
+        "Conventions": taken.assumed,
+        "Left out": taken.left_out,
+    }
+    lines = [f"# {title}", "", f"{origin[0].upper()}{origin[1:]}.", ""]
+    for name, said in parts.items():
+        if said:
+            lines += [f"## {name}", "", *(f"- {one}" for one in said), ""]
+    return "\n".join(lines)
+
+
+def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
+    """Write the files and export.md into a folder, all of them or none.
+
+    Parameters
+    ----------
+    taken : Taken
+    folder : Path
+        New, empty, or written by an export before; then its files are replaced.
+    title : str
+    origin : str
+        Where the calibration comes from, a sentence without its full stop.
+
+    Raises
+    ------
+    OutputError
+        Where the folder is somebody else's.
+    """
+    texts = {**taken.files, STATEMENT: statement(taken, title=title, origin=origin)}
+    with own_folder.claim(folder, command=COMMAND) as own:
+        own.expect(texts)
+        for name in texts:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        write_all({folder / name: text for name, text in texts.items()})
+        own.remove([name for name in own.files if name not in texts])
+        own.seal()

@@ -1,0 +1,259 @@
+"""The camera of a picture, from what its metadata say of the lens and the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib.flight.problems import quoted
+from acx4lib.geometry.camera import Camera
+from acx4tools.exchange.lens import Left
+from acx4tools.exchange.opencv import from_opencv
+from acx4tools.exchange.pictures.fisheye import fisheye_camera
+from acx4tools.exchange.pictures.tags import Tags
+
+FOCAL, UNITS = "Camera:PerspectiveFocalLength", "Camera:PerspectiveFocalLengthUnits"
+POINT, DISTORTION = "Camera:PrincipalPoint", "Camera:PerspectiveDistortion"
+DEWARP, DESIGNED = "drone-dji:DewarpData", "drone-dji:CalibratedFocalLength"
+POLYNOMIAL, MATRIX = "Camera:FisheyePolynomial", "Camera:FisheyeAffineMatrix"
+CENTRE = ("drone-dji:CalibratedOpticalCenterX", "drone-dji:CalibratedOpticalCenterY")
+WIDTH_35_MM = 36.0
+PX_OF_WIDTH = 0.1
+"""Focal lengths in pixels are more than this share of the width in pixels; in mm they are less."""
+
+WORST_PX = 2.0
+"""Largest distance to the lens of the metadata; more is no lens, or no perspective one."""
+
+_PER_MM = {2: 1 / 25.4, 3: 1 / 10, 4: 1.0, 5: 1000.0}
+"""Lengths per mm of EXIF's units: inch, cm, mm, micrometre."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """A camera and where its numbers are from.
+
+    Attributes
+    ----------
+    camera : Camera
+        Without mounting.
+    said : str
+        What it was made of, for the user.
+    fitted : Left
+        Distances to the lens of the metadata.
+    """
+
+    camera: Camera
+    said: str
+    fitted: Left
+
+
+def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Lens:
+    """Return the camera of a picture.
+
+    Parameters
+    ----------
+    tags : Tags
+    name : str
+        Name of the camera.
+    known_pixel_mm : float, optional
+        Size of a pixel where the metadata do not have it.
+
+    Raises
+    ------
+    FlightError
+        Where the metadata have no focal length, contradict themselves, or state a model that is
+        neither a perspective nor a fisheye.
+
+    Notes
+    -----
+    The first that is there: the calibration of the vendor in XMP (DJI: `DEWARP`; MicaSense, Parrot:
+    `FOCAL`, which multispectral cameras of DJI have as well), the designed focal length of DJI,
+    EXIF's focal length with the pixel size, EXIF's focal length of 35 mm film, here over the width
+    of the picture.
+    """
+    model = tags.text("Camera:ModelType") or "perspective"
+    if model not in ("perspective", "fisheye"):
+        raise tags.wrong("Camera:ModelType", quoted(model), "must be perspective or fisheye")
+    if known_pixel_mm and pixel_mm(tags) is None:
+        known = {"FocalPlaneXResolution": 1 / known_pixel_mm, "FocalPlaneResolutionUnit": 4}
+        tags = replace(tags, exif={**tags.exif, **known})
+    if model == "fisheye":
+        return _fisheye(tags, name)
+    ways = {DEWARP: _dewarped, FOCAL: _calibrated, DESIGNED: _designed}
+    stated = [element for element in ways if element in tags.xmp]
+    if {FOCAL, DESIGNED} <= set(stated) and pixel_mm(tags) is None:
+        stated.remove(FOCAL)  # in mm, of pixels that nothing says
+    if stated:
+        return ways[stated[0]](tags, name)
+    return _nominal(tags, name)
+
+
+def pixel_mm(tags: Tags) -> float | None:
+    """Return the pixel size that EXIF's resolution of the focal plane means; None without it."""
+    resolution = tags.number("FocalPlaneXResolution")
+    unit = int(tags.number("FocalPlaneResolutionUnit") or 2)
+    if resolution is None or resolution <= 0:
+        return None
+    if unit not in _PER_MM:
+        raise tags.wrong("FocalPlaneResolutionUnit", str(unit), "must be 2 to 5")
+    size = 1 / (resolution * _PER_MM[unit])
+    if not 2e-4 < size < 0.1:
+        raise tags.wrong("FocalPlaneXResolution", str(resolution), "means no size of a pixel")
+    return float(f"{size:.6g}")
+
+
+def focal_px(tags: Tags, pixel: float) -> float:
+    """Return the focal length of `FOCAL` in pixels; older firmware has pixels there, newer mm.
+
+    Raises
+    ------
+    FlightError
+        Where `UNITS` contradicts the size of the number.
+    """
+    value, unit = tags.numbers(FOCAL, 1)[0], tags.text(UNITS).lower()
+    is_px = value > PX_OF_WIDTH * tags.width_px
+    if unit and (unit == "mm") == is_px:
+        raise tags.wrong(FOCAL, f"{value:g} {unit}", "cannot be the focal length in this unit")
+    if value <= 0:
+        raise tags.wrong(FOCAL, f"{value:g}", "must be positive")
+    return value if is_px else value / pixel
+
+
+def _calibrated(tags: Tags, name: str) -> Lens:
+    """Return the camera that MicaSense and Parrot write, after the specification of Pix4D."""
+    pixel = _pixel_needed(tags)
+    f = focal_px(tags, pixel)
+    centre = np.array(tags.numbers(POINT, 2) or np.array(_middle(tags)) * pixel) / pixel
+    k1, k2, k3, p1, p2 = tags.numbers(DISTORTION, 5) or (0.0,) * 5
+    unit = "px" if tags.numbers(FOCAL)[0] > PX_OF_WIDTH * tags.width_px else "mm"
+    said = f"focal length in {unit}, principal point and distortion from XMP, {FOCAL}"
+    return _made(tags, name, pixel, (f, f, *centre), (k1, k2, p1, p2, k3), said=said)
+
+
+def _fisheye(tags: Tags, name: str) -> Lens:
+    """Return the camera nearest to a fisheye lens that Parrot writes."""
+    pixel, values = _pixel_needed(tags), {}
+    for element, n in ((POLYNOMIAL, None), (MATRIX, 4), (POINT, 2)):
+        values[element] = np.array(tags.numbers(element, n))
+        if not len(values[element]):
+            raise tags.wrong(element, "missing", "a fisheye lens needs it")
+    try:
+        camera, left = fisheye_camera(
+            values[POLYNOMIAL],
+            values[MATRIX].reshape(2, 2),
+            values[POINT] / pixel,
+            name=name,
+            width_px=tags.width_px,
+            height_px=tags.height_px,
+            pixel_mm=pixel,
+        )
+    except (ValueError, ArithmeticError) as error:
+        raise tags.wrong("lens", str(error), "must be one of a camera") from None
+    return _checked(tags, camera, left, said=f"fisheye lens from XMP, {POLYNOMIAL} and {MATRIX}")
+
+
+def _pixel_needed(tags: Tags) -> float:
+    pixel = pixel_mm(tags)
+    if pixel is None:
+        raise tags.wrong("FocalPlaneXResolution", "missing", "gives the size of a pixel")
+    return pixel
+
+
+def _dewarped(tags: Tags, name: str) -> Lens:
+    """Return the calibrated camera of DJI: fx, fy, cx, cy from the middle, k1, k2, p1, p2, k3."""
+    text = tags.text(DEWARP).split(";")[-1]
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise tags.wrong(DEWARP, quoted(text), "must be numbers") from None
+    if len(numbers) != 9:
+        raise tags.wrong(DEWARP, f"{len(numbers)} numbers", "must be 9")
+    fx, fy, cx, cy, *distortion = numbers
+    middle = _middle(tags)
+    if tags.text("drone-dji:DewarpFlag") == "1":
+        distortion = [0.0] * 5
+    said = f"calibration from XMP, {DEWARP}"
+    return _made(
+        tags,
+        name,
+        _any_pixel(tags),
+        (fx, fy, middle[0] + cx, middle[1] + cy),
+        distortion,
+        said=said,
+    )
+
+
+def _designed(tags: Tags, name: str) -> Lens:
+    f = tags.numbers(DESIGNED, 1)[0]
+    centre = [tags.number(key) for key in CENTRE]
+    cx, cy = (m if c is None else c - 0.5 for c, m in zip(centre, _middle(tags), strict=True))
+    said = f"designed focal length from XMP, {DESIGNED}, no distortion"
+    return _made(tags, name, _any_pixel(tags), (f, f, cx, cy), (0.0,) * 5, said=said)
+
+
+def _nominal(tags: Tags, name: str) -> Lens:
+    f_mm, film, pixel = (
+        tags.number("FocalLength"),
+        tags.number("FocalLengthIn35mmFilm"),
+        pixel_mm(tags),
+    )
+    if f_mm and pixel:
+        f, said = f_mm / pixel, "focal length and pixel size from EXIF, no distortion"
+    elif film:
+        f = film / WIDTH_35_MM * tags.width_px
+        said = "focal length of 35 mm film from EXIF, no distortion: approximate by some per cent"
+    else:
+        expected = (
+            "neither XMP nor EXIF says how many pixels the focal length has; the size of a pixel, "
+            "--pixel-um, is needed"
+        )
+        raise tags.wrong("FocalPlaneXResolution, FocalLengthIn35mmFilm", "missing", expected)
+    return _made(tags, name, _any_pixel(tags, f), (f, f, *_middle(tags)), (0.0,) * 5, said=said)
+
+
+def _any_pixel(tags: Tags, f_px: float | None = None) -> float:
+    """Return the size of a pixel, mm; by the focal lengths, or 1 um where nothing says it."""
+    pixel, f_mm = pixel_mm(tags), tags.number("FocalLength")
+    f_px = f_px or next(iter(tags.numbers(DESIGNED, 1)), 0.0)
+    return pixel or (f_mm / f_px if f_mm and f_px else 1e-3)
+
+
+def _middle(tags: Tags) -> tuple[float, float]:
+    return (tags.width_px - 1) / 2, (tags.height_px - 1) / 2
+
+
+def _made(
+    tags: Tags,
+    name: str,
+    pixel: float,
+    matrix: tuple[float, ...],
+    distortion: Sequence[float],
+    *,
+    said: str,
+) -> Lens:
+    """Return the library's camera nearest to one of OpenCV, whose terms all vendors have."""
+    fx, fy, cx, cy = matrix
+    try:
+        camera, left = from_opencv(
+            np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
+            np.array(distortion),
+            name=name,
+            width_px=tags.width_px,
+            height_px=tags.height_px,
+            pixel_mm=pixel,
+        )
+    except (ValueError, ArithmeticError) as error:
+        raise tags.wrong("lens", str(error), "must be one of a camera") from None
+    return _checked(tags, camera, left, said=said)
+
+
+def _checked(tags: Tags, camera: Camera, left: Left, *, said: str) -> Lens:
+    """Return a fitted lens, with digits that mean something; refuse one that does not fit."""
+    if not left.largest_px <= WORST_PX:
+        expected = f"must be written with k1 to p2 to {WORST_PX:g} px"
+        raise tags.wrong("lens", f"{left.largest_px:.3g} px are left", expected)
+    numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}
+    interior = replace(camera.interior, **numbers)
+    return Lens(camera=camera.with_interior(interior), said=said, fitted=left)

@@ -1,0 +1,228 @@
+"""The metadata of one picture: EXIF and XMP of a TIFF or a JPEG."""
+
+from __future__ import annotations
+
+import io
+import logging
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tifffile
+
+from acx4lib.errors import FlightError
+from acx4lib.flight.problems import quoted
+from acx4lib.production import picture_sizes, tiff_tags
+from acx4tools.exchange.pictures import xmp
+from acx4tools.exchange.safe import opened
+
+READ = frozenset(
+    (
+        *("Make", "Model", "BlackLevel"),
+        *("DateTime", "DateTimeOriginal", "SubsecTime", "SubsecTimeOriginal"),
+        *("FocalLength", "FocalLengthIn35mmFilm"),
+        *("FocalPlaneXResolution", "FocalPlaneResolutionUnit"),
+        *("GPSLatitude", "GPSLongitude", "GPSAltitude"),
+        *("GPSLatitudeRef", "GPSLongitudeRef", "GPSAltitudeRef"),
+    )
+)
+"""Tags that are read: thousands of pictures have others as large as 60 kB each."""
+
+_XMP_TAG = 700
+_EXIF_HEADER, _XMP_HEADER = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"
+_APP1 = 0xE1
+_BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, RuntimeError, struct.error, OSError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tags:
+    """What a picture says of itself.
+
+    Attributes
+    ----------
+    path : Path
+        Of the picture, for messages.
+    width_px, height_px, samples, bits : int
+    exif : mapping
+        Tags of `READ`, of the picture, of EXIF and of GPS, by their names.
+    xmp : mapping of str to tuple of str
+        As `xmp.properties` has them.
+    sha256 : str
+        Of the file.
+    """
+
+    path: Path
+    width_px: int
+    height_px: int
+    samples: int
+    bits: int
+    exif: Mapping[str, Any]
+    xmp: xmp.Properties
+    sha256: str
+
+    def text(self, *names: str) -> str:
+        """Return the first of some XMP properties or EXIF tags that is there, or nothing."""
+        for name in names:
+            if self.xmp.get(name):
+                return self.xmp[name][0]
+            if name in self.exif:
+                return str(self.exif[name]).strip("\0 ")
+        return ""
+
+    def numbers(self, name: str, n: int | None = None) -> tuple[float, ...]:
+        """Return the numbers of an XMP property, in a list or with commas; none if it is not there.
+
+        Raises
+        ------
+        FlightError
+            Where they are no finite numbers, or not `n` of them.
+        """
+        parts = [part for one in self.xmp.get(name, ()) for part in one.split(",")]
+        try:
+            found = tuple(_fraction(part) for part in parts)
+        except (ValueError, ZeroDivisionError):
+            raise self.wrong(name, quoted(", ".join(parts)), "must be numbers") from None
+        if not np.all(np.isfinite(found)):
+            raise self.wrong(name, quoted(", ".join(parts)), "must be finite numbers")
+        if found and n is not None and len(found) != n:
+            raise self.wrong(name, f"{len(found)} numbers", f"must be {n}")
+        return found
+
+    def number(self, name: str) -> float | None:
+        """Return the number of an XMP property or a rational EXIF tag; None if it is not there."""
+        if name in self.xmp:
+            return next(iter(self.numbers(name, 1)), None)
+        if name not in self.exif:
+            return None
+        value = rational(self.exif[name])
+        if not np.isfinite(value):
+            raise self.wrong(name, quoted(str(self.exif[name])), "must be a number")
+        return value
+
+    def wrong(self, name: str, found: str, expected: str) -> FlightError:
+        """Return the error for a tag of this picture."""
+        return opened.refusal(str(self.path), 1, name, found, expected)
+
+
+def _fraction(text: str) -> float:
+    """Return a number, or the fraction that Parrot writes in the place of one."""
+    above, _, below = text.partition("/")
+    return float(above) / (float(below) if below else 1.0)
+
+
+def rational(value: object) -> float:
+    """Return a number of EXIF, which has numerator and denominator; NaN for anything else."""
+    try:
+        if isinstance(value, tuple) and len(value) == 1:
+            return float(value[0])
+        if isinstance(value, tuple):
+            return float(value[0]) / float(value[1]) if len(value) == 2 else float("nan")
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return float("nan")
+
+
+def read(path: Path) -> Tags:
+    """Return the metadata of a picture.
+
+    Parameters
+    ----------
+    path : Path
+        A TIFF or a JPEG.
+
+    Raises
+    ------
+    FlightError
+        For any other file, one that is damaged, or XMP that is no XML.
+    """
+    source = opened.read(path)
+    data = source.data
+    try:
+        with _in_silence():
+            of = _of_jpeg if data[:2] == b"\xff\xd8" else _of_tiff
+            size, exif, packet = of(data)
+    except _BROKEN as error:
+        said = str(error) if isinstance(error, ValueError) else "its bytes contradict its header"
+        expected = "must be a TIFF or a JPEG that is whole"
+        raise source.wrong("file", " ".join(said.split()), expected) from None
+    width, height, samples, bits = size
+    return Tags(
+        path=path,
+        width_px=width,
+        height_px=height,
+        samples=samples,
+        bits=bits,
+        exif=exif,
+        xmp=xmp.properties(packet, path) if packet else {},
+        sha256=source.sha256,
+    )
+
+
+@contextmanager
+def _in_silence() -> Iterator[None]:
+    """Keep the TIFF reader from remarking that the EXIF of a JPEG is a TIFF without an image."""
+    logger = logging.getLogger("tifffile")
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
+
+
+def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
+    """Return size, tags and XMP of a TIFF's first image."""
+    with _opened(data) as tiff:
+        page = tiff.pages.first
+        tags = {tag.code: tag for tag in page.tags.values()}
+        packet = tags[_XMP_TAG].value if _XMP_TAG in tags else b""
+        size = page.imagewidth, page.imagelength, page.samplesperpixel, page.bitspersample
+        packet = packet.encode() if isinstance(packet, str) else bytes(packet)
+        return (int(size[0]), int(size[1]), int(size[2]), int(size[3])), _flat(page), packet
+
+
+def _opened(data: bytes) -> tifffile.TiffFile:
+    """Return a TIFF, or the EXIF of a JPEG, whose tags take no more memory than it has bytes."""
+    fault = tiff_tags.fault(io.BytesIO(data), len(data), below=True)
+    if fault:
+        raise ValueError(fault)
+    return tiff_tags.opened(io.BytesIO(data))
+
+
+def _flat(page: Any) -> dict[str, Any]:
+    """Return the tags of `READ` of a picture, of its EXIF and of GPS by their names."""
+    own = {t.name: t.value for t in page.tags.values() if t.name in (*READ, "ExifTag", "GPSTag")}
+    parts = [part for part in (own.pop("ExifTag", 0), own.pop("GPSTag", 0)) if part]
+    below = {name: part[name] for part in parts for name in part if name in READ}
+    return {**own, **below}
+
+
+def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
+    """Return size, tags and XMP of a JPEG."""
+    exif: dict[str, Any] = {}
+    size, packet = (0, 0, 0, 0), b""
+    for marker, part in picture_sizes.segments(data):
+        if marker in picture_sizes.FRAMES:
+            bits, height, width, samples = struct.unpack(">BHHB", part[:6])
+            size = (width, height, samples, bits)
+        elif marker == _APP1 and part.startswith(_EXIF_HEADER) and not exif:
+            with _opened(part[len(_EXIF_HEADER) :]) as tiff:
+                exif = _flat(tiff.pages.first)
+        elif marker == _APP1 and part.startswith(_XMP_HEADER) and not packet:
+            packet = part[len(_XMP_HEADER) :]
+    if not size[0]:
+        msg = "no frame header"
+        raise ValueError(msg)
+    if not picture_sizes.is_whole(data):
+        msg = "is cut off: its pixels have no end"
+        raise ValueError(msg)
+    return size, exif, _cut(packet)
+
+
+def _cut(packet: bytes) -> bytes:
+    """Return an XMP packet without what follows its end, as some writers leave there."""
+    end = packet.find(b"</x:xmpmeta>")
+    return packet[: end + len(b"</x:xmpmeta>")] if end >= 0 else packet

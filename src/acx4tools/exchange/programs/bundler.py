@@ -1,0 +1,232 @@
+"""Bundler's bundle.out, version 0.3, with list.txt: images, tie points, orientations in no CRS.
+
+Cameras look along -z with x right, y up, which are the library's own axes; measurements count from
+the middle of the image, y up: https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.expected import Array, Index
+from acx4lib.flight.problems import Range, quoted
+from acx4lib.geometry.frames import Pose
+from acx4tools.exchange import tables
+from acx4tools.exchange.axes import is_rotation, nearest_rotation
+from acx4tools.exchange.brought import Brought
+from acx4tools.exchange.lens import FLIP as FLIP_Y
+from acx4tools.exchange.lens import Pinhole
+from acx4tools.exchange.lens_models import BUNDLER, Lens
+from acx4tools.exchange.project import Images, Measured, Project, Proof, flight_of
+from acx4tools.exchange.safe import opened, text_lines
+from acx4tools.exchange.safe.opened import Opened
+from acx4tools.exchange.safe.text_lines import Line
+
+VERSIONS = ("# Bundle file v0.3", "# Bundle file v0.4")
+"""First lines; 0.4 has the same layout."""
+
+SKEW = 1e-4
+"""Largest difference of a matrix from a rotation; some writers print seven digits."""
+
+FOCAL = Range(0.0, 1e7, "must be a focal length in pixels, 0 for an image without orientation")
+
+ENTRY = Range(-2.0, 2.0, "must be an entry of a rotation")
+LENGTH = Range(-1e9, 1e9)
+COEFFICIENT = Range(-1e6, 1e6)
+
+ASSUMED = (
+    "camera axes are x right, y up, z backwards; measurements count from the middle of the image",
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bundle:
+    """What is in bundle.out.
+
+    `lenses` are f (px), k1, k2 of each image, f is 0 where it was not oriented; `xy` are px from
+    the middle of the image, y up; `again` counts points that an image has twice.
+    """
+
+    lenses: Array
+    T_w_c: Pose
+    x_w: Array
+    image_idx: Index
+    point_idx: Index
+    xy: Array
+    again: int
+
+
+def read(
+    source: Path, *, size: tuple[int, int], block: str | None = None, pixel_um: float | None = None
+) -> Brought:
+    """Read bundle.out as a part of a flight; options as those of `project` and `flight_of`."""
+    return flight_of(project(source, size=size), block=block, pixel_um=pixel_um)
+
+
+def project(source: Path, *, size: tuple[int, int]) -> Project:
+    """Return bundle.out, with the names of the images from list.txt beside it or above.
+
+    Parameters
+    ----------
+    source : Path
+        The file bundle.out.
+    size : tuple of int
+        Width and height of the images, px: Bundler does not write them.
+
+    Raises
+    ------
+    FlightError
+        For a file that is no bundle.out.
+    """
+    file = opened.read(source)
+    bundle = _bundle(file)
+    listed, names = _names(source, len(bundle.lenses), file)
+    good = np.flatnonzero(bundle.lenses[:, 0] > 0)
+    of = [tuple(row) for row in bundle.lenses[good].tolist()]
+    different = list(dict.fromkeys(of))
+    called = {
+        one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)
+    }
+    images = tuple(names[k] for k in good)
+    cameras = tuple(called[one] for one in of)
+    points = tuple(str(k) for k in range(len(bundle.x_w)))
+    named = {"image": images, "camera": cameras, "point": points}
+    tables.require_all_names(named, file.wrong)
+    row = np.full(len(bundle.lenses), -1)
+    row[good] = np.arange(len(good))
+    used = row[bundle.image_idx] >= 0
+    measured = Measured(
+        points=points,
+        x_w=bundle.x_w,
+        image_idx=row[bundle.image_idx[used]],
+        point_idx=bundle.point_idx[used],
+        colrow=bundle.xy[used] * FLIP_Y + np.array([size[0] - 1, size[1] - 1]) / 2,
+    )
+    return Project(
+        source=file.text().split("\n", 1)[0].lstrip("# ").replace("Bundle file", "Bundler"),
+        sources=[file, *listed],
+        lenses={called[one]: _lens(file, one, size) for one in different},
+        images=Images(names=images, cameras=cameras, exposures=images, T_w_c=bundle.T_w_c[good]),
+        measured=measured,
+        proofs=(Proof(whose="the program's own points", measured=measured),),
+        lost={
+            "images that Bundler did not orient": len(bundle.lenses) - len(good),
+            "second measurements of a point in one image": bundle.again,
+        },
+        assumed=ASSUMED,
+    )
+
+
+def _lens(file: Opened, values: tuple[float, ...], size: tuple[int, int]) -> Lens:
+    f, *coefficients = values
+    return Lens(
+        width_px=size[0],
+        height_px=size[1],
+        hole=Pinhole(fx=f, fy=f, cx=(size[0] - 1) / 2, cy=(size[1] - 1) / 2),
+        distortion=BUNDLER.distortion(coefficients),
+        wrong=partial(file.wrong, "camera"),
+    )
+
+
+def _bundle(file: Opened) -> Bundle:
+    first = file.text().split("\n", 1)[0].strip()
+    if first not in VERSIONS:
+        raise file.wrong("version", quoted(first), f"must be {quoted(VERSIONS[0])}")
+    rows = _Rows(file)
+    head = rows.next("counts")
+    n_cameras, n_points = (_count(head, k) for k in (0, 1))
+    cameras = np.array([_camera(rows) for _ in range(n_cameras)]).reshape(-1, 15)
+    R_c_w, t = cameras[:, 3:12].reshape(-1, 3, 3), cameras[:, 12:]
+    x_w, seen, again = [], [], 0
+    for point in range(n_points):
+        x_w.append(rows.next("point").numbers(0, 3, "point", LENGTH))
+        rows.next("color")
+        views = _views(rows, n_cameras)
+        seen += [(image, point, x, y) for image, (x, y) in views.items()]
+        again += rows.views - len(views)
+    table = np.array(seen, dtype=float).reshape(-1, 4)
+    return Bundle(
+        lenses=cameras[:, :3],
+        T_w_c=Pose(R=R_c_w, r=t).inverse,
+        x_w=np.array(x_w).reshape(-1, 3),
+        image_idx=table[:, 0].astype(int),
+        point_idx=table[:, 1].astype(int),
+        xy=table[:, 2:],
+        again=again,
+    )
+
+
+class _Rows:
+    """The lines of the file, one after another."""
+
+    def __init__(self, file: Opened) -> None:
+        self._file = file
+        self._rows: Iterator[Line] = text_lines.lines(file, comment="#")
+        self.views = 0
+
+    def next(self, what: str) -> Line:
+        row = next(self._rows, None)
+        if row is None:
+            end = self._file.data.count(b"\n") + 1
+            found = f"{what} is missing at the end of the file"
+            raise self._file.wrong(what, found, "must be complete; is the file cut off?", line=end)
+        return row
+
+
+def _count(head: Line, k: int) -> int:
+    value = head.whole_at(k, "counts")
+    if value < 0:
+        raise head.wrong("counts", str(value), "must be zero or positive")
+    return value
+
+
+def _camera(rows: _Rows) -> Array:
+    """Return f, k1, k2, the rotation and the translation of a camera, shape (15,)."""
+    first = rows.next("camera")
+    f = first.number_at(0, "focal length", FOCAL)
+    second = rows.next("rotation")
+    below = [second, rows.next("rotation"), rows.next("rotation")]
+    R = np.stack([row.numbers(0, 3, "rotation", ENTRY) for row in below])
+    if f > 0 and not is_rotation(R, SKEW):
+        raise second.wrong("rotation", "three rows are no rotation", "must be one")
+    t = rows.next("translation").numbers(0, 3, "translation", LENGTH)
+    k = first.numbers(1, 3, "k1, k2", COEFFICIENT)
+    return np.concatenate([[f], k, (nearest_rotation(R) if f > 0 else np.eye(3)).ravel(), t])
+
+
+def _views(rows: _Rows, n_cameras: int) -> dict[int, tuple[float, float]]:
+    """Return the measurements of a point by image, the first of each."""
+    row = rows.next("views")
+    n = row.whole_at(0, "views")
+    if not 0 <= n == (len(row) - 1) / 4:
+        found = f"{len(row) - 1} cells after the number {n}"
+        raise row.wrong("views", found, "must be four for each view: camera, key, x, y")
+    values = row.numbers(1, None, "views", LENGTH).reshape(-1, 4)
+    rows.views = n
+    views: dict[int, tuple[float, float]] = {}
+    for camera, _, x, y in values.tolist():
+        if not (0 <= camera < n_cameras and camera.is_integer()):
+            raise row.wrong("views", f"camera {camera:g}", f"must be one of {n_cameras}, from 0")
+        views.setdefault(int(camera), (x, y))
+    return views
+
+
+def _names(source: Path, n: int, file: Opened) -> tuple[list[Opened], list[str]]:
+    """Return list.txt, if it is there, and the names of the images."""
+    for folder in (source.parent, source.parent.parent):
+        path = folder / "list.txt"
+        if path.is_file():
+            listed = opened.read(path)
+            rows = list(text_lines.lines(listed))
+            if len(rows) != n:
+                found = f"has {len(rows)} images"
+                raise listed.wrong("file", found, f"must have {n}, as {file.name}")
+            paths = [row.cell(0, "image").replace("\\", "/") for row in rows]
+            short = [one.rpartition("/")[2] for one in paths]
+            return [listed], short if len(set(short)) == n else paths
+    return [], [f"image{k:04d}" for k in range(n)]

@@ -1,0 +1,957 @@
+"""Metashape: its projects and exported XML, and calibrations that it saved.
+
+Sources: the user manual's appendix on camera models (versions 1.2 to 2.2), and files that Metashape
+1.7 wrote. A calibration has x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸) + (p1 (r² + 2x²) + 2 p2 x y)
+(1 + p3 r² + p4 r⁴), y' likewise with p1 and p2 exchanged; u = w/2 + cx + x' f + x' b1 + y' b2,
+v = h/2 + cy + y' f, from the outer corner of the top-left pixel.
+
+Only a location of a marker with ``pinned="true"`` was measured. The others are where Metashape
+expects the marker: they follow from its own adjustment and say nothing that is new.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import TypeVar
+
+import numpy as np
+
+from acx4lib.expected import Array, Mask
+from acx4lib.flight.problems import PIXELS, RANGES, Range, quoted
+from acx4lib.geometry.frames import Pose, transform
+from acx4tools.exchange import crs as coordinates
+from acx4tools.exchange import tables
+from acx4tools.exchange.axes import (
+    FLIP,
+    TOP_AHEAD,
+    UNKNOWN,
+    is_rotation,
+    nearest_rotation,
+    stacked,
+    turned,
+)
+from acx4tools.exchange.brought import Brought
+from acx4tools.exchange.crs import Chosen
+from acx4tools.exchange.lens import Pinhole
+from acx4tools.exchange.lens_models import METASHAPE as MODELS
+from acx4tools.exchange.lens_models import Lens
+from acx4tools.exchange.project import (
+    Control,
+    Images,
+    InGrid,
+    Measured,
+    Project,
+    Proof,
+    Trajectory,
+    flight_of,
+    nowhere,
+)
+from acx4tools.exchange.safe import archive, xml_tree
+from acx4tools.exchange.safe.opened import Opened, Together
+from acx4tools.exchange.safe.xml_tree import Element
+
+T = TypeVar("T")
+
+CALIBRATION = "calibration"
+"""Outermost element of a calibration that was saved alone."""
+
+DOCUMENT = "doc.xml"
+"""The XML in each of a project's archives."""
+
+HALF = 0.5
+"""The middle of the top-left pixel has the coordinates 0.5, 0.5 in Metashape."""
+
+POSITIVE = Range(1e-9, 1e9, "must be positive")
+VALUES = Range(-1e9, 1e9)
+
+LARGEST = 1e9
+"""Largest coordinate of a chunk, or of the place where it lies."""
+
+LOCATION, ANGLES = ("x", "y", "z"), ("yaw", "pitch", "roll")
+TOGETHER = {
+    "x": ("sxy", "sxyz"),
+    "y": ("sxy", "sxyz"),
+    "z": ("sxyz",),
+    **dict.fromkeys(ANGLES, ("sypr", "syawpitchroll")),
+}
+"""Attributes with the accuracy of several values of a reference, the narrowest first."""
+
+APRIORI = {
+    "image_point_px": "accuracy_projections",
+    "gnss_horizontal_m": "accuracy_cameras",
+    "roll_pitch_deg": "accuracy_cameras_ypr",
+    "gnss_vertical_m": "accuracy_cameras",
+    "heading_deg": "accuracy_cameras_ypr",
+}
+"""Keys of ``[apriori]`` and the settings of Metashape that they are."""
+
+MARKER_SIGMA_M = 0.005
+"""Metashape's own accuracy of markers, where the chunk has none."""
+
+ASSUMED = (
+    "Pixels: Metashape counts from the outer corner of the top-left one, so 0.5 is taken off",
+    "The body's x axis is towards the top of the master camera's images: there Metashape's yaw, "
+    "pitch and roll are zero for a camera that looks down with its top to the north",
+)
+
+
+def read(  # noqa: PLR0913 one for every option
+    source: Path,
+    *,
+    camera: str = "adjusted",
+    orientations: str = "initial",
+    block: str | None = None,
+    crs: str | None = None,
+    heights: str | float | None = None,
+    chunk: str | None = None,
+    pixel_um: float | None = None,
+) -> Brought:
+    """Read a chunk as a part of a flight; options as those of `project` and `flight_of`."""
+    found = project(
+        source, camera=camera, orientations=orientations, crs=crs, heights=heights, chunk=chunk
+    )
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um)
+
+
+def project(
+    source: Path,
+    *,
+    camera: str = "adjusted",
+    orientations: str = "initial",
+    crs: str | None = None,
+    heights: str | float | None = None,
+    chunk: str | None = None,
+) -> Project:
+    """Return a chunk, or the cameras of a file without images.
+
+    Parameters
+    ----------
+    source : Path
+        XML that Metashape exported, a ``.psx`` or a ``chunk.zip``, or a calibration.
+    camera : {"adjusted", "initial"}
+        Which calibration is taken where there are both.
+    orientations : {"initial", "adjusted", "none"}
+        "initial" is what was measured of the cameras, "adjusted" what Metashape adjusted.
+    crs : str, optional
+        The flight's projected CRS; by default the chunk's own, or its UTM zone.
+    heights : str or float, optional
+        As the key of flight.toml; by default the chunk's own.
+    chunk : str, optional
+        Label of the chunk; by default the active one.
+
+    Raises
+    ------
+    FlightError
+        Where the file is no project of Metashape, or something in it cannot be.
+    """
+    whole = _chunk(source, label=chunk)
+    listed = whole.root.maybe("cameras")
+    if listed is None or next(listed.everywhere("camera"), None) is None:
+        return _cameras_alone(whole, camera)
+    sensors = _sensors(whole.root, wanted=camera)
+    shots, doubled = _shots(whole.root, sensors)
+    _require_some(whole, shots, orientations)
+    system = _system(whole, shots, wanted=crs, heights=heights)
+    places = _places(whole)
+    located, pinned, lost = _located(whole, list(shots))
+    control = _control(whole, system)
+    images, in_grid = _images(whole, shots, places, system)
+    label = whole.root.attributes.get("label", "").strip() or "Metashape"
+    unknown = 0 if system else len(control.names)
+    return Project(
+        source=_version(whole),
+        sources=whole.sources,
+        lenses={one.name: one.lens for one in sensors.values()},
+        images=images,
+        measured=located.where(pinned),
+        proofs=_proofs(whole, located, pinned, control, system if places else None),
+        control=control if system else None,
+        settings={"name": label, **(system.settings if system else {}), "apriori": _apriori(whole)},
+        in_grid=in_grid,
+        trajectory=_measured(whole, shots, system) if orientations == "initial" else Trajectory(),
+        lost={
+            'marker locations without pinned="true": Metashape computed them, nobody measured '
+            "them": int((~pinned).sum()),
+            "marker locations in cameras that the chunk has not": lost,
+            "surveyed markers: the chunk has no coordinate system (--crs)": unknown,
+            "labels of cameras that occur twice: their numbers stand behind them": doubled,
+            f"other chunks: {', '.join(whole.others)}": len(whole.others),
+            **_odd(whole.root),
+        },
+        assumed=(*ASSUMED, *(system.assumed if system else ())),
+        found=_slaves(sensors),
+        left_out=("tie points, which the XML does not have",),
+    )
+
+
+def _cameras_alone(whole: Chunk, wanted: str) -> Project:
+    """Return a calibration that Metashape saved, or the sensors of a chunk without images."""
+    if whole.root.tag == CALIBRATION:
+        lenses = {Path(whole.sources[0].file).stem: _lens(whole.root)}
+    else:
+        found = _sensors(whole.root, wanted=wanted).values()
+        lenses = {one.name: replace(one.lens, kind="") for one in found}
+    return Project(source="Metashape's cameras", sources=whole.sources, lenses=lenses)
+
+
+def _require_some(whole: Chunk, shots: Mapping[str, Shot], orientations: str) -> None:
+    """Raise where no image can be part of the flight."""
+    adjusted = orientations == "adjusted"
+    if not any(one.enabled and (one.T_c or not adjusted) for one in shots.values()):
+        kind = "aligned" if adjusted else "enabled"
+        raise whole.root.one("cameras").wrong(f"has no {kind} camera", "must have one")
+
+
+def _system(
+    whole: Chunk, shots: Mapping[str, Shot], *, wanted: str | None, heights: str | float | None
+) -> Chosen | None:
+    """Return the flight's coordinate system; None where the chunk has none."""
+    element = whole.root.maybe("reference")
+    text = "" if element is None else element.text
+    at = next(
+        (
+            place[:2]
+            for one in shots.values()
+            if one.enabled
+            and one.reference is not None
+            and (place := _measured_place(one.reference)) is not None
+        ),
+        None,
+    )
+    found = _told(whole, lambda: coordinates.chosen(text, at, wanted), element)
+    return found if found is None or heights is None else replace(found, heights=heights)
+
+
+def _apriori(whole: Chunk) -> dict[str, float]:
+    found = {key: _setting(whole, name) for key, name in APRIORI.items()}
+    return {key: value for key, value in found.items() if value}
+
+
+def _version(whole: Chunk) -> str:
+    for one in whole.root.each("meta", "property"):
+        if one.attributes.get("name") == "Info/LastSavedSoftwareVersion":
+            return f"Metashape {one.attribute('value')}"
+    return "Metashape"
+
+
+def _slaves(sensors: Mapping[str, Sensor]) -> tuple[str, ...]:
+    n = sum(one.master != i for i, one in sensors.items())
+    said = f"{n} sensors are slaves of a rig; their mountings are relative to the master"
+    return (said,) if n else ()
+
+
+def _odd(root: Element) -> dict[str, int]:
+    """Return what a chunk has and a flight has not, counted."""
+    sensors = list(root.each("sensors", "sensor"))
+    tags = ("location", "translation", "rolling_shutter", "antenna")
+    return {
+        "further frames": max(0, len(list(root.each("frames", "frame"))) - 1),
+        "offsets of sensors (of slaves, antennas, shutters): lever arms stay 0": sum(
+            one.maybe(tag) is not None for one in sensors for tag in tags
+        ),
+        "slaves have no rotation: their mountings are the master's": sum(
+            "master_id" in one.attributes and one.maybe("rotation") is None for one in sensors
+        ),
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chunk:
+    """A chunk's XML, that of its first frame, the files, and the labels of the other chunks."""
+
+    root: Element
+    frame: Element | None
+    sources: tuple[Opened, ...]
+    others: tuple[str, ...] = ()
+
+
+def _chunk(source: Path, *, label: str | None = None) -> Chunk:
+    """Return the active chunk, or that of a label."""
+    files = Together()
+    file = files.read(source)
+    if file.data[:2] == b"PK":
+        return _in_archive(file, files)
+    root = xml_tree.tree(file)
+    if root.tag == "document" and "path" in root.attributes:
+        return _of_project(file, root, label, files)
+    if root.tag == CALIBRATION:
+        return Chunk(root=root, frame=None, sources=(file,))
+    if root.tag == "chunk":
+        return _whole(root, (file,), files)
+    if root.tag != "document":
+        raise root.wrong("is no file of Metashape", "must begin with <document> or <chunk>")
+    found = list(root.each("chunk"))
+    labels = [one.attributes.get("label", "") for one in found]
+    k = _place(root, labels, label, 0)
+    others = tuple(labels[:k] + labels[k + 1 :])
+    return _whole(found[k], (file,), files, others=others)
+
+
+def _setting(chunk: Chunk, name: str) -> float | None:
+    """Return a positive number of the chunk's settings; None where there is none."""
+    for one in chunk.root.each("settings", "property"):
+        if one.attributes.get("name") == name and (value := one.number("value")) > 0:
+            return value
+    return None
+
+
+def _told(whole: Chunk, work: Callable[[], T], element: Element | None = None) -> T:
+    """Return what a work makes; its ValueError becomes a problem at an element of the chunk."""
+    try:
+        return work()
+    except ValueError as error:
+        found = " ".join(str(error).split())
+        raise (element or whole.root).wrong(found, "must be what a flight can have") from None
+
+
+def _of_project(file: Opened, root: Element, label: str | None, files: Together) -> Chunk:
+    """Return a chunk of a .psx, which names an archive, which names the chunks' archives."""
+    folder = Path(file.file).parent
+    name = root.attribute("path").replace("{projectname}", Path(file.file).stem)
+    project = _member(files.read(_inside(root, folder, name)), files)
+    document = xml_tree.tree(project)
+    listed = list(document.each("chunks", "chunk"))
+    within = (folder / name).parent
+    active = document.one("chunks").attributes.get("active_id")
+    ids = [one.attributes.get("id") for one in listed]
+    wanted = ids.index(active) if active in ids else 0
+    labels: list[str] = []
+    kept: dict[str, Chunk] = {}
+    for k, one in enumerate(listed):  # of chunks that are not wanted the label alone is kept
+        chunk = _in_archive(files.read(_inside(one, within, one.attribute("path"))), files)
+        labels.append(chunk.root.attributes.get("label", ""))
+        if k == wanted if label is None else labels[-1] == label:
+            kept.setdefault(labels[-1], chunk)
+    k = _place(document, labels, label, wanted)
+    found = kept[labels[k]]
+    return Chunk(
+        root=found.root,
+        frame=found.frame,
+        sources=(file, project, *found.sources),
+        others=tuple(labels[:k] + labels[k + 1 :]),
+    )
+
+
+def _in_archive(file: Opened, files: Together) -> Chunk:
+    document = _member(file, files)
+    root = xml_tree.tree(document)
+    if root.tag != "chunk":
+        raise root.wrong("is no chunk", "must begin with <chunk>")
+    return _whole(root, (document,), files)
+
+
+def _whole(
+    root: Element, sources: tuple[Opened, ...], files: Together, *, others: tuple[str, ...] = ()
+) -> Chunk:
+    """Return a chunk with its first frame, which may lie in an archive of its own."""
+    frame = root.maybe("frames", "frame")
+    if frame is not None and "path" in frame.attributes:
+        # Below the chunk's archive; an archive's name ends with that of its member.
+        folder = Path(sources[0].file.removesuffix(f"/{DOCUMENT}")).parent
+        place = _inside(frame, folder, frame.attribute("path"))
+        document = _member(files.read(place), files)
+        frame, sources = xml_tree.tree(document), (*sources, document)
+    return Chunk(root=root, frame=frame, sources=sources, others=others)
+
+
+def _member(file: Opened, files: Together) -> Opened:
+    return files.add(archive.member(file, DOCUMENT))
+
+
+def _inside(element: Element, folder: Path, name: str) -> Path:
+    """Return the path of a file that a project names, which must lie below its folder."""
+    parts = PurePosixPath(name.replace("\\", "/"))
+    if parts.is_absolute() or ".." in parts.parts or ":" in name:
+        raise element.wrong(quoted(name), "must lie below the project's folder", attribute="path")
+    return folder / parts
+
+
+def _place(root: Element, labels: list[str], wanted: str | None, active: int) -> int:
+    if not labels:
+        raise root.wrong("has no <chunk>", "must have one")
+    if wanted is None:
+        return active
+    if wanted not in labels:
+        known = ", ".join(map(quoted, labels))
+        raise root.wrong(f"has no chunk {quoted(wanted)}", f"must be one of {known}")
+    return labels.index(wanted)
+
+
+# sensors
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor:
+    """A sensor: its label, its lens, and the sensor whose slave it is, or its own number."""
+
+    name: str
+    lens: Lens
+    master: str
+
+
+def _sensors(root: Element, *, wanted: str) -> dict[str, Sensor]:
+    """Return the sensors of a chunk's images by numbers; all, where it has no image."""
+    elements = list(root.each("sensors", "sensor"))
+    if not elements:
+        raise root.wrong("has no <sensor>", "must have one")
+    ids = [one.attribute("id") for one in elements]
+    labels = [one.attributes.get("label", "").strip() or "unknown" for one in elements]
+    names, _ = tables.without_doubles(labels, ids)
+    places = dict(zip(names, elements, strict=True))
+    tables.require_names(
+        names, lambda name, found, expected: places[name].wrong(found, expected, attribute="label")
+    )
+    found = {}
+    images = [one for listed in root.each("cameras") for one in listed.everywhere("camera")]
+    used = {one.attributes.get("sensor_id") for one in images} or set(ids)
+    for i, name, element in zip(ids, names, elements, strict=True):
+        if i in found:
+            raise element.wrong(f"{quoted(i)} is there twice", "must be unique", attribute="id")
+        master = element.attributes.get("master_id", i)
+        if master not in ids:
+            raise element.wrong(quoted(master), "must be a sensor's id", attribute="master_id")
+        if i in used:
+            found[i] = _sensor(element, name, master, wanted=wanted, is_slave=master != i)
+    return found
+
+
+def _sensor(element: Element, name: str, master: str, *, wanted: str, is_slave: bool) -> Sensor:
+    pixel_um = 1000 * (_property(element, "pixel_width") or 0.0)
+    mount = Pose(R=TOP_AHEAD @ _mount_rotation(element, is_slave=is_slave), r=np.zeros(3))
+    lens = replace(_chosen(element, wanted), pixel_um=pixel_um, mount=mount)
+    return Sensor(name=name, lens=lens, master=master)
+
+
+def _mount_rotation(element: Element, *, is_slave: bool) -> Array:
+    """Return R_master_slave in the library's camera axes; what is written is slave to master."""
+    rotation = element.maybe("rotation")
+    if rotation is None or not is_slave:
+        return np.eye(3)
+    R = rotation.numbers(9).reshape(3, 3)
+    if not is_rotation(R, 1e-5):
+        raise rotation.wrong("is no rotation", "must be a rotation matrix, row by row")
+    return np.asarray(turned(R))
+
+
+def _chosen(element: Element, wanted: str) -> Lens:
+    """Return a sensor's lens as it was adjusted or before, as it is wanted."""
+    found = {one.attributes.get("class", "adjusted"): one for one in element.each("calibration")}
+    for kind in (wanted, "initial"):
+        if kind in found:
+            return replace(_lens(found[kind]), kind=kind)
+    focal, pixel = (_property(element, name) for name in ("focal_length", "pixel_width"))
+    if not focal or not pixel:
+        raise element.wrong(
+            f"has no {wanted} calibration", "must have one, or focal_length and pixel_width"
+        )
+    return replace(_lens_of(element, {"f": focal / pixel}), kind="nominal")
+
+
+def _lens(element: Element) -> Lens:
+    """Return what an element ``calibration`` says, of a sensor or of a file of its own."""
+    if element.maybe("fx") is not None:
+        raise element.wrong(
+            "has <fx>: PhotoScan before 1.2 wrote it, whose p1 and p2 mean other things",
+            "must have <f>; open and save the project with a newer version",
+        )
+    known = ("cx", "cy", "b1", "b2", *MODELS["frame"].names)
+    values = {one.tag: one.number() for one in element.below if one.tag in known}
+    values["f"] = element.one("f").number(allowed=POSITIVE)
+    if values["f"] + values.get("b1", 0.0) <= 0:
+        raise element.wrong("f + b1 is not positive", "must be a focal length in px")
+    return _lens_of(element, values)
+
+
+def _lens_of(element: Element, values: Mapping[str, float]) -> Lens:
+    """Return the lens of a type and a size by its values, px; absent is zero."""
+    width, height = _resolution(element)
+    formula = MODELS[_type(element)]
+    fx, fy = values["f"] + values.get("b1", 0.0), values["f"]
+    return Lens(
+        width_px=width,
+        height_px=height,
+        hole=Pinhole(
+            fx=fx,
+            fy=fy,
+            cx=(width - 1) / 2 + values.get("cx", 0.0),
+            cy=(height - 1) / 2 + values.get("cy", 0.0),
+        ),
+        distortion=formula.distortion([values.get(name, 0.0) for name in formula.names]),
+        is_fisheye=formula.is_fisheye,
+        skew=(values.get("b2", 0.0) / fx, 0.0),
+        wrong=element.wrong,
+    )
+
+
+def _type(element: Element) -> str:
+    alone = element.maybe("projection")
+    kind = element.attributes.get("type", "frame") if alone is None else alone.text
+    if kind not in MODELS:
+        expected = f"must be one of {', '.join(MODELS)}"
+        if alone is not None:
+            raise alone.wrong(quoted(kind), expected)
+        raise element.wrong(quoted(kind), expected, attribute="type")
+    return kind
+
+
+def _resolution(element: Element) -> tuple[int, int]:
+    if element.maybe("width") is not None:
+        width, height = (element.one(side).number(allowed=PIXELS) for side in ("width", "height"))
+    else:
+        size = element.one("resolution")
+        width, height = (size.number(side, PIXELS) for side in ("width", "height"))
+    return int(width), int(height)
+
+
+def _property(element: Element, name: str) -> float | None:
+    """Return a sensor's property in mm; None where it is absent or zero."""
+    for one in element.each("property"):
+        if one.attributes.get("name") == name:
+            value = one.number("value")
+            if value == 0:
+                return None
+            in_um = RANGES["pixel_um"]
+            if name == "pixel_width" and 1000 * value not in in_um:
+                raise one.wrong(f"{value:g} mm", f"{in_um} µm", attribute="value")
+            return value
+    return None
+
+
+# images
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shot:
+    """An image: its pose in the chunk, what was measured of a master, the component it is in."""
+
+    name: str
+    exposure: str
+    sensor: Sensor
+    enabled: bool
+    T_c: Pose | None
+    reference: Element | None
+    component: str
+
+
+def _shots(root: Element, sensors: Mapping[str, Sensor]) -> tuple[dict[str, Shot], int]:
+    """Return the images of a chunk by their numbers, and how many labels stand twice."""
+    elements = {}
+    for element in root.one("cameras").everywhere("camera"):
+        i = element.attribute("id")
+        if i in elements:
+            raise element.wrong(f"{quoted(i)} is there twice", "must be unique", attribute="id")
+        if element.attribute("sensor_id") not in sensors:
+            given = quoted(element.attribute("sensor_id"))
+            raise element.wrong(given, "must be a sensor's id", attribute="sensor_id")
+        elements[i] = element
+    labels = [one.attribute("label").strip() for one in elements.values()]
+    names, doubled = tables.without_doubles(labels, list(elements))
+    places = dict(zip(names, elements.values(), strict=True))
+    tables.require_names(
+        names, lambda name, found, expected: places[name].wrong(found, expected, attribute="label")
+    )
+    named = dict(zip(elements, names, strict=True))
+    return {i: _shot(element, elements, named, sensors) for i, element in elements.items()}, doubled
+
+
+def _shot(
+    element: Element,
+    elements: Mapping[str, Element],
+    named: Mapping[str, str],
+    sensors: Mapping[str, Sensor],
+) -> Shot:
+    i = element.attribute("id")
+    leader = element.attributes.get("master_id", i)
+    if leader not in elements:
+        raise element.wrong(quoted(leader), "must be a camera's id", attribute="master_id")
+    master = elements[leader]
+    sensor = sensors[element.attribute("sensor_id")]
+    return Shot(
+        name=named[i],
+        exposure=named[leader],
+        sensor=sensor,
+        enabled=_is_on(element) and _is_on(master),
+        T_c=_pose(master, sensor, sensors[master.attribute("sensor_id")]),
+        reference=element.maybe("reference") if i == leader else None,
+        component=master.attributes.get("component_id", ""),
+    )
+
+
+def _pose(master: Element, sensor: Sensor, of_master: Sensor) -> Pose | None:
+    """Return a camera's pose in the chunk."""
+    transform = master.maybe("transform")
+    if transform is None:
+        return None
+    values = transform.numbers(16).reshape(4, 4)
+    R = values[:3, :3]
+    if not is_rotation(R) or np.abs(values[:3, 3]).max() > LARGEST:
+        raise transform.wrong("does not turn", "must be a rotation and a place, row by row")
+    R_master_c = of_master.lens.mount.R.T @ sensor.lens.mount.R
+    return Pose(R=nearest_rotation(R) @ FLIP @ R_master_c, r=values[:3, 3])
+
+
+def _location(reference: Element) -> Array | None:
+    """Return x, y, z of a reference, shape (3,); None where one is absent."""
+    return _three(reference, LOCATION)
+
+
+def _rotation(reference: Element) -> Array | None:
+    """Return yaw, pitch, roll of a reference, degrees, shape (3,); None where one is absent."""
+    return _three(reference, ANGLES)
+
+
+def _accuracy(reference: Element, names: tuple[str, str, str]) -> Array:
+    """Return the sigmas of three values, shape (3,); NaN where a value has none that is positive.
+
+    An attribute names the values that it is of: ``sx``, ``sxy``, ``sxyz``, ``syaw``, ``sypr``. That
+    of the fewest values counts.
+    """
+    sigma = np.full(3, np.nan)
+    for k, name in enumerate(names):
+        for attribute in (f"s{name}", *TOGETHER[name]):
+            if attribute in reference.attributes:
+                value = reference.number(attribute, VALUES)
+                sigma[k] = value if value > 0 else np.nan
+                break
+    return sigma
+
+
+def _measured_place(reference: Element) -> Array | None:
+    """Return the location of a reference, as `location`; None where it is switched off."""
+    return _location(reference) if _is_on(reference) else None
+
+
+def _measured_rotation(reference: Element) -> Array | None:
+    """Return the rotation of a reference, as `rotation`; None where it is switched off."""
+    switched_on = _is_on(reference) and _is_on(reference, "rotation_enabled")
+    return _rotation(reference) if switched_on else None
+
+
+def _three(element: Element, names: tuple[str, ...]) -> Array | None:
+    if any(name not in element.attributes for name in names):
+        return None
+    return np.array([element.number(name, VALUES) for name in names])
+
+
+def _is_on(element: Element, switch: str = "enabled") -> bool:
+    """Tell whether an image, or its reference, takes part in Metashape's adjustment."""
+    return element.attributes.get(switch, "true") not in ("false", "0")
+
+
+# where they are
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Similarity:
+    """The chunk's coordinates in the ECEF frame of its coordinate system: x_e = s R x + r.
+
+    Where that is local, it has no such frame, and x_e are its own coordinates.
+    """
+
+    R: Array
+    r: Array
+    scale: float
+
+    def pose(self, T_c: Pose) -> Pose:
+        """Return poses in the ECEF frame."""
+        return Pose(R=self.R @ T_c.R, r=self.r + self.scale * transform(self.R, T_c.r))
+
+
+def _places(whole: Chunk) -> dict[str, Similarity]:
+    """Return the transformations of a chunk's components by their numbers; its own is ""."""
+    found = {"": whole.root.maybe("transform")}
+    for component in whole.root.each("components", "component"):
+        found[component.attributes.get("id", "")] = component.maybe("transform")
+    return {i: _similarity(element) for i, element in found.items() if element is not None}
+
+
+def _similarity(element: Element) -> Similarity:
+    rotation = element.one("rotation")
+    R = rotation.numbers(9).reshape(3, 3)
+    if not is_rotation(R):
+        raise rotation.wrong("is no rotation", "must be a rotation matrix, row by row")
+    scale = element.maybe("scale")
+    size = 1.0 if scale is None else scale.number()
+    if scale is not None and not 0 < size <= LARGEST:
+        raise scale.wrong(f"{size:g}", f"must be positive, at most {LARGEST:g}")
+    place = element.one("translation")
+    r = place.numbers(3)
+    if np.abs(r).max() > LARGEST:
+        raise place.wrong("is too large", f"must be at most {LARGEST:g} either way")
+    return Similarity(R=nearest_rotation(R), r=r, scale=size)
+
+
+def _images(
+    whole: Chunk, shots: Mapping[str, Shot], places: Mapping[str, Similarity], system: Chosen | None
+) -> tuple[Images, InGrid]:
+    """Return all images, in the ECEF frame where any has a place there, and how they lie in it."""
+    poses = []
+    for one in shots.values():
+        place = places.get(one.component) or places.get("")
+        if one.T_c is None or (places and place is None):
+            poses.append(UNKNOWN)
+        else:
+            poses.append(one.T_c if place is None else place.pose(one.T_c))
+    images = Images(
+        names=tuple(one.name for one in shots.values()),
+        cameras=tuple(one.sensor.name for one in shots.values()),
+        exposures=tuple(one.exposure for one in shots.values()),
+        T_w_c=stacked(poses),
+        enabled=np.array([one.enabled for one in shots.values()], dtype=bool),
+    )
+    element = whole.root.maybe("reference") or whole.root
+    if system is None:
+        expected = "adjusted orientations need one"
+        return images, nowhere(element.wrong("is no coordinate system on the Earth", expected))
+    if not places:
+        return images, lambda _: _no_place(whole)
+    if system.source is None:
+        return images, lambda T: (T.r, T.opk)
+    return images, lambda T: tables.grid_poses_of_ecef(_told(whole, system.grid, element), T)
+
+
+def _no_place(whole: Chunk) -> tuple[Array, Array]:
+    raise whole.root.wrong("<transform> is missing", "required")
+
+
+def _measured(whole: Chunk, shots: Mapping[str, Shot], system: Chosen | None) -> Trajectory:
+    """Return the references that have position and angles, neither of which is switched off."""
+    used = [one for one in shots.values() if one.enabled]
+    leaders = {one.exposure: one for one in used}
+    leaders |= {one.exposure: one for one in used if one.name == one.exposure}
+    rows = [
+        (name, place, turns, one.reference)
+        for name, one in leaders.items()
+        if one.reference is not None
+        and (place := _measured_place(one.reference)) is not None
+        and (turns := _measured_rotation(one.reference)) is not None
+    ]
+    off = _switched_off(leaders)
+    if not rows or system is None:
+        n = sum(
+            one.reference is not None and _measured_place(one.reference) is not None
+            for one in leaders.values()
+        )
+        why = "none has angles as well, which trajectory.csv needs"
+        if rows:
+            why = "the chunk has no coordinate system (--crs)"
+        said = f"{n} measured camera positions: {why}; another import, or --orientations adjusted"
+        return Trajectory(left_out=(*off, *((said,) if n else ())))
+    names, places, rotations, references = zip(*rows, strict=True)
+    lonlath, of_positions = _geographic(whole, np.array(places), system)
+    yaw, pitch, roll = np.array(rotations).T
+    north = "true north"
+    if system.source is None:
+        north = f"the north of {system.crs}, made true by the convergence"
+        yaw = yaw + np.degrees(system.grid().convergence(lonlath[:, :2]))
+    table: dict[str, object] = {
+        "exposure": list(names),
+        "lat_deg": np.round(lonlath[:, 1], tables.DEGREES + 1).tolist(),
+        "lon_deg": np.round(lonlath[:, 0], tables.DEGREES + 1).tolist(),
+        "height_m": np.round(lonlath[:, 2], tables.METRES).tolist(),
+        "roll_deg": np.round(roll, tables.DEGREES).tolist(),
+        "pitch_deg": np.round(pitch, tables.DEGREES).tolist(),
+        "heading_deg": np.round(yaw, tables.DEGREES).tolist(),
+        **_sigmas(whole, references),
+    }
+    assumed = (
+        *of_positions,
+        f"Yaw is the heading, clockwise from {north}, pitch is positive with the top of the "
+        "image up, roll with its right side down; positions are those of the camera",
+        *_whose_accuracy(references),
+    )
+    return Trajectory(table=table, assumed=assumed, left_out=off)
+
+
+def _switched_off(leaders: Mapping[str, Shot]) -> tuple[str, ...]:
+    """Return how many measured positions, and angles, Metashape was told not to use."""
+    of = [one.reference for one in leaders.values() if one.reference is not None]
+    places = sum(_location(one) is not None and _measured_place(one) is None for one in of)
+    angles = sum(
+        _is_on(one) and _rotation(one) is not None and _measured_rotation(one) is None for one in of
+    )
+    counted = (
+        (places, 'positions, with their angles, that are switched off (enabled="false")'),
+        (angles, 'attitudes that are switched off (rotation_enabled="false")'),
+    )
+    return tuple(f"{n} measured {what}: they are not used" for n, what in counted if n)
+
+
+def _whose_accuracy(references: tuple[Element, ...]) -> tuple[str, ...]:
+    """Return how many references have accuracies of their own, where not all have."""
+    kinds = (("positions", LOCATION), ("attitudes", ANGLES))
+    n = len(references)
+    own = {
+        name: sum(bool(np.isfinite(_accuracy(one, names)).all()) for one in references)
+        for name, names in kinds
+    }
+    return tuple(
+        f"{k} of {n} {name} have an accuracy of their own; others have the chunk's"
+        for name, k in own.items()
+        if 0 < k < n
+    )
+
+
+def _sigmas(whole: Chunk, references: tuple[Element, ...]) -> dict[str, list[float]]:
+    """Return the columns of accuracies that any reference has; the chunk's for those that lack one.
+
+    Raises
+    ------
+    FlightError
+        Where a reference lacks what others have, and the chunk has none for all.
+    """
+    kinds = (
+        (LOCATION, ("east_m", "north_m", "height_m"), "accuracy_cameras"),
+        (ANGLES, ("heading_deg", "pitch_deg", "roll_deg"), "accuracy_cameras_ypr"),
+    )
+    columns: dict[str, list[float]] = {}
+    for names, units, common in kinds:
+        sigma = np.array([_accuracy(one, names) for one in references])
+        lacking = np.isnan(sigma)
+        if lacking.all():
+            continue
+        of_all = _setting(whole, common)
+        if lacking.any() and of_all is None:
+            bare = references[int(np.flatnonzero(lacking.any(axis=1))[0])]
+            raise bare.wrong(
+                f"has no accuracy of {', '.join(names)}", f"others have one; or {common} is needed"
+            )
+        sigma[lacking] = of_all or np.nan
+        columns |= {f"sigma_{u}": v for u, v in zip(units, sigma.T.tolist(), strict=True)}
+    return columns
+
+
+def _geographic(whole: Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple[str, ...]]:
+    """Return longitude, latitude, height of references, and what is assumed of them."""
+    source = system.source
+    are_degrees = (np.abs(xyh[:, 0]) <= 180).all() and (np.abs(xyh[:, 1]) <= 90).all()
+    element = whole.root.maybe("reference")
+    if source is not None and source.is_projected and are_degrees:
+        grid = _told(whole, system.grid, element)
+        enh = np.column_stack([grid.grid_from_lonlat(xyh[:, :2]), xyh[:, 2]])
+        enh = _told(
+            whole,
+            lambda: coordinates.with_heights(system, enh, coordinates.heights_of(source)),
+            element,
+        )
+        said = (
+            "Positions of cameras are longitude and latitude: as coordinates of the chunk's "
+            "system they would lie at its origin"
+        )
+        return np.column_stack([xyh[:, :2], enh[:, 2]]), (said,)
+    enh = _told(whole, lambda: coordinates.into(system, xyh), element)
+    grid = _told(whole, system.grid, element)
+    return np.column_stack([grid.lonlat_from_grid(enh[:, :2]), enh[:, 2]]), ()
+
+
+# markers
+
+
+def _located(whole: Chunk, cameras: list[str]) -> tuple[Measured, Mask, int]:
+    """Return where markers are in images, which of it was measured, and how many lie elsewhere."""
+    names = _markers(whole.root)
+    labels, number = list(names.values()), {i: k for k, i in enumerate(names)}
+    row = {camera: k for k, camera in enumerate(cameras)}
+    rows: list[tuple[int, int, float, float]] = []
+    pinned, seen, lost = [], set(), 0
+    for marker in whole.frame.each("markers", "marker") if whole.frame else ():
+        i = marker.attribute("marker_id")
+        if i not in names:
+            raise marker.wrong(quoted(i), "must be a marker's id", attribute="marker_id")
+        for place in marker.each("location"):
+            camera = place.attribute("camera_id")
+            if camera not in row:
+                lost += 1
+                continue
+            if (i, camera) in seen:
+                raise place.wrong(f"marker {names[i]} is twice in one camera", "must be there once")
+            seen.add((i, camera))
+            x, y = (place.number(axis, RANGES["col_px"]) for axis in ("x", "y"))
+            rows.append((row[camera], number[i], x - HALF, y - HALF))
+            pinned.append(place.attributes.get("pinned") in ("true", "1"))
+    table = np.array(rows, dtype=float).reshape(-1, 4)
+    located = Measured(
+        points=tuple(labels),
+        image_idx=table[:, 0].astype(int),
+        point_idx=table[:, 1].astype(int),
+        colrow=table[:, 2:],
+    )
+    return located, np.array(pinned, dtype=bool), lost
+
+
+def _markers(root: Element) -> dict[str, str]:
+    """Return the labels of markers by their numbers."""
+    found: dict[str, str] = {}
+    places: dict[str, Element] = {}
+    for marker in root.each("markers", "marker"):
+        label = marker.attribute("label").strip()
+        if label in places:
+            raise marker.wrong(
+                f"{quoted(label)} is there twice", "must be unique", attribute="label"
+            )
+        places[label] = marker
+        found[marker.attribute("id")] = label
+    tables.require_names(
+        list(places),
+        lambda name, what, expected: places[name].wrong(what, expected, attribute="label"),
+    )
+    return found
+
+
+def _control(whole: Chunk, system: Chosen | None) -> Control:
+    """Return the markers with coordinates, in the flight's system or, without one, their own."""
+    references = {
+        marker.attribute("label").strip(): (reference, place)
+        for marker in whole.root.each("markers", "marker")
+        if (reference := marker.maybe("reference")) is not None
+        and (place := _location(reference)) is not None
+    }
+    sigma = np.array([_accuracy(one, LOCATION) for one, _ in references.values()]).reshape(-1, 3)
+    xyh: Array = np.array([place for _, place in references.values()]).reshape(-1, 3)
+    if system is not None and len(xyh):
+        element = whole.root.maybe("reference")
+        xyh = _told(whole, lambda: coordinates.into(system, xyh), element)
+    common = _setting(whole, "accuracy_markers") or MARKER_SIGMA_M
+    return Control(
+        names=tuple(references),
+        enh=xyh,
+        sigma=np.where(np.isnan(sigma), common, sigma),
+        is_check=tuple(
+            one.attributes.get("enabled", "true") in ("false", "0")
+            for one, _ in references.values()
+        ),
+    )
+
+
+def _proofs(
+    whole: Chunk, located: Measured, pinned: Mask, control: Control, system: Chosen | None
+) -> tuple[Proof, ...]:
+    """Return what Metashape computed, what was measured, and the latter with surveyed places."""
+    proofs = [
+        Proof(
+            whose="the locations that Metashape computed itself", measured=located.where(~pinned)
+        ),
+        Proof(whose="the measured locations of each marker", measured=located.where(pinned)),
+    ]
+    if system is not None and control.names:
+        element = whole.root.maybe("reference")
+        x_e = _told(whole, lambda: _ecef(system, control.enh), element)
+        x_w = dict(zip(control.names, x_e, strict=True))
+        nowhere_known = np.full(3, np.nan)
+        places = np.array([x_w.get(name, nowhere_known) for name in located.points])
+        own = replace(located.where(pinned), x_w=places)
+        whose = "the surveyed markers, by Metashape's adjusted orientations,"
+        proofs.append(Proof(whose=whose, measured=own))
+    return tuple(proofs)
+
+
+def _ecef(system: Chosen, enh: Array) -> Array:
+    """Return places in the flight's system in the frame of `Similarity`, shape (n, 3)."""
+    if system.source is None:
+        return enh
+    grid = system.grid()
+    lonlat = grid.lonlat_from_grid(enh[:, :2])
+    height = enh[:, 2] + grid.undulation(lonlat)
+    return grid.ecef_from_geographic(np.column_stack([lonlat, height]))

@@ -1,0 +1,662 @@
+"""Projects of OpenSfM, ODM and WebODM: cameras, rigs, images, tracks, control, orientations.
+
+https://opensfm.org/docs/geometry.html; names in the files as in ``opensfm/io.py``, order of the
+steps as in ``opensfm/src/geometry/camera_instances.h``. Normalised pixels count from the middle of
+the image, whose longer side is 1, y down; a shot's rotation and translation take object points to
+its camera: x right, y down, z ahead.
+
+OpenSfM writes east, north, up at the place of reference_lla. ODM replaces its reconstruction.json
+by one in UTM, from which an offset was taken, and leaves reference_lla and the measured positions
+as they were. The files do not say which of the two they are; the measured positions do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array
+from acx4lib.flight.problems import METRES, RANGES, Range, quoted
+from acx4lib.geometry.frames import Pose, exp
+from acx4lib.geometry.geodesy import GridSystem, MappingFrame
+from acx4tools.exchange import tables
+from acx4tools.exchange.axes import FLIP, turned
+from acx4tools.exchange.brought import Brought
+from acx4tools.exchange.lens import Pinhole
+from acx4tools.exchange.lens_models import OPENSFM as MODELS
+from acx4tools.exchange.lens_models import Lens
+from acx4tools.exchange.programs import odm
+from acx4tools.exchange.project import (
+    Control,
+    Images,
+    InGrid,
+    Measured,
+    Project,
+    Proof,
+    flight_of,
+    joined,
+    nowhere,
+)
+from acx4tools.exchange.safe import json_tree, opened, text_lines
+from acx4tools.exchange.safe.json_tree import Node
+from acx4tools.exchange.safe.opened import Opened
+
+OPENSFM = "opensfm"
+"""Folder of OpenSfM's files in a project of ODM."""
+
+RECONSTRUCTION, TRACKS = "reconstruction.json", "tracks.csv"
+CAMERAS = ("camera_models.json", "cameras.json")
+"""Cameras before the adjustment, by OpenSfM; and by ODM those that it found."""
+
+VERSIONS = ("OPENSFM_TRACKS_VERSION_v1", "OPENSFM_TRACKS_VERSION_v2")
+"""First lines of tracks.csv; the first version of all had none."""
+
+NORMALISED = Range(-1e3, 1e3, "must be divided by the longer side of the image")
+TURN = Range(-100.0, 100.0, "must be a rotation vector in radians")
+
+
+CONTROL = ("ground_control_points.json", "gcp_list.txt", "../gcp_list.txt")
+"""Control points: in the folder of the project, or in that of ODM above it."""
+
+COORDS = "../odm_georeferencing/coords.txt"
+"""Zone and offset of ODM."""
+
+BETTER = 2.0
+"""Measured positions must fit UTM so many times better before it is believed."""
+
+LAT, LON, HEIGHT = Range(-90.0, 90.0), Range(-360.0, 360.0), Range(-12_000.0, 100_000.0)
+FOCAL = Range(1e-3, 1e3, "must be the focal length divided by the longer side of the image")
+COEFFICIENT = Range(-1e6, 1e6)
+
+ANISOTROPIC = ("brown", "radial", "simple_radial", "fisheye_opencv", "fisheye62", "fisheye624")
+"""Models with two focal lengths and a principal point."""
+
+ASSUMED = (
+    "normalised pixels count from the middle of the image, whose longer side is 1, y down",
+    "rotation and translation of a shot take object points to its camera: x right, y down, z ahead",
+)
+
+
+def read(
+    source: Path,
+    *,
+    camera: str = "adjusted",
+    orientations: str = "initial",
+    block: str | None = None,
+    crs: str | None = None,
+    pixel_um: float | None = None,
+) -> Brought:
+    """Read a project as a part of a flight; options as those of `project` and `flight_of`.
+
+    The project has measured positions, but no attitudes with them: `orientations` "initial" is
+    no trajectory.
+    """
+    found = project(source, camera=camera, orientations=orientations, crs=crs)
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um)
+
+
+def project(
+    source: Path,
+    *,
+    camera: str = "adjusted",
+    orientations: str = "initial",
+    crs: str | None = None,
+) -> Project:
+    """Return a project of OpenSfM or ODM.
+
+    Parameters
+    ----------
+    source : Path
+        Its folder, the folder of an ODM project, or one file reconstruction.json or cameras.json.
+    camera : {"adjusted", "initial"}
+        Cameras of reconstruction.json, or of camera_models.json.
+    orientations : {"initial", "adjusted", "none"}
+        Where "adjusted", the flight has the project's coordinate system.
+    crs : str, optional
+        Of the flight; by default the UTM zone of the project's origin.
+
+    Raises
+    ------
+    FlightError
+        For files that are not those of OpenSfM, or a reconstruction without what is asked for.
+    """
+    files = _files_of(source)
+    root, others = _reconstruction(files)
+    if root is None:
+        return _cameras_alone(files)
+    shots = _shots(root, files.tree("rig_assignments.json"))
+    lenses = _lenses(files, root, shots, camera)
+    ties = _ties(files, root, shots, lenses)
+    named = {"image": shots.names, "camera": shots.heads, "exposure": shots.instances}
+    tables.require_all_names({**named, "point": ties.points}, root.source.wrong)
+    place = _place_of(files, root, shots, crs)
+    listed = [one for one in map(files.maybe, CONTROL) if one is not None]
+    marks, control, left_out = Measured(), None, others
+    lost: dict[str, int] = {}
+    if listed and place is None:
+        said = f"{listed[0].name}: the reconstruction has no place on the Earth"
+        left_out = (said, *others)
+    elif listed and place is not None:
+        marks, control, lost = _marks(listed[0], shots, lenses, place)
+        taken = (f"{one.name}: {listed[0].name} is taken" for one in listed[1:])
+        left_out = (*taken, *others)
+        ties = _renamed(ties, {*marks.points, *control.names})
+    T_w_c = Pose(R=shots.T_w_v.R @ FLIP, r=shots.T_w_v.r)
+    placed = place is not None and (control is not None or orientations == "adjusted")
+    return Project(
+        source="OpenSfM",
+        sources=files.read.values(),
+        lenses=lenses,
+        images=Images(
+            names=shots.names,
+            cameras=shots.heads,
+            exposures=shots.instances,
+            T_w_c=T_w_c,
+        ),
+        measured=joined(marks, ties),
+        proofs=(
+            Proof(whose="the program's own points", measured=ties),
+            *_of_control(marks, T_w_c, place),
+        ),
+        control=control,
+        settings=place.settings if place is not None and placed else {},
+        in_grid=_in_grid(root, place),
+        lost={
+            **lost,
+            "measured positions: without attitudes they are no trajectory": int(
+                np.isfinite(shots.gps).all(axis=1).sum()
+            ),
+        },
+        assumed=(*ASSUMED, *(place.said if place is not None and placed else ())),
+        left_out=left_out,
+    )
+
+
+def _cameras_alone(files: Files) -> Project:
+    """Return the cameras of a project in which nothing is oriented yet."""
+    node = files.tree(*CAMERAS)
+    if node is None:
+        where = str(files.folder / TRACKS)
+        wanted = f"needs {RECONSTRUCTION} beside it, which names the cameras of the images"
+        raise opened.refusal(where, 1, "file", "alone", wanted)
+    return Project(
+        source="OpenSfM's cameras",
+        sources=files.read.values(),
+        lenses={name: _lens(one) for name, one in node.items()},
+        assumed=ASSUMED[:1],
+    )
+
+
+def _lenses(files: Files, root: Node, shots: Shots, camera: str) -> dict[str, Lens]:
+    """Return the cameras, or the heads of rigs, with their places in the rig."""
+    models = files.tree(*CAMERAS) if camera == "initial" else root.one("cameras")
+    if models is None:
+        wanted = f"must be beside it for the cameras before the adjustment ({CAMERAS[0]})"
+        raise root.wrong("has cameras after the adjustment only", wanted)
+    mounts = _rig_mounts(root.maybe("rig_cameras") or files.tree("rig_cameras.json"))
+    lenses: dict[str, Lens] = {}
+    for head, model in dict(zip(shots.heads, shots.models, strict=True)).items():
+        lens = _lens(models.one(model))
+        lenses[head] = replace(lens, mount=mounts[head]) if head in mounts else lens
+    return lenses
+
+
+def _of_control(marks: Measured, T_w_c: Pose, place: Place | None) -> tuple[Proof, ...]:
+    """Return the proof by control points, in the flight's mapping frame."""
+    if place is None or not len(marks.colrow):
+        return ()
+    whose = "control points, by the adjusted orientations,"
+    return (Proof(whose=whose, measured=marks, T_w_c=place.in_frame(T_w_c)),)
+
+
+def _in_grid(root: Node, place: Place | None) -> InGrid:
+    if place is None:
+        found = "has no measured position: the adjusted orientations are nowhere on the Earth"
+        expected = "must have gps_position, with reference_lla"
+        return nowhere(root.one("shots").wrong(found, expected))
+    return lambda T: place.frame.pose_to_grid(place.in_frame(T))
+
+
+def _ties(files: Files, root: Node, shots: Shots, lenses: Mapping[str, Lens]) -> Measured:
+    """Return the tracks in images of the reconstruction, with the points that it has of them."""
+    known, source = root.maybe("points"), files.maybe(TRACKS)
+    x_w = {} if known is None else _points(known)
+    if source is None:
+        return Measured()
+    images, names, points = _tracks(source)
+    row_of = {name: row for row, name in enumerate(shots.names)}
+    used = np.array([image in row_of for image in images], dtype=bool)
+    image_idx = np.array([row_of[image] for image in images if image in row_of], dtype=int)
+    tracks, point_idx = tables.first_use([n for n, one in zip(names, used, strict=True) if one])
+    sizes = [(lenses[head].width_px, lenses[head].height_px) for head in shots.heads]
+    return Measured(
+        points=tuple(tracks),
+        x_w=np.array([x_w.get(track, [np.nan] * 3) for track in tracks]).reshape(-1, 3),
+        image_idx=image_idx,
+        point_idx=point_idx,
+        colrow=_colrow(points[used], np.array(sizes)[image_idx]),
+    )
+
+
+def _colrow(points: Array, sizes: Array) -> Array:
+    """Return the library's pixels of normalised points in images of sizes, both (n, 2)."""
+    return points * sizes.max(axis=1, initial=0)[:, None] + (sizes - 1) / 2
+
+
+def _renamed(ties: Measured, taken: set[str]) -> Measured:
+    """Return tie points none of which has the name of a control point."""
+    if not taken.intersection(ties.points):
+        return ties
+    return replace(ties, points=tuple(f"track {name}" for name in ties.points))
+
+
+# files
+
+
+@dataclass(frozen=True, kw_only=True)
+class Files:
+    """A folder with files of OpenSfM: other names that they have, and what was opened so far."""
+
+    folder: Path
+    names: dict[str, str] = field(default_factory=dict)
+    read: dict[str, Opened] = field(default_factory=dict)
+
+    def maybe(self, *names: str) -> Opened | None:
+        """Return the first file of these names that is there."""
+        for name in names:
+            path = self.folder / self.names.get(name, name)
+            if name.startswith("../") and self.folder.name != OPENSFM:
+                continue  # above the folder is ODM's only if it has this name
+            if path.is_symlink() or path.exists():
+                return self.read.setdefault(path.name, opened.read(path))
+        return None
+
+    def tree(self, *names: str) -> Node | None:
+        """Return the first file of these names that is there, as JSON."""
+        source = self.maybe(*names)
+        return None if source is None else json_tree.tree(source)
+
+
+def _files_of(source: Path) -> Files:
+    """Return the files at a path: a folder, an ODM project's folder, or one file."""
+    if not source.is_dir():
+        kind = CAMERAS[0] if _is_cameras(source) else RECONSTRUCTION
+        return Files(folder=source.parent, names={kind: source.name} | _none_but(kind))
+    for folder in (source, source / OPENSFM):
+        known = Files(folder=folder)
+        if any((folder / name).exists() for name in (RECONSTRUCTION, TRACKS, *CAMERAS)):
+            return known
+    wanted = f"must hold {RECONSTRUCTION}, {TRACKS} or {CAMERAS[0]}, as OpenSfM writes them"
+    raise opened.refusal(str(source), 1, "folder", "has no file of OpenSfM", wanted)
+
+
+def _is_cameras(source: Path) -> bool:
+    """Tell whether a file holds cameras and no reconstruction."""
+    value = json_tree.tree(opened.read(source)).value
+    return isinstance(value, dict) and "shots" not in value
+
+
+def _none_but(kind: str) -> dict[str, str]:
+    """Return names that no file has for the other files: one file alone was given."""
+    others = {RECONSTRUCTION, TRACKS, *CAMERAS} - {kind}
+    return dict.fromkeys(others, "\0")
+
+
+def _reconstruction(files: Files) -> tuple[Node | None, tuple[str, ...]]:
+    """Return the reconstruction with the most shots, and a sentence on the others."""
+    tree = files.tree(RECONSTRUCTION)
+    if tree is None:
+        return None, ()
+    if isinstance(tree.value, dict):
+        return tree, ()
+    parts = list(tree.each())
+    if not parts:
+        raise tree.wrong("has no reconstruction", "must have one at least")
+    sizes = [len(list(part.one("shots").items())) for part in parts]
+    best = int(np.argmax(sizes))
+    others = sum(sizes) - sizes[best]
+    left = (
+        f"{len(parts) - 1} more reconstructions with {others} shots: each has a frame of its own",
+    )
+    return parts[best], left if len(parts) > 1 else ()
+
+
+# shots, rigs, points, tracks
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shots:
+    """The shots of a reconstruction, one for each image.
+
+    `instances` and `heads` are the rig instance that took an image, and as which of its cameras;
+    its own name and model where there is no rig. `T_w_v` has y down, z ahead; `gps` are measured
+    positions in the same frame, m, NaN where none is.
+    """
+
+    names: tuple[str, ...]
+    models: tuple[str, ...]
+    instances: tuple[str, ...]
+    heads: tuple[str, ...]
+    T_w_v: Pose
+    gps: Array
+
+
+def _shots(root: Node, rigs: Node | None) -> Shots:
+    """Return the shots; `rigs` is rig_assignments.json, for files that say nothing of rigs."""
+    found = list(root.one("shots").items())
+    if not found:
+        raise root.one("shots").wrong("has no shot", "must have one at least")
+    of_rig = dict(_instances(root)) or (dict(_assigned(rigs)) if rigs is not None else {})
+    names = tuple(name for name, _ in found)
+    models = tuple(shot.one("camera").text() for _, shot in found)
+    R_v_w = exp(np.array([shot.one("rotation").numbers(3, allowed=TURN) for _, shot in found]))
+    t = np.array([shot.one("translation").numbers(3, allowed=METRES) for _, shot in found])
+    alone = zip(names, names, models, strict=True)
+    rows = {name: of_rig.get(name, (instance, model)) for name, instance, model in alone}
+    return Shots(
+        names=names,
+        models=models,
+        instances=tuple(instance for instance, _ in rows.values()),
+        heads=tuple(head for _, head in rows.values()),
+        T_w_v=Pose(R=R_v_w, r=t).inverse,
+        gps=np.array([_gps(shot) for _, shot in found]),
+    )
+
+
+def _gps(shot: Node) -> list[float]:
+    """Return a measured position; OpenSfM writes a dilution of 999999 where there was none."""
+    position, dop = shot.maybe("gps_position"), shot.maybe("gps_dop")
+    if position is None or (dop is not None and dop.number() >= 999_999):
+        return [np.nan] * 3
+    return position.numbers(3, allowed=METRES).tolist()
+
+
+def _instances(root: Node) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Yield images with their rig instance and their camera in the rig."""
+    rigs = root.maybe("rig_instances")
+    for instance, rig in rigs.items() if rigs is not None else ():
+        cameras = list(rig.one("rig_camera_ids").items())
+        if len(cameras) > 1:
+            for image, head in cameras:
+                yield image, (instance, head.text())
+
+
+def _assigned(rigs: Node) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Yield the same of rig_assignments.json: lists of images and cameras, by number or name."""
+    by_name = isinstance(rigs.value, dict)
+    all_rigs = (
+        list(rigs.items()) if by_name else [(f"rig {k}", v) for k, v in enumerate(rigs.each())]
+    )
+    for instance, rig in all_rigs:
+        cameras = [(one.one(0).text(), one.one(1).text()) for one in rig.each()]
+        for image, head in cameras if len(cameras) > 1 else ():
+            yield image, (instance, head)
+
+
+def _rig_mounts(node: Node | None) -> dict[str, Pose]:
+    """Return the mountings of cameras in their rig by their names, the library's axes."""
+    if node is None:
+        return {}
+    there = {
+        name: Pose(
+            R=exp(one.one("rotation").numbers(3, allowed=TURN)),
+            r=one.one("translation").numbers(3, allowed=METRES),
+        ).inverse
+        for name, one in node.items()
+    }
+    return {name: Pose(R=turned(one.R), r=one.r @ FLIP) for name, one in there.items()}
+
+
+def _points(node: Node) -> dict[str, list[float]]:
+    """Return the coordinates of object points by their names."""
+    return {
+        name: one.one("coordinates").numbers(3, allowed=METRES).tolist()
+        for name, one in node.items()
+    }
+
+
+def _tracks(source: Opened) -> tuple[list[str], list[str], Array]:
+    """Return images, tracks and normalised points of tracks.csv, shape (n, 2)."""
+    rows = text_lines.lines(source, separator="\t")
+    images, names, points = [], [], []
+    for row in rows:
+        if row.number == 1 and row.cells[0].startswith("OPENSFM_TRACKS"):
+            if row.cells[0] not in VERSIONS:
+                raise row.wrong("version", quoted(row.cells[0]), f"must be {' or '.join(VERSIONS)}")
+            continue
+        images.append(row.cell(0, "image"))
+        names.append(row.cell(1, "track"))
+        points.append(row.numbers(3, 5, "x, y", NORMALISED))
+    return images, names, np.array(points).reshape(-1, 2)
+
+
+def _lens(node: Node) -> Lens:
+    """Return a camera of reconstruction.json, camera_models.json or cameras.json."""
+    kind = _kind(node)
+    width, height = (int(node.one(key).number(RANGES[f"{key}_px"])) for key in ("width", "height"))
+    longer, two = max(width, height), kind in ANISOTROPIC
+    focal = ("focal_x", "focal_y") if two else ("focal", "focal")
+    fx, fy = (node.one(key).number(FOCAL) for key in focal)
+    cx, cy = (_number(node, key) if two else 0.0 for key in ("c_x", "c_y"))
+    formula = MODELS[kind]
+    return Lens(
+        width_px=width,
+        height_px=height,
+        hole=Pinhole(
+            fx=fx * longer,
+            fy=fy * longer,
+            cx=cx * longer + (width - 1) / 2,
+            cy=cy * longer + (height - 1) / 2,
+        ),
+        distortion=formula.distortion([_number(node, name) for name in formula.names]),
+        is_fisheye=formula.is_fisheye,
+        wrong=node.wrong,
+    )
+
+
+def _number(node: Node, name: str) -> float:
+    found = node.maybe(name)
+    return 0.0 if found is None else found.number(COEFFICIENT)
+
+
+def _kind(node: Node) -> str:
+    place = node.maybe("projection_type")
+    kind = "perspective" if place is None else place.text()
+    if kind in MODELS:
+        return kind
+    expected = f"must be one of {', '.join(MODELS)}"
+    if kind in ("spherical", "equirectangular"):
+        expected = "has rays in all directions, and is no camera of a flight"
+    raise (place or node).wrong(quoted(kind), expected)
+
+
+# where it is
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Place:
+    """Where the frame w of a project is.
+
+    `frame` is the flight's mapping frame with its origin below that of the project, `altitude`
+    the height of this; `utm` is the same in UTM, where w has the axes of UTM, with the `offset`
+    of the origin of w in UTM, m; `said` is what was assumed.
+    """
+
+    frame: MappingFrame
+    altitude: float
+    utm: MappingFrame | None = None
+    offset: Array
+    said: tuple[str, ...]
+
+    @property
+    def settings(self) -> dict[str, str | float]:
+        """Keys of flight.toml."""
+        return {"crs": self.frame.grid.crs, "heights": self.frame.grid.heights}
+
+    def in_frame(self, T_w: Pose) -> Pose:
+        """Return poses of the project in the mapping frame."""
+        if self.utm is None:
+            return Pose(R=T_w.R, r=T_w.r + np.array([0.0, 0.0, self.altitude]))
+        return self.utm.pose_from_grid(T_w.r + np.append(self.offset, 0.0), T_w.opk)
+
+
+def _place_of(found: Files, root: Node, shots: Shots, crs: str | None) -> Place | None:
+    """Return where a project is; None without measured positions: then it is nowhere."""
+    node = root.maybe("reference_lla") or found.tree("reference_lla.json")
+    if node is None or not np.isfinite(shots.gps).any():
+        return None
+    lon, lat, altitude = (
+        node.one(key).number(allowed)
+        for key, allowed in (("longitude", LON), ("latitude", LAT), ("altitude", HEIGHT))
+    )
+    zone, offset = _zone_and_offset(found, lon, lat)
+    try:
+        utm, own = (
+            MappingFrame(
+                grid=GridSystem(crs=one, heights="ellipsoidal"), origin=np.array([lon, lat])
+            )
+            for one in (zone, crs or zone)
+        )
+    except ValueError as error:
+        raise FlightError([f"--crs:1: crs: {error}; must be projected and in metres"]) from None
+    place = Place(
+        frame=own,
+        altitude=altitude,
+        offset=offset,
+        said=(f"positions are of WGS 84, in {own.grid.crs}; altitudes are taken as ellipsoidal",),
+    )
+    return _in_utm_if_better(place, utm, shots)
+
+
+def _zone_and_offset(found: Files, lon: float, lat: float) -> tuple[str, Array]:
+    """Return the UTM zone as an EPSG code, and the origin of a reconstruction by ODM in it."""
+    source = found.maybe(COORDS)
+    rows = [] if source is None else list(text_lines.lines(source))[:2]
+    if len(rows) == 2 and rows[0].cells[:2] == ("WGS84", "UTM"):
+        zone = rows[0].cell(2, "zone")
+        return _code(int(zone[:-1]), zone[-1] != "S"), rows[1].numbers(0, 2, "offset")
+    zone = _code(min(int((lon + 180) % 360 // 6) + 1, 60), lat >= 0)
+    grid = GridSystem(crs=zone, heights="ellipsoidal")
+    return zone, grid.grid_from_lonlat(np.array([[lon, lat]]))[0]
+
+
+def _code(zone: int, north: bool) -> str:
+    return f"EPSG:{(32600 if north else 32700) + zone}"
+
+
+def _in_utm_if_better(place: Place, utm: MappingFrame, shots: Shots) -> Place:
+    """Return the place in which the camera centres fit the measured positions."""
+    known = np.isfinite(shots.gps).all(axis=1)
+    centres, gps = shots.T_w_v.r[known, :2], shots.gps[known]
+    grid = utm.to_grid(gps + np.array([0.0, 0.0, place.altitude]))[:, :2] - place.offset
+    plain, in_utm = (_rms(centres - one) for one in (gps[:, :2], grid))
+    size = _rms(gps[:, :2] - gps[:, :2].mean(axis=0))
+    if known.sum() < 3 or BETTER * in_utm > plain or in_utm > size:
+        return place
+    said = (
+        f"orientations and points have the axes of UTM, as ODM writes them: camera centres are "
+        f"{in_utm:.2g} m rms from the measured positions so, {plain:.2g} m in topocentric axes"
+    )
+    return replace(place, utm=utm, said=(*place.said, said))
+
+
+def _rms(off: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+
+
+# control points
+
+
+def _marks(
+    file: Opened, shots: Shots, lenses: Mapping[str, Lens], place: Place
+) -> tuple[Measured, Control, dict[str, int]]:
+    """Return measurements of control points, the points with an altitude, and what is lost."""
+    size = {
+        name: (lenses[head].width_px, lenses[head].height_px)
+        for name, head in zip(shots.names, shots.heads, strict=True)
+    }
+    if file.name.endswith(".json"):
+        names, lonlath, seen = _of_json(json_tree.tree(file))
+    else:
+        names, lonlath, seen = _of_list(file, size, place.frame.grid)
+    row_of = {name: row for row, name in enumerate(shots.names)}
+    used = [one for one in seen if one[0] in row_of]
+    points, point_idx = tables.first_use([point for _, point, _ in used])
+    x_w = dict(zip(names, place.frame.from_geographic(lonlath), strict=True))
+    sizes = np.array([size[image] for image, _, _ in used], dtype=float).reshape(-1, 2)
+    measured = Measured(
+        points=tuple(points),
+        x_w=np.array([x_w.get(name, np.full(3, np.nan)) for name in points]).reshape(-1, 3),
+        image_idx=np.array([row_of[image] for image, _, _ in used], dtype=int),
+        point_idx=point_idx,
+        colrow=_colrow(np.array([at for _, _, at in used]).reshape(-1, 2), sizes),
+    )
+    whole = np.isfinite(lonlath[:, 2])
+    enh = np.column_stack(
+        [place.frame.grid.grid_from_lonlat(lonlath[whole, :2]), lonlath[whole, 2]]
+    )
+    control = Control(names=tuple(n for n, one in zip(names, whole, strict=True) if one), enh=enh)
+    lost = {
+        "control points without an altitude": int((~whole).sum()),
+        "measurements of control points in images that were not oriented": len(seen) - len(used),
+    }
+    return measured, control, lost
+
+
+Seen = tuple[str, str, list[float]]
+"""Image, point and normalised pixel of a measurement."""
+
+
+def _of_json(node: Node) -> tuple[list[str], Array, list[Seen]]:
+    """Return the names of points with a position, longitude, latitude, altitude, measurements."""
+    names: list[str] = []
+    places: list[list[float]] = []
+    measured: list[Seen] = []
+    for one in node.one("points").each():
+        name = one.one("id").text()
+        if (place := one.maybe("position")) is not None:
+            names.append(name)
+            places.append(_lonlath(place))
+        for seen in one.one("observations").each():
+            at = seen.maybe("projection")
+            if at is not None:
+                image = seen.one("shot_id").text()
+                measured.append((image, name, [at.one(k).number(NORMALISED) for k in (0, 1)]))
+    return names, np.array(places).reshape(-1, 3), measured
+
+
+def _of_list(
+    file: Opened, size: Mapping[str, tuple[int, int]], grid: GridSystem
+) -> tuple[list[str], Array, list[Seen]]:
+    """Return the same of ODM's list, whose coordinates pass through the flight's grid."""
+    listed = odm.project(Path(file.file), crs=grid.crs)
+    control, measured = listed.control or Control(names=(), enh=np.zeros((0, 3))), listed.measured
+    own = GridSystem(crs=grid.crs, heights="ellipsoidal")
+    lonlat = own.lonlat_from_grid(control.enh[:, :2])
+    pixels = zip(measured.image_idx, measured.point_idx, measured.colrow, strict=True)
+    seen = [
+        (image := listed.images.names[i], measured.points[k], _normalised(at, size.get(image)))
+        for i, k, at in pixels
+    ]
+    return list(control.names), np.column_stack([lonlat, control.enh[:, 2]]), seen
+
+
+def _normalised(colrow: Array, size: tuple[int, int] | None) -> list[float]:
+    width, height = size or (1, 1)
+    normalised: list[float] = (
+        (colrow - [(width - 1) / 2, (height - 1) / 2]) / max(width, height)
+    ).tolist()
+    return normalised
+
+
+def _lonlath(node: Node) -> list[float]:
+    height = node.maybe("altitude")
+    return [
+        node.one("longitude").number(LON),
+        node.one("latitude").number(LAT),
+        np.nan if height is None else height.number(HEIGHT),
+    ]

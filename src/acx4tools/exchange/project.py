@@ -1,0 +1,552 @@
+"""What another program knows of a flight, and the part of a flight that is made of it.
+
+A program's file returns a `Project`: lenses, images, orientations, measurements, surveyed points,
+what was assumed and what has no place in a flight. `flight_of` makes the tables and settings of all
+programs in the same way, and proves them: the program's own points are projected by what was
+imported. Pixels, camera axes and units are the library's; the frame w is any Cartesian one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.table_files import Columns
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.collinearity import project as projected
+from acx4lib.geometry.collinearity import rays
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.intersection import intersect
+from acx4tools.exchange import tables
+from acx4tools.exchange.axes import stacked
+from acx4tools.exchange.brought import Brought, number_of
+from acx4tools.exchange.lens_models import NOMINAL_UM, Lens, Refitted
+from acx4tools.exchange.safe.opened import Opened, checksums
+
+MEANS_NOTHING = (
+    "The trajectory is what the program adjusted, camera and body being one: the boresight and "
+    "the lever arm that a calibration finds on it mean nothing"
+)
+
+InGrid = Callable[[Pose], tuple[Array, Array]]
+"""From poses in w to east, north, height (m) and omega, phi, kappa (rad) in the flight's grid."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Images:
+    """Images of a project.
+
+    Attributes
+    ----------
+    names, cameras, exposures : tuple of str
+        One for each image; the image of its exposure's name, else the first one, has its pose.
+    T_w_c : Pose
+        Orientations in the library's camera axes; NaN where there is none.
+    enabled : ndarray of bool, shape (n,), optional
+        Images that the program uses; by default all.
+    """
+
+    names: tuple[str, ...] = ()
+    cameras: tuple[str, ...] = ()
+    exposures: tuple[str, ...] = ()
+    T_w_c: Pose = field(default_factory=lambda: stacked([]))
+    enabled: Mask | None = None
+
+    @property
+    def oriented(self) -> Mask:
+        """Whether each image has an orientation."""
+        return np.asarray(np.isfinite(self.T_w_c.r).all(axis=1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured:
+    """Points that were measured in images.
+
+    Attributes
+    ----------
+    points : tuple of str
+        Names of points.
+    x_w : ndarray, shape (n_points, 3), optional
+        Where the program has them, NaN where it does not say; None where it says it of none.
+    image_idx, point_idx : ndarray of int, shape (n,)
+        Of each measurement.
+    colrow : ndarray, shape (n, 2)
+    """
+
+    points: tuple[str, ...] = ()
+    x_w: Array | None = None
+    image_idx: Index = field(default_factory=lambda: np.zeros(0, dtype=int))
+    point_idx: Index = field(default_factory=lambda: np.zeros(0, dtype=int))
+    colrow: Array = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def where(self, rows: Mask | Index) -> Measured:
+        """Return some of the measurements."""
+        return replace(
+            self,
+            image_idx=self.image_idx[rows],
+            point_idx=self.point_idx[rows],
+            colrow=self.colrow[rows],
+        )
+
+
+def joined(*parts: Measured) -> Measured:
+    """Return measurements of different points as one value."""
+    first = np.cumsum([0, *(len(one.points) for one in parts)])
+    nowhere_known = [np.full((len(one.points), 3), np.nan) for one in parts]
+    places = [n if o.x_w is None else o.x_w for n, o in zip(nowhere_known, parts, strict=True)]
+    if not parts:
+        return Measured()
+    return Measured(
+        points=tuple(point for one in parts for point in one.points),
+        x_w=np.concatenate(places),
+        image_idx=np.concatenate([one.image_idx for one in parts]),
+        point_idx=np.concatenate([n + o.point_idx for n, o in zip(first, parts, strict=False)]),
+        colrow=np.concatenate([one.colrow for one in parts]),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proof:
+    """Points by which an import is proved: projected, or, where their place is unknown, met.
+
+    Attributes
+    ----------
+    whose : str
+        Which points, in words.
+    measured : Measured
+    T_w_c : Pose, optional
+        Of all images in the frame of the points; by default the project's.
+    """
+
+    whose: str
+    measured: Measured
+    T_w_c: Pose | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Control:
+    """Surveyed points.
+
+    Attributes
+    ----------
+    names : tuple of str
+    enh : ndarray, shape (n, 3)
+        East, north, height in the flight's coordinate system, m.
+    sigma : ndarray, shape (n, 3), optional
+        Standard deviations, m; a coordinate of which one is not positive has no column.
+    is_check : sequence of bool, optional
+        Whether a point is a check point; by default no file says it.
+    """
+
+    names: tuple[str, ...]
+    enh: Array
+    sigma: Array | None = None
+    is_check: tuple[bool, ...] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory:
+    """Positions and attitudes of exposures, or why there are none.
+
+    Attributes
+    ----------
+    table : table or None
+        trajectory.csv.
+    assumed, found, left_out : tuple of str
+    """
+
+    table: Columns | None = None
+    assumed: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Project:
+    """What another program knows of a flight.
+
+    Attributes
+    ----------
+    source : str
+        Program, with its version where the files state it.
+    sources : iterable of Opened
+        Files that were read.
+    lenses : mapping of str to Lens
+        By the names of cameras.
+    sensors : mapping of str to table
+        What flight.toml says of cameras that have no lens in the files.
+    images : Images
+    measured : Measured
+        What becomes image_points.csv.
+    proofs : tuple of Proof
+    control : Control or None
+    settings : mapping
+        Keys of flight.toml but cameras.
+    in_grid : callable or None
+        Where w lies; it raises a FlightError where that is not known. None where a program never
+        has a place on the Earth.
+    placed : tuple of str
+        What is assumed where `in_grid` is used.
+    trajectory : Trajectory
+        What was measured of the cameras.
+    lost : mapping of str to int
+        What has no place in a flight, in words, and how many.
+    assumed, found, left_out : tuple of str
+        Sentences of this program alone.
+    may_leave_cameras : bool
+        Whether cameras that no flight can have are left out with their images, not refused.
+    """
+
+    source: str
+    sources: Iterable[Opened]
+    lenses: Mapping[str, Lens] = field(default_factory=dict)
+    sensors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    images: Images = field(default_factory=Images)
+    measured: Measured = field(default_factory=Measured)
+    proofs: tuple[Proof, ...] = ()
+    control: Control | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    in_grid: InGrid | None = None
+    placed: tuple[str, ...] = ()
+    trajectory: Trajectory = field(default_factory=Trajectory)
+    lost: Mapping[str, int] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    may_leave_cameras: bool = False
+
+
+def flight_of(
+    project: Project,
+    *,
+    orientations: str = "none",
+    block: str | None = None,
+    pixel_um: float | None = None,
+) -> Brought:
+    """Return a project as a part of a flight, with what was assumed, found and left out.
+
+    Parameters
+    ----------
+    project : Project
+    orientations : {"initial", "adjusted", "none"}
+        The trajectory: what was measured of the cameras, what the program adjusted, or none. Images
+        whose exposures it has not are left out.
+    block : str, optional
+        Name of the block; by default heads where several images have one exposure, else
+        calibration.
+    pixel_um : float, optional
+        Pixel size of cameras that have none.
+
+    Raises
+    ------
+    FlightError
+        Where no camera of a flight has a lens, or adjusted orientations have no place on the Earth.
+    """
+    fitted, odd = _refitted(project, pixel_um)
+    flown = _flown(project, orientations)
+    kept = _kept(project, fitted, flown)
+    images, measured = project.images, project.measured
+    inside = measured.where(kept[measured.image_idx])
+    used = {images.cameras[i] for i in np.flatnonzero(kept)} or set(fitted)
+    fitted = {name: one for name, one in fitted.items() if name in used}
+    cameras = {name: dict(one) for name, one in project.sensors.items()}
+    cameras |= {name: one.table for name, one in fitted.items()}
+    settings = {key: value for key, value in project.settings.items() if key != "apriori"}
+    settings |= {"cameras": cameras} if cameras or not settings else {}
+    settings |= {key: project.settings[key] for key in ("apriori",) if project.settings.get(key)}
+    exposures = [images.exposures[i] for i in np.flatnonzero(kept)]
+    folder = block or ("heads" if len(set(exposures)) < len(exposures) else "calibration")
+    return Brought(
+        source=project.source,
+        sha256=checksums(project.sources),
+        settings=settings,
+        tables=_tables(project, folder, kept, inside, flown),
+        assumed=(*project.assumed, *_sizes(project, fitted, pixel_um), *flown.assumed),
+        found=(
+            *_counted(project, kept, inside),
+            *project.found,
+            *flown.found,
+            *_kinds(project, fitted),
+            *(one.said for one in fitted.values()),
+            *_proved(project, {name: one.camera for name, one in fitted.items()}),
+        ),
+        left_out=(
+            *_lost(project, kept, flown),
+            *odd,
+            *project.left_out,
+            *flown.left_out,
+        ),
+    )
+
+
+def nowhere(error: FlightError) -> InGrid:
+    """Return the place of a frame that has none: an error, where it is asked for."""
+
+    def in_grid(_: Pose) -> tuple[Array, Array]:
+        raise error
+
+    return in_grid
+
+
+def _refitted(
+    project: Project, pixel_um: float | None
+) -> tuple[dict[str, Refitted], tuple[str, ...]]:
+    """Return the cameras of all images, and sentences on those that no flight can have."""
+    enabled = project.images.enabled
+    of = [n for i, n in enumerate(project.images.cameras) if enabled is None or enabled[i]]
+    used, fitted, odd = set(of) or set(project.lenses), {}, []
+    for name, lens in project.lenses.items():
+        if name not in used:
+            continue
+        try:
+            fitted[name] = lens.refitted(name, pixel_um)
+        except ValueError as error:
+            if not project.may_leave_cameras:
+                expected = "must be a lens that a flight can have"
+                raise lens.wrong(f"{name}: {error}", expected) from None
+            odd.append(f"camera and its images: {name}: {error}")
+    if odd and not fitted:
+        first = next(lens for name, lens in project.lenses.items() if name in used)
+        raise first.wrong("; ".join(odd), "must be one that a flight can have")
+    return fitted, tuple(odd)
+
+
+def _flown(project: Project, orientations: str) -> Trajectory:
+    """Return the trajectory that is asked for."""
+    images, n = project.images, int(project.images.oriented.sum())
+    if orientations != "adjusted":
+        found = project.trajectory if orientations == "initial" else Trajectory()
+        how = (
+            ": their coordinates are in no CRS"
+            if project.in_grid is None
+            else (" (--orientations adjusted)")
+        )
+        left = (f"{number_of(n, 'adjusted orientations')}{how}",) if n else ()
+        return replace(found, left_out=(*found.left_out, *left))
+    leaders: dict[str, int] = {}
+    for i in np.flatnonzero(images.oriented).tolist():
+        exposure = images.exposures[i]
+        if (images.enabled is None or images.enabled[i]) and (
+            exposure not in leaders or images.names[i] == exposure
+        ):
+            leaders[exposure] = i
+    if not images.names:
+        return Trajectory()
+    if not leaders or project.in_grid is None:
+        return Trajectory(left_out=("a trajectory: no image is oriented",))
+    rows = np.array([*leaders.values()])
+    T_b_c = stacked([project.lenses[images.cameras[i]].mount for i in rows])
+    enh, opk = project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
+    return Trajectory(
+        table=tables.trajectory_in_grid(list(leaders), enh, opk),
+        assumed=(*project.placed, MEANS_NOTHING),
+        found=(f"{number_of(len(leaders), 'adjusted orientations')}",),
+    )
+
+
+def _kept(project: Project, fitted: Mapping[str, Refitted], flown: Trajectory) -> Mask:
+    """Return the images that are part of the flight."""
+    images = project.images
+    known = {*fitted, *project.sensors} if project.lenses else {*images.cameras}
+    kept = np.array([name in known for name in images.cameras], dtype=bool)
+    if images.enabled is not None:
+        kept &= images.enabled
+    if flown.table is not None:
+        there = set(flown.table["exposure"])
+        kept &= np.array([name in there for name in images.exposures], dtype=bool)
+    return kept
+
+
+def _tables(
+    project: Project, folder: str, kept: Mask, measured: Measured, flown: Trajectory
+) -> dict[str, Columns]:
+    images, rows = project.images, np.flatnonzero(kept).tolist()
+    made: dict[str, Columns] = {}
+    if rows and all(images.cameras):
+        listed = ([of[i] for i in rows] for of in (images.names, images.cameras, images.exposures))
+        made[f"{folder}/images.csv"] = tables.images(*listed)
+    if len(measured.colrow):
+        made[f"{folder}/image_points.csv"] = tables.image_points(
+            [images.names[i] for i in measured.image_idx],
+            [measured.points[k] for k in measured.point_idx],
+            measured.colrow,
+        )
+    if project.control is not None and project.control.names:
+        made["control_points.csv"] = _control_table(project.control)
+    if flown.table is not None:
+        made[f"{folder}/trajectory.csv"] = flown.table
+    return made
+
+
+def _control_table(control: Control) -> dict[str, list[Any]]:
+    names = ("east_m", "north_m", "height_m")
+    columns: dict[str, list[Any]] = {"point": list(control.names)}
+    columns |= dict(zip(names, np.round(control.enh, tables.METRES).T.tolist(), strict=True))
+    if control.sigma is not None:
+        for name, sigma in zip(names, np.round(control.sigma, tables.METRES).T, strict=True):
+            if (sigma > 0).all():
+                columns[f"sigma_{name}"] = sigma.tolist()
+    if control.is_check is not None:
+        columns["role"] = ["check" if one else "control" for one in control.is_check]
+    return columns
+
+
+def _sizes(
+    project: Project, fitted: Mapping[str, Refitted], pixel_um: float | None
+) -> tuple[str, ...]:
+    """Return what is assumed of the sizes of pixels that no file has."""
+    nominal = [name for name in fitted if not project.lenses[name].pixel_um]
+    if not nominal or pixel_um is not None:
+        return ()
+    return (
+        f"Pixels of {', '.join(nominal)}: {NOMINAL_UM:g} µm, since no file says it; only "
+        "millimetres depend on it (--pixel-um)",
+    )
+
+
+def _counted(project: Project, kept: Mask, measured: Measured) -> tuple[str, ...]:
+    """Return how many images, measurements and surveyed points there are."""
+    images, control, said = project.images, project.control, []
+    if kept.any():
+        rows = np.flatnonzero(kept)
+        exposures = number_of(len({images.exposures[i] for i in rows}), "exposures")
+        cameras = {images.cameras[i] for i in rows} - {""}
+        by = f" by {number_of(len(cameras), 'cameras')}" if cameras else ""
+        said.append(
+            f"{number_of(len(rows), 'images')} of {exposures}{by}, "
+            f"{int(images.oriented[rows].sum())} of them oriented"
+        )
+    points = {measured.points[k] for k in measured.point_idx}
+    if points:
+        said.append(
+            f"{number_of(len(measured.colrow), 'measurements')} of "
+            f"{number_of(len(points), 'points')}"
+        )
+    if control is not None and control.names:
+        seen = len(points.intersection(control.names))
+        checks = sum(control.is_check or ())
+        of_them = f"{seen} of them measured" + (f", {checks} check points" if checks else "")
+        said.append(f"{number_of(len(control.names), 'surveyed points')}, {of_them}")
+    return tuple(said)
+
+
+def _kinds(project: Project, fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
+    """Return which calibration was taken of cameras that have several, and other remarks."""
+    kinds: dict[str, list[str]] = {}
+    for name in fitted:
+        if kind := project.lenses[name].kind:
+            kinds.setdefault(kind, []).append(name)
+    remarks = (project.lenses[name].remark for name in fitted)
+    return (
+        *(f"calibration of {'; '.join(names)}: {kind}" for kind, names in kinds.items()),
+        *(one for one in remarks if one),
+    )
+
+
+def _lost(project: Project, kept: Mask, flown: Trajectory) -> tuple[str, ...]:
+    """Return what is not part of the flight, counted."""
+    images = project.images
+    enabled = np.ones(len(kept), dtype=bool) if images.enabled is None else images.enabled
+    without = 0
+    if flown.table is not None:
+        there = set(flown.table["exposure"])
+        without = sum(images.exposures[i] not in there for i in np.flatnonzero(enabled))
+    outside = int((~kept[project.measured.image_idx]).sum())
+    counted = {
+        **project.lost,
+        "images that are switched off": int((~enabled).sum()),
+        "images whose exposures are not in the trajectory": without,
+        "measurements in images that are left out": outside,
+    }
+    return tuple(f"{n} {words}" for words, n in counted.items() if n)
+
+
+def _proved(project: Project, cameras: Mapping[str, Camera]) -> tuple[str, ...]:
+    """Return how well the program's own points are met by what was imported."""
+    found = [_said(project.images, cameras, one) for one in project.proofs]
+    said = tuple(one for one in found if one)
+    if project.images.names and project.lenses and not said:
+        return ("nothing proves the conventions: the files lack points, measurements, or poses",)
+    return said
+
+
+def _said(images: Images, cameras: Mapping[str, Camera], proof: Proof) -> str:
+    whose, measured = proof.whose, proof.measured
+    known = np.array([name in cameras for name in images.cameras], dtype=bool) & images.oriented
+    rows: Mask = np.asarray(known[measured.image_idx])
+    if measured.x_w is not None:
+        rows = rows & np.isfinite(measured.x_w[measured.point_idx]).all(axis=1)
+    seen = measured.where(rows)
+    if not len(seen.colrow):
+        return ""
+    of = np.array([images.cameras[i] for i in seen.image_idx])
+    T_w_c = (images.T_w_c if proof.T_w_c is None else proof.T_w_c)[seen.image_idx]
+    if measured.x_w is not None:
+        apart = misfits(cameras, of, T_w_c, measured.x_w[seen.point_idx], seen.colrow)
+        return f"{whose} are reprojected by the cameras as imported to {said_of(apart)}"
+    x_w = intersected(cameras, of, T_w_c, seen, len(measured.points))[seen.point_idx]
+    several = np.isfinite(x_w[:, 0])
+    if not several.any():
+        return ""
+    apart = misfits(cameras, of, T_w_c, x_w, seen.colrow)[several]
+    return f"{whose} meet in a point to {said_of(apart)}, by the cameras as imported"
+
+
+def misfits(
+    cameras: Mapping[str, Camera], names: Array, T_w_c: Pose, x_w: Array, colrow: Array
+) -> Array:
+    """Return the distances of measured points from projected ones, px, shape (n,).
+
+    Parameters
+    ----------
+    cameras : mapping of str to Camera
+    names : ndarray of str, shape (n,)
+        The camera of each measurement.
+    T_w_c : Pose
+        The camera pose of each measurement in any Cartesian frame, the library's camera axes.
+    x_w : ndarray, shape (n, 3)
+        The point of each measurement.
+    colrow : ndarray, shape (n, 2)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        NaN where a point is not seen.
+    """
+    apart = np.full(len(colrow), np.nan)
+    for name, camera in cameras.items():
+        k = np.flatnonzero(names == name)
+        if len(k):
+            seen = projected(camera, T_w_c[k], x_w[k])
+            apart[k] = np.hypot(*(seen - colrow[k]).T)
+    return apart
+
+
+def intersected(
+    cameras: Mapping[str, Camera], names: Array, T_w_c: Pose, seen: Measured, n_points: int
+) -> Array:
+    """Return the points in which rays meet best, shape (n_points, 3); arrays as in `misfits`."""
+    along, middle = np.zeros((len(seen.colrow), 3)), T_w_c.r.mean(axis=0)
+    for name, camera in cameras.items():
+        k = np.flatnonzero(names == name)
+        if len(k):
+            along[k] = rays(camera, T_w_c[k], seen.colrow[k])
+    return middle + intersect(T_w_c.r - middle, along, seen.point_idx, n_points)
+
+
+def said_of(apart: Array) -> str:
+    """Return the size of misfits as text: rms, median and largest, px."""
+    known = apart[np.isfinite(apart)]
+    if not len(known):
+        return "none is seen by its image"
+    rms = np.sqrt(np.mean(known**2))
+    return (
+        f"{rms:.3g} px rms, median {np.median(known):.3g} px, largest {known.max():.3g} px "
+        f"({number_of(len(known), 'measurements')}"
+        + (f", {n} not seen)" if (n := len(apart) - len(known)) else ")")
+    )

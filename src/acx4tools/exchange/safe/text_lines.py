@@ -1,0 +1,129 @@
+"""Text cut into lines and cells, each of which knows its place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array
+from acx4lib.flight.problems import Range, quoted
+from acx4lib.flight.tables import LONGEST_NUMBER, numbers_of
+from acx4tools.exchange.safe.opened import Opened, refusal
+
+LONGEST_LINE = 10_000_000
+"""Largest number of characters of a line: COLMAP has all points of an image on one."""
+
+_CELL = re.compile(r'"([^"]*+)"|\'([^\']*+)\'|(\S++)')
+"""Between white space; a quotation mark without another is a letter."""
+
+_SPACES = re.compile(r"\s*+")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Line:
+    """A line of a text file.
+
+    Attributes
+    ----------
+    file : str
+    number : int
+        From 1.
+    cells : tuple of str
+        Without the quotes and spaces around them.
+    """
+
+    file: str
+    number: int
+    cells: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Count the cells."""
+        return len(self.cells)
+
+    def wrong(self, element: str, found: str, expected: str) -> FlightError:
+        """Return the error that says what is wrong in this line."""
+        return refusal(self.file, self.number, element, found, expected)
+
+    def cell(self, k: int, element: str) -> str:
+        """Return a cell that must be there; `element` is what messages call it."""
+        if k >= len(self.cells):
+            found = f"is missing, the line has {len(self.cells)} cells"
+            raise self.wrong(element, found, f"must be cell {k + 1}")
+        return self.cells[k]
+
+    def number_at(self, k: int, element: str, allowed: Range | None = None) -> float:
+        """Return a cell as a finite number, inside a range if one is given."""
+        cell = self.cell(k, element)
+        value = float(numbers_of([cell])[0]) if len(cell) <= LONGEST_NUMBER else float("nan")
+        if not abs(value) < float("inf"):
+            raise self.wrong(element, quoted(cell), "must be a finite number, decimal point")
+        if allowed is not None and value not in allowed:
+            raise self.wrong(element, quoted(cell), str(allowed))
+        return value
+
+    def whole_at(self, k: int, element: str) -> int:
+        """Return a cell as a whole number."""
+        cell = self.cell(k, element)
+        if not re.fullmatch(r"[+-]?\d{1,18}", cell, re.ASCII):
+            raise self.wrong(element, quoted(cell), "must be a whole number")
+        return int(cell)
+
+    def numbers(
+        self, first: int, last: int | None, element: str, allowed: Range | None = None
+    ) -> Array:
+        """Return the cells from one to another, this one excluded, as finite numbers in a range."""
+        if last is not None:
+            self.cell(last - 1, element)
+        values = numbers_of(self.cells[first:last])
+        low, high = (-np.inf, np.inf) if allowed is None else (allowed.low, allowed.high)
+        good = (values >= low) & (values <= high) & np.isfinite(values)
+        for k in np.flatnonzero(~good)[:1]:
+            self.number_at(first + int(k), element, allowed)
+            raise self.wrong(element, quoted(self.cells[first + int(k)]), "must be a finite number")
+        return values
+
+
+def lines(source: Opened, *, separator: str | None = None, comment: str = "") -> Iterator[Line]:
+    """Yield the lines of a text that are not blank, cut into cells.
+
+    Parameters
+    ----------
+    source : Opened
+    separator : str, optional
+        A character; by default white space. Cells in quotes may contain it.
+    comment : str
+        What lines begin with that are left out, such as "#"; none by default.
+    """
+    for number, text in enumerate(source.text().split("\n"), start=1):
+        if len(text) > LONGEST_LINE:
+            found = f"has {len(text)} characters"
+            raise source.wrong("line", found, f"must have at most {LONGEST_LINE}", line=number)
+        if text.strip() and not (comment and text.lstrip().startswith(comment)):
+            yield Line(file=source.file, number=number, cells=cut(text, separator))
+
+
+def cut(text: str, separator: str | None = None) -> tuple[str, ...]:
+    """Return the cells of one line, without the quotes and spaces around them."""
+    if separator is None:
+        if '"' not in text and "'" not in text:
+            return tuple(text.split())
+        return tuple("".join(found.groups("")) for found in _CELL.finditer(text))
+    if '"' not in text:
+        return tuple(cell.strip() for cell in text.split(separator))
+    return tuple(_between(text, separator))
+
+
+def _between(text: str, separator: str) -> Iterator[str]:
+    """Yield the cells between separators; in one that begins with a quote these are letters."""
+    end = -1
+    while end < len(text):
+        begin = _SPACES.match(text, end + 1).end()  # type: ignore[union-attr] # it always matches
+        close = text.find('"', begin + 1) if text[begin : begin + 1] == '"' else -1
+        end = text.find(separator, max(begin, close))
+        end = len(text) if end < 0 else end
+        quoted_part = text[begin + 1 : close] if close >= 0 else ""
+        yield (quoted_part + text[max(begin, close + 1) : end]).strip()

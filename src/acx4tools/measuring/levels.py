@@ -1,0 +1,270 @@
+"""A block of pictures matched from small to large: each level refines what the next begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from acx4lib import expected
+from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.expected import Index
+from acx4lib.flight.block import Block
+from acx4lib.geometry.camera import inside
+from acx4tools.measuring.oriented import approximate, firm, refined
+from acx4tools.measuring.pictures.corners import corners
+from acx4tools.measuring.pictures.ground import Surface
+from acx4tools.measuring.pictures.overlaps import overlapping
+from acx4tools.measuring.pictures.pairs import MatchOptions, PairJob
+from acx4tools.measuring.pictures.store import Matching
+from acx4tools.measuring.pictures.views import View, ground_of, pixels_of, seen_at
+from acx4tools.measuring.points import TieRays, chosen, joined
+
+COARSE_PX = 760
+"""Longer side of the pictures at the first level, at most."""
+
+COARSE, FINE = MatchOptions(search_px=14, epipolar_px=1.0), MatchOptions()
+"""Of the first level, where orientations and ground are not known well, and of the others."""
+
+STEP_DOWN = 4
+"""Largest ratio of the sizes of two levels that follow each other."""
+
+Tell = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureOptions:
+    """How a flight is measured.
+
+    Attributes
+    ----------
+    points : int
+        Cells of a picture, each of which gives at most one corner.
+    reduce : int
+        Pictures are measured at 1/reduce of their size; for poor ones.
+    ground_m : float or None
+        Height of the mean ground, as the flight gives heights.
+    """
+
+    points: int = 200
+    reduce: int = 1
+    ground_m: float | None = None
+
+    def __post_init__(self) -> None:
+        expected.whole("points", self.points, least=20)
+        expected.whole("reduce", self.reduce)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matched:
+    """A block after a level.
+
+    Attributes
+    ----------
+    views : tuple of View
+        With their refined orientations.
+    surface : Surface
+    rays : TieRays
+        Of tie points; gross errors are left out.
+    n_rejected : int
+        Rays that the adjustment rejected.
+    reduced : int
+        K, if pictures were matched at 1/K of their files' size.
+    """
+
+    views: tuple[View, ...]
+    surface: Surface
+    rays: TieRays
+    n_rejected: int
+    reduced: int
+
+    @property
+    def weight(self) -> float:
+        """Sum of the weights of all rays, px^-2 of full size: what the level knows."""
+        shrink = np.array([view.shrink for view in self.views])[self.rays.view]
+        return float(np.sum((shrink * self.rays.sigma_px) ** -2.0))
+
+
+def match_block(
+    block: Block,
+    views: Sequence[View],
+    surface: Surface,
+    *,
+    options: MeasureOptions,
+    matching: Matching,
+    tell: Tell,
+    skip: int = 0,
+) -> Matched:
+    """Match all overlapping pictures of a block, level by level.
+
+    Pictures that are blurred or strongly compressed may hold less at their full size than at a
+    smaller one: there fewer windows match, and with larger sigma. Then the smaller one is the last.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each view.
+    views : sequence of View
+        At the size of their files.
+    surface : Surface
+        Approximate ground.
+    options : MeasureOptions
+    matching : Matching
+    tell : callable
+        Called with the name of a level, its finished pairs, and all.
+    skip : int
+        Levels that are left out at the start; one where orientations come from features.
+
+    Raises
+    ------
+    FlightError
+        Where no pictures overlap, or too few points are found.
+    AdjustmentError
+        Where the points cannot be adjusted.
+    """
+    best, of_file = None, views[0].shrink
+    sizes = sizes_of(views, options.reduce)
+    for k, shrink in enumerate(sizes[min(skip, len(sizes) - 1) :], start=skip):
+        views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
+        match = FINE if k else COARSE
+        count = partial(tell, f"{block.name} 1/{max(shrink)}")
+        try:
+            rays = _matched(block, views, surface, match, options.points, matching, count)
+        except FlightError:
+            if best is None:
+                raise
+            break
+        found = refined(approximate(block, _height(views, surface)), views, rays)
+        views, surface = found.views, found.surface
+        level = Matched(
+            views=found.views,
+            surface=found.surface,
+            rays=_whole_points(rays[found.kept]),
+            n_rejected=int(np.sum(~found.kept)),
+            reduced=shrink[0] // of_file,
+        )
+        if best is not None and level.weight < best.weight:
+            break
+        best = level
+    assert best is not None  # there is always a first level
+    return best
+
+
+def beyond_search(block: Block, views: Sequence[View], surface: Surface, reduce: int) -> str:
+    """Say where the trajectory's sigma moves pictures by more than the first level searches.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each view.
+    views : sequence of View
+        At the size of their files.
+    surface : Surface
+        Approximate ground.
+    reduce : int
+        As in `MeasureOptions`.
+
+    Returns
+    -------
+    str
+        Empty where it does not, or has no sigma.
+    """
+    exposures = block.images.exposure_idx
+    position = block.trajectory.sigma_position[exposures].max(axis=1)
+    attitude = block.trajectory.sigma_attitude[exposures].max(axis=1)
+    across = np.hypot(position / _height(views, surface), attitude)
+    first = sizes_of(views, reduce)[0]
+    f_px = np.array([v.declared.interior.f / v.declared.pixel_mm for v in views]) / first
+    apart = np.sqrt(2) * across * f_px  # of a picture against another
+    wide = apart[np.isfinite(apart) & (apart > COARSE.search_px)]
+    if not len(wide):
+        return ""
+    return (
+        f"{block.name}: by its sigma the trajectory puts pictures up to {wide.max():.0f} px off "
+        f"against each other at the first size, 1/{max(first)}, where {COARSE.search_px} px are "
+        "searched: points may be missed"
+    )
+
+
+def placed(block: Block, matched: Matched) -> Matched:
+    """Return a matched block moved to where its trajectory says that it is.
+
+    Its pictures agree with each other already; surveyed points need more.
+    """
+    try:
+        found = refined(firm(block), matched.views, matched.rays)
+    except AdjustmentError:
+        return matched
+    return replace(matched, views=found.views, surface=found.surface)
+
+
+def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:
+    """Return, for every level from small to large, by what every picture is reduced."""
+    last = [view.shrink * reduce for view in views]
+    sides = [max(view.declared.width_px, view.declared.height_px) for view in views]
+    ratio = max(max(side / k for side, k in zip(sides, last, strict=True)) / COARSE_PX, 1.0)
+    n = 1 + int(np.ceil(np.log(ratio) / np.log(STEP_DOWN)))
+    factors = [int(np.ceil(ratio ** ((n - 1 - i) / max(n - 1, 1)))) for i in range(n)]
+    return [[k * factor for k in last] for factor in factors]
+
+
+def _matched(
+    block: Block,
+    views: Sequence[View],
+    surface: Surface,
+    options: MatchOptions,
+    n_points: int,
+    matching: Matching,
+    count: Callable[[int, int], None],
+) -> TieRays:
+    """Return the points of one level."""
+    pairs = overlapping(views, surface)
+    if not pairs:
+        raise FlightError([f"block {block.name}: no two pictures show the same ground; {_CURE}"])
+    margin = options.window_px // 2 + 3
+    at = [corners(view, number=n_points, margin=margin) for view in views]
+    jobs = [
+        PairJob(a=views[i], b=views[j], surface=surface, at_a=at[i], at_b=at[j], options=options)
+        for i, j in pairs
+    ]
+    found = dict(zip(pairs, matching.run(jobs, count), strict=True))
+    rays = joined(at, found)
+    shown = _shown(views, surface, at, pairs)
+    rays = chosen(rays, shown[rays.point], apart_px=options.window_px / 2)
+    if len(rays) < _LEAST_RAYS * len(views):
+        says = f"block {block.name}: only {len(rays)} measurements in {len(views)} pictures"
+        raise FlightError([f"{says}; {_CURE}"])
+    return rays
+
+
+_CURE = "are trajectory, mount_*_deg and --ground right, and are the files those of these images?"
+_LEAST_RAYS = 12
+
+
+def _shown(
+    views: Sequence[View], surface: Surface, at: Sequence[Index], pairs: Sequence[tuple[int, int]]
+) -> Index:
+    """Return for every corner how many pictures show its place, its own among them."""
+    out = []
+    for i, (view, own) in enumerate(zip(views, at, strict=True)):
+        x_m = ground_of(view, surface, own.astype(float))
+        others = [views[a + b - i] for a, b in pairs if i in (a, b)]
+        n = np.ones(len(own), dtype=np.intp)
+        for other in others:
+            n += inside(other.camera, pixels_of(other, x_m))
+        out.append(n)
+    return np.concatenate(out)
+
+
+def _whole_points(rays: TieRays) -> TieRays:
+    """Return the rays of points that still have two."""
+    _, inverse, count = np.unique(rays.point, return_inverse=True, return_counts=True)
+    return rays[count[inverse] >= 2]
+
+
+def _height(views: Sequence[View], surface: Surface) -> float:
+    """Return the flying height above ground, m."""
+    z = np.median([view.T_m_c.r[0, 2] for view in views])
+    return max(float(z - np.mean(surface.z)), 1.0)

@@ -1,0 +1,257 @@
+"""A whole flight measured: its pictures matched, and the measured flight written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.flight.block import Block, select_images
+from acx4lib.flight.reader import Flight, read
+from acx4lib.results import own_folder
+from acx4tools.measuring import flights
+from acx4tools.measuring.flights import Measured, Unmeasured
+from acx4tools.measuring.levels import Matched, MeasureOptions, beyond_search, match_block, placed
+from acx4tools.measuring.orientation import Coarse, oriented_by_features
+from acx4tools.measuring.pictures import ground
+from acx4tools.measuring.pictures.ground import Surface
+from acx4tools.measuring.pictures.store import Matching
+from acx4tools.measuring.pictures.views import View, declared_views, seen_at, size_on_file
+from acx4tools.measuring.surveyed.found import Surveyed, find_surveyed
+
+COMMAND = "acx4 measure"
+
+Tell = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """What was measured in a block.
+
+    Attributes
+    ----------
+    block : str
+    matched : Matched
+        Tie points.
+    surveyed : Surveyed
+        Control and check points.
+    options : MeasureOptions
+    coarse : tuple of str
+        Sentences on a coarse orientation by features, where there was one.
+    """
+
+    block: str
+    matched: Matched
+    surveyed: Surveyed
+    options: MeasureOptions
+    coarse: tuple[str, ...] = ()
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What was found, and what was not, for the user."""
+        return (
+            *self.coarse,
+            *_on_ties(self.block, self.matched, self.options.reduce),
+            *_on_surveyed(self.block, self.surveyed),
+        )
+
+
+def measure_flight(
+    path: str | Path,
+    folder: str | Path,
+    *,
+    options: MeasureOptions = MeasureOptions(),  # noqa: B008 frozen
+    executor: Executor | None = None,
+    tell: Tell = lambda *_: None,
+) -> list[Outcome]:
+    """Measure the pictures of a flight, and write the measured flight.
+
+    Parameters
+    ----------
+    path : str or Path
+        A flight; `image_points.csv` and `control_points.csv` may be missing or empty.
+    folder : str or Path
+        New or empty, or that of a call that was interrupted.
+    options : MeasureOptions
+    executor : Executor, optional
+        Where pairs of pictures are matched; by default here.
+    tell : callable
+        Called with the name of a level, its finished pairs, and all.
+
+    Raises
+    ------
+    FlightError
+        Where the flight cannot be read or measured.
+    AdjustmentError
+        Where the points of a block cannot be adjusted.
+    OutputError
+        Where the folder must not be used.
+    """
+    unmeasured = flights.read_unmeasured(path)
+    with own_folder.claim(folder, command=COMMAND, away_from=[Path(path)]) as own:
+        matching = Matching(own=own, executor=executor)
+        flights.copied(unmeasured, own)
+        out = []
+        for name in unmeasured.flight.blocks:
+            rows = flights.given(unmeasured.tables[name], unmeasured.flight.apriori.image_point_px)
+            if any(unmeasured.flight.image_files[name]):
+                one = _measured(unmeasured, name, rows, options, matching, tell)
+                rows = [*rows, *one.surveyed.rows]
+                names = {row.point for row in rows} | {
+                    *unmeasured.tables[name].control.text["point"]
+                }
+                rows += _tie_rows(one.matched, names)
+                out.append(one)
+            flights.write_points(own, name, rows)
+        matching.forget()
+        flights.finished(unmeasured, own)
+    read(folder)
+    return out
+
+
+def _measured(
+    unmeasured: Unmeasured,
+    name: str,
+    given: Sequence[Measured],
+    options: MeasureOptions,
+    matching: Matching,
+    tell: Tell,
+) -> Outcome:
+    """Measure one block."""
+    flight = unmeasured.flight
+    files = flight.image_files[name]
+    block = select_images(flight.block(name), np.array([path is not None for path in files]))
+    views = views_of(flight, block, [path for path in files if path is not None])
+    control = unmeasured.tables[name].control
+    surface = _ground(unmeasured, block, options)
+    matched, coarse = _matched(block, views, surface, options, matching, tell)
+    if len(control):
+        matched = placed(coarse.block if coarse else block, matched)
+    x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
+    surveyed = find_surveyed(matched.views, matched.surface, control.text["point"], x_m, given)
+    return Outcome(
+        block=name,
+        matched=matched,
+        surveyed=surveyed,
+        options=options,
+        coarse=coarse.said if coarse else (),
+    )
+
+
+def _matched(
+    block: Block,
+    views: Sequence[View],
+    surface: Surface | None,
+    options: MeasureOptions,
+    matching: Matching,
+    tell: Tell,
+) -> tuple[Matched, Coarse | None]:
+    """Match a block from where its trajectory puts it; where that is too coarse, by features."""
+    run = partial(match_block, options=options, matching=matching, tell=tell)
+    beyond = beyond_search(block, views, surface, options.reduce) if surface else ""
+    first: FlightError | AdjustmentError | None = None
+    if surface and not beyond:
+        try:
+            return run(block, views, surface), None
+        except (FlightError, AdjustmentError) as error:
+            first = error
+    count = partial(tell, f"{block.name} features")
+    try:
+        coarse = oriented_by_features(block, views, executor=matching.executor, tell=count)
+    except (FlightError, AdjustmentError) as error:
+        raise _joined(first, beyond if surface else _NO_HEIGHT, error) from None
+    return run(coarse.block, coarse.views, coarse.surface, skip=1), coarse
+
+
+def _joined(
+    first: FlightError | AdjustmentError | None, beyond: str, last: FlightError | AdjustmentError
+) -> FlightError | AdjustmentError:
+    """Return the error of a block that can be matched neither by its trajectory nor by features."""
+    if isinstance(first, AdjustmentError):
+        return first
+    return FlightError(
+        [*(first.problems if first else []), *([beyond] if beyond else []), str(last)]
+    )
+
+
+_NO_HEIGHT = "no control points tell the height of the ground; it may be given by --ground HEIGHT"
+
+
+def views_of(flight: Flight, block: Block, files: Sequence[Path]) -> list[View]:
+    """Return the pictures of a block with their approximate orientations, at their files' size.
+
+    Parameters
+    ----------
+    flight : Flight
+    block : Block
+        With one image for each file.
+    files : sequence of Path
+    """
+    inside = flight.pictures.resolve()
+    shown = [flight.pictures / path.relative_to(inside) for path in files]
+    views = declared_views(block, shown)
+    return [seen_at(view, size_on_file(view.path, view.declared)) for view in views]
+
+
+def _ground(unmeasured: Unmeasured, block: Block, options: MeasureOptions) -> Surface | None:
+    """Return a first, level ground: as given, or the mean of the surveyed points, if any."""
+    control = unmeasured.tables[block.name].control
+    if options.ground_m is not None:
+        below = block.frame.to_grid(np.mean(block.trajectory.T_m_b.r, axis=0)[None])
+        below[0, 2] = options.ground_m
+        return ground.level(float(block.frame.from_grid(below)[0, 2]))
+    if not len(control):
+        return None
+    x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
+    return ground.level(float(np.median(x_m[:, 2])))
+
+
+def _tie_rows(matched: Matched, taken: set[str]) -> Iterator[Measured]:
+    """Yield the measurements of tie points, under names that nothing else has."""
+    rays = matched.rays
+    names = (name for k in range(1, 10**9) if (name := f"T{k:05d}") not in taken)
+    name_of = {point: next(names) for point in dict.fromkeys(rays.point.tolist())}
+    for point, v, colrow, sigma in zip(
+        rays.point.tolist(), rays.view.tolist(), rays.colrow, rays.sigma_px, strict=True
+    ):
+        view = matched.views[v]
+        col, row = view.full(colrow[None])[0]
+        yield Measured(
+            image=view.name,
+            point=name_of[point],
+            col_px=float(col),
+            row_px=float(row),
+            sigma_px=float(sigma) * view.shrink,
+        )
+
+
+def _on_ties(name: str, matched: Matched, reduce: int) -> Iterator[str]:
+    """Yield sentences on the tie points of a block."""
+    count = np.unique(matched.rays.point, return_counts=True)[1]
+    n, rays = len(count), len(matched.rays)
+    yield (
+        f"{name}: {n} tie points with {rays} measurements in {len(matched.views)} pictures, "
+        f"{rays / max(n, 1):.1f} rays a point; {matched.n_rejected} measurements rejected"
+    )
+    if matched.reduced > reduce:
+        yield f"{name}: measured at 1/{matched.reduced} of their size; larger they hold no more"
+    each = np.bincount(matched.rays.view, minlength=len(matched.views))
+    few = [view.name for view, k in zip(matched.views, each, strict=True) if k < 12]
+    if few:
+        yield f"{name}: fewer than 12 points in {', '.join(few[:5])}{' …' if len(few) > 5 else ''}"
+
+
+def _on_surveyed(name: str, surveyed: Surveyed) -> Iterator[str]:
+    """Yield sentences on the surveyed points of a block."""
+    points = {row.point for row in surveyed.rows}
+    if points:
+        n = len(surveyed.rows)
+        yield f"{name}: {len(points)} surveyed points found, with {n} measurements"
+    for point, images in surveyed.not_found.items():
+        more = f" and {len(images) - 5} more" if len(images) > 5 else ""
+        yield f"{name}: point {point} not found in {', '.join(images[:5])}{more}"

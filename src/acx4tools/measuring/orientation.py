@@ -1,0 +1,359 @@
+"""A block oriented by its pictures alone: coarse, but without a prediction of what they show.
+
+Features of pictures near each other give how pairs lie to each other; these give the rotations of
+all, the positions turn and scale the whole, and tracks of features adjusted by the bundle make it
+good to a pixel. Attitudes of the trajectory only say where down is, to twenty degrees or so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from scipy.sparse import coo_array, eye_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+from scipy.sparse.linalg import spsolve
+from scipy.spatial import cKDTree
+
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block, select_images
+from acx4lib.geometry.camera import mountings
+from acx4lib.geometry.frames import Pose, exp, log, transform
+from acx4tools.measuring.oriented import approximate, refined
+from acx4tools.measuring.pictures.features import Features, TwoViews, features_of, two_views
+from acx4tools.measuring.pictures.ground import Surface
+from acx4tools.measuring.pictures.views import View, seen_at
+from acx4tools.measuring.points import TieRays, chosen
+
+SIDE_PX = 1400
+"""Longer side of the pictures in which features are looked for, at most."""
+
+NEIGHBOURS = 10
+"""Exposures near each one whose pictures are compared with its own."""
+
+LARGEST_TURN = np.radians(6.0)
+"""By which a pair of pictures may differ from the rotations of all, to belong to them."""
+
+POSITION, SIGMA_PX = 0.03, 0.5
+"""Least standard deviation of positions, in distances to the ground; that of features, px."""
+
+APART = 0.015
+"""Least distance of features that are adjusted, in longer sides of a picture."""
+
+Tell = Callable[[int, int], None]
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Coarse:
+    """A block as its pictures orient it.
+
+    Attributes
+    ----------
+    block : Block
+        The images that are connected, with the poses found as its trajectory.
+    views : tuple of View
+        Of these, at the size of their files.
+    surface : Surface
+    apart : tuple of tuple of str
+        Names of the images of every part that is not connected with them.
+    """
+
+    block: Block
+    views: tuple[View, ...]
+    surface: Surface
+    apart: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """What was not connected, for the user."""
+        return tuple(
+            f"{self.block.name}: {len(names)} pictures are not connected with the others and were "
+            f"not measured: {', '.join(names[:5])}{' …' if len(names) > 5 else ''}"
+            for names in self.apart
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Link:
+    """Two views that features connect, and how they lie to each other."""
+
+    i: int
+    j: int
+    by: TwoViews
+
+
+def oriented_by_features(
+    block: Block, views: Sequence[View], *, executor: Executor | None, tell: Tell
+) -> Coarse:
+    """Orient the largest part of a block by features.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each view.
+    views : sequence of View
+        At the size of their files; their attitudes may be wrong by ten degrees, their headings by
+        any angle if strips are not all parallel.
+    executor : Executor or None
+    tell : callable
+        Called with the finished steps, and all.
+
+    Raises
+    ------
+    FlightError
+        Where no two exposures are connected.
+    AdjustmentError
+        Where the features cannot be adjusted.
+    """
+    small = [seen_at(view, _shrink(view)) for view in views]
+    features, links = _connected(block, small, executor, tell)
+    part = _parts(block, links)
+    sizes = np.bincount(part[block.images.exposure_idx])
+    if not links:
+        says = f"block {block.name}: no two pictures have enough features in common"
+        raise FlightError([f"{says}; are the files those of these images, and do they overlap?"])
+    own = part == int(np.argmax(sizes))
+    at = block.images.exposure_idx
+    links = _likely([link for link in links if own[at[link.i]]], views)
+    R_m_b, links = _rotations(block, links, own)
+    turned = _with_poses(block, Pose(R=R_m_b, r=block.trajectory.T_m_b.r))
+    T_m_c = turned.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
+    kept = np.flatnonzero(own[at]).tolist()
+    seen = [replace(small[k], T_m_c=T_m_c[k : k + 1]) for k in kept]
+    every = _tracks(features, links)
+    rays = replace(every, view=np.searchsorted(kept, every.view))
+    apart_px = APART * max(small[0].camera.width_px, small[0].camera.height_px)
+    rays = chosen(rays, np.full(len(rays), 2), apart_px=apart_px)
+    of_part = select_images(turned, own[at])
+    found, moved, surface = _adjusted(of_part, seen, rays, _height(links, views))
+    return Coarse(
+        block=found,
+        views=tuple(seen_at(view, views[k].shrink) for view, k in zip(moved, kept, strict=True)),
+        surface=surface,
+        apart=tuple(_names(block, part == k) for k in np.unique(part[at[~own[at]]])),
+    )
+
+
+def _names(block: Block, exposures: Mask) -> tuple[str, ...]:
+    return tuple(np.array(block.images.names)[exposures[block.images.exposure_idx]].tolist())
+
+
+def _shrink(view: View) -> int:
+    """Return the reduction at which features are looked for."""
+    side = max(view.declared.width_px, view.declared.height_px) / view.shrink
+    return view.shrink * max(int(np.ceil(side / SIDE_PX)), 1)
+
+
+# --- pairs -----------------------------------------------------------------------------------
+
+
+def _connected(
+    block: Block, views: Sequence[View], executor: Executor | None, tell: Tell
+) -> tuple[dict[int, Features], list[_Link]]:
+    """Return features and links; those of further cameras only while there are several parts."""
+    camera = block.images.camera_idx
+    features: dict[int, Features] = {}
+    links: list[_Link] = []
+    for k in np.argsort(-np.bincount(camera), kind="stable").tolist():
+        own = np.flatnonzero(camera == k).tolist()
+        pairs = _near(views, own)
+        n = len(own) + len(pairs)
+        seen = _each(executor, features_of, [(views[i],) for i in own], (0, n), tell)
+        features |= dict(zip(own, seen, strict=True))
+        jobs = [(features[i], features[j], *_about(views[i], views[j])) for i, j in pairs]
+        found = _each(executor, two_views, jobs, (len(own), n), tell)
+        links += [_Link(i=i, j=j, by=by) for (i, j), by in zip(pairs, found, strict=True) if by]
+        if len(set(_parts(block, links)[block.images.exposure_idx].tolist())) == 1:
+            break
+    return features, links
+
+
+def _near(views: Sequence[View], own: Sequence[int]) -> list[tuple[int, int]]:
+    """Return the pairs of views of which one is among those nearest to the other."""
+    r = np.array([views[i].T_m_c.r[0] for i in own])
+    tree = cKDTree(r)
+    _, near = tree.query(r, k=range(1, min(NEIGHBOURS + 1, len(own)) + 1))
+    ends = ((a, b) for a, row in enumerate(np.asarray(near).tolist()) for b in row if a != b)
+    return sorted({(own[min(pair)], own[max(pair)]) for pair in ends})
+
+
+def _about(a: View, b: View) -> tuple[Array, float]:
+    """Return where down is in a view, and by how much another one is lower, in bases."""
+    base = b.T_m_c.r[0] - a.T_m_c.r[0]
+    down = np.array([0.0, 0.0, -1.0])
+    return down @ a.T_m_c.R[0], float(base @ down / max(np.linalg.norm(base), 1e-9))
+
+
+def _each(
+    executor: Executor | None,
+    function: Callable[..., Value],
+    jobs: Sequence[tuple[object, ...]],
+    at: tuple[int, int],
+    tell: Tell,
+) -> list[Value]:
+    """Return a function's values of all jobs, here or in an executor."""
+    done, of = at
+    out: list[Value] = []
+    calls = [executor.submit(function, *job) for job in jobs] if executor else []
+    for n, job in enumerate(jobs):
+        out.append(calls[n].result() if executor else function(*job))
+        tell(done + n + 1, of)
+    return out
+
+
+def _parts(block: Block, links: Sequence[_Link]) -> Index:
+    """Return the number of the part of every exposure."""
+    at = block.images.exposure_idx
+    n = len(block.trajectory)
+    i, j = (np.array([at[getattr(link, end)] for link in links], dtype=np.intp) for end in "ij")
+    joins = coo_array((np.ones(len(i)), (i, j)), (n, n))
+    return np.asarray(connected_components(joins, directed=False)[1])
+
+
+def _likely(links: Sequence[_Link], views: Sequence[View]) -> list[_Link]:
+    """Return the links whose distance to the ground is about that of the others."""
+    depth = np.array([link.by.depth * _base(link, views) for link in links])
+    usual = np.median(depth)
+    return [link for link, z in zip(links, depth, strict=True) if usual / 3 < z < 3 * usual]
+
+
+def _base(link: _Link, views: Sequence[View]) -> float:
+    return float(np.linalg.norm(views[link.j].T_m_c.r[0] - views[link.i].T_m_c.r[0]))
+
+
+def _height(links: Sequence[_Link], views: Sequence[View]) -> float:
+    """Return the usual distance from the cameras to the ground, m."""
+    return float(np.median([link.by.depth * _base(link, views) for link in links]))
+
+
+# --- rotations -------------------------------------------------------------------------------
+
+
+def _rotations(block: Block, links: Sequence[_Link], own: Mask) -> tuple[Array, list[_Link]]:
+    """Return the rotations of all exposures, and the links that agree with them.
+
+    Those outside `own` keep theirs.
+
+    Notes
+    -----
+    Averaged along the links [1]_, then turned as a whole so that bases lie as the positions do.
+
+    References
+    ----------
+    .. [1] V. M. Govindu, "Combining two-view constraints for motion estimation", CVPR 2001.
+    """
+    R_b_c = mountings(block.cameras).R
+    at, camera = block.images.exposure_idx, block.images.camera_idx
+    i, j = (np.array([at[getattr(link, end)] for link in links]) for end in "ij")
+    ends = [(R_b_c[camera[link.i]], R_b_c[camera[link.j]], link.by) for link in links]
+    R_i_j = np.array([a @ by.R_a_b @ b.T for a, b, by in ends])
+    weight = np.array([float(len(by.which)) for _, _, by in ends])
+    R = _averaged(_spread(block.trajectory.T_m_b.R, R_i_j, i, j, weight), R_i_j, i, j, weight)
+    apart = np.linalg.norm(log(_apart(R, R_i_j, i, j)), axis=1)
+    good = np.flatnonzero(apart < LARGEST_TURN)
+    base_b = np.array([a @ by.base_a for a, _, by in ends])
+    given = block.trajectory.T_m_b
+    bases = np.sqrt(weight)[:, None] * (given.r[j] - given.r[i])
+    found = transform(R[i], base_b) * np.linalg.norm(bases, axis=1, keepdims=True)
+    G = _turn_of_all(bases[good], found[good], given.R[own], R[own])
+    return np.where(own[:, None, None], G @ R, given.R), [links[k] for k in good.tolist()]
+
+
+def _spread(R: Array, R_i_j: Array, i: Index, j: Index, weight: Array) -> Array:
+    """Return rotations that follow the surest links from one exposure to all."""
+    n = len(R)
+    best: dict[tuple[int, int], int] = {}
+    for k in np.argsort(weight).tolist():
+        best[min(i[k], j[k]), max(i[k], j[k])] = k
+    pairs = np.array(list(best))
+    cost = 1 / weight[list(best.values())]
+    tree = minimum_spanning_tree(coo_array((cost, (pairs[:, 0], pairs[:, 1])), (n, n)).tocsr())
+    order, before = breadth_first_order(tree, int(i[np.argmax(weight)]), directed=False)
+    out = R.copy()
+    for e in order[1:].tolist():
+        p = int(before[e])
+        k = best[min(p, e), max(p, e)]
+        out[e] = out[p] @ (R_i_j[k] if i[k] == p else R_i_j[k].T)
+    return out
+
+
+def _apart(R: Array, R_i_j: Array, i: Index, j: Index) -> Array:
+    """Return by which rotations, mapping frame, the links miss those of the exposures."""
+    return R[i] @ R_i_j @ np.swapaxes(R[j], 1, 2)
+
+
+def _averaged(R: Array, R_i_j: Array, i: Index, j: Index, weight: Array) -> Array:
+    """Return the rotations with the least sum of weighted turns from the links."""
+    n, every = len(R), np.arange(len(i))
+    ends = np.repeat(every, 2), np.column_stack([j, i]).ravel()
+    A = coo_array((np.tile([1.0, -1.0], len(i)), ends), (len(i), n)).tocsr()
+    for _ in range(_ROUNDS):
+        off = log(_apart(R, R_i_j, i, j))
+        w = weight / np.maximum(np.linalg.norm(off, axis=1), _NEAR)
+        N = (A.T * w) @ A + eye_array(n) * (1e-9 * w.sum())
+        step = spsolve(N.tocsc(), (A.T * w) @ off)
+        R = exp(step) @ R
+    return R
+
+
+def _turn_of_all(given: Array, found: Array, R_given: Array, R: Array) -> Array:
+    """Return the rotation of the whole that brings the bases found onto those of the positions.
+
+    Attitudes of the trajectory count little, for what parallel bases leave open.
+    """
+    M = given.T @ found / np.sum(np.square(given))
+    M += _LITTLE * np.mean(R_given @ np.swapaxes(R, 1, 2), axis=0)
+    U, _, Vt = np.linalg.svd(M)
+    return U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+
+
+_ROUNDS, _NEAR, _LITTLE = 30, np.radians(0.5), 0.02
+
+
+# --- adjusted --------------------------------------------------------------------------------
+
+
+def _with_poses(block: Block, T_m_b: Pose) -> Block:
+    return replace(block, trajectory=replace(block.trajectory, T_m_b=T_m_b))
+
+
+def _adjusted(
+    block: Block, views: Sequence[View], rays: TieRays, height: float
+) -> tuple[Block, tuple[View, ...], Surface]:
+    """Return a block adjusted by its features: the poses found, its views, and the ground."""
+    given = block.trajectory
+    loose = np.maximum(given.sigma_position, POSITION * height)
+    begun = replace(block, trajectory=replace(given, sigma_position=loose))
+    found = refined(approximate(begun, height), views, rays)
+    R, r = given.T_m_b.R.copy(), given.T_m_b.r.copy()
+    T_c_b = mountings(block.cameras).inverse[block.images.camera_idx]
+    for k, view in reversed([*enumerate(found.views)]):  # the first one of an exposure decides
+        T_m_b = view.T_m_c @ T_c_b[k : k + 1]
+        R[block.images.exposure_idx[k]], r[block.images.exposure_idx[k]] = T_m_b.R[0], T_m_b.r[0]
+    return _with_poses(block, Pose(R=R, r=r)), found.views, found.surface
+
+
+def _tracks(features: Mapping[int, Features], links: Sequence[_Link]) -> TieRays:
+    """Return features that are one point, by all their links; none twice in a picture."""
+    views = sorted(features)
+    ends = np.cumsum([0, *(len(features[v].colrow) for v in views)])
+    first, n = dict(zip(views, ends[:-1], strict=True)), int(ends[-1])
+    which = np.concatenate(
+        [link.by.which + np.array([first[link.i], first[link.j]]) for link in links]
+    )
+    _, track = connected_components(coo_array((np.ones(len(which)), which.T), (n, n)), False)
+    view = np.repeat(views, np.diff(ends))
+    colrow = np.concatenate([features[v].colrow for v in views])
+    order = np.lexsort((view, track))
+    track, view, colrow = track[order], view[order], colrow[order]
+    twice = np.zeros(n, dtype=bool)
+    twice[1:] = (track[1:] == track[:-1]) & (view[1:] == view[:-1])
+    usable = (np.bincount(track) > 1) & (np.bincount(track, twice) == 0)
+    rays = TieRays(point=track, view=view, colrow=colrow, sigma_px=np.full(n, SIGMA_PX))
+    return rays[usable[track]]

@@ -1,0 +1,182 @@
+"""Orientations and ground refined by the points found so far: the library's bundle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.gross_errors import adjust_rejecting
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Mask
+from acx4lib.flight.block import NO_POINTS, Block, ImagePoints, Trajectory
+from acx4lib.geometry.distances import Distances
+from acx4lib.geometry.parameters import Prior
+from acx4tools.measuring.pictures import ground
+from acx4tools.measuring.pictures.ground import Surface
+from acx4tools.measuring.pictures.views import View, seen_at
+from acx4tools.measuring.points import TieRays
+
+LOOSE_POSITION, LOOSE_ATTITUDE = 0.005, float(np.radians(1.0))
+"""Standard deviations of positions, in flying heights, and of attitudes as approximate values."""
+
+FIRM_POSITION_M, FIRM_ATTITUDE = 0.2, float(np.radians(0.02))
+"""Least standard deviations where the trajectory is to say where the block is: room for a lever arm
+that is not declared, and for delays."""
+
+LEVER_M = 1.0
+"""Standard deviation of a lever arm as an approximate value."""
+
+FREE = (
+    (8, ("f", "xp", "yp", "k1", "k2", "p1", "p2")),
+    (6, ("f", "xp", "yp", "k1")),
+    (3, ("k1", "k2")),
+    (0, ()),
+)
+"""Interior parameters that are estimated, and the number of images that bear them. A few images
+cannot tell a focal length from their heights, and need not."""
+
+SMALLEST_ANGLE = np.radians(0.5)
+
+CRITICAL = 3.29
+"""Of a normal variable, exceeded by 0.1 %: tie points are many, and matches have more large errors
+than normal ones."""
+
+LEAST_SIGMA_PX = 0.05
+"""Of the matching's pixels: what a smooth ground and a first orientation leave unexplained."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Oriented:
+    """What an adjustment of the points found so far says.
+
+    Attributes
+    ----------
+    views : tuple of View
+    surface : Surface
+    kept : ndarray of bool, shape (n_rays,)
+        Rays that were not rejected.
+    bundle : Bundle
+    """
+
+    views: tuple[View, ...]
+    surface: Surface
+    kept: Mask
+    bundle: Bundle
+
+
+def refined(block: Block, views: Sequence[View], rays: TieRays) -> Oriented:
+    """Adjust the rays of points, reject gross errors, and refine orientations and ground.
+
+    Nothing of this reaches the measured flight but which rays are kept.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each view, in their order, and a trajectory as `approximate` or `firm`
+        make it.
+    views : sequence of View
+    rays : TieRays
+
+    Raises
+    ------
+    AdjustmentError
+        Where no choice of interior parameters can be adjusted.
+    """
+    bundle = _adjusted(_with_rays(block, views, rays))
+    gone = [one.row for one in bundle.rejected if one.kind == "image_point"]
+    kept = np.ones(len(rays), dtype=bool)
+    kept[gone] = False
+    T_m_c, cameras = bundle.T_m_c, bundle.cameras
+    moved = [
+        seen_at(
+            replace(
+                view,
+                camera=view.camera.with_interior(cameras[block.images.camera_idx[i]].interior),
+                T_m_c=T_m_c[i : i + 1],
+            ),
+            view.shrink,
+        )
+        for i, view in enumerate(views)
+    ]
+    x_m = bundle.state.x_m[np.isfinite(bundle.state.x_m[:, 0])]
+    return Oriented(views=tuple(moved), surface=ground.through(x_m), kept=kept, bundle=bundle)
+
+
+def _adjusted(block: Block) -> Bundle:
+    """Return the adjustment with the most interior parameters that the block bears."""
+    reasons: list[str] = []
+    for free in (names for least, names in FREE if len(block.images) >= least):
+
+        def network(of: Block, free: tuple[str, ...] = free) -> Network:
+            return mounted_orientation(of, free=free)
+
+        try:
+            return adjust_rejecting(block, network, critical=CRITICAL, sigma0="estimated")
+        except AdjustmentError as error:
+            reasons.append(str(error))
+    raise AdjustmentError(reasons[-1])
+
+
+def _with_rays(block: Block, views: Sequence[View], rays: TieRays) -> Block:
+    """Return the block with these rays alone, and what a mounting may be off by."""
+    number, idx = np.unique(rays.point, return_inverse=True)
+    full, sigma = np.zeros((len(rays), 2)), np.zeros(len(rays))
+    for k, view in enumerate(views):
+        own = rays.view == k
+        full[own] = view.full(rays.colrow[own])
+        sigma[own] = view.shrink * np.hypot(rays.sigma_px[own], LEAST_SIGMA_PX)
+    return replace(
+        block,
+        cameras=tuple(
+            replace(camera, prior=Prior(declared=(True,) * 6, sigma=_SIGMA))
+            for camera in block.cameras
+        ),
+        points=tuple(map(str, number)),
+        image_points=ImagePoints(image_idx=rays.view, point_idx=idx, colrow=full, sigma_px=sigma),
+        control=NO_POINTS,
+        check=NO_POINTS,
+        distances=Distances(),
+        smallest_angle=SMALLEST_ANGLE,
+    )
+
+
+_UNKNOWN_M, _UNKNOWN = 100.0, 0.2  # what a flight states as not known is still near
+_SIGMA = (LEVER_M,) * 3 + (LOOSE_ATTITUDE,) * 3
+
+
+def approximate(block: Block, flying_height: float) -> Block:
+    """Return a block whose trajectory has the standard deviations of approximate values.
+
+    So neither a wrong boresight nor a wrong lever arm is taken for errors of measurements.
+
+    Parameters
+    ----------
+    block : Block
+    flying_height : float
+        Above ground, m.
+    """
+    return _with_sigma(block, LOOSE_POSITION * flying_height, LOOSE_ATTITUDE)
+
+
+def firm(block: Block) -> Block:
+    """Return a block whose trajectory says where it is, as well as it is known."""
+    return _with_sigma(block, FIRM_POSITION_M, FIRM_ATTITUDE)
+
+
+def _with_sigma(block: Block, position_m: float, attitude: float) -> Block:
+    given = block.trajectory
+    position = np.maximum(given.sigma_position, position_m)
+    attitudes = np.maximum(given.sigma_attitude, attitude)
+    trajectory = Trajectory(
+        exposures=given.exposures,
+        T_m_b=given.T_m_b,
+        R_g_m=given.R_g_m,
+        sigma_position=np.where(np.isfinite(position), position, _UNKNOWN_M),
+        sigma_attitude=np.where(np.isfinite(attitudes), attitudes, _UNKNOWN),
+    )
+    return replace(block, trajectory=trajectory)

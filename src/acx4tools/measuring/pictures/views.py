@@ -1,0 +1,217 @@
+"""A picture with its approximate orientation: from its pixels to the ground and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array, Raster
+from acx4lib.flight.block import Block
+from acx4lib.flight.table_files import opened
+from acx4lib.geometry.camera import (
+    Camera,
+    Interior,
+    colrow_from_xy,
+    mountings,
+    xy_from_colrow,
+)
+from acx4lib.geometry.collinearity import project, rays
+from acx4lib.geometry.frames import Pose
+from acx4lib.production import picture_sizes
+from acx4lib.production.image_files import image_from_file
+from acx4lib.synthetic_image.frame import reduced_camera
+from acx4tools.measuring.pictures.ground import Surface
+
+AT_HAND = 6
+"""Pictures that a process keeps decoded: one is matched with several others in turn."""
+
+DECODED = (".jpg", ".jpeg", ".png")
+"""Files that OpenCV decodes; others are read as TIFF."""
+
+_DOWN = -0.05  # least fall of a ray, as a part of its length, to be followed to the ground
+_STEPS = 6
+_AT_A_TIME = 64  # reduced rows, so that a file that is mapped needs little memory
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """A picture at the size at which it is matched.
+
+    Attributes
+    ----------
+    name : str
+        Of the image.
+    path : Path
+    declared : Camera
+        As the flight declares it, at full size.
+    camera : Camera
+        At the size of the matching, with the best interior orientation so far.
+    T_m_c : Pose
+        One pose, the best so far.
+    shrink : int
+        Full-size pixels along one pixel of the matching.
+    """
+
+    name: str
+    path: Path
+    declared: Camera
+    camera: Camera
+    T_m_c: Pose
+    shrink: int
+
+    def full(self, colrow: Array) -> Array:
+        """Return pixels of the matching as pixels of the declared camera, shape (n, 2)."""
+        return colrow_from_xy(self.declared, xy_from_colrow(self.camera, colrow))
+
+    def own(self, colrow: Array) -> Array:
+        """Return pixels of the declared camera as pixels of the matching, shape (n, 2)."""
+        return colrow_from_xy(self.camera, xy_from_colrow(self.declared, colrow))
+
+
+def declared_views(block: Block, paths: Sequence[Path]) -> list[View]:
+    """Return the pictures of a block with their approximate orientations, at full size.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each file.
+    paths : sequence of Path
+    """
+    T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
+    cameras = [block.cameras[k] for k in block.images.camera_idx]
+    return [
+        View(name=name, path=path, declared=c, camera=c, T_m_c=T_m_c[i : i + 1], shrink=1)
+        for i, (name, path, c) in enumerate(zip(block.images.names, paths, cameras, strict=True))
+    ]
+
+
+def seen_at(view: View, shrink: int) -> View:
+    """Return the same view for matching at another size."""
+    camera = reduced_camera(view.declared, shrink).with_interior(view.camera.interior)
+    return replace(view, camera=camera, shrink=shrink)
+
+
+def ground_of(view: View, surface: Surface, colrow: Array) -> Array:
+    """Return where the rays of pixels meet the ground, shape (n, 3), m; NaN where they do not."""
+    one = Pose(R=np.broadcast_to(view.T_m_c.R[:1], (len(colrow), 3, 3)), r=view.T_m_c.r[:1])
+    ray = rays(view.camera, one, colrow)
+    ray[ray[:, 2] > _DOWN] = np.nan
+    from_m = view.T_m_c.r[0]
+    z = np.full(len(colrow), float(np.mean(surface.z)))
+    for _ in range(_STEPS):
+        x_m = from_m + ray * ((z - from_m[2]) / ray[:, 2])[:, None]
+        z = surface.heights(np.nan_to_num(x_m[:, :2]))
+    x_m[(z >= from_m[2]) | np.isnan(ray[:, 2])] = np.nan
+    return np.asarray(x_m)
+
+
+def pixels_of(view: View, x_m: Array) -> Array:
+    """Return the pixels of points, shape (n, 2); NaN where they are not seen."""
+    out = np.full((len(x_m), 2), np.nan)
+    known = np.isfinite(x_m[:, 0])
+    out[known] = project(view.camera, view.T_m_c, x_m[known])
+    return out
+
+
+def transferred(a: View, b: View, surface: Surface, colrow: Array) -> Array:
+    """Return where pixels of one picture are in another one, by way of the ground."""
+    return pixels_of(b, ground_of(a, surface, colrow))
+
+
+# --- pixels ----------------------------------------------------------------------------------
+
+
+def size_on_file(path: Path, camera: Camera) -> int:
+    """Return K of a picture that has 1/K of its camera's size; a FlightError where it has not."""
+    if path.suffix.lower() not in DECODED:
+        return image_from_file(path, camera).reduction
+    cols = _decoded(path, camera).shape[1]
+    return max(camera.width_px // cols, 1)
+
+
+@lru_cache(maxsize=AT_HAND)
+def pixels(path: Path, declared: tuple[int, int], shrink: int) -> np.ndarray:
+    """Return the pixels of a picture at 1/shrink of the declared size, (rows, cols, bands).
+
+    Parameters
+    ----------
+    path : Path
+    declared : tuple of int
+        Width and height of the camera, px.
+    shrink : int
+        A multiple of the factor by which the file itself is reduced.
+    """
+    if path.suffix.lower() in DECODED:
+        image = _decoded(path, _of_size(path.name, declared))[:, :, None]
+    else:
+        image = image_from_file(path, _of_size(path.name, declared)).image
+    reduce = shrink // max(declared[0] // image.shape[1], 1)
+    return image if reduce <= 1 else _reduced(image, declared, shrink, reduce)
+
+
+def pixels_of_view(view: View) -> np.ndarray:
+    """Return the pixels of a view, (rows, cols, bands)."""
+    size = view.declared.width_px, view.declared.height_px
+    return pixels(view.path, size, view.shrink)
+
+
+def _require_size(path: Path, camera: Camera) -> None:
+    """Raise the error of a JPEG or PNG whose header says that it must not be unpacked."""
+    if not path.is_file():
+        raise FlightError([f"{path}: there is no such file"])
+    with opened(path) as file:
+        data = file.read()
+    size = picture_sizes.size_of(data)
+    if size is None:
+        raise FlightError([f"{path}: is damaged, its header has no size; copy it again"])
+    if not picture_sizes.is_whole(data):
+        raise FlightError([f"{path}: is cut off, its pixels have no end; copy it again"])
+    cols, rows = size
+    k = max(camera.width_px // max(cols, 1), 1)
+    if (cols, rows) != (camera.width_px // k, camera.height_px // k):
+        says = f"has {cols} x {rows} px; {camera.name} has {camera.width_px} x {camera.height_px}"
+        raise FlightError([f"{path}: {says}, and its pictures that or 1/K of it, K a whole number"])
+    # A progressive JPEG is kept as coefficients, of 2 bytes and three colours, until it is whole.
+    fault = picture_sizes.fault(cols * rows, len(data), 8 * cols * rows)
+    if fault:
+        raise FlightError([f"{path}: {fault}"])
+
+
+def _decoded(path: Path, camera: Camera) -> Raster:
+    """Return the grey values of a JPEG or PNG, (rows, cols)."""
+    _require_size(path, camera)
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    if image is None:
+        raise FlightError([f"{path}: is damaged, its pixels cannot be decoded; copy it again"])
+    return np.asarray(image)
+
+
+def _of_size(name: str, size: tuple[int, int]) -> Camera:
+    """Return a camera that has nothing but a size, to read a picture of it."""
+    width, height = size
+    some = Interior(f=1.0)
+    return Camera(name=name, width_px=width, height_px=height, pixel_mm=0.001, interior=some)
+
+
+def _reduced(image: Raster, declared: tuple[int, int], shrink: int, reduce: int) -> Array:
+    """Return the means of pixels, around the middle of an image, (rows, cols, 1).
+
+    Where one row or column is left over, the mean of the two ways to leave it out is centred.
+    """
+    cols, rows = (n // shrink for n in declared)
+    spare = image.shape[0] - rows * reduce, image.shape[1] - cols * reduce
+    ways = [{n // 2, (n + 1) // 2} for n in spare]
+    out = np.zeros((rows, cols, 1), np.float32)
+    for top, left in ((top, left) for top in ways[0] for left in ways[1]):
+        for start in range(0, rows, _AT_A_TIME):
+            stop = min(start + _AT_A_TIME, rows)
+            part = image[top + start * reduce : top + stop * reduce, left : left + cols * reduce]
+            small = cv2.resize(part, (cols, stop - start), interpolation=cv2.INTER_AREA)
+            out[start:stop, :, 0] += small.reshape(stop - start, cols, -1).mean(axis=2)
+    return out / (len(ways[0]) * len(ways[1]))

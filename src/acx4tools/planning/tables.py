@@ -1,0 +1,474 @@
+"""What a plan determines: as tables, as entries of a summary, and as lines for the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4lib.bundle.adjust import Bundle
+from acx4lib.calibration import determination, trajectory_errors
+from acx4lib.calibration.determination import detectable
+from acx4lib.calibration.estimates import (
+    Calibration,
+    Parameter,
+    features,
+    from_bundle,
+    is_determined,
+    not_determined,
+    parameters,
+)
+from acx4lib.expected import Array
+from acx4lib.flight.block import Block
+from acx4lib.flight.checks import area_notes
+from acx4lib.geometry.parameters import REPORTED
+from acx4lib.georeferencing import budget, weak
+from acx4lib.georeferencing.weak import Weak
+from acx4lib.least_squares.covariance import correlation
+from acx4lib.least_squares.statistics import norm_ppf
+from acx4lib.results.rows import parameter_tables, unit_of
+from acx4lib.results.table_files import COLUMNS, COMPONENTS
+from acx4tools.planning import design as planned_design
+from acx4tools.planning import plan
+from acx4tools.planning.design import Design, Expected
+from acx4tools.planning.flown import flying_time_s
+from acx4tools.planning.plan import PlannedBlock
+
+# --- What a plan determines, as tables and as entries of a summary
+
+
+AXES = ("east_m", "north_m", "height_m")
+
+ADDED = ("determined", "spread", "detectable_change", "correlation", "correlated_with")
+"""Columns of `parameter_table` that parameters.csv of a run does not have."""
+
+FOUND_AT, POWER = 0.05, 0.8
+"""Significance and power with which a later campaign finds a change."""
+
+RELIABILITY = (
+    "method",
+    "kind",
+    "component",
+    "n",
+    "redundancy_least",
+    "redundancy_median",
+    "detectable_median",
+    "detectable_largest",
+    "effect_sigmas",
+    "effect_on",
+)
+"""Columns of `reliability_table`."""
+
+
+def unknowns(bundle: Bundle) -> list[Parameter]:
+    """Return the wanted unknowns of a bundle: those of the cameras, then errors of GNSS."""
+    return [*parameters(from_bundle(bundle)), *trajectory_errors.parameters(bundle)]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Predicted:
+    """The wanted unknowns of one method, on average over the winds.
+
+    Attributes
+    ----------
+    bundle : Bundle
+        Of one wind.
+    calibration : Calibration
+    cov : ndarray, shape (n, n)
+        As `trajectory_errors.reported_covariance` has it.
+    spread : ndarray, shape (n,)
+        By what share sigma differs from flight to flight.
+    """
+
+    bundle: Bundle
+    calibration: Calibration
+    cov: Array
+    spread: Array
+
+    @property
+    def listed(self) -> list[Parameter]:
+        """The unknowns, with sigma a priori."""
+        of_trajectory = trajectory_errors.parameters(self.bundle, self.cov)
+        return [*parameters(self.calibration), *of_trajectory]
+
+    @property
+    def determined(self) -> list[bool]:
+        """Whether each is determined."""
+        of_trajectory = trajectory_errors.is_determined(self.bundle, self.cov)
+        return [*is_determined(self.calibration), *of_trajectory]
+
+    @property
+    def related(self) -> Array:
+        """Correlations, shape (n, n)."""
+        return correlation(self.cov)
+
+
+def predicted(design: Design, method: str) -> Predicted:
+    """Return the wanted unknowns of a method."""
+    bundle = design.mountings[method].bundle
+    open_columns = [one.open[method] for one in design.outcomes]
+    cov = np.mean([one.calibrations[method] for one in design.outcomes], axis=0)
+    return Predicted(
+        bundle=bundle,
+        calibration=replace(
+            from_bundle(bundle), cov=cov, open_columns=np.any(open_columns, axis=0)
+        ),
+        cov=planned_design.mean_covariance(design.outcomes, method),
+        spread=planned_design.spread(design.outcomes, method),
+    )
+
+
+def parameter_table(design: Design) -> pd.DataFrame:
+    """Return the wanted unknowns of all methods, with the columns of parameters.csv and some more.
+
+    Returns
+    -------
+    DataFrame
+        `value` is the plan's, and sigma a priori, infinite where the design says nothing.
+        `determined` says whether the design determines it; `spread` by what share sigma differs
+        from flight to flight; `detectable_change` is `smallest_change`; `correlation` is the
+        largest, and `correlated_with` the unknown that it is with.
+    """
+    parts = [_parameters(method, predicted(design, method)) for method in design.mountings]
+    return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["parameters"], *ADDED])
+
+
+def _parameters(method: str, found: Predicted) -> pd.DataFrame:
+    listed = found.listed
+    related = found.related.copy()
+    np.fill_diagonal(related, 0.0)
+    most = np.argmax(np.abs(related), axis=1)
+    tables = parameter_tables("mounting", method, listed, found.cov)
+    return tables["parameters"].assign(
+        determined=found.determined,
+        spread=found.spread,
+        detectable_change=[smallest_change(p.sigma) for p in listed],
+        correlation=related[np.arange(len(listed)), most],
+        correlated_with=[listed[j].full_name for j in most],
+    )
+
+
+def smallest_change(sigma: float) -> float:
+    """Return the change of a parameter that a second campaign of the same plan finds in 80 %.
+
+    The difference of two independent campaigns has the variance 2 sigma^2. It is tested alone, two
+    sided, at 5 %, as `acx4 compare` tests differences with covariances a priori.
+    """
+    both = -norm_ppf(FOUND_AT / 2) + norm_ppf(POWER)
+    return float(both * np.sqrt(2) * sigma)
+
+
+def correlation_table(design: Design) -> pd.DataFrame:
+    """Return the correlations of the wanted unknowns, with the columns of covariance.csv."""
+    return _matrices(design, lambda found: found.related)
+
+
+def covariance_table(design: Design) -> pd.DataFrame:
+    """Return the covariances of the wanted unknowns, with the columns of covariance.csv."""
+    return _matrices(design, lambda found: found.cov)
+
+
+def _matrices(design: Design, of: Callable[[Predicted], Array]) -> pd.DataFrame:
+    """Return a matrix of the wanted unknowns of every method as rows."""
+    parts = []
+    for method in design.mountings:
+        found = predicted(design, method)
+        tables = parameter_tables("mounting", method, found.listed, of(found))
+        parts.append(tables["covariance"])
+    return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["covariance"]])
+
+
+def reliability_table(design: Design) -> pd.DataFrame:
+    """Return what tests find in every group of observations, and what they leave.
+
+    Returns
+    -------
+    DataFrame
+        A row for each component. Detectable errors have the unit of the component; the effect is
+        the largest on a parameter, in its sigmas.
+    """
+    rows = []
+    for method, mounting in design.mountings.items():
+        for found in detectable(mounting.bundle):
+            bias = unit_of(found.kind, found.component) * found.bias
+            rows.append(
+                (
+                    method,
+                    found.kind,
+                    COMPONENTS[found.kind][found.component],
+                    len(bias),
+                    float(found.redundancy.min()),
+                    float(np.median(found.redundancy)),
+                    float(np.median(bias)),
+                    float(bias.max()),
+                    found.effect,
+                    _reported(found.on),
+                )
+            )
+    return pd.DataFrame(rows, columns=list(RELIABILITY))
+
+
+def _reported(name: str) -> str:
+    """Return a column's name as results have it."""
+    camera, _, key = name.rpartition("/")
+    return f"{camera}/{REPORTED[key][0]}" if name else ""
+
+
+def check_point_table(design: Design) -> pd.DataFrame:
+    """Return the predicted sigma of the differences at check points, from all their rays."""
+    columns = ["method", "point", "n_images", *(f"sigma_{axis}" for axis in AXES)]
+    rows = []
+    for method in design.validations:
+        seen = [one.points[method] for one in design.outcomes]
+        for name in dict.fromkeys(name for one in seen for name in one):
+            variance = np.mean([one[name] for one in seen if name in one], axis=0)
+            n = np.mean([one.n_rays[method].get(name, 0) for one in design.outcomes])
+            rows.append((method, name, round(float(n), 1), *np.sqrt(variance)))
+    return pd.DataFrame(rows, columns=columns)
+
+
+def expected_rms(design: Design, method: str) -> dict[str, Expected]:
+    """Return what is expected of differences at check points: of all rays, and of pairs of rays.
+
+    Returns
+    -------
+    dict of str to Expected
+        ``points`` and ``pairs``.
+    """
+    return planned_design.expected_rms(design.outcomes, method)
+
+
+def sentences(design: Design) -> list[str]:
+    """Return one sentence per unknown that the design does not determine: why, and the cure."""
+    out = []
+    for method, mounting in design.mountings.items():
+        found, has = predicted(design, method), features(mounting.bundle.network.block)
+        lines = not_determined(found.calibration, has)
+        lines += trajectory_errors.not_determined(found.bundle, found.cov)
+        out += [f"mounting/{method}: {line}" for line in lines]
+    return out
+
+
+def notes(design: Design) -> list[str]:
+    """Return a sentence on each block that is not where its CRS is meant for, or misses points.
+
+    Surveyed points that no image shows, and that so determine nothing.
+    """
+    out = [*area_notes(design.plan.setup.grid, dict(design.blocks))]
+    for name, planned in design.plan.blocks.items():
+        block, n = design.blocks[name], len(plan.places(planned.points))
+        what = "check points" if name == "validation" else "control points"
+        shown = len(block.check if name == "validation" else block.control)
+        if shown < n:
+            out.append(f"{name}: {n - shown} of {n} planned {what} are in no image")
+    return out
+
+
+def weak_sentences(design: Design) -> list[str]:
+    """Return one sentence per unknown that is determined, but weakly: why, and the cure."""
+    out = []
+    for method, mounting in design.mountings.items():
+        network = mounting.bundle.network
+        lines = weak.sentences(
+            _weak(design, method),
+            features(network.block),
+            late=bool(network.layout.delay[0] >= 0),
+        )
+        out += [f"mounting/{method}: {line}" for line in lines]
+    return out
+
+
+def _weak(design: Design, method: str) -> list[Weak]:
+    """Return what is weak, with sigma of the mean of winds."""
+    bundle, mean = design.mountings[method].bundle, predicted(design, method)
+    shares, of = planned_design.mean_shares(design.outcomes, method), weak.CHECK_POINTS
+    if shares is None:
+        shares = weak.shares_at_corners(mean.calibration, bundle.network.block)
+        of = weak.CORNERS
+    found = [*weak.of_calibration(mean.calibration, shares, of=of), *weak.of_bundle(bundle)]
+    named = {p.full_name: p for p in mean.listed}
+    return [replace(w, parameter=named[w.parameter.full_name]) for w in weak.together(found)]
+
+
+def summary(design: Design) -> dict[str, Any]:
+    """Return what a plan determines, for JSON."""
+    return {
+        "name": design.plan.setup.name,
+        "winds": len(design.outcomes),
+        "flying_time_min": {
+            name: flying_time_s(tuple(block.strips.values())) / 60
+            for name, block in design.plan.blocks.items()
+        },
+        **{f"mounting/{name}": _adjusted(design, name) for name in design.mountings},
+        **{
+            f"validation/{name}": {
+                part: _of_check_points(found) for part, found in expected_rms(design, name).items()
+            }
+            for name in design.validations
+        },
+        "not_determined": sentences(design),
+        "notes": notes(design),
+        "weak": weak_sentences(design),
+    }
+
+
+def _of_check_points(found: Expected) -> dict[str, Any]:
+    """Return the entries of what is expected: number, RMS, what it is worth, shares, by axis."""
+    parts = budget.shares(found.variance)
+    many = len(found.of_winds) > 1
+    return {
+        "n": round(found.n, 1),
+        "rms": found.rms.tolist(),
+        "tolerance": found.tolerance.tolist() if many else None,
+        "spread": found.spread.tolist() if many else None,
+        "shares": {group: share.tolist() for group, share in parts.items()},
+    }
+
+
+def _adjusted(design: Design, method: str) -> dict[str, Any]:
+    bundle = design.mountings[method].bundle
+    block, solution = bundle.network.block, bundle.solution
+    return {
+        "n_images": len(block.images),
+        "n_control_points": len(bundle.network.control),
+        "n_observations": solution.n_observations,
+        "n_unknowns": solution.n_unknowns,
+        "redundancy": solution.redundancy,
+        **determination.as_json(bundle, predicted(design, method).calibration),
+    }
+
+
+# --- What a plan determines, as lines of text for the screen
+
+
+SAID = {
+    "image_point": "image points",
+    "control_point": "control points",
+    "gnss": "GNSS positions",
+    "attitude": "attitudes",
+    "lever_arm": "surveyed lever arm",
+    "boresight": "declared boresight",
+    "distance": "distances",
+}
+"""Names of the groups of observations."""
+
+
+def lines(design: Design) -> Iterator[str]:
+    """Yield the lines that `acx4 plan` prints."""
+    n = len(design.outcomes)
+    over = f"the mean of {n} winds" if n > 1 else "one wind"
+    yield f"{design.plan.setup.name}: predicted from geometry alone, sigma0 = 1, {over}"
+    for name, block in design.plan.blocks.items():
+        yield from _block_lines(block, design.blocks[name])
+    parameters, reliability = parameter_table(design), reliability_table(design)
+    for method in design.mountings:
+        yield from _method_lines(design, method, parameters[parameters["method"] == method])
+        yield ""
+        yield from _reliability_lines(reliability[reliability["method"] == method])
+    yield from _validation_lines(design)
+    for title, found in (
+        ("notes", notes(design)),
+        ("not determined", sentences(design)),
+        ("weak", weak_sentences(design)),
+    ):
+        if found:
+            yield from ("", title, *(f"  {line}" for line in found))
+
+
+def _block_lines(planned: PlannedBlock, block: Block) -> Iterator[str]:
+    minutes = flying_time_s(tuple(planned.strips.values())) / 60
+    yield ""
+    yield f"block {planned.name}"
+    yield (
+        f"  {len(block.images)} images in {len(planned.strips)} strips, {minutes:.0f} minutes from "
+        "the first to the last"
+    )
+    points = f"{len(block.control)} control points, {len(block.check)} check points"
+    yield f"  {len(block.image_points)} measurements of {len(block.points)} points; {points}"
+
+
+def _method_lines(design: Design, method: str, table: pd.DataFrame) -> Iterator[str]:
+    bundle = design.mountings[method].bundle
+    yield ""
+    yield f"mounting/{method}"
+    yield from _aligned(
+        ("", "sigma", "change found", "unit", "correlation", "with"),
+        [
+            (
+                _name(row["camera"], row["parameter"]),
+                f"{row['sigma']:.3g}" + ("" if row["determined"] else " !"),
+                f"{row['detectable_change']:.2g}",
+                row["unit"],
+                f"{round(row['correlation'], 2) + 0.0:+.2f}",
+                row["correlated_with"],
+            )
+            for row in table.to_dict("records")
+        ],
+    )
+    weakest = determination.weakest_combination(bundle)
+    parts = ", ".join(f"{part.unknown} {100 * part.share:.0f} %" for part in weakest)
+    yield f"  weakest direction: {parts or 'several are left open altogether'}"
+
+
+def _name(camera: str, parameter: str) -> str:
+    return f"{camera} {parameter}" if camera else parameter
+
+
+def _reliability_lines(table: pd.DataFrame) -> Iterator[str]:
+    """Yield the errors that tests find with a probability of 80 %, and what smaller ones do."""
+    rows = []
+    for row in table.to_dict("records"):
+        axis, _, unit = row["component"].rpartition("_")
+        rows.append(
+            (
+                f"{SAID[row['kind']]}, {axis}",
+                f"{row['redundancy_median']:.2f}",
+                f"{row['detectable_median']:.2g}",
+                f"{row['detectable_largest']:.2g}",
+                unit,
+                f"{row['effect_sigmas']:.2f}",
+                row["effect_on"],
+            )
+        )
+    header = ("error of", "redundancy", "found from", "at worst", "unit", "moves by sigma", "of")
+    yield from _aligned(header, rows)
+
+
+def _validation_lines(design: Design) -> Iterator[str]:
+    """Yield the RMS of check points in metres, what it is worth, and the shares of its sources."""
+    for method in design.validations:
+        yield ""
+        yield f"validation/{method}: predicted RMS of differences at check points, m"
+        rows = []
+        for what, found in expected_rms(design, method).items():
+            rows.append((f"{found.n:.0f} {what}", *(f"{value:.3f}" for value in found.rms)))
+            if len(found.of_winds) > 1:
+                rows.append(("  of many flights, within", *(f"{x:.0%}" for x in found.tolerance)))
+                rows.append(("  of one flight, by its wind", *(f"{x:.0%}" for x in found.spread)))
+            for group, share in budget.shares(found.variance).items():
+                rows.append((f"  of its square, {group}", *(f"{x:.0%}" for x in share)))
+        yield from _aligned(("", "east", "north", "height"), rows)
+
+
+def _aligned(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    """Yield a table with its first and last columns to the left if they are text."""
+    whole = [header, *rows]
+    widths = [max(len(row[k]) for row in whole) for k in range(len(header))]
+    numeric = [all(_is_number(row[k]) for row in rows) for k in range(len(header))]
+    for row in whole:
+        cells = (
+            cell.rjust(width) if right else cell.ljust(width)
+            for cell, width, right in zip(row, widths, numeric, strict=True)
+        )
+        yield f"  {'  '.join(cells)}".rstrip()
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.removesuffix(" !").removesuffix("%"))
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,394 @@
+"""Points of a synthetic image against an ideal one, and what calibrating it by itself takes up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy import ndimage
+
+from acx4book.chapters.image_quality import deviations
+from acx4book.chapters.image_quality import examined as images
+from acx4book.chapters.image_quality.deviations import (
+    LENS,
+    Deviations,
+    KnownGround,
+    consistent,
+    every_refinement,
+    measure,
+    one_image_block,
+    residuals_px,
+    self_calibrate,
+    zones,
+)
+from acx4book.chapters.image_quality.examined import (
+    border_distortion_of_targets,
+    drawn_calibration,
+    drawn_errors,
+    errors_of,
+    examine,
+    frame_deviations,
+    measured_ties,
+)
+from acx4book.chapters.image_quality.figures import overlap_picture, seam_profile
+from acx4book.paper import printed
+from acx4lib.calibration.estimates import from_bundle, parameters
+from acx4lib.calibration.heads import radial_profile
+from acx4lib.errors import AdjustmentError
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.frames import Pose, rotation_from_opk
+from support.blocks import FRAME
+from support.pictures import printed_camera
+from support.pictures.known import known
+from support.pictures.known import response as response_of
+
+SYN = Camera(
+    name="SYN", width_px=12000, height_px=16200, pixel_mm=0.0056, interior=Interior(f=74.0)
+)
+POSE = Pose(R=rotation_from_opk(np.radians([1.0, -2.0, 28.0])), r=np.array([40.0, -25.0, 2500.0]))
+"""Where the camera of `seen_ground` stands: 1600 m over the ground."""
+
+
+# --- measured --------------------------------------------------------------------------------
+
+
+def texture(shape=(260, 300), *, seed=1):
+    """Return smooth noise, three bands, that no sampling harms."""
+    noise = np.random.default_rng(seed).normal(size=shape)
+    smooth = ndimage.gaussian_filter(noise, 2.0)
+    return 20_000 + 4000 * smooth / smooth.std()
+
+
+def bands(grey):
+    return np.clip(np.rint(grey), 0, 65535).astype(np.uint16)[..., None].repeat(3, axis=2)
+
+
+def moved(grey, by):
+    """Return a picture whose points stand at colrow + by(colrow)."""
+    row, col = np.indices(grey.shape).astype(float)
+    dx, dy = by(col, row)
+    return ndimage.map_coordinates(grey, [row - dy, col - dx], order=5, mode="nearest")
+
+
+def test_a_known_motion_is_measured_to_a_hundredth_of_a_pixel():
+    """Rounded to 16 bit and interpolated by splines, such smooth pictures lose no more."""
+
+    def by(col, row):
+        return 0.37 + 1e-3 * (col - 150), -1.21 + 5e-4 * (row - 130)
+
+    grey = texture()
+    found = measure(bands(moved(grey, by)), bands(grey))
+    assert len(found) >= 30  # of 48 cells; those at the border have less room
+    # the inverse motion is evaluated at the moved place; it differs by 1e-3 of a pixel
+    expected = np.column_stack(by(*found.ideal.T))
+    assert_allclose(found.d_px, expected, atol=0.01)
+    assert np.median(found.sigma_px) < 0.01
+
+
+def test_grey_values_may_differ_by_a_factor():
+    grey = texture()
+    found = measure(bands(1.3 * grey + 500), bands(grey))
+    assert_allclose(found.d_px, 0, atol=0.005)
+
+
+def test_sigma_is_the_size_of_the_errors_that_noise_makes():
+    grey = texture()
+    noisy = grey + np.random.default_rng(2).normal(0, 400, grey.shape)
+    found = measure(bands(noisy), bands(grey))
+    normalised = found.d_px / found.sigma_px[:, None]
+    # about 60 coordinates know their RMS to a tenth; windows of neighbours share no pixels
+    assert 0.7 < np.sqrt(np.mean(normalised**2)) < 1.3
+
+
+def test_pictures_without_texture_give_no_points():
+    flat = np.full((200, 200, 3), 9000, np.uint16)
+    assert len(measure(flat, flat)) == 0
+    assert consistent(measure(flat, flat)).shape == (0,)
+
+
+def test_pictures_of_different_sizes_are_refused():
+    with pytest.raises(ValueError, match=r"\(10, 20\) and \(10, 21\)"):
+        measure(np.zeros((10, 20, 3)), np.zeros((10, 21, 3)))
+
+
+def test_points_that_stand_out_from_those_around_are_told_and_a_smooth_field_is_not():
+    rng = np.random.default_rng(3)
+    ideal = rng.uniform(0, 1000, (600, 2))
+    d = 0.01 * ideal + rng.normal(0, 0.05, ideal.shape)  # ten pixels over the frame
+    wrong = rng.choice(600, 12, replace=False)
+    d[wrong] += 1.0
+    keep = consistent(Deviations(ideal=ideal, d_px=d, sigma_px=np.full(600, 0.05)))
+    assert not keep[wrong].any()
+    assert np.sum(~keep) <= 15
+
+
+# --- zones -----------------------------------------------------------------------------------
+
+
+def test_one_head_sees_seven_tenths_of_the_frame_of_table_1():
+    cols, rows = np.meshgrid(np.arange(40, 12000, 80), np.arange(40, 16200, 81))
+    found = zones(printed_camera.heads(), SYN, np.column_stack([cols.ravel(), rows.ravel()]))
+    one, several, border = (found[name].mean() for name in found)
+    assert_allclose(one, 0.692, atol=0.003)  # counted on a much denser grid
+    assert_allclose(one + several, 1.0)
+    margin = 0.05 * 16200
+    assert_allclose(border, 1 - (1 - 2 * margin / 12000) * (1 - 2 * margin / 16200), atol=0.005)
+
+
+# --- calibrated by itself --------------------------------------------------------------------
+
+
+def seen_ground(interior, *, relief_m=60.0, n=400, seed=4):
+    """Return pixels all over the frame, and the ground that they see by eqs (7)-(11) as printed."""
+    rng = np.random.default_rng(seed)
+    colrow = rng.uniform(0, [11999, 16199], (n, 2))
+    x = (colrow[:, 0] - 5999.5) * 0.0056 - interior.xp
+    y = (8099.5 - colrow[:, 1]) * 0.0056 - interior.yp
+    r2 = x**2 + y**2
+    radial = interior.k1 * r2 + interior.k2 * r2**2 + interior.k3 * r2**3
+    dx = x * radial + interior.p1 * (r2 + 2 * x**2) + 2 * interior.p2 * x * y
+    dy = y * radial + interior.p2 * (r2 + 2 * y**2) + 2 * interior.p1 * x * y
+    rays = np.column_stack([x - dx, y - dy, np.full(n, -interior.f)]) @ POSE.R.T
+    height = 900.0 + relief_m * rng.uniform(-1, 1, n)
+    x_m = POSE.r + rays * ((height - POSE.r[2]) / rays[:, 2])[:, None]
+    start = Pose(
+        R=POSE.R @ rotation_from_opk(np.full(3, 1e-4)), r=POSE.r + np.array([1.0, -2.0, 1.5])
+    )
+    return colrow, KnownGround(frame=FRAME, T_m_c=start, x_m=x_m)
+
+
+def calibrated(interior, free, **options):
+    colrow, ground = seen_ground(interior, **options)
+    block = one_image_block(SYN, ground, colrow, np.full(len(colrow), 0.1))
+    return self_calibrate(block, free=free)
+
+
+def test_a_lens_inserted_is_found():
+    true = Interior(f=74.0, k1=2.4e-8, k2=-9e-12, k3=2e-15, p1=1.7e-7, p2=-2e-7)
+    fit = calibrated(true, LENS)
+    found = {p.name: p.value for p in parameters(from_bundle(fit))}
+    # exact but for where the adjustment stops, 1e-5 of the sigma of 400 points of 0.1 px
+    assert_allclose(
+        [found[name] for name in LENS], [getattr(true, name) for name in LENS], rtol=1e-3
+    )
+    assert_allclose(residuals_px(fit), 0, atol=1e-5)
+    r = np.hypot(6000, 8100) * 0.0056
+    corner_px = r**3 * (true.k1 + true.k2 * r**2 + true.k3 * r**4) / 0.0056
+    assert_allclose(radial_profile(fit)[1][-1], corner_px, rtol=1e-4)
+
+
+def test_relief_tells_f_from_the_flying_height():
+    true = Interior(f=74.05, xp=0.03, yp=-0.02)
+    fit = calibrated(true, ("f", "xp", "yp"), relief_m=60.0)
+    found = {p.name: p.value for p in parameters(from_bundle(fit))}
+    assert_allclose([found[f"{n}_mm"] for n in ("f", "xp", "yp")], [74.05, 0.03, -0.02], atol=1e-5)
+
+
+def test_without_relief_the_flying_height_takes_up_an_error_of_f():
+    """A camera 0.05 mm longer sees flat ground as one that flies lower by the same share."""
+    fit = calibrated(Interior(f=74.05), (), relief_m=0.0)
+    # the image plane is tilted by 2.2 degrees against the ground
+    assert np.abs(residuals_px(fit)).max() < 0.05 * np.radians(2.3) / 0.0056
+    lower = (POSE.r - fit.T_m_c.r[0])[2] / 1600
+    assert_allclose(lower, 0.05 / 74, rtol=0.02)
+
+
+def test_residuals_are_measured_less_estimated_along_columns_and_rows():
+    colrow, ground = seen_ground(Interior(f=74.0))
+    colrow[7] += [2.0, -1.0]
+    block = one_image_block(SYN, ground, colrow, np.full(len(colrow), 0.1))
+    # one of 400 points hardly draws the others to itself
+    assert_allclose(residuals_px(self_calibrate(block, free=()))[7], [2.0, -1.0], atol=0.05)
+
+
+def test_two_points_calibrate_nothing():
+    colrow, ground = seen_ground(Interior(f=74.0), n=2)
+    block = one_image_block(SYN, ground, colrow, np.full(2, 0.1))
+    with pytest.raises(AdjustmentError, match="2 control points in images do not orient"):
+        self_calibrate(block, free=LENS)
+
+
+# --- A synthetic image whose every pixel is known: geometry, pixels and self-calibration agree
+#
+# The simulator shares no code with what is tested here: neither lens nor rotations nor rendering.
+
+
+REDUCE = 16
+
+MATCHING_PX = 0.012
+"""RMS of a coordinate in pictures of waves, px of the picture: rounding, noise, interpolation."""
+
+
+@pytest.fixture(scope="module")
+def exposure():
+    return known(REDUCE)
+
+
+@pytest.fixture(scope="module")
+def response(exposure):
+    return response_of(exposure)
+
+
+@pytest.fixture(scope="module")
+def wrong(exposure):
+    return drawn_calibration(exposure.orientation, seed=1, angle_deg=0.01)
+
+
+@pytest.fixture(scope="module")
+def true_image(exposure, response):
+    return examine(exposure, exposure.orientation, response)
+
+
+@pytest.fixture(scope="module")
+def wrong_image(exposure, response, wrong):
+    return examine(exposure, wrong, response)
+
+
+def not_geometry(one):
+    return one.found.d_px - one.geometry_px
+
+
+# --- pixels ----------------------------------------------------------------------------------
+
+
+def test_points_of_the_rendered_image_are_where_geometry_puts_them(exposure, true_image):
+    """To a hundredth of a pixel of the picture each, and to a thousandth on average."""
+    left = not_geometry(true_image)
+    assert len(left) > 400
+    assert images.rms_of_coordinates(left) < MATCHING_PX * REDUCE
+    # the mean of n points is known to 1/sqrt(n) of that; four sigma
+    assert np.abs(left.mean(axis=0)).max() < 4 * MATCHING_PX * REDUCE / np.sqrt(len(left))
+
+
+def test_no_head_stands_aside_of_the_others(exposure, true_image):
+    xy = deviations.xy_from_colrow(exposure.synthetic, true_image.found.ideal)
+    left = not_geometry(true_image)
+    for right in (False, True):
+        for upper in (False, True):
+            own = ((xy[:, 0] > 0) == right) & ((xy[:, 1] > 0) == upper)
+            noise = MATCHING_PX * REDUCE / np.sqrt(own.sum())
+            assert np.abs(left[own].mean(axis=0)).max() < 4 * noise
+
+
+def test_errors_of_a_calibration_are_measured_as_large_as_they_are(wrong_image):
+    found, geometry = wrong_image.found.d_px, wrong_image.geometry_px
+    assert np.hypot(*geometry.T).max() > 3
+    slope = np.sum(found * geometry) / np.sum(geometry**2)
+    noise = MATCHING_PX * REDUCE / np.sqrt(np.sum(geometry**2))
+    assert abs(slope - 1) < 4 * noise + 0.002  # correlation over steps between heads
+    # windows that lie across a seam of wrong heads see both
+    assert images.rms_of_coordinates(not_geometry(wrong_image)) < 1.5 * MATCHING_PX * REDUCE
+
+
+def test_the_parallax_of_the_true_heads_is_that_of_their_bases_over_the_relief(exposure):
+    """f B dh / (H (H - dh)), of a lens 8 cm aside in both directions."""
+    places = deviations.nodes(exposure.synthetic, 30)[1:-1]
+    shift = np.hypot(*deviations.predicted(exposure, exposure.orientation, places).T)
+    dh = deviations.seen_ground(exposure, places)[:, 2] - (
+        exposure.at.track.x_g[0, 2] - exposure.height_m
+    )
+    H, f_px = exposure.height_m, 74.0 / 0.0056
+    largest = f_px * 0.08 * np.sqrt(2) * np.abs(dh) / (H * (H - dh))
+    # heads are blended, and a tilt of 2 degrees changes depths at the border by some metres
+    tilt_m = np.radians(2) * np.hypot(6000, 8100) / f_px * H
+    assert np.all(shift < largest + f_px * 0.08 * np.sqrt(2) * tilt_m / H**2)
+    assert shift.max() > 0.5 * largest.max()
+
+
+def test_self_calibration_of_a_right_image_finds_no_lens(true_image):
+    fit = true_image.fits["calibrated"]
+    assert images.largest_radial(fit) < 0.5  # 475 points of 0.13 px
+    before, after = (residuals_px(true_image.fits[step]) for step in ("oriented", "calibrated"))
+    # five parameters of a thousand observations
+    assert_allclose(images.rms_of_coordinates(after), images.rms_of_coordinates(before), rtol=0.02)
+
+
+def test_tie_points_of_the_pictures_repair_a_calibration(exposure, wrong):
+    ties = measured_ties(exposure, wrong)
+    every = {
+        "true": exposure.orientation,
+        **every_refinement(wrong, ties),
+    }
+    found = {
+        name: errors_of(frame_deviations(one, exposure), exposure) for name, one in every.items()
+    }
+    assert found["true"]["largest_px"] < 1e-9
+    assert found["rotations"]["oriented_px"] < 0.2 * found["before"]["oriented_px"]
+    assert found["rotations"]["oriented_px"] < found["mean shift"]["oriented_px"]
+    assert_allclose(every["mean shift"].xyz_mm[0], wrong.xyz_mm[0])
+    assert_allclose(every["rotations"].xyz_mm, wrong.xyz_mm)
+
+
+def test_the_blend_joins_two_heads_without_a_step(exposure, response):
+    profile = seam_profile(exposure, exposure.orientation, response)
+    apart = [np.log(lines[1] / lines[0]) for lines in (profile.taken, profile.equalised)]
+    assert np.sqrt(np.nanmean(apart[0] ** 2)) > 0.02
+    # what noise of 0.5 sqrt(DN) and interpolation leave in means over eight rows
+    assert np.sqrt(np.nanmean(apart[1] ** 2)) < 0.01
+    assert_allclose(profile.blended / profile.equalised.mean(axis=0), 1, atol=0.02)
+    assert profile.names == ("CAM1", "CAM4")
+
+
+def test_refined_heads_agree_in_their_overlap(exposure, response, wrong):
+    pair = (wrong, exposure.orientation)
+    picture = overlap_picture(exposure, pair, response, size_px=(60, 80))
+    rms = [np.sqrt(np.nanmean(d**2)) for d in picture.differences.values()]
+    assert list(picture.differences) == ["as taken", "equalised", "equalised and refined"]
+    assert rms[0] > rms[1] > rms[2]
+    assert rms[2] < 0.02
+
+
+# --- geometry --------------------------------------------------------------------------------
+
+
+def test_heads_that_are_shifted_shift_the_image_and_an_orientation_takes_it_up(exposure):
+    xyz = exposure.orientation.xyz_mm + np.array([0.0056, 0.0112, 0.0])
+    shifted = replace(exposure.orientation, xyz_mm=xyz)
+    off = frame_deviations(shifted, exposure)
+    # x goes right as columns do, y goes up and rows go down
+    assert_allclose(off.d_px, np.tile([1.0, -2.0], (len(off), 1)), atol=1e-9)
+    found = errors_of(off, exposure)
+    assert_allclose(found["rms_px"], np.sqrt(5 / 2), rtol=1e-9)
+    assert found["oriented_px"] < 0.05  # a motion of the camera moves hills otherwise than plains
+
+
+def test_drawn_errors_have_the_size_of_table_1s_sigma(exposure):
+    """Of 240 normal numbers a standard deviation is known to a twentieth."""
+    true, draws = exposure.orientation, range(15)
+    drawn = [drawn_calibration(true, seed=i, angle_deg=0.01) for i in draws]
+    normalised = [
+        (getattr(head.interior, name) - getattr(right.interior, name))
+        / printed.sigma(1, key, head.name)
+        for one in drawn
+        for head, right in zip(one.heads, true.heads, strict=True)
+        for name, key in (("xp", "xp_mm"), ("yp", "yp_mm"), ("k1", "k1"), ("p2", "p2"))
+    ]
+    assert_allclose(np.mean(normalised), 0, atol=0.25)
+    assert_allclose(np.std(normalised), 1, atol=0.2)
+    turns = np.degrees([one.opk - true.opk for one in drawn])
+    assert_allclose(turns[:, 0], 0, atol=1e-12)
+    assert_allclose(np.std(turns[:, 1:]), 0.01, rtol=0.25)
+    assert all(
+        head.interior.f == right.interior.f
+        for one in drawn
+        for head, right in zip(one.heads, true.heads, strict=True)
+    )
+
+
+def test_a_lens_takes_up_what_an_orientation_does_not(exposure):
+    draws = drawn_errors(exposure, 4, seed=3, angle_deg=0.01)
+    assert set(draws["refinement"]) == {"before", "mean shift", "rotations", "six"}
+    assert np.all(draws["oriented_px"] <= draws["rms_px"])
+    assert np.all(draws["calibrated_px"] <= draws["oriented_px"])
+    assert np.all(draws["interior_px"] <= draws["calibrated_px"])
+    left = draws.groupby("refinement")["oriented_px"].median()
+    assert left["rotations"] < left["mean shift"] / 2 < left["before"]
+
+
+def test_measuring_errors_of_targets_invent_distortion_in_proportion(exposure):
+    fine, coarse = (
+        border_distortion_of_targets(exposure, 8, sigma_px=s, seed=5) for s in (0.05, 0.5)
+    )
+    assert fine.n_targets == coarse.n_targets > 10
+    # so far as the adjustment is linear
+    assert_allclose(coarse.radial_px, 10 * fine.radial_px, rtol=0.02)

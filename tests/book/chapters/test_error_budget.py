@@ -1,0 +1,292 @@
+"""The flight of the chapter, calibrated, validated and split by its sources once."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4book.chapters import error_budget
+from acx4book.chapters.error_budget import plan_and_height
+from acx4book.notebooks import simulated
+from acx4book.paper import printed
+from acx4lib.calibration.estimates import parameters
+from acx4lib.calibration.mounting import single_step, two_step
+from acx4lib.georeferencing import budget
+from acx4lib.georeferencing.budget import SOURCES
+from acx4lib.georeferencing.mapping_flight import like, over_ground
+from acx4lib.georeferencing.validation import validate
+from support.figures import drawn, panels
+
+
+@pytest.fixture(scope="session")
+def found():
+    flight = simulated.flown_fly("acx4-ideal", 1, blocks=("calibration", "validation")).flight
+    block, free = flight.block("validation"), flight.estimate_mounting
+    single = single_step(flight.calibration, free=free)
+    two = two_step(flight.calibration, free=free, after=single)
+    methods = {"two_step": two.calibration, "single_step": single.calibration}
+    validations = {name: validate(block, one, method=name) for name, one in methods.items()}
+
+    def split(kind):
+        return {
+            name: budget.of(getattr(one, kind).sources, one.georeferenced.layout)
+            for name, one in validations.items()
+        }
+
+    return SimpleNamespace(
+        block=block,
+        calibrations=methods,
+        validations=validations,
+        points=split("points"),
+        pairs=split("pairs"),
+        mapping=like(block, block.cameras[0]),
+    )
+
+
+# --- Bars end where the shares say, lines at the standard deviations
+
+
+def test_stacked_bars_end_at_a_hundred_percent(found):
+    fig = drawn(error_budget.stacked(found.points))
+    for ax in panels(fig):
+        ends = {}
+        for bar in ax.patches:
+            middle = round(bar.get_y() + bar.get_height() / 2)
+            ends[middle] = max(ends.get(middle, 0.0), bar.get_x() + bar.get_width())
+        assert list(ends.values()) == pytest.approx([100.0] * len(found.validations))
+
+
+def test_the_calibrations_parts_are_signed(found):
+    fig = drawn(error_budget.calibration(found.points))
+    height = panels(fig)[1]
+    widths = np.array([bar.get_width() for bar in height.patches]).reshape(2, -1)
+    part = plan_and_height(found.points["two_step"].mean)[1]
+    expected = 100 * part[-len(budget.CALIBRATION) :] / part.sum()
+    np.testing.assert_allclose(widths[0, :-1], expected)
+    assert widths[0, -1] == pytest.approx(expected.sum())
+    assert widths[0].min() < 0
+
+
+@pytest.fixture(scope="module")
+def heights(found):
+    heights_m = np.array([500.0, 1000.0, 2000.0, 3000.0])
+    return heights_m, {
+        name: [over_ground(one, replace(found.mapping, height_m=h)) for h in heights_m]
+        for name, one in found.calibrations.items()
+    }
+
+
+def test_lines_are_standard_deviations(heights):
+    fig = drawn(error_budget.over_heights(*heights, method="single_step"))
+    line = panels(fig)[1].lines[0]
+    expected = [np.sqrt(split.mean[2].sum()) for split in heights[1]["single_step"]]
+    np.testing.assert_allclose(line.get_ydata(), expected)
+
+
+def test_image_points_grow_with_the_height(heights):
+    """Within a percent: the lever arm, 0.2 m, moves the borders of low images on the ground."""
+    first, *_, last = heights[1]["single_step"]
+    np.testing.assert_allclose(np.sqrt(last.mean[:, 0] / first.mean[:, 0]), 6, rtol=1e-2)
+
+
+def test_the_two_step_calibration_is_good_at_its_own_heights_only(heights):
+    share = [budget.shares(split.mean[2])["calibration"] for split in heights[1]["two_step"]]
+    assert np.argmin(share) == 1
+    assert share[-1] > 10 * min(share)
+    single = [budget.shares(split.mean[2])["calibration"] for split in heights[1]["single_step"]]
+    assert max(single) < 0.03
+
+
+# --- At its stops the explorer says what the library computes for such a flight
+
+
+@pytest.fixture(scope="module")
+def shown(found):
+    flown = replace(found.mapping, height_m=1300.0)
+    return error_budget.explorer(found.calibrations["single_step"], flown)
+
+
+def straight(calibration, values):
+    """Return σ in plan and in height, cm, of a flight with the sliders' values."""
+    height_m, sigma_px, gnss_cm, tilt, heading = values
+    flight = replace(
+        error_budget.unit_flight(height_m),
+        sigma_px=sigma_px,
+        sigma_position_m=(gnss_cm / 100,) * 3,
+        sigma_attitude=tuple(np.radians([tilt, tilt, heading])),
+    )
+    mean = plan_and_height(over_ground(calibration, flight).mean)
+    return 100 * np.sqrt(mean.sum(axis=-1))
+
+
+@pytest.mark.parametrize(
+    "values", [[500.0, 0.5, 5.0, 0.005, 0.008], [3000.0, 3.0, 30.0, 0.02, 0.04]]
+)
+def test_all_together_is_the_predicted_sigma(shown, found, values):
+    *parts, together = [[float(x) for x in row] for row in shown.readings(values)]
+    assert together == pytest.approx(straight(found.calibrations["single_step"], values), abs=0.051)
+    assert np.linalg.norm(parts, axis=0) == pytest.approx(together, abs=0.2)
+
+
+def test_it_starts_as_the_flight_was_simulated(shown):
+    assert shown.start == [1300.0, 1.5, 2.0, 0.005, 0.008]
+    for values in shown.presets.values():
+        for value, slider in zip(values, shown.sliders, strict=True):
+            assert slider.low <= value <= slider.high
+
+
+def test_a_slider_moves_its_own_row_alone(shown):
+    before = shown.readings(shown.start)
+    values = [*shown.start[:2], 20.0, *shown.start[3:]]
+    changed = [a != b for a, b in zip(before, shown.readings(values), strict=True)]
+    assert dict(zip(shown.rows, changed, strict=True)) == {
+        name: name in ("GNSS", "all together") for name in shown.rows
+    }
+
+
+# --- Tables: what their rows have, that shares add up, and figures that others computed
+
+
+@pytest.fixture(scope="module")
+def groups(found):
+    return error_budget.groups(found.validations, found.points, found.pairs)
+
+
+def test_groups_have_a_row_for_every_method_kind_of_rays_and_coordinate(found, groups):
+    assert len(groups) == len(found.validations) * 2 * 2
+    shares = groups[[f"{name} (%)" for name in budget.GROUPS]]
+    assert shares.sum(axis=1).to_numpy() == pytest.approx(100.0)
+    last = groups.loc["Single-step", "pairs", "height"]
+    assert last["RMS predicted (m)"] == pytest.approx(found.pairs["single_step"].rms[2])
+    assert groups["RMS of d / σ"].between(0.5, 1.5).all()
+
+
+def test_shares_of_pairs_are_those_computed_independently(groups):
+    """Plan: 52 % image and survey, 48 % trajectory, below 1 % calibration; height: 50, 47, 3."""
+    image, trajectory, calibration = groups.loc["Two-step", "pairs", "plan"].iloc[2:]
+    assert image == pytest.approx(52, abs=1)
+    assert trajectory == pytest.approx(48, abs=1)
+    assert 0 < calibration < 1
+    height = groups.loc["Two-step", "pairs", "height"].iloc[2:]
+    assert list(height) == pytest.approx([50, 47, 3], abs=1.1)
+
+
+@pytest.mark.parametrize("kind", ["points", "pairs"])
+def test_budgets_are_those_of_the_validation(found, kind):
+    for method, validation in found.validations.items():
+        split, differences = getattr(found, kind)[method], getattr(validation, kind)
+        assert_allclose(split.sigma, differences.sigma, rtol=1e-12)
+
+
+def test_correlations_and_parts_of_the_calibration_add_up_to_all(found):
+    height = error_budget.plan_and_height(found.points["two_step"].mean)[1]
+    parts = [error_budget.percent(height, name) for name in budget.CALIBRATION]
+    assert sum(parts) == pytest.approx(error_budget.percent(height, *budget.CALIBRATION))
+    assert error_budget.percent(height, "lever arm with interior orientation") < 0
+
+
+def test_the_printed_flight_says_what_it_predicts_and_leaves(found):
+    calibration = error_budget.as_calibrated(found.calibrations["single_step"])
+    cases = error_budget.assumptions()
+    splits = [
+        budget.of(*error_budget.sources(found.validations["single_step"], calibration, case))
+        for case in cases
+    ]
+    table = error_budget.printed_flight(cases, splits)
+    assert table.iloc[0, 0:2].tolist() == [0.5, 0.05]
+    first = table.iloc[0]
+    assert np.hypot(first["east: predicted (m)"], first["east: left (m)"]) == pytest.approx(0.44)
+    assert np.isnan(table.iloc[2]["height: left (m)"])
+
+
+def test_suspects_are_named_with_their_size(suspects):
+    table = error_budget.suspects(suspects)
+    assert list(table.index) == [one.name for one in suspects]
+    assert table["size needed"].str.contains(r"^[\d.]+(?: px| m|°)$").all()
+    assert_allclose(table["height (m)"], [one.rms[2] for one in suspects])
+
+
+@pytest.fixture(scope="module")
+def suspects(found):
+    calibration, best = error_budget.as_calibrated(found.calibrations["single_step"]), 0
+    case = error_budget.assumptions()[best]
+    of = error_budget.sources(found.validations["single_step"], calibration, case)
+    return error_budget.printed_suspects(*of, case)
+
+
+# --- The paper's own accuracies: the unexplained part, by hand where it can be found by hand
+
+
+BEST, POORER, _ = error_budget.assumptions()
+
+
+def sources(found, case):
+    calibration = error_budget.as_calibrated(found.calibrations["single_step"])
+    return error_budget.sources(found.validations["single_step"], calibration, case)
+
+
+def predicted(found, case):
+    return budget.of(*sources(found, case))
+
+
+@pytest.fixture(scope="module")
+def best(found):
+    return predicted(found, BEST)
+
+
+@pytest.fixture(scope="module")
+def as_printed_suspects(found):
+    return error_budget.printed_suspects(*sources(found, BEST), BEST)
+
+
+def test_sigma_are_those_of_table_3(found):
+    said = error_budget.as_calibrated(found.calibrations["single_step"])
+    of = {parameter.name: parameter.sigma for parameter in parameters(said)}
+    assert of["f_mm"] == pytest.approx(0.0010)
+    assert of["lever_z_m"] == pytest.approx(0.015)
+    assert of["k3"] == pytest.approx(3.19e-15)
+    # angles are reported about other axes, by less than three degrees
+    assert of["boresight_kappa_deg"] == pytest.approx(0.00119, rel=0.05)
+
+
+def test_cases_differ_in_what_they_say_alone(found, best):
+    poorer = predicted(found, POORER).mean
+    image = SOURCES.index("image points")
+    assert_allclose(poorer[:, image], 9 * best.mean[:, image], rtol=1e-9)
+    others = [i for i in range(len(SOURCES)) if i != image]
+    assert_allclose(poorer[:, others], best.mean[:, others], rtol=1e-9, atol=1e-15)
+
+
+def test_what_is_left_and_what_is_predicted_are_the_printed_rms(best):
+    left = error_budget.unexplained(error_budget.rms(), best.rms)
+    assert np.hypot(best.rms, left) == pytest.approx([0.44, 0.46, 0.45])
+    assert error_budget.unexplained(np.array([0.3]), np.array([0.4])) == 0.0
+
+
+def test_suspects_make_what_is_left_in_plan(as_printed_suspects, best):
+    left = error_budget.unexplained(error_budget.rms(), best.rms)
+    for one in as_printed_suspects:
+        assert np.hypot(*one.rms[:2]) == pytest.approx(np.hypot(*left[:2]), rel=1e-9)
+        assert one.size > 0
+
+
+def test_the_size_of_a_suspect_is_that_which_makes_its_rms(found, as_printed_suspects):
+    """GNSS errors that large, put into the budget, give the RMS that the table says."""
+    gnss = next(one for one in as_printed_suspects if one.name == "GNSS")
+    case = error_budget.Assumed(sigma_px=0.5, sigma_gnss_m=gnss.size)
+    mean = predicted(found, case).mean[:, SOURCES.index("GNSS")]
+    assert_allclose(np.sqrt(mean), gnss.rms, rtol=1e-6)
+
+
+def test_no_error_of_single_rays_is_larger_in_plan_than_in_height(as_printed_suspects):
+    """A pair whose rays meet at a small angle has the poorer height."""
+    free = {"boresight κ", "the targets themselves, in plan", "lever arm, forward", "boresight φ"}
+    for one in as_printed_suspects:
+        assert (one.rms[2] > np.hypot(*one.rms[:2])) or one.name in free, one.name
+
+
+def test_a_trajectory_as_printed_has_the_printed_angles():
+    assert printed.statement("roll_pitch_deg") == 0.005
+    assert [case.sigma_gnss_m for case in error_budget.assumptions()] == [0.05, 0.05, 0.3]

@@ -1,0 +1,331 @@
+"""The stored flights of the closed chain, and their sums over flights."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.quiver import Quiver
+
+from acx4book.chapters import synthetic_cost
+from acx4book.paper import printed
+
+
+@pytest.fixture(scope="module")
+def found():
+    return synthetic_cost.read()
+
+
+def test_the_stored_study_has_all_flights_both_ways_and_through_the_heads_of_one(found):
+    assert found.n_flights == 48
+    assert found.shared.groupby("heads_of")["seed"].nunique().tolist() == [16, 16, 16]
+    for way in (synthetic_cost.SYNTHETIC, synthetic_cost.RIG):
+        assert len(synthetic_cost.variance_factors(found, way)) == 48
+    assert found.about["design"] == "acx4"
+
+
+def test_a_missing_file_names_the_target_of_make(tmp_path):
+    with pytest.raises(FileNotFoundError, match="make chain"):
+        synthetic_cost.read(tmp_path)
+
+
+def test_the_rig_keeps_its_promises(found):
+    table = synthetic_cost.scatter(found, synthetic_cost.RIG)
+    assert len(table) == 48
+    # a ratio of 48 flights is known to a tenth; those of one head are correlated
+    assert table["ratio"].to_numpy() == pytest.approx(1, abs=0.33)
+    assert np.sqrt(np.mean(table["ratio"] ** 2)) == pytest.approx(1, abs=0.1)
+    assert synthetic_cost.variance_factors(found, synthetic_cost.RIG).mean() == pytest.approx(
+        1, abs=0.005
+    )
+
+
+def made(first, second):
+    """Return a study of one axis: RMS by flight of both ways."""
+    rows = [
+        {"seed": i, "way": way, "over": "points", "axis": "east_m", "rms_m": v, "sigma_m": 2 * v}
+        for way, values in ((synthetic_cost.SYNTHETIC, first), (synthetic_cost.RIG, second))
+        for i, v in enumerate(values)
+    ]
+    empty = pd.DataFrame()
+    parts = dict.fromkeys(synthetic_cost.PARTS, empty) | {"points": pd.DataFrame(rows)}
+    return synthetic_cost.Study(**parts, about={})
+
+
+def test_what_is_a_tenth_larger_in_every_flight_has_no_error():
+    rig = np.array([0.1, 0.2, 0.3])
+    row = synthetic_cost.accuracy(made(1.1 * rig, rig)).iloc[0]
+    assert row["percent"] == pytest.approx(10)
+    assert row["sigma_percent"] == pytest.approx(0, abs=1e-9)
+    assert row["rms_rig"] == pytest.approx(np.sqrt(np.mean(rig**2)))
+    assert row["sigma_rig"] == pytest.approx(2 * row["rms_rig"])
+
+
+def test_the_standard_error_of_a_percentage_is_that_of_repeated_studies():
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(400):
+        common = rng.normal(1, 0.3, 50)
+        first, second = np.sqrt((common + rng.normal(0.1, 0.1, (2, 50))).clip(0.01))
+        found.append(
+            synthetic_cost.accuracy(made(first, second)).iloc[0][["percent", "sigma_percent"]]
+        )
+    percent, sigma = np.array(found, dtype=float).T
+    assert sigma.mean() == pytest.approx(percent.std(), rel=0.1)  # 3.5 % of 400
+
+
+def test_an_excess_that_is_planted_is_found(found):
+    own = found.parameters.copy()
+    factor = own["parameter"] == "sigma0_squared"
+    rig = own[factor & (own["way"] == synthetic_cost.RIG)].set_index("seed")["value"]
+    planted = factor & (own["way"] == synthetic_cost.SYNTHETIC)
+    own.loc[planted, "value"] = (rig.loc[own.loc[planted, "seed"]] + 0.5).to_numpy()
+    said = synthetic_cost.excess(replace(found, parameters=own))
+    assert said["difference"] == pytest.approx(0.5)
+    assert said["sigma"] == pytest.approx(0.0, abs=1e-9)
+    assert said["beyond"] == found.n_flights
+
+
+def test_what_is_stated_holds_among_flights_with_the_same_heads(found):
+    assert synthetic_cost.scatter_of_shared(found).between(0.6, 1.3).all()
+    assert 3 < synthetic_cost.scatter(found, synthetic_cost.SYNTHETIC)["ratio"].max() < 4
+
+
+def test_noise_scatters_by_the_sigma_that_has_the_part_of_the_heads(found):
+    both = synthetic_cost.scatter_with_heads(found)
+    assert found.noise["seed"].nunique() >= 60
+    assert both["noise"].between(both["low"], both["high"]).all()
+    stated = both["noise"] * np.hypot(1, both["sigma_of_heads"] / both["sigma"])
+    assert (stated > both["high"]).sum() > 5  # without that part they do not
+
+
+def test_scatter_with_heads_is_that_of_planted_noise(found):
+    """Normal noise of known size, in 2000 flights of two parameters, beside a scatter of model."""
+    rng = np.random.default_rng(3)
+    sigma, of_heads = np.array([1.0, 2.0]), np.array([3.0, 0.5])
+    exact = rng.normal(0, 4, (2000, 2))
+    value = exact + rng.normal(0, 1, (2000, 2)) * np.hypot(sigma, of_heads)
+    rows = [
+        {"seed": i, "parameter": name, "value": value[i, k], "exact": exact[i, k]}
+        | {"sigma": sigma[k], "sigma_of_heads": of_heads[k]}
+        for i in range(2000)
+        for k, name in enumerate("ab")
+    ]
+    both = synthetic_cost.scatter_with_heads(replace(found, noise=pd.DataFrame(rows)))
+    assert both["noise"].to_numpy() == pytest.approx(1, abs=0.06)
+    assert both["exact"].to_numpy() == pytest.approx(4 / np.hypot(sigma, of_heads), rel=0.06)
+    assert both["sigma"].to_numpy() == pytest.approx(sigma)
+    assert both["low"].iloc[0] == pytest.approx(1 - 2.81 / np.sqrt(2 * 1999), abs=0.002)
+
+
+# --- What four lens centres make of one camera: patterns, a lever arm, and radial distortion
+
+
+# --- the pattern of residuals
+
+
+def two_heights(at_1000, at_1500, heads=("CAM1", "CAM2")):
+    """Return a pattern of two nodes beside each other."""
+    return pd.DataFrame(
+        [
+            {
+                "height_m": h,
+                "head": head,
+                "col_px": c,
+                "row_px": 0.0,
+                "d_col_px": d,
+                "d_row_px": 0.0,
+            }
+            for h, values in ((1000.0, at_1000), (1500.0, at_1500))
+            for head, c, d in zip(heads, (0.0, 1.0), values, strict=True)
+        ]
+    )
+
+
+def test_a_pattern_in_proportion_to_1_over_h_is_followed_to_any_height():
+    pattern = two_heights((3.0, -6.0), (2.0, -4.0))
+    found = synthetic_cost.at_height(pattern, 3000.0)
+    assert found["d_col_px"].tolist() == pytest.approx([1.0, -2.0])
+    assert synthetic_cost.largest_px(found) == pytest.approx(2.0)
+    assert synthetic_cost.largest_step_px(found) == pytest.approx(3.0)
+    assert synthetic_cost.rms_px(found) == pytest.approx(np.sqrt(5 / 4))
+
+
+def test_a_step_within_one_head_is_none_of_a_seam():
+    found = synthetic_cost.at_height(
+        two_heights((3.0, -6.0), (2.0, -4.0), ("CAM1", "CAM1")), 1000.0
+    )
+    assert synthetic_cost.largest_step_px(found) == 0
+
+
+def test_the_flying_heights_of_the_study_come_out_as_stored():
+    pattern = synthetic_cost.read().pattern
+    for height_m, own in pattern.groupby("height_m"):
+        found = synthetic_cost.at_height(pattern, float(height_m))
+        assert synthetic_cost.rms_px(found) == pytest.approx(synthetic_cost.rms_px(own))
+
+
+def test_the_largest_steps_are_at_the_seams():
+    pattern = synthetic_cost.read().pattern
+    found = synthetic_cost.at_height(pattern, 1000.0)
+    whole = found.assign(head=[f"{c % 2}{r % 2}" for c, r in zip(*places(found), strict=True)])
+    within = synthetic_cost.largest_step_px(whole)  # every pair of neighbours counts as a seam
+    assert synthetic_cost.largest_step_px(found) == pytest.approx(within)
+
+
+def places(found):
+    return [np.unique(found[name], return_inverse=True)[1] for name in ("col_px", "row_px")]
+
+
+# --- the lever arm
+
+
+def test_it_is_the_least_squares_factor_over_the_frame():
+    size, f, side = np.array([60.0, 80.0]), 70.0, 0.2
+    axes = [(np.arange(n) + 0.5) / n - 0.5 for n in (200, 300)]
+    t = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2) * size / f
+    d = np.sign(t) * side / 2
+    expected = np.linalg.lstsq(t.reshape(-1, 1), d.ravel(), rcond=None)[0][0]
+    assert synthetic_cost.apparent_rise_m(side, f, size) == pytest.approx(expected, rel=1e-4)
+
+
+def test_it_explains_the_exact_lever_arm_but_for_an_eighth():
+    z = synthetic_cost.read().squares.query("parameter == 'lever_z_m'").set_index("side_m")["value"]
+    size = np.ptp(printed.corners("SYN"), axis=0)
+    rise = synthetic_cost.apparent_rise_m(0.16, 74.44, size)
+    # the points do not fill the frame evenly, and GNSS positions have a say
+    assert z.loc[0.16] - z.loc[0] == pytest.approx(rise, rel=0.15)
+    assert z.loc[0.08] - z.loc[0] == pytest.approx((z.loc[0.16] - z.loc[0]) / 2, abs=0.001)
+    assert z.loc[0] == pytest.approx(synthetic_cost.true_centre_m()[2], abs=0.01)
+
+
+# --- radial distortion
+
+
+def test_it_is_the_polynomial_of_eq_7():
+    found = synthetic_cost.radial_um(np.array([1e-7, 1e-10, 1e-13]), np.array([10.0, 0.0]))
+    assert found == pytest.approx([1000 * (1e-4 + 1e-5 + 1e-6), 0])
+
+
+def test_the_radius_ends_at_the_corner_of_the_frame():
+    assert synthetic_cost.radius_mm()[-1] == pytest.approx(np.hypot(67.2, 90.72) / 2)
+
+
+def test_a_line_is_followed_to_the_focal_length_of_the_print():
+    differences = pd.DataFrame({"k1": [-1.0, 1.0], "k2": [-3.0, -1.0]}, index=[74.0, 74.2])
+    assert synthetic_cost.focal_lengths(differences) == pytest.approx([74.1, 74.3])
+
+
+def test_the_print_itself_is_no_sigma_away():
+    found = synthetic_cost.read()
+    own = found.sweep.copy()
+    for name, value in zip(
+        synthetic_cost.RADIAL, synthetic_cost.printed_with_sigma()[0], strict=True
+    ):
+        own.loc[(own["camera"] == "SYN") & (own["parameter"] == name), "value"] = value
+    planted = synthetic_cost.Study(**{**vars(found), "sweep": own})
+    assert all((table == 0).all(axis=None) for table in synthetic_cost.in_sigma(planted).values())
+
+
+def test_without_distance_of_the_centres_there_is_hardly_any_distortion():
+    curves = synthetic_cost.by_side(synthetic_cost.read())
+    corner = synthetic_cost.radial_um(curves.to_numpy().T, synthetic_cost.radius_mm())[-1]
+    assert abs(corner[0]) < 0.5
+    assert corner[2] == pytest.approx(2 * corner[1], rel=0.1)  # in proportion to the side
+
+
+# --- Figures of scatter over sigma, of radial distortion, and of lens centres
+
+
+def test_every_parameter_of_the_synthetic_camera_has_a_dot_of_both_kinds(found):
+    ax = synthetic_cost.scatter_over_sigma(found).axes[0]
+    assert len(ax.get_xticklabels()) == 14
+    assert len(ax.containers) == 5  # four heads and one camera
+
+
+def test_the_fingerprint_has_a_curve_for_every_square_and_table_3(found):
+    left, right = synthetic_cost.fingerprint(found).axes
+    assert len(left.lines) == 3 * 2
+    assert len(right.lines) == len(synthetic_cost.by_side(found)) + 1
+
+
+def test_lens_centres_are_compared_in_both_axes(found):
+    (ax,) = synthetic_cost.centres(found).axes
+    assert [line.get_label() for line in ax.lines] == ["$X_c$", "$Y_c$"]
+    assert (synthetic_cost.centre_misfit(found) > 0).all(axis=None)
+
+
+def test_every_height_has_its_field_and_its_seams(found):
+    fig = synthetic_cost.pattern(found)
+    titles = [ax.get_title(loc="left") for ax in fig.axes]
+    assert titles == ["From 1000 m", "From 1500 m"]
+    for ax in fig.axes:
+        (field,) = (c for c in ax.collections if isinstance(c, Quiver))
+        assert 200 < field.N < 400
+        assert ax.get_ylim() == (16200, 0)
+
+
+# --- Tables of what the synthetic image costs
+
+
+def test_accuracy_has_points_and_pairs_by_axis(found):
+    table = synthetic_cost.accuracy_table(found)
+    assert [over for over, _ in table.index] == ["points"] * 3 + ["pairs"] * 3
+    own = synthetic_cost.accuracy(found)
+    assert list(table["larger by (%)", "value"]) == list(own["percent"])
+    assert list(table["RMS (m)", "rig"]) == list(own["rms_rig"])
+
+
+def test_parameters_are_those_over_flights(found):
+    table = synthetic_cost.parameters(found)
+    assert len(table) == 14
+    own = (
+        synthetic_cost.scatter(found, synthetic_cost.SYNTHETIC)
+        .set_index("parameter")
+        .loc["lever_z_m"]
+    )
+    row = table.loc[("lever z", "m")]
+    assert row["mean and scatter over flights", "value"] == own["mean"]
+    assert row["scatter over stated σ", "value"] == own["ratio"]
+
+
+def test_both_parts_of_sigma_stand_beside_the_scatter(found):
+    table = synthetic_cost.with_heads(found)
+    own = synthetic_cost.scatter_with_heads(found).loc["xp_mm"]
+    row = table.loc[("xp", "mm")]
+    assert row["σ of the heads"] == own["sigma_of_heads"]
+    assert row["of noise alone"] == own["noise"]
+
+
+def test_a_step_on_the_ground_is_its_pixels_times_the_ground_pixel(found):
+    row = synthetic_cost.heights(found, [1000.0]).iloc[0]
+    step, ground = row["largest step at a seam (px)"], row["that step on the ground (cm)"]
+    assert ground / step == pytest.approx(100 * 1000 * 5.6e-3 / 74.4404)
+
+
+def test_the_best_height_is_between_those_of_the_table(found):
+    table = synthetic_cost.heights(found)
+    assert table["flying height (m)"][table["RMS (px)"].idxmin()] == 1500.0
+
+
+def test_squares_lead_to_the_flown_one(found):
+    table = synthetic_cost.squares(found)
+    titles = ["square of 0 cm", "square of 8 cm", "square of 16 cm"]
+    assert list(dict.fromkeys(title for title, _ in table.columns)) == titles
+    assert list(synthetic_cost.factors(found)) == titles
+
+
+def test_a_shift_follows_the_lever_arm_wherever_the_lens_centres_are(found):
+    table = synthetic_cost.shifts(found)
+    assert table["lever_z_m"].between(-0.21, 0.05).all()
+    for name in synthetic_cost.SHIFTED:
+        assert table[name].to_numpy() == pytest.approx(table[f"expected_{name}"], abs=5e-5)  # mm
+    # at one flying height it would be -f z / H, with H between those of the block
+    ratio = -table["f_mm"] / table["lever_z_m"] / 74.44
+    assert ratio[table["lever_z_m"].abs() > 0.1].between(1 / 1500, 1 / 1000).all()
+
+
+def test_the_papers_shifts_stand_in_the_last_row(found):
+    last = synthetic_cost.shifts_beside_print(found).loc["paper"]
+    assert last["f (mm)"] == pytest.approx(0.0107)
+    assert last["lever arm z (m)"] == -0.201

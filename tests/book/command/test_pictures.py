@@ -1,0 +1,276 @@
+"""`acx4 render` as its user meets it: lines, statuses, and what a stopped command leaves."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+import acx4sim
+from acx4lib.flight.reader import read
+from acx4lib.results.own_folder import MARK
+from acx4lib.results.whole_files import SCRATCH
+from support.flights import pictured as flights_pictured
+from support.helpers import hears_interrupts
+from support.pictures import measured
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    return measured.flown(tmp_path_factory.mktemp("small"), ("C1-04", "C2-04"), reduce=16)
+
+
+def test_pictures_become_a_flight_that_is_read(acx4, flight, tmp_path):
+    out = tmp_path / "measured"
+    status, said, err = acx4("measure", flight, "--out", out, "--points", 150)
+    assert (status, err) == (0, "")
+    lines = said.splitlines()
+    assert lines[0] == "calibration 1/16: done"
+    assert lines[1].startswith("calibration: ")
+    assert lines[-1] == str(out)
+    assert len(read(out).calibration.image_points) > 100
+
+
+def test_a_flight_is_not_measured_into_itself(acx4, flight):
+    status, _, err = acx4("measure", flight, "--out", flight)
+    assert status == 2
+    assert err == f"{flight}: is the flight itself; choose another folder for the measured one\n"
+
+
+def test_no_height_of_the_ground_is_needed_where_pictures_overlap(acx4, flight, tmp_path):
+    own = shutil.copytree(flight, tmp_path / "own", copy_function=shutil.os.link)
+    (own / "control_points.csv").unlink()
+    shutil.rmtree(own / "validation")
+    status, _, err = acx4("measure", own, "--out", tmp_path / "out")
+    assert (status, err) == (0, "")
+    assert not len(read(tmp_path / "out").calibration.control)
+
+
+COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
+WHOLE = {"E0.tif", "E0_preview.jpg", "E1.tif", "E1_preview.jpg", "images.csv", MARK}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli")
+    flight = flights_pictured.write_flight(folder / "flight")
+    return flight, flights_pictured.write_results(folder / "results", flight)
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """More exposures than are rendered before a command can be stopped."""
+    folder = tmp_path_factory.mktemp("many")
+    flight = flights_pictured.write_flight(folder / "flight", ("E0", "E1", "E2", "E3"))
+    return flight, flights_pictured.write_results(folder / "results", flight)
+
+
+@pytest.fixture
+def own(made, tmp_path):
+    """Return the same flight, to be spoilt."""
+    return shutil.copytree(made[0], tmp_path / "flight"), made[1]
+
+
+@pytest.fixture
+def render_acx4(render_acx4, tmp_path):
+    """Render into a folder; return status, lines of standard output and of standard error."""
+
+    def run(flight, *options):
+        status, *said = render_acx4(
+            "render", flight[0], *arguments(flight, tmp_path / "out"), *options
+        )
+        return status, *(text.splitlines() for text in said)
+
+    return run
+
+
+def arguments(flight, out):
+    return ["--results", str(flight[1]), "--out", str(out)]
+
+
+def names(folder):
+    return {path.name for path in folder.iterdir()}
+
+
+def test_a_flight_is_rendered_with_a_line_for_each_image(render_acx4, made, tmp_path):
+    status, out, err = render_acx4(made)
+    assert (status, err) == (0, [])
+    assert out[:3] == [
+        "E0: done",
+        "E1: done",
+        f"heads as {made[1]} has them, heads/relative_orientation",
+    ]
+    assert out[3].startswith("response of the heads from E0, E1: overlaps disagree by at most 0.")
+    assert out[4:] == [
+        "E0, E1: head images at 1/8 of the size, so the synthetic image has 500 x 375 px",
+        f"2 images rendered, in {tmp_path / 'out'}",
+    ]
+    assert names(tmp_path / "out") == WHOLE
+    status, out, err = render_acx4(made)
+    assert (status, err) == (0, [])
+    assert out[-1] == f"0 images rendered, 2 there already, in {tmp_path / 'out'}"
+
+
+def test_options_reach_the_image(render_acx4, made, tmp_path):
+    status, _, err = render_acx4(
+        *(made, "--exposures", "E1", "--blend", "seam", "--compression", "deflate"),
+        *("--equalise", "none"),
+    )
+    assert (status, err) == (0, [])
+    assert names(tmp_path / "out") == {"E1.tif", "E1_preview.jpg", "images.csv", MARK}
+    with tifffile.TiffFile(tmp_path / "out" / "E1.tif") as tiff:
+        assert tiff.pages.first.compression.name == "ADOBE_DEFLATE"
+        assert '"blend": "seam"' in tiff.pages.first.description
+        assert '"response": null' in tiff.pages.first.description
+
+
+def test_one_bad_exposure_is_status_2_and_the_others_are_there(render_acx4, own, tmp_path):
+    path = flights_pictured.head_path(own[0], "E0", "LEFT")
+    path.write_bytes(b"no image")
+    status, out, err = render_acx4(own)
+    assert status == 2
+    assert out[-1] == f"1 image rendered, in {tmp_path / 'out'}"
+    assert err == [
+        f"E0: {path}: is no TIFF, or its header is damaged; head images are read from TIFF "
+        "(16 or 8 bit)"
+    ]
+    assert names(tmp_path / "out") == {"E1.tif", "E1_preview.jpg", "images.csv", MARK}
+
+
+def test_no_pixels_at_all_is_said_with_the_cure(render_acx4, own, tmp_path):
+    table = own[0] / "heads" / "images.csv"
+    lines = [line.rpartition(",")[0] for line in table.read_text().splitlines()]
+    table.write_text("\n".join(lines) + "\n")
+    status, out, err = render_acx4(own)
+    assert (status, out) == (2, [])
+    assert err == [
+        f"{table}: names no files of head images; give heads/images.csv a column 'file' with the "
+        "TIFF of every head's image, relative to heads/"
+    ]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [
+        ("--blend", "multiband", "--blend 'multiband': must be one of feather, seam"),
+        ("--interpolation", "x", "--interpolation 'x': must be one of bilinear, cubic"),
+        ("--equalise", "x", "--equalise 'x': must be one of flight, image, none"),
+        ("--refine", "x", "--refine 'x': must be one of flight, image"),
+        ("--compression", "jpeg", "must be one of none, deflate, zstd, lzw"),
+        ("--exposures", "E9", "no files of an exposure E9; complete are E0, E1"),
+        ("--exposures", "", "name at least one exposure"),
+        ("--jobs", "0", "Invalid value for '--jobs'"),
+    ],
+)
+def test_a_wrong_option_is_said_and_nothing_is_made(
+    render_acx4, made, tmp_path, option, value, says
+):
+    status, out, err = render_acx4(made, option, value)
+    assert (status, out) == (2, [])
+    assert says in " ".join(err)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_out_that_is_a_file_is_a_line(render_acx4, made, tmp_path):
+    (tmp_path / "out").write_text("a file")
+    status, _, err = render_acx4(made)
+    assert status == 2
+    assert err == [f"{tmp_path / 'out'}: is no folder; choose another name"]
+
+
+def limited():
+    """Let no file grow beyond what one image needs, as if the disk were full."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (800_000, 800_000))
+
+
+def test_a_full_disk_is_a_line_for_each_image_and_leaves_none(render_acx4, made, tmp_path):
+    """In a process of its own, whose files may not grow; what is compiled was kept before."""
+    assert render_acx4(made)[0] == 0
+    shutil.rmtree(tmp_path / "out")
+    done = subprocess.run(
+        [*COMMAND, "render", str(made[0]), *arguments(made, tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        preexec_fn=limited,
+    )
+    assert done.returncode == 2
+    err = done.stderr.splitlines()
+    assert [line.partition(": File too large; it needs more than")[0] for line in err] == [
+        f"{name}: {tmp_path / 'out' / name}.tif" for name in ("E0", "E1")
+    ]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("jobs", "number"), [("1", signal.SIGINT), ("2", signal.SIGTERM)])
+def test_a_stopped_command_leaves_no_half_image(render_acx4, many, tmp_path, number, jobs):
+    """Stopped as soon as an image is begun; what is whole stays, and is taken up again."""
+    whole = [*COMMAND, "render", str(many[0]), *arguments(many, tmp_path / "out")]
+    all_files = 2 * 4 + len({"images.csv", MARK})
+    how = {"stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    how |= {"stdout": subprocess.DEVNULL, "preexec_fn": hears_interrupts}
+    command = subprocess.Popen([*whole, "--jobs", jobs], **how)
+    for _ in range(3000):
+        if (tmp_path / "out").is_dir() and any((tmp_path / "out").glob(f"{SCRATCH}*.tif")):
+            break
+        time.sleep(0.02)
+    os.killpg(command.pid, number)
+    _, err = command.communicate(timeout=60)
+    assert command.returncode == 128 + number
+    assert err.splitlines() == [{15: "terminated", 2: "interrupted"}[number]]
+    left = names(tmp_path / "out") if (tmp_path / "out").exists() else set()
+    assert len(left) < all_files
+    assert {name for name in left if name.startswith(".")} <= {MARK}
+    status, out, _ = render_acx4(many)
+    assert status == 0
+    assert len(names(tmp_path / "out")) == all_files
+    assert "images rendered" in " ".join(out)
+
+
+# --- `acx4 check` of a flight with pictures
+
+
+SIDES = {"small": 64, "large": 600}
+
+
+@pytest.fixture(params=SIDES)
+def pictured(request, tmp_path):
+    """A flight whose first image has a picture; noise, so that its file is large."""
+    flight = tmp_path / "flight"
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=3), flight)
+    table = flight / "calibration" / "images.csv"
+    head, first, *others = table.read_text().splitlines()
+    rows = [f"{head},file", f"{first},images/a.jpg", *(f"{one}," for one in others)]
+    table.write_text("\n".join(rows) + "\n")
+    side = SIDES[request.param]
+    noise = np.random.default_rng(1).integers(0, 255, (side, side), dtype=np.uint8)
+    (flight / "calibration" / "images").mkdir()
+    picture = flight / "calibration" / "images" / "a.jpg"
+    picture.write_bytes(cv2.imencode(".jpg", noise)[1].tobytes())
+    return flight, picture
+
+
+def test_a_jpeg_that_was_cut_in_half_is_one_line(acx4, pictured):
+    flight, picture = pictured
+    assert acx4("check", flight)[0] == 0
+    whole = picture.read_bytes()
+    picture.write_bytes(whole[: len(whole) // 2])
+    status, _, wrong = acx4("check", flight)
+    assert (status, wrong) == (2, f"{picture}: is cut off, its pixels have no end; copy it again\n")
+
+
+def test_what_follows_the_end_of_a_jpeg_is_no_fault(acx4, pictured):
+    flight, picture = pictured
+    picture.write_bytes(picture.read_bytes() + bytes(200_000))
+    assert acx4("check", flight)[0] == 0

@@ -1,0 +1,564 @@
+"""Chapter 9 changed as it suggests, and what one flight of each kind says."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import acx4sim
+from acx4book.chapters import error_budget, failures, stability, weights
+from acx4book.chapters.failures import GROUPS, standardised, worst
+from acx4book.chapters.image_quality import examined
+from acx4book.typesetting.plain_text import shown
+from acx4lib import flight as flights
+from acx4lib.bundle.variance_components import components
+from acx4lib.georeferencing import budget
+from acx4lib.stages import mounting
+from support.changed_notebook import changed
+
+pytestmark = pytest.mark.repeats
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
+WRONG = 'wrong = {"GNSS": 0.4, "heading": 2.0}'
+TIME = "share, constant_s = 0.95, 600.0"
+AIR = 'replace(study.EXACT, refraction="standard")'
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """What the cells define, by the change, on the flight of an ideal camera."""
+    flight, results = tmp_path_factory.mktemp("flight") / "ideal", tmp_path_factory.mktemp("run")
+    acx4sim.write(acx4sim.DESIGNS["acx4-ideal"](seed=1), flight)
+    mounting.run(flights.read(flight), results)
+
+    def one(changes=None, n_flights=1):
+        places = {"flight_path": flight, "results_path": results}
+        return changed("09", changes, **places, n_flights=n_flights)
+
+    return one
+
+
+@pytest.fixture(scope="module")
+def as_it_is(run):
+    return run(n_flights=2)
+
+
+def diagnosis(names):
+    return {one.group: one for one in names["diagnosis"]}
+
+
+def test_sigma_that_are_wrong_are_diagnosed_and_estimated(as_it_is):
+    heading = diagnosis(as_it_is)["heading"]
+    assert abs(heading.factor - 0.5) < 3.3 * heading.sigma
+    assert as_it_is["estimated"]["heading"] == pytest.approx(heading.factor, rel=0.05)
+    assert as_it_is["estimated"]["control plan"] == 1.0
+
+
+def test_the_geometry_promises_what_the_adjustment_states(as_it_is):
+    """To the root of the variance of unit weight, and to how far the declared values are off."""
+    found = weights.promised(as_it_is["promised"], as_it_is["single"].calibration)
+    root = np.sqrt(as_it_is["single"].bundle.solution.sigma0_sq)
+    np.testing.assert_allclose(found["ratio"], root, rtol=0.1)
+    assert weights.outside(as_it_is["reached"]) == []
+
+
+def test_the_covariance_by_hand_is_that_of_the_weights(as_it_is):
+    assert as_it_is["by_hand"] == pytest.approx(as_it_is["library"], rel=1e-9)
+
+
+def test_the_library_undoes_the_simulators_refraction(as_it_is):
+    """Two implementations: Snell's law by layers, and the integral of the density."""
+    without, within = (as_it_is["ratio"][model].droplevel("unit") for model in ("none", "standard"))
+    assert abs(without["f"]) > 1
+    assert abs(without["lever z"]) > 0.8
+    # refractive indices differ by 0.1 %, and so do K and what is left of it
+    assert np.all(np.abs(within) <= 0.003)
+
+
+def test_images_that_are_wrong_by_a_factor_are_found_by_it(run, as_it_is):
+    mistaken = run({WRONG: 'wrong = {"image points": 0.5}'})
+    before, after = (diagnosis(n)["image points"].factor for n in (as_it_is, mistaken))
+    own = components(as_it_is["single"].bundle)
+    as_flown = {one.group: one.factor for one in own}["image points"]
+    assert before == pytest.approx(as_flown, rel=1e-2)
+    assert after == pytest.approx(2 * as_flown, rel=1e-2)  # the others take a little part in it
+
+
+def test_errors_that_change_faster_average_out_better(run, as_it_is):
+    def most(names):
+        pair = {"independent": names["single"], "slow": names["slowly"]}
+        return weights.of_boresight(weights.side_by_side(pair))[1]
+
+    short = run({TIME: "share, constant_s = 0.95, 60.0"})
+    assert 1 < most(short) < most(as_it_is)
+    assert short["by_hand"] == pytest.approx(short["library"], rel=1e-9)
+
+
+def test_a_model_of_refraction_that_is_not_there_does_harm(run, as_it_is):
+    vacuum = run({AIR: "study.EXACT"})
+    with_model = vacuum["ratio"]["standard"].droplevel("unit")
+    assert with_model["f"] == pytest.approx(-as_it_is["ratio"]["none"][("f", "mm")], rel=0.05)
+    assert np.all(np.abs(vacuum["ratio"]["none"]) <= 0.003)
+
+
+def test_a_trajectory_without_times_says_so(tmp_path):
+    flown = acx4sim.DESIGNS["single-head"](seed=1)
+    acx4sim.write(flown, tmp_path / "flight")
+    for path in (tmp_path / "flight").glob("*/trajectory.csv"):
+        table = pd.read_csv(path, dtype=str).drop(columns="time_s")
+        table.to_csv(path, index=False)
+    mounting.run(flights.read(tmp_path / "flight"), tmp_path / "results")
+    names = changed("09", flight_path=tmp_path / "flight", results_path=tmp_path / "results")
+    assert not names["timed"]
+    assert names["slowly"] is None
+    assert "the study" in names["ended"]
+
+
+# --- What notebook 10 says of its changes is seen in its tables
+
+
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
+DRAWN = "draws = examined.drawn_errors(known, 50, seed=1, angle_deg={})"
+TARGETS = "targets = examined.border_distortion_of_targets(known, {}, seed=1)"
+
+
+@pytest.mark.slow
+def test_drawn_angles_and_errors_of_targets_go_where_the_text_says():
+    old, new = TARGETS.format("200, sigma_px=0.5"), TARGETS.format("50, sigma_px=0.1")
+    angles = {DRAWN.format(0.01): DRAWN.format(0.03).replace("50", "10")}
+    found = changed("10", {old: new, **angles}, reduce=16)
+    known = found["known"]
+    draws = examined.drawn_errors(known, 10, seed=1, angle_deg=0.01)
+    before, after = (
+        one.groupby("refinement")["oriented_px"].median() for one in (draws, found["draws"])
+    )
+    assert 2.3 < after["mean shift"] / before["mean shift"] < 3.1
+    assert after["rotations"] == pytest.approx(before["rotations"], rel=0.1)
+    targets = examined.border_distortion_of_targets(known, 50, sigma_px=0.5, seed=1)
+    invented = np.median(found["targets"].radial_px)
+    assert np.median(targets.radial_px) == pytest.approx(5 * invented, rel=0.02)
+
+
+# --- Chapter 12 changed as it suggests; its one flight is the first of those that are stored
+
+
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
+REFINED = (
+    "refined = refine_by_rotations(oriented, shared_points(flight.heads, oriented)).orientation"
+)
+FLIGHT = 'flown.fly("acx4", 1, blocks'
+SINGLE = "free=flight.estimate_mounting)"
+
+
+@pytest.fixture(scope="module")
+def as_it_is_12():
+    return changed("12")
+
+
+def sigma0_sq(names):
+    return names["single"].bundle.solution.sigma0_sq
+
+
+def rms(names, way):
+    return names["compared"].loc[way, "points"]["RMS"].to_numpy()
+
+
+def test_the_one_flight_is_the_first_of_the_stored_ones(as_it_is_12):
+    stored = as_it_is_12["found"]
+    own = stored.parameters.query("seed == 1 and way == 'synthetic'").set_index("parameter")
+    f = as_it_is_12["single"].table().droplevel("unit").loc["f"]
+    assert f["value"] == pytest.approx(own["value"]["f_mm"], abs=1e-5)
+    assert f["sigma"] == pytest.approx(own["sigma"]["f_mm"], rel=1e-4)
+    points = stored.points.query("seed == 1 and over == 'points'").set_index(["way", "axis"])
+    for way in ("synthetic", "rig"):
+        np.testing.assert_allclose(rms(as_it_is_12, way), points["rms_m"][way], rtol=1e-4)
+
+
+def test_the_rise_by_hand_is_the_closed_form(as_it_is_12):
+    closed = as_it_is_12["geometry"].apparent_rise_m(
+        as_it_is_12["side_m"], as_it_is_12["f_mm"], as_it_is_12["size_mm"]
+    )
+    assert as_it_is_12["by_hand"] == pytest.approx(closed, rel=1e-4)  # 400 points a side
+
+
+def test_steps_at_the_seams_stay_where_nothing_has_noise():
+    exact = changed("12", {FLIGHT: 'flown.fly("acx4", 1, flown.EXACT, blocks'})
+    assert exact["rig"].bundle.solution.sigma0_sq < 1e-3
+    assert sigma0_sq(exact) == pytest.approx(0.060, abs=0.005)  # of the stored flights
+
+
+def test_the_excess_of_another_flight_is_again_some_hundredths(as_it_is_12):
+    other = changed("12", {FLIGHT: 'flown.fly("acx4", 2, blocks'})
+    for names in (other, as_it_is_12):
+        assert 0.03 < sigma0_sq(names) - names["rig"].bundle.solution.sigma0_sq < 0.1
+    assert sigma0_sq(other) != sigma0_sq(as_it_is_12)
+
+
+def test_a_lever_arm_that_is_held_goes_elsewhere(as_it_is_12):
+    held = changed("12", {SINGLE: 'free=flight.estimate_mounting, fix=("lever_arm",))'})
+    assert sigma0_sq(held) > sigma0_sq(as_it_is_12)
+    xp = [names["single"].table().droplevel("unit")["value"]["xp"] for names in (held, as_it_is_12)]
+    assert abs(xp[0] - xp[1]) > 0.005  # mm: the paper's shift is 0.012
+
+
+# --- Chapter 14: what mistakes leave, what commands say of them, and what is computed by hand
+
+
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
+
+@pytest.fixture(scope="module")
+def as_it_is_14():
+    return changed("14")
+
+
+@pytest.fixture(scope="module")
+def found(as_it_is_14):
+    return as_it_is_14["found"]
+
+
+def test_without_a_mistake_nothing_is_said_and_residuals_are_as_large_as_sigma(found):
+    clean = found["no mistake"]
+    assert clean.check == clean.run == ()
+    assert not clean.named
+    assert np.all(np.abs(standardised(clean) - 1) < 0.3)
+    assert worst(clean)["off"] < 3.5
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("wrong sign", "pitch of opposite sign"),
+        ("angles exchanged", "roll, pitch exchanged"),
+        ("coordinates exchanged", "east_m and north_m were swapped in control_points.csv"),
+        ("convergence", "heading from grid north"),
+        ("delay", "s late"),
+    ],
+)
+def test_check_names_the_mistake_before_any_adjustment(found, name, words):
+    assert any(words in line for line in found[name].check)
+
+
+def test_run_names_the_height_system_and_what_few_strips_leave_weak(found):
+    assert any("height system of control or trajectory" in line for line in found["geoid"].run)
+    assert any("CAM f_mm is weak" in line for line in found["one direction"].run)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "by"),
+    [
+        ("convergence", "boresight_kappa_deg", 1.22),  # of PROJ, at the field
+        ("geoid", "lever_z_m", -45.0),
+        ("delay", "lever_x_m", -7.0),  # 70 m/s
+    ],
+)
+def test_a_constant_mistake_goes_into_a_parameter_that_claims_to_be_certain(
+    found, name, parameter, by
+):
+    off = worst(found[name])
+    assert off.name == parameter
+    assert off["error"] == pytest.approx(by, rel=0.02)
+    assert off["off"] > 100
+
+
+def test_one_direction_leaves_no_residual_and_large_sigmas(as_it_is_14):
+    assert standardised(as_it_is_14["found"]["one direction"]).max() < 1.5
+    assert as_it_is_14["ratio"].min() > 1
+    assert as_it_is_14["ratio"]["f_mm"] > 10
+
+
+def test_what_is_refused_has_no_residuals(found):
+    refused = found["coordinates exchanged"]
+    assert worst(refused) is None
+    assert standardised(refused).isna().all()
+    assert list(standardised(refused).index) == list(GROUPS)
+
+
+def test_no_sentence_names_a_folder_of_the_machine(found):
+    assert not any("/tmp" in line for one in found.values() for line in (*one.check, *one.run))
+
+
+def test_the_words_of_the_commands_stand_there_unchanged(found):
+    one = found["geoid"]
+    text = one._repr_markdown_()
+    assert all(shown(line) in text for line in (*one.check, *one.run))
+    assert "(nothing odd)" in text  # of check
+    assert found["no mistake"]._repr_markdown_().count("(nothing odd)") == 2
+
+
+def test_every_mistake_has_a_row(found):
+    table = failures.table(found)
+    assert list(table["Mistake"]) == list(found)
+    assert table.set_index("Mistake").loc["geoid", "wrong by"] == "-45 m"
+
+
+def test_gross_errors_are_counted_against_those_that_were_planted(as_it_is_14):
+    planted = {
+        (e["kind"], e["image_or_exposure"], e.get("point", ""))
+        for e in as_it_is_14["found"]["gross errors"].planted
+    }
+    assert len(as_it_is_14["gross"]) == len(planted)
+    assert len(as_it_is_14["both"]) > 0.9 * len(planted)
+
+
+def test_the_answer_sorts_the_mistakes_by_how_they_are_found(as_it_is_14):
+    assert as_it_is_14["refused"] == ["coordinates exchanged"]
+    assert as_it_is_14["cleaned"] == ["gross errors"]
+    planned = ["wrong sign", "angles exchanged", "convergence", "geoid", "delay"]
+    assert as_it_is_14["seen"] == planned
+    assert sum(one.named for one in as_it_is_14["wrong_ones"].values()) == 7
+
+
+def test_residuals_of_a_wrong_sign_are_those_of_the_library_and_twice_the_angle(as_it_is_14):
+    np.testing.assert_allclose(as_it_is_14["by_hand"], as_it_is_14["library"], rtol=1e-9)
+    both = np.sqrt(np.mean(as_it_is_14["library"][:2] ** 2))
+    rms = standardised(as_it_is_14["found"]["wrong sign"])
+    assert both == pytest.approx(rms["roll, pitch"], rel=1e-6)
+    assert np.corrcoef(as_it_is_14["twice"], as_it_is_14["pitch"])[0, 1] > 0.99
+    assert as_it_is_14["reading"].name == "pitch of opposite sign"
+
+
+def test_a_mistake_of_a_reader_is_planted_in_the_same_way():
+    """Heights that are 5 m wrong in place of 45 m move the lever arm by 5 m."""
+    other = changed("14", {'control["height_m"] - 45.0': 'control["height_m"] - 5.0'})
+    assert worst(other["found"]["geoid"])["error"] == pytest.approx(-5.0, rel=0.05)
+
+
+# --- Chapter 15: what planned flights determine, what is computed by hand, and a plan of
+# one's own
+
+
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
+NEVER = "shown.explorer(explorer.explorer(plan))"
+"""The figure that moves has flights of its own, which take long."""
+
+
+@pytest.fixture(scope="module")
+def as_it_is_15():
+    return changed("15", {NEVER: "None"})
+
+
+def test_equal_heights_leave_f_and_z_nearly_one_number(as_it_is_15):
+    assert as_it_is_15["library"] == pytest.approx(as_it_is_15["by_hand"], rel=0.05)
+
+
+def test_two_heights_matter_to_f_and_z(as_it_is_15):
+    gain = as_it_is_15["by_ratio"][1.0] / as_it_is_15["by_ratio"][1.5]
+    assert gain[["f_mm", "lever_z_m"]].min() > 5
+    assert gain.drop(["f_mm", "lever_z_m"]).max() < 2
+
+
+def test_opposite_directions_matter_to_what_turns_with_the_aircraft(as_it_is_15):
+    gain = as_it_is_15["by_turn"][0.0] / as_it_is_15["by_turn"][180.0]
+    assert gain[["lever_x_m", "lever_y_m"]].min() > 5
+    assert gain[["xp_mm", "yp_mm", "boresight_omega_deg", "boresight_phi_deg"]].min() > 1.5
+    assert gain[["f_mm", "lever_z_m", "boresight_kappa_deg"]].max() < 1.2
+
+
+def test_kappa_is_a_mean_of_headings(as_it_is_15):
+    pairs, one_way = as_it_is_15["by_pairs"], as_it_is_15["by_same_way"]
+    means = [0.008 / np.sqrt(28 * n) for n in pairs.columns]
+    assert pairs.loc["boresight_kappa_deg"].tolist() == pytest.approx(means, rel=0.03)
+    assert one_way.loc["boresight_kappa_deg"].tolist() == pytest.approx(means, rel=0.03)
+    assert as_it_is_15["by_formula"].tolist() == pytest.approx(means)
+    assert as_it_is_15["n"] == pytest.approx(256)
+
+
+def test_a_flight_is_the_same_in_two_curves(as_it_is_15):
+    same = as_it_is_15["by_pairs"][1].to_numpy()
+    assert as_it_is_15["by_turn"][180.0].to_numpy() == pytest.approx(same, rel=0.1)
+    assert as_it_is_15["by_ratio"][1.5].to_numpy() == pytest.approx(same)
+
+
+def test_control_points_never_make_anything_worse(as_it_is_15):
+    relative = as_it_is_15["by_control"].T.pct_change().iloc[1:]
+    assert relative.max(axis=None) < 0.01
+
+
+def test_sigma_by_the_sum_of_strips_is_the_library_s(as_it_is_15):
+    expected = as_it_is_15["found"].given((0, 1, 3))
+    np.testing.assert_allclose(as_it_is_15["by_sum"], expected, rtol=1e-5)
+
+
+def test_the_chosen_flight_is_cheaper_and_within_what_is_allowed(as_it_is_15):
+    assert as_it_is_15["chosen"].met
+    table, wanted = as_it_is_15["table"], as_it_is_15["wanted"]
+    assert table.loc["minutes", "chosen"] < 0.8 * table.loc["minutes", "the paper's"]
+    ratio = table["chosen"] / table["the paper's"]
+    assert ratio[wanted].max() <= 1.25
+
+
+def test_a_held_lever_arm_leaves_f_to_the_shift_of_gnss(as_it_is_15):
+    held = as_it_is_15["sigmas"](as_it_is_15["held"])["f_mm"]
+    assert held > 5 * as_it_is_15["by_ratio"].loc["f_mm", 1.5]
+
+
+def test_what_a_left_out_strip_does_is_told_by_sums_as_well(as_it_is_15):
+    harm, by_sums = as_it_is_15["harm"].loc[as_it_is_15["wanted"]], as_it_is_15["by_sums"]
+    assert (harm > 1).all(axis=None)
+    assert by_sums.to_numpy() == pytest.approx(harm.to_numpy(), rel=0.12)
+    assert harm.max()[by_sums.max().idxmin()] < 1.02 * harm.max().min()
+
+
+def test_a_shorter_time_keeps_to_it(as_it_is_15):
+    short = as_it_is_15["short"]
+    assert short.minutes <= 6
+    assert 1 < short.excess < as_it_is_15["excess"]
+    heights = {one.flying_height_m for one in short.plan.blocks["calibration"].strips.values()}
+    assert heights == {1000.0, 1500.0}
+
+
+def test_what_is_allowed_is_an_argument(as_it_is_15):
+    poorer = changed("15", {NEVER: "None"}, allowed=2.0)
+    assert poorer["chosen"].minutes < as_it_is_15["chosen"].minutes
+
+
+# --- Chapter 16 changed as it suggests, and what it computes by hand and in its exercises
+
+
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
+READ = "calibrations = validation.calibrations(flight, results_path)\n"
+POOR = "height_m, sigma_position_m=(0.3, 0.3, 0.3))"
+FLIGHTS = "replace(mapping, height_m=height_m) for height_m in heights_m"
+
+
+@pytest.fixture(scope="module")
+def run_16(tmp_path_factory):
+    """What the cells define, by the change, on the flight of an ideal camera."""
+    flight, results = tmp_path_factory.mktemp("flight") / "ideal", tmp_path_factory.mktemp("run")
+    acx4sim.write(acx4sim.DESIGNS["acx4-ideal"](seed=1), flight)
+    mounting.run(flights.read(flight), results)
+
+    def one(changes=None):
+        return changed("16", changes, flight_path=flight, results_path=results)
+
+    return one
+
+
+def forgotten(part):
+    """Return the change that forgets a part of every calibration."""
+    each = f"{{name: forgotten.{part}(one) for name, one in calibrations.items()}}"
+    how = "from acx4lib.georeferencing import direct as forgotten\n"
+    return {READ: f"{READ}{how}calibrations = {each}\n"}
+
+
+@pytest.fixture(scope="module")
+def as_it_is_16(run_16):
+    return run_16()
+
+
+def groups(names):
+    return error_budget.groups(names["validations"], names["points"], names["pairs"])
+
+
+def test_a_point_by_hand_has_the_sigma_of_the_library(as_it_is_16):
+    np.testing.assert_allclose(as_it_is_16["by_hand"], as_it_is_16["library"], rtol=1e-9)
+
+
+def test_exercises_are_solved_in_two_ways(as_it_is_16):
+    found = as_it_is_16
+    assert found["by_roll"] == pytest.approx(found["by_image"], rel=1e-6)
+    assert np.degrees(found["half"]) == pytest.approx(0.002155, abs=1e-6)  # 2.8 um / 74.44 mm
+    ratio = np.sqrt(np.sum(found["x_few"] ** 2) / np.sum(found["x_many"] ** 2))
+    assert found["many"] / found["few"] == pytest.approx(ratio, rel=1e-6)
+    assert found["best"] == pytest.approx(found["trials"][np.argmin(found["harm"])], abs=50)
+    assert 1000 <= found["best"] <= 1500
+    assert found["after"].rms[2] == pytest.approx(0.8 * found["before"].rms[2], rel=1e-3)
+
+
+def test_poor_positions_have_a_larger_part_of_the_plan_most_at_low_heights(run_16, as_it_is_16):
+    def of_trajectory(names, at):
+        plan = error_budget.plan_and_height(names["at_heights"]["single_step"][at].mean)[0]
+        return budget.shares(plan)["trajectory"]
+
+    poor = run_16({FLIGHTS: FLIGHTS.replace("height_m)", POOR)})
+    low, high = (of_trajectory(poor, at) - of_trajectory(as_it_is_16, at) for at in (0, -1))
+    assert low > high > 0
+
+
+def test_a_forgotten_lever_arm_leaves_the_shares_and_makes_larger_differences(run_16, as_it_is_16):
+    row, share = ("Single-step", "all", "height"), "calibration (%)"
+    before, after = groups(as_it_is_16).loc[row], groups(run_16(forgotten("lever_arm"))).loc[row]
+    assert after[share] == pytest.approx(before[share], rel=0.2)
+    assert after["RMS of d / σ"] > 1.2 * before["RMS of d / σ"]
+
+
+def test_no_budget_knows_of_distortion_that_is_forgotten(run_16, as_it_is_16):
+    straight = groups(run_16(forgotten("distortion")))
+    assert straight["RMS of d / σ"].max() > 1.5 * groups(as_it_is_16)["RMS of d / σ"].max()
+
+
+def test_a_flight_of_another_camera_ends_before_the_papers_budget(tmp_path):
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), tmp_path / "flight")
+    mounting.run(flights.read(tmp_path / "flight"), tmp_path / "results")
+    names = changed("16", flight_path=tmp_path / "flight", results_path=tmp_path / "results")
+    assert "the flight of the study" in names["ended"]
+    assert "at_heights" in names
+
+
+# --- Chapter 18: what it computes by hand, its tests and its exercises, and another seed
+
+
+"""Chapters of the paper are changed in every run of the tests; these take minutes."""
+
+FLIGHTS_18 = "flights = history.flights(seed)"
+
+
+@pytest.fixture(scope="module")
+def as_it_is_18():
+    return changed("18")
+
+
+def test_chi_square_by_hand_is_the_library_s(as_it_is_18):
+    assert as_it_is_18["chi_square"] == pytest.approx(as_it_is_18["test"].chi_square, rel=1e-6)
+    assert as_it_is_18["by_hand"] == pytest.approx(as_it_is_18["one"].f, rel=1e-12)
+
+
+def test_chi_squares_of_the_pair_and_of_the_others_add_up(as_it_is_18):
+    others = np.flatnonzero(~as_it_is_18["own"])
+    total = as_it_is_18["alone"].chi_square + as_it_is_18["later"].test(others).chi_square
+    assert total == pytest.approx(as_it_is_18["later"].test().chi_square, rel=1e-6)
+
+
+def test_the_pair_is_in_micrometres_and_millimetres(as_it_is_18):
+    later, own = as_it_is_18["later"], as_it_is_18["own"]
+    d, cov = as_it_is_18["pair"]
+    np.testing.assert_allclose(d, 1e3 * later.d[own])
+    np.testing.assert_allclose(np.sqrt(np.diag(cov)), 1e3 * later.sigma[own])
+
+
+def test_holm_and_the_joint_test_keep_their_level(as_it_is_18):
+    levels, shares = as_it_is_18["levels"], as_it_is_18["shares"]
+    spread = np.sqrt(levels * (1 - levels) / 4000)
+    assert np.all(np.abs(shares[stability.JOINT] - levels) < 4.5 * spread)
+    assert np.all(shares[stability.HOLM] < levels + 4.5 * spread)
+    assert np.all(shares[stability.EACH] > 3 * levels)
+
+
+def test_the_slope_is_that_which_was_simulated(as_it_is_18):
+    assert abs(as_it_is_18["slope"] - stability.UM_PER_DEGREE) < 4 * as_it_is_18["sigma_slope"]
+
+
+def test_exercises_are_solved_in_two_ways_18(as_it_is_18):
+    found = as_it_is_18
+    assert found["value"] == pytest.approx(0.4)
+    assert found["both"].coefficients[0, 0] == pytest.approx(0.4)
+    assert found["both"].chi_square == pytest.approx(0.8)
+    assert found["most"] == np.sum(np.array(found["joint"]) < found["level"]) == 18
+    assert found["moved_m"] == pytest.approx(found["by_rays"], rel=1e-6)
+    assert found["moved_m"] == pytest.approx(0.134, abs=0.001)
+    ratio = found["sigma_slopes"][0] / found["sigma_slopes"][1]
+    assert found["smaller"] == pytest.approx(ratio, rel=1e-9)
+
+
+def test_without_the_repaired_campaigns_the_camera_follows_temperature_alone(as_it_is_18):
+    few = changed("18", {FLIGHTS_18: f"{FLIGHTS_18}[:4]"})
+    assert few["stability"](few["compared"]).chi_square < as_it_is_18["same"].chi_square
+    assert few["lines"].scatter.p > 1e-3
+    whole = as_it_is_18["trend"](
+        as_it_is_18["compared"], as_it_is_18["temperatures"](as_it_is_18["compared"])
+    )
+    assert whole.scatter.p < 1e-6

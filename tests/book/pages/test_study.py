@@ -1,0 +1,260 @@
+"""The list of what was chosen is complete, and its values are those of the flight."""
+
+import html
+import json
+import re
+import shutil
+
+import nbformat
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from acx4book.chapters import synthetic_cost
+from acx4book.pages import api, study
+from acx4book.pages.study import geometry_page, geometry_table
+from acx4book.paper import printed
+from acx4book.typesetting.labels import LABELS
+from acx4lib.calibration import estimates
+from acx4lib.calibration.estimates import needed
+from acx4lib.geometry.parameters import REPORTED
+from acx4lib.results import folder
+from support import run_results
+from support.flights.simulated import fly
+from support.helpers import ROOT, write_notebook
+
+
+@pytest.fixture(scope="module")
+def page():
+    flown = fly("acx4-ideal", seed=1)
+    return study.chosen_page(flown.flight, flown.truth)
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "chosen | tie points of the calibration block | 700 |",
+        "chosen | noise of GNSS positions, plan and height | 2 and 1.5 cm |",
+        "chosen | places of the natural targets | 36 over",
+        "chosen | focal length of the first head | 74.",
+        "a guess | noise of image points | 0.5 px |",
+        "a guess | noise of natural targets | 1 to 2 px |",
+        "a guess | tie points of every head | 500 |",
+        "ground that has tie points, heads and calibration | 5.2 × 3.8 and 4.2 × 2.5 km |",
+        "a guess | control field | 56 over",
+        "a guess | side overlap of the validation block | 30 % |",
+        "a guess | places of the heads | a square of 0.16 m |",
+        "a guess | axes of the lever arm | forward, left, up |",
+        "a guess | site, relief, refraction, seed |",
+    ],
+)
+def test_the_list_has_it(page, row):
+    assert row in html.unescape(page)
+
+
+def test_what_the_paper_says_of_gnss_stands_beside_it(page):
+    assert f"{printed.statement('gnss_best_m'):.2f} to" in page
+
+
+# --- The accuracy that the front page tells is that of all stored flights
+
+
+STORED = synthetic_cost.STORED
+
+
+@pytest.fixture(scope="module")
+def ideal():
+    return study.of_ideal(STORED, "single_step")
+
+
+def test_the_median_is_that_of_all_flights_and_not_of_one(ideal):
+    assert len(ideal) == 200
+    assert np.median(ideal["height"]) == pytest.approx(0.314, abs=0.001)
+    assert np.sqrt(np.mean(ideal["height"] ** 2)) == pytest.approx(0.335, abs=0.001)
+
+
+def test_class_a_is_reached_in_part_of_the_flights(ideal):
+    assert ideal["height_5000"].mean() == pytest.approx(0.56, abs=0.01)
+    assert study.of_ideal(STORED, "two_step")["height_5000"].mean() == pytest.approx(0.48, abs=0.01)
+
+
+def test_flights_of_four_heads_stand_first():
+    said = study.page(STORED)
+    assert said.index("four heads, single-step") < said.index("ideal camera")
+    assert f"| {synthetic_cost.read().n_flights} |" in said
+
+
+# --- One verdict on the two methods, from a run and from stored flights
+
+
+def test_the_verdict_has_the_ratios_of_standard_deviations(tmp_path):
+    results = run_results.leave_results(tmp_path)[1]
+    found = folder.read(results)
+    said = study.methods_page(found, "CAM", synthetic_cost.STORED)
+    sigma = {
+        m: folder.parameters(found, f"mounting/{m}", "CAM")["sigma"]
+        for m in ("two_step", "single_step")
+    }
+    ratio = sigma["two_step"]["f_mm"] / sigma["single_step"]["f_mm"]
+    assert f"{ratio:.0f} times smaller" in said
+    rms = json.loads((results / "summary.json").read_text())["validation/single_step"]
+    assert f"{rms['points']['rms'][2]:.2f} m in height with the single step" in said
+
+
+def test_slow_errors_are_those_of_all_stored_flights():
+    errors = pd.read_csv(synthetic_cost.STORED / "slow_errors.csv")
+    said = study.slow_errors(synthetic_cost.STORED)
+    assert f"Over {errors['seed'].nunique()} flights" in said
+    assert "2.3 to 4.9 times its standard deviation" in said
+
+
+def test_without_a_two_step_method_there_is_no_verdict(tmp_path):
+    found = folder.read(run_results.leave_results(tmp_path)[1])
+    del found.summary["mounting/two_step"]
+    assert study.methods_page(found, "CAM", synthetic_cost.STORED) == ""
+
+
+# --- What a simulated flight was given is said from its truth, and from nothing else
+
+
+@pytest.fixture(scope="module")
+def acx4():
+    flown = fly("acx4-ideal", seed=1)
+    return study.simulation_page(flown.flight, flown.truth)
+
+
+def test_the_true_values_are_those_of_the_truth(acx4):
+    f = printed.value(3, "f_mm", "single_step")
+    assert f"| {f:.4f} |" in acx4
+    f = fly("acx4-ideal", seed=1).truth["cameras"]["CAM1"]["f_mm"]
+    assert f"{f:.4f} mm, follows from Table 3" in acx4
+
+
+def test_all_of_table_3_was_given_to_the_ideal_camera(acx4):
+    assert "The synthetic camera's 14 values are those" in acx4
+
+
+def test_what_was_chosen_is_said_beside_what_the_paper_says(acx4):
+    assert "tab-chosen" in acx4
+
+
+def test_another_flight_is_not_said_to_be_the_papers():
+    flown = fly("single-head", seed=1)
+    page = study.simulation_page(flown.flight, flown.truth)
+    assert "Table 1" not in page
+    assert "tab-noise" in page
+
+
+def test_a_flight_without_truth_is_not_said_to_be_simulated():
+    flight = fly("single-head", seed=1).flight
+    page = study.simulation_page(flight, None)
+    assert "no truth beside it" in page
+    assert "is simulated" not in page
+
+
+# --- The page on which geometry determines which parameter
+
+
+def test_every_parameter_stands_once_among_those_that_need_a_geometry():
+    listed = ", ".join(geometry_table()["Parameter"]).split(", ")
+    assert sorted(listed) == sorted(LABELS[name] for name, _ in REPORTED.values())
+
+
+def test_limits_and_geometries_are_those_of_the_messages():
+    rows = geometry_table().set_index("Parameter")
+    assert rows.loc["lever arm $z$", "It needs"] == needed("lever_z")
+    assert rows.loc["lever arm $z$", "Largest σ"] == f"{estimates.LIMIT_LEVER_M:g} m"
+    assert rows.loc["$x_p$, $y_p$", "Largest σ"] == "0.2 % of $f$"
+    assert rows.loc["boresight $\\kappa$", "Largest σ"] == "0.1°"
+    assert rows.loc["$k_1$", "Largest σ"] == "any"
+    assert ":name: tab-geometry" in geometry_page()
+
+
+# --- Chapters that depend on no flight, with two small ones in the place of the book's
+
+
+@pytest.fixture
+def copy(tmp_path, monkeypatch):
+    """A working copy with two chapters; each run of one leaves a line in its file."""
+    for name in ("01-one", "02-two"):
+        ran = f"from pathlib import Path\nprint('a', file=Path('ran-{name}').open('a'))"
+        write_notebook(tmp_path / "notebooks" / f"{name}.ipynb", "seed: int = 1", ran)
+    (tmp_path / "environment.lock").write_text("numpy==2\n")
+    (tmp_path / "data.csv").write_text("1\n")
+    (tmp_path / "executed").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(study, "NOTEBOOKS_PATH", tmp_path / "notebooks")
+    monkeypatch.setattr(study, "CHAPTERS", {"01-one": ("data.csv",), "02-two": ()})
+    return tmp_path
+
+
+def runs(copy):
+    return [
+        len(path.read_text().splitlines()) if (path := copy / f"ran-{name}").is_file() else 0
+        for name in ("01-one", "02-two")
+    ]
+
+
+def test_they_run_once_until_what_they_depend_on_changes(copy):
+    for _ in range(2):
+        assert study.bring(copy / "executed", copy / "ideal") == []
+    assert runs(copy) == [1, 1]
+    (copy / "data.csv").write_text("2\n")
+    assert study.bring(copy / "executed", copy / "ideal") == []
+    assert runs(copy) == [2, 1]
+    assert len(list((copy / study.KEPT).iterdir())) == 2
+    page = nbformat.read(copy / "executed" / "01-one.ipynb", as_version=4)
+    assert page.cells[0].metadata.tags == ["injected-parameters", "hide-input"]
+
+
+def test_for_another_flight_they_never_run_and_only_those_that_hold_are_there(copy):
+    study.bring(copy / "executed", copy / "ideal")
+    (copy / "data.csv").write_text("2\n")
+    (copy / "executed" / "01-one.ipynb").unlink()
+    assert study.bring(copy / "executed", None) == ["01-one"]
+    assert runs(copy) == [1, 1]
+    assert [path.name for path in (copy / "executed").iterdir()] == ["02-two.ipynb"]
+
+
+def contents(folder):
+    """Return the pages that a table of contents lists, in its order."""
+    return re.findall(r"(?m)^\W*file: (\S+)$", (folder / "_toc.yml").read_text("utf-8"))
+
+
+def test_what_is_left_out_is_in_no_contents_and_has_its_title_for_links(tmp_path):
+    generated = tmp_path / "_generated"
+    generated.mkdir()
+    shutil.copy(ROOT / "book" / "_toc.yml", tmp_path)
+    study.leave_out(tmp_path, ["_executed/14-failure-clinic", api.FOLDER])
+    left = [page for page in contents(ROOT / "book") if not page.startswith(api.FOLDER)]
+    left.remove("_executed/14-failure-clinic")
+    assert contents(generated) == left
+    assert json.loads((generated / "left_out.json").read_text("utf-8")) == {
+        "_executed/14-failure-clinic": "The failure clinic",
+        api.FOLDER: "",
+    }
+    study.leave_out(tmp_path, [])
+    assert yaml.safe_load((generated / "_toc.yml").read_text("utf-8")) == yaml.safe_load(
+        (tmp_path / "_toc.yml").read_text("utf-8")
+    )
+
+
+def test_every_chapter_is_in_the_contents_and_reads_files_that_are_there(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    contents = (ROOT / "book" / "_toc.yml").read_text("utf-8")
+    for name, patterns in study.CHAPTERS.items():
+        assert f"_executed/{name}\n" in contents
+        for pattern in patterns:
+            assert pattern == "measured" or list(ROOT.glob(pattern))
+
+
+def test_a_part_of_which_no_page_is_left_is_not_there(tmp_path):
+    (tmp_path / "_generated").mkdir()
+    (tmp_path / "_toc.yml").write_text((ROOT / "book" / "_toc.yml").read_text("utf-8"))
+    study.leave_out(tmp_path, [f"_executed/{name}" for name in study.CHAPTERS])
+    left = yaml.safe_load((tmp_path / "_generated" / "_toc.yml").read_text("utf-8"))
+    assert all(part["chapters"] for part in left["parts"])
+    captions = [part["caption"] for part in left["parts"]]
+    assert "Foundations" not in captions
+    assert "The paper" in captions

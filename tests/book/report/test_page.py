@@ -1,0 +1,265 @@
+"""The report is one file, or a line says why there is none."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+from pypdf import PdfReader
+
+from acx4book.report import page
+from acx4book.report.material import image_residuals, read
+from acx4book.report.page import DIRECTIVE, MARK, TEXT, Part, computed, parts
+from acx4book.report.words import Text
+from acx4lib.errors import FlightError, OutputError
+from support.run_results import SINGLE, edit
+
+
+@pytest.fixture(scope="module")
+def reported(made, tmp_path_factory):
+    """A report by a process of its own, what it said, and what it loaded of what adjusts."""
+    code = (
+        "import atexit, sys\n"
+        "unwanted = {'numba', 'cv2', 'scipy.linalg', 'scipy.spatial', 'matplotlib.pyplot'}\n"
+        "atexit.register(lambda: print('loaded', sorted(unwanted & set(sys.modules))))\n"
+        "from acx4book.command.acx4 import main\n"
+        "main()"
+    )
+    out = tmp_path_factory.mktemp("reported") / "report.html"
+    given = ("report", made[1], "--out", out)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *given], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return out, done.stdout.splitlines()
+
+
+@pytest.mark.slow
+def test_the_report_is_one_file_that_asks_for_nothing(reported, run):
+    out, said = reported
+    assert said[:2] == ["report: done", str(out)]
+    assert sorted(path.name for path in out.parent.iterdir()) == ["report.html", "report.json"]
+    text = out.read_text(encoding="utf-8")
+    assert not re.search(r"<script|<link|src=\"(?!data:)|url\(|@import", text)
+    assert text.count("data:image/svg+xml;base64,") >= 6
+    assert "<code class" not in text
+    assert "import acx4lib" not in text
+    assert run.flight.name in text
+    assert "<b>Table 1.</b> The calibration" in text
+    assert "standard deviations and correlation matrix" in text.lower()
+    assert not re.search(r"\{(numref|eq|doc)\}|\\varphi|\$", re.sub(r"<style>.*</style>", "", text))
+
+
+@pytest.mark.slow
+def test_the_same_results_give_the_same_bytes_in_another_process(acx4, reported, made, tmp_path):
+    again, (first, _) = tmp_path / "again.html", reported
+    status, said, err = acx4("report", made[1], "--out", again)
+    assert (status, said.splitlines(), err) == (0, ["report: done", str(again)], "")
+    assert again.read_bytes() == first.read_bytes()
+    assert again.with_suffix(".json").read_bytes() == first.with_suffix(".json").read_bytes()
+
+
+def test_what_adjusts_is_not_loaded_for_a_report(reported):
+    """It takes longer to load than the report takes to compute its tables."""
+    assert reported[1][-1] == "loaded []"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (shutil.rmtree, "no such folder"),
+        (lambda f: (f / "residuals.csv").unlink(), "not complete, without residuals.csv"),
+        (lambda f: (f / "summary.json").write_text("{}"), "no stage left results"),
+        (lambda f: (f / "summary.json").write_text("{"), "summary.json:1: file: not JSON"),
+        (lambda f: shutil.rmtree(f / "flight"), "not complete, without flight/flight.toml"),
+        (lambda f: [p.unlink() for p in f.glob("*.*")], "no results of a run"),
+    ],
+)
+def test_bad_results_are_one_line_and_leave_an_older_report_alone(acx4, folder, spoil, says):
+    spoil(folder)
+    out = folder.parent / "report.html"
+    out.write_bytes(MARK)
+    status, said, err = acx4("report", folder, "--out", out)
+    assert (status, said) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert says in err
+    assert str(folder) in err
+    assert out.read_bytes() == MARK
+
+
+def test_a_flight_in_place_of_its_results_is_told_what_is_missing(acx4, made):
+    status, _, err = acx4("report", made[0])
+    assert (status, err) == (
+        2,
+        f"{made[0]}: no results of a run; acx4 run FLIGHT --results makes them\n",
+    )
+
+
+def test_a_place_that_cannot_be_written_is_one_line_before_anything_runs(acx4, made, tmp_path):
+    for out, says in (
+        (tmp_path, "is a folder"),
+        (tmp_path / "no" / "x.html", "no such folder"),
+        (tmp_path / "x.pdf", "name the page, such as x.html"),
+    ):
+        status, _, err = acx4("report", made[1], "--out", out)
+        assert status == 2
+        assert len(err.splitlines()) == 1
+        assert says in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_residuals_of_another_flight_are_refused(folder):
+    def rename(table):
+        table["point"] = table["point"].str.replace("T0", "X0")
+
+    edit(folder, "residuals", rename)
+    with pytest.raises(FlightError, match=r"are not of the points in flight; run all"):
+        image_residuals(read(folder), SINGLE)
+
+
+def test_without_a_printer_the_report_is_written_and_the_command_says_what_is_missing(
+    acx4, made, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("PATH", "")
+    out = tmp_path / "report.html"
+    status, said, err = acx4("report", made[1], "--out", out, "--pdf")
+    assert (status, said.splitlines()) == (1, ["report: done", str(out)])
+    assert "install the package chromium" in err
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "report.json"}
+
+
+# --- Printing by Chromium: a PDF beside the report, or one line on what to install
+
+
+REPORT = """<!DOCTYPE html><html><head><meta name="generator" content="acx4 report">
+<title>Calibration report: 飛</title></head><body><p>one</p></body></html>"""
+
+
+@pytest.fixture
+def report(tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text(REPORT, encoding="utf-8")
+    return path
+
+
+def test_without_chromium_a_line_says_what_to_install(report, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(page.PrintError, match="install the package chromium"):
+        page.write_pdf(report)
+    assert [path.name for path in report.parent.iterdir()] == ["report.html"]
+
+
+def test_another_pdf_is_not_replaced(report):
+    report.with_suffix(".pdf").write_bytes(b"%PDF-1.4 of somebody")
+    with pytest.raises(OutputError, match="is not a report of acx4"):
+        page.check_pdf(report)
+
+
+@pytest.mark.slow
+def test_a_report_is_printed_beside_it_and_printed_again(report):
+    try:
+        page.chromium()
+    except page.PrintError as error:
+        (pytest.fail if os.environ.get("ACX4_REQUIRE_BROWSER") else pytest.skip)(str(error))
+    made = page.write_pdf(report)
+    assert made == report.with_suffix(".pdf")
+    assert PdfReader(made).pages[0].extract_text().strip() == "one"
+    page.write_pdf(report)
+    assert {path.name for path in report.parent.iterdir()} == {"report.html", "report.pdf"}
+
+
+def test_a_report_with_a_relative_path_is_printed(report, monkeypatch):
+    """A browser that only says what it was asked for; it is started in another folder."""
+    browser = report.parent / "chromium"
+    browser.write_text(
+        "#!/bin/sh\nfor a; do case $a in --print-to-pdf=*) pdf=${a#*=};; file://*) page=$a;; esac;"
+        ' done\nprintf "%s %%%%EOF" "$page" > "$pdf"\n'
+    )
+    browser.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{report.parent}:/usr/bin:/bin")
+    monkeypatch.chdir(report.parent.parent)
+    made = page.write_pdf(Path(report.parent.name) / report.name)
+    assert made.read_text().startswith(f"file://{report.parent}/")
+
+
+def test_half_a_pdf_does_not_take_the_place_of_the_one_before(report, monkeypatch):
+    """As a browser leaves it on a full disk."""
+    before = report.with_suffix(".pdf")
+    before.write_bytes(b"%PDF-1.4 " + page.PDF_MARK)
+    browser = report.parent / "chromium"
+    browser.write_text(
+        '#!/bin/sh\nfor a; do case $a in --print-to-pdf=*) printf half > "${a#*=}";; esac; done\n'
+    )
+    browser.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{report.parent}:/usr/bin:/bin")
+    with pytest.raises(page.PrintError, match="no whole PDF"):
+        page.write_pdf(report)
+    assert page.PDF_MARK in before.read_bytes()
+    assert {path.name for path in report.parent.iterdir()} == {
+        *("chromium", "report.html", "report.pdf")
+    }
+
+
+# --- The text of the report, and what is computed between its paragraphs
+
+
+FIGURE = Figure()
+WRITTEN = """# A
+
+B.
+
+## C
+
+```{section} table
+```
+
+D.
+
+```{figure} drawn
+:alt: A line.
+
+A *line*,
+which is straight.
+```
+"""
+
+
+def test_texts_and_computed_parts_come_in_their_order():
+    counted = []
+    by_name = {"table": lambda: Text("42"), "drawn": lambda: FIGURE}
+    table, drawn = ("fig-report-table", "fig-report-drawn")
+    told = {"caption": "A *line*,\nwhich is straight.", "alt": "A line."}
+    assert [*parts(WRITTEN, by_name, lambda *done: counted.append(done))] == [
+        Part(content=Text("# A\n\nB.")),
+        Part(content=Text("## C")),
+        Part(content=Text("42"), name=table),
+        Part(content=Text("D.")),
+        Part(content=FIGURE, name=drawn, **told),
+    ]
+    assert counted == [(0, 2), (1, 2), (2, 2)]
+
+
+def test_an_error_of_a_part_is_its_own():
+    with pytest.raises(ZeroDivisionError):
+        list(parts("```{section} a\n```", {"a": lambda: 1 / 0}, lambda *_: None))
+
+
+def test_a_warning_is_not_shown_and_others_are_still():
+    def old():
+        warnings.warn("old", stacklevel=1)
+        return Text("a")
+
+    assert len(list(parts("```{section} a\n```", {"a": old}, lambda *_: None))) == 1
+    with pytest.warns(UserWarning, match="new"):
+        warnings.warn("new", stacklevel=1)
+
+
+def test_every_part_that_is_computed_has_its_place_in_the_text():
+    text = TEXT.read_text(encoding="utf-8")
+    assert sorted(one["name"] for one in DIRECTIVE.finditer(text)) == sorted(computed(None, []))
+    assert "```{" not in DIRECTIVE.sub("", text)

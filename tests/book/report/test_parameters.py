@@ -1,0 +1,202 @@
+"""The drawn image and the distortion table: axes, corners, numbers of the library."""
+
+from dataclasses import replace
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4book.report import parameters
+from acx4book.report.material import read
+from acx4book.report.parameters import (
+    Lens,
+    balanced,
+    decentring,
+    heads_sentence,
+    lenses,
+    method_table,
+    parameter_table,
+    radial,
+)
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior, distortion
+from acx4lib.results import folder as results
+from support.figures import drawn
+from support.run_results import SINGLE, edit_summary
+
+mpl.use("agg")
+
+
+@pytest.fixture(scope="module")
+def lens(run):
+    (one,) = parameters.shown_lenses(run)
+    return one
+
+
+def test_corners_are_half_a_format_from_the_middle_less_half_a_pixel(run, lens):
+    table = parameters.corner_table(run).set_index("Corner")
+    camera = lens.camera
+    x = 0.5 * (camera.width_px - 1) * camera.pixel_mm
+    assert float(table.loc["upper left", "x (mm)"]) == pytest.approx(-x, abs=1e-4)
+    assert float(table.loc["upper left", "y (mm)"]) > 0  # y up, rows down
+    assert table.loc["lower right", "Row (px)"] == f"{camera.height_px - 1}"
+
+
+def test_the_profile_ends_at_the_farthest_corner_where_it_is_balanced(lens):
+    found = parameters.profile(lens)
+    assert_allclose(found["radius_mm"].iloc[-1], lens.radius)
+    assert_allclose(abs(found["balanced_um"].iloc[-1]), 1000 * balanced(lens).largest, rtol=1e-9)
+    f, last = lens.interior.f, found.iloc[-1]
+    assert_allclose(
+        f * np.tan(np.radians(last["angle_deg"])), lens.radius - last["radial_um"] / 1000
+    )
+    assert (np.diff(found["radius_mm"]) > 0).all()
+
+
+def test_the_camera_is_drawn_with_its_axes_and_the_direction_of_flight(run, lens):
+    fig = parameters.image_figure(run)
+    drawn(fig)
+    words = {text.get_text() for text in fig.axes[0].texts}
+    assert {"x", "y", "col", "row", "body x"} <= words
+    forward = lens.camera.T_b_c.R[0]  # the body's x axis seen from the camera, turned by 90 degrees
+    assert_allclose(forward, [0, -1, 0], atol=1e-12)
+    label = next(t for t in fig.axes[0].texts if t.get_text() == "body x")
+    assert label.get_position()[1] > 0  # above the tail of an arrow that points down
+
+
+# --- The balanced focal length: closed form, printed certificates, minimax, and its sigma
+
+
+def lens_lens(radius, f=50.0, **coefficients):
+    """A square camera whose corner is at a radius, mm, to a micrometre; nothing is uncertain."""
+    side = round(1000 * np.sqrt(2) * radius)
+    interior = Interior(f=f, **coefficients)
+    camera = Camera(name="CAM", width_px=side, height_px=side, pixel_mm=0.001, interior=interior)
+    return Lens(camera=camera, cov=np.zeros((len(INTERIOR), len(INTERIOR))))
+
+
+def test_k1_alone_leaves_a_chebyshev_polynomial():
+    one = lens_lens(40.0, k1=2.27e-6)
+    found, R = balanced(one), one.radius
+    assert_allclose(found.f, 50.0 / (1 - 0.75 * 2.27e-6 * R**2), rtol=1e-14)
+    assert_allclose(found.largest, found.f / 50.0 * 2.27e-6 * R**3 / 4, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("f", "coefficients"),
+    [  # K0, K1, K2 of the USGS reports of calibration OSL/2985 (2003) and OSL/3030 (2004)
+        (153.743, (0.2616e-4, -0.2295e-8, 0.1454e-13)),
+        (153.247, (0.3285e-4, -0.5215e-8, 0.1642e-12)),
+    ],
+)
+def test_printed_certificates_are_balanced_in_this_way(f, coefficients):
+    """Their last angle is 40 degrees; K0 is the slope, and corrections have the other sign."""
+    k0, k1, k2 = coefficients
+    found = balanced(lens_lens(f * np.tan(np.radians(40.0)), f=f, k1=-k1, k2=-k2))
+    assert_allclose(found.slope, k0, rtol=0.015)  # balanced there to a micrometre at 129 mm
+    assert 1000 * found.largest == pytest.approx(1.0, abs=0.1)  # printed: from -1 to 1 micrometre
+
+
+COEFFICIENTS = [
+    {"k1": -1e-6, "k2": 3e-9, "k3": -1e-12},
+    {"k1": 2e-6, "k2": -4e-9, "k3": 1.9e-12},
+    {"k2": 1e-9},
+    {"k1": -5e-7},
+]
+
+
+@pytest.mark.parametrize("coefficients", COEFFICIENTS)
+def test_no_other_focal_length_has_a_smaller_largest_distortion(coefficients):
+    one = lens_lens(30.0, **coefficients)
+    found, r = balanced(one), np.linspace(0, one.radius, 20001)
+    ideal = (r - radial(one.interior, r)) / one.interior.f  # tangents of the field angles
+
+    def seen(c):
+        return r - c * ideal
+
+    assert_allclose(seen(found.f).max(), found.largest, rtol=1e-6)
+    assert_allclose(seen(found.f).min(), -found.largest, rtol=1e-6)
+    for other in (found.f - 1e-3, found.f + 1e-3):
+        assert np.abs(seen(other)).max() > found.largest
+
+
+@pytest.mark.parametrize(
+    ("key", "step"), [("f", 1e-4), ("k1", 1e-10), ("k2", 1e-13), ("k3", 1e-16)]
+)
+def test_its_sigma_is_that_of_differences(key, step):
+    one = lens_lens(30.0, k1=-1e-6, k2=3e-9, k3=-1e-12)
+    ahead, behind = (
+        balanced(with_value(one, key, getattr(one.interior, key) + s * step)).f for s in (1, -1)
+    )
+    cov = np.zeros_like(one.cov)
+    cov[INTERIOR.index(key), INTERIOR.index(key)] = 1.0
+    assert_allclose(
+        balanced(replace(one, cov=cov)).sigma, abs(ahead - behind) / (2 * step), rtol=1e-6
+    )
+
+
+def with_value(one, key, value):
+    interior = replace(one.interior, **{key: value})
+    return replace(one, camera=one.camera.with_interior(interior))
+
+
+def test_a_lens_without_distortion_is_balanced_as_it_is():
+    one = lens_lens(30.0)
+    cov = one.cov.copy()
+    cov[0, 0] = 0.001**2
+    found = balanced(replace(one, cov=cov))
+    assert (found.f, found.largest) == (50.0, 0.0)
+    assert_allclose(found.sigma, 0.001)
+
+
+def test_profiles_are_those_of_the_library():
+    one = Interior(f=50.0, k1=2e-6, k2=-4e-9, k3=1e-12, p1=3e-6, p2=-4e-6)
+    r, turn = np.array([5.0, 20.0, 30.0]), np.linspace(0, 2 * np.pi, 721)
+    around = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    both = distortion(one, r[:, None, None] * around)
+    outwards = np.sum(both * around, axis=-1)
+    across = both[..., 1] * around[:, 0] - both[..., 0] * around[:, 1]
+    assert_allclose(outwards.mean(axis=1), radial(one, r), atol=1e-4)  # the decentring averages out
+    assert_allclose(across.max(axis=1), decentring(one, r), rtol=1e-4)
+    off = outwards - radial(one, r)[:, None]
+    assert_allclose(off.max(axis=1), 3 * decentring(one, r), rtol=1e-4)
+
+
+def test_a_lens_of_the_results_has_their_values_and_covariance(run):
+    (one,) = lenses(run, SINGLE)
+    rows = run.found.parameters
+    rows = rows[rows["method"] == "single_step"].set_index("parameter")
+    assert one.interior.k2 == rows.loc["k2", "value"]
+    assert one.interior.b1 == 0.0
+    sigma = np.sqrt(np.diag(one.cov))[[INTERIOR.index(key) for key in ("f", "xp", "k1", "b1")]]
+    assert_allclose(sigma[:3], rows.loc[["f_mm", "xp_mm", "k1"], "sigma"], rtol=1e-9)
+    assert sigma[3] == 0.0
+    assert_allclose(
+        parameters.radial_sigma(replace(one, cov=np.diag(np.eye(9)[INTERIOR.index("k1")])), [2.0]),
+        8.0,
+    )
+
+
+# --- Tables of parameters: the values of the results, with their sigma
+
+
+def test_parameters_stand_with_their_sigma(run):
+    table = parameter_table(run).set_index("Parameter")
+    rows = results.parameters(run.found, SINGLE, "CAM")
+    value, sigma = table.loc["$f$ (mm)", "Value and σ"].split(" ± ")
+    assert_allclose(float(value), rows.loc["f_mm", "value"], atol=1e-4)
+    assert_allclose(float(sigma), rows.loc["f_mm", "sigma"], rtol=0.05)
+    assert len(table) == len(rows)
+    methods = method_table(run).set_index("Parameter")
+    assert methods.loc["lever arm $x$ (m)", "Two-step, GNSS positions"] == "held"
+
+
+def test_what_errors_of_the_heads_add_is_told_in_multiples_of_sigma(folder):
+    assert heads_sentence(read(folder)) == ""
+    sigma = results.parameters(read(folder).found, SINGLE, "CAM")["sigma"]
+    told = {f"CAM/{name}": 0.25 * s for name, s in sigma.items()} | {
+        "CAM/f_mm": 1.5 * sigma["f_mm"]
+    }
+    edit_summary(folder, SINGLE, sigma_of_heads=told)
+    said = heads_sentence(read(folder))
+    assert "They add 0.25 to 1.5 times these σ, most to $f$;" in said

@@ -1,0 +1,415 @@
+"""What positions and attitudes are off in common: a shift, drifts along strips, delays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4lib.bundle import uses
+from acx4lib.bundle.observations import (
+    Strips,
+    distance_equations,
+    motion_of,
+    mounting_equations,
+    of_halves,
+    position_errors,
+    shared_errors,
+    slow_errors,
+    strips_of,
+    usable,
+)
+from acx4lib.errors import AdjustmentError
+from acx4lib.geometry.camera import mountings
+from acx4lib.geometry.distances import Distances, lengths
+from acx4lib.geometry.frames import Pose, exp, transform
+from acx4lib.geometry.parameters import Prior
+from acx4lib.least_squares.gauss_markov import GaussMarkov
+from support import blocks
+from support.helpers import numeric_jacobian
+
+
+@pytest.fixture(scope="module")
+def block():
+    """Twelve exposures in three strips of four, 3 s apart, with 60 s to turn."""
+    found = blocks.in_strips(blocks.standard(), 4)
+    time = np.arange(12) * 3.0 + np.repeat([0.0, 60.0, 120.0], 4)
+    return replace(found, trajectory=replace(found.trajectory, time_s=time))
+
+
+def test_positions_are_off_by_the_shift_and_what_the_drift_has_added_up():
+    net = uses.mounted_orientation(blocks.standard(), free=())
+    strips = Strips(names=("A", "B"), idx=np.array([0, 1, -1]), elapsed=np.array([2.0, -3.0, 0.0]))
+    drift = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, 0.01]])
+    found = position_errors(
+        replace(net.observed, strips=strips),
+        replace(net.start, shift=np.array([1.0, 2.0, 3.0]), drift=drift),
+    )
+    assert_allclose(found, [[1.2, 2.0, 3.0], [1.0, 1.4, 2.97], [1.0, 2.0, 3.0]], atol=1e-15)
+
+
+def test_observed_positions_are_the_true_ones_and_their_errors(block):
+    """At the truth, positions shifted and drifting along the grid's axes leave no residual."""
+    net = uses.mounted_orientation(block, free=(), gnss=("shift", "drift"))
+    shift, drift = np.array([0.3, -0.2, 0.1]), 0.01 * np.arange(9).reshape(3, 3)
+    by = position_errors(net.observed, replace(net.start, shift=shift, drift=drift))
+    off = uses.mounted_orientation(
+        blocks.changed(block, "gnss", by), free=(), gnss=("shift", "drift")
+    )
+    truth = replace(off.start, T_m_b=net.start.T_m_b, shift=shift, drift=drift)
+    v, _ = off.residuals(truth)[2]
+    assert_allclose(v, 0.0, atol=1e-9)  # m, of coordinates of 1e3
+
+
+# --- delays ----------------------------------------------------------------------------------
+
+
+DELAYED = ("delay", "attitude_delay")
+
+
+@pytest.fixture(scope="module")
+def straight():
+    """Four straight strips of three exposures, about 4 s apart."""
+    return blocks.in_strips(blocks.standard(), 3)
+
+
+def test_what_is_recorded_late_is_the_pose_of_a_later_time(straight):
+    """At the truth, positions and attitudes of 20 ms later leave no residual."""
+    net = uses.mounted_orientation(straight, free=(), gnss=DELAYED)
+    motion, T = net.observed.motion, net.start.T_m_b
+    R_m_g = np.swapaxes(straight.trajectory.R_g_m, -1, -2)
+    late = Pose(R=T.R @ exp(0.02 * motion.rate), r=T.r + transform(R_m_g, 0.02 * motion.velocity))
+    truth = replace(net.start, delay=np.array([0.02, 0.02]))
+    observed = replace(net.observed, T_m_b=late)
+    for v, _ in replace(net, observed=observed).residuals(truth)[2:4]:
+        assert_allclose(v, 0.0, atol=1e-9)
+
+
+def test_derivatives_by_delays_and_poses_agree_with_differences(straight, rng):
+    net = uses.mounted_orientation(straight, free=(), free_mount=(), gnss=DELAYED)
+    turned = exp(rng.normal(0, 0.02, (12, 3)))
+    motion = replace(net.observed.motion, rate=rng.normal(0, 0.3, (12, 3)))
+    net = replace(net, observed=replace(net.observed, motion=motion))
+    T = Pose(R=net.start.T_m_b.R @ turned, r=net.start.T_m_b.r + rng.normal(0, 1, (12, 3)))
+    state = replace(net.start, T_m_b=T, delay=np.array([0.3, -0.4]))
+
+    def equations(step):
+        moved = net.moved(state, step, np.zeros_like(state.x_m))
+        return net.equations(moved)[2:4]
+
+    step = np.zeros(net.n_columns)
+    for k, e in enumerate(equations(step)):
+        J = np.zeros((*e.v.shape, net.n_columns))
+        np.put_along_axis(J, np.broadcast_to(e.columns[:, None], e.A.shape), e.A, axis=2)
+        found = numeric_jacobian(lambda x, k=k: equations(x)[k].v.ravel(), step)
+        assert_allclose(found, J.reshape(found.shape), atol=1e-6 * np.abs(J).max())
+
+
+# --- errors that change slowly ---------------------------------------------------------------
+
+
+def slow(block, share=0.9):
+    process = GaussMarkov(share=share, time_constant_s=60.0)
+    return replace(block, trajectory=replace(block.trajectory, slow_positions=process))
+
+
+def test_the_slow_part_has_its_share_of_sigma_and_runs_on_through_turns(block):
+    found = slow_errors(slow(block).trajectory, "position")
+    assert_allclose(found.sigma, 0.9 * block.trajectory.sigma_position)
+    assert found.together[0, 1] == pytest.approx(np.exp(-3 / 60))
+    assert found.together[3, 4] == pytest.approx(np.exp(-63 / 60))
+    assert slow_errors(slow(block).trajectory, "attitude") is None
+
+
+def test_correlated_errors_need_times(block):
+    timeless = replace(slow(block).trajectory, time_s=np.full(1, np.nan))
+    with pytest.raises(AdjustmentError, match="errors of positions need times"):
+        slow_errors(timeless, "position")
+
+
+def test_what_takes_no_part_is_linked_to_nothing(block):
+    trajectory = slow(block).trajectory
+    sigma = trajectory.sigma_position.copy()
+    sigma[5] = np.inf
+    trajectory = replace(trajectory, sigma_position=sigma)
+    net = uses.mounted_orientation(replace(block, trajectory=trajectory), free=())
+    linked = net.observed.linked
+    assert linked[linked[:, 0] == 5].tolist() == [[5, 5]]
+    assert [4, 6] in linked.tolist()
+
+
+# --- Strips of a block, and how its body moves along them
+
+
+@pytest.fixture(scope="module")
+def strips_block():
+    """Twelve exposures in three strips of four."""
+    return blocks.in_strips(blocks.standard(), 4)
+
+
+def with_strips(block, names, time_s):
+    return replace(
+        block,
+        images=replace(block.images, strips=tuple(names)),
+        trajectory=replace(block.trajectory, time_s=np.asarray(time_s, dtype=float)),
+    )
+
+
+def test_time_is_counted_from_the_middle_of_each_strip(strips_block):
+    times = [10.0, 12.0, 20.0, 30.0, *range(100, 108)]
+    found = strips_of(with_strips(strips_block, "AAAABBBBBBBB", times))
+    assert found.names == ("A", "B")
+    assert found.unit == "s"
+    assert found.idx.tolist() == [0] * 4 + [1] * 8
+    assert_allclose(found.elapsed[:4], [-8.0, -6.0, 2.0, 12.0], atol=1e-12)
+    assert_allclose(found.elapsed[4:], np.arange(8) - 3.5, atol=1e-12)
+
+
+def test_without_times_the_order_in_the_strip_counts(strips_block):
+    found = strips_of(with_strips(strips_block, "ABABABABAAAA", np.full(12, np.nan)))
+    assert found.unit == "exposure"
+    assert_allclose(found.elapsed[[1, 3, 5, 7]], [-1.5, -0.5, 0.5, 1.5], atol=1e-12)
+    assert_allclose(found.elapsed[[0, 2, 4, 6, 8, 9, 10, 11]], np.arange(8) - 3.5, atol=1e-12)
+
+
+def test_an_exposure_alone_or_in_no_strip_does_not_drift(strips_block):
+    times = np.array([*range(10), 20.0, 20.0])  # the last strip has one time only
+    found = strips_of(with_strips(strips_block, [*"AAAB", *([""] * 6), *"CC"], times))
+    assert found.names == ("A",)
+    assert found.idx.tolist() == [0] * 3 + [-1] * 9
+    assert_allclose(found.elapsed[3:], 0.0, atol=0)
+
+
+def test_a_block_without_strips_cannot_drift():
+    with pytest.raises(AdjustmentError, match=r"images\.csv needs its column strip"):
+        uses.mounted_orientation(blocks.standard(), free=(), gnss=("drift",))
+
+
+# --- motion ----------------------------------------------------------------------------------
+
+
+def moving(block, r, R):
+    """The block along another path; its strips are those that it has."""
+    trajectory = replace(block.trajectory, T_m_b=Pose(R=R, r=r))
+    return replace(block, trajectory=trajectory)
+
+
+def test_a_steady_flight_and_a_steady_turn_come_out_exactly(strips_block):
+    """At unequal intervals, along the grid's axes and about the body's."""
+    time = np.cumsum([0.0, 2.0, 3.0, 1.0, 240.0, 1.0, 2.0, 2.5, 200.0, 4.0, 3.0, 2.0])
+    velocity, rate = np.array([50.0, -30.0, 1.0]), np.array([0.01, -0.02, 0.03])
+    R_0 = exp(np.array([0.1, -0.2, 1.3]))
+    timed = with_strips(strips_block, "AAAABBBBCCCC", time)
+    found = motion_of(moving(timed, time[:, None] * velocity, R_0 @ exp(time[:, None] * rate)))
+    along_grid = transform(strips_block.trajectory.R_g_m, np.tile(velocity, (12, 1)))
+    assert_allclose(found.velocity, along_grid, atol=1e-10)
+    assert_allclose(found.rate, np.tile(rate, (12, 1)), atol=1e-12)
+
+
+def test_the_velocity_of_a_strip_is_the_slope_of_its_line():
+    """Numpy's line through positions that gusts have moved; neighbours would differ by metres/s."""
+    block = blocks.in_strips(blocks.simulate(blocks.fly(per_strip=4)), 4)
+    r = block.trajectory.T_m_b.r + np.random.default_rng(3).normal(0, 8, (16, 3))
+    block = moving(block, r, block.trajectory.T_m_b.R)
+    found = motion_of(block).velocity
+    for rows in np.arange(16).reshape(4, 4):
+        line = np.polyfit(block.trajectory.time_s[rows] - 1e5, r[rows], 1)[0]
+        expected = transform(block.trajectory.R_g_m[rows], np.tile(line, (4, 1)))
+        assert_allclose(found[rows], expected, atol=1e-8)
+
+
+def test_a_strip_that_is_not_straight_has_no_velocity():
+    """On a circle, as a drone flies around a house; its attitudes have their rates all the same."""
+    block = blocks.in_strips(blocks.simulate(blocks.fly(per_strip=6)), 6)
+    turn = np.linspace(0, 2 * np.pi, 6, endpoint=False)
+    r = block.trajectory.T_m_b.r.copy()
+    r[6:12, :2] = 100 * np.column_stack([np.cos(turn), np.sin(turn)])
+    around = moving(block, r, block.trajectory.T_m_b.R)
+    with pytest.raises(AdjustmentError, match="strip 'B' is not flown straight at one speed"):
+        motion_of(around, delays=("delay",))
+    assert np.any(motion_of(around, delays=("attitude_delay",)).rate)
+
+
+@pytest.mark.parametrize("samples", [4, 10])
+def test_of_an_oscillation_the_share_that_its_sampling_shows_is_seen(strips_block, samples):
+    """sin(a) / a of its rate, a the phase between neighbours."""
+    a = 2 * np.pi / samples
+    roll = 1e-4 * np.sin(a * np.arange(12))
+    R = exp(roll[:, None] * np.array([1.0, 0.0, 0.0]))
+    timed = with_strips(strips_block, "A" * 12, np.arange(12.0))
+    still = moving(timed, np.zeros((12, 3)), R)
+    found = motion_of(still, delays=("attitude_delay",)).rate[1:-1, 0]
+    true = 1e-4 * a * np.cos(a * np.arange(12))[1:-1]
+    assert_allclose(found, np.sin(a) / a * true, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("strips", "time_s", "says"),
+    [
+        ("A" * 12, np.full(12, np.nan), "needs its column time_s"),
+        ("A" * 11 + "B", np.arange(12.0), "no neighbour in a strip tells the velocity of exposure"),
+        ("A" * 12, [0.0, 0.0, *range(2, 12)], "has the time of another of its strip"),
+    ],
+)
+def test_a_delay_needs_times_and_neighbours(strips_block, strips, time_s, says):
+    with pytest.raises(AdjustmentError, match=says):
+        motion_of(with_strips(strips_block, strips, time_s))
+
+
+# --- Covariances between the poses of a trajectory whose errors change slowly
+
+
+@pytest.fixture(scope="module")
+def trajectory():
+    """Positions and attitudes with processes of their own, in strips of four."""
+    found = blocks.in_strips(blocks.standard(), 4).trajectory
+    return replace(
+        found,
+        sigma_position=found.sigma_position * np.linspace(1, 2, len(found))[:, None],
+        slow_positions=GaussMarkov(share=0.9, time_constant_s=20.0),
+        slow_attitudes=GaussMarkov(share=0.6, time_constant_s=5.0),
+    )
+
+
+def test_two_exposures_have_the_covariance_of_the_process_along_the_axes_of_their_sigma(trajectory):
+    found = shared_errors(trajectory)
+    apart = abs(trajectory.time_s[3] - trajectory.time_s[7])
+    (cov,) = found.between(np.array([3]), np.array([7]))
+    grid = trajectory.R_g_m[3] @ cov[:3, :3] @ trajectory.R_g_m[7].T
+    sigma = trajectory.sigma_position[3] * trajectory.sigma_position[7]
+    assert_allclose(grid, np.diag(0.81 * np.exp(-apart / 20) * sigma), atol=1e-15)
+    sigma = trajectory.sigma_attitude[3] * trajectory.sigma_attitude[7]
+    assert_allclose(cov[3:, 3:], np.diag(0.36 * np.exp(-apart / 5) * sigma), atol=1e-20)
+    assert not cov[:3, 3:].any()
+
+
+def test_an_exposure_with_itself_is_left_to_the_trajectory(trajectory):
+    every = np.arange(len(trajectory))
+    assert not shared_errors(trajectory).between(every, every).any()
+
+
+def test_what_quantities_share_is_the_sum_over_all_pairs_of_exposures(trajectory, rng):
+    found, n = shared_errors(trajectory), len(trajectory)
+    J = rng.normal(size=(n, 4, 6))
+    cov = sum(
+        J[i] @ found.between(np.array([i]), np.array([j]))[0] @ J[j].T
+        for i in range(n)
+        for j in range(n)
+    )
+    assert_allclose(found.among(J), cov, rtol=1e-12)
+
+
+def test_all_errors_together_have_a_covariance_that_can_be_had(trajectory):
+    """Own and shared blocks together are positive definite."""
+    n = len(trajectory)
+    whole = shared_errors(trajectory).among(np.eye(6 * n).reshape(6 * n, n, 6).swapaxes(0, 1))
+    for i, own in enumerate(trajectory.cov):
+        whole[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] += own
+    size = np.sqrt(np.diag(whole))
+    assert np.linalg.eigvalsh(whole / size / size[:, None]).min() > 0
+
+
+def test_chosen_exposures_share_what_they_share_among_all(trajectory):
+    rows = np.array([1, 4, 9])
+    one, other = np.array([0, 2]), np.array([1, 0])
+    chosen = shared_errors(trajectory, rows).between(one, other)
+    assert_allclose(chosen, shared_errors(trajectory).between(rows[one], rows[other]), rtol=1e-15)
+
+
+def test_white_errors_share_nothing_and_slow_ones_need_times(trajectory):
+    white = replace(trajectory, slow_positions=GaussMarkov(), slow_attitudes=GaussMarkov())
+    assert shared_errors(white) is None
+    with pytest.raises(AdjustmentError, match="errors of positions need times"):
+        shared_errors(replace(trajectory, time_s=np.full(1, np.nan)))
+
+
+# --- Declared mountings as observations
+
+
+def test_declared_mountings_are_observed_where_they_have_sigma_and_are_estimated():
+    sigma = (0.02, 0.02, 0.03, 1e-3, 1e-3, 2e-3)
+    camera = replace(blocks.CAMERA, prior=Prior(declared=(True,) * 6, sigma=sigma))
+    columns = np.arange(12).reshape(2, 6)
+    cameras = (blocks.CAMERA, camera)
+    found = list(mounting_equations(cameras, mountings(cameras), columns))
+    assert [(e.kind, e.columns.tolist()) for e in found] == [
+        ("lever_arm", [[6, 7, 8]]),
+        ("boresight", [[9, 10, 11]]),
+    ]
+    held = np.where(columns < 9, columns, -1)
+    assert [e.kind for e in mounting_equations(cameras, mountings(cameras), held)] == ["lever_arm"]
+    assert list(mounting_equations(cameras[:1], mountings(cameras[:1]), columns[:1])) == []
+
+
+def test_residuals_of_a_mounting_are_along_and_about_the_bodys_axes(rng):
+    """Their derivatives agree with differences, far from the declared mounting, too."""
+    sigma = (0.02, 0.02, 0.03, 1e-3, 1e-3, 2e-3)
+    turned = Pose(R=blocks.CAMERA.T_b_c.R @ exp(np.array([0.0, 0.0, 1.4])), r=np.zeros(3))
+    camera = replace(blocks.CAMERA, T_b_c=turned, prior=Prior(declared=(True,) * 6, sigma=sigma))
+    about_body = np.radians([0.4, -0.3, 2.0])
+    R, off = exp(about_body) @ turned.R, np.array([0.1, -0.2, 0.3])
+
+    def v(step):
+        T = Pose(R=(R @ exp(step[3:]))[None], r=(off + step[:3])[None])
+        lever, boresight = mounting_equations((camera,), T, np.arange(6)[None])
+        return np.concatenate([lever.v[0], boresight.v[0]]), (lever, boresight)
+
+    value, (lever, boresight) = v(np.zeros(6))
+    assert_allclose(value, np.concatenate([off, about_body]), atol=1e-12)
+    J = np.zeros((6, 6))
+    J[:3, :3], J[3:, 3:] = lever.A[0], boresight.A[0]
+    assert_allclose(numeric_jacobian(lambda x: v(x)[0], np.zeros(6)), J, atol=1e-7)
+
+
+# --- Distances between points, in halves
+
+
+def _distances(sigma=0.01):
+    """A tape of 5.02 m along a 3-4-5 triangle's longest side, and one of 4 m."""
+    return Distances(
+        point_idx=np.array([[0, 1], [1, 2]]),
+        distance_m=np.array([5.02, 4.0]),
+        sigma_m=np.array([sigma, 2 * sigma]),
+    ), np.array([[0.0, 0.0, 7.0], [3.0, 4.0, 7.0], [3.0, 0.0, 7.0]])
+
+
+def test_the_halves_of_a_distance_are_its_residual_with_one_point_each():
+    distances, x_m = _distances()
+    e = distance_equations(distances, x_m, np.array([6, 7]))
+    assert_allclose(e.v.ravel(), [-0.01, 0.0, -0.01, 0.0], atol=1e-15)
+    assert_allclose(of_halves(e.v).ravel(), [-0.02, 0.0], atol=1e-15)
+    assert_allclose(np.sqrt(of_halves(e.sigma**2)).ravel(), distances.sigma_m)
+    assert e.point.tolist() == [0, 1, 1, 2]
+    assert_allclose(e.B[:, 0], [[-0.6, -0.8, 0], [0, 1, 0], [0.6, 0.8, 0], [0, -1, 0]], atol=1e-15)
+
+
+def test_eliminating_the_joining_unknown_leaves_the_distances_own_normal_equations(rng):
+    distances, x_m = _distances()
+    x_m = x_m + rng.normal(0, 0.05, x_m.shape)
+    e = distance_equations(distances, x_m, np.array([0, 1]))
+    J = np.zeros((4, 2 + 9))
+    for i in range(4):
+        J[i, e.unit[i]] = e.A[i, 0, 0]
+        J[i, 2 + 3 * e.point[i] : 5 + 3 * e.point[i]] = e.B[i, 0]
+    J /= e.sigma
+    v = (e.v / e.sigma).ravel()
+    N, g = J.T @ J, J.T @ v
+    reduced = N[2:, 2:] - N[2:, :2] @ np.linalg.solve(N[:2, :2], N[:2, 2:])
+    right = g[2:] - N[2:, :2] @ np.linalg.solve(N[:2, :2], g[:2])
+
+    def residuals(x):
+        length, _ = lengths(x.reshape(-1, 3), distances.point_idx)
+        return (length - distances.distance_m) / distances.sigma_m
+
+    own = numeric_jacobian(residuals, x_m.ravel())
+    assert_allclose(reduced, own.T @ own, rtol=1e-6, atol=1e-3)
+    assert_allclose(right, own.T @ residuals(x_m.ravel()), rtol=1e-6, atol=1e-4)
+    assert v @ v == pytest.approx(np.sum(residuals(x_m.ravel()) ** 2))
+
+
+def test_distances_are_used_whose_ends_are_both_measured():
+    distances, _ = _distances()
+    assert usable(distances, np.array([0, 1, 1, 2, 5])).tolist() == [0, 1]
+    assert usable(distances, np.array([1, 2])).tolist() == [1]
+    out = replace(distances, sigma_m=np.array([0.1, np.inf]))
+    assert usable(out, np.array([0, 1, 2])).tolist() == [0]

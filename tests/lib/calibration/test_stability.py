@@ -1,0 +1,306 @@
+"""Steps and drifts of the boresight: dense least squares, planted turns, and the level."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy import stats
+
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.uses import free_orientation, mounted_orientation
+from acx4lib.calibration import stability
+from acx4lib.calibration.stability import rigidity
+from acx4lib.errors import AdjustmentError
+from acx4lib.geometry.frames import Pose, exp
+from acx4lib.geometry.parameters import Prior
+from acx4lib.least_squares.gauss_markov import GaussMarkov
+from support import blocks
+from support.flights import rigs
+
+FREE = ("f", "xp", "yp", "k1", "p1", "p2")
+
+
+def adjusted(block):
+    return adjust(mounted_orientation(block, free=FREE))
+
+
+@pytest.fixture(scope="module")
+def exact():
+    block = blocks.simulate(
+        blocks.fly(per_strip=5), ties=blocks.terrain(25), control=blocks.crosses()[::2]
+    )
+    return blocks.in_strips(block, 5)
+
+
+@pytest.fixture(scope="module")
+def noisy(exact):
+    return adjusted(blocks.noisy(exact, np.random.default_rng(3)))
+
+
+def turned(block, by_deg, names="C"):
+    """Return the block with the body's recorded attitude as if the camera had turned."""
+    T, strips = block.trajectory.T_m_b, np.array(block.images.strips)
+    own = np.isin(strips, list(names))[:, None]
+    back = exp(-np.where(own, np.radians(by_deg), 0.0))
+    return replace(block, trajectory=replace(block.trajectory, T_m_b=Pose(R=T.R @ back, r=T.r)))
+
+
+def dense(bundle, C):
+    """Return F of turns C, their number, and what redundancy the attitudes have beside them."""
+    network = bundle.network
+    n, n_points = network.n_columns, network.n_points
+    rows, right, is_attitude, extra = [], [], [], []
+    for e in network.equations(bundle.state):
+        for i, j in np.argwhere(np.isfinite(e.sigma)):
+            row = np.zeros(n + 3 * n_points)
+            columns = e.columns[e.unit[i]] if e.A.shape[2] else np.zeros(0, dtype=int)
+            np.add.at(row, columns[columns >= 0], e.A[i, j][columns >= 0])
+            if e.B is not None:
+                row[n + 3 * e.point[i] : n + 3 * e.point[i] + 3] = e.B[i, j]
+            own = e.kind == "attitude"
+            rows.append(row / e.sigma[i, j])
+            extra.append((C[i, j] if own else np.zeros(C.shape[2])) / e.sigma[i, j])
+            right.append(e.v[i, j] / e.sigma[i, j])
+            is_attitude.append(own)
+    A, b, own = np.array(rows), np.array(right), np.array(is_attitude)
+    A = A[:, np.any(A != 0, axis=0)]
+    Q, singular, _ = np.linalg.svd(A / np.linalg.norm(A, axis=0), full_matrices=False)
+    Q = Q[:, singular > 1e-10 * singular[0]]
+    X = np.array(extra) / np.linalg.norm(extra, axis=0)
+    U, shown, _ = np.linalg.svd(X - Q @ (Q.T @ X), full_matrices=False)
+    U = U[:, shown > 0.03]  # what all strips share is the boresight
+    before = b - Q @ (Q.T @ b)
+    after = before - U @ (U.T @ before)
+    redundancy = np.sum(own) - np.sum(Q[own] ** 2) - np.sum(U[own] ** 2)
+    dof = U.shape[1]
+    explained = before @ before - after @ after
+    return explained / dof / (after[own] @ after[own] / redundancy), dof, redundancy
+
+
+def test_steps_are_tested_as_by_dense_least_squares_with_turns_as_unknowns(noisy):
+    strips = np.array(noisy.network.block.images.strips)
+    one_hot = (strips[:, None] == np.array(list("ABCD"))).astype(float)
+    C = np.einsum("mn,ab->manb", one_hot, np.eye(3)).reshape(-1, 3, 12)
+    f, dof, redundancy = dense(noisy, C)
+    found = stability.between_strips(noisy)
+    assert found.names == ("A", "B", "C", "D")
+    assert found.dof == dof == 9
+    assert_allclose(found.redundancy, redundancy, rtol=1e-4)
+    assert_allclose(found.f, f, rtol=1e-3)
+    assert found.p == pytest.approx(stats.f.sf(f, dof, redundancy), rel=0.01)
+
+
+def test_a_drift_is_tested_as_by_dense_least_squares(noisy):
+    time = noisy.network.block.trajectory.time_s
+    C = ((time - time.mean()) / np.ptp(time))[:, None, None] * np.eye(3)
+    f, dof, redundancy = dense(noisy, C)
+    found = stability.over_time(noisy)
+    assert found.dof == dof == 3
+    assert_allclose([found.f, found.redundancy], [f, redundancy], rtol=1e-3)
+
+
+def test_a_strip_whose_camera_turned_is_found_with_its_size(exact):
+    by_deg = np.array([0.02, -0.03, 0.05])
+    found = stability.between_strips(
+        adjusted(turned(blocks.noisy(exact, np.random.default_rng(5)), by_deg))
+    )
+    assert found.p < 1e-4
+    expected = np.radians(np.array([-1, -1, 3, -1])[:, None] * by_deg / 4)
+    assert np.all(np.abs(found.turns - expected) < 3.5 * found.sigma)
+    assert np.all(np.abs(found.turns[2]) > 3 * found.sigma[2])
+
+
+def test_a_camera_that_turns_the_same_everywhere_is_no_step(exact):
+    found = stability.between_strips(adjusted(turned(exact, np.full(3, 0.3), "ABCD")))
+    assert_allclose(found.turns, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("sigma_deg", [0.005, 0.02, 0.05, 0.1, 1.0])
+def test_a_declared_boresight_leaves_the_number_and_the_sigma_of_steps(exact, noisy, sigma_deg):
+    """A turn of all strips, which it shows in part, is no step, however well it is declared."""
+    known = Prior(declared=(True,) * 6, sigma=(*3 * [np.inf], *3 * [np.radians(sigma_deg)]))
+    camera = replace(exact.cameras[0], prior=known)
+    block = replace(noisy.network.block, cameras=(camera,))
+    declared, free = (stability.between_strips(b) for b in (adjusted(block), noisy))
+    assert declared.dof == free.dof == 9
+    assert_allclose(declared.sigma, free.sigma, rtol=0.1)
+    assert_allclose(declared.turns, free.turns, atol=0.1 * free.sigma.max())
+    assert_allclose(declared.f, free.f, rtol=0.1)
+
+
+def test_a_drift_is_found_with_its_size(exact):
+    time = exact.trajectory.time_s
+    share = (time - time.mean()) / np.ptp(time)
+    T, turn = exact.trajectory.T_m_b, share[:, None] * np.radians([0.04, 0.0, -0.06])
+    drifting = replace(exact.trajectory, T_m_b=Pose(R=T.R @ exp(-turn), r=T.r))
+    block = blocks.noisy(replace(exact, trajectory=drifting), np.random.default_rng(6))
+    found = stability.over_time(adjusted(block))
+    assert found.p < 1e-4
+    off = np.abs(found.turns[0] - np.radians([0.04, 0.0, -0.06])) / found.sigma[0]
+    assert np.all(off < 3.5)
+
+
+def test_a_turn_comes_out_whole_where_the_attitudes_errors_change_slowly(exact):
+    """Without noise, however the weights are."""
+    slow = GaussMarkov(share=0.8, time_constant_s=60.0)
+    block = replace(exact, trajectory=replace(exact.trajectory, slow_attitudes=slow))
+    by_deg = np.array([0.002, -0.003, 0.005])
+    found = stability.between_strips(adjusted(turned(block, by_deg)))
+    assert_allclose(np.degrees(found.turns[2] - found.turns[0]), by_deg, atol=2e-6)
+    assert_allclose(found.turns[1] - found.turns[3], 0.0, atol=1e-8)
+
+
+def test_right_boresights_fail_as_often_as_is_said(exact):
+    """80 flights: p is uniform, Kolmogorov-Smirnov at 0.1 %."""
+    bundles = [adjusted(blocks.noisy(exact, np.random.default_rng(seed))) for seed in range(80)]
+    for test in (stability.between_strips, stability.over_time):
+        assert stats.kstest([test(bundle).p for bundle in bundles], "uniform").pvalue > 0.001
+
+
+def test_attitudes_with_too_small_sigma_are_no_steps(exact):
+    """Their scatter is estimated. With known sigma, a third of the true ones, T is 9 times 9."""
+    p = []
+    for seed in range(20):
+        block = blocks.noisy(exact, np.random.default_rng(100 + seed))
+        sigma = block.trajectory.sigma_attitude / 3
+        block = replace(block, trajectory=replace(block.trajectory, sigma_attitude=sigma))
+        p.append(stability.between_strips(adjusted(block)).p)
+    assert min(p) > 1e-3
+
+
+def test_without_strips_times_or_attitudes_nothing_is_tested(exact, noisy):
+    assert stability.between_strips(adjusted(blocks.in_strips(exact, 20))) is None
+    alike = replace(exact.trajectory, time_s=np.full(20, 7.0))
+    assert stability.over_time(adjusted(replace(exact, trajectory=alike))) is None
+    free = adjust(free_orientation(noisy.network.block, free=FREE))
+    assert stability.between_strips(free) is None
+    assert stability.as_json(free) == {"strips": None, "drift": None}
+
+
+# --- The free rig against the rigid one: dense least squares, a planted turn, and levels
+
+
+RIGIDITY_FREE = ("f", *rigs.FREE)
+
+
+def rigidity_noisy(seed, *, ties=12):
+    return blocks.noisy(rigs.simulated(ties=ties), np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def small():
+    block = rigidity_noisy(4)
+    return adjust(mounted_orientation(block, free=RIGIDITY_FREE))
+
+
+def rigidity_dense(bundle, exposures):
+    """Return the fall of the sum of squares, and the angles, by dense least squares."""
+    network = bundle.network
+    seen, *others = network.equations(bundle.state)
+    images = network.block.images
+    n, n_points = network.n_columns, network.n_points
+    rows, right = [], []
+    for e in (seen, *others):
+        for i in range(len(e.v)):
+            for j in range(e.v.shape[1]):
+                if not np.isfinite(e.sigma[i, j]):
+                    continue
+                row = np.zeros(n + 3 * n_points + 3 * len(images))
+                columns = e.columns[e.unit[i]] if e.A.shape[2] else np.zeros(0, dtype=int)
+                held = columns < 0
+                np.add.at(row, columns[~held], e.A[i, j][~held])
+                if e.B is not None:
+                    row[n + 3 * e.point[i] : n + 3 * e.point[i] + 3] = e.B[i, j]
+                if e is seen:
+                    k = images.camera_idx[e.unit[i]]
+                    own = [list(columns).index(c) for c in network.layout.mount[k, 3:]]
+                    at = n + 3 * n_points + 3 * e.unit[i]
+                    row[at : at + 3] = e.A[i, j][own]
+                rows.append(row / e.sigma[i, j])
+                right.append(e.v[i, j] / e.sigma[i, j])
+    A, b = np.array(rows), -np.array(right)
+    turning = [
+        i
+        for i in range(len(images))
+        if images.exposure_idx[i] in exposures and images.camera_idx[i] > 0
+    ]
+    extra = np.concatenate([n + 3 * n_points + 3 * i + np.arange(3) for i in turning])
+    rigid = A[:, : n + 3 * n_points]
+    free = np.hstack([rigid, A[:, extra]])
+    left = [b - M @ np.linalg.lstsq(M, b, rcond=1e-12)[0] for M in (rigid, free)]
+    x = np.linalg.lstsq(free, b, rcond=1e-12)[0][-len(extra) :]
+    return left[0] @ left[0] - left[1] @ left[1], x.reshape(-1, 3)
+
+
+def test_one_exposure_is_what_dense_least_squares_makes_of_it(small):
+    found = rigidity(small)
+    explained, angles = rigidity_dense(small, {2})
+    i = found.exposures.index(small.network.pose_names[2])
+    assert_allclose(found.tests[i].explained, explained, rtol=1e-4)
+    assert_allclose(found.turns[i, 1], angles[0], rtol=1e-4, atol=1e-9)
+    assert found.tests[i].dof == 3
+    assert found.tests[i].redundancy == small.solution.redundancy - 3
+    omega = small.solution.sigma0_sq * small.solution.redundancy
+    assert_allclose(found.tests[i].left, omega - explained, rtol=1e-6)
+
+
+def test_all_exposures_are_what_dense_least_squares_makes_of_them(small):
+    found = rigidity(small)
+    explained, _ = rigidity_dense(small, set(range(len(small.network.pose_names))))
+    assert_allclose(found.whole.explained, explained, rtol=1e-3)
+    assert found.whole.dof == 3 * len(found.exposures) - 3  # one boresight takes up three
+    f = found.whole.explained / found.whole.dof
+    f /= found.whole.left / found.whole.redundancy
+    assert_allclose(found.whole.p, stats.f.sf(f, found.whole.dof, found.whole.redundancy))
+
+
+def test_the_first_head_is_what_the_others_turn_against(small):
+    found = rigidity(small)
+    assert_allclose(found.turns[:, 0], 0)
+    assert_allclose(found.sigma[:, 0], 0)
+    assert np.all(found.sigma[:, 1] > 0)
+    assert found.heads == ("CAM1", "CAM2")
+
+
+def test_probabilities_of_a_rigid_rig_are_uniform():
+    p, t = [], []
+    for seed in range(6):
+        block = rigidity_noisy(seed)
+        found = rigidity(adjust(mounted_orientation(block, free=RIGIDITY_FREE)))
+        p += [test.p for test in found.tests]
+        t.append((found.turns / np.where(found.sigma > 0, found.sigma, np.nan))[:, 1])
+    assert stats.kstest(p, "uniform").pvalue > 1e-3
+    assert_allclose(np.std(np.concatenate(t)), 1.0, atol=0.15)
+
+
+def rigidity_turned(block, exposure, angle):
+    """Turn the second head at an exposure, by the library's rotations, in the true block."""
+    points, images = block.image_points, block.images
+    image = int(np.flatnonzero((images.exposure_idx == exposure) & (images.camera_idx == 1))[0])
+    own = points.image_idx == image
+    camera = block.cameras[1]
+    f_px = camera.interior.f / camera.pixel_mm
+    colrow = points.colrow.copy()
+    middle = np.array([(camera.width_px - 1) / 2, (camera.height_px - 1) / 2])
+    x, y = ((colrow[own] - middle) * [1, -1]).T
+    ray = np.column_stack([x, y, np.full_like(x, -f_px)]) @ exp(np.array([[0.0, angle, 0.0]]))[0]
+    seen = -f_px * ray[:, :2] / ray[:, 2:]
+    colrow[own] = middle + seen * [1, -1]
+    return replace(block, image_points=replace(points, colrow=colrow))
+
+
+def test_a_head_that_turned_at_one_exposure_is_found():
+    angle = np.radians(60 / 3600)
+    block = rigidity_turned(rigidity_noisy(1, ties=30), 3, angle)
+    bundle = adjust(mounted_orientation(block, free=RIGIDITY_FREE))
+    found = rigidity(bundle)
+    i = found.exposures.index(bundle.network.pose_names[3])
+    assert np.argmin(found.p_joint) == i
+    assert found.p_joint[i] < 1e-3
+    assert abs(found.turns[i, 1, 1] - angle) < 4 * found.sigma[i, 1, 1]
+
+
+def test_a_single_camera_cannot_turn_against_another(mounted):
+    with pytest.raises(AdjustmentError, match="no exposure has measurements of two heads"):
+        rigidity(mounted)

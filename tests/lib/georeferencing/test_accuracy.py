@@ -1,0 +1,343 @@
+"""Accuracy classes against published tables and numbers computed elsewhere."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from acx4lib.georeferencing import accuracy
+
+# Table 4 of the paper, east, north, height, m; n = 36
+TWO_STEP = accuracy.from_summary(
+    36, mean=(0.05, -0.06, -0.06), std=(0.51, 0.50, 0.49), rms=(0.44, 0.44, 0.43)
+)
+SINGLE_STEP = accuracy.from_summary(
+    36, mean=(0.04, -0.06, 0.06), std=(0.51, 0.53, 0.52), rms=(0.44, 0.46, 0.45)
+)
+SURVEY = (0.01, 0.01, 0.02)
+INTERVAL_SHARES = {
+    "A": (0.27, 1 / 6),
+    "B": (1 / 2, 1 / 3),
+    "C": (3 / 5, 2 / 5),
+    "D": (3 / 4, 1 / 2),
+}
+"""PEC and EP of heights, by class, in contour intervals; the standard's table rounds them."""
+
+
+def errors(n: int, size: float) -> np.ndarray:
+    """Errors of one size on every axis, alternating in sign."""
+    return size * np.where(np.arange(n) % 2, 1.0, -1.0)[:, None] * np.ones(3)
+
+
+# --- sizes, tests, intervals ---------------------------------------------------------------
+
+
+def test_summary_of_the_papers_rms():
+    assert_allclose([TWO_STEP.plan_rms, SINGLE_STEP.plan_rms], [0.62, 0.64], atol=0.005)
+    assert_allclose([TWO_STEP.plan_90, SINGLE_STEP.plan_90], [0.94, 0.97], atol=0.005)
+    assert_allclose([TWO_STEP.error_90[2], SINGLE_STEP.error_90[2]], [0.71, 0.74], atol=0.005)
+
+
+def test_differences_by_hand():
+    d = np.array([[1.0, 0.0, 2.0], [-1.0, 3.0, 2.0], [3.0, 0.0, -4.0]])
+    got = accuracy.from_differences(d)
+    assert_allclose(got.mean, [1.0, 1.0, 0.0])
+    assert_allclose(got.std, [2.0, np.sqrt(3.0), np.sqrt(12.0)])
+    assert_allclose(got.rms, np.sqrt([11 / 3, 3.0, 8.0]))
+    assert got.error_90 == (3.0, 3.0, 4.0)
+    assert got.plan_90 == pytest.approx(np.sqrt(10.0))
+
+
+def test_ninety_percent_of_twenty_errors_are_eighteen():
+    d = np.zeros((20, 3))
+    d[:, 2] = np.arange(1, 21)
+    assert accuracy.from_differences(d).error_90[2] == 18.0
+    assert accuracy.from_differences(d[:19]).error_90[2] == 18.0  # 17 of 19 are too few
+
+
+def test_many_normal_errors_agree_with_the_summary():
+    rng = np.random.default_rng(1)
+    d = rng.normal(size=(200_000, 3)) * [0.44, 0.44, 0.43]
+    seen = accuracy.from_differences(d)
+    assert_allclose(seen.error_90, TWO_STEP.error_90, rtol=0.01)  # 3 sigma of the quantile
+    assert_allclose(seen.plan_90, TWO_STEP.plan_90, rtol=0.01)
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_too_few_points_give_nan_and_no_class(n):
+    got = accuracy.from_differences(np.full((n, 3), 0.1))
+    assert np.isnan(got.std).all()
+    assert np.isnan(got.rms).all() == (n == 0)
+    assert accuracy.mean_test(got).accepted == (False, False, False)
+    assert accuracy.precision_test(got, (1, 1, 1)).accepted == (False, False, False)
+    assert accuracy.pec_pcd(got, 2000).plan == f"not stated, n = {n}"
+    assert accuracy.nssda(got).statement == f"not stated, n = {n}"
+
+
+def test_bad_differences_are_refused():
+    with pytest.raises(ValueError, match=r"shape \(n, 3\), got \(3,\)"):
+        accuracy.from_differences(np.zeros(3))
+    with pytest.raises(ValueError, match="finite"):
+        accuracy.from_differences(np.full((2, 3), np.nan))
+
+
+def test_no_bias_in_table_4():
+    """t(35) at 90 % two-sided is 1.690; the paper's largest |t| is 0.73."""
+    test = accuracy.mean_test(TWO_STEP)
+    assert test.critical == pytest.approx(1.690, abs=5e-4)
+    assert max(np.abs(test.statistic)) == pytest.approx(0.73, abs=0.005)
+    assert test.statistic[0] > 0 > test.statistic[1]
+    assert test.accepted == (True, True, True)
+    biased = replace(TWO_STEP, mean=(0.15, 0.0, 0.0))
+    assert accuracy.mean_test(biased).accepted == (False, True, True)
+
+
+def test_bias_with_a_known_covariance():
+    """1.645 sigma at 90 %: that of the normal distribution."""
+    cov = np.diag([0.02, 0.05, 0.10]) ** 2
+    test = accuracy.bias_test(np.array([0.03, -0.10, 0.16]), cov)
+    assert_allclose(test.statistic, [1.5, -2.0, 1.6])
+    assert test.critical == pytest.approx(1.645, abs=5e-4)
+    assert test.accepted == (True, False, True)
+
+
+def test_bias_of_errors_without_scatter():
+    test = accuracy.mean_test(accuracy.from_differences(np.tile([0.0, 0.5, -0.5], (9, 1))))
+    assert test.statistic == (0.0, np.inf, -np.inf)
+
+
+@pytest.mark.parametrize(
+    ("scale", "letter", "east"), [(2000, "B", 50.6), (2000, "C", 18), (5000, "A", 25)]
+)
+def test_chi_square_in_plan(scale, letter, east):
+    """The critical value, chi-square of 35 at 90 %, is 46.06."""
+    ep = {limit.letter: limit.ep for limit in accuracy.plan_limits(scale)}[letter]
+    test = accuracy.precision_test(TWO_STEP, (ep / np.sqrt(2), ep / np.sqrt(2), ep))
+    assert test.critical == pytest.approx(46.06, abs=0.005)
+    assert test.statistic[0] == pytest.approx(east, abs=0.5 if east == int(east) else 0.05)
+    assert test.accepted[0] == (east < 46.06)
+
+
+@pytest.mark.parametrize(
+    ("interval", "letter", "height"),
+    [(1.0, "C", 52.5), (1.0, "D", 33.6), (2.0, "A", 75.6), (2.0, "B", 18.9)],
+)
+def test_chi_square_in_height(interval, letter, height):
+    """With the unrounded limits of the contour interval."""
+    ep = INTERVAL_SHARES[letter][1] * interval
+    test = accuracy.precision_test(TWO_STEP, (ep, ep, ep))
+    assert test.statistic[2] == pytest.approx(height, abs=0.05)
+    assert test.accepted[2] == (height < 46.06)
+
+
+def test_rms_of_36_points_is_known_to_24_percent():
+    lower, upper = accuracy.rms_interval(1.0, 36)
+    assert (upper - lower) / 2 == pytest.approx(0.24, abs=0.005)
+    # chi-square of 36 at 97.5 % and 2.5 % from a printed table: 54.437, 21.336
+    assert_allclose([36 / lower**2, 36 / upper**2], [54.437, 21.336], atol=5e-4)
+    assert np.isnan(accuracy.rms_interval(1.0, 0)).all()
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.3, 1.0])
+def test_correlated_errors_count_as_fewer(rho):
+    """All correlated by rho, n of them: n / (1 + (n - 1) rho^2), between n and one."""
+    cov = 4e-4 * (rho * np.ones((25, 25)) + (1 - rho) * np.eye(25))
+    assert accuracy.effective_number(cov) == pytest.approx(25 / (1 + 24 * rho**2))
+    assert accuracy.effective_number(np.zeros((0, 0))) == 0.0
+
+
+def test_rms_of_correlated_errors_stays_within_its_limits(rng):
+    """A shift shared by 25 points: 95 % of 20 000 RMS, to the 2 % that the approximation leaves."""
+    own, shared = rng.normal(size=(20_000, 25)), 0.5 * rng.normal(size=(20_000, 1))
+    rms = np.sqrt(np.mean((own + shared) ** 2, axis=1) / 1.25)
+    n = accuracy.effective_number(np.eye(25) + 0.25)
+    low, high = accuracy.rms_limits(n)
+    assert np.mean((low < rms) & (rms < high)) == pytest.approx(0.95, abs=0.02)
+    independent_low, independent_high = accuracy.rms_limits(25)
+    assert np.mean((independent_low < rms) & (rms < independent_high)) < 0.935
+
+
+def test_normalised_errors_are_tested_with_as_many_points_as_they_are_worth():
+    """Fully correlated errors are one error: chi-square of 1 at 2.5 and 97.5 % from a table."""
+    d, sigma = np.full((25, 3), 2.0), np.ones((25, 3))
+    shared, own = np.ones((25, 25)), np.eye(25)
+    test = accuracy.normalised_test(d, sigma, np.stack([shared, own, own]))
+    assert_allclose(test.rms, 2.0)
+    assert_allclose(test.effective, [1.0, 25.0, 25.0])
+    assert_allclose(test.limits[0], np.sqrt([0.000982, 5.024]), rtol=1e-3)
+    assert test.accepted.tolist() == [True, False, False]
+    table = test.table()
+    assert list(table["prediction"]) == ["holds", "too small", "too small"]
+    assert repr(test) == "RMS of d / sigma 2.00, 2.00, 2.00; 1 of 3 inside their limits"
+    assert (
+        list(accuracy.normalised_test(0.1 * d, sigma, np.stack([own] * 3)).table()["prediction"])
+        == ["too large"] * 3
+    )
+
+
+# --- PEC-PCD -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("found", [TWO_STEP, SINGLE_STEP])
+@pytest.mark.parametrize(
+    ("scale", "plan", "by_axis", "height"),
+    [
+        (1000, "none", "C", "D"),
+        (2000, "C", "B", "D"),
+        (5000, "A", "A", "B"),
+        (10000, "A", "A", "A"),
+    ],
+)
+def test_table_4_under_pec_pcd(found, scale, plan, by_axis, height):
+    assert accuracy.pec_pcd(found, scale) == accuracy.PecPcd(
+        scale=scale, plan=plan, plan_by_axis=by_axis, height=height
+    )
+
+
+@pytest.mark.parametrize(("letter", "scale"), [("A", 10000), ("none", None)])
+def test_the_largest_scale_is_the_first_with_the_class_in_plan_and_height(letter, scale):
+    assert accuracy.largest_scale(TWO_STEP, letter) == scale
+
+
+def test_table_4s_sigmas_reach_no_height_class_at_1_to_2000():
+    sigmas = accuracy.from_summary(36, mean=TWO_STEP.mean, std=TWO_STEP.std, rms=TWO_STEP.std)
+    assert sigmas.error_90[2] == pytest.approx(0.81, abs=0.005)
+    assert accuracy.pec_pcd(sigmas, 2000).height == "none"
+
+
+def test_both_limits_must_hold():
+    limits = accuracy.plan_limits(2000)
+    assert accuracy.best_class(0.34, 0.56, limits) == "A"
+    assert accuracy.best_class(0.341, 0.56, limits) == "B"
+    assert accuracy.best_class(0.34, 0.561, limits) == "B"
+    assert accuracy.best_class(1.2, 2.01, limits) == "none"
+
+
+def test_one_gross_error_in_twenty_spoils_the_rms_but_not_the_90_percent():
+    d = errors(20, 0.1)
+    d[0, 2] = 1.5
+    got = accuracy.from_differences(d)
+    assert got.error_90[2] == pytest.approx(0.1)
+    assert accuracy.pec_pcd(got, 2000).height == "C"  # RMS 0.35 m
+    assert accuracy.pec_pcd(accuracy.from_differences(errors(20, 0.1)), 2000).height == "A"
+
+
+def test_limits_of_the_printed_table_follow_the_rules_but_for_rounding(pytestconfig):
+    """0.28/0.17 ... 1.0/0.6 mm at map scale; shares of the contour interval."""
+    rules = {"A": (0.28, 0.17), "B": (0.5, 0.3), "C": (0.8, 0.5), "D": (1.0, 0.6)}
+    for scale in accuracy.scales():
+        for limit in accuracy.plan_limits(scale):
+            assert_allclose((limit.pec, limit.ep), 1e-3 * scale * np.array(rules[limit.letter]))
+    with (pytestconfig.rootpath / "data" / "standards" / "pec_pcd.csv").open() as file:
+        intervals = {int(row["scale"]): float(row["interval_m"]) for row in csv.DictReader(file)}
+    odd = set()
+    for scale, interval in intervals.items():
+        for limit in accuracy.height_limits(scale):
+            shares = INTERVAL_SHARES[limit.letter]
+            for tabulated, share in zip((limit.pec, limit.ep), shares, strict=True):
+                if abs(tabulated - share * interval) > 0.0051:
+                    odd.add((scale, limit.letter, tabulated))
+    assert odd == {(5000, "A", 0.34), (10000, "A", 0.84), (50000, "A", 5.5), (100000, "A", 13.7)}
+
+
+def test_table_has_eight_scales_and_an_error_for_others():
+    assert accuracy.scales() == (1000, 2000, 5000, 10000, 25000, 50000, 100000, 250000)
+    with pytest.raises(ValueError, match="1:3000"):
+        accuracy.pec_pcd(TWO_STEP, 3000)
+
+
+@given(st.floats(0.01, 3.0), st.floats(1.0, 3.0))
+def test_larger_errors_never_reach_a_better_class(size, factor):
+    order = ("A", "B", "C", "D", "none")
+    small, large = (
+        accuracy.pec_pcd(accuracy.from_differences(errors(24, s)), 2000)
+        for s in (size, size * factor)
+    )
+    for kind in ("plan", "plan_by_axis", "height"):
+        assert order.index(getattr(small, kind)) <= order.index(getattr(large, kind))
+    assert order.index(small.plan_by_axis) <= order.index(small.plan)
+
+
+# --- NSSDA, ASPRS --------------------------------------------------------------------------
+
+
+def test_nssda_of_table_4():
+    got = accuracy.nssda(TWO_STEP)
+    assert (got.horizontal, got.vertical) == (
+        pytest.approx(1.08, abs=5e-3),
+        pytest.approx(0.84, abs=5e-3),
+    )
+    assert "1.08 m horizontal, 0.84 m vertical" in got.statement
+    # the standard's factors
+    assert got.horizontal / 0.44 == pytest.approx(2.4477, abs=5e-5)
+    assert got.vertical / 0.43 == pytest.approx(1.9600, abs=5e-5)
+
+
+def test_nssda_has_no_formula_for_unlike_axes():
+    unlike = accuracy.from_summary(36, mean=(0, 0, 0), std=(1, 1, 1), rms=(0.2, 0.5, 0.1))
+    got = accuracy.nssda(unlike)
+    assert np.isnan(got.horizontal)
+    assert "no horizontal" in got.statement
+    like = accuracy.from_summary(36, mean=(0, 0, 0), std=(1, 1, 1), rms=(0.3, 0.5, 0.1))
+    assert accuracy.nssda(like).horizontal == pytest.approx(2.4477 * 0.4, abs=1e-4)
+
+
+def test_asprs_2014_of_table_4():
+    got = accuracy.asprs_2014(TWO_STEP, survey_sigma=SURVEY)
+    assert (got.horizontal, got.vertical) == ("44 cm", "43 cm")
+    assert got.horizontal_95 == pytest.approx(2.448 * 0.44, abs=1e-3)  # of equal axes
+    assert got.vertical_95 == pytest.approx(1.96 * 0.43, abs=1e-3)
+    assert got.mean_small
+    assert got.survey_sufficient
+    assert not accuracy.asprs_2014(TWO_STEP, survey_sigma=(0.01, 0.15, 0.02)).survey_sufficient
+    assert not accuracy.asprs_2014(replace(TWO_STEP, mean=(0.0, 0.0, -0.11))).mean_small
+
+
+def test_asprs_2023_of_table_4():
+    got = accuracy.asprs_2023(TWO_STEP, survey_sigma=SURVEY)
+    assert_allclose((got.rmse_h, got.rmse_v, got.rmse_3d), (0.62, 0.43, 0.76), atol=0.005)
+    assert got.survey_sufficient
+
+
+def test_asprs_2023_adds_the_error_of_the_survey():
+    got = accuracy.asprs_2023(
+        accuracy.from_summary(36, mean=(0, 0, 0), std=(1, 1, 1), rms=(0.03, 0.0, 0.12)),
+        survey_sigma=(0.04, 0.0, 0.05),
+    )
+    assert_allclose((got.rmse_h, got.rmse_v, got.rmse_3d), (0.05, 0.13, np.hypot(0.05, 0.13)))
+    assert (got.horizontal, got.vertical, got.three_d) == ("5 cm", "13 cm", "14 cm")
+    assert not got.survey_sufficient
+
+
+@pytest.mark.parametrize(("standard", "least"), [*accuracy.MINIMUM_POINTS.items()])
+def test_a_class_needs_the_standards_number_of_points(standard, least):
+    def said(n: int) -> str:
+        found = accuracy.from_differences(errors(n, 0.1))
+        by_standard = accuracy.classes(found)
+        text = str(by_standard[standard])
+        return text
+
+    assert f"not stated, n = {least - 1}" in said(least - 1)
+    assert "not stated" not in said(least)
+
+
+def test_minimum_numbers_of_points():
+    assert accuracy.MINIMUM_POINTS == {
+        "pec_pcd": 20,
+        "nssda": 20,
+        "asprs_2014": 20,
+        "asprs_2023": 30,
+    }
+
+
+def test_classes_for_the_summary():
+    got = accuracy.classes(TWO_STEP, survey_sigma=SURVEY)
+    assert got["pec_pcd"]["1:2000"]["height"] == "D"
+    assert got["asprs_2023"]["rmse_3d"] == pytest.approx(0.76, abs=0.005)
+    assert got["asprs_2014"]["horizontal"] == "44 cm"

@@ -1,0 +1,291 @@
+"""Measurements of the heads in the synthetic image, against a camera that saw the same points."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.calibration import estimates
+from acx4lib.calibration.heads import varied
+from acx4lib.calibration.mounting import single_step
+from acx4lib.flight.block import ImagePoints, Images, select_cameras
+from acx4lib.geometry.camera import inside, xy_from_colrow
+from acx4lib.synthetic_image.frame import head_from_synthetic
+from acx4lib.synthetic_image.rendering import render, render_plan
+from acx4lib.synthetic_image.transferred_points import carry, parameter_covariance, synthetic_block
+from support.flights import in_heads
+from support.flights.simulated import HEADS
+from support.pictures import taken
+
+K = 8
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """Return exact measurements of heads that look from one place."""
+    return select_cameras(in_heads.one_centre(), HEADS)
+
+
+@pytest.fixture(scope="module")
+def seen():
+    """Return what the simulator's ideal camera saw of the same points."""
+    return select_cameras(in_heads.one_centre(), ["SYN"])
+
+
+@pytest.fixture(scope="module")
+def carried(measured, seen):
+    return carry(measured, in_heads.true_orientation(), seen.cameras[0])
+
+
+def test_carried_points_are_where_an_ideal_camera_sees_them(measured, seen, carried):
+    points = seen.image_points
+    where = {
+        (int(seen.images.exposure_idx[i]), int(j)): colrow
+        for i, j, colrow in zip(points.image_idx, points.point_idx, points.colrow, strict=True)
+    }
+    keys = zip(carried.exposure_idx.tolist(), carried.point_idx.tolist(), strict=True)
+    both = [(i, where[key]) for i, key in enumerate(keys) if key in where]
+    assert len(both) > 0.8 * len(points)
+    rows, colrow = zip(*both, strict=True)
+    # measurements are rounded to a millionth of a pixel
+    assert_allclose(carried.colrow[list(rows)], np.array(colrow), atol=3e-6)
+    assert carried.n_left_out > 0  # the heads see more than the frame
+    assert inside(seen.cameras[0], carried.colrow).all()
+
+
+def test_a_single_step_on_carried_points_finds_the_ideal_camera(measured, seen, carried):
+    block = synthetic_block(measured, carried, seen.cameras[0])
+    free = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
+    found = single_step(block, free=free).calibration
+    true = in_heads.one_centre_plan().cameras["SYN"]
+    (camera,) = found.cameras
+    assert_allclose(camera.interior.f, true.f_mm, atol=2e-6)
+    assert_allclose([camera.interior.xp, camera.interior.yp], 0.0, atol=2e-6)
+    corner = np.array([[0.0, 0.0]])
+    away = camera.interior.k1 * np.sum(xy_from_colrow(camera, corner) ** 2) ** 1.5
+    assert abs(away) < 1e-5  # mm
+    assert_allclose(camera.T_b_c.r, true.lever_m, atol=1e-4)
+    assert_allclose(camera.T_b_c.opk, 0.0, atol=1e-8)
+    assert found.sigma0_sq < 1e-8
+
+
+def test_sigma_is_the_scatter_of_a_measurement_after_the_map(measured, seen):
+    rng = np.random.default_rng(3)
+    rows = rng.choice(len(measured.image_points), 4)
+    n = 4000
+    points = measured.image_points[np.repeat(rows, n)]
+    noisy = replace(
+        points,
+        point_idx=np.arange(4 * n),
+        colrow=points.colrow + points.sigma_px[:, None] * rng.standard_normal((4 * n, 2)),
+    )
+    block = replace(
+        measured,
+        points=tuple(map(str, range(4 * n))),
+        image_points=noisy,
+        control=measured.control[:0],
+        check=measured.check[:0],
+    )
+    frame = replace(seen.cameras[0], width_px=20_000, height_px=20_000)
+    found = carry(block, in_heads.true_orientation(), frame)
+    order = np.argsort(found.point_idx)
+    colrow = found.colrow[order].reshape(4, n, 2)
+    sigma = found.sigma_px[order].reshape(4, n, 2)
+    # a standard deviation of 4000 is known to 1.1 %
+    assert_allclose(colrow.std(axis=1), sigma.mean(axis=1), rtol=0.045)
+    assert np.ptp(sigma / points.sigma_px[0]) > 0.05  # a tilted head stretches
+
+
+# --- which head ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def everything(measured):
+    """Return pixels of a small synthetic image, and a block of all heads that see them."""
+    orientation, synthetic = taken.heads(K), taken.synthetic(K)
+    rng = np.random.default_rng(1)
+    size = [synthetic.width_px, synthetic.height_px]
+    pixels = np.column_stack([rng.integers(0, n, 3000) for n in size])
+    xy = xy_from_colrow(synthetic, pixels.astype(float))
+    head, point, colrow = [], [], []
+    for k, camera in enumerate(orientation.heads):
+        at = head_from_synthetic(orientation, k, xy)
+        own = np.flatnonzero(inside(camera, at))
+        head.append(np.full(len(own), k))
+        point.append(own)
+        colrow.append(at[own])
+    return pixels, replace(
+        measured,
+        cameras=orientation.heads,
+        images=Images(
+            names=HEADS,
+            camera_idx=np.arange(4),
+            exposure_idx=np.zeros(4, dtype=np.intp),
+            strips=("",) * 4,
+        ),
+        points=tuple(map(str, range(len(pixels)))),
+        image_points=ImagePoints(
+            image_idx=np.concatenate(head),
+            point_idx=np.concatenate(point),
+            colrow=np.concatenate(colrow),
+            sigma_px=np.full(sum(map(len, head)), 0.5),
+        ),
+        control=measured.control[:0],
+        check=measured.check[:0],
+    )
+
+
+def test_the_head_is_the_one_that_is_rendered_there(everything):
+    pixels, block = everything
+    orientation, synthetic = taken.heads(K), taken.synthetic(K)
+    numbers = [
+        np.full((head.height_px, head.width_px, 1), 1 + k, np.uint8)
+        for k, head in enumerate(orientation.heads)
+    ]
+    image = render(render_plan(orientation, synthetic, feather_px=0.0), numbers)[..., 0]
+    found = carry(block, orientation, synthetic)
+    assert len(found) == len(pixels)
+    assert_allclose(found.colrow, pixels[found.point_idx], atol=1e-8)
+    there = image[pixels[found.point_idx, 1], pixels[found.point_idx, 0]]
+    assert len(set(there)) == 4
+    assert_array_equal(found.camera_idx, there.astype(int) - 1)
+
+
+def test_a_point_that_this_head_did_not_measure_comes_from_the_next(everything):
+    _, block = everything
+    orientation, synthetic = taken.heads(K), taken.synthetic(K)
+    found = carry(block, orientation, synthetic)
+    first = block.image_points.image_idx != 0  # images are the heads
+    less = carry(replace(block, image_points=block.image_points[first]), orientation, synthetic)
+    assert 0 not in less.camera_idx
+    seen_by_others = np.isin(found.point_idx, less.point_idx)
+    assert np.any(found.camera_idx[seen_by_others] == 0)
+    kept = found.camera_idx != 0
+    where = {int(p): int(c) for p, c in zip(less.point_idx, less.camera_idx, strict=True)}
+    assert all(
+        where[int(p)] == c
+        for p, c in zip(found.point_idx[kept], found.camera_idx[kept], strict=True)
+    )
+
+
+# --- the synthetic images --------------------------------------------------------------------
+
+
+def test_synthetic_images_bear_the_names_of_their_exposures_in_the_order_of_the_table(
+    measured, seen
+):
+    images = measured.images
+    order = np.arange(len(images))[::-1]
+    back = np.argsort(order)
+    shuffled = replace(
+        measured,
+        images=Images(
+            names=tuple(images.names[i] for i in order),
+            camera_idx=images.camera_idx[order],
+            exposure_idx=images.exposure_idx[order],
+            strips=tuple(images.strips[i] for i in order),
+        ),
+        image_points=replace(
+            measured.image_points, image_idx=back[measured.image_points.image_idx]
+        ),
+    )
+    orientation, synthetic = in_heads.true_orientation(), seen.cameras[0]
+    block = synthetic_block(shuffled, carry(shuffled, orientation, synthetic), synthetic)
+    exposures = [measured.trajectory.exposures[i] for i in images.exposure_idx[order]]
+    assert block.images.names == tuple(dict.fromkeys(exposures))
+    named = dict(zip(seen.images.names, seen.images.strips, strict=True))
+    assert block.images.strips == tuple(named[f"{name}_SYN"] for name in block.images.names)
+    assert np.all(np.diff(block.image_points.image_idx) >= 0)
+
+
+def test_an_exposure_without_any_measurement_is_an_image(measured, seen):
+    points = measured.image_points
+    bare = measured.images.exposure_idx[points.image_idx] != 2
+    few = replace(measured, image_points=points[bare])
+    orientation, synthetic = in_heads.true_orientation(), seen.cameras[0]
+    found = carry(few, orientation, synthetic)
+    assert 2 not in found.exposure_idx
+    block = synthetic_block(few, found, synthetic)
+    assert len(block.images) == len(measured.trajectory)
+
+
+def test_a_camera_that_is_no_head_is_refused(seen):
+    with pytest.raises(ValueError, match="no orientation of SYN"):
+        carry(seen, in_heads.true_orientation(), seen.cameras[0])
+
+
+# --- Errors of the heads in the calibrated synthetic camera, against cameras calibrated anew
+
+
+FREE = ("f", "xp", "yp", "k1", "k2", "p1", "p2")
+SIZES = np.concatenate(
+    [
+        np.tile([2e-4, 2e-4, 2e-4, 3e-6, 3e-6, 3e-6], 4),  # mm and radians
+        np.tile([2e-4, 2e-4, 2e-4, 1e-9, 0.0, 0.0, 1e-9, 1e-9, 0.0], 4),
+    ]
+)
+"""Errors of heads that move points by some hundredths of a pixel; zero is held."""
+
+
+@pytest.fixture(scope="module")
+def head_errors_measured():
+    return select_cameras(in_heads.one_centre(), HEADS)
+
+
+@pytest.fixture(scope="module")
+def synthetic():
+    return select_cameras(in_heads.one_centre(), ["SYN"]).cameras[0]
+
+
+def calibrated(measured, orientation, synthetic):
+    """Return the carried points and the bundle of the synthetic camera."""
+    carried = carry(measured, orientation, synthetic)
+    block = synthetic_block(measured, carried, synthetic)
+    return carried, adjust(mounted_orientation(block, free=FREE))
+
+
+def reported(bundle):
+    return np.array([p.value for p in estimates.parameters(estimates.from_bundle(bundle))])
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_heads_that_are_off_move_the_parameters_as_their_covariance_says(
+    head_errors_measured, synthetic, seed
+):
+    """Of one direction in which all heads are off, the covariance is the square of the change."""
+    off = SIZES * np.random.default_rng(seed).normal(size=len(SIZES))
+    right = replace(in_heads.true_orientation(), cov_joint=np.outer(off, off))
+    carried, bundle = calibrated(head_errors_measured, right, synthetic)
+    cov = parameter_covariance(bundle, head_errors_measured, carried, right)
+    wrong = right
+    for i in np.flatnonzero(off):
+        wrong = varied(wrong, int(i), float(off[i]))
+    _, moved = calibrated(head_errors_measured, wrong, synthetic)
+    change = reported(moved) - reported(bundle)
+    assert_allclose(np.sqrt(np.diag(cov)), np.abs(change), rtol=0.01)
+    assert_allclose(cov, np.outer(change, change), rtol=0.02)
+
+
+def test_heads_without_errors_add_nothing(head_errors_measured, synthetic):
+    right = in_heads.true_orientation()
+    carried, bundle = calibrated(head_errors_measured, right, synthetic)
+    assert not parameter_covariance(bundle, head_errors_measured, carried, right).any()
+
+
+def test_independent_errors_add_their_squares(head_errors_measured, synthetic):
+    right = in_heads.true_orientation()
+    carried, bundle = calibrated(head_errors_measured, right, synthetic)
+    parts = []
+    for i in (0, 3, 10, 24, 40):
+        one = np.zeros(len(SIZES))
+        one[i] = SIZES[i] ** 2
+        heads = replace(right, cov_joint=np.diag(one))
+        parts.append(parameter_covariance(bundle, head_errors_measured, carried, heads))
+    every = np.zeros(len(SIZES))
+    every[[0, 3, 10, 24, 40]] = SIZES[[0, 3, 10, 24, 40]] ** 2
+    together = replace(right, cov_joint=np.diag(every))
+    found = parameter_covariance(bundle, head_errors_measured, carried, together)
+    assert_allclose(found, np.sum(parts, axis=0), rtol=1e-6, atol=1e-12 * np.abs(found).max())

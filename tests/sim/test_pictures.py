@@ -1,0 +1,389 @@
+"""Simulated pictures, against the simulator's measurements, closed forms and their own truth.
+
+The library's cameras and renderer have no part in it.
+"""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import tifffile
+from numpy.testing import assert_allclose, assert_array_equal
+from pyproj import Transformer
+from scipy.ndimage import gaussian_filter
+
+import acx4sim
+from acx4sim import earth, pictures
+from acx4sim.designs import acx4_plan
+from acx4sim.files import photograph, truth_path
+from acx4sim.pictures import (
+    Tiles,
+    camera_response,
+    ground_from_pixels,
+    landscape,
+    picture,
+    pixels_from_ground,
+    reduced,
+    station,
+)
+from acx4sim.scenery.drawing import cell_m
+from acx4sim.scenery.scenery import read_photo
+from support.helpers import repeats
+from support.pictures.targets import cut_out, middle_of_disc
+
+EXACT = acx4sim.Options(image_noise=0, control_noise=0, blocks=("heads",))
+PLAN = acx4_plan()
+
+
+@pytest.fixture(scope="module")
+def at():
+    return station(PLAN, "H3-04")
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return acx4sim.acx4(seed=1, options=EXACT)
+
+
+def pixels_of(camera, n, seed=0):
+    size = np.array([camera.width_px, camera.height_px])
+    return np.random.default_rng(seed).uniform(-0.5, size - 0.5, (n, 2))
+
+
+class Evenly:
+    """A ground of one DN."""
+
+    def __init__(self, dn):
+        self.dn = dn
+
+    def paint(self, window):
+        return np.full((window.rows, window.cols, 3), self.dn, np.uint16)
+
+
+class Slopes:
+    """A ground whose red says the east and whose green the north, 1000 DN a cell, 60 cells."""
+
+    def paint(self, window):
+        dn = np.zeros((window.rows, window.cols, 3), np.uint16)
+        dn[..., 0] = (window.col + np.arange(window.cols)) % 60 * 1000
+        dn[..., 1] = ((window.row + np.arange(window.rows)) % 60 * 1000)[:, None]
+        self.level = window.level
+        return dn
+
+
+# --- geometry --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("refraction", ["none", "standard"])
+@pytest.mark.parametrize("name", ["CAM1", "CAM3", "SYN"])
+def test_ground_of_a_pixel_is_seen_in_that_pixel(at, name, refraction):
+    """Rays stop when 1e-7 m from the ground, and a pixel is 0.1 m; way back is another code."""
+    here = replace(at, plan=replace(PLAN, refraction=refraction))
+    camera = PLAN.cameras[name]
+    colrow = pixels_of(camera, 500)
+    x_g = ground_from_pixels(here, camera, colrow)
+    assert_allclose(pixels_from_ground(here, camera, x_g), colrow, atol=1e-5)
+
+
+def test_ground_lies_on_the_hills_of_the_surveyed_points(at):
+    """The terrain's own formula at the points found; rays stop at 1e-7 m."""
+    x_g = ground_from_pixels(at, PLAN.cameras["CAM2"], pixels_of(PLAN.cameras["CAM2"], 50))
+    llh = earth.Grid(crs=PLAN.crs).geodetic_from_grid(x_g)
+    height = earth.terrain_height(llh, PLAN.ground_m, latitude=at.latitude)
+    assert_allclose(x_g[:, 2], height, atol=1e-6)
+    llh = earth.Grid(crs=PLAN.crs).geodetic_from_grid(at.marks_g)
+    marks = earth.terrain_height(llh, PLAN.ground_m, latitude=at.latitude)
+    assert_allclose(at.marks_g[:, 2], marks, atol=1e-9)
+
+
+def test_a_ray_that_does_not_come_down_is_nan(at):
+    sideways = replace(PLAN.cameras["CAM1"], boresight_deg=(95.0, 0.0, 0.0))
+    assert np.isnan(ground_from_pixels(at, sideways, np.array([[10.0, 10.0]]))).all()
+
+
+def test_latitude_and_longitude_of_geocentric_coordinates_are_projs():
+    """1e-12 rad is 6 micrometres, as 1e-5 m."""
+    rng = np.random.default_rng(0)
+    llh = np.column_stack(
+        [rng.uniform(-1.4, 1.4, 50), rng.uniform(-3, 3, 50), 4000 * rng.random(50)]
+    )
+    grid = earth.Grid(crs=PLAN.crs)
+    to_ecef = Transformer.from_pipeline("+proj=cart +ellps=GRS80")  # of SIRGAS 2000
+    lon, lat = np.degrees(llh[:, 1]), np.degrees(llh[:, 0])
+    x_e = np.column_stack(to_ecef.transform(lon, lat, llh[:, 2]))
+    found = grid.geodetic_from_ecef(x_e)
+    assert_allclose(found[:, :2], llh[:, :2], atol=1e-12)
+    assert_allclose(found[:, 2], llh[:, 2], atol=1e-5)
+
+
+def test_exposures_are_the_flights(exact, at):
+    east, north, height = exact.truth["exposures"]["heads"]["H3-04"][:3]
+    assert_allclose(at.track.x_g[0], [east, north, height], atol=1e-6)
+
+
+def test_reduced_camera_sees_the_middle_of_the_sensor(at):
+    camera = PLAN.cameras["CAM2"]
+    small = reduced(camera, 4)
+    assert (small.width_px, small.height_px) == (2246, 1683)
+    # 8984 = 4 x 2246 and 6732 = 4 x 1683: a small pixel's middle is between four large ones
+    ground = ground_from_pixels(at, small, np.array([[0.0, 0.0], [100.0, 7.0]]))
+    same = ground_from_pixels(at, camera, np.array([[1.5, 1.5], [401.5, 29.5]]))
+    assert_allclose(ground, same, atol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "reduce"), [("CAM1", 8), ("CAM4", 16), ("SYN", 16)])
+def test_every_pixel_sees_its_ground_to_a_thousandth(at, name, reduce):
+    """2 x 2 exact rays per pixel against what the picture of two slopes says.
+
+    Not near the steps between slopes. A cell is about half a pixel; 1e-3 px is 2 DN.
+    """
+    camera, ground = reduced(PLAN.cameras[name], reduce), Slopes()
+    found = np.concatenate(
+        [
+            np.c_[_grid(rows, cols), dn.reshape(-1, 3)[:, :2]]
+            for rows, cols, dn in pictures.parts(at, camera, ground)
+        ]
+    )
+    found = found[:: max(len(found) // 3000, 1)]
+    cells = (
+        np.stack(
+            [
+                ground_from_pixels(at, camera, found[:, :2] + [dx, dy])[:, :2]
+                for dx in (-0.25, 0.25)
+                for dy in (-0.25, 0.25)
+            ]
+        )
+        / cell_m(ground.level)
+        - 0.5
+    )
+    on_slope = np.all((cells % 60 > 4) & (cells % 60 < 55), axis=(0, 2))
+    assert on_slope.sum() > 500
+    error = found[:, 2:] / 1000 - cells.mean(axis=0) % 60
+    assert np.abs(error[on_slope]).max() < 1e-3
+
+
+def _grid(rows, cols):
+    grid = np.stack(
+        np.meshgrid(np.arange(cols.start, cols.stop), np.arange(rows.start, rows.stop)), -1
+    )
+    return grid.reshape(-1, 2)
+
+
+@pytest.mark.parametrize("name", ["CAM1", "CAM2", repeats("CAM3"), repeats("CAM4")])
+def test_painted_points_are_where_the_flight_measures_them(exact, at, name):
+    """Centroids of the white discs against exact image_points.csv.
+
+    Taken with pixels of a quarter of the size: the centroid of a disc of 4 px is no better than
+    0.02 px, whoever takes the picture. Oblique perspective moves it by less than 0.001 px.
+    """
+    measured = exact.tables["heads/image_points.csv"].set_index(["image", "point"])
+    colrow = measured.loc[f"H3-04_{name}"].filter(regex="^P", axis=0).to_numpy()[:5]
+    assert len(colrow) > 2
+    ground = landscape(at)
+    for col, row in colrow:
+        left, top = int(col) - 12, int(row) - 12
+        part = cut_out(PLAN.cameras[name], left, top, 25, 25)
+        fine = replace(part, width_px=100, height_px=100, pixel_um=part.pixel_um / 4)
+        grey = picture(at, fine, ground).astype(float).mean(axis=2)
+        middle = middle_of_disc(grey, np.array([49.5, 49.5]), 4 * 3.4)
+        assert_allclose((middle + 0.5) / 4 - 0.5, [col - left, row - top], atol=0.003)
+
+
+def test_pictures_of_one_place_agree_whatever_camera_takes_them(at, tmp_path):
+    """A head's picture and one of a camera that looks down, at the same ground points.
+
+    Spots whose sigma is 10 m in pixels of 2 m: 40 counts of 110 DN change by
+    40 x 110 x 2 / 10 = 880 a pixel, and rounding to the nearest pixel leaves 880 x 0.29 on
+    either axis. An error of one pixel would leave 880.
+    """
+    spots = gaussian_filter(np.random.default_rng(0).standard_normal((512, 512, 3)), (80, 80, 0))
+    counts = np.clip(128 + 40 * spots / spots.std(), 0, 255).astype(np.uint8)
+    tifffile.imwrite(tmp_path / "spots.tif", counts, photometric="rgb")
+    ground = Tiles(ground=read_photo(tmp_path / "spots.tif"))
+    head, down = (reduced(PLAN.cameras[name], 16) for name in ("CAM1", "SYN"))
+    grid = np.stack(np.meshgrid(np.arange(100, 400, 3), np.arange(100, 300, 3)), -1).reshape(-1, 2)
+    seen = pixels_from_ground(at, down, ground_from_pixels(at, head, grid))
+    size = np.array([down.width_px, down.height_px])
+    inside = np.all((seen > 0) & (seen < size - 1), axis=1)
+    assert inside.sum() > 1000
+    a = picture(at, PLAN.cameras["CAM1"], ground, reduce=16)
+    b = picture(at, PLAN.cameras["SYN"], ground, reduce=16)
+    (col_a, row_a), (col_b, row_b) = grid[inside].T, np.rint(seen[inside]).astype(int).T
+    error = a[row_a, col_a].astype(float) - b[row_b, col_b]
+    assert error.std() < 600
+    assert a.std() > 5000
+
+
+# --- radiometry ------------------------------------------------------------------------------
+
+
+def test_shot_noise_is_half_the_root_and_falls_with_the_reduction(at):
+    """40 000 values: a standard deviation is known to 0.35 %, five sigma are 2 %."""
+    for reduce in (1, 3):
+        part = cut_out(PLAN.cameras["CAM1"], 4000, 3000, 240 * reduce, 60 * reduce)
+        image = picture(at, part, Evenly(20_000), reduce=reduce, noise=np.random.default_rng(1))
+        expected = np.hypot(0.5 * np.sqrt(20_000) / reduce, np.sqrt(1 / 12))
+        assert_allclose(image.std(), expected, rtol=0.02)
+        assert_allclose(image.mean(), 20_000, atol=5 * expected / np.sqrt(image.size))
+
+
+def test_light_falls_off_with_the_cosine_by_20_to_25_percent(at):
+    for name in ("CAM1", "CAM2", "CAM3", "CAM4"):
+        camera, responds = PLAN.cameras[name], camera_response(name, 1)
+        image = picture(at, camera, Evenly(40_000), reduce=32, responds=responds)
+        rows, cols = image.shape[:2]
+        middle, corner = image[rows // 2, cols // 2], image[0, 0]
+        assert_allclose(middle / 40_000, responds.gain, atol=1e-3)  # two pixels off the middle
+        slant = np.array([cols - 1, rows - 1]) / 2 * 32 * camera.pixel_um / 1000
+        cosine = np.cos(np.arctan(np.hypot(*slant) / camera.f_mm))
+        assert_allclose(
+            corner, 40_000 * np.array(responds.gain) * cosine ** np.array(responds.cosine), atol=1
+        )
+        assert np.all((corner / middle > 0.74) & (corner / middle < 0.82))
+        assert np.all(np.abs(np.array(responds.gain) - 1) <= 0.05)
+
+
+def test_without_response_and_noise_a_picture_has_the_grounds_dn(at):
+    image = picture(at, PLAN.cameras["SYN"], Evenly(12_345), reduce=100)
+    assert image.dtype == np.uint16
+    assert np.all(image == 12_345)
+
+
+def test_dn_end_at_the_white_of_16_bit(at):
+    gain = pictures.CameraResponse(gain=(2.0, 1.0, 1.0))
+    image = picture(at, PLAN.cameras["SYN"], Evenly(40_000), reduce=100, responds=gain)
+    assert_array_equal(np.unique(image), [40_000, 65_535])
+
+
+# --- files -----------------------------------------------------------------------------------
+
+FEW = acx4sim.Options(blocks=("heads",), tie_points={"heads": 0})
+REDUCE = 48
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory):
+    path = tmp_path_factory.mktemp("photo") / "photo.tif"
+    counts = np.random.default_rng(0).integers(20, 200, (64, 96, 3), dtype=np.uint8)
+    tifffile.imwrite(path, counts, photometric="rgb")
+    return path
+
+
+def with_pictures(folder, photo, name="acx4", exposures=("H3-04",), options=FEW):
+    flight = acx4sim.DESIGNS[name](seed=2, options=options)
+    acx4sim.write(photograph(flight, exposures, reduce=REDUCE, photo=photo), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, photo):
+    return with_pictures(tmp_path_factory.mktemp("pictures") / "flight", photo)
+
+
+def test_every_head_has_its_file_and_images_csv_names_it(folder):
+    images = pd.read_csv(folder / "heads/images.csv", dtype=str, keep_default_na=False)
+    named = images[images["file"] != ""]
+    assert set(named["exposure"]) == {"H3-04"}
+    assert named["file"].tolist() == [f"images/{image}.tif" for image in named["image"]]
+    for file in named["file"]:
+        image = tifffile.memmap(folder / "heads" / file, mode="r")  # contiguous, uncompressed
+        assert image.shape == (6732 // REDUCE, 8984 // REDUCE, 3)
+        assert image.dtype == np.uint16
+        assert 8_500 < image.mean() < 12_500  # 110 counts, less towards the edges
+    assert len(list((folder / "heads/images").iterdir())) == 4
+
+
+def test_truth_tells_responses_exposures_and_ground(folder):
+    told = json.loads(truth_path(folder).read_text())["pictures"]
+    assert (told["exposures"], told["reduce"], told["ground"]) == (["H3-04"], REDUCE, "photo.tif")
+    assert set(told["response"]) == {"CAM1", "CAM2", "CAM3", "CAM4"}
+    assert told["response"]["CAM2"]["gain"] == list(camera_response("CAM2", 2).gain)
+
+
+def test_same_seed_gives_the_same_pictures(folder, photo, tmp_path):
+    again = with_pictures(tmp_path / "flight", photo)
+    for path in (folder / "heads/images").iterdir():
+        assert (again / "heads/images" / path.name).read_bytes() == path.read_bytes()
+
+
+def test_an_ordinary_camera_takes_pictures_too(tmp_path, photo):
+    options = acx4sim.Options(blocks=("calibration",), tie_points={"calibration": 0})
+    folder = with_pictures(tmp_path / "f", photo, "single-head", ["C1-02"], options)
+    assert tifffile.imread(folder / "calibration/images/C1-02.tif").shape == (181, 241, 3)
+
+
+def test_blocks_that_are_measured_in_heads_have_pictures_of_their_own(tmp_path, photo):
+    options = acx4sim.Options(tie_points={"heads": 0, "calibration": 0})
+    folder = with_pictures(tmp_path / "f", photo, "acx4", ["H3-04", "calibration/C2-05"], options)
+    for block, exposure in (("heads", "H3-04"), ("calibration", "C2-05")):
+        images = pd.read_csv(folder / block / "images.csv", dtype=str, keep_default_na=False)
+        named = images[images["file"] != ""]
+        assert set(named["exposure"]) == {exposure}
+        assert all((folder / block / file).is_file() for file in named["file"])
+        assert len(list((folder / block / "images").iterdir())) == 4
+
+
+def test_a_flight_without_pictures_has_no_column_for_files():
+    assert "file" not in acx4sim.acx4(options=FEW).tables["heads/images.csv"]
+
+
+def test_a_photo_lies_on_the_ground_mirrored_at_its_edges(tmp_path, at):
+    """DN are 56 000 in white and grow with the square; 16 000 pixels of dither average out."""
+    photo = np.full((64, 96, 3), [10, 100, 200], np.uint8)
+    tifffile.imwrite(tmp_path / "photo.tif", photo, photometric="rgb")
+    ground = read_photo(tmp_path / "photo.tif")
+    image = picture(at, PLAN.cameras["CAM1"], ground, reduce=60)
+    expected = (np.array([10, 100, 200]) / 255) ** 2 * 56_000
+    assert_allclose(image.reshape(-1, 3).mean(axis=0), expected, atol=2.0)
+
+
+def test_photo_keeps_its_left_and_right(tmp_path):
+    """Its first row is the north; it is mirrored at the edge of the grid's first quadrant."""
+    photo = np.zeros((8, 8, 3), np.uint8)
+    photo[:4, :4] = 255
+    tifffile.imwrite(tmp_path / "photo.png.tif", photo, photometric="rgb")
+    ground = read_photo(tmp_path / "photo.png.tif")
+    window = pictures.GroundWindow(level=2, row=-4, col=0, rows=4, cols=4)
+    assert_array_equal(
+        ground.paint(window)[..., 0] > 20_000, [[False] * 4] * 2 + [[True, True, False, False]] * 2
+    )
+
+
+# --- mistakes --------------------------------------------------------------------------------
+
+
+def test_an_unknown_exposure_is_named_with_some_that_are_there():
+    with pytest.raises(ValueError, match=r"exposure 'H9-01' is not in acx4; it has.*H1-01, H4-07"):
+        photograph(acx4sim.acx4(options=FEW), ["H3-04", "H9-01"])
+
+
+def test_no_exposure_and_no_pixel_are_refused():
+    flight = acx4sim.acx4(options=FEW)
+    with pytest.raises(ValueError, match="no exposure is named"):
+        photograph(flight, [])
+    with pytest.raises(ValueError, match="cannot be reduced 9000 times"):
+        photograph(flight, ["H3-04"], reduce=9000)
+
+
+def test_a_photo_that_is_missing_or_unreadable_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none\.jpg"):
+        read_photo(tmp_path / "none.jpg")
+    (tmp_path / "text.jpg").write_text("no picture")
+    with pytest.raises(OSError, match=r"is not a picture that can be read.*text\.jpg"):
+        read_photo(tmp_path / "text.jpg")
+    (tmp_path / "empty.jpg").write_bytes(b"")
+    with pytest.raises(OSError, match="is not a picture"):
+        read_photo(tmp_path / "empty.jpg")
+
+
+def test_a_flight_appears_whole_or_not_at_all(tmp_path, photo, monkeypatch):
+    def full(*_, **__):
+        msg = "No space left on device"
+        raise OSError(28, msg)
+
+    monkeypatch.setattr(pictures.tifffile, "imwrite", full)
+    with pytest.raises(OSError, match="No space left"):
+        with_pictures(tmp_path / "flight", photo)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,119 @@
+"""The camera of a picture: units, principal point, distortion beside OpenCV's own."""
+
+import cv2
+import numpy as np
+import pytest
+
+from acx4lib.errors import FlightError
+from acx4lib.geometry.camera import correct, xy_from_colrow
+from acx4tools.exchange.pictures import lens
+from acx4tools.exchange.pictures.tags import read
+from support.pictures import tagged
+
+DISTORTION = [-0.11, 0.2, -0.18, 0.0003, 0.0005]
+
+
+def lens_of(tmp_path, properties, *, exif=None, name="a.tif", **known):
+    return lens.lens_of(read(tagged.write(tmp_path / name, properties, exif=exif)), "CAM", **known)
+
+
+@pytest.mark.parametrize(
+    ("focal", "unit"),
+    [(5.46, "mm"), (364.0, None), (5.46, None), (364.0, "pixel"), ("546/100", "mm")],
+)
+def test_a_focal_length_is_told_in_mm_and_in_pixels(tmp_path, focal, unit):
+    said = {lens.UNITS: unit} if unit else {}
+    found = lens_of(tmp_path, tagged.micasense(0, focal=focal, **said))
+    assert found.camera.interior.f == pytest.approx(5.46)
+    assert found.camera.pixel_mm == tagged.PIXEL_MM
+
+
+@pytest.mark.parametrize(("focal", "unit"), [(364.0, "mm"), (5.46, "pixel"), (-5.0, "mm")])
+def test_a_unit_that_contradicts_the_number_is_refused(tmp_path, focal, unit):
+    with pytest.raises(FlightError, match=lens.FOCAL):
+        lens_of(tmp_path, tagged.micasense(0, focal=focal, **{lens.UNITS: unit}))
+
+
+def test_rays_are_those_of_opencv_with_the_vendors_coefficients(tmp_path):
+    """Its order there is k1 k2 p1 p2 k3, in the metadata k1 k2 k3 p1 p2."""
+    shifted = {lens.POINT: "2.43,1.80", lens.DISTORTION: DISTORTION}
+    found = lens_of(tmp_path, tagged.micasense(0, **shifted))
+    colrow = np.stack(np.meshgrid(np.linspace(0, 319, 9), np.linspace(0, 239, 7)), -1).reshape(
+        -1, 2
+    )
+    matrix = np.array([[364, 0, 2.43 / 0.015], [0, 364, 1.80 / 0.015], [0, 0, 1]])
+    k1, k2, k3, p1, p2 = DISTORTION
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-13)
+    distortion = np.array([k1, k2, p1, p2, k3])
+    rays = cv2.undistortPoints(colrow, matrix, distortion, None, None, None, criteria)[:, 0]
+    ours = correct(found.camera.interior, xy_from_colrow(found.camera, colrow))
+    apart = ours / found.camera.interior.f - rays * [1, -1]
+    assert 364 * np.abs(apart).max() <= found.fitted.largest_px + 1e-6 < 0.1
+
+
+def test_djis_calibration_counts_its_centre_from_the_middle(tmp_path):
+    exact = {lens.DEWARP: "2018-03-13;364,360,2.5,-1.5,0,0,0,0,0"}
+    camera = lens_of(tmp_path, exact, name="a.jpg").camera
+    assert camera.interior.f == pytest.approx(360 * tagged.PIXEL_MM)
+    assert camera.interior.b1 == pytest.approx(360 / 364 - 1)
+    assert camera.interior.xp == pytest.approx(2.5 * 360 / 364 * tagged.PIXEL_MM)
+    assert camera.interior.yp == pytest.approx(1.5 * tagged.PIXEL_MM)
+
+
+def test_an_image_that_dji_has_undistorted_has_no_distortion(tmp_path):
+    numbers = "364,364,0,0,-0.2,0.1,0,0,0"
+    kept = lens_of(tmp_path, {lens.DEWARP: numbers, "drone-dji:DewarpFlag": "0"}, name="a.jpg")
+    gone = lens_of(tmp_path, {lens.DEWARP: numbers, "drone-dji:DewarpFlag": "1"}, name="b.jpg")
+    assert kept.camera.interior.k1 != 0 == gone.camera.interior.k1
+
+
+def test_multispectral_pictures_of_dji_have_both_name_spaces(tmp_path):
+    """Their calibration is DEWARP; FOCAL, in mm, has no distortion, and no pixel size with it."""
+    both = {lens.FOCAL: 4.34, lens.POINT: "2.4,1.8", lens.DESIGNED: "362"}
+    found = lens_of(tmp_path, {**both, lens.DEWARP: "2023-01-01;364,364,0,0,-0.2,0.1,0,0,0"})
+    assert lens.DEWARP in found.said
+    assert found.camera.interior.k1 != 0
+    bare = lens_of(tmp_path, both, exif=tagged.metadata(pixel_mm=None), name="b.tif")
+    assert lens.DESIGNED in bare.said
+
+
+def test_the_designed_centre_of_dji_counts_from_the_corner(tmp_path):
+    designed = {lens.DESIGNED: "364", lens.CENTRE[0]: "160", lens.CENTRE[1]: "120"}
+    interior = lens_of(tmp_path, designed, name="a.jpg").camera.interior
+    assert (interior.xp, interior.yp) == pytest.approx((0, 0))
+
+
+def test_exif_alone_gives_a_nominal_lens(tmp_path):
+    exif = tagged.metadata()
+    exif.get_ifd(tagged.EXIF)[37386] = 5.4
+    assert lens_of(tmp_path, None, exif=exif).camera.interior.f == pytest.approx(5.4)
+
+
+def test_the_focal_length_of_35_mm_film_is_over_the_width(tmp_path):
+    exif = tagged.metadata(pixel_mm=None)
+    exif.get_ifd(tagged.EXIF)[41989] = 24
+    camera = lens_of(tmp_path, None, exif=exif, name="a.jpg").camera
+    assert camera.interior.f / camera.pixel_mm == pytest.approx(24 / 36 * 320)
+
+
+def test_a_picture_that_does_not_say_its_pixels_needs_them_told(tmp_path):
+    exif = tagged.metadata(pixel_mm=None)
+    exif.get_ifd(tagged.EXIF)[37386] = 5.4
+    with pytest.raises(FlightError, match="--pixel-um"):
+        lens_of(tmp_path, None, exif=exif)
+    assert lens_of(tmp_path, None, exif=exif, known_pixel_mm=0.02).camera.pixel_mm == 0.02
+
+
+@pytest.mark.parametrize(
+    ("properties", "said"),
+    [
+        ({"Camera:ModelType": "brown"}, "must be perspective or fisheye"),
+        ({"Camera:ModelType": "fisheye"}, "FisheyePolynomial: missing"),
+        ({lens.DISTORTION: [1, 2]}, "must be 5"),
+        ({lens.DISTORTION: [900, -900, 900, 9, 9]}, "k1 to p2|camera"),
+        ({lens.POINT: "1.0"}, "must be 2"),
+    ],
+)
+def test_a_lens_that_is_none_is_refused_with_its_element(tmp_path, properties, said):
+    with pytest.raises(FlightError, match=said):
+        lens_of(tmp_path, tagged.micasense(0) | properties)

@@ -1,0 +1,134 @@
+"""Lenses refitted, held against OpenCV's own functions and closed forms."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from acx4tools.exchange import lens
+from acx4tools.exchange.lens import Pinhole
+
+SIZE = {"name": "C", "width_px": 4000, "height_px": 3000, "pixel_mm": 0.004}
+HOLE = Pinhole(fx=4100.0, fy=4103.0, cx=2011.0, cy=1490.0)
+BROWN = np.array([-0.06, 0.03, 4e-4, -3e-4, -0.01])
+COLROW = np.array([[0.0, 0.0], [3999.0, 10.0], [2000.0, 2999.0], [777.0, 888.0]])
+
+
+def matrix(hole):
+    return np.array([[hole.fx, 0.0, hole.cx], [0.0, hole.fy, hole.cy], [0.0, 0.0, 1.0]])
+
+
+def undistorted(colrow):
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-14)
+    return cv2.undistortPoints(colrow[:, None], matrix(HOLE), BROWN, None, None, None, criteria)[
+        :, 0
+    ]
+
+
+def fisheye(colrow):
+    return cv2.fisheye.undistortPoints(colrow[:, None], matrix(HOLE), np.zeros(4))[:, 0]
+
+
+def seen(values, ideal):
+    """Return pixels by OpenCV: fx, fy, cx, cy, k1, k2, p1, p2."""
+    fx, fy, cx, cy = values[:4]
+    points, zero = np.column_stack([ideal, np.ones(len(ideal))]), np.zeros(3)
+    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    return cv2.projectPoints(points, zero, zero, K, values[4:])[0][:, 0]
+
+
+def by_brown(ideal):
+    return seen(np.r_[HOLE.fx, HOLE.fy, HOLE.cx, HOLE.cy, BROWN], ideal)
+
+
+def by_fisheye(ideal):
+    return cv2.fisheye.distortPoints(ideal[:, None], matrix(HOLE), np.zeros(4))[:, 0]
+
+
+@pytest.mark.parametrize(
+    ("ideal", "pixels"), [(undistorted, by_brown), (fisheye, by_fisheye)], ids=["brown", "fisheye"]
+)
+def test_a_refitted_camera_has_the_rays_of_the_lens(ideal, pixels):
+    """As closely in the image as it says; the fisheye is 30 degrees wide on each side."""
+    camera, left = lens.camera_of(ideal, HOLE, **SIZE)
+    found = correct(camera.interior, xy_from_colrow(camera, COLROW)) / camera.interior.f
+    apart = np.hypot(*(pixels(found * [1, -1]) - COLROW).T)
+    assert apart.max() <= 1.01 * left.largest_px
+    assert left.rms_px < left.largest_px < 0.15  # of more than 50 px of distortion
+    assert_allclose(camera.interior.f, 4103 * 0.004)
+
+
+def test_focal_lengths_and_principal_point_come_back():
+    camera, _ = lens.camera_of(undistorted, HOLE, **SIZE)
+    back = lens.pinhole_of(camera)
+    assert_allclose([back.fx, back.fy, back.cx, back.cy], [4100, 4103, 2011, 1490], atol=1e-9)
+
+
+def test_a_focal_length_that_is_no_scale_at_the_centre_is_fitted_too():
+    """By the model FOV the centre's scale is 2 tan(w / 2) / w of the focal length."""
+    omega, hole = 0.6, Pinhole(fx=4100.0, fy=4100.0, cx=1999.5, cy=1499.5)
+    scale = 2 * np.tan(omega / 2) / omega
+
+    def ideal(colrow):
+        at = hole.points(colrow)
+        r = np.hypot(*at.T)[:, None]
+        return at * np.tan(r * omega) / (scale * omega * r)
+
+    camera, left = lens.camera_of(ideal, hole, **SIZE)
+    assert_allclose(camera.interior.f, 4100 * 0.004 * scale, rtol=1e-6)
+    assert left.largest_px < 1e-3
+    found = correct(camera.interior, xy_from_colrow(camera, COLROW)) / camera.interior.f
+    assert_allclose(found * [1, -1], ideal(COLROW), atol=1e-6)
+
+
+def test_opencvs_coefficients_come_back():
+    camera, there = lens.camera_of(undistorted, HOLE, **SIZE)
+    _, back = lens.brown_of(camera)
+    again, _ = lens.model_of(camera, seen, np.array([4e3, 4e3, 2e3, 1.5e3, 0.1, 0.1, 0.1, 0.1]))
+    assert back.largest_px < 2 * there.largest_px + 0.01
+    assert_allclose(again[:4], [4100, 4103, 2011, 1490], atol=0.5)
+    assert_allclose(again[4:], BROWN[:4], atol=0.02)
+
+
+def test_a_camera_without_distortion_is_the_same_to_any_model():
+    plain = Camera(**SIZE, interior=Interior(f=16.0, xp=0.1, yp=-0.2, b1=1e-3))
+    start = np.array([3e3, 3e3, 2e3, 1.5e3, 0.1, 0.1, 0.1, 0.1])
+    values, left = lens.model_of(plain, seen, start)
+    hole = lens.pinhole_of(plain)
+    assert left.largest_px < 1e-8
+    assert_allclose(values, [hole.fx, hole.fy, hole.cx, hole.cy, 0, 0, 0, 0], atol=1e-8)
+    refitted, left = lens.camera_of(hole.points, hole, **SIZE)
+    assert left.largest_px < 1e-9
+    assert_allclose(refitted.interior.to_array(), plain.interior.to_array(), atol=1e-12)
+
+
+def test_an_inverse_is_that_of_a_closed_form():
+    wanted = np.array([[0.3, 0.4], [-0.2, 0.1], [0.0, 0.0]])
+    assert_allclose(lens.inverse(np.sinh, wanted, wanted), np.arcsinh(wanted), atol=1e-14)
+
+
+def test_a_lens_that_turns_back_has_no_inverse_beyond():
+    def back(points):
+        return points * (1 - np.sum(points**2, axis=1, keepdims=True))
+
+    wanted = np.array([[0.3, 0.0], [0.5, 0.0]])  # the largest radius is 0.385
+    found = lens.inverse(back, wanted, wanted)
+    assert_allclose(back(found[:1]), wanted[:1], atol=1e-14)
+    assert np.isnan(found[1]).all()
+
+
+def test_what_is_no_lens_of_a_flight_is_told():
+    def without_corners(colrow):
+        return np.where(np.hypot(*(colrow - 1500).T)[:, None] < 1800, HOLE.points(colrow), np.nan)
+
+    with pytest.raises(
+        ValueError, match=r"lens: expected a ray for every pixel, got none at col -0\.5, row -0\.5"
+    ):
+        lens.camera_of(without_corners, HOLE, **SIZE)
+    with pytest.raises(ValueError, match="lens: expected a ray for every pixel"):
+        lens.camera_of(without_corners, replace(HOLE, fx=1e-307), **SIZE)
+    with pytest.raises(ValueError, match="fx: expected a positive number, got 0"):
+        replace(HOLE, fx=0)
