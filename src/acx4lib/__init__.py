@@ -31,7 +31,7 @@ __all__ = ["calibrate", "from_tables", "georeference", "read", "render"]
 
 _STANDS_IN = {
     "calibrate": ("stages.mounting", "calibrate"),
-    "from_tables": ("flight.from_tables", "from_tables"),
+    "from_tables": ("flight.reader", "from_tables"),
     "georeference": ("georeferencing.direct", "georeference"),
     "read": ("flight.reader", "read"),
     "render": ("production.flight_images", "render_flight"),

@@ -81,8 +81,7 @@ def _folder() -> Path | None:
     module only, but functions of other modules are compiled into it.
     """
     cellars = sorted(_HERE.glob("**/compiled/*.py"))
-    constants = [_HERE / "geometry" / name for name in ("collinearity.py", "refraction.py")]
-    used = [Path(__file__), *constants, *cellars]
+    used = [Path(__file__), _HERE / "geometry" / "collinearity.py", *cellars]
     sources = b"".join(str(p.relative_to(_HERE)).encode() + p.read_bytes() for p in used)
     name = f"compiled-{sha256(sources).hexdigest()[:16]}"
     cache = user_folder("XDG_CACHE_HOME", ".cache")

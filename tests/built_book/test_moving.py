@@ -25,7 +25,7 @@ def calibrated():
 
 
 EXPLORERS = {
-    "boresight": explorers.explorer,
+    "boresight": explorers.boresight_explorer,
     "distortion": explorers.distortion_explorer,
     "two_heights": explorers.two_heights_explorer,
     "error_budget": lambda: error_budget.explorer(*calibrated()),
@@ -112,7 +112,7 @@ def test_at_the_stops_it_draws_and_says_what_the_library_computes(opened, explor
 
 def test_the_ground_that_is_drawn_is_that_of_the_mounting(opened):
     """Arrows' ends in metres, against eq. (14) with the wrong mounting, which is not linear."""
-    explorer, values = explorers.explorer(), [0.07, -0.05, 0.1, 0.3, -0.8, 0.5]
+    explorer, values = explorers.boresight_explorer(), [0.07, -0.05, 0.1, 0.3, -0.8, 0.5]
     seen = opened(explorer).evaluate(MOVE, [explorer.name, values])
     for (azimuth, _), panel, (d,) in zip(
         explorers.STRIPS.values(), explorer.panels, seen["paths"], strict=True

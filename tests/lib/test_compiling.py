@@ -15,7 +15,7 @@ import pytest
 compiling = pytest.importorskip("acx4lib.compiling")
 PACKAGE = Path(compiling.__file__).parent
 COMPILED = sorted(PACKAGE.glob("**/compiled/*.py"))
-CONSTANTS = [PACKAGE / "geometry" / name for name in ("collinearity.py", "refraction.py")]
+CONSTANTS = [PACKAGE / "geometry" / "collinearity.py"]
 SOURCES = [PACKAGE / "compiling.py", *CONSTANTS, *COMPILED]
 
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 from support.helpers import ROOT
 
-HOUSES = ("src/acx4lib", "src/acx4sim", "src/acx4book", "tests")
+HOUSES = ("src/acx4lib", "src/acx4tools", "src/acx4sim", "src/acx4book", "tests")
 
 NAMED = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 

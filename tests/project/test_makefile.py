@@ -18,7 +18,7 @@ def copy(tmp_path):
     (folder / "src").mkdir(parents=True)
     shutil.copy(ROOT / "Makefile", folder)
     cache = shutil.ignore_patterns("__pycache__")
-    for house in ("acx4lib", "acx4sim"):
+    for house in ("acx4lib", "acx4tools", "acx4sim"):
         shutil.copytree(ROOT / "src" / house, folder / "src" / house, ignore=cache)
     return folder
 

@@ -32,7 +32,7 @@ OPENS = {"open", "fdopen"}
 """Calls that do either."""
 
 OURS = {
-    *("whole_files.write", "whole_files.copy", "whole_files.link", "files.read_bytes"),
+    *("whole_files.write", "whole_files.copy", "whole_files.link", "table_files.read_bytes"),
     *("new.open", "drafts.open"),
 }
 """Calls of the two places."""
@@ -48,18 +48,15 @@ OTHERS = {
         "os.link": "as above",
         "shutil.copyfileobj": "as above",
     },
-    "acx4lib/opening.py": {
-        "open": "the one place that reads",
-        "os.open": "as above",
-    },
+    "acx4lib/opening.py": {"open": "the one place that reads", "os.open": "as above"},
     "acx4lib/flight/table_files.py": {
         "(group / f'memory.{name}').read_text": "a file of the system",
         "Path('/proc/meminfo').read_text": "a file of the system",
         "Path('/proc/self/statm').read_text": "a file of the system",
         "read_bytes": "the one place that reads",
+        "read_text": "of the one place that reads",
     },
     "acx4lib/flight/toml_file.py": {"read_text": "of the one place that reads"},
-    "acx4lib/flight/table_files.py": {"read_text": "of the one place that reads"},
     "acx4lib/flight/block_from_tables.py": {"read_table": "of the one place that reads"},
     "acx4book/report/material.py": {"pd.read_csv": "of a file that is open"},
     "acx4book/teaching/students.py": {"read_bytes": "of the one place that reads"},
@@ -70,15 +67,17 @@ OTHERS = {
     "acx4lib/production/tiff.py": {
         "tifffile.TiffWriter": "writes the draft that it is given, in many steps",
         "tifffile.TiffFile": "an image that a command wrote",
+        "TemporaryFile": "has no name, and is gone in the end",
     },
-    "acx4lib/production/tiff.py": {"TemporaryFile": "has no name, and is gone in the end"},
     "acx4tools/measuring/pictures/views.py": {"cv2.imread": "looks first"},
     "acx4tools/measuring/pictures/store.py": {
         "np.savez": "into the draft that is open",
         "np.load": "of a file that is open",
     },
-    "acx4lib/results/table_files.py": {"read_text": "of the one place that reads"},
-    "acx4lib/results/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
+    "acx4lib/results/table_files.py": {
+        "read_text": "of the one place that reads",
+        "pd.read_csv": "after is_there, or of memory",
+    },
     "acx4lib/production/tiff_tags.py": {"tifffile.TiffFile": "of bytes, or after a look"},
     "acx4tools/exchange/safe/archive.py": {
         "zipfile.ZipFile": "of bytes",
@@ -95,8 +94,8 @@ OTHERS = {
         "Path(os.devnull).open": "the null device",
     },
     "acx4book/notebooks/interpreter.py": {"os.open": "the null device"},
-    "acx4book/notebooks/execute.py": {"executed.parent.rename": "inside of a draft"},
     "acx4book/notebooks/execute.py": {
+        "executed.parent.rename": "inside of a draft",
         "path.read_bytes": "the project's sources",
         "path.read_text": "the project's sources",
     },
@@ -104,8 +103,8 @@ OTHERS = {
     "acx4book/report/page.py": {
         "STYLE.read_text": "a style of the library",
         "TEXT.read_text": "a text of the library",
+        "pdf.read_bytes": "what Chromium wrote",
     },
-    "acx4book/report/page.py": {"pdf.read_bytes": "what Chromium wrote"},
     "acx4book/teaching/showing/slides.py": {
         "Path(__file__).with_name('slides.html').read_text": "a page of the library"
     },

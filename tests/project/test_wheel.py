@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 PRESENT = sysconfig.get_path("purelib")
-HOUSES = {"acx4lib", "acx4sim", "acx4book"}
+HOUSES = {"acx4lib", "acx4tools", "acx4sim", "acx4book"}
 PTH = "present.pth"
 PARTS = {"llvmlite": "numba", "cycler": "matplotlib"}
 """Packages that another one brings, as a part of itself."""
@@ -130,10 +130,10 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     expected |= {f"acx4book/report/page/report.{kind}" for kind in ("css", "md")}
     expected.add("acx4book/teaching/showing/slides.html")
     for place, files in (
-        ("acx4book/chapters/beyond/from_pictures/stored", "data/benchmarks/measured_flights*"),
-        ("acx4book/chapters/beyond/synthetic_cost/stored", "data/benchmarks/closed_chain*"),
+        ("acx4book/chapters/stored", "data/benchmarks/measured_flights*"),
+        ("acx4book/chapters/stored", "data/benchmarks/closed_chain*"),
         (
-            "acx4book/chapters/beyond/image_quality/stored",
+            "acx4book/chapters/stored",
             "data/benchmarks/closed_chain_pattern.csv",
         ),
         ("acx4book/notebooks/sources", "notebooks/*.ipynb"),

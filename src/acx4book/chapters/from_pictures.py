@@ -40,7 +40,7 @@ higher one."""
 REDUCE = 7
 """Pictures have 1/7 of the size, so that the page is computed in half a minute."""
 
-STORED = Path(str(resources.files("acx4book.chapters.from_pictures") / "stored"))
+STORED = Path(str(resources.files("acx4book.chapters") / "stored"))
 """Folder of the measured flights that the project brings; ``make coverage`` measures them."""
 
 

@@ -159,7 +159,7 @@ def correlations(found: Mapping[str, Correlations], *, claim: float | None = Non
     """
     if not found:
         return style.nothing(NO_HEADS)
-    if not any(c.values.size for c in found.values()):
+    if not any(c.values.size for c in found.values()):  # noqa: PD011 no frame's
         return style.nothing("No parameter is estimated in oriented images.")
     with style.applied():
         fig, (pairs, shares) = style.subplots(

@@ -29,7 +29,7 @@ from acx4sim import optics
 # --- Flights with a synthetic image and without one, as ``make chain`` left them
 
 
-STORED = Path(str(resources.files("acx4book.chapters.synthetic_cost") / "stored"))
+STORED = Path(str(resources.files("acx4book.chapters") / "stored"))
 """Folder of the flights that the project brings."""
 
 SYNTHETIC, RIG = "synthetic", "rig"

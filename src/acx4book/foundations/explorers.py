@@ -289,7 +289,7 @@ def derivatives(azimuth_deg: float, height_m: float, xy_mm: Array) -> Array:
     return moved[:, :, [3, 4, 5, 0, 1, 2]] * UNITS
 
 
-def explorer() -> Explorer:
+def boresight_explorer() -> Explorer:
     """Return the explorer."""
     middle = np.zeros((1, 2))
     rows = {

@@ -44,9 +44,9 @@ def page(name: str, rooms: Sequence[str] = ()) -> Iterator[str]:
     rooms : sequence of str
         Those of the house: they have pages of their own.
     """
-    inside = [other for other in contents(name) if other not in rooms]
     yield f"# {name.rpartition('.')[2]}\n"
     yield _directive("automodule", name, ":no-members:")
+    inside = [other for other in contents(name) if other not in rooms]
     yield _summary(name, [*rooms, *inside])
     for other in inside:
         yield from _section(other, 2)

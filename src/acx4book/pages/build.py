@@ -345,10 +345,10 @@ def texts_of_benchmarks(
 
 def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
     """Yield the names and the outputs of the code on the pages whose code is run."""
-    for page in RUN_PAGES:
-        pieces = example.snippets((book / f"{page}.md").read_text(encoding="utf-8"))
+    for name in RUN_PAGES:
+        pieces = example.snippets((book / f"{name}.md").read_text(encoding="utf-8"))
         for number, said in enumerate(example.outputs(pieces), 1):
-            yield f"{page}-{number}.txt", imports.wrapped(said) if page in WRAPPED else said
+            yield f"{name}-{number}.txt", imports.wrapped(said) if name in WRAPPED else said
 
 
 def texts_of_back_matter() -> Iterator[tuple[str, str]]:

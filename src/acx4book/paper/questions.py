@@ -77,7 +77,8 @@ def _synthetic() -> str:
 
 def _mounting() -> str:
     differ = ", ".join(
-        f"{LABELS[name]} is {' mm and '.join(printed.shown(3, name, m) for m in printed.METHODS)} mm"
+        f"{LABELS[name]} is "
+        f"{' mm and '.join(printed.shown(3, name, m) for m in printed.METHODS)} mm"
         for name in ("f_mm", "xp_mm", "yp_mm")
     )
     return (
@@ -94,8 +95,8 @@ def _validation() -> str:
     return (
         f"The RMS of the differences is {min(rms):.2f} to {max(rms):.2f} m by axis, about "
         f"{printed.statement('accuracy_px'):g} pixels, with either method; {share} % of the points "
-        f"lie within {printed.statement('within_factor'):g} ground pixels. That suffices for maps at "
-        f"{' to '.join(f'1:{scale:.0f}' for scale in scales)} by the Brazilian standard."
+        f"lie within {printed.statement('within_factor'):g} ground pixels. That suffices for maps "
+        f"at {' to '.join(f'1:{scale:.0f}' for scale in scales)} by the Brazilian standard."
     )
 
 

@@ -54,7 +54,7 @@ PDF_MARK = f"({PDF_TITLE})".encode()
 
 TITLE = re.compile(r"<title>.*?</title>", re.DOTALL)
 
-STYLE = resources.files("acx4book.report.page") / "report.css"
+STYLE = resources.files("acx4book.report") / "report.css"
 
 PAGE = """<!DOCTYPE html>
 <html lang="en">

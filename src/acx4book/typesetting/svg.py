@@ -250,7 +250,7 @@ def _group(parent: Element) -> None:
     for child in parent:
         _group(child)
     children = [inside for child in parent for inside in _opened(child)]
-    parent[:] = [part for _, run in groupby(children, _common) for part in _together([*run])]
+    parent[:] = [part for _same, run in groupby(children, _common) for part in _together([*run])]
     if len(parent) == 1 and parent.tag == parent[0].tag == f"{{{SVG}}}g" and _free(parent):
         (only,) = parent
         parent.attrib.update(only.attrib)

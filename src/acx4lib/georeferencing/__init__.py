@@ -2,9 +2,9 @@
 
 `direct` gives the pose of every image by eq. (14) and intersects rays without any ground control.
 `validation` holds the points against surveyed ones, pair by pair as the paper and from all rays;
-`differences` are what it finds, and `error_sources` what these share, for tests of all together.
-`ground_points` are those of single pixels on a known height.
-`budget` splits predicted variances by their sources, and `mapping_flight` predicts those of a
-regular flight; `weak` names the parameters that have too much of them. `accuracy` says what the
-differences mean, and `standards` which map scale they allow. Begin with `direct`.
+`error_sources` are what differences share, for tests of all together. `ground_points` are those of
+single pixels on a known height. `budget` splits predicted variances by their sources, and
+`mapping_flight` predicts those of a regular flight; `weak` names the parameters that have too much
+of them. `accuracy` says what the differences mean, and which map scale they allow. Begin with
+`direct`.
 """

@@ -633,7 +633,7 @@ def check_file(file: str | Path, *, mark: bytes, what: str) -> None:
 
 def working_copy() -> Path | None:
     """Return the top of the working copy that this module lies in; None where it is installed."""
-    root = Path(__file__).resolve().parents[4]
+    root = Path(__file__).resolve().parents[3]
     return root if (root / "pyproject.toml").is_file() else None
 
 
@@ -646,7 +646,7 @@ def _source(whole: Path) -> Path | None:
     """Return the part of the working copy or of the installed library that a place lies in."""
     root = working_copy()
     if root is None:
-        installed = [Path(__file__).resolve().parents[3] / name for name in PACKAGES]
+        installed = [Path(__file__).resolve().parents[2] / name for name in PACKAGES]
         return next((package for package in installed if whole.is_relative_to(package)), None)
     if root.is_relative_to(whole):
         return root

@@ -165,13 +165,13 @@ def _count(table: Any) -> int:
 
 def _with_candidates(toml: Toml, plan: Plan) -> Toml:
     """Return the plan with all candidates as strips; lines are those of the target's file."""
-    strips = dict(plan.values[BLOCK]["strips"])
+    strips = dict(plan.values[BLOCK]["strips"])  # noqa: PD011 no frame's
     lines: dict[tuple[str, ...], int] = {}
     for name, table in toml.table("candidates").items():
         for own, strip in _combined(name, table):
             strips[own] = strip
             lines[BLOCK, "strips", own] = toml.lines.get(("candidates", name), 1)
-    values = {**plan.values, BLOCK: {**plan.values[BLOCK], "strips": strips}}
+    values = {**plan.values, BLOCK: {**plan.values[BLOCK], "strips": strips}}  # noqa: PD011 no frame's
     return replace(toml, values=values, lines=lines)
 
 

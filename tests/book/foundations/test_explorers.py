@@ -77,7 +77,7 @@ def test_a_matrix_is_enough_up_to_the_ends_of_all_sliders():
 
 
 def test_boresight_and_lever_arm_cancel_at_one_height_only():
-    shown = explorers.explorer()
+    shown = explorers.boresight_explorer()
     cancelled = next(v for name, v in shown.presets.items() if "cancel" in name)
     for row in shown.readings(cancelled):
         assert row[:2] == ["0", "0"]

@@ -5,7 +5,7 @@ import re
 from acx4book.pages import api
 from support.helpers import ROOT
 
-HOUSES = ("acx4lib", "acx4sim")
+HOUSES = ("acx4lib", "acx4tools", "acx4sim")
 
 
 def test_every_room_has_a_page_in_the_book():
@@ -29,21 +29,21 @@ def test_a_page_has_the_docstring_a_table_and_a_section_for_every_module():
     assert ".. automodule:: acx4lib.bundle\n   :no-members:\n" in page
     assert ".. autosummary:: \n   \n   network\n" in page
     assert "\n## adjust\n" in page
-    assert "\n### data_snooping\n" in page
+    assert "\n## gross_errors\n" in page
     assert "compiled" not in page
 
 
 def test_a_house_refers_to_its_rooms_and_shows_its_own_modules(tmp_path):
     (tmp_path / "_generated").mkdir()
     (tmp_path / "_generated" / "_toc.yml").write_text(
-        "- file: _generated/api/acx4sim\n- file: _generated/api/acx4sim/optics.py"
+        "- file: _generated/api/acx4sim\n- file: _generated/api/acx4sim/scenery"
     )
     api.write(tmp_path)
     folder = tmp_path / "_generated" / "api"
-    assert (folder / "acx4sim" / "optics.md").is_file()
+    assert (folder / "acx4sim" / "scenery.md").is_file()
     house = (folder / "acx4sim.md").read_text("utf-8")
-    assert "\n   optics\n" in house
-    assert "\n## optics\n" not in house
+    assert "\n   scenery\n" in house
+    assert "\n## scenery\n" not in house
     assert "\n## designs\n" in house
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+# ruff: noqa: E501 a message stands on one line
 import tomllib
 from dataclasses import replace
 from pathlib import Path

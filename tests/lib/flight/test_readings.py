@@ -204,7 +204,7 @@ def trajectory(form):
 
 def angles(table, form):
     kappa = ("omega_deg", "phi_deg", "kappa_deg")
-    return table.stack(*(kappa if form == "grid" else ("roll_deg", "pitch_deg", "heading_deg")))
+    return table.stack(*(kappa if form == "grid" else ("roll_deg", "pitch_deg", "heading_deg")))  # noqa: PD013 no frame's
 
 
 def named(form):

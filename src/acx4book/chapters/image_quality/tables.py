@@ -320,7 +320,7 @@ def repaired(found: Mapping[str, Mapping[str, FrameErrors]]) -> pd.DataFrame:
 # fitted to them.
 
 
-STORED = Path(str(resources.files("acx4book.chapters.image_quality") / "stored"))
+STORED = Path(str(resources.files("acx4book.chapters") / "stored"))
 
 RADIAL = ("f", "xp", "yp", "k1", "k2", "k3")
 BROWN = (*RADIAL, "p1", "p2")

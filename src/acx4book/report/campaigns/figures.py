@@ -43,7 +43,7 @@ def time_line(study: Study) -> Figure:
     comparison = study.comparison
     mean = compared.pooled(comparison)
     at, dated = _places(study)
-    d = comparison.values - mean.coefficients[0]
+    d = comparison.values - mean.coefficients[0]  # noqa: PD011 no frame's
     band = sigmas(mean.cov[0, :, 0])
     names = list(dict.fromkeys(p.name for p in comparison.parameters))
     with style.applied():
@@ -196,7 +196,7 @@ def over(study: Study, what: str) -> Figure:
             p = comparison.parameters[i]
             factor, unit = fine(p.unit, float(np.sqrt(comparison.covs[0, i, i])))
             sigma = factor * np.sqrt(comparison.covs[:, i, i])
-            d = factor * (comparison.values[:, i] - line.at_mean[i])
+            d = factor * (comparison.values[:, i] - line.at_mean[i])  # noqa: PD011 no frame's
             ax.errorbar(line.at, d, yerr=BARS * sigma, fmt="o", ms=3.5, lw=1.1)
             ax.plot(ends, factor * line.slope[i] * (ends - line.at.mean()), color=style.ORANGE)
             camera = f"{style.plain(p.camera)} " if len(study.ground.of) > 1 else ""

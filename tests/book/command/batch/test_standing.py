@@ -79,9 +79,9 @@ def files(folder):
 def test_notebooks_that_are_wanted_must_be_there_with_the_cells_that_they_have(
     flight, left, settings, tmp_path
 ):
-    for folder, more in ((tmp_path / "notebooks", ""), (left / EXECUTED, "seed = 2")):
+    for place, more in ((tmp_path / "notebooks", ""), (left / EXECUTED, "seed = 2")):
         for part in ("flight", "mounting"):
-            write_notebook(folder / f"{runner.NOTEBOOKS[part]}.ipynb", f"seed = 1\n{more}", "seed")
+            write_notebook(place / f"{runner.NOTEBOOKS[part]}.ipynb", f"seed = 1\n{more}", "seed")
     wanted = replace(settings, notebooks=tmp_path / "notebooks")
     assert standing.is_whole(flight, left, wanted)
     write_notebook(

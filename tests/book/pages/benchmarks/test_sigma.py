@@ -320,9 +320,9 @@ def pairs(f=0.01, k1=0.0, *, scatter=0.001):
     rows = []
     for where, factor in (("adjusted", 1), ("measured", 10)):
         for seed, off in enumerate((-scatter, scatter, -scatter, scatter), start=1):
-            for name, mean, sigma in (("f_mm", f, 0.02), ("k1", k1, 1e-8)):
+            for name, mean, size in (("f_mm", f, 0.02), ("k1", k1, 1e-8)):
                 row = {"seed": seed, "distortion_at": where, "parameter": name}
-                rows.append(row | {"error": (factor * mean + off) * sigma, "sigma": sigma})
+                rows.append(row | {"error": (factor * mean + off) * size, "sigma": size})
     return pd.DataFrame(rows)
 
 

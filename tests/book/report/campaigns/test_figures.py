@@ -26,7 +26,7 @@ def test_the_time_line_has_a_panel_for_each_parameter_with_error_bars(three):
     assert shown[0].get_title(loc="left") == "$f$ (µm)"
     dots = shown[0].lines[0]
     mean = comparison.pooled(three.comparison).coefficients[0, 0]
-    assert_allclose(dots.get_ydata(), 1e3 * (three.comparison.values[:, 0] - mean))
+    assert_allclose(dots.get_ydata(), 1e3 * (three.comparison.values[:, 0] - mean))  # noqa: PD011 no frame's
     assert_allclose(dots.get_xdata(), [2021.33, 2022.33, 2024.33], atol=0.01)
 
 
