@@ -39,10 +39,7 @@ flight, results, book, copy = map(Path, sys.argv[1:5])
 os.chdir(copy)
 build.fill(flight, results, book)
 """
-STUBS = (
-    *("coverage", "first-flight", "library", "many-flights", "notation", "speed", "your-files"),
-    *("flight-tables", "flight-toml", "planning"),
-)
+STUBS = ("coverage", "first-flight", "library", "many-flights", "notation", "speed", "your-files")
 """Pages that show nothing of a flight, but are referred to."""
 
 OTHERS = (
@@ -55,7 +52,8 @@ CHAPTERS = (
     *("_executed/00-flight", "_executed/01-head-calibration", "_executed/02-synthetic-image"),
     *("_executed/03-mounting-calibration", "_executed/04-validation", "_executed/06-errata"),
     *("certificate", "_executed/08-rig", "scorecard", "reproducibility"),
-    *("frames-and-notation", "bibliography", "your-own-flight", "commands", "results", *STUBS),
+    *("frames-and-notation", "bibliography", "your-own-flight", "flight-toml", "flight-tables"),
+    *("commands", "planning", "results", *STUBS),
 )
 """The pages that show something of a flight, and those that they refer to."""
 

@@ -573,12 +573,12 @@ def beside_paper(flown: pd.DataFrame, flight: Flight) -> pd.DataFrame:
     if printed.applies(flight):
         said = pd.DataFrame([_said(*key) for key in flown.index], index=flown.index)
         said = said.dropna(how="all")
-        both = pd.concat({"flown": flown, "paper": said}, names=["of"])
+        both = pd.concat({"this book": flown, "paper": said}, names=["of"])
         order = [
             (of, *key)
             for key in flown.index
-            for of in ("flown", "paper")
-            if of == "flown" or key in said.index
+            for of in ("this book", "paper")
+            if of == "this book" or key in said.index
         ]
         table = both.loc[order].reorder_levels(["block", "level", "of"])
     table.attrs["formats"] = {

@@ -126,7 +126,7 @@ def _claims(axes: Sequence[Axes], claim_px: float | None, *, some: bool) -> list
     """Draw the paper's statement and return the legend's handles of what is the paper's."""
     handles = []
     if some:
-        label = "Table 1 of the paper"
+        label = "the paper's Table 1"
         handles.append(
             Line2D([], [], ls="", marker="D", mfc=style.PAPER, mec=style.SOFT, label=label)
         )

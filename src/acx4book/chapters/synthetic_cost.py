@@ -475,7 +475,7 @@ def fingerprint(found: Study) -> Figure:
             for i, (_, own) in enumerate(differences.items()):
                 left.plot(own.index, own, DASHES[heads], color=style.colour(i), lw=1.3)
         left.axhspan(-2, 2, color=style.SOFT, alpha=0.15, lw=0)
-        left.set(xlabel="$f$ of head 1 (mm)", ylabel="difference from Table 3 (its σ)")
+        left.set(xlabel="$f$ of head 1 (mm)", ylabel="difference from the paper (its σ)")
         style.heading(left, "Coefficient by coefficient", "grey: within 2σ of the printed value")
         _draw_curves(right, found)
         handles = [
@@ -496,7 +496,7 @@ def _draw_curves(ax: Axes, found: Study) -> None:
         _name_curve(ax, f"{100 * side:.0f} cm", (r[-1], curve[-1]), "left")
     curve = radial_um(printed_with_sigma()[0], r)
     ax.plot(r, curve, color=style.PRINTED, lw=1.1, ls=":")
-    _name_curve(ax, "Table 3", (r[-8], curve[-8]), "right")
+    _name_curve(ax, "paper", (r[-8], curve[-8]), "right")
     ax.set(xlabel="radius (mm)", ylabel="radial distortion (µm)", xlim=(0, 1.13 * r[-1]))
     style.heading(ax, "All three together", "by the side of the square of lens centres")
 
@@ -527,7 +527,7 @@ def centres(found: Study) -> Figure:
             ax.plot(own.index, own, "o-", color=tint, ms=3, label=LABELS[str(name)])
         ax.set(xlabel="$f$ of head 1 (mm)", ylabel="RMS over heads (mm)")
         ax.set_ylim(bottom=0)
-        style.heading(ax, "Lens centres beside Table 1's", "differences from the printed values")
+        style.heading(ax, "Lens centres beside the paper's", "differences from the printed values")
         style.legend_below(fig, ax.get_legend_handles_labels()[0])
     return fig
 

@@ -339,7 +339,7 @@ def height_noise(table: pd.DataFrame, *, beside_print: bool) -> Figure:
 def _draw_printed(ax: Axes, sigma: float) -> None:
     ax.axhline(sigma, color=style.PRINTED, lw=1.0, ls="--")
     ax.annotate(
-        "printed in the paper",
+        "paper",
         xy=(1.0, sigma),
         xytext=(0, 3),
         xycoords=("axes fraction", "data"),

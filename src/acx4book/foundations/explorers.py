@@ -103,7 +103,7 @@ def distortion_explorer() -> Explorer:
         ),
         sliders=_SLIDERS,
         presets={
-            f"{HEAD} of Table 1": [*as_printed, 0.0],
+            f"{HEAD} of the paper": [*as_printed, 0.0],
             "only k₁": [2.0, 0, 0, 0, 0, 0],
             "k₁, k₂ and k₃ against each other": [2.0, -3.0, 1.5, 0, 0, 0],
             "only decentring": [0, 0, 0, 6.0, -3.0, 0],

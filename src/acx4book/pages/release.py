@@ -172,7 +172,8 @@ def offered(generated: Path, seconds: int) -> str:
     except ReleaseError:
         return "This copy of the book was not made from a clone, and has no program to download.\n"
     size = f"{archive.stat().st_size / 1e6:.0f} MB"
-    return f"{{download}}`acx4lib.zip <acx4lib.zip>` ({size}) is the whole project of this book.\n"
+    link = "{download}`acx4lib.zip </_generated/acx4lib.zip>`"
+    return f"{link} ({size}) is the whole project of this book.\n"
 
 
 def _listed() -> list[str]:

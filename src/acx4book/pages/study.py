@@ -63,7 +63,7 @@ def chosen_page(flight: Flight, truth: Mapping[str, Any]) -> str:
         *(("chosen", *row) for row in _for_printed_numbers(flight, truth)),
         *(("a guess", *row) for row in _guessed(flight, truth)),
     ]
-    columns = ["Kind", "What", "Here", "The paper, and what comes out by it"]
+    columns = ["Kind", "What", "This book", "Paper, and what comes out by it"]
     table = pd.DataFrame(rows, columns=columns)
     return f"{BEFORE}\n\n{myst_table(table, 'What was chosen', name='tab-chosen')}"
 
@@ -78,13 +78,13 @@ def _for_printed_numbers(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
             (
                 "tie points of the calibration block",
                 f"{_n_ties(flight.calibration)}",
-                "Not told. With the next row: the standard deviations of Table 3.",
+                "Not told. With the next row: the standard deviations of the paper's Table 3.",
             ),
             (
                 "noise of GNSS positions, plan and height",
                 f"{100 * gnss[0]:g} and {100 * gnss[2]:g} cm",
                 f"{best:.2f} to {worst:.2f} m, with which f and the lever arm's height could not "
-                "be as precise as Table 3 has them.",
+                "be as precise as the paper's Table 3 has them.",
             ),
         ]
     if flight.validation is not None:
@@ -93,7 +93,7 @@ def _for_printed_numbers(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
                 "places of the natural targets",
                 _layout(acx4_plan().blocks["validation"].targets),
                 "Shown in a small figure only. They lie where strips overlap, which gives about as "
-                "many pairs as Table 4 has, and none that fails: 100 and 0 %.",
+                "many pairs as the paper's Table 4 has, and none that fails: 100 and 0 %.",
             )
         ]
     return [
@@ -101,7 +101,7 @@ def _for_printed_numbers(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
         (
             "focal length of the first head",
             f"{truth['cameras']['CAM1']['f_mm']:.4f} mm",
-            Markup("Held at another value in print. Chosen so that Table 3's $f$ comes out."),
+            Markup("Held at another value in print. Chosen so that the paper's $f$ comes out."),
         ),
     ]
 
@@ -129,7 +129,7 @@ def _guessed(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
         (
             "tie points of every head",
             f"{heads.tie_points}",
-            "Not told. Standard deviations of Table 1 depend on it.",
+            "Not told. Standard deviations of the paper's Table 1 depend on it.",
         ),
         (
             "ground that has tie points, heads and calibration",
@@ -150,7 +150,7 @@ def _guessed(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
         (
             "places of the heads",
             f"a square of {np.ptp(levers, axis=0).max():.2f} m",
-            Markup("$X_c$ and $Y_c$ of Table 1 would put them a metre apart, and were not given."),
+            Markup("The paper's $X_c$ and $Y_c$ would put them a metre apart, and were not given."),
         ),
         (
             "axes of the lever arm",
@@ -375,14 +375,15 @@ def _of_the_paper(flight: Flight, truth: Truth) -> str:
     apart = np.ptp(levers, axis=0).max()
     held, first = flight.cameras["CAM1"].interior.f, truth["cameras"]["CAM1"]["f_mm"]
     return (
-        f"{_synthetic_camera(flight, truth)} Table 1 does not print the true values of the heads, "
-        f"but the results of adjustments that hold the focal length at {held:g} mm. The true "
-        "angles and interior orientation are therefore such that exact data, adjusted in that way, "
-        "give Table 1's $\\omega$, $\\varphi$, $\\kappa$, $x_p$, $y_p$, $k_1$, $p_1$, $p_2$ and "
-        "$Z_c$. $Z_c$ tells the ratios of the focal lengths only; that of the first head, "
-        f"{first:.4f} mm, follows from Table 3: the calibration block, measured in these heads, "
-        "carried into the synthetic image and adjusted in a single step, gives the $f$ printed "
-        "there. $X_c$ and $Y_c$ of Table 1 would put the heads a metre apart and were not given: "
+        f"{_synthetic_camera(flight, truth)} The paper's Table 1 does not print the true values of "
+        f"the heads, but the results of adjustments that hold the focal length at {held:g} mm. The "
+        "true angles and interior orientation are therefore such that exact data, adjusted in that "
+        "way, give the paper's $\\omega$, $\\varphi$, $\\kappa$, $x_p$, $y_p$, $k_1$, $p_1$, $p_2$ "
+        "and $Z_c$. $Z_c$ tells the ratios of the focal lengths only; that of the first head, "
+        f"{first:.4f} mm, follows from the paper's Table 3: the calibration block, measured in "
+        "these heads, carried into the synthetic image and adjusted in a single step, gives the "
+        "$f$ printed there. The paper's $X_c$ and $Y_c$ would put the heads a metre apart and "
+        "were not given: "
         f"here the heads sit in a square of {apart:.2f} m around the synthetic camera."
     )
 

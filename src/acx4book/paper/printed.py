@@ -343,7 +343,7 @@ def differences(number: int, column: str, other: str, parameters: Sequence[str])
 
 
 def cameras(flight: Flight, declared: Sequence[Camera]) -> dict[str, list[Camera]]:
-    """Return the camera of Table 3's single step under the title "printed"; nothing for others.
+    """Return the camera of Table 3's single step under the title "paper"; nothing for others.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ def cameras(flight: Flight, declared: Sequence[Camera]) -> dict[str, list[Camera
     R = rotation_from_opk(np.radians(values(BORESIGHT)))
     mounted = Pose(R=R, r=np.array(values(LEVER_ARM)))
     lens = interior(3, "single_step")
-    return {"printed": [replace(declared[0], interior=lens, T_b_c=mounted)]}
+    return {"paper": [replace(declared[0], interior=lens, T_b_c=mounted)]}
 
 
 def applies(flight: Flight) -> bool:

@@ -57,9 +57,9 @@ def _heads() -> str:
     sigma = [1e3 * printed.sigma(1, name, h) for name in ("xp_mm", "yp_mm") for h in printed.HEADS]
     return (
         "Yes. A bundle over a field of signalised points gives each head its interior orientation "
-        f"while the focal length is held at {printed.statement('head_f_fixed_mm'):g} mm (Table 1). "
-        f"The principal points have standard deviations of {min(sigma):.1f} to {max(sigma):.1f} "
-        f"µm, the distortion at the border is about "
+        f"while the focal length is held at {printed.statement('head_f_fixed_mm'):g} mm (its "
+        f"Table 1). The principal points have standard deviations of {min(sigma):.1f} to "
+        f"{max(sigma):.1f} µm, the distortion at the border is about "
         f"{printed.statement('head_border_distortion_px'):g} pixels, and interior and exterior "
         f"orientation are correlated by less than {100 * printed.statement('max_correlation'):g} %."
     )

@@ -383,7 +383,7 @@ ALL = "Every number of the paper's Tables 1 to 4 stands below beside that of thi
 
 IDEAL = (
     "Tables 3 and 4 are judged by the flight with an ideal synthetic camera, `acx4-ideal`. The "
-    "column *chain* has the number of the closed chain, whose synthetic images are made of four "
+    "column *four heads* has the number of synthetic images that are made of four "
     "heads. The heads were chosen so that the $f$ of the single step comes out. Everything else in "
     "the column follows from them; {doc}`_executed/12-synthetic-cost` explains where it differs."
 )
@@ -556,7 +556,7 @@ def _sigma_of_table_3(card: pd.DataFrame, flight: Flight) -> str:
         f"between {ratio.min():.2f} and {ratio.max():.2f} times the printed ones. The number of "
         f"tie points and a GNSS noise of about {100 * gnss:.2g} cm were chosen for that: the paper "
         "gives no number, and a larger noise. Their agreement is no evidence; that two choices "
-        "serve all of them shows that Table 3 is consistent with the paper's block."
+        "serve all of them shows that the paper's Table 3 is consistent with the paper's block."
     )
 
 
@@ -623,8 +623,8 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
                 for q, u in zip(lines["quantity"], lines["unit"], strict=True)
             ],
             "column": [_column_title(c) for c in lines["column"]],
-            "printed": lines["as_printed"],
-            "ours": ours,
+            "paper": lines["as_printed"],
+            "this book": ours,
             **chain,
             "off by (σ)": lines["deviation"],
             "role": lines["role"],
@@ -644,7 +644,7 @@ def _chain(lines: pd.DataFrame) -> dict[str, list[str]]:
         value_and_sigma(v, s).partition(" ±")[0] if s > 0 else _plain(float(f"{v:.6g}"))
         for v, s in zip(lines["chain"], lines["sigma"], strict=True)
     ]
-    return {"chain": chain}
+    return {"four heads": chain}
 
 
 def _label(quantity: str) -> str:

@@ -159,7 +159,7 @@ def flown(flight):
 def test_the_papers_flight_stands_above_the_papers_numbers(flight):
     table = chapter.beside_paper(flown(flight), flight)
     high, said, low, said_low = (row for _, row in table.iterrows())
-    assert list(table.index.get_level_values("of")) == ["flown", "paper"] * 2
+    assert list(table.index.get_level_values("of")) == ["this book", "paper"] * 2
     heights = [row["height above ground (m)"] for row in (high, said, low, said_low)]
     assert [round(height) for height in heights] == [2597, 2600, 1596, 1600]
     assert (round(high["ground pixel (cm)"], 1), said["ground pixel (cm)"]) == (21.1, 22)

@@ -128,7 +128,7 @@ def test_the_true_values_are_those_of_the_truth(acx4):
     f = printed.value(3, "f_mm", "single_step")
     assert f"| {f:.4f} |" in acx4
     f = fly("acx4-ideal", seed=1).truth["cameras"]["CAM1"]["f_mm"]
-    assert f"{f:.4f} mm, follows from Table 3" in acx4
+    assert f"{f:.4f} mm, follows from the paper's Table 3" in acx4
 
 
 def test_all_of_table_3_was_given_to_the_ideal_camera(acx4):
@@ -231,7 +231,7 @@ def test_what_is_left_out_is_in_no_contents_and_has_its_title_for_links(tmp_path
     left.remove("_executed/14-failure-clinic")
     assert contents(generated) == left
     assert json.loads((generated / "left_out.json").read_text("utf-8")) == {
-        "_executed/14-failure-clinic": "The failure clinic",
+        "_executed/14-failure-clinic": "Failure clinic: mistakes in the residuals",
         api.FOLDER: "",
     }
     study.leave_out(tmp_path, [])

@@ -499,7 +499,7 @@ def repaired(
         f"heads turned by {TURNED_DEG:g}°": [
             with_turned_heads(truth, rng=rng, sigma_deg=TURNED_DEG) for _ in range(trials)
         ],
-        "interiors wrong by Table 1's σ": [
+        "interiors wrong by the paper's σ": [
             with_wrong_interiors(truth, rng=rng) for _ in range(trials)
         ],
     }

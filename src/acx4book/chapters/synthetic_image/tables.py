@@ -88,7 +88,7 @@ def printed_heads(flight: Flight) -> dict[str, RelativeOrientation]:
         cov_joint=np.zeros((15 * n, 15 * n)),
         n_exposures=int(printed.statement("block_1_images")),
     )
-    return {"Table 1 as printed (%)": heads}
+    return {"the paper's Table 1 as printed (%)": heads}
 
 
 # --- points carried from the heads -----------------------------------------------------------

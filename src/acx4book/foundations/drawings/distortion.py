@@ -80,7 +80,7 @@ def vectors(head: str) -> Figure:
         fig, (left, right) = style.subplots(1, 2, figsize=(style.WIDTH, 3.2), sharey=True)
         _field(left, head, lens, times=80, colour=style.BLUE)
         _field(right, head, decentring, times=300, colour=style.PLUM)
-        style.heading(left, f"{head}, as in Table 1", "distortion, 80 times as long")
+        style.heading(left, f"{head}, as in the paper", "distortion, 80 times as long")
         style.heading(right, "decentring alone", "300 times as long; dashed: its axis")
         along = np.array([lens.p1, lens.p2]) / np.hypot(lens.p1, lens.p2)
         ends = np.outer([-20, 20], along)

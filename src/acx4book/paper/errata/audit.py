@@ -146,15 +146,16 @@ def consistent(findings: Sequence[Finding]) -> pd.DataFrame:
 
 
 def table(findings: Sequence[Finding]) -> pd.DataFrame:
-    """Return findings as a table: number, kind, place, printed, computed, verdict."""
+    """Return findings as a table: number, kind, place, paper, computed, verdict."""
     columns = [*Finding.__dataclass_fields__]
-    return marked(pd.DataFrame([asdict(finding) for finding in findings], columns=columns))
+    found = pd.DataFrame([asdict(finding) for finding in findings], columns=columns)
+    return marked(found.rename(columns={"printed": "paper"}))
 
 
 def agreements() -> pd.DataFrame:
-    """Return the checks that agree: place, printed, computed."""
+    """Return the checks that agree: place, paper, computed."""
     rows = [check() for check in CHECKS]
-    return marked(pd.DataFrame(rows, columns=["place", "printed", "computed"]))
+    return marked(pd.DataFrame(rows, columns=["place", "paper", "computed"]))
 
 
 def answer(findings: Sequence[Finding]) -> str:
@@ -434,7 +435,9 @@ def sample_sizes() -> Figure:
                 height, rows["n_low"], rows["n_high"], color=style.colour(i), lw=6, alpha=0.35
             )
             ax.plot(rows["n"], height, "o", ms=5, color=style.colour(i), label=LABELS[str(method)])
-        ax.axvline(n_points, color=style.INK, lw=1, linestyle="--", label="points in Table 4")
+        ax.axvline(
+            n_points, color=style.INK, lw=1, linestyle="--", label="points in the paper's Table 4"
+        )
         ax.set(xscale="log", xlim=(2, 60), xlabel="number of errors n")
         ax.set_xticks([2, 3, 4, 5, 10, 20, int(n_points)], minor=False)
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")

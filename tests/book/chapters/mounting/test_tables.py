@@ -88,8 +88,8 @@ def test_covariance_and_nested_adjustment_agree(joint):
 def test_the_printed_values_are_the_truth_and_zero_is_not(joint):
     of = joint.groupby("against", sort=False)["p"].agg(list)
     assert max(of["zero"]) < 0.0005
-    assert len(of["printed"]) == 4
-    assert min(of["printed"]) > 0.001
+    assert len(of["paper"]) == 4
+    assert min(of["paper"]) > 0.001
 
 
 def test_single_tests_hide_what_the_radial_parameters_are_together(joint):

@@ -38,7 +38,7 @@ def test_the_answer_counts_every_finding_once(findings):
 
 def test_what_is_consistent_stands_apart_from_what_is_wrong(findings):
     wrong, agree = audit.errata([*findings.values()]), audit.consistent([*findings.values()])
-    assert [*wrong.columns] == ["number", "kind", "place", "printed", "computed", "verdict"]
+    assert [*wrong.columns] == ["number", "kind", "place", "paper", "computed", "verdict"]
     assert [*agree["number"]] == ["10", "14", "17"] or [*agree["number"]] == [10, 14, 17]
     assert sorted(map(int, [*wrong["number"], *agree["number"]])) == [*range(1, 23)]
     kinds = [*dict.fromkeys(map(str, wrong["kind"]))]
@@ -317,7 +317,7 @@ def test_error_budget():
 
 
 def test_what_agrees():
-    agreements = audit.agreements().set_index("printed")["computed"]
+    agreements = audit.agreements().set_index("paper")["computed"]
     assert agreements["31 and 52 images"].endswith("31 and 52")
     assert agreements["60.5 megapixels"].endswith("60.5 million")
     assert agreements["67.20 × 90.72 mm"].startswith("67.20 × 90.72 mm")
