@@ -45,6 +45,10 @@ class NotebookError(Acx4Error):
         self.message = message
         super().__init__(f"notebook {notebook}, cell {cell}: {message}")
 
+    def __reduce__(self) -> tuple[type[NotebookError], tuple[str, int, str]]:
+        """Return what it is made of again in the process that asked for the notebook."""
+        return NotebookError, (self.notebook, self.cell, self.message)
+
 
 def with_defaults(notebook: Path, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of all parameters of a notebook.

@@ -1,6 +1,7 @@
 """One small notebook through papermill."""
 
 import os
+import pickle
 
 import nbformat
 import pytest
@@ -140,6 +141,14 @@ def test_an_error_of_the_library_stays_what_it_is(tmp_path, kind, argument, said
     with pytest.raises(kind) as caught:
         execute(notebook, tmp_path / "out" / "a.ipynb")
     assert str(caught.value) == said
+
+
+def test_a_failure_is_told_by_a_process_to_the_one_that_asked():
+    told = pickle.loads(
+        pickle.dumps(notebooks_execute.NotebookError("10-chapter", 3, "TypeError: no"))
+    )
+    assert str(told) == "notebook 10-chapter, cell 3: TypeError: no"
+    assert (told.notebook, told.cell) == ("10-chapter", 3)
 
 
 # --- Digests of small houses, and of the notebooks of the book
