@@ -283,7 +283,7 @@ def printed(browser: str, page: Path, pdf: Path) -> None:
 # with tables, or ``figure`` with a caption and the words in the figure's place.
 
 
-TEXT = resources.files("acx4book.report.page") / "report.md"
+TEXT = resources.files("acx4book.report") / "report.md"
 
 DIRECTIVE = re.compile(
     r"^```\{(?:section|figure)\} (?P<name>\w+)\n(?::alt: (?P<alt>[^\n]*)\n)?"
