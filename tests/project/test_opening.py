@@ -79,7 +79,7 @@ OTHERS = {
         "pd.read_csv": "after is_there, or of memory",
     },
     "acx4lib/production/tiff_tags.py": {"tifffile.TiffFile": "of bytes, or after a look"},
-    "acx4tools/exchange/safe/archive.py": {
+    "acx4tools/exchange/safe/opened.py": {
         "zipfile.ZipFile": "of bytes",
         "archive.open": "of bytes",
     },

@@ -38,9 +38,8 @@ from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
 from acx4lib.tie_points.search import ImageTies, find_ties, strongest_chain
 from acx4lib.tie_points.ties import Overlap, overlaps
 from acx4tools.exchange.lens import FLIP
-from acx4tools.exchange.pictures import folder as pictures
-from acx4tools.exchange.pictures import radiometry, rig
-from acx4tools.exchange.pictures.rig import Head
+from acx4tools.exchange.pictures import folder
+from acx4tools.exchange.pictures.folder import Head
 from acx4tools.exchange.pictures.tags import Tags, read
 
 # --- The heads of one exposure: as their metadata declare them, and turned by tie points
@@ -128,9 +127,9 @@ def solved(files: str) -> Solved:
     """
     entries = [one.file for one in data.index() if one.file.startswith(f"{files}/IMG")]
     paths = {path.name: path for path in map(data.path, entries)}
-    brought = pictures.bring(data.folder() / files)
+    brought = folder.bring(data.folder() / files)
     cameras = {name: camera_of(name, t) for name, t in brought.settings["cameras"].items()}
-    names, synthetic = brought.settings["synthetic"]["heads"], cameras[pictures.SYNTHETIC]
+    names, synthetic = brought.settings["synthetic"]["heads"], cameras[folder.SYNTHETIC]
     factory = declared_orientation([cameras[name] for name in names], synthetic)
     images = brought.tables["heads/images.csv"]
     files_of = dict(zip(images["camera"], images["file"], strict=True))
@@ -139,7 +138,7 @@ def solved(files: str) -> Solved:
     pixels = read_heads(own, factory.heads).images
     found = find_ties(pixels, factory, synthetic)
     return Solved(
-        heads=tuple(map(rig.head_of, tags)),
+        heads=tuple(map(folder.head_of, tags)),
         tags=tags,
         images=pixels,
         height_m=float(brought.tables["heads/trajectory.csv"]["height_m"][0]),
@@ -478,7 +477,7 @@ def _pair(found: Solved, name: str, other: str) -> pd.DataFrame:
 
 def _light(found: Solved, k: int) -> Raster:
     """Return a head's image above its dark level."""
-    dark = radiometry.dark_level(found.tags[k]) or 0.0
+    dark = folder.dark_level(found.tags[k]) or 0.0
     return np.clip(found.images[k].astype(np.int32) - round(dark), 1, None).astype(np.uint16)
 
 
@@ -490,7 +489,7 @@ def _grey(found: Solved, k: int, colrow: Array) -> Array:
 
 
 def _vignetting_factory(found: Solved, k: int, colrow: Array) -> Array:
-    stated = radiometry.vignetting(found.tags[k])
+    stated = folder.vignetting(found.tags[k])
     return np.ones(len(colrow)) if stated is None else stated.at(colrow)
 
 

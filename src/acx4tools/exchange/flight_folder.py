@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -22,7 +22,6 @@ from acx4lib.flight.tables import name_fault
 from acx4lib.flight.toml_file import read_toml
 from acx4lib.results import own_folder, whole_files
 from acx4tools.exchange import written_toml
-from acx4tools.exchange.brought import Brought, number_of
 
 COMMAND = "acx4 import"
 """Whose the folders are."""
@@ -185,6 +184,7 @@ def statement(brought: Brought, *, edited: bool = False) -> str:
     """
     files = [f"{name}, SHA-256 {sha256}" for name, sha256 in brought.sha256.items()]
     parts = {
+        "Warnings": brought.warnings,
         "Read": files,
         "Assumed": brought.assumed,
         "Found": brought.found,
@@ -194,10 +194,19 @@ def statement(brought: Brought, *, edited: bool = False) -> str:
     for title, sentences in parts.items():
         if sentences:
             lines += [f"## {title}", "", *(f"- {one}" for one in sentences), ""]
+    if brought.lenses:
+        lines += ["## Lenses", "", *_lens_table(brought.lenses), ""]
     if edited and brought.settings:
         text = written_toml.written(brought.settings).rstrip("\n")
         lines += ["## Settings", "", "```toml", *text.split("\n"), "```", ""]
     return "\n".join(lines) + "\n"
+
+
+def _lens_table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    """Yield a table in Markdown; all numbers are px."""
+    heading = ("camera", "width x height", "f", "f there", "largest difference", "rms")
+    for row in (heading, ("---",) * len(heading), *rows):
+        yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
 
 
 def _is_edited(own: own_folder.OwnFolder) -> bool:
@@ -261,3 +270,140 @@ def with_synthetic(brought: Brought) -> Brought:
     }
     said = f"The synthetic camera {SYNTHETIC} has size, focal length and direction of {heads[0]}"
     return replace(brought, settings=settings, assumed=(*brought.assumed, said))
+
+
+# --- What an import brings of a flight, in the flight's own form, and what it says of it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Brought:
+    """A part of a flight that was read from another program's files, or all of it.
+
+    Attributes
+    ----------
+    source : str
+        Program or format, with its version where the files state it: "Metashape 1.7.2".
+    sha256 : mapping of str to str
+        The files that were read, by their names without folders.
+    settings : mapping
+        Keys of flight.toml, nested as there. What the source does not know is absent.
+    tables : mapping of str to table
+        By file below the flight: ``calibration/images.csv``, ``control_points.csv``. Columns and
+        units are those of the file of this name.
+    pictures : mapping of str to Path
+        Where the pictures are that column ``file`` of an images.csv names, by file below the
+        flight: ``calibration/images/a.tif``.
+    warnings : tuple of str
+        What a user must know before all else: a sentence each.
+    assumed : tuple of str
+        Conventions that were assumed: axes, origins, angles, time bases, datums; a sentence each.
+    lenses : sequence of tuple of str
+        Rows of a table in import.md where there are many: camera, size, f, f of the program, the
+        largest and the rms difference, all in px.
+    found : tuple of str
+        What was read, counted, and what proves that it was read rightly: a sentence each.
+    left_out : tuple of str
+        What the source has and the flight has not, counted and named, and why.
+    """
+
+    source: str
+    sha256: Mapping[str, str]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    tables: Mapping[str, Columns] = field(default_factory=dict)
+    pictures: Mapping[str, Path] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+    lenses: Sequence[tuple[str, ...]] = ()
+    left_out: tuple[str, ...] = ()
+
+
+def number_of(n: int, nouns: str) -> str:
+    """Return a number with its noun, given for many: 2 cameras, 1 camera."""
+    return f"{n} {nouns.removesuffix('s') if n == 1 else nouns}"
+
+
+# --- The files of a new flight, to be filled in: a flight.toml with remarks, tables with a header
+
+
+TABLES = {
+    "images.csv": "image,camera,exposure,strip\n",
+    "image_points.csv": "image,point,col_px,row_px\n",
+    "trajectory.csv": "exposure,lat_deg,lon_deg,height_m,roll_deg,pitch_deg,heading_deg,time_s\n",
+}
+VIRTUAL = ("SYN", *(f"SYN_{k}" for k in range(1, 100)))
+"""Names of the synthetic camera: the first that no head has."""
+
+CONTROL = "point,east_m,north_m,height_m,role\n"
+
+HEAD = """\
+# A flight of acx4. What begins with # is a remark: take the # away to use a key.
+# All keys, and all columns of the tables, are in the part "Your own flight" of the book.
+
+name = {name}
+crs = {crs}  # projected CRS, in metres, of all east and north
+heights = {heights}  # "ellipsoidal", a vertical CRS, a geoid grid file, or an undulation in m
+refraction = "none"  # or "standard"
+"""
+
+CAMERA = """
+[cameras.{camera}]
+# width_px = 8984  # columns of an image
+# height_px = 6732  # rows of an image
+# pixel_um = 6.0  # size of a pixel
+# focal_mm = 74.0  # approximate; the calibration estimates it
+# mount_omega_deg = 0.0  # approximate boresight: camera axes (x right, y up) in those of the body
+# mount_phi_deg = 0.0
+# mount_kappa_deg = -90.0  # the top of the image points forward; 90.0: backward
+# lever_x_m = 0.0  # from the IMU to the camera: forward
+# lever_y_m = 0.0  # left
+# lever_z_m = 0.0  # up
+"""
+
+_SYNTHETIC_TABLE = """
+# The image into which the heads are rendered is that of a camera as well; the first head is the
+# reference of the others.
+[synthetic]
+camera = {camera}
+heads = {heads}
+# measured_in = "synthetic"  # or "heads": where points of calibration/ and validation/ are measured
+"""
+
+END = """
+[apriori]  # standard deviations where a table has no column for them
+image_point_px = 0.5
+gnss_horizontal_m = 0.05
+gnss_vertical_m = 0.1
+roll_pitch_deg = 0.005
+heading_deg = 0.008
+"""
+
+
+def files(name: str, *, cameras: Sequence[str], crs: str, heights: str | float) -> dict[str, str]:
+    """Return the texts of a new flight by their names below its folder.
+
+    Parameters
+    ----------
+    name : str
+        Of the flight.
+    cameras : sequence of str
+        One camera has the block calibration; several are heads, and have the block heads.
+    crs : str
+    heights : str or float
+        As flight.toml takes them.
+    """
+    known = {"name": name, "crs": crs, "heights": heights}
+    value = {key: written_toml.value_of(one) for key, one in known.items()}
+    text = HEAD.format(**value)
+    is_rig = len(cameras) > 1
+    synthetic = next(name for name in VIRTUAL if name not in cameras[: len(VIRTUAL) - 1])
+    for camera in (*cameras, *([synthetic] if is_rig else [])):
+        text += CAMERA.format(camera=written_toml.key_of(camera))
+    if is_rig:
+        names = {"camera": synthetic, "heads": list(cameras)}
+        text += _SYNTHETIC_TABLE.format(
+            **{key: written_toml.value_of(one) for key, one in names.items()}
+        )
+    block = "heads" if is_rig else "calibration"
+    tables = {f"{block}/{file}": header for file, header in TABLES.items()}
+    return {"flight.toml": text + END, "control_points.csv": CONTROL, **tables}

@@ -30,8 +30,15 @@ NOTHING = 1e-13
 STEEPEST = 1000.0
 """Tangent of an angle at which no lens of a flight sees."""
 
-HELD_PX, WORTH = 0.05, 0.5
-"""A program's focal length is held unless it leaves more, and another at most this part of it."""
+HELD_PX, WORTH = 0.1, 0.9
+"""A program's focal lengths and principal point are held unless they leave more, and others at most
+this part of it."""
+
+WARNED_PX, WORST_PX = 0.3, 2.0
+"""Largest distances to another program's lens above which a user is warned, and it is refused."""
+
+MOVED_PX = 1e-4
+"""Change of a principal point, or at the border by another scale, that is none."""
 
 STEPS = 100
 """Largest number of iterations of `inverse`."""
@@ -50,10 +57,14 @@ class Left:
     Attributes
     ----------
     largest_px, rms_px : float
+    returned : bool
+        Whether the lens is not the nearest one but that of which a camera was made, so that it
+        goes back to its program as it came.
     """
 
     largest_px: float
     rms_px: float
+    returned: bool = False
 
     def __str__(self) -> str:
         return f"{self.largest_px:.2g} px at most, {self.rms_px:.2g} px rms"
@@ -110,9 +121,9 @@ def camera_of(
 ) -> tuple[Camera, Left]:
     """Return the camera that is nearest to a lens, in the whole image.
 
-    Focal lengths and principal point stay what they are; k1, k2, k3, p1, p2 are fitted. Where
-    another focal length leaves less than half, as where it is not the scale at the centre, it is
-    fitted, too, by distances in the image. The principal point would gain little.
+    Focal lengths and principal point stay what they are; k1, k2, k3, p1, p2 are fitted. Where that
+    leaves more than `HELD_PX`, f, xp, yp, b1 are fitted, too, by distances in the image, as where
+    a lens has terms that no camera has, or a focal length that is not the scale at its centre.
 
     Parameters
     ----------
@@ -141,7 +152,7 @@ def camera_of(
         col, row = colrow[lost][0]
         msg = f"lens: expected a ray for every pixel, got none at col {col:.1f}, row {row:.1f}"
         raise ValueError(msg)
-    shorter, c, left = _fitted(measured, rays, ideal, colrow, hole)
+    hole, shorter, c, left = _fitted(measured, rays, ideal, colrow, hole)
     f, scale = hole.fy * pixel_mm, hole.fy / hole.fx
     interior = Interior(
         f=f / shorter,
@@ -158,6 +169,22 @@ def camera_of(
         name=name, width_px=width_px, height_px=height_px, pixel_mm=pixel_mm, interior=interior
     )
     return camera, left
+
+
+def too_far(left: Left, allowed_px: float) -> tuple[str, str] | None:
+    """Return what is wrong with a lens that no camera of a flight is like, and what to do."""
+    if left.largest_px <= allowed_px:
+        return None
+    return (
+        f"its refit as a camera of a flight differs by {left}",
+        f"must be at most {allowed_px:g} px; --allow {above(left.largest_px)} takes it so",
+    )
+
+
+def above(value: float) -> str:
+    """Return a number of two digits that is not below a value."""
+    text = f"{value:.2g}"
+    return text if float(text) > value else f"{value * 1.05:.2g}"
 
 
 def pinhole_of(camera: Camera) -> Pinhole:
@@ -319,20 +346,44 @@ def brown(at: Array, off: Array, f_px: float) -> tuple[Array, Left]:
 
 def _fitted(
     measured: Array, rays: Array, ideal: Model, colrow: Array, hole: Pinhole
-) -> tuple[float, Array, Left]:
-    """Return hole.fy over the focal length, the coefficients of `brown`, and what is left."""
+) -> tuple[Pinhole, float, Array, Left]:
+    """Return the pinhole, its fy over the focal length, the coefficients of `brown`, what is left.
+
+    Of a pinhole the others follow by linear least squares, so that its cx, cy and fx alone are
+    searched for.
+    """
     coefficients, left = brown(measured, rays - measured, hole.fy)
     in_px = _pixels_by_ray(ideal, colrow, rays)
     if not np.isfinite(in_px).all():
-        return 1.0, coefficients, left
-    A = np.column_stack([measured.T.ravel(), _terms(measured)]).reshape(2, len(rays), -1)
-    A = np.einsum("nij,jnk->ink", in_px, A).reshape(2 * len(rays), -1)
+        return hole, 1.0, coefficients, left
     b = np.einsum("nij,nj->in", in_px, rays).ravel()
-    free = _nearest(A, b)
-    held, freed = (_left(A @ values - b, 1.0) for values in ([1.0, *coefficients], free))
-    if held.largest_px <= HELD_PX or freed.rms_px > WORTH * held.rms_px:
-        return 1.0, coefficients, held
-    return float(free[0]), free[1:] / free[0], freed
+
+    def linear(values: Array) -> tuple[Pinhole, Array, Array]:
+        """Return the pinhole of values, its effects at the nodes and their coefficients, px."""
+        cx, cy, stretch = values.tolist()
+        own = Pinhole(fx=hole.fx * (1 + stretch), fy=hole.fy, cx=hole.cx + cx, cy=hole.cy + cy)
+        at = own.points(colrow)
+        A = np.column_stack([at.T.ravel(), _terms(at)]).reshape(2, len(rays), -1)
+        A = np.einsum("nij,jnk->ink", in_px, A).reshape(2 * len(rays), -1)
+        return own, A, _nearest(A, b)
+
+    _, A, _ = linear(np.zeros(3))
+    held = _left(A @ [1.0, *coefficients] - b, 1.0)
+    if held.largest_px <= HELD_PX:
+        return hole, 1.0, coefficients, held
+
+    def off(values: Array) -> Array:
+        _, A, free = linear(values)
+        return np.asarray(A @ free - b)
+
+    far = np.array([0.1 * hole.fx, 0.1 * hole.fy, 0.1])
+    a_pixel = np.array([1.0, 1.0, 1 / hole.fx])
+    found = least_squares(off, np.zeros(3), bounds=(-far, far), x_scale=a_pixel).x
+    own, A, free = linear(np.where(np.abs(found) > MOVED_PX * a_pixel, found, 0.0))
+    freed = _left(A @ free - b, 1.0)
+    if freed.rms_px > WORTH * held.rms_px:
+        return hole, 1.0, coefficients, held
+    return own, float(free[0]), free[1:] / free[0], freed
 
 
 def _pixels_by_ray(ideal: Model, colrow: Array, rays: Array) -> Array:

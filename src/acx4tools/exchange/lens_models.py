@@ -120,6 +120,29 @@ class Lens:
     def _affine(self) -> Array:
         return np.array([[1.0, self.skew[0]], [self.skew[1], 1.0]])
 
+    def nearest(self, name: str, pixel_mm: float) -> tuple[Camera, lens.Left]:
+        """Return the camera that is nearest over the whole image, and its distances: `camera_of`.
+
+        Parameters
+        ----------
+        name : str
+            Of the camera.
+        pixel_mm : float
+
+        Raises
+        ------
+        ValueError
+            Where a pixel has no ray ahead, or for values that no Camera has.
+        """
+        return lens.camera_of(
+            self.ideal,
+            self.hole,
+            name=name,
+            width_px=self.width_px,
+            height_px=self.height_px,
+            pixel_mm=pixel_mm,
+        )
+
     def refitted(self, name: str, pixel_um: float | None = None) -> Refitted:
         """Return the camera that is nearest over the whole image.
 
@@ -135,22 +158,9 @@ class Lens:
         ValueError
             Where no camera of a flight is like it.
         """
-        camera, left = lens.camera_of(
-            self.ideal,
-            self.hole,
-            name=name,
-            width_px=self.width_px,
-            height_px=self.height_px,
-            pixel_mm=(self.pixel_um or pixel_um or NOMINAL_UM) / 1000,
-        )
+        camera, left = self.nearest(name, (self.pixel_um or pixel_um or NOMINAL_UM) / 1000)
         camera = replace(camera, T_b_c=self.mount)
-        f, there = (f"{f:.2f}" for f in (camera.interior.f / camera.pixel_mm, self.hole.fy))
-        said = (
-            f"lens of {name}: {self.width_px} x {self.height_px} px, f "
-            f"{f if f == there else f'{f} (there {there})'} px; refitted as Brown's model it "
-            f"differs by {left}"
-        )
-        return Refitted(camera=camera, table=_table(camera), said=said)
+        return Refitted(camera=camera, table=_table(camera), f_px=self.hole.fy, left=left)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,13 +172,38 @@ class Refitted:
     camera : Camera
     table : dict
         Of flight.toml.
-    said : str
-        What it is, and how far it is from the lens.
+    f_px : float
+        Focal length of the program.
+    left : Left
     """
 
     camera: Camera
     table: dict[str, Any]
-    said: str
+    f_px: float
+    left: lens.Left
+
+    @property
+    def said(self) -> str:
+        """What it is, and how far it is from the lens."""
+        name, size, f, there, _, _ = self.row
+        at = f if f == there else f"{f} (there {there})"
+        return (
+            f"lens of {name}: {size} px, f {at} px; refitted as Brown's model it differs by "
+            f"{self.left}"
+        )
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The same as cells: camera, size, f, f of the program, largest and rms difference, px."""
+        one = self.camera
+        return (
+            one.name,
+            f"{one.width_px} x {one.height_px}",
+            f"{one.interior.f / one.pixel_mm:.2f}",
+            f"{self.f_px:.2f}",
+            f"{self.left.largest_px:.2g}",
+            f"{self.left.rms_px:.2g}",
+        )
 
 
 def _table(camera: Camera) -> dict[str, Any]:
@@ -220,23 +255,52 @@ def _dual(points: Array, values: Mapping[str, float]) -> Array:
     return between - points + lens.effects(between, values)
 
 
-def polynomial(coefficients: Sequence[float]) -> lens.Model:
-    """Return the distortion of a fisheye of Pix4D: the angle a moves to a (1 + p2 t + p3 t² + ...).
+def fisheye(
+    polynomial: Sequence[float],
+    affine: Sequence[float],
+    centre: tuple[float, float],
+    *,
+    size: tuple[int, int],
+    wrong: Wrong,
+) -> Lens:
+    """Return a fisheye as Pix4D documents it and Parrot writes it.
+
+    With t = 2/pi a of the angle a from the axis, a point lies in its direction at the distance p0 +
+    p1 t + p2 t² + ...; the matrix (c d; e f) takes it to pixels from the centre.
 
     Parameters
     ----------
-    coefficients : sequence of float
-        p2, p3, ..., divided by p1; t = 2/pi a is the angle in right angles.
+    polynomial : sequence of float
+        p0, which is 0, p1, which is positive, and others.
+    affine : sequence of float
+        c, d, e, f, px; c and f are positive.
+    centre : tuple of float
+        Principal point, the library's pixels.
+    size : tuple of int
+        Width and height, px.
+    wrong : callable
+        As `Lens` has it.
     """
+    c, d, e, f = affine
+    slope = 2 / np.pi * polynomial[1]
+    others = [one / polynomial[1] for one in polynomial[2:]]
 
     def distorted(points: Array) -> Array:
         t = 2 / np.pi * np.hypot(*points.T)[:, None]
         factor = np.zeros_like(t)
-        for p in reversed((1.0, *coefficients)):
+        for p in reversed((1.0, *others)):  # without p0 the factor is smooth
             factor = p + t * factor
         return points * factor
 
-    return distorted
+    return Lens(
+        width_px=size[0],
+        height_px=size[1],
+        hole=lens.Pinhole(fx=c * slope, fy=f * slope, cx=centre[0], cy=centre[1]),
+        distortion=distorted,
+        is_fisheye=True,
+        skew=(d / c, e / f),
+        wrong=wrong,
+    )
 
 
 def _formula(row: str, own: Effects = lens.effects) -> Formula:
@@ -292,6 +356,7 @@ METASHAPE = {
 """By the type of a calibration: the manual's appendix on camera models."""
 
 OPF = _formula("R1=k1 R2=k2 R3=k3 T1=u T2=v")
-"""Internals of type perspective; a fisheye is a `polynomial`."""
+"""Internals of type perspective; a fisheye is `fisheye`."""
 
 BUNDLER = _formula("k1 k2")
+OPENCV = _formula("k1 k2 p1=u p2=v k3")

@@ -24,7 +24,8 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.intersection import intersect
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import stacked
-from acx4tools.exchange.brought import Brought, number_of
+from acx4tools.exchange.flight_folder import Brought, number_of
+from acx4tools.exchange.lens import WARNED_PX, WORST_PX, too_far
 from acx4tools.exchange.lens_models import NOMINAL_UM, Lens, Refitted
 from acx4tools.exchange.safe.opened import Opened, checksums
 
@@ -32,6 +33,9 @@ MEANS_NOTHING = (
     "The trajectory is what the program adjusted, camera and body being one: the boresight and "
     "the lever arm that a calibration finds on it mean nothing"
 )
+
+SHOWN = 8
+"""Number of lenses that have a sentence each; more of them have a table in import.md."""
 
 InGrid = Callable[[Pose], tuple[Array, Array]]
 """From poses in w to east, north, height (m) and omega, phi, kappa (rad) in the flight's grid."""
@@ -227,6 +231,7 @@ def flight_of(
     orientations: str = "none",
     block: str | None = None,
     pixel_um: float | None = None,
+    allow: float = WORST_PX,
 ) -> Brought:
     """Return a project as a part of a flight, with what was assumed, found and left out.
 
@@ -241,13 +246,15 @@ def flight_of(
         calibration.
     pixel_um : float, optional
         Pixel size of cameras that have none.
+    allow : float
+        Largest difference of a refitted lens, px.
 
     Raises
     ------
     FlightError
-        Where no camera of a flight has a lens, or adjusted orientations have no place on the Earth.
+        Where no camera of a flight is like a lens, or adjusted orientations have no place.
     """
-    fitted, odd = _refitted(project, pixel_um)
+    fitted, odd = _refitted(project, pixel_um, allow)
     flown = _flown(project, orientations)
     kept = _kept(project, fitted, flown)
     images, measured = project.images, project.measured
@@ -266,15 +273,21 @@ def flight_of(
         sha256=checksums(project.sources),
         settings=settings,
         tables=_tables(project, folder, kept, inside, flown),
+        warnings=tuple(
+            f"the lens of {name} differs from the program's by {one.left}"
+            for name, one in fitted.items()
+            if one.left.largest_px > WARNED_PX
+        ),
         assumed=(*project.assumed, *_sizes(project, fitted, pixel_um), *flown.assumed),
         found=(
             *_counted(project, kept, inside),
             *project.found,
             *flown.found,
             *_kinds(project, fitted),
-            *(one.said for one in fitted.values()),
+            *_of_lenses(fitted),
             *_proved(project, {name: one.camera for name, one in fitted.items()}),
         ),
+        lenses=[one.row for one in fitted.values()] if len(fitted) > SHOWN else (),
         left_out=(
             *_lost(project, kept, flown),
             *odd,
@@ -294,7 +307,7 @@ def nowhere(error: FlightError) -> InGrid:
 
 
 def _refitted(
-    project: Project, pixel_um: float | None
+    project: Project, pixel_um: float | None, allow: float
 ) -> tuple[dict[str, Refitted], tuple[str, ...]]:
     """Return the cameras of all images, and sentences on those that no flight can have."""
     enabled = project.images.enabled
@@ -310,6 +323,9 @@ def _refitted(
                 expected = "must be a lens that a flight can have"
                 raise lens.wrong(f"{name}: {error}", expected) from None
             odd.append(f"camera and its images: {name}: {error}")
+            continue
+        if (fault := too_far(fitted[name].left, allow)) is not None:
+            raise lens.wrong(f"{name}: {fault[0]}", fault[1])
     if odd and not fitted:
         first = next(lens for name, lens in project.lenses.items() if name in used)
         raise first.wrong("; ".join(odd), "must be one that a flight can have")
@@ -445,6 +461,18 @@ def _kinds(project: Project, fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
     return (
         *(f"calibration of {'; '.join(names)}: {kind}" for kind, names in kinds.items()),
         *(one for one in remarks if one),
+    )
+
+
+def _of_lenses(fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
+    """Return a sentence for each lens, or one for many."""
+    if len(fitted) <= SHOWN:
+        return tuple(one.said for one in fitted.values())
+    f = [one.camera.interior.f / one.camera.pixel_mm for one in fitted.values()]
+    name, worst = max(fitted.items(), key=lambda item: item[1].left.largest_px)
+    return (
+        f"{len(fitted)} lenses, f {min(f):.2f} to {max(f):.2f} px; refitted as Brown's model they "
+        f"differ by {worst.left} ({name}), or less: import.md lists them",
     )
 
 

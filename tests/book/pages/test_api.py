@@ -51,4 +51,4 @@ def test_modules_for_users_show_their_functions_and_others_what_they_are_for():
     assert ".. automodule:: acx4lib.bundle.adjust\n```" in "\n".join(api.page("acx4lib.bundle"))
     exchange = "\n".join(api.page("acx4tools.exchange"))
     assert ".. automodule:: acx4tools.exchange.opencv\n```" in exchange
-    assert ".. automodule:: acx4tools.exchange.safe.records\n   :no-members:\n" in exchange
+    assert ".. automodule:: acx4tools.exchange.safe.text_lines\n   :no-members:\n" in exchange

@@ -67,6 +67,39 @@ def test_focal_lengths_and_principal_point_come_back():
     assert_allclose([back.fx, back.fy, back.cx, back.cy], [4100, 4103, 2011, 1490], atol=1e-9)
 
 
+def test_focal_length_principal_point_and_b1_are_fitted_where_that_leaves_less():
+    """Decentring that changes with the distance, and skew, as Metashape has them."""
+    values = {"k1": -0.1, "k2": 0.05, "k4": 0.3, "u": 4e-3, "v": -3e-3, "m1": 2.0}
+
+    def distorted(at):
+        moved = at + lens.effects(at, values)
+        return moved + np.stack([5e-4 * moved[:, 1], np.zeros(len(at))], axis=1)
+
+    def ideal(colrow):
+        at = HOLE.points(colrow)
+        return lens.inverse(distorted, at, at)
+
+    camera, left = lens.camera_of(ideal, HOLE, **SIZE)
+    nodes = lens.nodes(4000, 3000)
+    rays = correct(camera.interior, xy_from_colrow(camera, nodes)) / camera.interior.f * [1, -1]
+    apart = np.hypot(*(HOLE.colrow(distorted(rays)) - nodes).T)
+    assert_allclose(
+        [apart.max(), np.sqrt(np.mean(apart**2))], [left.largest_px, left.rms_px], rtol=0.05
+    )
+    coefficients, _ = lens.brown(HOLE.points(nodes), ideal(nodes) - HOLE.points(nodes), HOLE.fy)
+    own = lens.pinhole_of(camera)
+    assert np.hypot(own.cx - HOLE.cx, own.cy - HOLE.cy) > 1
+    held = _held(ideal, nodes, coefficients)
+    assert left.rms_px < 0.9 * held
+
+
+def _held(ideal, nodes, coefficients):
+    """Return the rms, px, of the nearest lens with the pinhole held."""
+    at = HOLE.points(nodes)
+    effects = lens.effects(at, dict(zip(lens.BROWN, coefficients, strict=True)))
+    return float(np.sqrt(np.mean(np.sum((HOLE.fy * (at + effects - ideal(nodes))) ** 2, axis=1))))
+
+
 def test_a_focal_length_that_is_no_scale_at_the_centre_is_fitted_too():
     """By the model FOV the centre's scale is 2 tan(w / 2) / w of the focal length."""
     omega, hole = 0.6, Pinhole(fx=4100.0, fy=4100.0, cx=1999.5, cy=1499.5)

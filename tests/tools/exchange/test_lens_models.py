@@ -118,9 +118,9 @@ def test_a_fisheye_of_pix4d_counts_angles_in_right_angles():
     r = np.hypot(*IDEAL.T)
     t = 2 / np.pi * np.arctan(r)
     rho = 1.3 * t + 0.0152646 * t**2 - 0.161096 * t**3
-    distortion = lens_models.polynomial([0.0152646 / 1.3, -0.161096 / 1.3])
-    one = lens(distortion=distortion, is_fisheye=True)
-    expected = 1000 * np.pi / 2 / 1.3 * (rho / r)[:, None] * IDEAL + [500, 400]
+    polynomial, affine = [0.0, 1.3, 0.0152646, -0.161096], (1674.33, 0.4, -0.3, 1670.1)
+    one = lens_models.fisheye(polynomial, affine, (500.0, 400.0), size=(1000, 800), wrong=wrong)
+    expected = (rho / r)[:, None] * IDEAL @ np.reshape(affine, (2, 2)).T + [500, 400]
     assert_allclose(one.colrow(IDEAL), expected, atol=1e-8)
     assert_allclose(one.ideal(one.colrow(IDEAL)), IDEAL, atol=1e-12)
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from acx4lib.errors import FlightError
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem, mean_origin, rotation_enu_to_ecef
-from acx4tools.exchange import tables
+from acx4tools.exchange import flight_folder, tables
 from acx4tools.exchange.axes import UNKNOWN, stacked
 from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import Lens
@@ -192,3 +192,52 @@ def test_poses_in_the_ecef_frame_are_brought_into_the_grid():
 def test_names_that_no_flight_may_use_are_refused(names, message):
     with pytest.raises(FlightError, match=message):
         tables.require_all_names(names, FILE.wrong)
+
+
+def bent(strength):
+    """Return a lens with a term that no camera of a flight has, the 17th power of the radius."""
+
+    def distorted(at):
+        return at + at * strength * np.sum((at / 0.6) ** 2, axis=1, keepdims=True) ** 8
+
+    return replace(
+        LENS,
+        distortion=distorted,
+        width_px=1000,
+        height_px=800,
+        hole=Pinhole(fx=1000.0, fy=1000.0, cx=499.5, cy=399.5),
+    )
+
+
+def test_what_a_refit_leaves_is_a_warning_and_then_a_refusal():
+    """Largest differences of hundredths of a pixel, half a pixel, and several."""
+    small, large, too_large = (
+        replace(PROJECT, lenses={"C": bent(size)}) for size in (1e-4, 0.03, 0.1)
+    )
+    assert not flight_of(small).warnings
+    (said,) = flight_of(large).warnings
+    assert said.startswith("the lens of C differs from the program's by ")
+    with pytest.raises(
+        FlightError, match=r"camera: C: its refit .* px; --allow [0-9.]+ takes it so"
+    ):
+        flight_of(too_large)
+    with pytest.raises(FlightError, match=r"must be at most 0\.1 px"):
+        flight_of(large, allow=0.1)
+    assert flight_of(too_large, allow=20.0).warnings
+
+
+def test_many_lenses_are_one_line_on_the_screen_and_a_table_in_import_md():
+    names = [f"C{k}" for k in range(12)]
+    lenses = {n: replace(LENS, pixel_um=10.0 + k) for k, n in enumerate(names)}
+    images = Images(
+        names=tuple(names),
+        cameras=tuple(names),
+        exposures=tuple(names),
+        T_w_c=stacked([UNKNOWN] * 12),
+    )
+    brought = flight_of(Project(source="P", sources=[FILE], lenses=lenses, images=images))
+    said = [one for one in brought.found if "lens" in one]
+    assert len(said) == 1
+    assert said[0].startswith("12 lenses, f 100.00 to 100.00 px; ")
+    text = flight_folder.statement(brought)
+    assert "| C11 | 100 x 80 | 100.00 | 100.00 | 0 | 0 |" in text

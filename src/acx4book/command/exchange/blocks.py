@@ -48,7 +48,7 @@ Examples:
 
 
 @bring.read_by("opensfm", of_flight=("crs",))
-def opensfm(
+def opensfm(  # noqa: PLR0913, PLR0917 options of a command
     source: Source,
     out: bring.Out,
     block: Block = None,
@@ -56,6 +56,7 @@ def opensfm(
     camera: Camera = "adjusted",
     orientations: Orientations = "initial",
     pixel_um: bring.PixelUm = None,
+    allow: bring.Allow = 2.0,
 ) -> None:
     """Write what a project of OpenSfM has of a flight."""
 
@@ -121,6 +122,7 @@ def micmac(
     crs: OwnCrs = None,
     orientations: Orientations = "initial",
     pixel_um: bring.PixelUm = None,
+    allow: bring.Allow = 2.0,
 ) -> None:
     """Write what a folder of MicMac has of a flight."""
 
@@ -132,6 +134,7 @@ def bundler(
     out: bring.Out,
     block: Block = None,
     pixel_um: bring.PixelUm = None,
+    allow: bring.Allow = 2.0,
 ) -> None:
     """Write what bundle.out has of a flight."""
 

@@ -14,7 +14,7 @@ import typer
 from acx4book.command import terminal
 
 if TYPE_CHECKING:
-    from acx4tools.exchange.brought import Brought
+    from acx4tools.exchange.flight_folder import Brought
 
 Out = Annotated[
     Path,
@@ -70,6 +70,16 @@ PixelUm = Annotated[
         max=1000,
         help="Pixel size, where the files do not have it; by default 5, and only millimetres "
         "depend on it.",
+    ),
+]
+
+Allow = Annotated[
+    float,
+    typer.Option(
+        "--allow",
+        metavar="PX",
+        min=0.0,
+        help="Largest difference of a lens that is refitted as a camera of a flight.",
     ),
 ]
 
@@ -188,6 +198,7 @@ def place(brought: Brought, out: Path) -> None:
     remarks = flight_folder.write(brought, out)
     terminal.show(brought.source)
     for title, sentences in (
+        ("warning", brought.warnings),
         ("assumed", brought.assumed),
         ("found", (*brought.found, *remarks)),
         ("left out", brought.left_out),

@@ -58,7 +58,7 @@ def new(
     answers = _answers({"cameras": cameras, "crs": crs, "heights": heights})
     from acx4lib.flight.tables import name_fault  # noqa: PLC0415 quick help
     from acx4lib.geometry.geodesy import GridSystem  # noqa: PLC0415 quick help
-    from acx4tools.exchange import flight_folder, template  # noqa: PLC0415 quick help
+    from acx4tools.exchange import flight_folder  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
@@ -74,7 +74,7 @@ def new(
     except ValueError as error:
         terminal.refuse(f"--crs: {error}; must be a projected CRS in metres")
     system = Meaning(crs=answers["crs"], heights=bring.heights_of(answers["heights"]))
-    texts = template.files(name, cameras=heads, **orientations.settings(system))
+    texts = flight_folder.files(name, cameras=heads, **orientations.settings(system))
     flight_folder.begin(folder, texts, orientations.grid_file(system))
     for line in bring.missing(folder):
         terminal.show(f"  {line}")

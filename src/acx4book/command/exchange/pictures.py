@@ -34,9 +34,10 @@ def pictures(
             metavar="UM", min=0.1, max=100.0, show_default=False, help="Size of a pixel, if unsaid."
         ),
     ] = None,
+    allow: bring.Allow = 2.0,
 ) -> None:
     """Make a flight of a folder of pictures."""
     from acx4tools.exchange.pictures import folder  # noqa: PLC0415 quick help
 
     crs, _ = bring.system_of(out, crs, "")
-    bring.place(folder.bring(source, crs=crs, pixel_um=pixel_um), out)
+    bring.place(folder.bring(source, crs=crs, pixel_um=pixel_um, allow=allow), out)

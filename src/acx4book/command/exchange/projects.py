@@ -81,6 +81,7 @@ def metashape(  # noqa: PLR0913, PLR0917 options of a command
         ),
     ] = None,
     pixel_um: bring.PixelUm = None,
+    allow: bring.Allow = 2.0,
 ) -> None:
     """Write what a project of Metashape has of a flight."""
 
@@ -110,6 +111,7 @@ def colmap(
         Literal["adjusted", "none"], typer.Option(help="Trajectory: what was adjusted, or none.")
     ] = "none",
     pixel_um: bring.PixelUm = None,
+    allow: bring.Allow = 2.0,
 ) -> None:
     """Write what a model of COLMAP has of a flight."""
 
@@ -128,7 +130,7 @@ Example:
 
 
 @bring.read_by("opf", of_flight=("crs", "heights"))
-def opf(
+def opf(  # noqa: PLR0913, PLR0917 options of a command
     source: Source,
     out: bring.Out,
     block: Block = None,
@@ -136,5 +138,6 @@ def opf(
     camera: Camera = "adjusted",
     orientations: Orientations = "initial",
     pixel_um: bring.PixelUm = None,
+    allow: bring.Allow = 2.0,
 ) -> None:
     """Write what a project of OPF has of a flight."""

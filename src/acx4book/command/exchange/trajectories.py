@@ -110,11 +110,11 @@ def sbet(  # noqa: PLR0913 options of a command
     heights: bring.Heights = "",
 ) -> None:
     """Read an SBET at the times of events."""
-    from acx4tools.exchange.trajectories import pospac  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import sbet as trajectories_sbet  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
-    options = pospac.SbetOptions(
+    options = trajectories_sbet.SbetOptions(
         time=time,
         columns=columns,
         separator=separator or "",
@@ -126,7 +126,7 @@ def sbet(  # noqa: PLR0913 options of a command
         camera=camera,
         meaning=Meaning(crs=crs, heights=system),
     )
-    bring.place(pospac.read(source, events, smrmsg, options), out)
+    bring.place(trajectories_sbet.read(source, events, smrmsg, options), out)
 
 
 def orientations(  # noqa: PLR0913 options of a command

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from acx4lib.expected import Array, Index
-from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4tools.exchange import lens
 from acx4tools.exchange.lens import Left, Pinhole
 from acx4tools.exchange.outward.calibrated import Calibrated
@@ -16,6 +16,10 @@ from acx4tools.exchange.outward.calibrated import Calibrated
 CORNER = 0.5
 """What is added to a pixel where (0, 0) is the outer corner of the top-left one."""
 
+
+STEPS_BACK, NEAR_PX, SAME_PX = 20, 1e-5, 1e-3
+"""Iterations at most to the lens of which a camera is the refit; changes at which they end, and
+distances to the camera at which it is that lens."""
 
 STEPS = (1e-4, 1e-4, 1e-4, 1e-9, 1e-12, 1e-15, 1e-9, 1e-9, 1e-6)
 """Smallest steps of interior parameters for differences, in their units."""
@@ -50,6 +54,75 @@ def brown(camera: Camera) -> Brown:
     return _of(lens.pinhole_of(camera), coefficients, left)
 
 
+def of_all(calibrated: Calibrated) -> dict[str, Brown]:
+    """Return the lenses of all cameras with two focal lengths, by their names.
+
+    A camera of which no interior parameter is estimated goes back as it came: its lens is that of
+    which it is the refit.
+    """
+    return _of_cameras(calibrated, brown, is_square=False)
+
+
+def square(calibrated: Calibrated) -> dict[str, Brown]:
+    """Return the lenses of all cameras with one focal length, as `of_all`."""
+    return _of_cameras(calibrated, one_focal_length, is_square=True)
+
+
+def _of_cameras(
+    calibrated: Calibrated, nearest: Callable[[Camera], Brown], *, is_square: bool
+) -> dict[str, Brown]:
+    interior, found = calibrated.calibration.layout.interior, {}
+    for camera, columns in zip(calibrated.cameras, interior, strict=True):
+        one = nearest(camera)
+        back = None if (columns >= 0).any() else _as_it_came(camera, one, is_square=is_square)
+        found[camera.name] = back or one
+    return found
+
+
+def _as_it_came(camera: Camera, start: Brown, *, is_square: bool) -> Brown | None:
+    """Return the lens whose refit is a camera; None where there is none with such pixels."""
+    wanted, values = _values_of(brown(camera)), _values_of(start)
+    for _ in range(STEPS_BACK):
+        try:
+            refit, left = _refit(values, camera)
+        except ValueError:
+            return None
+        apart = wanted - _values_of(brown(refit))
+        if is_square:
+            apart[:2] = apart[:2].mean()
+        values = values + apart
+        if np.abs(apart[:4]).max() < NEAR_PX and np.abs(apart[4:]).max() * values[1] < NEAR_PX:
+            break
+    xy = xy_from_colrow(camera, lens.nodes(camera.width_px, camera.height_px))
+    rays = [correct(one.interior, xy) / one.interior.f for one in (refit, camera)]
+    if not np.abs(rays[0] - rays[1]).max() * values[1] < SAME_PX:
+        return None
+    fx, fy, cx, cy = values[:4].tolist()
+    returned = Left(largest_px=left.largest_px, rms_px=left.rms_px, returned=True)
+    return _of(Pinhole(fx=fx, fy=fy, cx=cx, cy=cy), values[4:], returned)
+
+
+def _refit(values: Array, camera: Camera) -> tuple[Camera, Left]:
+    """Return a camera that is made of a lens as an import makes it."""
+    fx, fy, cx, cy, *coefficients = values.tolist()
+    hole = Pinhole(fx=fx, fy=fy, cx=cx, cy=cy)
+    by_role = dict(zip(lens.BROWN, coefficients, strict=True))
+
+    def ideal(colrow: Array) -> Array:
+        at = hole.points(colrow)
+        return lens.inverse(lambda points: points + lens.effects(points, by_role), at, at)
+
+    size = {"width_px": camera.width_px, "height_px": camera.height_px}
+    return lens.camera_of(ideal, hole, name=camera.name, pixel_mm=camera.pixel_mm, **size)
+
+
+def _values_of(one: Brown) -> Array:
+    hole = one.hole
+    return np.array(
+        [hole.fx, hole.fy, hole.cx, hole.cy, one.k1, one.k2, one.p1, one.p2, one.k3], dtype=float
+    )
+
+
 def one_focal_length(camera: Camera) -> Brown:
     """Return the nearest lens with square pixels: where b1 is not zero, all of it is refitted."""
     hole = lens.pinhole_of(camera)
@@ -65,11 +138,6 @@ def one_focal_length(camera: Camera) -> Brown:
 def lenses(found: Mapping[str, Brown]) -> dict[str, Left]:
     """Return how far the lenses are from the cameras, by the names of these."""
     return {name: one.left for name, one in found.items()}
-
-
-def of_all(calibrated: Calibrated) -> dict[str, Brown]:
-    """Return the lenses of all cameras with two focal lengths, by their names."""
-    return {camera.name: brown(camera) for camera in calibrated.cameras}
 
 
 def _of(hole: Pinhole, coefficients: Array, left: Left) -> Brown:

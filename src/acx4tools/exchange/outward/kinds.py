@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from acx4tools.exchange.outward import flight_toml, tables
-from acx4tools.exchange.outward.calibrated import Calibrated
-from acx4tools.exchange.outward.orientations import Oriented
-from acx4tools.exchange.outward.programs import (
+from acx4tools.exchange.outward import (
     colmap,
+    flight_toml,
     metashape,
     micasense,
     micmac,
     opencv,
     opensfm,
     opf,
+    orientations,
     pix4d,
 )
+from acx4tools.exchange.outward.calibrated import Calibrated
+from acx4tools.exchange.outward.orientations import Oriented
 from acx4tools.exchange.outward.taken import Taken
 
 
@@ -50,7 +51,7 @@ KINDS: Mapping[str, Kind] = {
     "micasense": Kind(cameras=micasense.cameras, heads=True),
     "pix4d": Kind(cameras=pix4d.cameras, oriented=pix4d.images),
     "micmac": Kind(cameras=micmac.cameras, oriented=micmac.images),
-    "opk": Kind(oriented=lambda _, oriented: tables.opk(oriented)),
-    "opk-topocentric": Kind(oriented=lambda _, oriented: tables.topocentric(oriented)),
-    "rph": Kind(oriented=lambda _, oriented: tables.rph(oriented)),
+    "opk": Kind(oriented=lambda _, oriented: orientations.opk(oriented)),
+    "opk-topocentric": Kind(oriented=lambda _, oriented: orientations.topocentric_table(oriented)),
+    "rph": Kind(oriented=lambda _, oriented: orientations.rph(oriented)),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from acx4lib.geometry.geodesy import R_ENU_NED, MappingFrame, rotation_enu_to_ec
 from acx4lib.georeferencing.direct import Georeferenced, georeference, pose_covariances
 from acx4lib.results.rows import exterior_table
 from acx4tools.exchange.outward.calibrated import Calibrated
+from acx4tools.exchange.outward.taken import Taken
 
 R_C_TOP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """From a body whose forward axis is up in the image, to the camera's axes; its down is the view."""
@@ -159,3 +160,57 @@ def _table(
     frame = pd.DataFrame(np.column_stack([r, np.degrees(values)]), columns=columns)
     frame.insert(0, "image", list(oriented.names))
     return frame
+
+
+# --- Exterior orientations as tables of text, which most programs read by declared columns
+
+
+FILE = "orientations.csv"
+
+DIGITS = {"_m": 5, "_deg": 9}
+"""Decimals of metres and degrees; those of latitude and longitude are a tenth of a millimetre."""
+
+OPK = (
+    "omega, phi, kappa of R = Rx(omega) Ry(phi) Rz(kappa), from the camera's axes, x right and y "
+    "up in the image, to those of {}"
+)
+GRID = "grid east, grid north and the ellipsoid's normal at the image: {}; heights: {}"
+ELLIPSOIDAL = "heights are ellipsoidal"
+CENTRE = "positions are those of the perspective centre, by trajectory, boresight and lever arm"
+RPH = (
+    "roll, pitch and heading are those of the image, not of the body: a camera that looks down is "
+    "level, its heading, from true north, is that of the top edge, positive pitch lifts the view "
+    "ahead, positive roll lowers the right edge; as a trajectory of a flight they belong to a "
+    "camera with mount_kappa_deg = -90"
+)
+SIGMA_OF = "sigma: a priori of the trajectory, a posteriori of the calibration, with correlations"
+
+
+def opk(oriented: Oriented) -> Taken:
+    """Return positions and angles in the grid of the flight, with a priori sigma."""
+    grid = oriented.block.frame.grid
+    axes = GRID.format(grid.crs, grid.heights)
+    return _taken(in_grid, oriented, (CENTRE, OPK.format(axes), SIGMA_OF))
+
+
+def topocentric_table(oriented: Oriented) -> Taken:
+    """Return positions and angles in topocentric axes."""
+    axes = f"east, north, up at {oriented.origin}"
+    return _taken(topocentric, oriented, (CENTRE, OPK.format(axes)))
+
+
+def rph(oriented: Oriented) -> Taken:
+    """Return geographic positions and roll, pitch, heading of the images."""
+    return _taken(geographic, oriented, (CENTRE, ELLIPSOIDAL, RPH))
+
+
+def _taken(
+    table_of: Callable[[Oriented], pd.DataFrame], oriented: Oriented, assumed: tuple[str, ...]
+) -> Taken:
+    table = table_of(oriented)
+    for name in table.columns[1:]:
+        unit = next(unit for unit in DIGITS if name.endswith(unit))
+        table[name] = [f"{value:.{DIGITS[unit]}f}" for value in table[name]]
+    text = table.to_csv(index=False, lineterminator="\n")
+    left_out = () if "sigma_east_m" in table else ("standard deviations: --to opk has them",)
+    return Taken(files={FILE: text}, assumed=assumed, left_out=left_out)

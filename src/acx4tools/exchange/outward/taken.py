@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 from acx4lib.errors import OutputError
 from acx4lib.results import own_folder
 from acx4lib.results.whole_files import write_all
-from acx4tools.exchange.lens import Left
+from acx4tools.exchange.lens import WORST_PX, Left, above
 
 COMMAND = "acx4 export"
 """Whose the folders are."""
@@ -19,7 +21,6 @@ STATEMENT = "export.md"
 LARGEST_PX = 0.05
 """Difference between a lens and what stands for it in the other program, above which it is
 refused."""
-
 
 SIGMA = "standard deviations and covariance: parameters.csv and covariance.csv have them"
 BODY = "boresight and lever arm: --to toml has them"
@@ -69,28 +70,29 @@ def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
 
 def require_near(taken: Taken, allowed_px: float = LARGEST_PX) -> None:
     """Raise an OutputError where a lens differs by more than is allowed."""
-    far = {n: d for n, d in taken.lenses.items() if not d.largest_px <= allowed_px}
+    far = {
+        name: one
+        for name, one in taken.lenses.items()
+        if not one.largest_px <= (max(allowed_px, WORST_PX) if one.returned else allowed_px)
+    }
     if far:
         name, difference = max(far.items(), key=lambda item: item[1].largest_px)
         msg = (
             f"{name}: the other program's lens differs by {difference.largest_px:.3g} px somewhere "
-            f"in the image, more than {allowed_px:g} px; --allow {_above(difference.largest_px)} "
+            f"in the image, more than {allowed_px:g} px; --allow {above(difference.largest_px)} "
             "exports it nevertheless"
         )
         raise OutputError(msg)
 
 
-def _above(value: float) -> str:
-    """Return a number of two digits that is not below a value."""
-    text = f"{value:.2g}"
-    return text if float(text) > value else f"{value * 1.05:.2g}"
-
-
 def sentences(taken: Taken) -> tuple[str, ...]:
     """Return a sentence for each lens on its difference."""
+    of = {
+        False: "lens refitted over the whole image, off",
+        True: "lens not estimated, so that it goes back as it came: the flight's camera is off",
+    }
     return tuple(
-        f"{name}: lens refitted over the whole image, off by at most {one.largest_px:.4f} px, "
-        f"rms {one.rms_px:.4f} px"
+        f"{name}: {of[one.returned]} by at most {one.largest_px:.4f} px, rms {one.rms_px:.4f} px"
         for name, one in taken.lenses.items()
     )
 
@@ -134,3 +136,33 @@ def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
         write_all({folder / name: text for name, text in texts.items()})
         own.remove([name for name in own.files if name not in texts])
         own.seal()
+
+
+# --- Numbers, JSON and XML as text: numbers with all the digits that they have
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Return numbers with blanks between them."""
+    return " ".join(map(repr, map(float, values)))
+
+
+def lines(texts: Iterable[str]) -> str:
+    """Return texts, each with an end of line."""
+    return "".join(f"{text}\n" for text in texts)
+
+
+def as_json(value: object) -> str:
+    """Return a value as JSON."""
+    return json.dumps(value, indent=1, ensure_ascii=False) + "\n"
+
+
+def add_numbers(element: ET.Element, name: str, values: Iterable[float]) -> None:
+    """Put numbers as an element below another one."""
+    ET.SubElement(element, name).text = numbers(values)
+
+
+def as_xml(element: ET.Element) -> str:
+    """Return an element with all below it as a document."""
+    ET.indent(element)
+    body = ET.tostring(element, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{body}\n'

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime as dt
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,17 +12,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
+from acx4lib.flight.problems import quoted
 from acx4lib.flight.setup import LEVER, camera_table
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
-from acx4tools.exchange.brought import Brought, number_of
-from acx4tools.exchange.pictures import exposure, radiometry, rig
+from acx4tools.exchange.flight_folder import Brought, number_of
+from acx4tools.exchange.lens import FLIP, WARNED_PX, WORST_PX, too_far
 from acx4tools.exchange.pictures.lens import Lens, lens_of
-from acx4tools.exchange.pictures.rig import Head
-from acx4tools.exchange.pictures.tags import Tags, read
+from acx4tools.exchange.pictures.tags import Tags, rational, read
 from acx4tools.exchange.safe.opened import refusal
 
 SUFFIXES = (".tif", ".tiff", ".jpg", ".jpeg")
@@ -51,7 +54,9 @@ class Shot:
     taken: tuple[Taken, ...]
 
 
-def bring(source: Path, *, crs: str = "", pixel_um: float | None = None) -> Brought:
+def bring(
+    source: Path, *, crs: str = "", pixel_um: float | None = None, allow: float = WORST_PX
+) -> Brought:
     """Return the flight that the metadata of a folder's pictures describe.
 
     Parameters
@@ -62,6 +67,8 @@ def bring(source: Path, *, crs: str = "", pixel_um: float | None = None) -> Brou
         Projected CRS of the flight; by default the UTM zone of the mean position, in WGS 84.
     pixel_um : float, optional
         Size of a pixel, for pictures that do not say it.
+    allow : float
+        Largest difference of a refitted lens, px.
 
     Returns
     -------
@@ -75,10 +82,13 @@ def bring(source: Path, *, crs: str = "", pixel_um: float | None = None) -> Brou
     """
     taken, others = _alike(_read_all(source))
     shots, without = _placed(_shots(taken))
-    heads = rig.in_order(list({one.head.name: one.head for s in shots for one in s.taken}.values()))
+    heads = in_order(list({one.head.name: one.head for s in shots for one in s.taken}.values()))
     first = {one.head.name: one.tags for shot in reversed(shots) for one in shot.taken}
     known = None if pixel_um is None else pixel_um / 1000
     lenses = {h.name: lens_of(first[h.name], h.name, known_pixel_mm=known) for h in heads}
+    for name, lens in lenses.items():
+        if (fault := too_far(lens.fitted, allow)) is not None:
+            raise first[name].wrong("lens", f"{name}: {fault[0]}", fault[1])
     block = "heads" if len(heads) > 1 else "calibration"
     return Brought(
         source=f"pictures of {_maker(taken)}",
@@ -89,6 +99,11 @@ def bring(source: Path, *, crs: str = "", pixel_um: float | None = None) -> Brou
             **{f"{block}/{name}": table for name, table in _tables(shots).items()},
         },
         pictures={f"{block}/{one.file}": one.tags.path for shot in shots for one in shot.taken},
+        warnings=tuple(
+            f"the lens of {name} differs from that of its metadata by {lens.fitted}"
+            for name, lens in lenses.items()
+            if lens.fitted.largest_px > WARNED_PX
+        ),
         assumed=tuple(_assumed(shots, heads)),
         found=tuple(_found(shots, heads, lenses, first)),
         left_out=(*others, *without),
@@ -112,7 +127,7 @@ def _read_all(source: Path) -> list[Taken]:
         try:
             tags = read(path)
             file = f"images/{path.relative_to(source).as_posix()}"
-            taken.append(Taken(tags=tags, head=rig.head_of(tags), file=file))
+            taken.append(Taken(tags=tags, head=head_of(tags), file=file))
         except FlightError as error:
             problems += error.problems
     if problems:
@@ -141,17 +156,17 @@ def _kind(one: Taken) -> tuple[int, int, int, int]:
 
 def _shots(taken: Sequence[Taken]) -> list[Shot]:
     """Return the exposures in the order of time; a head has one picture of each."""
-    ordered = sorted(taken, key=lambda one: exposure.key(one.tags))
-    groups = [tuple(g) for _, g in groupby(ordered, key=lambda one: exposure.key(one.tags))]
+    ordered = sorted(taken, key=lambda one: key(one.tags))
+    groups = [tuple(g) for _, g in groupby(ordered, key=lambda one: key(one.tags))]
     for group in groups:
         names = [one.head.name for one in group]
         ((again, times),) = Counter(names).most_common(1)
         if times > 1:
             first, second, *_ = [one.tags for one in group if one.head.name == again]
             found = f"{again} as in {first.path} of the same exposure"
-            raise second.wrong(f"{rig.INDEX}, {rig.BAND}", found, "must be another head's")
+            raise second.wrong(f"{INDEX}, {BAND}", found, "must be another head's")
     groups.sort(key=lambda group: (_when(group[0].tags), str(group[0].tags.path)))
-    names = [exposure.name_of(group[0].tags) for group in groups]
+    names = [name_of(group[0].tags) for group in groups]
     often = Counter(names)
     folders = [group[0].tags.path.parent.name for group in groups]
     unique = [
@@ -163,13 +178,13 @@ def _shots(taken: Sequence[Taken]) -> list[Shot]:
 
 
 def _when(tags: Tags) -> float:
-    time = exposure.time_of(tags)
+    time = time_of(tags)
     return 0.0 if time is None else time.timestamp()
 
 
 def _placed(shots: Sequence[Shot]) -> tuple[list[Shot], list[str]]:
     """Return the exposures that have a position, and what is said of the others."""
-    known = [exposure.place_of(shot.taken[0].tags) is not None for shot in shots]
+    known = [place_of(shot.taken[0].tags) is not None for shot in shots]
     placed = [shot for shot, there in zip(shots, known, strict=True) if there]
     if not placed:
         tags, expected = shots[0].taken[0].tags, "needed, and no other picture has a position"
@@ -198,7 +213,7 @@ def _settings(
     lenses: Mapping[str, Lens],
     crs: str,
 ) -> dict[str, Any]:
-    mounts = rig.mountings(heads)
+    mounts = mountings(heads)
     cameras = {name: _camera(lens.camera, mounts[name]) for name, lens in lenses.items()}
     places = np.array([_place(shot) for shot in shots])
     out: dict[str, Any] = {
@@ -207,13 +222,13 @@ def _settings(
         "heights": "ellipsoidal",
         "cameras": cameras,
     }
-    time = exposure.time_of(shots[0].taken[0].tags)
+    time = time_of(shots[0].taken[0].tags)
     if time is not None:
         out["session"] = {"date": time.date()}
     if len(heads) > 1:
         first = lenses[heads[0].name].camera
         ideal = replace(first, name=SYNTHETIC, interior=Interior(f=first.interior.f))
-        cameras[SYNTHETIC] = _camera(ideal, rig.DOWN)
+        cameras[SYNTHETIC] = _camera(ideal, DOWN)
         out["synthetic"] = {"camera": SYNTHETIC, "heads": [head.name for head in heads]}
     return out
 
@@ -252,7 +267,7 @@ def _tables(shots: Sequence[Shot]) -> dict[str, dict[str, list[Any]]]:
 
 def _trajectory(shots: Sequence[Shot]) -> dict[str, list[Any]]:
     places = [_place(shot) for shot in shots]
-    held = [_attitude(shot, way) for shot, way in zip(shots, exposure.course(places), strict=True)]
+    held = [_attitude(shot, way) for shot, way in zip(shots, course(places), strict=True)]
     table: dict[str, list[Any]] = {
         "exposure": [shot.name for shot in shots],
         "lat_deg": [round(lat, 9) for lat, _, _ in places],
@@ -262,7 +277,7 @@ def _trajectory(shots: Sequence[Shot]) -> dict[str, list[Any]]:
         "pitch_deg": [round(one.pitch, 6) for one in held],
         "heading_deg": [round(one.heading, 6) for one in held],
     }
-    times = [exposure.time_of(shot.taken[0].tags) for shot in shots]
+    times = [time_of(shot.taken[0].tags) for shot in shots]
     if all(time is not None for time in times):
         day = min(time for time in times if time).replace(hour=0, minute=0, second=0, microsecond=0)
         table["time_s"] = [round((time - day).total_seconds(), 6) for time in times if time]
@@ -276,20 +291,20 @@ def _trajectory(shots: Sequence[Shot]) -> dict[str, list[Any]]:
 
 
 def _place(shot: Shot) -> tuple[float, float, float]:
-    found = exposure.place_of(shot.taken[0].tags)
+    found = place_of(shot.taken[0].tags)
     return found or (np.nan, np.nan, np.nan)
 
 
 def _sigma(shot: Shot) -> tuple[float, float, float]:
     """Return sigma of a position; of a navigation receiver where no picture says it."""
-    known = (exposure.sigma_of(one.tags) for one in shot.taken)
+    known = (sigma_of(one.tags) for one in shot.taken)
     return next((sigma for sigma in known if sigma is not None), (3.0, 3.0, 6.0))
 
 
-def _attitude(shot: Shot, heading: float) -> exposure.Attitude:
-    found = exposure.attitude_of(shot.taken[0].tags)
+def _attitude(shot: Shot, heading: float) -> Attitude:
+    found = attitude_of(shot.taken[0].tags)
     tilt, turn = _LEVEL
-    return found or exposure.Attitude(
+    return found or Attitude(
         roll=0.0,
         pitch=0.0,
         heading=heading,
@@ -311,7 +326,7 @@ def _assumed(shots: Sequence[Shot], heads: Sequence[Head]) -> list[str]:
         f"attitudes: {'; '.join(ways)}",
         "pixels: (0, 0) is the centre of the first one; principal points count from there",
     ]
-    return [*said, *([rig.sentence(heads)] if len(heads) > 1 else [])]
+    return [*said, *([sentence(heads)] if len(heads) > 1 else [])]
 
 
 def _found(
@@ -331,4 +346,327 @@ def _found(
         f"{'; '.join(dict.fromkeys(lens.said for lens in lenses.values()))}",
         f"lenses rewritten with k1 to p2 of the flight leave {left}",
     ]
-    return [*said, *radiometry.sentences([first[head.name] for head in heads])]
+    return [*said, *sentences([first[head.name] for head in heads])]
+
+
+# --- When, where and how a camera was held, from the metadata of one of its pictures
+
+
+CAPTURE = ("MicaSense:CaptureId", "drone-dji:CaptureUUID", "Camera:CaptureUUID")
+GIMBAL = tuple(f"drone-dji:Gimbal{name}Degree" for name in ("Roll", "Pitch", "Yaw"))
+CAMERA = tuple(f"Camera:{name}" for name in ("Roll", "Pitch", "Yaw"))
+LIGHT = tuple(f"DLS:{name}" for name in ("Roll", "Pitch", "Yaw"))
+RTK = tuple(f"drone-dji:RtkStd{name}" for name in ("Lon", "Lat", "Hgt"))
+ACCURACY = ("Camera:GPSXYAccuracy", "Camera:GPSZAccuracy")
+
+_HEADS_OF_NAME = re.compile(r"(.+?)_\d{1,2}$")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attitude:
+    """Roll, pitch and heading, degrees, sigma of them, and what they are from."""
+
+    roll: float
+    pitch: float
+    heading: float
+    sigma_tilt: float
+    sigma_heading: float
+    said: str
+
+
+def key(tags: Tags) -> str:
+    """Return what the pictures of one exposure have in common: an identifier, or their name.
+
+    The name is that of the file, without the number of the head: ``IMG_0688`` of ``IMG_0688_4``.
+    """
+    stem = tags.path.stem
+    found = _HEADS_OF_NAME.match(stem)
+    return tags.text(*CAPTURE) or f"{tags.path.parent}/{found[1] if found else stem}"
+
+
+def name_of(tags: Tags) -> str:
+    """Return the name of an exposure by that of one of its files."""
+    found = _HEADS_OF_NAME.match(tags.path.stem)
+    return found[1] if found else tags.path.stem
+
+
+def time_of(tags: Tags) -> dt.datetime | None:
+    """Return the time of the exposure by EXIF; None where it has none.
+
+    Raises
+    ------
+    FlightError
+        Where it is no time.
+    """
+    text = tags.text("DateTimeOriginal", "DateTime")
+    if not text:
+        return None
+    try:
+        time = dt.datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S")
+    except ValueError:
+        expected = "must be a time as 2023:10:14 11:48:22"
+        raise tags.wrong("DateTimeOriginal", quoted(text), expected) from None
+    digits = tags.text("SubsecTimeOriginal", "SubsecTime")
+    sign = -1 if digits.startswith("-") else 1
+    part = digits.lstrip("-")
+    return time + sign * dt.timedelta(seconds=float(f"0.{part}") if part.isdigit() else 0.0)
+
+
+def place_of(tags: Tags) -> tuple[float, float, float] | None:
+    """Return latitude and longitude, degrees, and height, m; None where there are none.
+
+    0 N 0 E is what receivers write that have no fix, and no position.
+
+    Raises
+    ------
+    FlightError
+        Where one of them is no number, or is nowhere on Earth.
+    """
+    lat, lon = (_angle(tags, f"GPS{name}") for name in ("Latitude", "Longitude"))
+    height = tags.number("GPSAltitude")
+    if lat is None or lon is None or height is None or lat == lon == 0:
+        return None
+    if not (abs(lat) <= 90 and abs(lon) <= 180):
+        raise tags.wrong("GPSLatitude, GPSLongitude", f"{lat:g}, {lon:g}", "must be on Earth")
+    below = str(tags.exif.get("GPSAltitudeRef", 0)) in ("1", "b'\\x01'", "3")
+    return lat, lon, -height if below else height
+
+
+def _angle(tags: Tags, name: str) -> float | None:
+    """Return an angle of EXIF, degrees, minutes and seconds, with its sign."""
+    value = tags.exif.get(name)
+    if value is None:
+        return None
+    parts = value if isinstance(value, tuple) else ()
+    if len(parts) == 6:
+        parts = tuple(rational(parts[i : i + 2]) for i in (0, 2, 4))
+    degrees = sum(rational(part) / 60**k for k, part in enumerate(parts))
+    if len(parts) != 3 or not np.isfinite(degrees):
+        raise tags.wrong(name, quoted(str(value)), "must be three ratios")
+    negative = str(tags.exif.get(f"{name}Ref", "")).strip("\0 ").upper() in ("S", "W")
+    return -degrees if negative else degrees
+
+
+def sigma_of(tags: Tags) -> tuple[float, float, float] | None:
+    """Return sigma of east, north and height, m; None where the metadata have none."""
+    rtk = [tags.number(name) for name in RTK]
+    if all(value is not None and value > 0 for value in rtk):
+        east, north, up = (float(value or 0) for value in rtk)
+        return east, north, up
+    plan, height = (tags.number(name) for name in ACCURACY)
+    return (plan, plan, height) if plan and height and min(plan, height) > 0 else None
+
+
+def attitude_of(tags: Tags) -> Attitude | None:
+    """Return the attitude of a body whose camera looks down, the top of the image ahead.
+
+    The first that is there: the gimbal's angles of DJI, whose pitch is -90 deg straight down; the
+    camera's, after the specification of Pix4D; those of the light sensor of MicaSense, which sits
+    on the aircraft and not on the camera.
+    """
+    ways = (
+        (GIMBAL, 1.0, 90.0, (0.5, 3.0), "the gimbal's angles; its pitch is -90° straight down"),
+        (CAMERA, 1.0, 0.0, (3.0, 5.0), "the angles Camera:Roll, Pitch and Yaw in degrees"),
+        (LIGHT, np.degrees(1.0), 0.0, (10.0, 10.0), "the light sensor's (DLS) angles in radians"),
+    )
+    for names, unit, level, (tilt, heading), said in ways:
+        values = [tags.number(name) for name in names]
+        if all(value is not None for value in values):
+            roll, pitch, yaw = (float(unit) * float(value or 0.0) for value in values)
+            return Attitude(
+                roll=roll,
+                pitch=pitch + level,
+                heading=yaw % 360.0,
+                sigma_tilt=tilt,
+                sigma_heading=heading,
+                said=said,
+            )
+    return None
+
+
+def course(places: Sequence[tuple[float, float, float]]) -> list[float]:
+    """Return the course at every exposure, degrees from north, by its neighbours; 0 for one."""
+    if len(places) < 2:
+        return [0.0] * len(places)
+    lat, lon, _ = np.array(places).T
+    north, east = np.gradient(lat), np.gradient(lon) * np.cos(np.radians(lat))
+    return [float(a) for a in np.degrees(np.arctan2(east, north)) % 360.0]
+
+
+# --- Which head took a picture, and how the heads of a rig are turned to each other
+#
+# `RigRelatives` of MicaSense are three angles of every head to its reference. The vendor's own
+# software makes Rx(a) Ry(b) Rz(c) of them. This matrix turns a ray of the *head* into the
+# reference: the pixels say so (chapter on ten real heads). Camera axes there have y down and z
+# ahead.
+
+
+RELATIVES, REFERENCE = "Camera:RigRelatives", "Camera:RigRelativesReferenceRigCameraIndex"
+INDEX, BAND = "Camera:RigCameraIndex", "Camera:BandName"
+
+DOWN = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""R_b_c of a camera that looks straight down and whose top of the image is ahead."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """One head of a camera.
+
+    Attributes
+    ----------
+    name : str
+        Number and band: ``2 Green``; of a camera without bands, its model.
+    index : int
+        Its number in the rig; -1 where it has none.
+    reference : int or None
+        Number of the head to which its angles are; None where it has none.
+    relatives_deg : tuple of float
+        Its angles a, b, c; none where it has none.
+    """
+
+    name: str
+    index: int
+    reference: int | None
+    relatives_deg: tuple[float, ...]
+
+
+def head_of(tags: Tags) -> Head:
+    """Return the head that took a picture.
+
+    Raises
+    ------
+    FlightError
+        Where numbers in the metadata are none.
+    """
+    found, reference = tags.number(INDEX), tags.number(REFERENCE)
+    index, band = -1 if found is None else int(found), tags.text(BAND, "drone-dji:BandName")
+    model = tags.text("Model", "Make") or "camera"
+    relatives = tags.numbers(RELATIVES, 3)
+    name = " ".join(filter(None, [str(index + 1) if index >= 0 else "", band])) or model
+    return Head(
+        name=name,
+        index=index,
+        reference=int(reference) if relatives and reference is not None else None,
+        relatives_deg=relatives,
+    )
+
+
+def rotation(relatives_deg: Sequence[float]) -> Array:
+    """Return R_ref_h of a head, the library's axes: from the head's to those of its reference.
+
+    Parameters
+    ----------
+    relatives_deg : sequence of float
+        `RigRelatives`: a, b, c.
+    """
+    flip = np.diag([*FLIP, -1.0])
+    turned = Rotation.from_euler("XYZ", relatives_deg, degrees=True).as_matrix()
+    return np.asarray(flip @ turned @ flip)
+
+
+def in_order(heads: Sequence[Head]) -> list[Head]:
+    """Return the heads, first the one that is the reference of most; without angles, the first.
+
+    Parameters
+    ----------
+    heads : sequence of Head
+    """
+    sorted_heads = sorted(heads, key=lambda head: (head.index, head.name))
+    named = [head.reference for head in heads if head.reference is not None]
+    first = next((h for h in sorted_heads if named and h.index == named[0]), sorted_heads[0])
+    return [first, *(head for head in sorted_heads if head is not first)]
+
+
+def mountings(heads: Sequence[Head]) -> Mapping[str, Array]:
+    """Return R_b_c of every head: looking down, the top of the image ahead, by its angles."""
+    turned = {
+        head.name: DOWN @ rotation(head.relatives_deg) if head.relatives_deg else DOWN
+        for head in heads
+    }
+    return {name: np.asarray(R) for name, R in turned.items()}
+
+
+def sentence(heads: Sequence[Head]) -> str:
+    """Return what was assumed of the heads' rotations."""
+    names = {head.index: head.name for head in heads}
+    references = dict.fromkeys(h.reference for h in heads if h.reference is not None)
+    if not references:
+        return "the heads look in one direction: the metadata have no RigRelatives"
+    said = (
+        "RigRelatives a, b, c are degrees; Rx(a) Ry(b) Rz(c) turns a ray of a head into its "
+        f"reference, {' or '.join(names.get(r, f'head {r}') for r in references)}; y down, z ahead"
+    )
+    if len(references) > 1:
+        said += "; no angles join the rigs, whose references look in one direction at first"
+    return said
+
+
+# --- What the metadata say of grey values: dark level and vignetting. Nothing is applied to
+# pixels
+
+
+CENTRE, POLYNOMIAL = "Camera:VignettingCenter", "Camera:VignettingPolynomial"
+DARK, COVERED = "BlackLevel", "MicaSense:DarkRowValue"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vignetting:
+    """The factory's vignetting of a head: grey values are divided by it.
+
+    Attributes
+    ----------
+    centre_px : tuple of float
+        col, row.
+    coefficients : tuple of float
+        Of r, r^2, …; the constant is one.
+    """
+
+    centre_px: tuple[float, float]
+    coefficients: tuple[float, ...]
+
+    def at(self, colrow: Array) -> Array:
+        """Return the vignetting at pixels (..., 2): one in the middle, less outside."""
+        r = np.hypot(*np.moveaxis(np.asarray(colrow, float) - self.centre_px, -1, 0))
+        return np.asarray(np.polyval([*self.coefficients[::-1], 1.0], r))
+
+
+def vignetting(tags: Tags) -> Vignetting | None:
+    """Return the vignetting by XMP, as MicaSense's own software reads it; None without it.
+
+    Raises
+    ------
+    FlightError
+        Where the numbers are none.
+    """
+    centre, coefficients = tags.numbers(CENTRE, 2), tags.numbers(POLYNOMIAL)
+    if not (centre and coefficients):
+        return None
+    return Vignetting(centre_px=(centre[0], centre[1]), coefficients=coefficients)
+
+
+def dark_level(tags: Tags) -> float | None:
+    """Return the grey value of darkness by the TIFF's `DARK`; None without it."""
+    value = tags.exif.get(DARK)
+    if value is None:
+        return None
+    found = np.atleast_1d(np.asarray(value, float))
+    return float(found.mean()) if found.size and np.all(np.isfinite(found)) else None
+
+
+def sentences(pictures: Sequence[Tags]) -> list[str]:
+    """Return what is known of the grey values of heads, one picture each."""
+    said = []
+    dark = [level for level in map(dark_level, pictures) if level is not None]
+    falls = [(tags, one) for tags in pictures if (one := vignetting(tags)) is not None]
+    if dark:
+        said.append(f"dark level {min(dark):g} to {max(dark):g}, not subtracted")
+    if falls:
+        corner = [
+            float(one.at(np.array([[0, 0], [t.width_px, 0], [0, t.height_px]])).min())
+            for t, one in falls
+        ]
+        said.append(
+            f"vignetting of {number_of(len(falls), 'heads')}, corners with {min(corner):.2f} to "
+            f"{max(corner):.2f} of the middle, not applied"
+        )
+    return said

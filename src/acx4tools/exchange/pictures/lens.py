@@ -9,9 +9,9 @@ import numpy as np
 
 from acx4lib.flight.problems import quoted
 from acx4lib.geometry.camera import Camera
-from acx4tools.exchange.lens import Left
-from acx4tools.exchange.opencv import from_opencv
-from acx4tools.exchange.pictures.fisheye import fisheye_camera
+from acx4tools.exchange import lens_models
+from acx4tools.exchange.lens import Left, Pinhole
+from acx4tools.exchange.lens_models import Wrong
 from acx4tools.exchange.pictures.tags import Tags
 
 FOCAL, UNITS = "Camera:PerspectiveFocalLength", "Camera:PerspectiveFocalLengthUnits"
@@ -22,9 +22,6 @@ CENTRE = ("drone-dji:CalibratedOpticalCenterX", "drone-dji:CalibratedOpticalCent
 WIDTH_35_MM = 36.0
 PX_OF_WIDTH = 0.1
 """Focal lengths in pixels are more than this share of the width in pixels; in mm they are less."""
-
-WORST_PX = 2.0
-"""Largest distance to the lens of the metadata; more is no lens, or no perspective one."""
 
 _PER_MM = {2: 1 / 25.4, 3: 1 / 10, 4: 1.0, 5: 1000.0}
 """Lengths per mm of EXIF's units: inch, cm, mm, micrometre."""
@@ -136,22 +133,25 @@ def _fisheye(tags: Tags, name: str) -> Lens:
     """Return the camera nearest to a fisheye lens that Parrot writes."""
     pixel, values = _pixel_needed(tags), {}
     for element, n in ((POLYNOMIAL, None), (MATRIX, 4), (POINT, 2)):
-        values[element] = np.array(tags.numbers(element, n))
-        if not len(values[element]):
+        values[element] = tags.numbers(element, n)
+        if not values[element]:
             raise tags.wrong(element, "missing", "a fisheye lens needs it")
-    try:
-        camera, left = fisheye_camera(
-            values[POLYNOMIAL],
-            values[MATRIX].reshape(2, 2),
-            values[POINT] / pixel,
-            name=name,
-            width_px=tags.width_px,
-            height_px=tags.height_px,
-            pixel_mm=pixel,
-        )
-    except (ValueError, ArithmeticError) as error:
-        raise tags.wrong("lens", str(error), "must be one of a camera") from None
-    return _checked(tags, camera, left, said=f"fisheye lens from XMP, {POLYNOMIAL} and {MATRIX}")
+    p, (c, d, e, f) = values[POLYNOMIAL], values[MATRIX]
+    if len(p) < 2 or p[0] != 0 or p[1] <= 0:
+        raise tags.wrong(POLYNOMIAL, quoted(list(p)), "must be 0, a positive number, and others")
+    if c <= 0 or f <= 0 or c * f - d * e <= 0:
+        expected = "must be C, D, E, F with positive C and F"
+        raise tags.wrong(MATRIX, quoted([c, d, e, f]), expected)
+    col, row = values[POINT]
+    size = (tags.width_px, tags.height_px)
+    centre = (col / pixel, row / pixel)
+    found = lens_models.fisheye(p, (c, d, e, f), centre, size=size, wrong=_wrong(tags))
+    said = f"fisheye lens from XMP, {POLYNOMIAL} and {MATRIX}"
+    return _nearest(found, tags, name, pixel, said=said)
+
+
+def _wrong(tags: Tags) -> Wrong:
+    return lambda found, expected: tags.wrong("lens", found, expected)
 
 
 def _pixel_needed(tags: Tags) -> float:
@@ -236,24 +236,24 @@ def _made(
     """Return the library's camera nearest to one of OpenCV, whose terms all vendors have."""
     fx, fy, cx, cy = matrix
     try:
-        camera, left = from_opencv(
-            np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
-            np.array(distortion),
-            name=name,
+        found = lens_models.Lens(
             width_px=tags.width_px,
             height_px=tags.height_px,
-            pixel_mm=pixel,
+            hole=Pinhole(fx=fx, fy=fy, cx=cx, cy=cy),
+            distortion=lens_models.OPENCV.distortion(distortion),
+            wrong=_wrong(tags),
         )
+    except ValueError as error:
+        raise tags.wrong("lens", str(error), "must be one of a camera") from None
+    return _nearest(found, tags, name, pixel, said=said)
+
+
+def _nearest(found: lens_models.Lens, tags: Tags, name: str, pixel: float, *, said: str) -> Lens:
+    """Return the camera nearest to a lens, with digits that mean something."""
+    try:
+        camera, left = found.nearest(name, pixel)
     except (ValueError, ArithmeticError) as error:
         raise tags.wrong("lens", str(error), "must be one of a camera") from None
-    return _checked(tags, camera, left, said=said)
-
-
-def _checked(tags: Tags, camera: Camera, left: Left, *, said: str) -> Lens:
-    """Return a fitted lens, with digits that mean something; refuse one that does not fit."""
-    if not left.largest_px <= WORST_PX:
-        expected = f"must be written with k1 to p2 to {WORST_PX:g} px"
-        raise tags.wrong("lens", f"{left.largest_px:.3g} px are left", expected)
     numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}
     interior = replace(camera.interior, **numbers)
     return Lens(camera=camera.with_interior(interior), said=said, fitted=left)

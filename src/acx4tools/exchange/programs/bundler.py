@@ -18,9 +18,9 @@ from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import is_rotation, nearest_rotation
-from acx4tools.exchange.brought import Brought
+from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.lens import FLIP as FLIP_Y
-from acx4tools.exchange.lens import Pinhole
+from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import BUNDLER, Lens
 from acx4tools.exchange.project import Images, Measured, Project, Proof, flight_of
 from acx4tools.exchange.safe import opened, text_lines
@@ -62,10 +62,15 @@ class Bundle:
 
 
 def read(
-    source: Path, *, size: tuple[int, int], block: str | None = None, pixel_um: float | None = None
+    source: Path,
+    *,
+    size: tuple[int, int],
+    block: str | None = None,
+    pixel_um: float | None = None,
+    allow: float = WORST_PX,
 ) -> Brought:
     """Read bundle.out as a part of a flight; options as those of `project` and `flight_of`."""
-    return flight_of(project(source, size=size), block=block, pixel_um=pixel_um)
+    return flight_of(project(source, size=size), block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(source: Path, *, size: tuple[int, int]) -> Project:

@@ -21,15 +21,14 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import GridSystem
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import AHEAD, FLIP, stacked, turned
-from acx4tools.exchange.brought import Brought
-from acx4tools.exchange.lens import Pinhole
+from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import COLMAP as MODELS
 from acx4tools.exchange.lens_models import Lens, Wrong
 from acx4tools.exchange.project import Images, InGrid, Measured, Project, Proof, flight_of, nowhere
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened, refusal
-from acx4tools.exchange.safe.records import Cursor
-from acx4tools.exchange.safe.text_lines import LONGEST_LINE, Line
+from acx4tools.exchange.safe.text_lines import LONGEST_LINE, Cursor, Line
 
 NAMES = ("cameras", "images", "points3D")
 """Files of a model; their endings are .bin or .txt."""
@@ -98,10 +97,11 @@ def read(
     block: str | None = None,
     crs: str | None = None,
     pixel_um: float | None = None,
+    allow: float = WORST_PX,
 ) -> Brought:
     """Read a model as a part of a flight; options as those of `project` and `flight_of`."""
     found = project(source, crs=crs)
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um)
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(source: Path, *, crs: str | None = None) -> Project:

@@ -32,9 +32,9 @@ from acx4tools.exchange.axes import (
     stacked,
     turned,
 )
-from acx4tools.exchange.brought import Brought
 from acx4tools.exchange.crs import Chosen
-from acx4tools.exchange.lens import Pinhole
+from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import METASHAPE as MODELS
 from acx4tools.exchange.lens_models import Lens
 from acx4tools.exchange.project import (
@@ -48,7 +48,7 @@ from acx4tools.exchange.project import (
     flight_of,
     nowhere,
 )
-from acx4tools.exchange.safe import archive, xml_tree
+from acx4tools.exchange.safe import opened, xml_tree
 from acx4tools.exchange.safe.opened import Opened, Together
 from acx4tools.exchange.safe.xml_tree import Element
 
@@ -107,12 +107,13 @@ def read(  # noqa: PLR0913 one for every option
     heights: str | float | None = None,
     chunk: str | None = None,
     pixel_um: float | None = None,
+    allow: float = WORST_PX,
 ) -> Brought:
     """Read a chunk as a part of a flight; options as those of `project` and `flight_of`."""
     found = project(
         source, camera=camera, orientations=orientations, crs=crs, heights=heights, chunk=chunk
     )
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um)
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(
@@ -357,7 +358,7 @@ def _whole(
 
 
 def _member(file: Opened, files: Together) -> Opened:
-    return files.add(archive.member(file, DOCUMENT))
+    return files.add(opened.member(file, DOCUMENT))
 
 
 def _inside(element: Element, folder: Path, name: str) -> Path:

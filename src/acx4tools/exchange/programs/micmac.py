@@ -22,8 +22,8 @@ from acx4lib.geometry.frames import Pose
 from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import lens, tables
 from acx4tools.exchange.axes import FLIP, UNKNOWN, is_rotation, stacked
-from acx4tools.exchange.brought import Brought
-from acx4tools.exchange.lens import Pinhole
+from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import Lens
 from acx4tools.exchange.project import (
     Control,
@@ -87,13 +87,14 @@ def read(
     block: str | None = None,
     crs: str | None = None,
     pixel_um: float | None = None,
+    allow: float = WORST_PX,
 ) -> Brought:
     """Read a folder as a part of a flight; options as those of `project` and `flight_of`.
 
     The files have no orientations but adjusted ones: "initial" is no trajectory.
     """
     found = project(source, crs=crs)
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um)
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(source: Path, *, crs: str | None = None) -> Project:
@@ -126,7 +127,8 @@ def project(source: Path, *, crs: str | None = None) -> Project:
     )
     control = _control(surveyed)
     unknown = [name for name in measured.points if name not in surveyed] if surveyed else []
-    unmeasured = [name for name in surveyed if name not in set(measured.points)]
+    seen = set(measured.points)
+    unmeasured = [name for name in surveyed if name not in seen]
     ties = (
         "measured points are tie points, since their coordinates are not there: "
         f"{', '.join(unknown[:SHOWN])}"

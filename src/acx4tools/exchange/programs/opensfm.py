@@ -25,8 +25,8 @@ from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import FLIP, turned
-from acx4tools.exchange.brought import Brought
-from acx4tools.exchange.lens import Pinhole
+from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import OPENSFM as MODELS
 from acx4tools.exchange.lens_models import Lens
 from acx4tools.exchange.programs import odm
@@ -89,6 +89,7 @@ def read(
     block: str | None = None,
     crs: str | None = None,
     pixel_um: float | None = None,
+    allow: float = WORST_PX,
 ) -> Brought:
     """Read a project as a part of a flight; options as those of `project` and `flight_of`.
 
@@ -96,7 +97,7 @@ def read(
     no trajectory.
     """
     found = project(source, camera=camera, orientations=orientations, crs=crs)
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um)
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(

@@ -27,11 +27,11 @@ from acx4lib.geometry.geodesy import GridSystem, mean_origin
 from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import FLIP, TOP_AHEAD, UNKNOWN, stacked, turned
-from acx4tools.exchange.brought import Brought
 from acx4tools.exchange.crs import Chosen
-from acx4tools.exchange.lens import Pinhole
+from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import OPF as PERSPECTIVE
-from acx4tools.exchange.lens_models import Lens, polynomial
+from acx4tools.exchange.lens_models import Lens, fisheye
 from acx4tools.exchange.project import (
     Control,
     Images,
@@ -91,7 +91,7 @@ ANGLES = (
 )
 
 
-def read(
+def read(  # noqa: PLR0913 one for every option
     source: Path,
     *,
     camera: str = "adjusted",
@@ -100,10 +100,11 @@ def read(
     crs: str | None = None,
     heights: str | float | None = None,
     pixel_um: float | None = None,
+    allow: float = WORST_PX,
 ) -> Brought:
     """Read a project as a part of a flight; options as those of `project` and `flight_of`."""
     found = project(source, camera=camera, orientations=orientations, crs=crs, heights=heights)
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um)
+    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(
@@ -439,16 +440,7 @@ def _fisheye(node: Node, width: int, height: int, centre: tuple[float, float]) -
     if c <= 0 or f <= 0 or c * f - d * e <= 0:
         found = quoted([c, d, e, f])
         raise node.one("affine").wrong(found, "must be c d; e f with positive c and f")
-    slope = 2 / np.pi * p[1]
-    return Lens(
-        width_px=width,
-        height_px=height,
-        hole=Pinhole(fx=c * slope, fy=f * slope, cx=centre[0], cy=centre[1]),
-        distortion=polynomial([one / p[1] for one in p[2:]]),
-        is_fisheye=True,
-        skew=(d / c, e / f),
-        wrong=node.wrong,
-    )
+    return fisheye(p, (c, d, e, f), centre, size=(width, height), wrong=node.wrong)
 
 
 def _floats(node: Node, key: str, n: int) -> list[float]:

@@ -23,7 +23,7 @@ from acx4lib.errors import FlightError
 from acx4lib.flight.problems import METRES, Range, quoted
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import UNKNOWN, stacked
-from acx4tools.exchange.brought import Brought
+from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.project import Control, Images, Measured, Project, flight_of
 from acx4tools.exchange.safe import opened, text_lines
 from acx4tools.exchange.safe.opened import Opened

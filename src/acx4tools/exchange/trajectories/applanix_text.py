@@ -12,13 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from acx4lib.flight.problems import quoted
-from acx4tools.exchange.brought import Brought
+from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.text_lines import Line, cut, lines
 from acx4tools.exchange.trajectories import orientation_table
-from acx4tools.exchange.trajectories.columns import SKIP, Column
-from acx4tools.exchange.trajectories.listed import Listed
+from acx4tools.exchange.trajectories.listed import SKIP, Column, Listed
 from acx4tools.exchange.trajectories.orientations import Meaning
 
 ELLIPSOIDAL, ORTHOMETRIC = "height", "orthometric"

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from acx4tools.exchange.brought import Brought
+from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.trajectories import orientations
-from acx4tools.exchange.trajectories.columns import NUMBERS
-from acx4tools.exchange.trajectories.listed import Listed, left_out, read_list
+from acx4tools.exchange.trajectories.listed import NUMBERS, Listed, left_out, read_list
 from acx4tools.exchange.trajectories.orientations import Meaning
 
 NORTH = {"grid": "grid north", "true": "true north"}

@@ -15,8 +15,7 @@ from acx4lib.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.geometry import frames
 from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
 from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.trajectories.columns import UNITS, position_of
-from acx4tools.exchange.trajectories.listed import Listed
+from acx4tools.exchange.trajectories.listed import UNITS, Listed, position_of
 
 OPK, RPH = ("omega", "phi", "kappa"), ("roll", "pitch", "heading")
 GRID, GEOGRAPHIC = ("east", "north"), ("lat", "lon")

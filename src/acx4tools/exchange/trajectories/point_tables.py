@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from acx4lib.flight.problems import quoted
-from acx4tools.exchange.brought import Brought, number_of
+from acx4tools.exchange.flight_folder import Brought, number_of
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.text_lines import Line
 from acx4tools.exchange.trajectories import orientations
-from acx4tools.exchange.trajectories.columns import MEASURED, SURVEYED
-from acx4tools.exchange.trajectories.listed import Listed, left_out, read_list
+from acx4tools.exchange.trajectories.listed import MEASURED, SURVEYED, Listed, left_out, read_list
 from acx4tools.exchange.trajectories.orientations import Meaning
 
 ROLES = {"control": "control", "gcp": "control", "check": "check", "chk": "check", "": ""}

@@ -9,7 +9,9 @@ import numpy as np
 
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.problems import Range, quoted
+from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.text_lines import Line
+from acx4tools.exchange.trajectories.listed import Listed, position_of, read_list
 
 GPS_SOW, UTC_SOW = "gps-sow", "utc-sow"
 WEEK_SOW = "gps-week-sow"
@@ -119,3 +121,56 @@ def on_clock(stamps: Stamps, times: Array, *, ahead: float, week: int | None) ->
         first = float(week) if week is not None else stamps.weeks[0] - nearest[0]
         nearest = stamps.weeks - first
     return np.asarray(seconds + WEEK_S * nearest, dtype=float)
+
+
+# --- A list of events: names of images, and when they were exposed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Events:
+    """Exposures with their times.
+
+    Attributes
+    ----------
+    listed : Listed
+    names : list of str
+        Of the exposures.
+    stamps : Stamps
+    """
+
+    listed: Listed
+    names: list[str]
+    stamps: Stamps
+
+
+def read_events(source: Opened, *, columns: str, separator: str, base: str) -> Events:
+    """Return the events of a text.
+
+    Parameters
+    ----------
+    source : Opened
+    columns, separator : str
+        As `read_list` takes them.
+    base : str
+        Of the times, one of `times.BASES`.
+
+    Raises
+    ------
+    FlightError
+        With the line of what is wrong.
+    """
+    listed = read_list(source, columns, separator=separator, numbers=("time", "week"))
+    name = next((one for one in ("exposure", "image") if listed.has(one)), "")
+    needed = ("time", "week") if base == WEEK_SOW else ("time",)
+    missing = [one for one in needed if not listed.has(one)] + ["image"] * (not name)
+    if missing:
+        raise source.wrong("columns", f"{missing[0]!r} is missing", f"--time {base} needs it")
+    if listed.has("week") and base != WEEK_SOW:
+        raise source.wrong(
+            "columns", "'week' is there", f"needs --time {WEEK_SOW}; or declare skip"
+        )
+    week = position_of(listed.columns, "week")
+    pairs = [stamp(row, base, time=listed.at("time"), week=week) for row in listed.rows]
+    weeks, seconds = np.array(pairs, dtype=float).T
+    stamps = Stamps(seconds=seconds, weeks=weeks)
+    return Events(listed=listed, names=listed.unique(name), stamps=stamps)

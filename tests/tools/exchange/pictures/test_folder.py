@@ -1,5 +1,7 @@
 """A flight of pictures alone, from their metadata to a stack of bands."""
 
+import datetime as dt
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -7,7 +9,9 @@ from scipy.spatial.transform import Rotation
 from acx4lib.errors import FlightError
 from acx4lib.flight import reader
 from acx4tools.exchange import flight_folder
+from acx4tools.exchange.pictures import folder, lens
 from acx4tools.exchange.pictures.folder import bring
+from acx4tools.exchange.pictures.tags import read
 from support.pictures import tagged
 
 ANGLES = ((0, 0, 0), (0.2, -0.3, 0.5))
@@ -103,3 +107,144 @@ def test_a_jpeg_that_is_cut_in_half_is_refused(tmp_path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(FlightError, match="is cut off: its pixels have no end"):
         bring(tmp_path)
+
+
+def test_a_lens_that_no_camera_is_like_is_refused_unless_it_is_allowed(tmp_path):
+    """Decentring as large as this is no camera's: it leaves more than 2 px."""
+    odd = tagged.micasense(0) | {lens.DISTORTION: [-0.4, 0.3, 0.1, 0.03, 0.03]}
+    tagged.write(tmp_path / "a" / "IMG_0001_1.tif", odd)
+    with pytest.raises(
+        FlightError, match=r"lens: .*differs by .* px at most.*must be at most 2 px"
+    ):
+        bring(tmp_path / "a")
+    (said,) = bring(tmp_path / "a", allow=20.0).warnings
+    assert said.startswith("the lens of 1 Band0 differs from that of its metadata by ")
+
+
+# --- When, where and how a picture was taken
+
+
+def tags_of(tmp_path, properties=None, *, name="IMG_0001_1.tif", **exif):
+    return read(tagged.write(tmp_path / name, properties, exif=tagged.metadata(**exif)))
+
+
+@pytest.mark.parametrize(("lat", "lon"), [(47.696732, -3.193452), (-25.4483, 151.25)])
+def test_positions_have_the_signs_of_their_letters(tmp_path, lat, lon):
+    found = folder.place_of(tags_of(tmp_path, lat=lat, lon=lon, height=-3.25))
+    assert found == pytest.approx((lat, lon, -3.25), abs=1e-8)
+
+
+def test_a_picture_without_gps_has_no_position(tmp_path):
+    assert folder.place_of(tags_of(tmp_path, lat=None)) is None
+
+
+def test_a_place_beyond_the_poles_is_refused(tmp_path):
+    with pytest.raises(FlightError, match=r"GPSLatitude.*must be on Earth"):
+        folder.place_of(tags_of(tmp_path, lat=91.0))
+
+
+def test_times_have_parts_of_a_second(tmp_path):
+    expected = dt.datetime(2024, 5, 1, 10, 20, 30, 250_000)
+    assert folder.time_of(tags_of(tmp_path)) == expected
+
+
+def test_what_is_no_time_is_refused(tmp_path):
+    with pytest.raises(FlightError, match="DateTimeOriginal: '2024-05-01'; must be a time"):
+        folder.time_of(tags_of(tmp_path, time="2024-05-01"))
+
+
+def test_a_gimbal_that_looks_down_is_level(tmp_path):
+    angles = dict(zip(folder.GIMBAL, ("+0.50", "-89.90", "-132.00"), strict=True))
+    held = folder.attitude_of(tags_of(tmp_path, angles))
+    assert (held.roll, held.pitch, held.heading) == pytest.approx((0.5, 0.1, 228.0))
+
+
+def test_the_light_sensors_angles_are_radians_and_count_last(tmp_path):
+    light = dict(zip(folder.LIGHT, (0.05, 0.0, 1.0), strict=True))
+    held = folder.attitude_of(tags_of(tmp_path, light))
+    assert held.heading == pytest.approx(57.29578)
+    camera = dict(zip(folder.CAMERA, (1.0, 2.0, 300.0), strict=True))
+    held = folder.attitude_of(tags_of(tmp_path, light | camera))
+    assert (held.roll, held.pitch, held.heading) == (1.0, 2.0, 300.0)
+    assert folder.attitude_of(tags_of(tmp_path)) is None
+
+
+def test_sigma_of_positions_are_taken_where_they_are(tmp_path):
+    rtk = dict(zip(folder.RTK, (0.01, 0.02, 0.03), strict=True))
+    assert folder.sigma_of(tags_of(tmp_path, rtk)) == (0.01, 0.02, 0.03)
+    said = dict(zip(folder.ACCURACY, (0.4, 0.8), strict=True))
+    assert folder.sigma_of(tags_of(tmp_path, said)) == (0.4, 0.4, 0.8)
+    assert folder.sigma_of(tags_of(tmp_path)) is None
+
+
+def test_heads_of_one_exposure_have_one_key(tmp_path):
+    named = [tags_of(tmp_path, name=f"IMG_0001_{k}.tif") for k in (1, 10)]
+    assert len({folder.key(one) for one in named}) == 1
+    assert {folder.name_of(one) for one in named} == {"IMG_0001"}
+    other = tags_of(tmp_path, {folder.CAPTURE[0]: "x"}, name="IMG_0001_3.tif")
+    assert folder.key(other) == "x"
+
+
+def test_the_course_follows_the_track():
+    north = [(47.0, 3.0, 0.0), (47.1, 3.0, 0.0), (47.2, 3.0, 0.0)]
+    assert folder.course(north) == pytest.approx([0, 0, 0])
+    assert folder.course([(0.0, 3.0, 0.0), (0.0, 3.1, 0.0)]) == pytest.approx([90, 90])
+    assert folder.course(north[:1]) == [0.0]
+
+
+# --- Heads, their reference, and what their three angles mean
+
+
+def head_of(tmp_path, properties):
+    return folder.head_of(read(tagged.write(tmp_path / "a.tif", properties)))
+
+
+def test_a_head_has_its_number_and_band_as_name(tmp_path):
+    head = head_of(
+        tmp_path, tagged.micasense(3, relatives=(0.1, 0.2, 0.3), reference=1, band="NIR")
+    )
+    assert (head.name, head.index, head.reference) == ("4 NIR", 3, 1)
+    assert head.relatives_deg == (0.1, 0.2, 0.3)
+    assert head_of(tmp_path, {}).name == "RedEdge-T"
+
+
+def test_the_angles_turn_a_ray_of_the_head_into_the_reference():
+    """Camera axes of the library have y up and z back, those of the angles y down and z ahead."""
+    angles, ray = (3.0, -5.0, 8.0), np.array([0.2, -0.3, 1.0])
+    down = np.diag([1, -1, -1])
+    turned = Rotation.from_euler("XYZ", angles, degrees=True).apply(ray)
+    assert down @ folder.rotation(angles) @ down @ ray == pytest.approx(turned)
+
+
+def test_the_reference_leads_wherever_it_stands():
+    heads = [
+        folder.Head(name=str(i), index=i, reference=r, relatives_deg=a)
+        for i, r, a in ((0, 1, (0.1, 0, 0)), (1, 1, (0, 0, 0)), (2, 1, (0, 0.2, 0)))
+    ]
+    assert [head.name for head in folder.in_order(heads)] == ["1", "0", "2"]
+    assert "1" in folder.sentence(heads)
+
+
+def test_a_camera_looks_down_with_the_top_of_its_image_ahead():
+    ahead, up = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
+    assert pytest.approx(ahead) == folder.DOWN @ [0, 1, 0]
+    assert pytest.approx(up) == folder.DOWN @ [0, 0, 1]
+    assert np.linalg.det(folder.DOWN) == pytest.approx(1)
+
+
+# --- Vignetting and dark level by the metadata
+
+
+def test_the_polynomial_begins_with_the_radius(tmp_path):
+    said = {folder.CENTRE: [100, 50], folder.POLYNOMIAL: [1e-3, -2e-5]}
+    tags = read(tagged.write(tmp_path / "a.tif", said))
+    found = folder.vignetting(tags).at(np.array([[100, 50], [103, 54]]))
+    assert found == pytest.approx([1.0, 1 + 5e-3 - 25 * 2e-5])
+    assert "1 head," in folder.sentences([tags])[-1]
+
+
+def test_without_it_nothing_is_said(tmp_path):
+    tags = read(tagged.write(tmp_path / "a.tif", {}))
+    assert folder.vignetting(tags) is None
+    assert folder.dark_level(tags) is None
+    assert folder.sentences([tags]) == []

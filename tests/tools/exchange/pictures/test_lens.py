@@ -11,6 +11,12 @@ from acx4tools.exchange.pictures.tags import read
 from support.pictures import tagged
 
 DISTORTION = [-0.11, 0.2, -0.18, 0.0003, 0.0005]
+FISHEYE = {
+    "Camera:ModelType": "fisheye",
+    lens.POLYNOMIAL: "0,1,0,0",
+    lens.MATRIX: f"{364 * np.pi / 2},0,0,{364 * np.pi / 2}",
+    lens.POINT: "2.3925,1.7925",
+}
 
 
 def lens_of(tmp_path, properties, *, exif=None, name="a.tif", **known):
@@ -109,11 +115,20 @@ def test_a_picture_that_does_not_say_its_pixels_needs_them_told(tmp_path):
     [
         ({"Camera:ModelType": "brown"}, "must be perspective or fisheye"),
         ({"Camera:ModelType": "fisheye"}, "FisheyePolynomial: missing"),
+        (FISHEYE | {lens.POLYNOMIAL: "5,1,0,0"}, "must be 0, a positive number, and others"),
+        (FISHEYE | {lens.POLYNOMIAL: "0,-1,0,0"}, "must be 0, a positive number, and others"),
+        (FISHEYE | {lens.MATRIX: "1,2,2,1"}, "must be C, D, E, F with positive C and F"),
+        (FISHEYE | {lens.POLYNOMIAL: "0,0.1,0,0"}, "got none at col"),
         ({lens.DISTORTION: [1, 2]}, "must be 5"),
-        ({lens.DISTORTION: [900, -900, 900, 9, 9]}, "k1 to p2|camera"),
         ({lens.POINT: "1.0"}, "must be 2"),
     ],
 )
 def test_a_lens_that_is_none_is_refused_with_its_element(tmp_path, properties, said):
     with pytest.raises(FlightError, match=said):
         lens_of(tmp_path, tagged.micasense(0) | properties)
+
+
+def test_a_picture_says_that_its_lens_is_a_fisheye(tmp_path):
+    found = lens.lens_of(read(tagged.write(tmp_path / "a.tif", FISHEYE)), "F")
+    assert found.camera.interior.f == pytest.approx(364 * tagged.PIXEL_MM)
+    assert found.fitted.largest_px < 0.2

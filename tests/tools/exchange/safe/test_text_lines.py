@@ -1,11 +1,12 @@
 """Lines of text are cut into cells that know their place."""
 
+import numpy as np
 import pytest
 
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import Range
 from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.safe.text_lines import cut, lines
+from acx4tools.exchange.safe.text_lines import Cursor, cut, lines, records
 
 SMALL = Range(-1.0, 1.0)
 
@@ -50,4 +51,37 @@ def test_what_is_wrong_is_named_with_its_line(do, says):
     (line,) = read("a 1,5 inf 0.5 9" if "'9'" in says else "a 1,5 inf")
     with pytest.raises(FlightError) as raised:
         do(line)
+    assert says in str(raised.value)
+
+
+# --- Binary files are read within their size
+
+
+def test_records_of_one_layout():
+    found = records(Opened(file="a", data=bytes([1, 0, 2, 0])), np.dtype("<u2"))
+    assert found.tolist() == [1, 2]
+    with pytest.raises(FlightError, match="a:1: file: has 3 bytes; must be a multiple of 2"):
+        records(Opened(file="a", data=bytes(3)), np.dtype("<u2"))
+
+
+def test_values_one_after_another():
+    cursor = Cursor(source=Opened(file="a", data=b"\x01\x02ab\0\x03\0\x04\0"))
+    assert cursor.take("<BB", "id") == (1, 2)
+    assert cursor.text("name") == "ab"
+    assert cursor.array(np.dtype("<u2"), 2, "points").tolist() == [3, 4]
+    assert cursor.left == 0
+
+
+@pytest.mark.parametrize(
+    ("do", "says"),
+    [
+        (lambda c: c.take("<Q", "id"), "a:1: id: at byte 0: 8 bytes, 3 are left; must be complete"),
+        (lambda c: c.array(np.dtype("<u8"), 2**60, "points"), "3 are left"),
+        (lambda c: c.array(np.dtype("<u8"), -1, "points"), "must be complete"),
+        (lambda c: c.text("name"), "a:1: name: text at byte 0 has no end"),
+    ],
+)
+def test_what_is_cut_off_is_refused(do, says):
+    with pytest.raises(FlightError) as raised:
+        do(Cursor(source=Opened(file="a", data=b"abc")))
     assert says in str(raised.value)

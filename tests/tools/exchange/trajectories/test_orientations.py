@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 from acx4lib.errors import FlightError
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.trajectories import orientations
-from acx4tools.exchange.trajectories.columns import NUMBERS
-from acx4tools.exchange.trajectories.listed import read_list
+from acx4tools.exchange.trajectories.listed import NUMBERS, read_list
 from acx4tools.exchange.trajectories.orientations import Meaning
 
 CRS = "EPSG:31982"

@@ -1,16 +1,109 @@
-"""SBET and SMRMSG: PDAL's samples, and records that no trajectory has."""
+"""A trajectory at the times of events, from files to the tables of a flight."""
 
 import numpy as np
 import pytest
 
 from acx4book.reference import data
 from acx4lib.errors import FlightError
+from acx4lib.geometry import frames
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.trajectories import sbet
+from acx4tools.exchange.trajectories.orientations import Meaning
 from support.reference_files import needs
 
-T = np.arange(0, 2, 0.5)
+START = 604_795.0
+T = np.arange(0, 10, 0.01)
+
+
+@pytest.fixture
+def files(tmp_path, made):
+    """An SBET and an SMRMSG through the end of a week, without records from 6.0 to 6.5 s."""
+    there = (T <= 6.0) | (T >= 6.5)
+    (tmp_path / "a.sbet").write_bytes(made.sbet(T[there], start=START))
+    (tmp_path / "a.smrmsg").write_bytes(made.smrmsg(np.arange(0.5, 10), start=START))
+    return tmp_path
+
+
+def read(folder, events, *, deviations=False, **options):
+    (folder / "events.txt").write_text(events)
+    spread = folder / "a.smrmsg" if deviations else None
+    given = sbet.SbetOptions(**{"time": "gps-sow", **options})
+    return sbet.read(folder / "a.sbet", folder / "events.txt", spread, given)
+
+
+def error(folder, events, **options):
+    with pytest.raises(FlightError) as raised:
+        read(folder, events, **options)
+    return str(raised.value)
+
+
+def test_rows_are_the_motion_in_closed_form(files, made):
+    events = "image,time\nA,604796.1234\nB,3.25\n"
+    brought = read(files, events, deviations=True, camera="CAM")
+    table = brought.tables["calibration/trajectory.csv"]
+    lonlath, _, rph = made.motion(np.array([1.1234, 8.25]))
+    assert table["exposure"] == ["A", "B"]
+    assert table["lat_deg"] == pytest.approx(np.degrees(lonlath[:, 1]), abs=1e-10)
+    assert table["lon_deg"] == pytest.approx(np.degrees(lonlath[:, 0]), abs=1e-10)
+    assert table["height_m"] == pytest.approx(lonlath[:, 2], abs=1e-5)
+    assert table["heading_deg"] == pytest.approx(np.degrees(rph[:, 2]) % 360, abs=1e-5)
+    assert table["time_s"].tolist() == [604796.1234, 604803.25]
+    assert table["sigma_roll_deg"] == pytest.approx([0.05 * 1.0692666, 0.05 * 1.861111], abs=1e-6)
+    assert brought.settings == {"heights": "ellipsoidal"}
+    assert brought.tables["calibration/images.csv"]["camera"] == ["CAM", "CAM"]
+    assert any("differ by 0.0" in line for line in brought.found)
+
+
+def test_heights_of_the_flight_may_be_others(files, made):
+    meaning = Meaning(crs="EPSG:32611", heights=-30.0)
+    brought = read(files, "image,time\nA,604796\n", meaning=meaning)
+    expected = made.motion(np.array([1.0]))[0][0, 2] + 30
+    assert brought.tables["calibration/trajectory.csv"]["height_m"] == pytest.approx([expected])
+    assert brought.settings == {"crs": "EPSG:32611", "heights": -30.0}
+
+
+def test_clocks_are_never_mixed_silently(files):
+    utc = "image,time\nA,604778.0\n"
+    said = error(files, utc, time="utc-sow")
+    assert "events.txt:1: times: are UTC, those of the trajectory GPS time; needs --leap-" in said
+    brought = read(files, utc, time="utc-sow", leap_seconds=18)
+    assert brought.tables["calibration/trajectory.csv"]["time_s"].tolist() == [604796.0]
+    assert "18 s ahead of UTC" in brought.assumed[0]
+    late = "image,time\nA,604814.0\n"
+    brought = read(files, late, trajectory_time="utc-sow", leap_seconds=18)
+    assert brought.tables["calibration/trajectory.csv"]["time_s"].tolist() == [604796.0]
+
+
+def test_gaps_and_events_outside_are_named_by_line(files):
+    said = error(files, "image,time\nA,604796\nB,604794\nC,1.2\nD,400000\n").split("\n")
+    places = "must lie between 604795.000 and 604804.990 s, of a.sbet"
+    assert said[0].endswith(f"events.txt:3: time: is 604794.000 s; {places}")
+    assert "events.txt:4: time: lies in a gap of 0.500 s; must be at most 0.1 s: --gap" in said[1]
+    assert "events.txt:5: time: is 400000.000 s" in said[2]
+    assert len(read(files, "image,time\nC,1.2\n", gap_s=0.6).tables) == 1
+
+
+def test_a_week_that_is_not_the_trajectorys_is_outside(files):
+    events = "image,week,time\nA,2300,604796\nB,2301,3\n"
+    for week in (None, 2300):
+        found = read(files, events, time="gps-week-sow", week=week)
+        assert found.tables["calibration/trajectory.csv"]["time_s"].tolist() == [604796, 604803]
+    assert "is 1209596.000 s" in error(files, events, time="gps-week-sow", week=2299)
+
+
+def test_velocities_of_another_frame_are_not_used(files):
+    records = np.frombuffer((files / "a.sbet").read_bytes()).reshape(-1, 17).copy()
+    records[:, 5] *= -1
+    (files / "a.sbet").write_bytes(records.tobytes())
+    brought = read(files, "image,time\nA,604796\n")
+    assert "positions are on straight lines" in " ".join(brought.left_out)
+
+
+# --- SBET and SMRMSG: PDAL's samples, and records that no trajectory has
+
+
+TIMES = np.arange(0, 2, 0.5)
 
 
 @needs("applanix_pdal")
@@ -41,10 +134,10 @@ def test_deviations_are_those_of_the_text_beside_them():
 
 
 def test_velocities_and_headings_do_not_depend_on_the_wander_angle(made):
-    rows = np.arange(len(T))
-    _, velocity, rph = made.motion(T)
+    rows = np.arange(len(TIMES))
+    _, velocity, rph = made.motion(TIMES)
     for wander in (0.0, 0.3, -2.0):
-        track = sbet.read_track(Opened(file="a", data=made.sbet(T, wander=wander)))
+        track = sbet.read_track(Opened(file="a", data=made.sbet(TIMES, wander=wander)))
         assert track.velocity(rows) == pytest.approx(velocity)
         assert np.cos(track.rph(rows) - rph) == pytest.approx(1.0)
 
@@ -58,7 +151,7 @@ def test_velocities_and_headings_do_not_depend_on_the_wander_angle(made):
     ],
 )
 def test_records_that_no_trajectory_has_are_named(made, field, value, says):
-    records = np.frombuffer(made.sbet(T)).reshape(-1, 17).copy()
+    records = np.frombuffer(made.sbet(TIMES)).reshape(-1, 17).copy()
     records[1, field] = value
     with pytest.raises(FlightError) as raised:
         sbet.read_track(Opened(file="a.sbet", data=records.tobytes()))
@@ -66,7 +159,76 @@ def test_records_that_no_trajectory_has_are_named(made, field, value, says):
 
 
 def test_deviations_that_are_not_positive_are_named(made):
-    records = np.frombuffer(made.smrmsg(T)).reshape(-1, 10).copy()
+    records = np.frombuffer(made.smrmsg(TIMES)).reshape(-1, 10).copy()
     records[2, 7] = 0.0
     with pytest.raises(FlightError, match=r"roll: record 3 of 4 has \(0.0\); must be a positive"):
         sbet.read_deviations(Opened(file="a", data=records.tobytes()))
+
+
+# --- What lies between two records follows a motion in closed form
+
+
+METRES = np.array([111_320.0, 111_320.0, 1.0])
+EVENTS = np.linspace(0.3, 9.7, 40)
+
+
+def at_rate(made, interval):
+    times = np.arange(0, 10 + interval / 2, interval)
+    track = sbet.read_track(Opened(file="a", data=made.sbet(times)))
+    return track, sbet.between(track.time, EVENTS)
+
+
+def misfit_m(made, interval, *, by_velocity=True):
+    truth = made.motion(EVENTS)[0]
+    truth[:, :2] = np.degrees(truth[:, :2])
+    track, at = at_rate(made, interval)
+    found = sbet.positions(track, at, by_velocity=by_velocity)
+    return float(np.abs((found - truth) * METRES).max())
+
+
+def test_positions_with_velocities_have_errors_of_the_fourth_power_of_the_interval(made):
+    # h^4 / 384 of the fourth derivative; that of the height is 3 (2 pi / 8)^4 = 1.14 m/s^4
+    coarse, fine = misfit_m(made, 0.5), misfit_m(made, 0.25)
+    assert 0.3 * 1.9e-4 < coarse < 8 * 1.9e-4
+    assert coarse / fine == pytest.approx(16, rel=0.2)
+    assert misfit_m(made, 0.005) < 1e-6
+    assert misfit_m(made, 0.5, by_velocity=False) > 0.03
+
+
+def test_attitudes_turn_as_rotations_through_north(made):
+    track, at = at_rate(made, 0.005)
+    rph = sbet.attitudes(track, at)
+    truth = made.motion(EVENTS)[2]
+    R, R_true = (frames.rotation_from_rph(one) for one in (rph, truth))
+    assert np.abs(frames.log(np.swapaxes(R, 1, 2) @ R_true)).max() < 1e-7
+    assert rph[:, 2].min() < 0.1  # the heading passes 360 degrees
+    assert rph[:, 2].max() > 6.2
+
+
+def test_records_across_the_antimeridian(made):
+    records = np.frombuffer(made.sbet(np.array([0.0, 1.0]))).reshape(-1, 17).copy()
+    records[:, 2] = [np.pi - 1e-6, -np.pi + 1e-6]
+    records[:, 4:7] = 0.0
+    track = sbet.read_track(Opened(file="a", data=records.tobytes()))
+    at = sbet.between(track.time, np.array([0.25, 0.75]))
+    lon = sbet.positions(track, at, by_velocity=False)[:, 0]
+    assert np.abs(lon) == pytest.approx(180.0, abs=1e-4)
+    assert np.sign(lon).tolist() == [1, -1]
+
+
+def test_velocities_that_do_not_fit_are_seen(made):
+    track, at = at_rate(made, 0.005)
+    off, speed = sbet.velocity_misfit(track, at)
+    assert off < 0.3
+    assert speed == pytest.approx(56.0, abs=3.0)
+    records = track.record.copy()
+    records["vy"] = -records["vy"]  # east in the place of west
+    wrong = sbet.Track(source=track.source, time=track.time, record=records)
+    assert sbet.velocity_misfit(wrong, at)[0] > 30
+
+
+def test_deviations_are_linear_between_records(made):
+    of = sbet.read_deviations(Opened(file="a", data=made.smrmsg(np.array([0.0, 10.0]))))
+    found = sbet.deviations(of, np.array([5.0, 10.0]))
+    assert found[0] == pytest.approx([0.03, 0.015, 0.045, 0.075, 0.15, 0.225])
+    assert found[1] == pytest.approx([0.04, 0.02, 0.06, 0.1, 0.2, 0.3])

@@ -4,7 +4,7 @@ import numpy as np
 import pycolmap
 import pytest
 
-from acx4tools.exchange.outward.programs import colmap
+from acx4tools.exchange.outward import colmap
 
 CORNER = 0.5  # of COLMAP's pixels
 

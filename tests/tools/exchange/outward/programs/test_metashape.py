@@ -7,8 +7,7 @@ import pyproj
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4tools.exchange.outward import brown
-from acx4tools.exchange.outward.programs import metashape
+from acx4tools.exchange.outward import brown, metashape
 
 
 def projected(calibration, x_c, *, size=None):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from acx4lib.geometry.camera import correct, xy_from_colrow
-from acx4tools.exchange.outward.programs import micasense
+from acx4tools.exchange.outward import micasense
 from acx4tools.exchange.pictures.lens import lens_of
 from acx4tools.exchange.pictures.tags import Tags
 

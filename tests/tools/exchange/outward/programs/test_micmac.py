@@ -4,7 +4,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from acx4tools.exchange.outward.programs import micmac
+from acx4tools.exchange.outward import micmac
 
 
 def vector(root, path):

@@ -9,9 +9,8 @@ from acx4lib.geometry.camera import correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from acx4tools.exchange.opencv import from_opencv
-from acx4tools.exchange.outward import calibrated
-from acx4tools.exchange.outward.programs import opencv
-from acx4tools.exchange.outward.relative import R_C_V
+from acx4tools.exchange.outward import calibrated, opencv
+from acx4tools.exchange.outward.calibrated import R_C_V
 
 
 def read(text):

@@ -7,7 +7,7 @@ import pyproj
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from acx4tools.exchange.outward.programs import opensfm
+from acx4tools.exchange.outward import opensfm
 
 
 def projected(camera, x_c):

@@ -11,7 +11,7 @@ from pyopf.io import load
 from pyopf.resolve import resolve
 
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
-from acx4tools.exchange.outward.programs import opf
+from acx4tools.exchange.outward import opf
 
 
 def turn(axis, degrees):

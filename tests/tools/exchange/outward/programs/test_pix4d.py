@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from acx4lib.errors import OutputError
-from acx4tools.exchange.outward import orientations
-from acx4tools.exchange.outward.programs import pix4d
+from acx4tools.exchange.outward import orientations, pix4d
 
 
 def cam(text):

@@ -18,11 +18,10 @@ from acx4lib.results.whole_files import file_stem
 from acx4tools.exchange import lens
 from acx4tools.exchange.lens import Left
 from acx4tools.exchange.outward import brown
-from acx4tools.exchange.outward.calibrated import Calibrated
+from acx4tools.exchange.outward.brown import Brown
+from acx4tools.exchange.outward.calibrated import R_C_V, Calibrated
 from acx4tools.exchange.outward.orientations import Oriented
-from acx4tools.exchange.outward.programs.text import as_xml, write
-from acx4tools.exchange.outward.relative import R_C_V
-from acx4tools.exchange.outward.taken import BODY, SIGMA, Taken
+from acx4tools.exchange.outward.taken import BODY, SIGMA, Taken, add_numbers, as_xml
 
 ASSUMED = (
     "ModPhgrStd: PP, F and CDist in px, distortion from the ideal to the measured point; "
@@ -34,7 +33,8 @@ FOLDER = "Ori-acx4"
 
 def cameras(calibrated: Calibrated) -> Taken:
     """Return a calibration for every camera."""
-    found = {camera.name: _fitted(camera) for camera in calibrated.cameras}
+    near = brown.of_all(calibrated)
+    found = {camera.name: _fitted(camera, near[camera.name]) for camera in calibrated.cameras}
     return Taken(
         files={_file(c): _calibration(c, found[c.name][0]) for c in calibrated.cameras},
         lenses={name: left for name, (_, left) in found.items()},
@@ -64,9 +64,8 @@ def _file(camera: Camera) -> str:
     return f"{FOLDER}/AutoCal-{file_stem(camera.name)}.xml"
 
 
-def _fitted(camera: Camera) -> tuple[Array, Left]:
+def _fitted(camera: Camera, one: Brown) -> tuple[Array, Left]:
     """Return f, cx, cy, k1, k2, p1, p2, k3, b1, as `brown.pixels` has them."""
-    one = brown.brown(camera)
     f, b1 = one.hole.fy, one.hole.fx / one.hole.fy - 1
     hole = (f, one.hole.cx, one.hole.cy)
     start = np.array([*hole, one.k1, one.k2, one.p1, one.p2, one.k3, b1])
@@ -79,17 +78,17 @@ def _calibration(camera: Camera, values: Array) -> str:
     root = ET.Element("ExportAPERO")
     inner = ET.SubElement(root, "CalibrationInternConique")
     ET.SubElement(inner, "KnownConv").text = "eConvApero_DistM2C"
-    write(inner, "PP", (cx, cy))
-    write(inner, "F", (f,))
+    add_numbers(inner, "PP", (cx, cy))
+    add_numbers(inner, "F", (f,))
     ET.SubElement(inner, "SzIm").text = f"{camera.width_px} {camera.height_px}"
     model = ET.SubElement(ET.SubElement(inner, "CalibDistortion"), "ModPhgrStd")
     radial = ET.SubElement(model, "RadialePart")
-    write(radial, "CDist", (cx, cy))
+    add_numbers(radial, "CDist", (cx, cy))
     for power, coefficient in enumerate((k1, k2, k3), start=1):
-        write(radial, "CoeffDist", (coefficient / f ** (2 * power),))
+        add_numbers(radial, "CoeffDist", (coefficient / f ** (2 * power),))
     ET.SubElement(radial, "PPaEqPPs").text = "true"
     for name, value in (("P1", p2 / f), ("P2", p1 / f), ("b1", b1), ("b2", 0.0)):
-        write(model, name, (value,))
+        add_numbers(model, name, (value,))
     return as_xml(root)
 
 
@@ -105,9 +104,9 @@ def _orientation(oriented: Oriented, i: int, camera: Camera) -> str:
     ET.SubElement(conic, "RelativeNameFI").text = "true"
     outer = ET.SubElement(conic, "Externe")
     ET.SubElement(outer, "KnownConv").text = "eConvApero_DistM2C"
-    write(outer, "Centre", oriented.T_m_c.r[i])
+    add_numbers(outer, "Centre", oriented.T_m_c.r[i])
     matrix = ET.SubElement(ET.SubElement(outer, "ParamRotation"), "CodageMatr")
     for name, row in zip(("L1", "L2", "L3"), oriented.T_m_c.R[i] @ R_C_V, strict=True):
-        write(matrix, name, row)
+        add_numbers(matrix, name, row)
     ET.SubElement(ET.SubElement(conic, "ConvOri"), "KnownConv").text = "eConvApero_DistM2C"
     return as_xml(root)

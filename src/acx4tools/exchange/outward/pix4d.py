@@ -12,8 +12,7 @@ from acx4lib.results.whole_files import file_stem
 from acx4tools.exchange.outward import brown, orientations
 from acx4tools.exchange.outward.brown import CORNER, Brown
 from acx4tools.exchange.outward.calibrated import Calibrated
-from acx4tools.exchange.outward.orientations import Oriented
-from acx4tools.exchange.outward.tables import CENTRE, GRID, OPK
+from acx4tools.exchange.outward.orientations import CENTRE, GRID, OPK, Oriented
 from acx4tools.exchange.outward.taken import BODY, SIGMA, Taken
 
 ASSUMED = (
@@ -26,7 +25,7 @@ EXTERNAL = "external_camera_parameters.txt"
 
 def cameras(calibrated: Calibrated) -> Taken:
     """Return a .cam file for every camera."""
-    found = {camera.name: brown.one_focal_length(camera) for camera in calibrated.cameras}
+    found = brown.square(calibrated)
     return Taken(
         files={
             f"{file_stem(camera.name)}.cam": _cam(camera, found[camera.name])

@@ -12,13 +12,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from acx4lib.geometry.frames import Pose
-from acx4tools.exchange.outward import brown, relative
+from acx4tools.exchange.outward import brown
+from acx4tools.exchange.outward import calibrated as outward_calibrated
 from acx4tools.exchange.outward.brown import CORNER, Brown
-from acx4tools.exchange.outward.calibrated import Calibrated
+from acx4tools.exchange.outward.calibrated import R_C_V, Calibrated
 from acx4tools.exchange.outward.orientations import Oriented
-from acx4tools.exchange.outward.programs.text import lines, numbers
-from acx4tools.exchange.outward.relative import R_C_V
-from acx4tools.exchange.outward.taken import BODY, SIGMA, Taken
+from acx4tools.exchange.outward.taken import BODY, SIGMA, Taken, lines, numbers
 
 ASSUMED = (
     "FULL_OPENCV: fx, fy, cx, cy, k1, k2, p1, p2, k3, and zeros; pixel (0, 0) is the outer corner "
@@ -67,7 +66,7 @@ def _camera_lines(calibrated: Calibrated, found: dict[str, Brown]) -> Iterator[s
 
 
 def _rig_line(calibrated: Calibrated) -> str:
-    others = relative.to_first(calibrated.calibration)[1:]
+    others = outward_calibrated.to_first(calibrated.calibration)[1:]
     placed = [
         f" CAMERA {i} 1 {_pose(one.T_v_r_h.inverse)}" for i, one in enumerate(others, start=2)
     ]

@@ -14,13 +14,12 @@ import numpy as np
 import pyproj
 
 from acx4lib.geometry.geodesy import GridSystem
-from acx4tools.exchange.outward import brown, orientations, relative
+from acx4tools.exchange.outward import brown, orientations
+from acx4tools.exchange.outward import calibrated as outward_calibrated
 from acx4tools.exchange.outward.brown import CORNER, Brown
-from acx4tools.exchange.outward.calibrated import Calibrated
+from acx4tools.exchange.outward.calibrated import Calibrated, Relative
 from acx4tools.exchange.outward.orientations import Oriented
-from acx4tools.exchange.outward.programs.text import as_json
-from acx4tools.exchange.outward.relative import Relative
-from acx4tools.exchange.outward.taken import BODY, Taken
+from acx4tools.exchange.outward.taken import BODY, Taken, as_json
 
 ASSUMED = (
     "perspective internals: R1 to R3, T1, T2 are k1 to k3, p1, p2 of OpenCV; pixel (0, 0) is the "
@@ -37,7 +36,7 @@ LONGEST_SHIFT_M = 1000.0
 
 def cameras(calibrated: Calibrated) -> Taken:
     """Return input and calibrated sensors."""
-    found = {camera.name: brown.one_focal_length(camera) for camera in calibrated.cameras}
+    found = brown.square(calibrated)
     return Taken(
         files={
             "input-cameras.json": as_json(_input(calibrated, found)),
@@ -52,7 +51,7 @@ def cameras(calibrated: Calibrated) -> Taken:
 def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     """Return a project with oriented cameras, and without points."""
     alone = cameras(calibrated)
-    found = {camera.name: brown.one_focal_length(camera) for camera in calibrated.cameras}
+    found = brown.square(calibrated)
     grid = oriented.block.frame.grid
     enh = _ellipsoidal(oriented)
     shift = -np.round(enh.mean(axis=0) / LONGEST_SHIFT_M) * LONGEST_SHIFT_M
@@ -98,7 +97,7 @@ def _head(name: str) -> dict[str, str]:
 
 
 def _input(calibrated: Calibrated, found: Mapping[str, Brown]) -> dict[str, Any]:
-    rig = relative.to_first(calibrated.calibration)
+    rig = outward_calibrated.to_first(calibrated.calibration)
     sensors = []
     for i, (camera, one) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
         sensor = {
@@ -115,7 +114,7 @@ def _input(calibrated: Calibrated, found: Mapping[str, Brown]) -> dict[str, Any]
 
 
 def _calibrated(calibrated: Calibrated, found: Mapping[str, Brown]) -> dict[str, Any]:
-    rig = relative.to_first(calibrated.calibration)
+    rig = outward_calibrated.to_first(calibrated.calibration)
     sensors = []
     for i, (camera, one) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
         sensor = {"id": i, "internals": _internals(found[camera.name])}

@@ -14,13 +14,12 @@ import numpy as np
 
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, log
-from acx4tools.exchange.outward import brown, relative
+from acx4tools.exchange.outward import brown
+from acx4tools.exchange.outward import calibrated as outward_calibrated
 from acx4tools.exchange.outward.brown import Brown
-from acx4tools.exchange.outward.calibrated import Calibrated
+from acx4tools.exchange.outward.calibrated import R_C_V, Calibrated
 from acx4tools.exchange.outward.orientations import Oriented
-from acx4tools.exchange.outward.programs.text import as_json
-from acx4tools.exchange.outward.relative import R_C_V
-from acx4tools.exchange.outward.taken import BODY, SIGMA, Taken
+from acx4tools.exchange.outward.taken import BODY, SIGMA, Taken, as_json
 
 ASSUMED = (
     "brown: focal lengths and principal point are divided by the longer side of the image",
@@ -35,7 +34,7 @@ def cameras(calibrated: Calibrated) -> Taken:
     """Return cameras.json, and rig_cameras.json where there are several cameras."""
     found = brown.of_all(calibrated)
     files = {"cameras.json": as_json(_models(calibrated, found))}
-    rig = relative.to_first(calibrated.calibration)
+    rig = outward_calibrated.to_first(calibrated.calibration)
     if rig[1:]:
         names = [camera.name for camera in calibrated.cameras]
         poses = (_pose(one.T_v_r_h.inverse) for one in rig)

@@ -7,10 +7,10 @@ import numpy as np
 
 from acx4lib.geometry.camera import Camera
 from acx4lib.results.whole_files import file_stem
-from acx4tools.exchange.opencv import OpenCvCamera, to_opencv
-from acx4tools.exchange.outward import relative
-from acx4tools.exchange.outward.calibrated import Calibrated
-from acx4tools.exchange.outward.relative import Relative
+from acx4tools.exchange.outward import brown
+from acx4tools.exchange.outward import calibrated as outward_calibrated
+from acx4tools.exchange.outward.brown import Brown
+from acx4tools.exchange.outward.calibrated import Calibrated, Relative
 from acx4tools.exchange.outward.taken import BODY, SIGMA, Taken
 
 ASSUMED = (
@@ -23,28 +23,30 @@ RIG = "R and T take a point from the axes of {} to those of the head: x = R x + 
 def cameras(calibrated: Calibrated) -> Taken:
     """Return a YAML file for every camera, with its place in the rig where there are several."""
     cameras = calibrated.cameras
-    rig = relative.to_first(calibrated.calibration)
-    found = [to_opencv(camera) for camera in cameras]
+    rig = outward_calibrated.to_first(calibrated.calibration)
+    found = brown.of_all(calibrated)
     return Taken(
         files={
-            f"{file_stem(camera.name)}.yaml": _text(camera, lens, one)
-            for camera, lens, one in zip(cameras, found, rig, strict=True)
+            f"{file_stem(camera.name)}.yaml": _text(camera, found[camera.name], one)
+            for camera, one in zip(cameras, rig, strict=True)
         },
-        lenses={c.name: lens.left for c, lens in zip(cameras, found, strict=True)},
+        lenses=brown.lenses(found),
         assumed=(*ASSUMED, *([RIG.format(cameras[0].name)] if rig[1:] else [])),
         left_out=(SIGMA, BODY),
     )
 
 
-def _text(camera: Camera, lens: OpenCvCamera, one: Relative) -> str:
+def _text(camera: Camera, lens: Brown, one: Relative) -> str:
     """Return the file of a camera, with the names of OpenCV's own examples of calibration."""
     T_h_r = one.T_v_r_h.inverse
     storage = cv2.FileStorage(".yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("image_width", camera.width_px)
     storage.write("image_height", camera.height_px)
     storage.write("camera_name", camera.name)
-    storage.write("camera_matrix", lens.matrix)
-    storage.write("distortion_coefficients", lens.distortion[None])
+    hole, coefficients = lens.hole, [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]
+    matrix = [[hole.fx, 0.0, hole.cx], [0.0, hole.fy, hole.cy], [0.0, 0.0, 1.0]]
+    storage.write("camera_matrix", np.array(matrix))
+    storage.write("distortion_coefficients", np.array([coefficients]))
     storage.write("R", np.ascontiguousarray(T_h_r.R))
     storage.write("T", np.ascontiguousarray(T_h_r.r[:, None]))
     return str(storage.releaseAndGetString())

@@ -17,13 +17,12 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import rotation_enu_to_ecef
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.results.whole_files import file_stem
-from acx4tools.exchange.outward import brown, relative
+from acx4tools.exchange.outward import brown
+from acx4tools.exchange.outward import calibrated as outward_calibrated
 from acx4tools.exchange.outward.brown import Brown
-from acx4tools.exchange.outward.calibrated import Calibrated
+from acx4tools.exchange.outward.calibrated import R_C_V, Calibrated
 from acx4tools.exchange.outward.orientations import Oriented
-from acx4tools.exchange.outward.programs.text import as_xml, write
-from acx4tools.exchange.outward.relative import R_C_V
-from acx4tools.exchange.outward.taken import BODY, Taken
+from acx4tools.exchange.outward.taken import BODY, Taken, add_numbers, as_xml
 
 ASSUMED = (
     "cx, cy from the middle of the image; p1, p2 in Metashape's order; b1 = fx - fy",
@@ -80,7 +79,7 @@ def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
             {"id": str(i), "sensor_id": str(own.index(camera.name)), "component_id": "0"},
             label=name,
         )
-        write(element, "transform", _matrix(oriented.T_m_c[i]).ravel())
+        add_numbers(element, "transform", _matrix(oriented.T_m_c[i]).ravel())
     return Taken(
         files={**alone.files, "chunk/cameras.xml": as_xml(document)},
         lenses=alone.lenses,
@@ -103,11 +102,11 @@ def _chunk(calibrated: Calibrated, found: Mapping[str, Brown]) -> tuple[ET.Eleme
 
 def _rig(chunk: ET.Element, calibrated: Calibrated) -> None:
     """Make all sensors but the first its slaves."""
-    rig = relative.to_first(calibrated.calibration)
+    rig = outward_calibrated.to_first(calibrated.calibration)
     for k, (sensor, one) in enumerate(zip(chunk.iter("sensor"), rig, strict=True)):
         if k:
             sensor.set("master_id", "0")
-            write(sensor, "rotation", one.T_v_r_h.R.ravel())
+            add_numbers(sensor, "rotation", one.T_v_r_h.R.ravel())
 
 
 def _sensor(sensor: ET.Element, camera: Camera, one: Brown) -> None:
@@ -130,7 +129,7 @@ def _write_params(element: ET.Element, camera: Camera, one: Brown) -> None:
     values = (*at, one.k1, one.k2, one.k3, one.p2, one.p1)
     for name, value in zip(PARAMS, values, strict=True):
         if value or name != "b1":
-            write(element, name, [value])
+            add_numbers(element, name, [value])
 
 
 def _covariance(sensor: ET.Element, calibrated: Calibrated, k: int) -> None:
@@ -142,7 +141,7 @@ def _covariance(sensor: ET.Element, calibrated: Calibrated, k: int) -> None:
     if len(kept):
         element = ET.SubElement(sensor, "covariance")
         ET.SubElement(element, "params").text = " ".join(PARAMS[i] for i in kept)
-        write(element, "coeffs", cov[np.ix_(kept, kept)].ravel())
+        add_numbers(element, "coeffs", cov[np.ix_(kept, kept)].ravel())
 
 
 def _transform(components: ET.Element, oriented: Oriented) -> None:
@@ -150,10 +149,10 @@ def _transform(components: ET.Element, oriented: Oriented) -> None:
     frame = oriented.block.frame
     component = ET.SubElement(components, "component", id="0", label="acx4")
     transform = ET.SubElement(component, "transform")
-    write(transform, "rotation", rotation_enu_to_ecef(frame.origin[None])[0].ravel())
+    add_numbers(transform, "rotation", rotation_enu_to_ecef(frame.origin[None])[0].ravel())
     origin = frame.grid.ecef_from_geographic(np.append(frame.origin, 0.0)[None])[0]
-    write(transform, "translation", origin)
-    write(transform, "scale", [1.0])
+    add_numbers(transform, "translation", origin)
+    add_numbers(transform, "scale", [1.0])
 
 
 def _place(chunk: ET.Element, oriented: Oriented) -> None:

@@ -12,12 +12,11 @@ import numpy as np
 
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
-from acx4tools.exchange.outward import brown, relative
+from acx4tools.exchange.outward import brown
+from acx4tools.exchange.outward import calibrated as outward_calibrated
 from acx4tools.exchange.outward.brown import Brown
-from acx4tools.exchange.outward.calibrated import Calibrated
-from acx4tools.exchange.outward.programs.text import lines
-from acx4tools.exchange.outward.relative import Relative
-from acx4tools.exchange.outward.taken import BODY, Taken
+from acx4tools.exchange.outward.calibrated import Calibrated, Relative
+from acx4tools.exchange.outward.taken import BODY, Taken, lines
 
 ASSUMED = (
     "RigRelatives are three angles a, b, c, degrees: Rx(a) Ry(b) Rz(c) takes a ray of the head to "
@@ -35,8 +34,8 @@ HEADER = "camera,rig_camera_index,a_deg,b_deg,c_deg,sigma_a_deg,sigma_b_deg,sigm
 def cameras(calibrated: Calibrated) -> Taken:
     """Return a text of XMP tags for every head, and a table of all RigRelatives with sigma."""
     first = calibrated.cameras[0].name
-    found = {camera.name: brown.one_focal_length(camera) for camera in calibrated.cameras}
-    rig = relative.to_first(calibrated.calibration)
+    found = brown.square(calibrated)
+    rig = outward_calibrated.to_first(calibrated.calibration)
     rows = list(enumerate(zip(calibrated.cameras, rig, strict=True)))
     table = [HEADER, *(_row(k, camera, one) for k, (camera, one) in rows)]
     tags = [line for k, (c, one) in rows for line in _tags(k, c, one, found[c.name])]
