@@ -3,6 +3,6 @@
 Everything in it is read from the results of a run; nothing is adjusted again. `material` reads
 them; `verdict` says what holds and what does not, `identity` who calibrated what and how. Then
 follow the other sections: `adjustment`, `parameters`, `mounting`, `ground`. The file
-``page/report.md`` has the text with the parts in order, and `page` makes one file of it. Begin
+``report.md`` has the text with the parts in order, and `page` makes one file of it. Begin
 with `material`.
 """
