@@ -158,6 +158,9 @@ MOST = 10_000_000
 MOST_BEFORE = 100
 """Lines among which a heading is looked for."""
 
+MOST_WORDS = 1000
+"""Number of words of a line by which it is told whether it is a heading."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Listed:
@@ -289,7 +292,7 @@ def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]
     """
     text = source.text().split("\n")
     for k, line in enumerate(text[:MOST_BEFORE]):
-        words = [word for word in re.split(r"[\s;,]+", line.strip()) if word]
+        words = [word for word in re.split(r"[\s;,]+", line.strip()) if word][:MOST_WORDS]
         if not words or words[0].startswith(COMMENTS):
             continue
         columns = {one.name for word in words if (one := column(word, known))} - {SKIP}
