@@ -46,8 +46,14 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
         Path, typer.Option(metavar="MEASURED", show_default=False, help="Folder for the flight.")
     ],
     points: Annotated[
-        int, typer.Option(metavar="N", min=20, help="Corners of a picture, about.")
-    ] = 200,
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=20,
+            show_default=False,
+            help="Corners of a picture, about: 200, and 1000 where features orient them.",
+        ),
+    ] = None,
     reduce: Annotated[
         int, typer.Option(metavar="K", min=1, help="Measure at 1/K of the size: poor pictures.")
     ] = 1,

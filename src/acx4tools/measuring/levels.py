@@ -10,7 +10,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.expected import Index
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import inside
 from acx4tools.measuring.oriented import approximate, firm, refined
@@ -18,7 +18,7 @@ from acx4tools.measuring.pictures.corners import corners
 from acx4tools.measuring.pictures.ground import Surface
 from acx4tools.measuring.pictures.overlaps import overlapping
 from acx4tools.measuring.pictures.pairs import MatchOptions, PairJob
-from acx4tools.measuring.pictures.store import Matching
+from acx4tools.measuring.pictures.store import Both, Matching
 from acx4tools.measuring.pictures.views import View, ground_of, pixels_of, seen_at
 from acx4tools.measuring.points import TieRays, chosen, joined
 
@@ -28,8 +28,21 @@ COARSE_PX = 760
 COARSE, FINE = MatchOptions(search_px=14, epipolar_px=1.0), MatchOptions()
 """Of the first level, where orientations and ground are not known well, and of the others."""
 
+FAINT = MatchOptions(correlation_px=21, least_correlation=0.4, largest_sigma_px=0.35)
+"""Where features gave the orientations: of photographs, in which lawns and woods correlate less."""
+
+USUAL, MANY = 200, 1000
+"""Cells of a picture. Where the trajectory says little, tie points have to say more."""
+
+ONE_WAY = float(np.cos(np.radians(5.0)))
+"""Cosine of the angle below which two heads look one way."""
+
 STEP_DOWN = 4
 """Largest ratio of the sizes of two levels that follow each other."""
+
+CROWDED, APART = 3, 1 / 4
+"""Distance of corners, in windows, below which each place belongs to the picture that shows it
+nearest to its middle; and the least distance of points."""
 
 Tell = Callable[[str, int, int], None]
 
@@ -40,20 +53,22 @@ class MeasureOptions:
 
     Attributes
     ----------
-    points : int
-        Cells of a picture, each of which gives at most one corner.
+    points : int or None
+        Cells of a picture, each of which gives at most one corner; by default `USUAL`, and `MANY`
+        where features gave the orientations.
     reduce : int
         Pictures are measured at 1/reduce of their size; for poor ones.
     ground_m : float or None
         Height of the mean ground, as the flight gives heights.
     """
 
-    points: int = 200
+    points: int | None = None
     reduce: int = 1
     ground_m: float | None = None
 
     def __post_init__(self) -> None:
-        expected.whole("points", self.points, least=20)
+        if self.points is not None:
+            expected.whole("points", self.points, least=20)
         expected.whole("reduce", self.reduce)
 
 
@@ -68,6 +83,8 @@ class Matched:
     surface : Surface
     rays : TieRays
         Of tie points; gross errors are left out.
+    shared_px : float
+        Standard deviation of what a window as a whole is off by, px as matched; in the rays' sigma.
     n_rejected : int
         Rays that the adjustment rejected.
     reduced : int
@@ -77,6 +94,7 @@ class Matched:
     views: tuple[View, ...]
     surface: Surface
     rays: TieRays
+    shared_px: float
     n_rejected: int
     reduced: int
 
@@ -125,13 +143,16 @@ def match_block(
         Where the points cannot be adjusted.
     """
     best, of_file = None, views[0].shrink
+    n_points = options.points or (MANY if skip else USUAL)
     sizes = sizes_of(views, options.reduce)
     for k, shrink in enumerate(sizes[min(skip, len(sizes) - 1) :], start=skip):
         views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
-        match = FINE if k else COARSE
-        count = partial(tell, f"{block.name} 1/{max(shrink)}")
+        match = FAINT if skip else FINE if k else COARSE
+        run = partial(matching.run, count=partial(tell, f"{block.name} 1/{max(shrink)}"))
+        pairs = [p for p in overlapping(views, surface) if not skip or _worth_it(block, *p)]
+        at = _corners(views, surface, pairs, n_points, match.window_px)
         try:
-            rays = _matched(block, views, surface, match, options.points, matching, count)
+            rays = _matched(block, views, surface, pairs, at, match, run)
         except FlightError:
             if best is None:
                 raise
@@ -141,7 +162,8 @@ def match_block(
         level = Matched(
             views=found.views,
             surface=found.surface,
-            rays=_whole_points(rays[found.kept]),
+            rays=_whole_points(found.with_shared(rays)[found.kept]),
+            shared_px=found.shared_px,
             n_rejected=int(np.sum(~found.kept)),
             reduced=shrink[0] // of_file,
         )
@@ -214,33 +236,84 @@ def _matched(
     block: Block,
     views: Sequence[View],
     surface: Surface,
+    pairs: Sequence[tuple[int, int]],
+    at: Sequence[Index],
     options: MatchOptions,
-    n_points: int,
-    matching: Matching,
-    count: Callable[[int, int], None],
+    run: Callable[[Sequence[PairJob]], list[Both]],
 ) -> TieRays:
     """Return the points of one level."""
-    pairs = overlapping(views, surface)
     if not pairs:
         raise FlightError([f"block {block.name}: no two pictures show the same ground; {_CURE}"])
-    margin = options.window_px // 2 + 3
-    at = [corners(view, number=n_points, margin=margin) for view in views]
     jobs = [
         PairJob(a=views[i], b=views[j], surface=surface, at_a=at[i], at_b=at[j], options=options)
         for i, j in pairs
     ]
-    found = dict(zip(pairs, matching.run(jobs, count), strict=True))
+    found = dict(zip(pairs, run(jobs), strict=True))
     rays = joined(at, found)
     shown = _shown(views, surface, at, pairs)
-    rays = chosen(rays, shown[rays.point], apart_px=options.window_px / 2)
+    rays = chosen(rays, shown[rays.point], apart_px=options.window_px * APART)
     if len(rays) < _LEAST_RAYS * len(views):
         says = f"block {block.name}: only {len(rays)} measurements in {len(views)} pictures"
         raise FlightError([f"{says}; {_CURE}"])
     return rays
 
 
+def _worth_it(block: Block, i: int, j: int) -> bool:
+    """Tell whether two pictures are of one head, of one exposure, or of heads that look apart.
+
+    Heads that look one way show the same at an exposure, which ties them.
+    """
+    of = block.images
+    same = of.camera_idx[i] == of.camera_idx[j] or of.exposure_idx[i] == of.exposure_idx[j]
+    look = [block.cameras[of.camera_idx[k]].T_b_c.R[:, 2] for k in (i, j)]
+    return bool(same or look[0] @ look[1] < ONE_WAY)
+
+
 _CURE = "are trajectory, mount_*_deg and --ground right, and are the files those of these images?"
 _LEAST_RAYS = 12
+
+
+def _corners(
+    views: Sequence[View],
+    surface: Surface,
+    pairs: Sequence[tuple[int, int]],
+    n_points: int,
+    window_px: int,
+) -> list[Index]:
+    """Return the corners of every view; where they are crowded, none that others show better.
+
+    Pictures that share a place have the same corners there, and of those that are close to each
+    other only one would be used. So the place is left to the picture that shows it nearest to its
+    middle, which has more of them.
+    """
+
+    def of(number: int) -> list[Index]:
+        return [corners(view, number=number, margin=window_px // 2 + 3) for view in views]
+
+    size = views[0].camera
+    if size.width_px * size.height_px > n_points * (CROWDED * window_px) ** 2:
+        return of(n_points)
+    shown = float(np.mean(_shown(views, surface, of(USUAL), pairs)))
+    at = of(int(n_points * shown))
+    return [own[_is_master(k, own, views, surface, pairs)] for k, own in enumerate(at)]
+
+
+def _is_master(
+    i: int, at: Index, views: Sequence[View], surface: Surface, pairs: Sequence[tuple[int, int]]
+) -> Mask:
+    """Tell which corners of a view are nearer to its middle than to that of any other view."""
+    x_m = ground_of(views[i], surface, at.astype(float))
+    own = _off_middle(views[i], at.astype(float))
+    best = np.ones(len(at), dtype=bool)
+    for other in (views[a + b - i] for a, b in pairs if i in (a, b)):
+        best &= ~(_off_middle(other, pixels_of(other, x_m)) < own)  # NaN is not nearer
+    return best
+
+
+def _off_middle(view: View, colrow: Array) -> Array:
+    """Return distances from the middle of a picture, in its diagonals."""
+    middle = np.array([view.camera.width_px - 1, view.camera.height_px - 1]) / 2
+    return np.asarray(np.linalg.norm(colrow - middle, axis=1) / view.camera.diagonal_px)
 
 
 def _shown(

@@ -14,7 +14,7 @@ from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.block import Block, select_images
 from acx4lib.flight.reader import Flight, read
 from acx4lib.results import own_folder
-from acx4tools.measuring import flights
+from acx4tools.measuring import attitudes, flights
 from acx4tools.measuring.flights import Measured, Unmeasured
 from acx4tools.measuring.levels import Matched, MeasureOptions, beyond_search, match_block, placed
 from acx4tools.measuring.orientation import Coarse, oriented_by_features
@@ -42,7 +42,7 @@ class Outcome:
         Control and check points.
     options : MeasureOptions
     coarse : tuple of str
-        Sentences on a coarse orientation by features, where there was one.
+        Sentences on the trajectory, where the pictures were oriented by features.
     """
 
     block: str
@@ -132,6 +132,7 @@ def _measured(
     matched, coarse = _matched(block, views, surface, options, matching, tell)
     if len(control):
         matched = placed(coarse.block if coarse else block, matched)
+    said = (*coarse.said, *attitudes.told(block, matched.views)) if coarse else ()
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
     surveyed = find_surveyed(matched.views, matched.surface, control.text["point"], x_m, given)
     return Outcome(
@@ -139,7 +140,7 @@ def _measured(
         matched=matched,
         surveyed=surveyed,
         options=options,
-        coarse=coarse.said if coarse else (),
+        coarse=said,
     )
 
 

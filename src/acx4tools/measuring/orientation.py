@@ -24,15 +24,16 @@ from acx4lib.flight.block import Block, select_images
 from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, exp, log, transform
 from acx4tools.measuring.oriented import approximate, refined
+from acx4tools.measuring.pictures import ground
 from acx4tools.measuring.pictures.features import Features, TwoViews, features_of, two_views
 from acx4tools.measuring.pictures.ground import Surface
 from acx4tools.measuring.pictures.views import View, seen_at
-from acx4tools.measuring.points import TieRays, chosen
+from acx4tools.measuring.points import WANTED, TieRays, chosen
 
 SIDE_PX = 1400
 """Longer side of the pictures in which features are looked for, at most."""
 
-NEIGHBOURS = 10
+NEIGHBOURS = 8
 """Exposures near each one whose pictures are compared with its own."""
 
 LARGEST_TURN = np.radians(6.0)
@@ -336,7 +337,14 @@ def _adjusted(
     for k, view in reversed([*enumerate(found.views)]):  # the first one of an exposure decides
         T_m_b = view.T_m_c @ T_c_b[k : k + 1]
         R[block.images.exposure_idx[k]], r[block.images.exposure_idx[k]] = T_m_b.R[0], T_m_b.r[0]
-    return _with_poses(block, Pose(R=R, r=r)), found.views, found.surface
+    x_m = found.bundle.state.x_m
+    n_rays = np.bincount(np.unique(rays.point, return_inverse=True)[1][found.kept], None, len(x_m))
+    checked = np.isfinite(x_m[:, 0]) & (n_rays >= WANTED)  # two rays meet wherever they are wrong
+    surface = ground.through(x_m[checked]) if np.mean(checked) > _ENOUGH else found.surface
+    return _with_poses(block, Pose(R=R, r=r)), found.views, surface
+
+
+_ENOUGH = 0.2  # of the points have three rays
 
 
 def _tracks(features: Mapping[int, Features], links: Sequence[_Link]) -> TieRays:

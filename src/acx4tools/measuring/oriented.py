@@ -12,7 +12,7 @@ from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Mask
+from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import NO_POINTS, Block, ImagePoints, Trajectory
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.parameters import Prior
@@ -61,12 +61,19 @@ class Oriented:
     kept : ndarray of bool, shape (n_rays,)
         Rays that were not rejected.
     bundle : Bundle
+    shared_px : float
+        Standard deviation of what all pixels of a window share, px of the matching.
     """
 
     views: tuple[View, ...]
     surface: Surface
     kept: Mask
     bundle: Bundle
+    shared_px: float
+
+    def with_shared(self, rays: TieRays) -> TieRays:
+        """Return rays with the standard deviations of windows as a whole."""
+        return replace(rays, sigma_px=np.hypot(rays.sigma_px, self.shared_px))
 
 
 def refined(block: Block, views: Sequence[View], rays: TieRays) -> Oriented:
@@ -104,7 +111,39 @@ def refined(block: Block, views: Sequence[View], rays: TieRays) -> Oriented:
         for i, view in enumerate(views)
     ]
     x_m = bundle.state.x_m[np.isfinite(bundle.state.x_m[:, 0])]
-    return Oriented(views=tuple(moved), surface=ground.through(x_m), kept=kept, bundle=bundle)
+    return Oriented(
+        views=tuple(moved),
+        surface=ground.through(x_m),
+        kept=kept,
+        bundle=bundle,
+        shared_px=_shared(bundle, rays.sigma_px[bundle.network.rows]),
+    )
+
+
+def _shared(bundle: Bundle, sigma_px: Array) -> float:
+    """Return by how much windows as a whole are off, px of the matching.
+
+    The noise of pixels tells how well a window is located in another picture. What its pixels have
+    in common, such as relief, branches, and what the lens leaves, shows only where windows of many
+    pictures meet in points: as scatter beyond that noise, here as one variance for the block.
+    """
+    group = bundle.solution.groups[0]
+    v_sq = np.square(group.v / group.sigma) * np.hypot(sigma_px, LEAST_SIGMA_PX)[:, None] ** 2
+    free = float(np.sum(group.redundancy))
+    low, high = 0.0, _MOST_SHARED_PX
+
+    def is_more(shared: float) -> bool:
+        return float(np.sum(v_sq / (sigma_px**2 + shared**2)[:, None])) > free
+
+    if not is_more(low):
+        return low
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if is_more(middle) else (low, middle)
+    return low
+
+
+_MOST_SHARED_PX, _HALVINGS = 2.0, 30
 
 
 def _adjusted(block: Block) -> Bundle:

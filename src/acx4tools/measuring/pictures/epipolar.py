@@ -63,8 +63,8 @@ def agree(a: View, b: View, colrow_a: Array, colrow_b: Array, *, least_px: float
         size_of = np.hypot(*left.T)
         scatter = max(1.4826 * float(np.median(size_of)), least_px / SIGMAS)
         weight = 1 / (1 + (size_of / (2 * scatter)) ** 2)  # Cauchy's
-        fit = np.linalg.lstsq(A * weight[:, None], off * weight[:, None], rcond=None)[0]
-        left = off - A @ fit
+        WA = A * np.square(weight)[:, None]
+        left = off - A @ np.linalg.lstsq(WA.T @ A, WA.T @ off, rcond=None)[0]
     near: Mask = np.hypot(*left.T) <= max(least_px, SIGMAS * scatter)
     return near if near.sum() >= max(ENOUGH, n / 3) else np.zeros(n, dtype=bool)
 

@@ -19,7 +19,7 @@ from acx4lib.geometry.intersection import R_C_CV
 from acx4lib.tie_points.overlaps import grey
 from acx4tools.measuring.pictures.views import View, pixels_of_view
 
-MOST = 3000
+MOST = 2500
 """Features of a picture, the strongest ones."""
 
 LARGEST_RATIO = 0.85
@@ -255,10 +255,10 @@ def similar(a: Features, b: Features) -> tuple[Index, Index]:
     if min(len(a.colrow), len(b.colrow)) < 2:
         return none, none
     alike = a.descriptor @ b.descriptor.T
-    best, back = alike.argmax(axis=1), alike.argmax(axis=0)
+    best, back = alike.argmax(axis=1), alike.max(axis=0)
     every = np.arange(len(best))
     first = alike[every, best].copy()
     alike[every, best] = -1
     apart, second = (2 * (_LENGTH**2 - np.minimum(x, _LENGTH**2)) for x in (first, alike.max(1)))
-    good = np.flatnonzero((back[best] == every) & (apart < LARGEST_RATIO**2 * second))
+    good = np.flatnonzero((back[best] == first) & (apart < LARGEST_RATIO**2 * second))
     return good, best[good]

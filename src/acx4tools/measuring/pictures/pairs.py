@@ -146,6 +146,6 @@ def found_in(a: View, b: View, surface: Surface, at: Index, options: MatchOption
     done = match(first.grey, other.grey, middles, near, half=options.window_px // 2)
     sigma = np.sqrt(np.mean(done.sigma_px**2, axis=1))
     good = np.flatnonzero(sigma < options.largest_sigma_px)
-    place = at[which[good]] + (done.colrow - middles)[good]
+    place = other.places(good, (done.colrow - middles)[good])
     both = np.column_stack([sigma, sigma * other.scale])[good]
-    return Found(which=which[good], colrow=transferred(a, b, surface, place), sigma_px=both)
+    return Found(which=which[good], colrow=place, sigma_px=both)

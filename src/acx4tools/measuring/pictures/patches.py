@@ -6,7 +6,7 @@ no search over shifts can find. After this only small shifts remain.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -35,17 +35,40 @@ class Patches:
     side : int
     scale : ndarray, shape (n,)
         Pixels of the picture they come from, along one pixel of the patches; NaN if not seen.
+    nodes : ndarray, shape (n, k, k, 2)
+        Places in that picture of every `STEP`-th pixel; none of a picture's own patches.
     """
 
     grey: Array
     side: int
     scale: Array
+    nodes: Array = field(default_factory=lambda: np.zeros((0, 1, 1, 2)))
 
     @property
     def middles(self) -> Index:
         """Return col, row of the patches' middles in the stack, shape (n, 2)."""
         n, half = len(self.scale), self.side // 2
         return np.column_stack([np.full(n, half), np.arange(n) * self.side + half])
+
+    def places(self, which: Index, from_middle: Array) -> Array:
+        """Return the places in the other picture of points of laid patches, shape (n, 2).
+
+        By the same nodes as the grey values: on a rough ground, the way by the ground differs.
+
+        Parameters
+        ----------
+        which : ndarray, shape (n,)
+            Numbers of their patches.
+        from_middle : ndarray, shape (n, 2)
+            Distances of the points from the middles, px.
+        """
+        last = self.nodes.shape[1] - 2
+        at = (from_middle + self.side // 2) / STEP
+        i = np.clip(np.floor(at).astype(np.intp), 0, last)
+        (tx, ty), (c, r) = np.moveaxis(at - i, 1, 0)[..., None], i.T
+        low = (1 - tx) * self.nodes[which, r, c] + tx * self.nodes[which, r, c + 1]
+        high = (1 - tx) * self.nodes[which, r + 1, c] + tx * self.nodes[which, r + 1, c + 1]
+        return np.asarray((1 - ty) * low + ty * high)
 
 
 def side_of(reach: int) -> int:
@@ -79,7 +102,7 @@ def laid_patches(a: View, b: View, surface: Surface, at: Index, side: int) -> Pa
     out = np.full((len(at), side, side), np.nan, np.float32)
     for i in np.flatnonzero(np.isfinite(scale)):
         _lay(image, nodes[i], float(scale[i]), out[i])
-    return Patches(grey=out.reshape(-1, side), side=side, scale=scale)
+    return Patches(grey=out.reshape(-1, side), side=side, scale=scale, nodes=nodes)
 
 
 def _scales(nodes: Array, side: int) -> Array:
