@@ -51,7 +51,7 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
             metavar="N",
             min=20,
             show_default=False,
-            help="Corners of a picture, about: 200, and 1000 where features orient them.",
+            help="Corners of a picture, about: 200, and 700 where features orient them.",
         ),
     ] = None,
     reduce: Annotated[

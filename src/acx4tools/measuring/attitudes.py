@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from acx4lib import shown
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import mountings
@@ -46,8 +47,8 @@ def told(block: Block, views: Sequence[View]) -> Iterator[str]:
         heading = _mean_deg(by_pictures[own, 2])
         name = f"strip {strips[own][0]}, heading" if named else "heading"
         yield (
-            f"{block.name}: {name} {heading:.0f}°, {int(own.sum())} exposures: the trajectory's "
-            f"roll, pitch, heading are off by {_numbers(off[own].mean(axis=0))}°, "
+            f"{block.name}: {name} {heading:.0f}°, {shown.count(int(own.sum()), 'exposure')}: "
+            f"the trajectory's roll, pitch, heading are off by {_numbers(off[own].mean(axis=0))}°, "
             f"each by {_numbers(np.sqrt(np.mean(np.square(off[own]), axis=0)), '')}° rms"
         )
 

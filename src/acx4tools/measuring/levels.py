@@ -31,7 +31,7 @@ COARSE, FINE = MatchOptions(search_px=14, epipolar_px=1.0), MatchOptions()
 FAINT = MatchOptions(correlation_px=21, least_correlation=0.4, largest_sigma_px=0.35)
 """Where features gave the orientations: of photographs, in which lawns and woods correlate less."""
 
-USUAL, MANY = 200, 1000
+USUAL, MANY = 200, 700
 """Cells of a picture. Where the trajectory says little, tie points have to say more."""
 
 ONE_WAY = float(np.cos(np.radians(5.0)))
@@ -83,8 +83,9 @@ class Matched:
     surface : Surface
     rays : TieRays
         Of tie points; gross errors are left out.
-    shared_px : float
-        Standard deviation of what a window as a whole is off by, px as matched; in the rays' sigma.
+    shared_px : tuple of float
+        Standard deviations of what windows as a whole are off by, px as matched, as those of
+        `Oriented`; they are in the rays' sigma.
     n_rejected : int
         Rays that the adjustment rejected.
     reduced : int
@@ -94,7 +95,7 @@ class Matched:
     views: tuple[View, ...]
     surface: Surface
     rays: TieRays
-    shared_px: float
+    shared_px: tuple[float, float]
     n_rejected: int
     reduced: int
 
@@ -144,13 +145,15 @@ def match_block(
     """
     best, of_file = None, views[0].shrink
     n_points = options.points or (MANY if skip else USUAL)
+    camera = block.images.camera_idx
     sizes = sizes_of(views, options.reduce)
     for k, shrink in enumerate(sizes[min(skip, len(sizes) - 1) :], start=skip):
         views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
         match = FAINT if skip else FINE if k else COARSE
         run = partial(matching.run, count=partial(tell, f"{block.name} 1/{max(shrink)}"))
         pairs = [p for p in overlapping(views, surface) if not skip or _worth_it(block, *p)]
-        at = _corners(views, surface, pairs, n_points, match.window_px)
+        of_head = [(i, j) for i, j in pairs if camera[i] == camera[j]]
+        at = _corners(views, surface, of_head, n_points, match.window_px)
         try:
             rays = _matched(block, views, surface, pairs, at, match, run)
         except FlightError:
@@ -249,7 +252,7 @@ def _matched(
         for i, j in pairs
     ]
     found = dict(zip(pairs, run(jobs), strict=True))
-    rays = joined(at, found)
+    rays = joined(at, found, block.images.camera_idx)
     shown = _shown(views, surface, at, pairs)
     rays = chosen(rays, shown[rays.point], apart_px=options.window_px * APART)
     if len(rays) < _LEAST_RAYS * len(views):
@@ -282,9 +285,9 @@ def _corners(
 ) -> list[Index]:
     """Return the corners of every view; where they are crowded, none that others show better.
 
-    Pictures that share a place have the same corners there, and of those that are close to each
-    other only one would be used. So the place is left to the picture that shows it nearest to its
-    middle, which has more of them.
+    Pictures of a head that share a place have the same corners there, and of those that are close
+    to each other only one would be used. So the place is left to the picture that shows it nearest
+    to its middle, which has more of them. Pairs are those of each head.
     """
 
     def of(number: int) -> list[Index]:

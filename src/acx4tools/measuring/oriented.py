@@ -12,7 +12,7 @@ from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Array, Mask
+from acx4lib.expected import Mask
 from acx4lib.flight.block import NO_POINTS, Block, ImagePoints, Trajectory
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.parameters import Prior
@@ -61,19 +61,21 @@ class Oriented:
     kept : ndarray of bool, shape (n_rays,)
         Rays that were not rejected.
     bundle : Bundle
-    shared_px : float
-        Standard deviation of what all pixels of a window share, px of the matching.
+    shared_px : tuple of float
+        Standard deviation of what all pixels of a window share, px of the matching: where the
+        camera is that of the corner, and where it is another head.
     """
 
     views: tuple[View, ...]
     surface: Surface
     kept: Mask
     bundle: Bundle
-    shared_px: float
+    shared_px: tuple[float, float]
 
     def with_shared(self, rays: TieRays) -> TieRays:
         """Return rays with the standard deviations of windows as a whole."""
-        return replace(rays, sigma_px=np.hypot(rays.sigma_px, self.shared_px))
+        shared = np.where(rays.of_head, *self.shared_px)
+        return replace(rays, sigma_px=np.hypot(rays.sigma_px, shared))
 
 
 def refined(block: Block, views: Sequence[View], rays: TieRays) -> Oriented:
@@ -116,20 +118,25 @@ def refined(block: Block, views: Sequence[View], rays: TieRays) -> Oriented:
         surface=ground.through(x_m),
         kept=kept,
         bundle=bundle,
-        shared_px=_shared(bundle, rays.sigma_px[bundle.network.rows]),
+        shared_px=(_shared(bundle, rays, own=True), _shared(bundle, rays, own=False)),
     )
 
 
-def _shared(bundle: Bundle, sigma_px: Array) -> float:
+def _shared(bundle: Bundle, rays: TieRays, *, own: bool) -> float:
     """Return by how much windows as a whole are off, px of the matching.
 
     The noise of pixels tells how well a window is located in another picture. What its pixels have
     in common, such as relief, branches, and what the lens leaves, shows only where windows of many
-    pictures meet in points: as scatter beyond that noise, here as one variance for the block.
+    pictures meet in points: as scatter beyond that noise, here as one variance for the block, and
+    one for the pictures of other heads, which see other colours.
     """
-    group = bundle.solution.groups[0]
-    v_sq = np.square(group.v / group.sigma) * np.hypot(sigma_px, LEAST_SIGMA_PX)[:, None] ** 2
-    free = float(np.sum(group.redundancy))
+    rays = rays[bundle.network.rows]
+    which = rays.of_head == own
+    group, sigma_px = bundle.solution.groups[0], rays.sigma_px[which]
+    v_sq = (
+        np.square(group.v / group.sigma)[which] * np.hypot(sigma_px, LEAST_SIGMA_PX)[:, None] ** 2
+    )
+    free = float(np.sum(group.redundancy[which]))
     low, high = 0.0, _MOST_SHARED_PX
 
     def is_more(shared: float) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.expected import Array, Index, Mask
+from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
 from acx4tools.measuring.pictures.pairs import Found
 
 WANTED = 3
@@ -28,12 +28,18 @@ class TieRays:
     colrow : ndarray, shape (n, 2)
         Pixels of the pictures as matched.
     sigma_px : ndarray, shape (n,)
+    of_head : ndarray of bool, shape (n,)
+        Whether the camera is that of the point's corner, as all are by default.
     """
 
     point: Index
     view: Index
     colrow: Array
     sigma_px: Array
+    of_head: Mask = NOT_GIVEN
+
+    def __post_init__(self) -> None:
+        expected.default(self, "of_head", lambda: np.ones(len(self.point), dtype=bool))
 
     def __getitem__(self, keep: Index | Mask) -> TieRays:
         """Select measurements."""
@@ -44,7 +50,7 @@ class TieRays:
         return len(self.point)
 
 
-def joined(corners: Sequence[Index], pairs: Pairs) -> TieRays:
+def joined(corners: Sequence[Index], pairs: Pairs, camera: Index) -> TieRays:
     """Return one point for every corner that was found anywhere, with all its rays.
 
     The corner itself is a ray of the point. Of the variance of a difference, one half belongs to
@@ -55,6 +61,7 @@ def joined(corners: Sequence[Index], pairs: Pairs) -> TieRays:
     corners : sequence of ndarray, shape (n, 2)
         Of every view.
     pairs : mapping
+    camera : ndarray, shape (n_views,)
     """
     first = np.cumsum([0, *(len(at) for at in corners)])
     parts = [
@@ -75,6 +82,7 @@ def joined(corners: Sequence[Index], pairs: Pairs) -> TieRays:
         view=np.concatenate([master, view]),
         colrow=np.concatenate([at, colrow]),
         sigma_px=np.sqrt(np.concatenate([mean_square, sigma[:, 1] ** 2]) / 2),
+        of_head=np.concatenate([own >= 0, camera[view] == camera[master[inverse]]]),
     )
     return every[np.lexsort((every.view, every.point))]
 
@@ -83,7 +91,8 @@ def chosen(rays: TieRays, shown: Index, *, apart_px: float) -> TieRays:
     """Return points of enough rays that do not measure the same texture twice.
 
     Of points closer to each other in a picture than `apart_px`, the one with the most rays stays:
-    two on the same texture share its noise, and would count as two.
+    two on the same texture share its noise, and would count as two. Only pictures of the camera in
+    which a point is a corner count, so that every head has its points.
 
     Parameters
     ----------
@@ -102,7 +111,8 @@ def chosen(rays: TieRays, shown: Index, *, apart_px: float) -> TieRays:
     for i in np.lexsort((worst, -count)).tolist():
         own = slice(start[i], start[i] + count[i])
         cell = np.floor(rays.colrow[own] / apart_px).astype(int)
-        places = [(int(v), int(c), int(r)) for v, (c, r) in zip(rays.view[own], cell, strict=True)]
+        seen = zip(rays.view[own], cell, rays.of_head[own], strict=True)
+        places = [(int(v), int(c), int(r)) for v, (c, r), here in seen if here]
         if enough[i] and not any(_near(place, taken) for place in places):
             taken.update(places)
             keep[own] = True

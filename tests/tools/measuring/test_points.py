@@ -15,7 +15,10 @@ def found(which, colrow, sigma):
     )
 
 
-def three_views():
+ONE_CAMERA = np.zeros(3, np.intp)
+
+
+def three_views(camera=ONE_CAMERA):
     nothing = found([], [], [])
     return joined(
         AT,
@@ -24,6 +27,7 @@ def three_views():
             (0, 2): (found([0], [[80, 90]], [[0.4, 0.3]]), nothing),
             (1, 2): (found([0], [[31, 41]], [[0.1, 0.1]]), nothing),
         },
+        camera,
     )
 
 
@@ -57,7 +61,15 @@ def test_of_two_points_on_the_same_texture_the_one_with_more_rays_stays():
     assert set(chosen(near, shown, apart_px=2).point) == {0, 1, 2}
 
 
+def test_points_of_another_head_on_the_same_texture_stay():
+    rays = three_views(np.array([0, 1, 0]))
+    assert rays.of_head.tolist() == [True, False, True, True, False, True, False]
+    shown = np.full(7, 2)
+    assert set(chosen(rays, shown, apart_px=60).point) == {0, 1, 2}
+    assert set(chosen(three_views(), shown, apart_px=60).point) == {0, 1}
+
+
 def test_nothing_found_is_no_point():
-    rays = joined(AT, {})
+    rays = joined(AT, {}, ONE_CAMERA)
     assert len(rays) == 0
     assert len(chosen(rays, np.zeros(0, int), apart_px=10)) == 0
