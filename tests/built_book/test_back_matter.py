@@ -81,6 +81,7 @@ def test_every_file_that_others_made_has_its_licence(html):
     ours |= {
         "scrolling.css",
         "scrolling.js",
+        "moving/block.js",
         "moving/explorer.js",
         "moving/moving.css",
     }
