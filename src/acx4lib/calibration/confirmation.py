@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.observations import strips_of
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration, from_bundle, is_determined, parameters
@@ -22,6 +22,9 @@ from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM, MOUNT
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
+
+if TYPE_CHECKING:
+    from acx4lib.bundle.adjust import Bundle
 
 # --- Are the estimated mountings those that were declared? A declared value is tested, and
 # says so
