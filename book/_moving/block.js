@@ -26,7 +26,7 @@
     const radius = Math.max(...layers.flatMap(({ at }) => at.map((p) => Math.hypot(...p))));
     const start = {
       around: Math.atan2(data.from[1], data.from[0]), above: Math.asin(data.from[2]),
-      away: (0.72 * radius) / Math.sin(HALF_FIELD),
+      away: (0.82 * radius) / Math.sin(HALF_FIELD),
     };
     let view = { ...start }; // of the eye: azimuth, elevation, distance from the middle
     const canvas = element("canvas", { tabIndex: 0 });
