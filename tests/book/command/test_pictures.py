@@ -79,13 +79,11 @@ def own(made, tmp_path):
 
 
 @pytest.fixture
-def render_acx4(render_acx4, tmp_path):
+def render_acx4(acx4, tmp_path):
     """Render into a folder; return status, lines of standard output and of standard error."""
 
     def run(flight, *options):
-        status, *said = render_acx4(
-            "render", flight[0], *arguments(flight, tmp_path / "out"), *options
-        )
+        status, *said = acx4("render", flight[0], *arguments(flight, tmp_path / "out"), *options)
         return status, *(text.splitlines() for text in said)
 
     return run
