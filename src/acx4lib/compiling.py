@@ -84,15 +84,15 @@ def _folder() -> Path | None:
     used = [Path(__file__), _HERE / "geometry" / "collinearity.py", *cellars]
     sources = b"".join(str(p.relative_to(_HERE)).encode() + p.read_bytes() for p in used)
     name = f"compiled-{sha256(sources).hexdigest()[:16]}"
-    cache = user_folder("XDG_CACHE_HOME", ".cache")
+    cache = _user_folder("XDG_CACHE_HOME", ".cache")
     roots = [_HERE / "__pycache__", *([cache / "acx4lib"] if cache else [])]
     named = Path(_CONFIG.CACHE_DIR)
     if named.is_absolute():
         roots.insert(0, named)
-    return next((root / name for root in roots if is_own(root / name)), None)
+    return next((root / name for root in roots if _is_own(root / name)), None)
 
 
-def is_own(folder: Path) -> bool:
+def _is_own(folder: Path) -> bool:
     """Tell whether the user can make files in a folder, and nobody else can put any in their place.
 
     A missing folder is made. The system's administrator counts as nobody else.
@@ -133,16 +133,8 @@ def _is_alone_in(group: int) -> bool:
     return found.gr_name == user.pw_name and set(found.gr_mem) <= {user.pw_name}
 
 
-def user_folder(variable: str, default: str) -> Path | None:
-    """Return a folder of the user; None where there is no home.
-
-    Parameters
-    ----------
-    variable : str
-        Environment variable that names it, such as ``XDG_CACHE_HOME``.
-    default : str
-        Folder below the home, used where the variable is not set.
-    """
+def _user_folder(variable: str, default: str) -> Path | None:
+    """Return a folder of the user; None where there is no home."""
     named = Path(os.environ.get(variable) or os.path.expanduser(f"~/{default}"))  # noqa: PTH111 Path's raises
     return named if named.is_absolute() else None
 

@@ -99,7 +99,7 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
         files, told["gross_errors"] = dict(spoiled.tables), spoiled.mistakes
     return SimulatedFlight(
         name=plan.name,
-        toml=flight_toml(plan, options),
+        toml=_flight_toml(plan, options),
         tables=files,
         truth=told,
         plan=plan,
@@ -262,7 +262,7 @@ _CARRIED_NOTE = (
 )
 
 
-def flight_toml(plan: Plan, options: Options) -> str:
+def _flight_toml(plan: Plan, options: Options) -> str:
     """Return the text of flight.toml: sensors, approximate values, true standard deviations."""
     title = json.dumps(plan.title, ensure_ascii=False)  # a TOML string, too
     lines = [

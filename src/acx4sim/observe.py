@@ -43,7 +43,7 @@ def ground_points(plan: Plan, block: BlockPlan, places: Array) -> Array:
     return np.column_stack([en, terrain_height(llh, plan.ground_m, relief=plan.relief)])
 
 
-def look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Sight:
+def _look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Sight:
     """Project points into cameras at all exposures of a track."""
     grid = Grid(crs=plan.crs)
     llh = grid.geodetic_from_grid(x_g)
@@ -70,14 +70,14 @@ def measure(
     that see it.
     """
     deciding = (block.frame,) if block.frame else block.cameras
-    surveyed = look(plan, deciding, track, surveyed_g)
+    surveyed = _look(plan, deciding, track, surveyed_g)
     if block.tie_places is None:
         ties_g, ties = _strew_tie_points(plan, block, deciding, track, rng)
     else:
         ties_g, ties = _placed_tie_points(plan, block, block.tie_places, deciding, track)
     seen = np.concatenate([surveyed.seen, ties.seen], axis=2)
     if block.frame:
-        sight = look(plan, block.cameras, track, np.concatenate([surveyed_g, ties_g]))
+        sight = _look(plan, block.cameras, track, np.concatenate([surveyed_g, ties_g]))
         return replace(sight, seen=sight.seen & seen)
     return Sight(colrow=np.concatenate([surveyed.colrow, ties.colrow], axis=2), seen=seen)
 
@@ -90,7 +90,7 @@ def _placed_tie_points(
     Returns as `_strew_tie_points`.
     """
     x_g = ground_points(plan, block, places)
-    sight = look(plan, cameras, track, x_g)
+    sight = _look(plan, cameras, track, x_g)
     good = (sight.seen.sum(axis=1) >= _MIN_RAYS).any(axis=0)
     return x_g[good], Sight(colrow=sight.colrow[:, :, good], seen=sight.seen[:, :, good])
 
@@ -123,7 +123,7 @@ def _strew_tie_points(
             break
         places = np.array(block.tie_area_m) * rng.uniform(-1, 1, (_BATCH, 2))
         x_g = ground_points(plan, block, places)
-        sight = look(plan, cameras, track, x_g)
+        sight = _look(plan, cameras, track, x_g)
         sight.seen[rng.random(sight.seen.shape) >= _MEASURED] = False
         good = sight.seen.sum(axis=1) >= _MIN_RAYS
         enough = np.all(np.cumsum(good, axis=1) >= missing[:, None], axis=0)
@@ -137,7 +137,7 @@ def _strew_tie_points(
         raise ValueError(msg)
     if not grounds:
         x_g = np.empty((0, 3))
-        return x_g, look(plan, cameras, track, x_g)
+        return x_g, _look(plan, cameras, track, x_g)
     return np.concatenate(grounds), Sight(
         colrow=np.concatenate([sight.colrow for sight in sights], axis=2),
         seen=np.concatenate([sight.seen for sight in sights], axis=2),

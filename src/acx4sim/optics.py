@@ -128,7 +128,7 @@ def measured_from_ideal(camera: Camera, ideal: Array) -> Array:
     raise ValueError(msg)
 
 
-def colrow_from_image(camera: Camera, xy: Array) -> Array:
+def _colrow_from_image(camera: Camera, xy: Array) -> Array:
     """Compute pixel coordinates of image coordinates in mm, principal point included."""
     pixel = camera.pixel_um / 1000
     return np.column_stack(
@@ -169,7 +169,7 @@ def project(camera: Camera, x_c: Array) -> Array:
     half = camera.pixel_um / 2000 * np.array([camera.width_px, camera.height_px])
     near = np.all(np.abs(ideal) <= half + _REACH, axis=-1)
     xy = measured_from_ideal(camera, ideal[near])
-    colrow[near] = colrow_from_image(camera, xy + np.array([camera.xp_mm, camera.yp_mm]))
+    colrow[near] = _colrow_from_image(camera, xy + np.array([camera.xp_mm, camera.yp_mm]))
     return colrow
 
 
@@ -264,7 +264,7 @@ _STEEPEST = 10.0  # tangent of the largest angle from the vertical that is used
 _STEPS = 3
 
 
-def refractivity(height_m: Array) -> Array:
+def _refractivity(height_m: Array) -> Array:
     """Compute n - 1 for green light in the ICAO standard atmosphere's troposphere.
 
     Dispersion by Barrell and Sears at 0 C and 1013.25 hPa, for 0.56 micrometres, converted by
@@ -311,8 +311,8 @@ def bent(ray: Array, up: Array, ground_m: Array) -> Array:
 def _stretch(distance: Array, drop: Array, ground_m: Array) -> Array:
     """Compute how much farther from the camera's vertical a point appears to be, as a factor."""
     heights = ground_m[:, None] + drop[:, None] * (_NODES + 1) / 2
-    at_camera = 1 + refractivity(ground_m + drop)
-    ratio = at_camera[:, None] / (1 + refractivity(heights))
+    at_camera = 1 + _refractivity(ground_m + drop)
+    ratio = at_camera[:, None] / (1 + _refractivity(heights))
     tangent = distance / drop
     for _ in range(_STEPS):
         sine = ratio * (tangent / np.hypot(1, tangent))[:, None]

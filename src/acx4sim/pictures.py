@@ -399,13 +399,13 @@ class Photography:
     def orders(self) -> list[tuple[str, Station, str]]:
         """Return path inside the flight, exposure and camera of every picture."""
         return [
-            (f"{at.block}/images/{image_name(at, camera)}.tif", at, camera)
+            (f"{at.block}/images/{_image_name(at, camera)}.tif", at, camera)
             for at in self.stations
             for camera in at.cameras
         ]
 
 
-def image_name(at: Station, camera: str) -> str:
+def _image_name(at: Station, camera: str) -> str:
     """Return the name of a camera's image in images.csv."""
     return f"{at.exposure}_{camera}" if len(at.cameras) > 1 else at.exposure
 

@@ -21,7 +21,7 @@ DECIMALS = {"px": 6, "m": 6, "deg": 10, "s": 3}
 _LAT_LON_DECIMALS = 12
 
 
-def rounded(table: pd.DataFrame) -> pd.DataFrame:
+def _rounded(table: pd.DataFrame) -> pd.DataFrame:
     """Round every column according to the unit that its name ends with."""
     decimals = {
         name: DECIMALS[name.rsplit("_", 1)[-1]]
@@ -65,7 +65,7 @@ def trajectory(plan: Plan, track: Track) -> pd.DataFrame:
     table = pd.DataFrame(values, columns=names.split())
     table.insert(0, "exposure", track.exposure)
     table["time_s"] = track.time_s
-    return rounded(table)
+    return _rounded(table)
 
 
 def control_points(
@@ -82,7 +82,7 @@ def control_points(
     table.insert(0, "point", names)
     for name, value in zip(("east", "north", "height"), sigma, strict=True):
         table[f"sigma_{name}_m"] = value * stated(options.control_noise)
-    return rounded(table)
+    return _rounded(table)
 
 
 def image_points(
@@ -110,7 +110,7 @@ def image_points(
     table.insert(1, "point", point["point"])
     if "sigma_px" in point:
         table["sigma_px"] = point["sigma_px"]
-    return rounded(table)
+    return _rounded(table)
 
 
 # --- Gross errors put into a simulated flight, to see whether they are found
@@ -224,7 +224,7 @@ def _spoil_images(
             table.loc[rows, "image"], table.loc[rows, "point"], move, strict=True
         )
     ]
-    return rounded(table), mistakes
+    return _rounded(table), mistakes
 
 
 def _spoil_control(
@@ -240,7 +240,7 @@ def _spoil_control(
     error = errors.control_m * rng.choice([-1.0, 1.0])
     table = survey.copy()
     table.loc[row, name] += error
-    return rounded(table), [
+    return _rounded(table), [
         _mistake("control_point", "", table.loc[row, "point"], (name,), np.array([error]))
     ]
 

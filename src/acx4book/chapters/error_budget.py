@@ -203,20 +203,8 @@ def _around(slider: Slider, value: float) -> Slider:
     return replace(slider, low=low, high=high, step=step)
 
 
-def effects(calibration: Calibration, height: Slider) -> Array:
-    """Return what one unit of each slider makes of a ground point, at every stop of the height.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        Of one camera.
-    height : Slider
-
-    Returns
-    -------
-    ndarray, shape (n_stops, 2, n_rows)
-        In plan and in height, cm.
-    """
+def _effects(calibration: Calibration, height: Slider) -> Array:
+    """Return what one unit of each slider makes of a ground point, at every stop of the height."""
     found = []
     for height_m in height.stops:
         mean = plan_and_height(over_ground(calibration, unit_flight(height_m)).mean)
@@ -243,7 +231,7 @@ def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
     tilt, _, heading = np.degrees(flown.sigma_attitude)
     values = (flown.height_m, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
     own = sliders([float(value) for value in values])
-    size = effects(calibration, own[0])
+    size = _effects(calibration, own[0])
     table = np.zeros((*size.shape[:2], len(ROWS) + 1, len(own)))
     for k, (slider, _) in enumerate(ROWS.values()):
         table[:, :, k, slider] = size[:, :, k]

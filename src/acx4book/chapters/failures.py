@@ -250,7 +250,7 @@ GROUPS: Mapping[str, tuple[str, tuple[str, ...]]] = {
 """Kinds and components of residuals.csv by the name of their group."""
 
 
-def of_group(found: Examined, name: str) -> pd.DataFrame:
+def _of_group(found: Examined, name: str) -> pd.DataFrame:
     """Return the residuals of one of `GROUPS`; no rows where there is no adjustment."""
     if not len(found.residuals):
         return pd.DataFrame(columns=["image_or_exposure", "component", "v", "w"])
@@ -271,7 +271,7 @@ def standardised(found: Examined) -> pd.Series:
     Series
         By the names of `GROUPS`; NaN where there is no adjustment.
     """
-    squares = {name: np.mean(np.square(of_group(found, name)["w"])) for name in GROUPS}
+    squares = {name: np.mean(np.square(_of_group(found, name)["w"])) for name in GROUPS}
     return pd.Series(squares, dtype=float) ** 0.5
 
 
@@ -369,7 +369,7 @@ def _draw_map(ax: Axes, one: Examined) -> None:
         edgecolor=style.SOFT,
         lw=0.4,
     )
-    v = of_group(one, "GNSS, plan").pivot_table(
+    v = _of_group(one, "GNSS, plan").pivot_table(
         index="image_or_exposure", columns="component", values="v"
     )
     moved = v.reindex(names)[["east_m", "north_m"]].to_numpy()
@@ -383,7 +383,7 @@ def _draw_map(ax: Axes, one: Examined) -> None:
 
 def _by_exposure(one: Examined, group: str, names: pd.Index) -> np.ndarray:
     """Return the RMS of the standardised residuals of a group, by exposure."""
-    own = of_group(one, group)
+    own = _of_group(one, group)
     mean = own.assign(square=own["w"] ** 2).groupby("image_or_exposure")["square"].mean()
     out: np.ndarray = np.sqrt(mean.reindex(names).to_numpy())
     return out

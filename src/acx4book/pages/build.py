@@ -111,7 +111,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     executed, generated = book / "_executed", book / "_generated"
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
-    write_notebooks(results_path, executed, ideal_path, pictures_path=flight_path)
+    _write_notebooks(results_path, executed, ideal_path, pictures_path=flight_path)
     whole = ideal_path is not None
     left_out = study.bring(executed, ideal_path)
     # The code of part I is part of what it teaches.
@@ -122,17 +122,17 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     study.leave_out(book, pages if whole else [*pages, api.FOLDER])
     timed, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
-        *texts_of_run(flight_path, results_path, ideal_path),
-        *texts_of_front(results_path, executed, ideal_path),
-        *texts_of_benchmarks(timed, errors),
-        *texts_of_examples(book),
+        *_texts_of_run(flight_path, results_path, ideal_path),
+        *_texts_of_front(results_path, executed, ideal_path),
+        *_texts_of_benchmarks(timed, errors),
+        *_texts_of_examples(book),
         *lab_tables.texts(),
-        *texts_of_back_matter(),
+        *_texts_of_back_matter(),
     ):
         whole_files.write(generated / name, text)
-    for name, figure in figures_of_benchmarks(timed, errors):
+    for name, figure in _figures_of_benchmarks(timed, errors):
         whole_files.write(generated / name, vector(figure))
-    told = made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
+    told = _made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
     whole_files.write(generated / "made_from.json", json.dumps(told, indent=1))
     frames.draw(generated)
     drawn = [*figure_pack.figures(executed)]
@@ -147,7 +147,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
 # --- notebooks -------------------------------------------------------------------------------
 
 
-def write_notebooks(
+def _write_notebooks(
     results_path: Path,
     executed: Path,
     ideal_path: Path | None = None,
@@ -187,7 +187,7 @@ def run_here(name: str, executed: Path, given: Mapping[str, str], note: str = ""
     fold(page, page, note)
 
 
-def made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dict[str, Any]:
+def _made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dict[str, Any]:
     """Return what the extension `provenance` of the book tells: commit, and flights by page."""
     name = f"{flight_path.name}{', simulated' if simulated else ''}"
     named = dict.fromkeys((*NOTEBOOKS.values(), *OF_RESULTS, OWN, "scorecard", "certificate"), name)
@@ -272,7 +272,7 @@ def _silent(_done: int, _total: int) -> None:
 # --- texts and figures -----------------------------------------------------------------------
 
 
-def texts_of_run(
+def _texts_of_run(
     flight_path: Path, results_path: Path, ideal_path: Path | None = None
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts: the scorecard, what the flight was given, and what was read."""
@@ -288,7 +288,7 @@ def texts_of_run(
     yield "provenance.md", reproducibility.page(flight_path, results_path)
 
 
-def texts_of_front(
+def _texts_of_front(
     results_path: Path, executed: Path, ideal_path: Path | None = None
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts of the front page and of the four questions, a drawing among them."""
@@ -326,7 +326,7 @@ def _run(results_path: Path) -> tuple[results.Results, Flight]:
     return agreement.read(results_path, flight), flight
 
 
-def texts_of_benchmarks(
+def _texts_of_benchmarks(
     timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts: speed, what imports say, errors over standard deviations."""
@@ -343,7 +343,7 @@ def texts_of_benchmarks(
     yield "coverage-spoilt.md", verdicts.spoilt(said)
 
 
-def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
+def _texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
     """Yield the names and the outputs of the code on the pages whose code is run."""
     for name in RUN_PAGES:
         pieces = example.snippets((book / f"{name}.md").read_text(encoding="utf-8"))
@@ -351,14 +351,14 @@ def texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
             yield f"{name}-{number}.txt", imports.wrapped(said) if name in WRAPPED else said
 
 
-def texts_of_back_matter() -> Iterator[tuple[str, str]]:
+def _texts_of_back_matter() -> Iterator[tuple[str, str]]:
     """Yield the names and texts of what the project's own files say, in the current folder."""
     yield "citation.json", json.dumps(reproducibility.footer(Path("CITATION.cff")))
     yield "cite.md", reproducibility.sentence(Path("CITATION.cff"))
     yield "licences.md", reproducibility.licences_page()
 
 
-def figures_of_benchmarks(
+def _figures_of_benchmarks(
     timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
 ) -> Iterator[tuple[str, Figure]]:
     """Yield names and figures."""

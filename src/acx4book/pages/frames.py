@@ -39,18 +39,18 @@ def seen(points: Vector) -> Vector:
     return VIEW.apply(points)[..., :2]
 
 
-def from_camera(points: Vector) -> Vector:
+def _from_camera(points: Vector) -> Vector:
     """Bring points of the camera frame into the mapping frame."""
     return CAMERA_AT + R_B_M.apply(R_C_B.apply(points))
 
 
-def on_ground(points: Vector) -> Vector:
+def _on_ground(points: Vector) -> Vector:
     """Follow rays from the perspective centre through points in camera axes to the ground."""
-    directions = from_camera(points) - CAMERA_AT
+    directions = _from_camera(points) - CAMERA_AT
     return CAMERA_AT - directions * (CAMERA_AT[2] / directions[..., 2:])
 
 
-def draw_ground(ax: Axes) -> None:
+def _draw_ground(ax: Axes) -> None:
     """Draw the ground and the mapping frame on it."""
     corners = np.array([[-1.4, -2.4, 0], [12.2, -2.4, 0], [12.2, 8.4, 0], [-1.4, 8.4, 0]])
     ax.add_patch(Polygon(seen(corners), fc=LAND, ec=LAND_EDGE, lw=1, zorder=0))
@@ -58,36 +58,36 @@ def draw_ground(ax: Axes) -> None:
     note(ax, seen(np.zeros(3)), "mapping frame $m$", MAPPING, shift=(-2, -18))
 
 
-def draw_image_in_space(ax: Axes) -> None:
+def _draw_image_in_space(ax: Axes) -> None:
     """Draw the image below the perspective centre, its point a, and the ray to A."""
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     corners = np.column_stack([signs * HALF, np.full(4, -FOCAL)])
-    footprint = on_ground(corners)
+    footprint = _on_ground(corners)
     ax.add_patch(Polygon(seen(footprint), fc=LAND, ec=TEAL, lw=0.8, zorder=1))
     for corner in footprint:
         ax.plot(*seen(np.array([CAMERA_AT, corner])).T, color=EDGE, lw=0.7, zorder=1)
-    ax.add_patch(Polygon(seen(from_camera(corners)), fc=SHEET, ec=CAMERA, lw=1.2, zorder=2))
-    foot = from_camera(np.array([0.0, 0.0, -FOCAL]))
+    ax.add_patch(Polygon(seen(_from_camera(corners)), fc=SHEET, ec=CAMERA, lw=1.2, zorder=2))
+    foot = _from_camera(np.array([0.0, 0.0, -FOCAL]))
     line = seen(np.array([CAMERA_AT, foot]))
     ax.plot(*line.T, color=CAMERA, lw=1.2, ls=(0, (2, 1.5)), zorder=3)
     ax.plot(*seen(foot), "+", color=CAMERA, ms=8, mew=1.4, zorder=5)
     note(ax, seen(foot), "$p$", CAMERA, shift=(10, -3))
     note(ax, line.mean(axis=0), "$f$", CAMERA, shift=(8, 0))
-    a, ground = from_camera(IMAGE_POINT), on_ground(IMAGE_POINT)
+    a, ground = _from_camera(IMAGE_POINT), _on_ground(IMAGE_POINT)
     ax.plot(*seen(np.array([CAMERA_AT, ground])).T, color=RAY, lw=1.4, zorder=3)
     for point, name in ((a, "$a$"), (ground, "$A$")):
         ax.plot(*seen(point), "o", color=RAY, ms=5, zorder=5)
         note(ax, seen(point), name, RAY, shift=(-10, -4))
     corner = np.array([-HALF[0], HALF[1], -FOCAL])
     for step, name in (([1.2, 0, 0], "col"), ([0, -1.2, 0], "row")):
-        tip = seen(from_camera(corner + np.array(step)))
-        arrow(ax, seen(from_camera(corner)), tip, INK, width=1.2)
+        tip = seen(_from_camera(corner + np.array(step)))
+        arrow(ax, seen(_from_camera(corner)), tip, INK, width=1.2)
         note(ax, tip, name, INK, shift=(-6, 10) if name == "col" else (-13, -6))
 
 
-def draw_space(ax: Axes) -> None:
+def _draw_space(ax: Axes) -> None:
     """Draw the flight: frames, lever arm, boresight, image and ray."""
-    draw_ground(ax)
+    _draw_ground(ax)
     body, camera = seen(BODY_AT), seen(CAMERA_AT)
     arrow(ax, seen(np.zeros(3)), body, SOFT, width=1.2)
     note(ax, seen(BODY_AT * 0.45), r"$r_b^m(t)$", SOFT, shift=(-20, 6))
@@ -96,7 +96,7 @@ def draw_space(ax: Axes) -> None:
     body_axes = R_B_M.apply(2.4 * np.eye(3))
     triad(ax, VIEW, BODY_AT, body_axes, ["$x$ forward", "$y$ left", "$z$ up"], BODY)
     note(ax, body, "body frame $b$\n(IMU)", BODY, shift=(-46, -6))
-    draw_image_in_space(ax)
+    _draw_image_in_space(ax)
     camera_axes = R_B_M.apply(R_C_B.apply(2.2 * np.eye(3)))
     triad(ax, VIEW, CAMERA_AT, camera_axes, ["$x$", "$y$", "$z$"], CAMERA)
     for axis in R_B_M.apply(1.9 * np.eye(3)):
@@ -108,7 +108,7 @@ def draw_space(ax: Axes) -> None:
     ax.axis("off")
 
 
-def draw_image_plane(ax: Axes) -> None:
+def _draw_image_plane(ax: Axes) -> None:
     """Draw the image as displayed: x right and y up in mm, columns and rows in pixels."""
     width, height = 8, 6
     ax.add_patch(Rectangle((-width / 2, -height / 2), width, height, fc=SHEET, ec=CAMERA))
@@ -141,8 +141,8 @@ def draw_image_plane(ax: Axes) -> None:
 def draw(folder: Path) -> None:
     """Write frames.svg and image-plane.svg; the same bytes every time."""
     for name, size, draw_axes in (
-        ("frames", (style.WIDTH, 5.9), draw_space),
-        ("image-plane", (6.0, 4.9), draw_image_plane),
+        ("frames", (style.WIDTH, 5.9), _draw_space),
+        ("image-plane", (6.0, 4.9), _draw_image_plane),
     ):
         with style.applied():
             fig, ax = style.subplots(figsize=size)

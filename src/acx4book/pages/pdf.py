@@ -89,16 +89,8 @@ def prepared(html: Path, folder: Path, pages: Sequence[str]) -> None:
         whole_files.write(folder / page, text.replace("</body>", hidden))
 
 
-def joined(root: str, pdfs: Mapping[str, Path]) -> PdfWriter:
-    """Join the printed pages of a book into one document, whose links lead inside.
-
-    Parameters
-    ----------
-    root : str
-        Address of the folder that was printed.
-    pdfs : mapping of str to Path
-        Every page and its PDF, in order.
-    """
+def _joined(root: str, pdfs: Mapping[str, Path]) -> PdfWriter:
+    """Join the printed pages of a book into one document, whose links lead inside."""
     readers = {page: PdfReader(pdf) for page, pdf in pdfs.items()}
     writer = PdfWriter()
     targets: dict[Place, tuple[int, Fit]] = {}
@@ -181,7 +173,7 @@ def make(html: Path, contents: Path, pdf: Path) -> int:
         pdfs = {page: Path(scratch, f"{number}.pdf") for number, page in enumerate(pages)}
         with ThreadPoolExecutor(AT_ONCE) as pool:
             list(pool.map(lambda page: printed(browser, folder / page, pdfs[page]), pages))
-        writer = joined(folder.as_uri(), pdfs)
+        writer = _joined(folder.as_uri(), pdfs)
         writer.write(pdf)
         return len(writer.pages)
 

@@ -52,7 +52,7 @@ def table(name: str, caption: str, header: Sequence[str], rows: Iterable[Sequenc
     return f"```{{table}} {caption}\n:name: {name}\n\n{body}\n```\n"
 
 
-def packages() -> list[tuple[str, str]]:
+def _packages() -> list[tuple[str, str]]:
     """List the packages that environment.txt names, with the versions installed."""
     text = Path("environment.txt").read_text(encoding="utf-8")
     names = re.findall(r"^([\w.-]+)==", text, flags=re.MULTILINE)
@@ -85,7 +85,7 @@ def page(flight: Path, results: Path) -> str:
     environment, of_files = "The packages that environment.txt names.", ("file", "bytes", "SHA-256")
     parts = [
         table("tab-sources", "The sources and the machine.", ("what", "value"), sources),
-        table("tab-packages", environment, ("package", "version"), packages()),
+        table("tab-packages", environment, ("package", "version"), _packages()),
         table("tab-flight-files", "The flight that was read.", of_files, files("flight", flight)),
         table("tab-result-files", "The results that it gave.", of_files, files("results", results)),
     ]

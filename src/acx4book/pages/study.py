@@ -210,7 +210,7 @@ def page(benchmarks: Path) -> str:
     benchmarks : Path
         Folder with what ``make chain`` and ``make coverage`` left.
     """
-    found = {"four heads, single-step": of_chain(synthetic_cost.read(benchmarks))}
+    found = {"four heads, single-step": _of_chain(synthetic_cost.read(benchmarks))}
     found |= {f"ideal camera, {TITLES[m]}": of_ideal(benchmarks, m) for m in METHODS}
     table = pd.DataFrame([_row(title, flights) for title, flights in found.items()])
     caption = "RMS at the check points of many simulated flights, and how many reach class A"
@@ -222,7 +222,7 @@ def page(benchmarks: Path) -> str:
     )
 
 
-def of_chain(found: synthetic_cost.Study) -> Flights:
+def _of_chain(found: synthetic_cost.Study) -> Flights:
     """Return the flights whose synthetic images are made of four heads."""
     rms = synthetic_cost.rms_by_flight(found, synthetic_cost.SYNTHETIC)
     own = found.classes[found.classes["way"] == synthetic_cost.SYNTHETIC].set_index("seed")

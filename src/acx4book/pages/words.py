@@ -60,7 +60,7 @@ def _inside(directive: str, content: str) -> str:
     return OPTIONS.sub("", content) if name in READ and directive.startswith("{") else ""
 
 
-def prose(page: str) -> str:
+def _prose(page: str) -> str:
     """Return the text of a page: of a notebook its Markdown, and what its cells wrote as such."""
     written, executed = BOOK / f"{page}.md", BOOK / f"{page}.ipynb"
     source = NOTEBOOKS / f"{page.removeprefix('_executed/')}.ipynb"
@@ -89,7 +89,7 @@ def pages(contents: Path = BOOK / "_toc.yml") -> Iterator[str]:
 
 def minutes(*parts: str) -> int:
     """Return how long the pages are read whose names begin so, in minutes, in fives."""
-    read = sum(words(prose(page)) for page in pages() if page.startswith(parts))
+    read = sum(words(_prose(page)) for page in pages() if page.startswith(parts))
     return max(5 * round(read / A_MINUTE / 5), 5)
 
 
@@ -97,7 +97,7 @@ def main() -> None:
     """Print the words of each page, and of the foundations and the rest."""
     sums = {"foundations": 0, "the rest": 0}
     for page in pages():
-        n = words(prose(page))
+        n = words(_prose(page))
         sums["foundations" if "foundations/" in page else "the rest"] += n
         sys.stdout.write(f"{n:6d}  {page.removeprefix('_executed/')}\n")
     for name, n in sums.items():

@@ -152,12 +152,12 @@ def answers(executed: Path) -> dict[str, list[str]]:
         Folder of executed notebooks.
     """
     return {
-        one.chapter: answer_of(executed / f"{one.chapter}.ipynb") or [UNANSWERED]
+        one.chapter: _answer_of(executed / f"{one.chapter}.ipynb") or [UNANSWERED]
         for one in QUESTIONS
     }
 
 
-def answer_of(notebook: Path) -> list[str]:
+def _answer_of(notebook: Path) -> list[str]:
     """Return the paragraphs of a notebook's answer; none where there is no such notebook."""
     if not notebook.is_file():
         return []

@@ -198,7 +198,7 @@ def relatives(files: str) -> pd.DataFrame:
     found = solved(files)
     rows = []
     for reading, (order, transposed) in READINGS.items():
-        medians = misfits(found, read_as(found, order, transposed=transposed))
+        medians = _misfits(found, read_as(found, order, transposed=transposed))
         rows.append(
             {
                 "reading": reading,
@@ -221,7 +221,7 @@ def read_as(found: Solved, order: str, *, transposed: bool) -> RelativeOrientati
     return replace(found.factory, opk=opk_from_rotation(R))
 
 
-def misfits(found: Solved, orientation: RelativeOrientation) -> Array:
+def _misfits(found: Solved, orientation: RelativeOrientation) -> Array:
     """Return the median misfits of heads to the references of their rigs, px."""
     ties = found.found.ties[~found.fits["rotations"].rejected]
     own = [(k, found.reference(k)) for k in range(len(found.heads)) if not found.leads(k)]
@@ -251,7 +251,7 @@ def rotations(files: str) -> pd.DataFrame:
         by the noise of matching alone; less the factory's, NaN without; less the trial's.
     """
     found = solved(files)
-    loops = pair_sigma_deg(found) * np.sqrt(2 / len(found.heads))
+    loops = _pair_sigma_deg(found) * np.sqrt(2 / len(found.heads))
     rows = []
     for k, name in enumerate(found.names):
         reference = found.reference(k)
@@ -327,7 +327,7 @@ def differences(found: Solved) -> list[Overlap]:
     return overlaps(found.found.ties[~fit.rejected], fit.orientation)
 
 
-def pair_sigma_deg(found: Solved) -> Array:
+def _pair_sigma_deg(found: Solved) -> Array:
     """Return sigma of the rotation of one pair about x, y and z, degrees, from closed loops.
 
     Every pair of heads is turned once more by itself. How far these rotations are from zero is what

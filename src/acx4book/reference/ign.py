@@ -70,7 +70,7 @@ def _rows(path: Path) -> list[list[str]]:
     return [line.split() for line in lines if line.strip()]
 
 
-def read_opk(path: Path) -> Orientations:
+def _read_opk(path: Path) -> Orientations:
     """Read "NOM X Y Z O P K CAMERA" below a line of headings."""
     rows = _rows(path)[1:]
     values = np.array([row[1:7] for row in rows], dtype=float)
@@ -79,7 +79,7 @@ def read_opk(path: Path) -> Orientations:
     )
 
 
-def read_measurements(path: Path) -> Measurements:
+def _read_measurements(path: Path) -> Measurements:
     """Read "point image column row"."""
     rows = _rows(path)
     return Measurements(
@@ -89,19 +89,13 @@ def read_measurements(path: Path) -> Measurements:
     )
 
 
-def read_points(path: Path) -> dict[str, Array]:
+def _read_points(path: Path) -> dict[str, Array]:
     """Read ground points, "point X Y Z" or "point type X Y Z": easting, northing, height in m."""
     return {row[0]: np.array(row[-3:], dtype=float) for row in _rows(path)}
 
 
-def read_camera(path: Path, *, pixel_mm: float) -> Camera:
-    """Read a camera; the unit of the file is the pixel, so any pixel size can be given.
-
-    Parameters
-    ----------
-    path : Path
-    pixel_mm : float
-    """
+def _read_camera(path: Path, *, pixel_mm: float) -> Camera:
+    """Read a camera; the unit of the file is the pixel, so any pixel size can be given."""
     words = {row[0]: row[-1] for row in _rows(path)}  # rows are "name = value"
     width, height = int(words["width"]), int(words["height"])
     return Camera(
@@ -122,7 +116,7 @@ def unaltered(heights: Array, *, ground: Array | float, scale: Array | float) ->
     return np.asarray(ground + (heights - ground) / scale)
 
 
-def indices(names: tuple[str, ...], within: tuple[str, ...]) -> Index:
+def _indices(names: tuple[str, ...], within: tuple[str, ...]) -> Index:
     """Return the indices of names among others."""
     where = {name: k for k, name in enumerate(within)}
     return np.array([where[name] for name in names], dtype=np.intp)
@@ -147,8 +141,8 @@ def _block(flight: Flight, reading: Reading) -> Block:
         images=Images(names=names),
         points=flight.points,
         image_points=ImagePoints(
-            image_idx=indices(measurements.images, names),
-            point_idx=indices(measurements.points, flight.points),
+            image_idx=_indices(measurements.images, names),
+            point_idx=_indices(measurements.points, flight.points),
             colrow=measurements.colrow,
             sigma_px=np.full(len(measurements.points), POINTING_PX),
         ),
@@ -378,12 +372,12 @@ def load() -> Flight:
     def file(name: str) -> Path:
         return data.path(f"ign-uce-m3/{name}")
 
-    surveyed = read_points(file("control_points.app"))
-    located = read_points(file("tie_points_world.mes"))
-    parts = [read_measurements(file(f"{name}_points.mes")) for name in ("control", "tie")]
+    surveyed = _read_points(file("control_points.app"))
+    located = _read_points(file("tie_points_world.mes"))
+    parts = [_read_measurements(file(f"{name}_points.mes")) for name in ("control", "tie")]
     return Flight(
-        camera=read_camera(file("camera.txt"), pixel_mm=PIXEL_MM),
-        orientations=read_opk(file("images.OPK")),
+        camera=_read_camera(file("camera.txt"), pixel_mm=PIXEL_MM),
+        orientations=_read_opk(file("images.OPK")),
         measurements=Measurements(
             points=parts[0].points + parts[1].points,
             images=parts[0].images + parts[1].images,
@@ -410,7 +404,7 @@ def true_altitudes(flight: Flight, scale: Array | float) -> Array:
     return unaltered(flight.orientations.enh[:, 2], ground=ground, scale=scale)
 
 
-def map_scale(flight: Flight) -> Array:
+def _map_scale(flight: Flight) -> Array:
     """Return the scale of the map at every image."""
     factors = pyproj.Proj(pyproj.CRS(CRS)).get_factors(*flight.lonlat.T)
     return np.asarray(factors.meridional_scale, dtype=float)
@@ -431,7 +425,7 @@ def _topocentric(flight: Flight, heights: GridSystem, height: Array) -> Reading:
 
 
 def _scale_at_images(flight: Flight) -> Reading:
-    return _topocentric(flight, flight.altitudes, true_altitudes(flight, map_scale(flight)))
+    return _topocentric(flight, flight.altitudes, true_altitudes(flight, _map_scale(flight)))
 
 
 def _altered(flight: Flight) -> Reading:

@@ -103,17 +103,17 @@ def rise(b: Any, x: Any) -> Any:
     return b[0] * (1 - np.exp(-b[1] * x[0]))
 
 
-def chwirut(b: Any, x: Any) -> Any:
+def _chwirut(b: Any, x: Any) -> Any:
     """Exponential decay over a straight line."""
     return np.exp(-b[0] * x[0]) / (b[1] + b[2] * x[0])
 
 
-def dan_wood(b: Any, x: Any) -> Any:
+def _dan_wood(b: Any, x: Any) -> Any:
     """Power."""
     return b[0] * x[0] ** b[1]
 
 
-def gauss(b: Any, x: Any) -> Any:
+def _gauss(b: Any, x: Any) -> Any:
     """Two bells on an exponential decay."""
     return (
         b[0] * np.exp(-b[1] * x[0])
@@ -122,7 +122,7 @@ def gauss(b: Any, x: Any) -> Any:
     )
 
 
-def kirby(b: Any, x: Any) -> Any:
+def _kirby(b: Any, x: Any) -> Any:
     """Ratio of two parabolas."""
     return (b[0] + b[1] * x[0] + b[2] * x[0] ** 2) / (1 + b[3] * x[0] + b[4] * x[0] ** 2)
 
@@ -132,72 +132,72 @@ def lanczos(b: Any, x: Any) -> Any:
     return sum(b[k] * np.exp(-b[k + 1] * x[0]) for k in (0, 2, 4))
 
 
-def mgh10(b: Any, x: Any) -> Any:
+def _mgh10(b: Any, x: Any) -> Any:
     """Exponential of a hyperbola."""
     return b[0] * np.exp(b[1] / (x[0] + b[2]))
 
 
-def mgh17(b: Any, x: Any) -> Any:
+def _mgh17(b: Any, x: Any) -> Any:
     """Two exponential decays and a constant."""
     return b[0] + b[1] * np.exp(-x[0] * b[3]) + b[2] * np.exp(-x[0] * b[4])
 
 
-def misra1b(b: Any, x: Any) -> Any:
+def _misra1b(b: Any, x: Any) -> Any:
     """Monomolecular adsorption, second form."""
     return b[0] * (1 - (1 + b[1] * x[0] / 2) ** -2)
 
 
-def misra1c(b: Any, x: Any) -> Any:
+def _misra1c(b: Any, x: Any) -> Any:
     """Monomolecular adsorption, third form."""
     return b[0] * (1 - 1 / np.sqrt(1 + 2 * b[1] * x[0]))
 
 
-def misra1d(b: Any, x: Any) -> Any:
+def _misra1d(b: Any, x: Any) -> Any:
     """Monomolecular adsorption, fourth form."""
     return b[0] * b[1] * x[0] / (1 + b[1] * x[0])
 
 
-def nelson(b: Any, x: Any) -> Any:
+def _nelson(b: Any, x: Any) -> Any:
     """Degradation with time and temperature; a model of the logarithm of the response."""
     return b[0] - b[1] * x[0] * np.exp(-b[2] * x[1])
 
 
-def rat42(b: Any, x: Any) -> Any:
+def _rat42(b: Any, x: Any) -> Any:
     """Logistic growth."""
     return b[0] / (1 + np.exp(b[1] - b[2] * x[0]))
 
 
-def rat43(b: Any, x: Any) -> Any:
+def _rat43(b: Any, x: Any) -> Any:
     """Richards' growth."""
     return b[0] / (1 + np.exp(b[1] - b[2] * x[0])) ** (1 / b[3])
 
 
-def roszman(b: Any, x: Any) -> Any:
+def _roszman(b: Any, x: Any) -> Any:
     """Quantum defects."""
     return b[0] - b[1] * x[0] - np.arctan(b[2] / (x[0] - b[3])) / np.pi
 
 
 MODELS: Mapping[str, Model] = {
     "BoxBOD": rise,
-    "Chwirut1": chwirut,
-    "Chwirut2": chwirut,
-    "DanWood": dan_wood,
-    "Gauss1": gauss,
-    "Gauss2": gauss,
-    "Gauss3": gauss,
-    "Kirby2": kirby,
+    "Chwirut1": _chwirut,
+    "Chwirut2": _chwirut,
+    "DanWood": _dan_wood,
+    "Gauss1": _gauss,
+    "Gauss2": _gauss,
+    "Gauss3": _gauss,
+    "Kirby2": _kirby,
     "Lanczos1": lanczos,
     "Lanczos3": lanczos,
-    "MGH10": mgh10,
-    "MGH17": mgh17,
+    "MGH10": _mgh10,
+    "MGH17": _mgh17,
     "Misra1a": rise,
-    "Misra1b": misra1b,
-    "Misra1c": misra1c,
-    "Misra1d": misra1d,
-    "Nelson": nelson,
-    "Rat42": rat42,
-    "Rat43": rat43,
-    "Roszman1": roszman,
+    "Misra1b": _misra1b,
+    "Misra1c": _misra1c,
+    "Misra1d": _misra1d,
+    "Nelson": _nelson,
+    "Rat42": _rat42,
+    "Rat43": _rat43,
+    "Roszman1": _roszman,
 }
 """The twenty data sets and their models."""
 

@@ -163,7 +163,7 @@ def differences(frame: Frame) -> tuple[Array, float]:
     below = grid.lonlat_from_grid(frame.enh[None, :2])[0]
     mapping = MappingFrame(grid=grid, origin=below)
     pose = mapping.pose_from_grid(frame.enh[None], frame.opk[None])[np.zeros(5, dtype=int)]
-    x_m = on_ground(mapping, pose, rays(frame.camera, pose, frame.colrow), frame.ground_m)
+    x_m = _on_ground(mapping, pose, rays(frame.camera, pose, frame.colrow), frame.ground_m)
     given = np.column_stack([frame.lonlat, np.full(5, frame.ground_m)])
     above_m = frame.enh[2] - frame.ground_m
     return (
@@ -172,23 +172,8 @@ def differences(frame: Frame) -> tuple[Array, float]:
     )
 
 
-def on_ground(mapping: MappingFrame, T_m_c: Pose, directions: Array, height_m: float) -> Array:
-    """Return the intersections of rays with the surface of one ellipsoidal height.
-
-    Parameters
-    ----------
-    mapping : MappingFrame
-    T_m_c : Pose
-        One per ray, above the surface.
-    directions : ndarray, shape (n, 3)
-        Directions downwards, mapping axes.
-    height_m : float
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        Mapping frame, m.
-    """
+def _on_ground(mapping: MappingFrame, T_m_c: Pose, directions: Array, height_m: float) -> Array:
+    """Return the intersections of rays with the surface of one ellipsoidal height."""
     x_m = T_m_c.r
     for _ in range(5):  # the steps correct the Earth's curvature, d^2 / 2R, then its slope
         above_m = mapping.to_geographic(x_m)[:, 2] - height_m

@@ -298,19 +298,21 @@ def section(material: Material) -> Text:
     limit = f"w-tests with the critical value {CRITICAL:g}, repeated until none exceeds it"
     chance = f"{limit}; expected: the sum of the probabilities that the test rejects a good one"
     return show(
-        table(test_table(material), TESTS, name="tab-report-tests", obtained=FROM_SUMMARY),
-        weakest_sentence(material),
+        table(_test_table(material), TESTS, name="tab-report-tests", obtained=FROM_SUMMARY),
+        _weakest_sentence(material),
         table(
-            group_table(material), _GROUPS, name="tab-report-groups",
+            _group_table(material), _GROUPS, name="tab-report-groups",
             obtained=f"{FROM_RESIDUALS}; p: summary.json, sigma_tests",
         ),
         table(
-            reliability_table(material), DETECTED, name="tab-report-reliability",
+            _reliability_table(material), DETECTED, name="tab-report-reliability",
             obtained=FROM_RESIDUALS,
         ),
-        table(rejection_table(material), REJECTIONS, name="tab-report-rejections", obtained=chance),
-        rejected_sentence(material),
-        table(rejected_table(material), LARGEST, name="tab-report-rejected", obtained=limit),
+        table(
+            _rejection_table(material), REJECTIONS, name="tab-report-rejections", obtained=chance
+        ),
+        _rejected_sentence(material),
+        table(_rejected_table(material), LARGEST, name="tab-report-rejected", obtained=limit),
     )  # fmt: skip
 
 
@@ -321,7 +323,7 @@ REJECTIONS = "Rejected observations, expected and found"
 LARGEST = "Rejected observations, the largest first"
 
 
-def weakest_sentence(material: Material) -> str:
+def _weakest_sentence(material: Material) -> str:
     """Return what the calibration determines worst, from its summary; empty where not known."""
     entry = material.found.summary.get(material.calibration, {})
     weakest = entry.get("weakest")
@@ -349,7 +351,7 @@ def _unknown(name: str) -> str:
     return Markup(f"{shown(title)} of {shown(camera)}")
 
 
-def test_table(material: Material) -> pd.DataFrame:
+def _test_table(material: Material) -> pd.DataFrame:
     """Return the size and the global test of every adjustment."""
     rows = []
     for name in material.adjustments:
@@ -368,7 +370,7 @@ def test_table(material: Material) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def rejection_table(material: Material) -> pd.DataFrame:
+def _rejection_table(material: Material) -> pd.DataFrame:
     """Return how many observations every adjustment rejected, and how many chance would reject."""
     rows = [
         {
@@ -383,7 +385,7 @@ def rejection_table(material: Material) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def group_table(material: Material) -> pd.DataFrame:
+def _group_table(material: Material) -> pd.DataFrame:
     """Return a priori and a posteriori sigma of every group of observations."""
     rows = [
         {
@@ -401,7 +403,7 @@ def group_table(material: Material) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def reliability_table(material: Material) -> pd.DataFrame:
+def _reliability_table(material: Material) -> pd.DataFrame:
     """Return redundancy numbers and minimal detectable errors of every group."""
     rows = [
         {
@@ -422,7 +424,7 @@ def _short(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def rejected_table(material: Material) -> pd.DataFrame:
+def _rejected_table(material: Material) -> pd.DataFrame:
     """Return the observations rejected as gross errors, the largest first."""
     rows = material.found.rejected
     own = [n for n in ("heads/bundle", material.calibration, validated(material)) if n]
@@ -440,9 +442,9 @@ def rejected_table(material: Material) -> pd.DataFrame:
     )
 
 
-def rejected_sentence(material: Material) -> str:
+def _rejected_sentence(material: Material) -> str:
     """Return a sentence on the number of rejected observations, and of those in the table."""
-    n, n_listed = len(material.found.rejected), len(rejected_table(material))
+    n, n_listed = len(material.found.rejected), len(_rejected_table(material))
     if n == 0:
         return "Nothing was rejected."
     return (

@@ -199,7 +199,7 @@ def converged(material: Material) -> Iterator[Finding]:
 
 def contradictions(material: Material) -> Iterator[Finding]:
     """Tell whether a part of a group that is too large contradicts the others."""
-    lines = _stopped(material, tested_on(material))
+    lines = _stopped(material, _tested_on(material))
     for name in material.decisive:
         lines += [f"{name}: {said}" for said in _rejected_away(material, name)]
     question = "Observations agree with each other"
@@ -210,7 +210,7 @@ def contradictions(material: Material) -> Iterator[Finding]:
         yield Finding(question=question, state=HOLDS, answer=answer)
 
 
-def tested_on(material: Material) -> list[str]:
+def _tested_on(material: Material) -> list[str]:
     """Return the names of what is certified: the decisive adjustments and their validation."""
     names = (*material.decisive, validated(material))
     return [name for name in names if name in material.found.summary]
@@ -262,7 +262,7 @@ def _open(material: Material, name: str) -> list[str]:
 
 def other_methods(material: Material) -> Iterator[Finding]:
     """Say what methods leave open that are not certified."""
-    own = tested_on(material)
+    own = _tested_on(material)
     others = [name for name in material.found.summary if name not in own]
     lines = [line for name in others for line in _open(material, name)]
     lines += _stopped(material, others)
@@ -380,7 +380,7 @@ def apart(material: Material) -> Iterator[Finding]:
 def gross_errors(material: Material) -> Iterator[Finding]:
     """Compare number and size of the rejected observations with what chance rejects."""
     question = "Gross errors"
-    entries = [material.found.summary[name] for name in tested_on(material)]
+    entries = [material.found.summary[name] for name in _tested_on(material)]
     entries = [entry for entry in entries if entry.get("n_rejected") is not None]
     if not entries:
         return
@@ -422,7 +422,7 @@ def _rejected(material: Material) -> tuple[float, int]:
 
     One error may take out several rays of its point, which control each other.
     """
-    methods = ["/".join(name.split("/")[:2]) for name in tested_on(material)]
+    methods = ["/".join(name.split("/")[:2]) for name in _tested_on(material)]
     found = [rows(material.found, "rejected", method) for method in dict.fromkeys(methods)]
     out = pd.concat(found) if found else pd.DataFrame()
     if out.empty:

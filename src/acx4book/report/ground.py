@@ -33,8 +33,8 @@ def check_points_section(material: Material) -> Text:
     """Return the section on the differences at check points, and the classes reached."""
     name, told = "tab-report-classes", "the differences of the calibration, by the standards named"
     return show(
-        table(check_table(material), DIFFERENCES, name="tab-report-check", obtained=FROM_POINTS),
-        table(class_table(material), "Accuracy classes reached", name=name, obtained=told),
+        table(_check_table(material), DIFFERENCES, name="tab-report-check", obtained=FROM_POINTS),
+        table(_class_table(material), "Accuracy classes reached", name=name, obtained=told),
     )
 
 
@@ -45,7 +45,7 @@ FROM_POINTS = (
 )
 
 
-def check_table(material: Material) -> pd.DataFrame:
+def _check_table(material: Material) -> pd.DataFrame:
     """Return statistics of the differences at check points, by method and axis."""
     rows = []
     found = material.found.check_points
@@ -77,7 +77,7 @@ def _mean_sigma(material: Material, stage_method: str) -> Array:
     return np.array([np.nan] * 3 if found is None else found, dtype=float)
 
 
-def class_table(material: Material) -> pd.DataFrame:
+def _class_table(material: Material) -> pd.DataFrame:
     """Return the accuracy classes that the validation reaches."""
     entry = material.found.summary.get(validated(material), {})
     points = entry.get("points")

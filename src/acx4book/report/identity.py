@@ -203,7 +203,9 @@ def identity(material: Material) -> Text:
 def method_and_data(material: Material) -> Text:
     """Return the section on the method and on the data that it used."""
     name, caption = "tab-report-data", "The blocks, with σ a priori"
-    return show(method(material), table(data_table(material), caption, name=name, obtained=COUNTED))
+    return show(
+        method(material), table(_data_table(material), caption, name=name, obtained=COUNTED)
+    )
 
 
 READ = "SHA-256 of every table as it was read; the results folder keeps copies of them"
@@ -345,7 +347,7 @@ def mapped(material: Material) -> tuple[Block, ...]:
     return tuple(used or blocks.values())
 
 
-def data_table(material: Material) -> pd.DataFrame:
+def _data_table(material: Material) -> pd.DataFrame:
     """Return the content of every block and its standard deviations, a column per block."""
     columns = {name: _of_block(block) for name, block in material.flight.blocks.items()}
     table = pd.DataFrame(columns)

@@ -101,7 +101,7 @@ def _inline(state: StateInline, silent: bool) -> bool:
         if not silent:
             token = state.push("acx4", "", 0)
             token.content = (
-                mathematics(found[1])
+                _mathematics(found[1])
                 if pattern is MATH
                 else _reference(found[1], found[2], state.env["document"])
             )
@@ -116,7 +116,7 @@ def _reference(role: str, target: str, document: Document) -> str:
     return html.escape(document.numbers.get(target, target))
 
 
-def mathematics(source: str) -> str:
+def _mathematics(source: str) -> str:
     """Return simple TeX as HTML: letters in italics, Greek letters, subscripts and superscripts."""
     text = re.sub(r"\\([A-Za-z]+) ?", lambda m: GREEK.get(m[1], m[1]), source)
     text = text.replace("-", "\N{MINUS SIGN}")

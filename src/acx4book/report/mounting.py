@@ -90,7 +90,7 @@ def lever_sentence(material: Material) -> str:
 def section(material: Material) -> Text:
     """Return the section on the mounting, with the tests of the boresight over time."""
     heads = head_table(material, "heads/relative_orientation")
-    turns = turn_table(turns_of(material))
+    turns = _turn_table(turns_of(material))
     return show(
         lever_sentence(material)
         or table(lever_table(material), LEVERS, name="tab-report-lever", obtained=SURVEYED),
@@ -115,7 +115,7 @@ TURNED = (
 )
 
 
-def turn_table(tested: Sequence[Turns]) -> pd.DataFrame:
+def _turn_table(tested: Sequence[Turns]) -> pd.DataFrame:
     """Return how far the boresight turned in every strip and over time, with the tests."""
     rows = [
         {

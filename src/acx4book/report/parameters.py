@@ -45,8 +45,8 @@ def image_section(material: Material) -> Text:
     found = shown_lenses(material)
     told = "the estimated coefficients, eqs (7) to (11); σ from their covariance matrix"
     return show(
-        table(balanced_table(found), BALANCED, name="tab-report-balanced", obtained=FROM_RADIAL),
-        table(distortion_table(material), DISTORTION, name="tab-report-distortion", obtained=told),
+        table(_balanced_table(found), BALANCED, name="tab-report-balanced", obtained=FROM_RADIAL),
+        table(_distortion_table(material), DISTORTION, name="tab-report-distortion", obtained=told),
         table(corner_table(material), CORNERS, name="tab-report-corners", obtained=FORMAT),
     )
 
@@ -58,7 +58,7 @@ CORNERS = "Corners of the images: centres of the corner pixels"
 FORMAT = "the numbers of pixels and their size, as flight.toml states them"
 
 
-def balanced_table(found: Sequence[Lens]) -> pd.DataFrame:
+def _balanced_table(found: Sequence[Lens]) -> pd.DataFrame:
     """Return the calibrated and the balanced focal length of every lens."""
     rows = [
         {
@@ -96,10 +96,10 @@ def profile(lens: Lens) -> pd.DataFrame:
     """
     step = style.round_length(lens.radius / 4)
     at = np.append(np.arange(step, lens.radius - step / 4, step), lens.radius)
-    return profile_at(lens, balanced(lens), at)
+    return _profile_at(lens, balanced(lens), at)
 
 
-def profile_at(lens: Lens, balance: Balanced, radius: np.ndarray) -> pd.DataFrame:
+def _profile_at(lens: Lens, balance: Balanced, radius: np.ndarray) -> pd.DataFrame:
     """Return the distortion at distances from the principal point, mm, as `profile` does."""
     d, scale = radial(lens.interior, radius), balance.f / lens.interior.f
     return pd.DataFrame(
@@ -114,7 +114,7 @@ def profile_at(lens: Lens, balance: Balanced, radius: np.ndarray) -> pd.DataFram
     )
 
 
-def distortion_table(material: Material) -> pd.DataFrame:
+def _distortion_table(material: Material) -> pd.DataFrame:
     """Return the distortion of every lens at round distances from the principal point."""
     found = shown_lenses(material)
     rows = [
@@ -218,7 +218,7 @@ def _curves(ax: Axes, found: Sequence[Lens]) -> None:
     """Draw the radial distortion with both focal lengths, and its standard deviation."""
     for i, lens in enumerate(found):
         at = np.linspace(0.0, lens.radius, 101)
-        told = profile_at(lens, balanced(lens), at)
+        told = _profile_at(lens, balanced(lens), at)
         colour = style.colour(i)
         band = 3 * told["sigma_um"]
         ax.fill_between(
@@ -402,7 +402,7 @@ def _extremes(k: Array, slope: float) -> tuple[Array, Array]:
 
 def section(material: Material) -> Text:
     """Return the section on the estimates: tests, methods, correlations."""
-    matrices = correlation_tables(material)
+    matrices = _correlation_tables(material)
     return show(
         table(parameter_table(material), SINGLE, name="tab-report-parameters", obtained=ROWS),
         heads_sentence(material),
@@ -430,7 +430,7 @@ SIGNIFICANT = {True: "yes", False: "no", None: "–"}
 """Of a parameter beside a declared value nothing is said here: the verdict does."""
 
 
-def correlation_tables(material: Material) -> dict[str, pd.DataFrame]:
+def _correlation_tables(material: Material) -> dict[str, pd.DataFrame]:
     """Return the full correlation matrix of every camera's parameters, by the camera's name."""
     if not material.calibration:
         return {}

@@ -101,7 +101,7 @@ def grade(
 
     for one in given:
         try:
-            marks.append(marked(one, key, partial(others, one)))
+            marks.append(_marked(one, key, partial(others, one)))
             shown(marks[-1])
         except (Acx4Error, OSError, ValueError) as error:
             unread.append(_not_graded(one.path, error))
@@ -116,18 +116,10 @@ def _not_graded(path: Path, error: Exception) -> str:
     return f"{path}: not graded: {first.removeprefix(f'{path}: ')}{also}"
 
 
-def marked(
+def _marked(
     given: handed_in.HandedIn, key: bytes, others: Callable[[], dict[str, Rights]] = dict
 ) -> Marks:
-    """Return the marks of one student on one sheet; the flight is made again.
-
-    Parameters
-    ----------
-    given : HandedIn
-    key : bytes
-    others : callable, optional
-        Returns the right answers of other students to the sheet, by their names.
-    """
+    """Return the marks of one student on one sheet; the flight is made again."""
     sheet = sheet_of(given.sheet)
     case = flights.case_of(flights.flight_of(sheet, given.student, key))
     verdicts = tuple(graded(sheet, case, given.answers, others))
@@ -137,7 +129,7 @@ def marked(
 # --- totals ----------------------------------------------------------------------------------
 
 
-def totals(found: Class) -> dict[str, dict[str, Marks]]:
+def _totals(found: Class) -> dict[str, dict[str, Marks]]:
     """Return the marks that count of every student, by sheet: of several on one the best."""
     by_student: dict[str, dict[str, Marks]] = {}
     shown: dict[str, str] = {}
@@ -151,7 +143,7 @@ def totals(found: Class) -> dict[str, dict[str, Marks]]:
 
 def total_lines(found: Class) -> Iterator[str]:
     """Yield the points of every student on all sheets together; none where all have one."""
-    of = totals(found)
+    of = _totals(found)
     if all(len(best) == 1 for best in of.values()):
         return
     for name, best in of.items():
@@ -161,7 +153,7 @@ def total_lines(found: Class) -> Iterator[str]:
 
 def totals_text(found: Class) -> str:
     """Return the totals as CSV: a row for every student, a column for every sheet."""
-    of = totals(found)
+    of = _totals(found)
     sheets = sorted({sheet for best in of.values() for sheet in best})
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")

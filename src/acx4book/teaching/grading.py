@@ -93,14 +93,14 @@ def graded(
     }
     wrong_sigma = {n: s for n, s in sigmas.items() if not _sigma_is_right(s, right[n])}
     mistakes = [*sheet.mistakes(case, right)] if wrong or wrong_sigma else []
-    copied = [*copies(sheet, wrong, others())] if wrong else []
+    copied = [*_copies(sheet, wrong, others())] if wrong else []
     units = {q.name: q.unit for q in sheet.questions}
-    in_units = in_other_units(wrong, right, units)
+    in_units = _in_other_units(wrong, right, units)
     why = {
         name: in_units.get(name, says) if says == UNEXPLAINED else says
         for name, says in explained(wrong, right, [*copied, *mistakes]).items()
     }
-    why_sigma = explained_sigma(wrong_sigma, right, [*copied, *mistakes], units)
+    why_sigma = _explained_sigma(wrong_sigma, right, [*copied, *mistakes], units)
     return [
         _verdict(q, answers.get(q.name), right[q.name], why, why_sigma) for q in sheet.questions
     ]
@@ -179,7 +179,7 @@ def explained(
     return {name: said.get(name, UNEXPLAINED) for name in wrong}
 
 
-def in_other_units(
+def _in_other_units(
     wrong: Mapping[str, float], right: Rights, units: Mapping[str, str]
 ) -> dict[str, str]:
     """Return for every wrong answer that is right in another unit which one this is."""
@@ -192,21 +192,13 @@ def in_other_units(
     return said
 
 
-def copies(
+def _copies(
     sheet: Sheet, wrong: Mapping[str, float], others: Mapping[str, Rights]
 ) -> Iterator[Mistake]:
     """Yield the answers for another student's flight, where wrong ones are these.
 
     That it is no chance, at least `COPIED` of them agree to the last digit, or all, if they are
     two, and most of all. Numbers of few digits tell nothing.
-
-    Parameters
-    ----------
-    sheet : Sheet
-    wrong : mapping of str to float
-        Wrong answers by question.
-    others : mapping of str to mapping
-        Right answers by student.
     """
     digits = {q.name: q.digits for q in sheet.questions}
     last = {name: 10.0 ** -digits[name] for name in wrong}
@@ -242,23 +234,13 @@ def _rank(fit: Mapping[str, float]) -> tuple[int, float]:
     return len(fit), -float(np.mean([*fit.values()])) if fit else 0.0
 
 
-def explained_sigma(
+def _explained_sigma(
     wrong: Mapping[str, float],
     right: Rights,
     mistakes: Iterable[Mistake],
     units: Mapping[str, str],
 ) -> dict[str, str]:
-    """Return for every wrong standard deviation which mistake it is, or by what factor it is off.
-
-    Parameters
-    ----------
-    wrong : mapping of str to float
-        Wrong standard deviations by question.
-    right : mapping of str to Right
-    mistakes : iterable of Mistake
-    units : mapping of str to str
-        In which they are asked for.
-    """
+    """Return for each wrong standard deviation its mistake, or by what factor it is off."""
     said = {name: _factor(sigma, right[name], units[name]) for name, sigma in wrong.items()}
     nearest = dict.fromkeys(wrong, ALIKE)
     for mistake in mistakes:

@@ -129,7 +129,7 @@ def read(path: Path) -> HandedIn:
 
 def _of_answers(path: Path) -> HandedIn:
     table = _table(path, _ANSWERS, as_written=_with_points)
-    named = {(students_name(s), sheet) for s, sheet in zip(*_columns(table, 2), strict=True)}
+    named = {(_students_name(s), sheet) for s, sheet in zip(*_columns(table, 2), strict=True)}
     if len(named) != 1:
         raise FlightError([f"{path}: must be the answers of one student to one sheet"])
     ((student, sheet),) = named
@@ -201,7 +201,7 @@ def _with_point(cell: str) -> str:
     return re.sub(r"^\s*-", "\u2212", cell)
 
 
-def students_name(text: str) -> str:
+def _students_name(text: str) -> str:
     """Return a student's name; FlightError where it is none."""
     try:
         return students.shown_name(text)
@@ -219,7 +219,7 @@ def _of_run(folder: Path) -> HandedIn:
     except ValueError as error:
         raise FlightError([f"{folder}: {error}"]) from None
     return HandedIn(
-        path=folder, student=students_name(student), sheet=sheet, answers=_estimates(table)
+        path=folder, student=_students_name(student), sheet=sheet, answers=_estimates(table)
     )
 
 
@@ -275,11 +275,11 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
         folder.mkdir(exist_ok=True)
         for file, content in sheet.hand_out(case).items():
             whole_files.write(folder / file, content)
-    whole_files.write(folder / README, readme(sheet, name, sheet.given(case)))
+    whole_files.write(folder / README, _readme(sheet, name, sheet.given(case)))
     whole_files.write(folder / ANSWERS, answers(sheet, name))
 
 
-def readme(sheet: Sheet, student: str, given: Sequence[str]) -> str:
+def _readme(sheet: Sheet, student: str, given: Sequence[str]) -> str:
     """Return what a student is told of the own flight, as Markdown."""
     asked = "\n".join(
         f"| {q.name} | {q.asks} | {q.unit or '-'} | {q.digits}{' and σ' if q.with_sigma else ''} |"

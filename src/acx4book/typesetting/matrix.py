@@ -190,7 +190,7 @@ def field_figure(fields: Mapping[str, Residuals]) -> Figure:
     fields : mapping of str to Residuals
         By the title of the panel; at least one.
     """
-    means = {name: cell_means(field) for name, field in fields.items()}
+    means = {name: _cell_means(field) for name, field in fields.items()}
     longest = max(float(np.hypot(*d.T).max(initial=0.0)) for _, d, _ in means.values())
     key = style.round_length(max(longest, 1e-6))
     n_columns = min(2, len(fields))
@@ -216,7 +216,7 @@ def field_figure(fields: Mapping[str, Residuals]) -> Figure:
     return fig
 
 
-def cell_means(field: Residuals) -> tuple[Array, Array, Array]:
+def _cell_means(field: Residuals) -> tuple[Array, Array, Array]:
     """Return middles of cells (px), mean residuals (px), and their lengths in sigma."""
     camera, v, sigma = field.camera, field.v, field.sigma_px
     size = max(camera.width_px, camera.height_px) / CELLS

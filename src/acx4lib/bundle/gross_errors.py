@@ -124,9 +124,9 @@ def adjust_rejecting(
     if not callable(set_up):
         msg = f"set_up: expected a function of a block, got {expected.given(set_up)}"
         raise ValueError(msg)
-    network, absurd = without_absurd_control(block, set_up)
+    network, absurd = _without_absurd_control(block, set_up)
     observed = observations(network)
-    test = partial(judge, w_limits if sigma0 == "known" else tau_limits, critical)
+    test = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
     bundle, search = _first(network, _nothing_out(len(observed.kind)), test)
     verdict = test(bundle, search.out)
     for _ in range(MOST_ROUNDS):
@@ -136,11 +136,11 @@ def adjust_rejecting(
             break
         bundle, search = _following(network, bundle.state, search, following)
         verdict = test(bundle, search.out)
-    found = (*tested(block, bundle, absurd), *_rejections(search, observed, verdict))
+    found = (*_tested(block, bundle, absurd), *_rejections(search, observed, verdict))
     if not found:
         return bundle
     kept, stopped = within_limits(block, network.rows, found)
-    mixed = exchanges(block, set_up, bundle, found, partial(_failed, test))
+    mixed = _exchanges(block, set_up, bundle, found, partial(_failed, test))
     best = _without(block, set_up, bundle, kept, stopped)
     return replace(best, rejected=kept, stopped=stopped, exchanged=mixed)
 
@@ -208,7 +208,7 @@ def _without(
 
 def _adjust_without(network: Network, out: Mask, state: State) -> Bundle:
     """Adjust without the effect of some observations; their predictions are still computed."""
-    factors = by_group(network, np.where(out, OUT, 1.0))
+    factors = _by_group(network, np.where(out, OUT, 1.0))
     return adjust(reweighted(network, factors).beginning_at(state))
 
 
@@ -219,7 +219,7 @@ def _misfits(network: Network, state: State) -> Array:
 
 def _misfits_after(bundle: Bundle, out: Mask) -> Array:
     """Return the same after an adjustment with `OUT` times the sigma of rejected observations."""
-    factors = by_group(bundle.network, np.where(out, OUT, 1.0))
+    factors = _by_group(bundle.network, np.where(out, OUT, 1.0))
     groups = zip(bundle.solution.groups[: len(KINDS)], factors, strict=True)
     return _shares_of_spread([(group.v, group.sigma / factor) for group, factor in groups])
 
@@ -359,7 +359,7 @@ def observations(network: Network) -> Observations:
     return Observations(kind=kind, row=row, component=component, point=point, pose=pose)
 
 
-def by_group(network: Network, values: NDArray[T]) -> list[NDArray[T]]:
+def _by_group(network: Network, values: NDArray[T]) -> list[NDArray[T]]:
     """Return values of the observations as columns, to be broadcast to the network's groups."""
     n, k = len(network.rows), int(np.sum(~network.held_control))
     n_poses = len(network.pose_names)
@@ -401,21 +401,9 @@ class Verdict:
 Limits = Callable[[Sequence[Group], Sequence[Mask], float], list[float]]
 
 
-def judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> Verdict:
-    """Test every observation, used or rejected.
-
-    Parameters
-    ----------
-    limits : callable
-        `w_test.w_limits` or `w_test.tau_limits`.
-    critical : float
-        Critical value of a normal variable.
-    bundle : Bundle
-        Adjusted with a factor `w_test.OUT` on the sigma of rejected observations.
-    out : ndarray, shape (n,)
-        Which are rejected.
-    """
-    groups, outs = bundle.solution.groups[: len(KINDS)], by_group(bundle.network, out)
+def _judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> Verdict:
+    """Test every observation, used or rejected."""
+    groups, outs = bundle.solution.groups[: len(KINDS)], _by_group(bundle.network, out)
     tested = [statistics(group, mask) for group, mask in zip(groups, outs, strict=True)]
     limit = [
         np.full(group.v.shape, value)
@@ -474,23 +462,10 @@ ENOUGH = 3
 """Number of other points that must remain; fewer do not orient a block."""
 
 
-def without_absurd_control(
+def _without_absurd_control(
     block: Block, set_up: Callable[[Block], Network]
 ) -> tuple[Network, Index]:
-    """Return the network of a block without the control points far from all of their rays.
-
-    Parameters
-    ----------
-    block : Block
-    set_up : callable
-        Makes the network of a block.
-
-    Returns
-    -------
-    network : Network
-    rows : ndarray of int
-        Rows of these points in the control of the given block.
-    """
+    """Return the network of a block without the control points far from all of their rays."""
     network = set_up(block)
     rows = _absurd(network, set_up)
     if len(rows):
@@ -540,19 +515,8 @@ def unlike(misfits: Array) -> Mask:
     return out if few and n_all - n >= ENOUGH else np.zeros_like(out)
 
 
-def tested(block: Block, bundle: Bundle, rows: Index) -> tuple[Rejection, ...]:
-    """Return the rejections of absurd control, with the largest w of each if it were put back.
-
-    Parameters
-    ----------
-    block : Block
-        The block with these control points.
-    bundle : Bundle
-        Adjusted without them. A point with too few rays has its approximate coordinates, and they
-        count as known.
-    rows : ndarray of int
-        Rows of the block's control.
-    """
+def _tested(block: Block, bundle: Bundle, rows: Index) -> tuple[Rejection, ...]:
+    """Return the rejections of absurd control, with the largest w of each if it were put back."""
     control = block.control[rows]
     estimated = bundle.state.x_m[control.point_idx]
     d = np.einsum("nij,nj->ni", control.R_g_m, estimated - control.x_m)
@@ -608,28 +572,14 @@ NEARER = 0.3
 """Share of its own misfit within which each of a pair lies by the other's name."""
 
 
-def exchanges(
+def _exchanges(
     block: Block,
     set_up: Callable[[Block], Network],
     bundle: Bundle,
     rejected: Sequence[Rejection],
     failed: Callable[[Bundle], AbstractSet[tuple[str, int]]],
 ) -> tuple[Exchange, ...]:
-    """Return the pairs among rejected observations that were exchanged.
-
-    Parameters
-    ----------
-    block : Block
-        With all observations.
-    set_up : callable
-        Makes the network of a block.
-    bundle : Bundle
-        Adjusted without the effect of the rejected ones.
-    rejected : sequence of Rejection
-        All that the tests would reject.
-    failed : callable
-        Kinds and rows of the observations that fail their tests in another bundle of the block.
-    """
+    """Return the pairs among rejected observations that were exchanged."""
     candidates = [*_exposures(block, bundle, rejected), *_control(block, bundle, rejected)]
     if not candidates:
         return ()

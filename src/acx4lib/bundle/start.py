@@ -45,21 +45,9 @@ CHUNK = 1 << 18
 # --- points ----------------------------------------------------------------------------------
 
 
-def sight(block: Block, T_m_c: Pose, points: ImagePoints) -> tuple[Array, Array]:
-    """Return the start points of rays, m, and their unit vectors, mapping frame.
-
-    Parameters
-    ----------
-    block : Block
-    T_m_c : Pose
-        One per image.
-    points : ImagePoints
-
-    Returns
-    -------
-    origins, directions : ndarray, shape (n, 3)
-    """
-    out = camera_rays(block.cameras, block.images.camera_idx[points.image_idx], points.colrow)
+def _sight(block: Block, T_m_c: Pose, points: ImagePoints) -> tuple[Array, Array]:
+    """Return the start points of rays, m, and their unit vectors, mapping frame."""
+    out = _camera_rays(block.cameras, block.images.camera_idx[points.image_idx], points.colrow)
     for start in range(0, len(out), CHUNK):
         part = slice(start, start + CHUNK)
         out[part] = transform(T_m_c.R[points.image_idx[part]], out[part])
@@ -86,7 +74,7 @@ def start_points(block: Block, T_m_c: Pose, rows: Index) -> tuple[Array, Array]:
         Radians.
     """
     points = block.image_points[rows]
-    origins, directions = sight(block, T_m_c, points)
+    origins, directions = _sight(block, T_m_c, points)
     x_m = _met(origins, directions, points.point_idx, len(block.points))
     return x_m, largest_angles(directions, points.point_idx, len(block.points))
 
@@ -140,8 +128,8 @@ def recovered(network: Network) -> State:
     .. [1] W. Kabsch, "A solution for the best rotation to relate two sets of vectors", Acta
        Crystallographica A32, 1976.
     """
-    seen = seen_by(network, network.start, network.image_points)
-    surveyed = with_surveyed(network, np.full_like(network.start.x_m, np.nan))
+    seen = _seen_by(network, network.start, network.image_points)
+    surveyed = _with_surveyed(network, np.full_like(network.start.x_m, np.nan))
     each = np.arange(len(network.pose_names))
     state = _turned_alike(seen, surveyed)
     for _ in range(ROUNDS):
@@ -150,7 +138,7 @@ def recovered(network: Network) -> State:
     for _ in range(ROUNDS):
         x_m = _intersected(seen, state, weights)
         state = _turned(seen, state, x_m, each)
-        weights = NEAR / np.maximum(chords(seen, state, x_m), NEAR)
+        weights = NEAR / np.maximum(_chords(seen, state, x_m), NEAR)
     return replace(state, x_m=_intersected(seen, state, weights))
 
 
@@ -164,8 +152,8 @@ def turned_alike(network: Network) -> State:
     network : Network
     """
     rows = np.isin(network.image_points.point_idx, network.control.point_idx)
-    seen = seen_by(network, network.start, network.image_points[rows])
-    return _turned_alike(seen, with_surveyed(network, np.full_like(network.start.x_m, np.nan)))
+    seen = _seen_by(network, network.start, network.image_points[rows])
+    return _turned_alike(seen, _with_surveyed(network, np.full_like(network.start.x_m, np.nan)))
 
 
 def _turned_alike(seen: Seen, surveyed: Array) -> State:
@@ -182,21 +170,21 @@ def _intersected(seen: Seen, state: State, weights: Array) -> Array:
     T_m_c = camera_poses(seen.network, state)[seen.points.image_idx]
     directions = transform(T_m_c.R, seen.ray_c)
     x_m = _met(T_m_c.r, directions, seen.points.point_idx, len(state.x_m), weights)
-    return with_surveyed(seen.network, x_m)
+    return _with_surveyed(seen.network, x_m)
 
 
 def _turned(seen: Seen, state: State, x_m: Array, pose_group: Index) -> State:
     """Turn free mountings, and groups of poses whose attitude is neither observed nor held."""
     network = seen.network
     if np.all(network.layout.mount[:, 3:] >= 0):
-        to = towards(seen, state, x_m)
+        to = _towards(seen, state, x_m)
         Q = _rotations(to, seen.ray_c, seen.camera, len(network.layout.mount))
         state = replace(state, T_b_c=Pose(R=state.T_b_c.R @ Q, r=state.T_b_c.r))
     unobserved = np.all(np.isinf(network.observed.sigma_attitude), axis=1)
     unobserved &= np.any(network.layout.pose[:, 3:] >= 0, axis=1)  # the others are held
     if unobserved.any():
         R_b_c = state.T_b_c.R[seen.camera]
-        to, ray = transform(R_b_c, towards(seen, state, x_m)), transform(R_b_c, seen.ray_c)
+        to, ray = transform(R_b_c, _towards(seen, state, x_m)), transform(R_b_c, seen.ray_c)
         Q = _rotations(to, ray, pose_group[seen.pose], int(pose_group.max()) + 1)[pose_group]
         Q[~unobserved] = np.eye(3)
         state = replace(state, T_m_b=Pose(R=state.T_m_b.R @ Q, r=state.T_m_b.r))
@@ -514,7 +502,7 @@ MOST_NAMED = 3
 """Largest number of images, points or measurements that a message names."""
 
 
-def camera_rays(cameras: Sequence[Camera], camera_idx: Index, colrow: Array) -> Array:
+def _camera_rays(cameras: Sequence[Camera], camera_idx: Index, colrow: Array) -> Array:
     """Return the unit vectors of measured rays in the axes of their cameras, shape (n, 3)."""
     own_axes = Pose(R=np.eye(3), r=np.zeros(3))
     out = np.empty((len(colrow), 3))
@@ -524,7 +512,7 @@ def camera_rays(cameras: Sequence[Camera], camera_idx: Index, colrow: Array) -> 
     return out
 
 
-def misfits(network: Network, state: State) -> Array:
+def _misfits(network: Network, state: State) -> Array:
     """Return the median angle of each image's rays and points, radians, shape (n_images,).
 
     From a sample of the measurements; infinite where points have no coordinates.
@@ -532,27 +520,27 @@ def misfits(network: Network, state: State) -> Array:
     n_images = len(network.block.images)
     step = 1 + len(network.image_points) // (SAMPLE * n_images)
     some = np.arange(0, len(network.image_points), step)
-    seen = seen_by(network, state, network.image_points[some])
+    seen = _seen_by(network, state, network.image_points[some])
     return medians(_angles(seen, state), seen.points.image_idx, n_images)
 
 
 def far_off(network: Network, state: State, *, limit: float = FAR_OFF) -> Mask:
     """Tell which images miss their points by more than a limit, radians."""
-    return misfits(network, state) > limit
+    return _misfits(network, state) > limit
 
 
 def control_misfits(network: Network, state: State) -> Array:
     """Return the median angles of surveyed control points and their rays, radians, shape (k,)."""
     rows = np.isin(network.image_points.point_idx, network.control.point_idx)
-    seen = seen_by(network, state, network.image_points[rows])
-    angles = _angles(seen, replace(state, x_m=with_surveyed(network, state.x_m)))
+    seen = _seen_by(network, state, network.image_points[rows])
+    angles = _angles(seen, replace(state, x_m=_with_surveyed(network, state.x_m)))
     return medians(angles, seen.points.point_idx, network.n_points)[network.control.point_idx]
 
 
 def in_front(network: Network, state: State) -> bool:
     """Tell whether all points are in front of the cameras that measure them."""
-    seen = seen_by(network, state, network.image_points)
-    return bool(np.all(towards(seen, state, state.x_m)[:, 2] < 0))
+    seen = _seen_by(network, state, network.image_points)
+    return bool(np.all(_towards(seen, state, state.x_m)[:, 2] < 0))
 
 
 def suspects(network: Network, state: State) -> str:
@@ -571,8 +559,8 @@ def suspects(network: Network, state: State) -> str:
         Begins with a semicolon; empty where there are none.
     """
     block, points = network.block, network.image_points
-    state = replace(state, x_m=with_surveyed(network, state.x_m))
-    angles = _angles(seen_by(network, state, points), state)
+    state = replace(state, x_m=_with_surveyed(network, state.x_m))
+    angles = _angles(_seen_by(network, state, points), state)
     parts = []
     for what, names, group in (
         ("images", block.images.names, points.image_idx),
@@ -606,10 +594,10 @@ def _wrong_rays(network: Network, off_deg: Array) -> str:
 
 def _angles(seen: Seen, state: State) -> Array:
     """Return angles between rays and directions to points, radians; NaN for unknown points."""
-    return 2 * np.arcsin(np.minimum(chords(seen, state, state.x_m) / 2, 1.0))
+    return 2 * np.arcsin(np.minimum(_chords(seen, state, state.x_m) / 2, 1.0))
 
 
-def with_surveyed(network: Network, x_m: Array) -> Array:
+def _with_surveyed(network: Network, x_m: Array) -> Array:
     """Return coordinates of points (n, 3), those of control points replaced by surveyed ones."""
     out = x_m.copy()
     out[network.control.point_idx] = network.control.x_m
@@ -636,14 +624,14 @@ class Seen:
     pose: Index
 
 
-def seen_by(network: Network, state: State, points: ImagePoints) -> Seen:
+def _seen_by(network: Network, state: State, points: ImagePoints) -> Seen:
     """Return measurements with their rays through the cameras of a state."""
     cameras = with_estimates(network.block.cameras, state)
     camera = network.block.images.camera_idx[points.image_idx]
     return Seen(
         network=network,
         points=points,
-        ray_c=camera_rays(cameras, camera, points.colrow),
+        ray_c=_camera_rays(cameras, camera, points.colrow),
         camera=camera,
         pose=network.pose_idx[points.image_idx],
     )
@@ -657,16 +645,16 @@ def with_estimates(cameras: Sequence[Camera], state: State) -> tuple[Camera, ...
     )
 
 
-def towards(seen: Seen, state: State, x_m: Array) -> Array:
+def _towards(seen: Seen, state: State, x_m: Array) -> Array:
     """Return unit vectors from the cameras to the points, in camera axes, shape (n, 3)."""
     T_m_c = camera_poses(seen.network, state)[seen.points.image_idx]
     ahead = np.einsum("nji,nj->ni", T_m_c.R, x_m[seen.points.point_idx] - T_m_c.r)
     return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
 
-def chords(seen: Seen, state: State, x_m: Array) -> Array:
+def _chords(seen: Seen, state: State, x_m: Array) -> Array:
     """Return the chords between the unit vectors of rays and of directions to points, (n,)."""
-    return np.linalg.norm(towards(seen, state, x_m) - seen.ray_c, axis=1)
+    return np.linalg.norm(_towards(seen, state, x_m) - seen.ray_c, axis=1)
 
 
 # --- Poses of exposures whose trajectory is not known: resections from control points

@@ -370,7 +370,7 @@ def detectable(bundle: Bundle) -> tuple[Detectable, ...]:
 
 
 def _components(bundle: Bundle) -> Iterator[Detectable]:
-    columns = shared_columns(bundle)
+    columns = _shared_columns(bundle)
     names = bundle.network.column_names()
     effects = parameter_effects(bundle, columns)
     for group, effect in zip(bundle.solution.groups, effects, strict=True):
@@ -390,7 +390,7 @@ def _components(bundle: Bundle) -> Iterator[Detectable]:
                 )
 
 
-def shared_columns(bundle: Bundle) -> Index:
+def _shared_columns(bundle: Bundle) -> Index:
     """Return the columns of interior orientations and mountings, which images share."""
     layout = bundle.network.layout
     columns = np.concatenate([layout.interior.ravel(), layout.mount.ravel()])

@@ -324,7 +324,7 @@ def _two_step(
     method: str, bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
 ) -> Mounting:
     """Return the second step of a method whose bundle is the first."""
-    calibration, per_image, entering = averaged(bundle, free=free, estimated=estimated)
+    calibration, per_image, entering = _averaged(bundle, free=free, estimated=estimated)
     return Mounting(
         method=method,
         calibration=calibration,
@@ -337,33 +337,13 @@ def _two_step(
 # --- The second of two steps: mountings of single images, averaged, eqs (12) and (13)
 
 
-def averaged(
+def _averaged(
     bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
 ) -> tuple[Calibration, Pose, Mask]:
     """Average the mountings of all images, camera by camera, and propagate their covariance.
 
     Images have the weights that they have by themselves; the covariance of the mean holds for
     errors of the trajectory that change slowly, too.
-
-    Parameters
-    ----------
-    bundle : Bundle
-        An adjustment with free exterior orientations.
-    free, estimated : sequence of str
-        Interior parameters that the bundle estimated, and parts of the mounting to estimate.
-
-    Returns
-    -------
-    calibration : Calibration
-    per_image : Pose
-        The mounting T_b_c of every image.
-    entering : ndarray, shape (n_images,)
-        Which images entered the mean.
-
-    Raises
-    ------
-    AdjustmentError
-        Where a camera has no image that both bundle and trajectory orient.
     """
     block = bundle.network.block
     T_b_c = mountings_per_image(bundle)

@@ -107,27 +107,13 @@ def _plausible(found: Mounted, seen: Sightings) -> bool:
     )
 
 
-def derivatives(seen: Sightings, T_m_b: Pose, found: Mounted) -> Array:
+def _derivatives(seen: Sightings, T_m_b: Pose, found: Mounted) -> Array:
     """Return the derivatives of all residuals by their points, radians per m, shape (n, 2, 3)."""
     return _linear(seen, T_m_b, found, np.zeros((len(T_m_b), 3)))[2]
 
 
-def pattern_sizes(seen: Sightings, T_m_b: Pose, found: Mounted, patterns: Array) -> Array:
-    """Return the sizes of patterns in the residuals, estimated with all other unknowns.
-
-    Parameters
-    ----------
-    seen : Sightings
-    T_m_b : Pose
-    found : Mounted
-        The cameras without the patterns.
-    patterns : ndarray, shape (n, 2, k)
-        What each adds to the residuals, radians.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-    """
+def _pattern_sizes(seen: Sightings, T_m_b: Pose, found: Mounted, patterns: Array) -> Array:
+    """Return the sizes of patterns in the residuals, estimated with all other unknowns."""
     v, A, B = _linear(seen, T_m_b, found, np.zeros((len(T_m_b), 3)))
     prior = _prior_sigma(seen.cameras, held=found.held, delayed=False)
     wide = np.concatenate([prior, np.full(patterns.shape[2], np.inf)])
@@ -425,7 +411,7 @@ def _fitted(
     """Return the reading without a pattern, and the cameras that fit it."""
     total, undone, found = np.zeros(len(pattern.units)), seen, given
     for _ in range(ROUNDS):
-        total = total + pattern_sizes(
+        total = total + _pattern_sizes(
             undone, T_m_b, found, _in_residuals(pattern, seen, T_m_b, found)
         )
         undone = _without(pattern, seen, total)
@@ -441,7 +427,7 @@ def _in_residuals(pattern: _Pattern, seen: Sightings, T_m_b: Pose, found: Mounte
     if pattern.by_image is not None:
         return -pattern.by_image
     by_point = np.zeros((len(seen.x_m), 3, 1)) if pattern.by_point is None else pattern.by_point
-    out: Array = derivatives(seen, T_m_b, found) @ by_point[seen.point_idx]
+    out: Array = _derivatives(seen, T_m_b, found) @ by_point[seen.point_idx]
     return out
 
 
@@ -490,7 +476,7 @@ def _of_images(block: Block, seen: Sightings, T_m_b: Pose, given: Mounted) -> It
     velocity = velocities(block, seen)
     if velocity is not None:
         share = (seen.colrow[:, 1] - (height - 1) / 2) / height
-        moved = derivatives(seen, T_m_b, given) @ velocity[seen.exposure_idx][:, :, None]
+        moved = _derivatives(seen, T_m_b, given) @ velocity[seen.exposure_idx][:, :, None]
         yield _Pattern(
             name="rows read out one after the other, a rolling shutter of {:+.0f} ms,",
             units=(-1000.0,),

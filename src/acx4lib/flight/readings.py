@@ -203,7 +203,7 @@ def _whole_block(
 ) -> tuple[Problem, bool]:
     """Return the problem of a block, and whether a usual mistake explains it."""
     problem = _problem(tables, found, "control points")
-    best, says = _best(mistakes(_thinned(tables), setup))
+    best, says = _best(_mistakes(_thinned(tables), setup))
     if best is None:
         return replace(problem, found=f"{problem.found}; {_where(tables, setup)}"), False
     problem = replace(problem, found=f"{problem.found}; {says}")
@@ -224,7 +224,7 @@ def _one_camera(
         image_points=tables.image_points.select(keep),
         images=_named(tables.images, "camera", [name]),
     )
-    _, says = _best(mounting_mistakes(_thinned(alone), setup, only=name))
+    _, says = _best(_mounting_mistakes(_thinned(alone), setup, only=name))
     problem = _problem(tables, found, f"control points in images of {name}")
     return _at_mount(replace(problem, found=f"{problem.found}; {says}"), toml, name)
 
@@ -312,17 +312,11 @@ class Mistake:
     setup: Setup
 
 
-def mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]:
-    """Yield a block with each of the usual mistakes undone.
-
-    Parameters
-    ----------
-    tables : BlockTables
-    setup : Setup
-    """
+def _mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]:
+    """Yield a block with each of the usual mistakes undone."""
     for where in ("control", "trajectory"):
         yield from _position_mistakes(tables, setup, where)
-    yield from mounting_mistakes(tables, setup)
+    yield from _mounting_mistakes(tables, setup)
     yield from _trajectory_mistakes(tables, setup)
     yield from _measurement_mistakes(tables, setup)
 
@@ -415,16 +409,8 @@ def _measurement_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake
         )
 
 
-def mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> Iterator[Mistake]:
-    """Yield a block with other mountings: quarter turns, upside down, the inverse rotation.
-
-    Parameters
-    ----------
-    tables : BlockTables
-    setup : Setup
-    only : str
-        Name of the only camera to change; empty for all cameras.
-    """
+def _mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> Iterator[Mistake]:
+    """Yield a block with other mountings: quarter turns, upside down, the inverse rotation."""
     present = set(tables.images.text["camera"])
     names = [name for name in setup.cameras if name == only or (not only and name in present)]
     upside = turn(0, np.pi)
@@ -536,7 +522,7 @@ class Reading:
         return f"{', '.join(plain)} {self.meaning}"
 
 
-def angle_columns(table: Table) -> tuple[str, str, str]:
+def _angle_columns(table: Table) -> tuple[str, str, str]:
     """Return the names of a trajectory's three angles."""
     return ANGLES["geographic" if "lat_deg" in table.numbers else "grid"]
 
@@ -576,7 +562,7 @@ def _attitude(table: Table, meaning: str, **columns: Array) -> Reading:
 
 def _usual_signs(table: Table) -> Iterator[Reading]:
     """Roll, pitch and heading counted the other way round, one, two or all three."""
-    names = angle_columns(table)
+    names = _angle_columns(table)
     for signs in _SIGNS:
         flipped = {n: -table.numbers[n] for n, s in zip(names, signs, strict=True) if s < 0}
         yield _attitude(table, "of opposite sign", **flipped)
@@ -584,7 +570,7 @@ def _usual_signs(table: Table) -> Iterator[Reading]:
 
 def _headings(table: Table, grid: GridSystem) -> Iterator[Reading]:
     """Headings from other zero directions."""
-    heading = angle_columns(table)[2]
+    heading = _angle_columns(table)[2]
     value = table.numbers[heading]
     other = "an angle from east" if heading == "heading_deg" else "a heading from north"
     yield _attitude(table, other, **{heading: 90.0 - value})
@@ -604,7 +590,7 @@ def _lonlat(table: Table, grid: GridSystem) -> Array:
 
 def _exchanged(table: Table) -> Iterator[Reading]:
     """Roll and pitch in each other's column, with all their signs; a body with z down."""
-    roll, pitch, heading = angle_columns(table)
+    roll, pitch, heading = _angle_columns(table)
     a, b, c = (table.numbers[name] for name in (roll, pitch, heading))
     signs = {(1, 1): "", (-1, 1): "the first", (1, -1): "the second", (-1, -1): "both"}
     for (i, j), which in signs.items():
@@ -618,7 +604,7 @@ def _exchanged(table: Table) -> Iterator[Reading]:
 
 
 def _units(table: Table) -> Iterator[Reading]:
-    names = angle_columns(table)
+    names = _angle_columns(table)
     for chosen in (names, names[:2], names[2:]):
         for unit, degrees in (("radians", 180 / np.pi), ("gon", ROUND_DEG / ROUND_GON)):
             turned = {name: table.numbers[name] * degrees for name in chosen}
@@ -627,7 +613,7 @@ def _units(table: Table) -> Iterator[Reading]:
 
 def _orders(table: Table) -> Iterator[Reading]:
     """Rotations multiplied in another order, or transposed."""
-    names = angle_columns(table)
+    names = _angle_columns(table)
     opk = np.radians(table.stack(*names))
     R1, R2, R3 = (turn(axis, opk[:, axis]) for axis in range(3))
     ours = "heading, pitch, roll" if names[2] == "heading_deg" else "omega, phi, kappa"
@@ -729,7 +715,7 @@ def of_cameras(table: Table, R_b_c: Array) -> Iterator[Reading]:
     R_b_c : ndarray, shape (3, 3)
         Boresight of the camera.
     """
-    names = angle_columns(table)
+    names = _angle_columns(table)
     angles = np.radians(table.stack(*names))
     if names[2] == "kappa_deg":
         body = opk_from_rotation(rotation_from_opk(angles) @ R_b_c.T)

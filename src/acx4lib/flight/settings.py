@@ -134,7 +134,7 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     yield from number_problems(toml, ("adjustment",), ADJUSTMENT)
     yield from _session_problems(toml)
     yield from _stage_problems(toml)
-    yield from certificate_problems(
+    yield from _certificate_problems(
         toml, KEYS["certificate",], KEYS["certificate", "cameras", NAME]
     )
 
@@ -268,7 +268,7 @@ def _synthetic_problems(toml: Toml) -> Iterator[Problem]:
     if "synthetic" not in toml.values:
         return
     yield from key_problems(toml, ("synthetic",), KEYS["synthetic",], ("camera", "heads"))
-    yield from one_of_problems(toml, ("synthetic", "measured_in"), MEASURED_IN)
+    yield from _one_of_problems(toml, ("synthetic", "measured_in"), MEASURED_IN)
     camera, heads = toml.get("synthetic", "camera"), toml.get("synthetic", "heads")
     cameras = toml.table("cameras")
     if camera is not None and (not isinstance(camera, str) or camera not in cameras):
@@ -299,8 +299,8 @@ def _stage_problems(toml: Toml) -> Iterator[Problem]:
         yield from key_problems(toml, ("stages", stage), KEYS["stages", stage])
         for key in (k for k in KEYS["stages", stage] if k != "weights"):
             keys = ("stages", stage, key)
-            yield from choice_problems(toml, keys, CHOICES[keys])
-    yield from one_of_problems(toml, ("stages", "mounting", "weights"), WEIGHTS)
+            yield from _choice_problems(toml, keys, CHOICES[keys])
+    yield from _one_of_problems(toml, ("stages", "mounting", "weights"), WEIGHTS)
 
 
 # --- Problems of the table [certificate] in flight.toml: text, dates and numbers that
@@ -312,17 +312,10 @@ OTHERS = ("antenna_lever_m", "valid_until", "cameras")
 """Keys that are not text; those of a device all are."""
 
 
-def certificate_problems(
+def _certificate_problems(
     toml: Toml, known: Iterable[str], device: Iterable[str]
 ) -> Iterator[Problem]:
-    """Yield what is wrong with the table [certificate].
-
-    Parameters
-    ----------
-    toml : Toml
-    known, device : iterable of str
-        Its keys, and those of a camera's table in it.
-    """
+    """Yield what is wrong with the table [certificate]."""
     yield from key_problems(toml, (TABLE,), known)
     yield from key_problems(toml, (TABLE, "cameras"), toml.table(TABLE, "cameras"))
     yield from _certificate_text_problems(
@@ -422,7 +415,7 @@ def _unit_hint(key: str, value: float) -> str:
     return " (pixels?)" if key == "focal_mm" and value > 10_000 else ""
 
 
-def one_of_problems(
+def _one_of_problems(
     toml: Toml, keys: tuple[str, ...], allowed: tuple[str, str]
 ) -> Iterator[Problem]:
     """Yield a problem where a value is given and is none of the two that are allowed."""
@@ -433,7 +426,7 @@ def one_of_problems(
         yield toml.problem(keys, f"{quoted(value)}{hint}", f"must be {expected}")
 
 
-def choice_problems(
+def _choice_problems(
     toml: Toml, keys: tuple[str, ...], allowed: tuple[str, ...]
 ) -> Iterator[Problem]:
     """Yield what is wrong with a list of names, each once and of those allowed."""

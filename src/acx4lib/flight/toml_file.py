@@ -86,7 +86,7 @@ def read_toml(path: Path, *, needed_by: str = "a flight") -> Toml:
     if problems:
         return toml
     text = text.replace("\r\n", "\n")
-    problem = too_much(text, str(path))
+    problem = _too_much(text, str(path))
     if problem:
         return replace(toml, problems=(problem,))
     try:
@@ -102,7 +102,7 @@ def read_toml(path: Path, *, needed_by: str = "a flight") -> Toml:
             expected="must be valid TOML",
         )
         return replace(toml, problems=(problem,))
-    return replace(toml, values=values, lines=key_lines(text))
+    return replace(toml, values=values, lines=_key_lines(text))
 
 
 # --- Line numbers of the keys of a TOML document, and what in it would take too long to read
@@ -142,15 +142,8 @@ class _Place:
     """Number of dots that join the words before this one."""
 
 
-def too_much(text: str, file: str) -> Problem | None:
-    r"""Return the problem of a document that is too long or too deeply nested, else None.
-
-    Parameters
-    ----------
-    text : str
-        Its line ends are ``\n``.
-    file : str
-    """
+def _too_much(text: str, file: str) -> Problem | None:
+    r"""Return the problem of a document that is too long or too deeply nested, else None."""
     for token, kind, place in _tokens(text):
         if kind == "word" and len(token) > LONGEST_WORD:
             what = "a number" if token[0] in "+-0123456789" else "a word"
@@ -195,14 +188,8 @@ class _Statement:
     keys: list[str] = field(default_factory=list)
 
 
-def key_lines(text: str) -> dict[tuple[str, ...], int]:
-    r"""Return the line of every table and of every key.
-
-    Parameters
-    ----------
-    text : str
-        A valid document; its line ends are ``\n``.
-    """
+def _key_lines(text: str) -> dict[tuple[str, ...], int]:
+    r"""Return the line of every table and of every key."""
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
     for statement in _statements(text):

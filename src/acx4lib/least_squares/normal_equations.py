@@ -191,7 +191,7 @@ def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array
     N, g = np.zeros((n, n)), np.zeros(n)
     for e in equations:
         if e.correlation is not None:
-            A, v = dense_rows(n, [e])
+            A, v = _dense_rows(n, [e])
             N += A.T @ A
             g += A.T @ v
             continue
@@ -204,7 +204,7 @@ def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array
     return N, g
 
 
-def dense_rows(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
+def _dense_rows(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
     """Return A, shape (n_rows, n), and v over all groups, each with the unit matrix for weights."""
     A: list[Array] = [np.zeros((0, n))]
     v: list[Array] = [np.zeros(0)]
@@ -365,7 +365,7 @@ class PlainNormals:
 
     def _orthogonal_step(self) -> tuple[Array, float]:
         """Return the step without points, by singular values: normal equations square them."""
-        A, v = dense_rows(self.n_columns, self.equations)
+        A, v = _dense_rows(self.n_columns, self.equations)
         N, g = self._columns
         scale = 1 / np.sqrt(np.where(N.diagonal() > 0, N.diagonal(), 1.0))
         damped = np.diag(np.sqrt(self.damping * self.diagonal))

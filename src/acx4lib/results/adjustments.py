@@ -183,8 +183,8 @@ def of_bundle(
         "converged": True,
         "n_rejected": len(bundle.rejected),
         "expected_rejections": expected_failures(bundle),
-        **stopped_entries(key, bundle.stopped),
-        **exchanged_entries(key, bundle.exchanged),
+        **_stopped_entries(key, bundle.stopped),
+        **_exchanged_entries(key, bundle.exchanged),
         "n_left_out": sum(bundle.network.left_out.values()),
         "left_out_points": dict(bundle.network.left_out),
         **determination.as_json(bundle, said),
@@ -197,7 +197,7 @@ def of_bundle(
         "sigma_tests": tests_as_json(sigma_tests(bundle)),
         "sigma_beyond": [f"{key}: {line}" for line in beyond(judged)],
         "height_scale_error": height_scale(bundle) - 1,
-        "height_scale_sigma": focal_sigma(said),
+        "height_scale_sigma": _focal_sigma(said),
         "notes": [f"{key}: {line}" for line in (*_notes(method, bundle, said), *sentences(judged))],
     }
     return Record(
@@ -208,7 +208,7 @@ def of_bundle(
     )
 
 
-def stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
+def _stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
     """Return the entries of summary.json on groups of which nothing was rejected."""
     return {
         "stopped": [f"{key}: {sentence(stopped)}"] if stopped else [],
@@ -216,7 +216,7 @@ def stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
     }
 
 
-def exchanged_entries(key: str, exchanged: Sequence[Exchange]) -> dict[str, object]:
+def _exchanged_entries(key: str, exchanged: Sequence[Exchange]) -> dict[str, object]:
     """Return the entries of summary.json on exposures and surveyed points that were exchanged."""
     return {
         "exchanged": [f"{key}: {one.sentence}" for one in exchanged],
@@ -301,7 +301,7 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     if n_rejected > MANY_REJECTED * n_measured and method not in TWO_STEP:
         notes.append(f"{n_rejected} of {n_measured} image points rejected: see rejected.csv")
     scale = height_scale(bundle)
-    if abs(scale - 1) > max(LIMIT_SCALE, SIGMAS_OF_SCALE * focal_sigma(calibration)):
+    if abs(scale - 1) > max(LIMIT_SCALE, SIGMAS_OF_SCALE * _focal_sigma(calibration)):
         notes.append(
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"
@@ -309,7 +309,7 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     return [*notes, *trajectory_errors.notes(bundle)]
 
 
-def focal_sigma(calibration: Calibration) -> float:
+def _focal_sigma(calibration: Calibration) -> float:
     """Return the standard deviation of the first camera's focal length, over that; 0 if held."""
     first = calibration.cameras[0]
     of_f = (p.sigma for p in parameters(calibration) if (p.camera, p.key) == (first.name, "f"))
@@ -524,13 +524,13 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "converged": True,
         "n_rejected": len(validation.rejected),
         "expected_rejections": expected_rejections(validation),
-        **stopped_entries(f"validation/{validation.method}", validation.stopped),
-        **exchanged_entries(f"validation/{validation.method}", validation.exchanged),
+        **_stopped_entries(f"validation/{validation.method}", validation.stopped),
+        **_exchanged_entries(f"validation/{validation.method}", validation.exchanged),
         "n_left_out": validation.n_left_out,
         "n_pairs": len(validation.pairs),
         "n_failed_pairs": validation.n_failed,
         "n_points": len(validation.points),
-        "height_offset_share": height_offset(validation)[1],
+        "height_offset_share": _height_offset(validation)[1],
         "notes": [
             f"validation/{validation.method}: {note}" for note in _notes_of_validation(validation)
         ],
@@ -560,7 +560,7 @@ def _notes_of_validation(validation: Validation) -> Iterator[str]:
             f"{n_rejected} of {n_measured} measurements of check points do not fit the others: "
             "rather a wrong calibration or trajectory than so many gross errors"
         )
-    off, share = height_offset(validation)
+    off, share = _height_offset(validation)
     if abs(share) > LIMIT_SCALE:
         yield (
             f"the check points come out {abs(off):.1f} m too {'high' if off > 0 else 'low'}, "
@@ -569,7 +569,7 @@ def _notes_of_validation(validation: Validation) -> Iterator[str]:
         )
 
 
-def height_offset(validation: Validation) -> tuple[float, float]:
+def _height_offset(validation: Validation) -> tuple[float, float]:
     """Return the median height difference, m, and its share of the flying height."""
     if not len(validation.points):
         return 0.0, 0.0

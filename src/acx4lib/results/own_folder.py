@@ -68,12 +68,12 @@ class OwnFolder:
                 msg = f"{self.path / name}: was not written by {self.command}; move it away"
                 raise OutputError(msg)
             self.files.setdefault(name, Written())
-        write_mark(self.path, self.command, self.files)
+        _write_mark(self.path, self.command, self.files)
 
     def seal(self) -> None:
         """Note the checksums of all files that are there; those that are not stay expected."""
         self.files = {name: self._written(name) for name in self.files}
-        write_mark(self.path, self.command, self.files)
+        _write_mark(self.path, self.command, self.files)
 
     def remove(self, names: Iterable[str]) -> None:
         """Remove files that the command wrote, and folders that are then empty."""
@@ -108,7 +108,7 @@ class OwnFolder:
         listed = self.files.items()
         self.files = {n: w for n, w in listed if w.sha256 or (self.path / n).is_file()}
         if self.files:
-            write_mark(self.path, self.command, self.files)
+            _write_mark(self.path, self.command, self.files)
         else:
             (self.path / MARK).unlink(missing_ok=True)
 
@@ -204,7 +204,7 @@ def verify(folder: Path, names: Iterable[str] | None = None, *, cure: str) -> No
     FlightError
         A line for each file that was changed, cut or removed, or for who is writing there.
     """
-    busy = writer(folder)
+    busy = _writer(folder)
     lines = [busy] if busy else [f"{line}; {cure}" for line in changes(folder, names)]
     if lines:
         raise FlightError(lines)
@@ -218,7 +218,7 @@ def clear(path: Path) -> None:
     OutputError
         Where it bears no mark, somebody is writing there, or a file was changed since.
     """
-    if path.is_file() and not path.is_symlink() and bears(path, OF_A_FILE):
+    if path.is_file() and not path.is_symlink() and _bears(path, OF_A_FILE):
         path.unlink()
         return
     whose, files = read_mark(path)
@@ -366,17 +366,8 @@ def read_mark(folder: Path) -> tuple[str, dict[str, Written]]:
     return whose, files
 
 
-def write_mark(folder: Path, command: str, files: Mapping[str, Written]) -> None:
-    """Mark a folder, whole or not at all.
-
-    Parameters
-    ----------
-    folder : Path
-    command : str
-        Whose it is, such as ``acx4 run``.
-    files : mapping of str to Written
-        By names below the folder.
-    """
+def _write_mark(folder: Path, command: str, files: Mapping[str, Written]) -> None:
+    """Mark a folder, whole or not at all."""
     listed = {
         name: {"bytes": files[name].size, "sha256": files[name].sha256} for name in sorted(files)
     }
@@ -389,7 +380,7 @@ def mark_all(folder: Path, command: str) -> None:
     """Mark a folder all of whose files were written by one command."""
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
     listed = {path.relative_to(folder).as_posix(): written(path) for path in paths}
-    write_mark(folder, command, {name: one for name, one in listed.items() if name != MARK})
+    _write_mark(folder, command, {name: one for name, one in listed.items() if name != MARK})
 
 
 def changes(folder: Path, names: Iterable[str] | None = None) -> list[str]:
@@ -408,7 +399,7 @@ def changes(folder: Path, names: Iterable[str] | None = None) -> list[str]:
     return [f"{path}: {says.format(whose)}" for path, says in said if says]
 
 
-def bears(path: Path, mark: bytes) -> bool:
+def _bears(path: Path, mark: bytes) -> bool:
     """Tell whether a mark stands in the first 4096 bytes of a file."""
     with opened(path) as file:
         return mark in file.read(4096)
@@ -471,7 +462,7 @@ def locked(folder: Path) -> Iterator[None]:
             path.unlink(missing_ok=True)
 
 
-def writer(folder: Path) -> str:
+def _writer(folder: Path) -> str:
     """Return who is writing into a folder, as a sentence; empty where nobody is."""
     path = folder / LOCK
     if path.is_symlink() or not path.is_file():
@@ -622,7 +613,7 @@ def check_file(file: str | Path, *, mark: bytes, what: str) -> None:
         says = "is a link; name the file itself"
     elif path.is_dir():
         says = "is a folder, not a file"
-    elif path.exists() and not (path.is_file() and bears(path, mark)):
+    elif path.exists() and not (path.is_file() and _bears(path, mark)):
         says = f"is there and is not {what}; choose another name"
     elif flight is not None:
         says = f"lies in the flight {flight}; choose a place outside"

@@ -94,18 +94,12 @@ def read_run(folder: str | Path) -> Run:
     at = results.of_run(folder)
     verify(at)
     origin = read(at)
-    flight = read_flight(at, origin)
+    flight = _read_flight(at, origin)
     return Run(found=agreement.read(at, flight), flight=flight, provenance=origin)
 
 
-def read_flight(folder: Path, origin: Provenance) -> Flight:
-    """Read the flight that is kept in a results folder.
-
-    Raises
-    ------
-    FlightError
-        Where its files are wrong, or one is there that no run left.
-    """
+def _read_flight(folder: Path, origin: Provenance) -> Flight:
+    """Read the flight that is kept in a results folder."""
     flight = read_kept(folder / KEPT)
     problems = [
         problem_of(folder / FILE, ("files",), f"without {name}", f"it stands in {KEPT}; {AGAIN}")

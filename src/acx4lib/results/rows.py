@@ -300,7 +300,7 @@ def orientation_tables(
     stage: str, method: str, orientation: RelativeOrientation
 ) -> dict[str, pd.DataFrame]:
     """Return the parameters of heads in the synthetic frame, and their joint covariance."""
-    listed = orientation_parameters(orientation)
+    listed = _orientation_parameters(orientation)
     rows = [(stage, method, p.camera, p.name, p.value, p.sigma, p.unit) for p in listed]
     degrees = np.repeat([1.0, np.degrees(1.0)], 3)
     names, scale = joint_names([head.name for head in orientation.heads], degrees)
@@ -314,7 +314,7 @@ def orientation_tables(
     }
 
 
-def orientation_parameters(orientation: RelativeOrientation) -> list[Parameter]:
+def _orientation_parameters(orientation: RelativeOrientation) -> list[Parameter]:
     """Return the positions (mm) and angles (degrees) of all heads as results report them."""
     values = np.hstack([orientation.xyz_mm, np.degrees(orientation.opk)])
     sigma = orientation.sigma * np.repeat([1.0, np.degrees(1.0)], 3)

@@ -229,7 +229,7 @@ def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]
     except FlightError as error:
         problems += error.problems
         return {}
-    wrong = list(wrong_entries(summary))
+    wrong = list(_wrong_entries(summary))
     problems += lines_of(problem_of(path, *one) for one in wrong)
     return {} if wrong else summary
 
@@ -304,14 +304,8 @@ def _plain(value: object) -> object:
     return value
 
 
-def wrong_entries(summary: Mapping[str, object]) -> Iterator[Wrong]:
-    """Yield the keys of each thing that is wrong with the objects of a summary, and what is.
-
-    Parameters
-    ----------
-    summary : mapping
-        Objects read from JSON, by ``stage/method``.
-    """
+def _wrong_entries(summary: Mapping[str, object]) -> Iterator[Wrong]:
+    """Yield the keys of each thing that is wrong with the objects of a summary, and what is."""
     for name, entry in summary.items():
         if name.partition("/")[0] not in STAGES or "/" not in name:
             yield (name,), "is unknown", f"must be of a stage: {', '.join(STAGES)}"

@@ -722,7 +722,7 @@ def is_there(path: Path, folder: Path | None = None) -> bool:
         Where something else is in its place, or it is a link that leads out of the folder.
     """
     # the end of a link is looked at by name before anything is opened there
-    if not is_inside(path, folder or path.parent):
+    if not _is_inside(path, folder or path.parent):
         raise FlightError([_wrong(path, "is a link that leads out of the results")])
     if path.is_file():
         return True
@@ -732,7 +732,7 @@ def is_there(path: Path, folder: Path | None = None) -> bool:
     return False
 
 
-def is_inside(path: Path, folder: Path) -> bool:
+def _is_inside(path: Path, folder: Path) -> bool:
     """Tell whether a path leads to a place below a folder, whatever links are on the way."""
     return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
 

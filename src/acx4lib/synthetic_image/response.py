@@ -181,7 +181,7 @@ def estimate_response(
     For several exposures, join their `overlap_samples` and use `fit_response`.
     """
     samples = overlap_samples(images, orientation, synthetic, rng=rng, n_points=n_points)
-    n_bands = with_bands(images[0]).shape[2]
+    n_bands = _with_bands(images[0]).shape[2]
     return fit_response(samples, n_heads=len(images), n_bands=n_bands)
 
 
@@ -433,7 +433,7 @@ def overlap_samples(
     """
     expected.instance("rng", rng, np.random.Generator)
     expected.whole("n_points", n_points)
-    images = [with_bands(image) for image in images]
+    images = [_with_bands(image) for image in images]
     _check_images(images, orientation)
     # patches of reduced images cover more ground, so fewer pixels are enough
     patch = 5 if max(images[0].shape) >= 4000 else 3
@@ -459,7 +459,7 @@ def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> 
         expected.shape(f"image of {head.name}", image, (head.height_px, head.width_px, "bands"))
 
 
-def with_bands(image: Image) -> Image:
+def _with_bands(image: Image) -> Image:
     """Return an image with an axis for its bands."""
     return image[:, :, None] if image.ndim == 2 else image
 

@@ -240,7 +240,7 @@ def _settled(
     all steps.
     """
     in_mm = np.repeat([1.0, orientation.heads[0].interior.f], 3)
-    parts = list(by_pair(orientation, ties))
+    parts = list(_by_pair(orientation, ties))
     for _ in range(STEPS):
         d = tie_differences(orientation, ties)
         weight = factors(_in_spreads(d, sigma)) / sigma**2
@@ -286,7 +286,7 @@ class _Overlaps:
                 columns=place[at][None],
                 unit=np.zeros(len(own), dtype=np.intp),
             )
-            for own, at, J in by_pair(state, self.ties)
+            for own, at, J in _by_pair(state, self.ties)
         ]
 
     def moved(self, state: RelativeOrientation, dx: Array, dp: Array) -> RelativeOrientation:  # noqa: ARG002 (no points)
@@ -313,7 +313,7 @@ def _refined(
     columns: Index,
 ) -> Refined:
     """Return the result with its covariance, if the tie points determine it."""
-    d, parts = tie_differences(now, ties[used]), by_pair(now, ties[used])
+    d, parts = tie_differences(now, ties[used]), _by_pair(now, ties[used])
     N, _ = normals(parts, d, 1 / sigma[used] ** 2, len(now.heads))
     inverse = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns]).inverse()
     redundancy = 2 * int(used.sum()) - len(columns)
@@ -440,7 +440,7 @@ def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colro
     return np.concatenate([by_place, -by_ray @ skew(ray_h), by_interior], axis=2)
 
 
-def by_pair(
+def _by_pair(
     orientation: RelativeOrientation, ties: TiePoints
 ) -> Iterator[tuple[Index, Index, Array]]:
     """Yield for each pair of heads its tie points, its parameters, and d(differences) by these."""
@@ -460,7 +460,7 @@ def normals(
     Parameters
     ----------
     parts : iterable
-        From `by_pair`.
+        From `_by_pair`.
     d : ndarray, shape (n, 2)
         From `tie_differences`.
     weight : ndarray, shape (n,)

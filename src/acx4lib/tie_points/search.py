@@ -194,7 +194,7 @@ def find_ties(
         )
         for shared in windows
     ]
-    shifts = processors.in_order(lambda task: coarse_shift(task, coarse), tasks)
+    shifts = processors.in_order(lambda task: _coarse_shift(task, coarse), tasks)
     tasks = [replace(task, shift=shift) for task, shift in zip(tasks, shifts, strict=True)]
     found = list(map(_measured, tasks, match_overlaps(tasks)))
     return _assembled(found, orientation, synthetic, exposure)
@@ -365,7 +365,7 @@ def coarse_task(task: OverlapTask, coarse: GreyExposure) -> OverlapTask:
     )
 
 
-def coarse_shift(task: OverlapTask, coarse: GreyExposure) -> Array:
+def _coarse_shift(task: OverlapTask, coarse: GreyExposure) -> Array:
     """Return the shift of an overlap, found in reduced images, shape (2, 3).
 
     Zero where they give no reliable shift.
@@ -447,7 +447,7 @@ def _on_homography(matches: OverlapMatches, threshold_px: float) -> Mask:
     if found is None or agree.sum() < LEAST_TIES:
         return np.zeros(len(matches.colrow_a), dtype=bool)
     # MAGSAC itself has no sharp limit
-    misfits = homography_misfits(matches, agree.ravel() > 0)
+    misfits = _homography_misfits(matches, agree.ravel() > 0)
     near: Mask = np.hypot(*misfits.T) <= threshold_px
     return near
 
@@ -466,7 +466,7 @@ def _grown(matches: OverlapMatches, agree: Mask, threshold_px: float) -> Mask:
     return agree
 
 
-def homography_misfits(matches: OverlapMatches, agree: Mask) -> Array:
+def _homography_misfits(matches: OverlapMatches, agree: Mask) -> Array:
     """Return the misfits of all matches to the homography of those that agree, (n, 2), px."""
     found, _ = cv2.findHomography(matches.colrow_a[agree], matches.colrow_b[agree], 0)
     fitted = cv2.perspectiveTransform(matches.colrow_a[:, None], found)[:, 0]

@@ -222,7 +222,7 @@ def lane(country: Country, a: int, b: int, axis: int) -> Array:
     return country.map_from_net(np.array([a, b]) * PITCH + way)
 
 
-def is_paved(a: int, b: int, axis: int) -> bool:
+def _is_paved(a: int, b: int, axis: int) -> bool:
     """Tell whether the lane along a cell's side has asphalt."""
     return (a % _PAVED_EVERY[0] == 1) if axis else (b % _PAVED_EVERY[1] == 2)
 
@@ -234,7 +234,7 @@ def lane_shapes(country: Country, a: int, b: int) -> tuple[list[Shapes], list[Sh
     roads: list[Shapes] = []
     for axis in (0, 1):
         line = lane(country, a, b, axis)
-        if is_paved(a, b, axis):
+        if _is_paved(a, b, axis):
             roads += _paved(line)
         elif rng.random() < _TRACKS:
             tracks += _track(line)
@@ -261,7 +261,7 @@ def bridge_shapes(country: Country, a: int, b: int) -> list[Shapes]:
     for axis in (0, 1):
         line = lane(country, a, b, axis)
         over = (country.river_m(line) > -9) & (country.lake_m(line) < -30)
-        if not (is_paved(a, b, axis) and over.any()):
+        if not (_is_paved(a, b, axis) and over.any()):
             continue
         span = np.flatnonzero(over)
         part = line[max(span[0] - 1, 0) : span[-1] + 2]
@@ -286,7 +286,7 @@ def car_shapes(country: Country, a: int, b: int) -> list[Shapes]:
     rng = country.rng(a, b, 4)
     found: list[Shapes] = []
     for axis in (0, 1):
-        if not is_paved(a, b, axis):
+        if not _is_paved(a, b, axis):
             continue
         line = lane(country, a, b, axis)
         at = rng.integers(2, 29, rng.poisson(1.6))
@@ -296,11 +296,11 @@ def car_shapes(country: Country, a: int, b: int) -> list[Shapes]:
         place = line[at] + side[:, None] * np.column_stack([-np.sin(angle), np.cos(angle)])
         dry = country.lake_m(place) < -4
         place, angle = place[dry], angle[dry]
-        found += cars(place, angle, rng)
+        found += _cars(place, angle, rng)
     return found
 
 
-def cars(place: Array, angle: Array, rng: np.random.Generator) -> list[Shapes]:
+def _cars(place: Array, angle: Array, rng: np.random.Generator) -> list[Shapes]:
     """Build cars with their shadows and windows."""
     paint = np.array([[215, 215, 215], [60, 62, 66], [150, 40, 38], [50, 70, 120], [168, 170, 172]])
     colours = np.column_stack([paint[rng.integers(0, 5, len(place))], np.full(len(place), 15)])
@@ -328,7 +328,7 @@ _PLOT_M = 19.0
 _ALONG = np.array([1.0, 0.0])
 
 
-def houses(
+def _houses(
     middle: Array, length: Array, width: Array, angle: Array, roof: NDArray[np.int64]
 ) -> tuple[Shapes, Shapes]:
     """Build shadows and gable roofs of houses; colours (n, 3)."""
@@ -392,10 +392,10 @@ def village(country: Country, a: int, b: int) -> Village:
     width = np.where(hall, rng.uniform(12, 14, n), rng.uniform(7, 9.5, n))
     colour = np.where(hall[:, None], _HALLS[rng.integers(0, 4, n)], _ROOFS[rng.integers(0, 6, n)])
     turn = np.where(rng.random(n) < 0.3, np.pi / 2, 0) + rng.normal(0, 0.03, n)
-    shadow, roof = houses(place, length, width, angle + turn, colour)
+    shadow, roof = _houses(place, length, width, angle + turn, colour)
     shed = place + _offset(angle, rng.uniform(-6, 6, n), rng.uniform(-12, -10, n))
     long, wide = rng.uniform([3, 2.5], [5, 3.5], (n, 2)).T
-    shed_shadow, shed_roof = houses(shed, long, wide, angle, _ROOFS[rng.integers(2, 5, n)])
+    shed_shadow, shed_roof = _houses(shed, long, wide, angle, _ROOFS[rng.integers(2, 5, n)])
     garden = place + _offset(angle, rng.choice([-7.5, 7.5], n), rng.uniform(-12, 8, n))
     behind = place + _offset(angle, rng.uniform(-8, 8, n), rng.uniform(-19, -13, n))
     return Village(
@@ -470,7 +470,7 @@ def farm(country: Country, a: int, b: int) -> tuple[Shapes, Shapes]:
     angle = np.arctan2(ahead[:, 1], ahead[:, 0]) + np.array([0, np.pi / 2, 0])
     length, width = rng.uniform([20, 30, 12], [30, 45, 15]), rng.uniform([11, 13, 8], [15, 18, 10])
     colour = np.vstack([_HALLS[rng.integers(0, 4, 2)], _ROOFS[rng.integers(0, 6, 1)]])
-    return houses(place[dry], length[dry], width[dry], angle[dry], colour[dry])
+    return _houses(place[dry], length[dry], width[dry], angle[dry], colour[dry])
 
 
 # --- Trees from above: shadow, crown, and its sunlit side and clumps

@@ -139,7 +139,7 @@ def shapes(outlines: Array, colours: ArrayLike) -> Shapes:
     )
 
 
-def in_cells(
+def _in_cells(
     of: Shapes, window: GroundWindow, border: float = _BORDER
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Return the polygons that touch a window, and their corners in OpenCV's coordinates.
@@ -155,12 +155,12 @@ def in_cells(
     touches = worth & np.all((high >= -1) & (low <= [window.cols + 1, window.rows + 1]), axis=1)
     near = np.flatnonzero(touches)
     corners = np.clip(
-        shrunk(of.outlines[near].astype(float) / cell, border) + start, -_LIMIT, _LIMIT
+        _shrunk(of.outlines[near].astype(float) / cell, border) + start, -_LIMIT, _LIMIT
     )
     return near, np.rint(corners * 2**_SHIFT).astype(np.int32)
 
 
-def shrunk(outlines: Array, by: float) -> Array:
+def _shrunk(outlines: Array, by: float) -> Array:
     """Return polygons, shape (n, m, 2), with every edge moved inwards; narrow ones to a line."""
     after = np.roll(outlines, -1, axis=1)
     edges = after - outlines
@@ -177,7 +177,7 @@ def shrunk(outlines: Array, by: float) -> Array:
 
 def draw(canvas: Canvas, window: GroundWindow, of: Shapes) -> None:
     """Draw convex polygons on a canvas of the window, with smoothed edges."""
-    near, corners = in_cells(of, window)
+    near, corners = _in_cells(of, window)
     share = min(1.0, of.width_m / window.cell_m / (2 * _BORDER))
     colours = of.under + share * (of.colours[near] - np.array(of.under, np.float64))
     for outline, colour in zip(corners, colours.tolist(), strict=True):
@@ -186,14 +186,14 @@ def draw(canvas: Canvas, window: GroundWindow, of: Shapes) -> None:
 
 def draw_labels(labels: NDArray[np.int16], window: GroundWindow, of: Shapes, first: int) -> None:
     """Write a number for each polygon, from `first` on, into the cells that it covers."""
-    near, corners = in_cells(of, window, _LABEL_BORDER)
+    near, corners = _in_cells(of, window, _LABEL_BORDER)
     for i, outline in zip(near.tolist(), corners, strict=True):
         cv2.fillPoly(labels, [outline], first + i, cv2.LINE_8, _SHIFT)
 
 
 def draw_any(canvas: Canvas, window: GroundWindow, of: Shapes) -> None:
     """Draw polygons that need not be convex."""
-    near, corners = in_cells(of, window)
+    near, corners = _in_cells(of, window)
     for outline, colour in zip(corners, of.colours[near].tolist(), strict=True):
         cv2.fillPoly(canvas, [outline], colour, cv2.LINE_AA, _SHIFT)
 

@@ -34,7 +34,7 @@ def every(
         "differences": differences(comparison, found, ground),
         "pooled": pooled(comparison),
         "trends": trends(comparison),
-        "covariance": covariances(comparison, found),
+        "covariance": _covariances(comparison, found),
     }
 
 
@@ -265,14 +265,8 @@ def _two_sided(t: float, redundancy: float) -> float:
     return 2 * statistics.t_sf(abs(t), redundancy)
 
 
-def covariances(comparison: Comparison, found: Sequence[Difference]) -> pd.DataFrame:
-    """Return the joint covariances of the pooled values and of every difference.
-
-    Returns
-    -------
-    DataFrame
-        of (``pooled``, or ``later - earlier``), row, column, value.
-    """
+def _covariances(comparison: Comparison, found: Sequence[Difference]) -> pd.DataFrame:
+    """Return the joint covariances of the pooled values and of every difference."""
     names = [c.name for c in comparison.campaigns]
     listed = {"pooled": compared.pooled(comparison).cov[0, :, 0]}
     listed |= {f"{names[one.later]} - {names[one.earlier]}": one.cov for one in found}

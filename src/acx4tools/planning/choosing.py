@@ -748,7 +748,7 @@ def choose(candidates: Candidates, *, minutes: float = np.inf) -> Chosen:
         limits = wanted * SAFE * candidates.given(order) / tried[order]
 
     def rank(order: Choice) -> tuple[float, float]:
-        return lack_of(tried[order], wanted), candidates.minutes(order)
+        return _lack_of(tried[order], wanted), candidates.minutes(order)
 
     return _of(candidates, min(tried, key=rank), tried)
 
@@ -767,7 +767,7 @@ def _of(candidates: Candidates, order: Choice, tried: Mapping[Choice, Array]) ->
     )
 
 
-def lack_of(given: Array, limits: Array) -> float:
+def _lack_of(given: Array, limits: Array) -> float:
     """Return how far from its limits is what is given: zero, or the sum of logarithmic excesses."""
     return float(np.log(np.maximum(given / limits, 1.0)).sum())
 
@@ -789,7 +789,7 @@ def searched(candidates: Candidates, limits: Array, minutes: float) -> Choice:
     """
 
     def lack(chosen: Choice) -> float:
-        return lack_of(candidates.given(chosen), limits)
+        return _lack_of(candidates.given(chosen), limits)
 
     seconds = candidates.seconds
     found = cheapest(lack, seconds, most=60.0 * minutes + TURN_S)  # no turn after the last strip

@@ -55,7 +55,7 @@ def block(plan: Plan, name: str, *, wind: int = 0, tie_places: Array | None = No
     in_the_air = over(plan, name, wind=wind)
     surveyed = in_the_air.surveyed()
     ties = in_the_air.tie_points() if tie_places is None else in_the_air.ties_at(tie_places)
-    seen = joined([surveyed, ties])
+    seen = _joined([surveyed, ties])
     if not seen.shown.any():
         where = "lie apart from the strips"
         raise FlightError([f"{name}: no image shows a point; there are none, or they {where}"])
@@ -351,7 +351,7 @@ class Sight:
         )
 
 
-def joined(sights: list[Sight]) -> Sight:
+def _joined(sights: list[Sight]) -> Sight:
     """Return the points of several sights, one after the other."""
     return Sight(
         local=np.concatenate([s.local for s in sights]),
@@ -445,12 +445,12 @@ class Over:
             upto = int(np.argmax(enough)) + 1 if enough.any() else wanted
             kept.append(sight[np.flatnonzero(good[:, :upto].any(axis=0))])
             if enough.any():
-                return joined(kept), batch * wanted + upto
+                return _joined(kept), batch * wanted + upto
             n_good = so_far[:, -1]
         if wanted:
             found = f"{self.name}.tie_points: of {wanted}, three images of every camera show only"
             raise FlightError([f"{found} {n_good.min()}; ask for less, or for a larger overlap"])
-        return joined(kept), 0
+        return _joined(kept), 0
 
     def _evenly(self, n: int, *, first: int) -> Array:
         low, high = self._tie_area()

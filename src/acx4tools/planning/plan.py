@@ -375,7 +375,7 @@ def from_values(values: Mapping[str, Any]) -> Plan:
 def checked(toml: Toml) -> Plan:
     """Return the plan of a document; FlightError as `read`."""
     flight = replace(toml, values=settings(toml.values))
-    found = [*problems(toml, flight)]
+    found = [*_problems(toml, flight)]
     if found:
         raise FlightError(lines_of(found))
     plan = _plan(toml, setup_of(flight))
@@ -544,14 +544,8 @@ def settings(values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in values.items() if key not in PLAN}
 
 
-def problems(toml: Toml, flight: Toml) -> Iterator[Problem]:
-    """Yield everything that is wrong with a plan but what its strips and points amount to.
-
-    Parameters
-    ----------
-    toml, flight : Toml
-        The plan, and its part that flight.toml has, too.
-    """
+def _problems(toml: Toml, flight: Toml) -> Iterator[Problem]:
+    """Yield everything that is wrong with a plan but what its strips and points amount to."""
     if toml.problems:
         yield from toml.problems
         return

@@ -394,7 +394,7 @@ def with_wrong_interiors(
     heads = [
         head.with_interior(
             Interior.from_array(
-                head.interior.to_array() + printed_sigma(head.name) * rng.normal(size=9)
+                head.interior.to_array() + _printed_sigma(head.name) * rng.normal(size=9)
             )
         )
         for head in truth.heads
@@ -402,7 +402,7 @@ def with_wrong_interiors(
     return replace(truth, heads=tuple(heads))
 
 
-def printed_sigma(head: str) -> Array:
+def _printed_sigma(head: str) -> Array:
     """Return Table 1's sigma of a head's interior, zero where it has none, shape (9,)."""
     names = {name: f"{name}_mm" if name in ("f", "xp", "yp") else name for name in INTERIOR}
     listed = set(printed.table(1)["parameter"])

@@ -164,9 +164,9 @@ def way_table(
         NAMES[name]: {
             ("RMS (px)", "measured"): rms_of_coordinates(one.found.d_px),
             ("RMS (px)", "by geometry"): geometry[name]["rms_px"],
-            ("Oriented (px)", "measured"): left_px(one, "oriented"),
+            ("Oriented (px)", "measured"): _left_px(one, "oriented"),
             ("Oriented (px)", "by geometry"): geometry[name]["oriented_px"],
-            ("Calibrated (px)", "measured"): left_px(one, "calibrated"),
+            ("Calibrated (px)", "measured"): _left_px(one, "calibrated"),
             ("Calibrated (px)", "by geometry"): geometry[name]["calibrated_px"],
             ("Radial (px)", "measured"): largest_radial(one.fits["calibrated"]),
             ("Radial (px)", "by geometry"): geometry[name]["radial_px"],
@@ -179,7 +179,7 @@ def way_table(
     return table
 
 
-def left_px(examined: Examined, step: str) -> float:
+def _left_px(examined: Examined, step: str) -> float:
     """Return the RMS of a coordinate that a bundle of the image leaves, px."""
     return rms_of_coordinates(residuals_px(examined.fits[step]))
 
@@ -263,8 +263,8 @@ def self_calibration(examined: Examined) -> dict[str, float]:
         "radial": largest_radial(lens),
         "decentring": largest_decentring(lens),
         "t": max(abs(values[name].value) / values[name].sigma for name in ("p1", "p2")),
-        "oriented": left_px(examined, "oriented"),
-        "calibrated": left_px(examined, "calibrated"),
+        "oriented": _left_px(examined, "oriented"),
+        "calibrated": _left_px(examined, "calibrated"),
         "f": f.value,
         "sigma": f.sigma,
         "held": lens.cameras[0].interior.f,

@@ -135,7 +135,7 @@ def ways(refinement: Refinement, synthetic: Camera) -> pd.DataFrame:
         if way in refinement.orientations:
             heads = refinement.orientations[way]
             row = _left([(heads, kept)], refinement.before, synthetic)
-            row[EVERY] = rms_mm(overlaps(refinement.ties, heads)) / synthetic.pixel_mm
+            row[EVERY] = _rms_mm(overlaps(refinement.ties, heads)) / synthetic.pixel_mm
             row |= {"σ₀": refinement.fits[way].sigma0} if way in refinement.fits else {}
             rows[WAYS[way]] = row
     each = refinement.each() if rows else []
@@ -158,14 +158,14 @@ def _left(
         frame_differences(before, heads, synthetic) for heads, _ in found if heads is not before
     ]
     return {
-        RMS: rms_mm(left) / synthetic.pixel_mm,
+        RMS: _rms_mm(left) / synthetic.pixel_mm,
         LARGEST: float(np.abs([o.mean for o in left]).max()) / synthetic.pixel_mm,
         "moves the frame by, RMS (px)": float(np.mean([m.rms_px for m in moved] or [0.0])),
         "at most (px)": max((m.largest_px for m in moved), default=0.0),
     }
 
 
-def rms_mm(found: Sequence[Overlap]) -> float:
+def _rms_mm(found: Sequence[Overlap]) -> float:
     """Return the root mean square of one coordinate's differences, mm."""
     return float(np.sqrt(np.mean(np.concatenate([o.d for o in found]) ** 2)))
 

@@ -125,7 +125,7 @@ def good(verdicts: Verdicts) -> str:
             _table(good_table(verdicts), "Reports of clean flights, by plan", "clean"),
             _table(question_table(verdicts), "Answers of reports on clean flights", "questions"),
             level_verdict(levels(verdicts)),
-            _table(level_table(levels(verdicts)), LEVELS, "levels"),
+            _table(_level_table(levels(verdicts)), LEVELS, "levels"),
         ]
     )
 
@@ -239,7 +239,7 @@ def level_verdict(levels: pd.DataFrame) -> str:
     )
 
 
-def level_table(levels: pd.DataFrame) -> pd.DataFrame:
+def _level_table(levels: pd.DataFrame) -> pd.DataFrame:
     """Return the shares of p below the level, a row per test."""
     return pd.DataFrame(
         [
@@ -265,7 +265,7 @@ def spoilt(verdicts: Verdicts) -> str:
             spoilt_verdict(verdicts),
             _table(size_table(verdicts), SIZES, "sizes"),
             _table(finder_table(verdicts), FINDERS, "finders"),
-            _table(share_table(thirds), THIRDS, "thirds"),
+            _table(_share_table(thirds), THIRDS, "thirds"),
             _table(gross_table(verdicts), GROSS_CAPTION, "gross"),
         ]
     )
@@ -357,7 +357,7 @@ def finder_table(verdicts: Verdicts) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def share_table(flights: pd.DataFrame) -> pd.DataFrame:
+def _share_table(flights: pd.DataFrame) -> pd.DataFrame:
     """Return in how many flights the report fails, a row per fault and a column per plan."""
     cells: dict[str, dict[str, str]] = {}
     for (fault, plan), own in flights.groupby(["fault", "plan"], sort=False):

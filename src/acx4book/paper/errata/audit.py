@@ -88,8 +88,8 @@ Check = Callable[[], tuple[str, str, str]]
 def _checks(run: Run) -> dict[int, tuple[str, str, Check]]:
     """Return kind, place and check by number."""
     return {
-        1: (MISPRINT, "eq. (2)", y_equation),
-        2: (MISPRINT, "before eq. (14)", equation_number),
+        1: (MISPRINT, "eq. (2)", _y_equation),
+        2: (MISPRINT, "before eq. (14)", _equation_number),
         3: (MISPRINT, "Table 3", mounting.exponents),
         4: (MISPRINT, "Tables 1 and 3", units),
         5: (CONTRADICTION, "Table 4", validation.rms_and_sigma),
@@ -109,7 +109,7 @@ def _checks(run: Run) -> dict[int, tuple[str, str, Check]]:
         19: (OPEN, "2.2, 3.2", one_direction),
         20: (OPEN, "4.3", validation.map_scales),
         21: (OPEN, "3.1, Table 4", partial(validation.error_budget, run.predicted_m)),
-        22: (MISPRINT, "throughout", wording),
+        22: (MISPRINT, "throughout", _wording),
     }
 
 
@@ -226,7 +226,7 @@ Agreement = tuple[str, str, str]
 """Place in the paper, printed value, computed value."""
 
 
-def images_of_blocks() -> Agreement:
+def _images_of_blocks() -> Agreement:
     """Count the images of blocks 1 and 2 by their strips."""
     s = paper.statement
     counts = [
@@ -252,7 +252,7 @@ def megapixels() -> Agreement:
     )
 
 
-def synthetic_size() -> Agreement:
+def _synthetic_size() -> Agreement:
     """Multiply the pixels of the synthetic image by their size."""
     width, height = 2 * paper.corners("SYN")[0]
     printed = [paper.value(2, name, "SYN") for name in ("width_mm", "height_mm")]
@@ -263,7 +263,7 @@ def synthetic_size() -> Agreement:
     )
 
 
-def synthetic_ground_pixels() -> Agreement:
+def _synthetic_ground_pixels() -> Agreement:
     """Compute the ground pixels of blocks 2 and 3."""
     s = paper.statement
     names = ("block_2_low", "block_2_high", "block_3")
@@ -286,7 +286,7 @@ def residuals() -> Agreement:
     )
 
 
-def share_of_small_errors() -> Agreement:
+def _share_of_small_errors() -> Agreement:
     """Divide the counted discrepancies by the points."""
     count, n = (paper.value(4, name, "two_step") for name in ("n_within_3_gsd", "n_points"))
     return (
@@ -306,12 +306,12 @@ def rotation() -> Agreement:
 
 
 CHECKS = (
-    images_of_blocks,
+    _images_of_blocks,
     megapixels,
-    synthetic_size,
-    synthetic_ground_pixels,
+    _synthetic_size,
+    _synthetic_ground_pixels,
     residuals,
-    share_of_small_errors,
+    _share_of_small_errors,
     rotation,
 )
 
@@ -330,7 +330,7 @@ def radial_mix_up_px() -> float:
     return float(np.abs(dxy[..., 0] - dxy[..., 1]).max() / paper.pixel_mm("CAM1"))
 
 
-def y_equation() -> tuple[str, str, str]:
+def _y_equation() -> tuple[str, str, str]:
     """Item 1: eq. (2) adds the radial distortion of x."""
     return (
         "y_a − y_p = −f·Dy/Dz + Δk_x + Δp_y",
@@ -340,7 +340,7 @@ def y_equation() -> tuple[str, str, str]:
     )
 
 
-def equation_number() -> tuple[str, str, str]:
+def _equation_number() -> tuple[str, str, str]:
     """Item 2: the single-step model is cited by a number that no equation has."""
     cited, last = paper.statement("equation_cited"), paper.statement("equation_last")
     return (
@@ -391,7 +391,7 @@ def images_per_point() -> float:
     return float((1 + np.sqrt(1 + 8 * pairs)) / 2)
 
 
-def wording() -> tuple[str, str, str]:
+def _wording() -> tuple[str, str, str]:
     """Item 22: headings, names, and pairs that are no sample."""
     n_pairs = paper.value(4, "n_pairs", "two_step")
     n_points = paper.value(4, "n_points", "two_step")

@@ -16,7 +16,7 @@ SIGNS = {"xp_mm": "x_p", "yp_mm": "y_p", "omega_deg": "ω", "phi_deg": "φ", "ka
 """The paper's signs of parameters, by their names in results."""
 
 
-def ground_pixels_m(f: float) -> tuple[float, float]:
+def _ground_pixels_m(f: float) -> tuple[float, float]:
     """Compute the ground pixels of block 1, high and low, for a focal length in mm."""
     high, low = paper.statement("block_1_high_m"), paper.statement("block_1_low_m")
     pixel = paper.pixel_mm("CAM1")
@@ -42,7 +42,7 @@ def focal_length() -> tuple[str, str, str]:
     given = np.array([paper.statement(f"block_1_{level}_gsd_m") for level in ("high", "low")])
     texts, missed = [], []
     for f in (nominal, fixed):
-        high, low = ground_pixels_m(f)
+        high, low = _ground_pixels_m(f)
         texts.append(f"{100 * high:.1f} and {100 * low:.1f} cm for {f:.0f} mm")
         missed.append(100 * np.abs(np.array([high, low]) - given).max())
     seen = focal_lengths_of_heads()
@@ -136,7 +136,7 @@ def _signs(pair: str) -> str:
     return shown(pair)
 
 
-def mean_phi_deg() -> float:
+def _mean_phi_deg() -> float:
     """Compute the mean phi of the four heads: the tilt of their common plane, degrees."""
     return float(np.mean([paper.value(1, "phi_deg", head) for head in paper.HEADS]))
 
@@ -150,8 +150,8 @@ def reference_camera() -> tuple[str, str, str]:
         f"CAM1 is the reference camera, with ω = {omega:.2f}°, φ = {phi[0]:.2f}°",
         "φ of the four: "
         + ", ".join(f"{value:.1f}" for value in phi)
-        + f"°, in the mean {mean_phi_deg():.2f}°; boresight φ of the synthetic image"
-        f" {boresight:.2f}°; sum {mean_phi_deg() + boresight:.2f}°",
+        + f"°, in the mean {_mean_phi_deg():.2f}°; boresight φ of the synthetic image"
+        f" {boresight:.2f}°; sum {_mean_phi_deg() + boresight:.2f}°",
         "The angles are relative to the plane of the synthetic image, and CAM1 gives the scale"
         " only. That plane is tilted against the mean of the heads by about the boresight: the"
         " heads are nearly level with the IMU, the synthetic image is not.",

@@ -155,7 +155,7 @@ def variance_factors() -> tuple[str, str, str]:
     )
 
 
-def mean_height() -> float:
+def _mean_height() -> float:
     """Return the mean of the two flying heights of block 2, m."""
     return (printed.statement("block_2_low_m") + printed.statement("block_2_high_m")) / 2
 
@@ -197,7 +197,7 @@ def lever_arm_in_interior(absorbed: Absorption | None = None) -> pd.DataFrame:
 
 def _at_mean_height(name: str, lever: str) -> dict[str, object]:
     two, one = (printed.value(3, name, method) for method in printed.METHODS)
-    at_ground = mean_height() / printed.value(3, "f_mm", "single_step") * (two - one)
+    at_ground = _mean_height() / printed.value(3, "f_mm", "single_step") * (two - one)
     lever_m = printed.value(3, lever, "single_step")
     return {
         "parameter": name,
@@ -246,7 +246,7 @@ def lever_arm(absorbed: Absorption | None = None) -> tuple[str, str, str]:
         for column, spec in (("shift_mm", "+.4f"), ("shift_in_sigma", ".0f"), ("lever_m", "+.3f"))
     )
     computed = (
-        f"the lever arm z, x, y is {lever} m; at the mean flying height of {mean_height():.0f} m"
+        f"the lever arm z, x, y is {lever} m; at the mean flying height of {_mean_height():.0f} m"
         f" the sums of the differences, {_listed(table['at_ground_m'], '+.3f')} m, and of the lever"
         f" arm are {_listed(1e3 * table['sum_m'], '+.0f')} mm"
     )

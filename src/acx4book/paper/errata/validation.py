@@ -165,19 +165,8 @@ def headline() -> tuple[str, str, str]:
     )
 
 
-def map_scale_classes(scales: Sequence[int] = (1000, 2000, 5000, 10000)) -> pd.DataFrame:
-    """Classify Table 4 under PEC-PCD.
-
-    Parameters
-    ----------
-    scales : sequence of int
-        Denominators of map scales.
-
-    Returns
-    -------
-    DataFrame
-        scale, method, plan, plan_by_axis, height.
-    """
+def _map_scale_classes(scales: Sequence[int] = (1000, 2000, 5000, 10000)) -> pd.DataFrame:
+    """Classify Table 4 under PEC-PCD."""
     rows = [
         {"method": method, **asdict(accuracy.pec_pcd(printed_accuracy(method), scale))}
         for scale in scales
@@ -187,8 +176,8 @@ def map_scale_classes(scales: Sequence[int] = (1000, 2000, 5000, 10000)) -> pd.D
 
 
 def map_scale_table() -> pd.DataFrame:
-    """Return the classes of `map_scale_classes` as a table for readers."""
-    classes = map_scale_classes()
+    """Return the classes of `_map_scale_classes` as a table for readers."""
+    classes = _map_scale_classes()
     classes["scale"] = [f"1:{scale}" for scale in classes["scale"]]
     classes["method"] = [TITLES[method] for method in classes["method"]]
     classes.columns = pd.Index(["Scale", "Method", "Plan", "Plan, each axis alone", "Height"])
@@ -201,7 +190,7 @@ def map_scales() -> tuple[str, str, str]:
     texts = [
         f"1:{scale} {' or '.join(both['plan'].unique())} in plan,"
         f" {' or '.join(both['height'].unique())} in height"
-        for scale, both in map_scale_classes((large, small)).groupby("scale")
+        for scale, both in _map_scale_classes((large, small)).groupby("scale")
     ]
     printed = printed_accuracy("two_step")
     sigma = from_summary(printed.n, mean=printed.mean, std=printed.std, rms=printed.std)

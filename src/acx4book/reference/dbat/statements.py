@@ -299,7 +299,7 @@ def numbers(project: Project) -> Index:
     return np.array([int(name) for name in project.bundle.network.block.points])
 
 
-def kinds(project: Project) -> Array:
+def _kinds(project: Project) -> Array:
     """Return CP, CCP or OP for control, check and other points, shape (n_points,)."""
     block = project.bundle.network.block
     kind = np.full(len(block.points), "OP", dtype="<U3")
@@ -358,7 +358,7 @@ def _coverage(project: Project, images: Index) -> Array:
 
 
 def _ray_counts(project: Project) -> Statements:
-    rays, kind = project.bundle.network.block.rays, kinds(project)
+    rays, kind = project.bundle.network.block.rays, _kinds(project)
     path = (QUALITY, "Point Measurements")
     groups = {"CP": kind == "CP", "CCP": kind == "CCP", "OP": kind != "CP"}
     out: Statements = {
@@ -413,13 +413,13 @@ def _residuals(project: Project) -> Statements:
     return out
 
 
-def point_covariances(project: Project) -> Array:
+def _point_covariances(project: Project) -> Array:
     """Return the a posteriori covariances of all points, shape (n_points, 3, 3)."""
     return project.bundle.solution.cov_points * project.bundle.solution.sigma0_sq
 
 
 def _precision(project: Project) -> Statements:
-    number, cov = numbers(project), point_covariances(project)
+    number, cov = numbers(project), _point_covariances(project)
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     sigma[~project.bundle.network.free_points] = np.nan
     total = np.sqrt(np.sum(sigma**2, axis=1))
@@ -458,7 +458,7 @@ def angles(project: Project) -> Array:
 
 
 def _angles(project: Project) -> Statements:
-    angle, number, kind = angles(project), numbers(project), kinds(project)
+    angle, number, kind = angles(project), numbers(project), _kinds(project)
     surveyed = project.surveyed
     labels = {
         int(point): f", label {label}"
@@ -487,7 +487,7 @@ def _smallest_angles(project: Project, angle: Array, number: Index) -> Statement
     """
     path = (QUALITY, "Point Angles", "OP", "Smallest angles (ID, angle [deg], vis in cameras)")
     points = project.bundle.network.image_points
-    own = np.flatnonzero(kinds(project) == "OP")
+    own = np.flatnonzero(_kinds(project) == "OP")
     order = np.argsort(angle[own], kind="stable")
     limit = min(1.1 * angle[own][order[2]] + 0.1, 80.0)
     n = max(int(np.sum(angle[own] < limit)), 3)
@@ -522,7 +522,7 @@ def _table(project: Project, name: str, rows: Index) -> Statements:
     given = project.surveyed
     at = np.searchsorted(numbers(project), given.point)
     x = project.bundle.state.x_m[at] + project.origin
-    sigma = np.sqrt(np.diagonal(point_covariances(project)[at], axis1=1, axis2=2))
+    sigma = np.sqrt(np.diagonal(_point_covariances(project)[at], axis1=1, axis2=2))
     rays = project.bundle.network.block.rays[at]
     d = x - given.x
     change = 100 * ((sigma + EPS) / (given.sigma + EPS) - 1)

@@ -86,7 +86,7 @@ def solve(case: Case) -> Rights:
     return right
 
 
-def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with designs."""
     names = [name for name in right if name.startswith("sigma_")]
     yield Mistake(
@@ -127,5 +127,5 @@ SHEET = Sheet(
     questions=QUESTIONS,
     given=given,
     solve=solve,
-    mistakes=mistakes,
+    mistakes=_mistakes,
 )

@@ -120,7 +120,7 @@ def solve(case: Case) -> Rights:
     return {**right, N: computed(found[N], 1)}
 
 
-def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with differences."""
     checked = _validation(case)
     d, (n, mean, std, chi) = checked.points.d, values(right, (N, MEAN, STD, CHI))
@@ -161,5 +161,5 @@ SHEET = Sheet(
     questions=QUESTIONS,
     given=given,
     solve=solve,
-    mistakes=mistakes,
+    mistakes=_mistakes,
 )

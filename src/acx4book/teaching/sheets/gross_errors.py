@@ -110,7 +110,7 @@ def solve(case: Case) -> Rights:
     }
 
 
-def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with gross errors."""
     yield wrong_sign(right, [ERROR], "the sign is wrong: surveyed less true")
     yield scaled(right, [ERROR], 100.0, "given in cm; asked for in m")
@@ -141,5 +141,5 @@ SHEET = Sheet(
     questions=QUESTIONS,
     given=given,
     solve=solve,
-    mistakes=mistakes,
+    mistakes=_mistakes,
 )

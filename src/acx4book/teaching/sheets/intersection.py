@@ -114,7 +114,7 @@ def solve(case: Case) -> Rights:
     }
 
 
-def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with two rays."""
     for says, block in _wrong_blocks(case):
         enh, _, angle = _intersected(case, block)
@@ -213,5 +213,5 @@ SHEET = Sheet(
     questions=QUESTIONS,
     given=given,
     solve=solve,
-    mistakes=mistakes,
+    mistakes=_mistakes,
 )

@@ -112,7 +112,7 @@ def solve(case: Case) -> Rights:
     }
 
 
-def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with a lens."""
     names = (*RADIAL, *AT_PLACE)
     yield wrong_sign(
@@ -153,5 +153,5 @@ SHEET = Sheet(
     questions=QUESTIONS,
     given=given,
     solve=solve,
-    mistakes=mistakes,
+    mistakes=_mistakes,
 )

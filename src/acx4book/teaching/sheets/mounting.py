@@ -108,7 +108,7 @@ def _reported(T: Pose) -> Array:
     return np.concatenate([T.r, np.degrees(T.opk)])
 
 
-def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with a mounting."""
     for prefix in ("", "image_"):
         angles = [prefix + name for name in BORESIGHT]
@@ -184,5 +184,5 @@ SHEET = Sheet(
     questions=QUESTIONS,
     given=given,
     solve=solve,
-    mistakes=mistakes,
+    mistakes=_mistakes,
 )

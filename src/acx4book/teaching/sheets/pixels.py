@@ -100,7 +100,7 @@ def solve(case: Case) -> Rights:
     return {name: computed(value, digits[name]) for name, value in all_values.items()}
 
 
-def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with pixels, angles and heights."""
     camera, colrow = case.block.cameras[0], _measured(case)
     size = np.array([camera.width_px, camera.height_px])
@@ -166,5 +166,5 @@ SHEET = Sheet(
     questions=QUESTIONS,
     given=given,
     solve=solve,
-    mistakes=mistakes,
+    mistakes=_mistakes,
 )

@@ -137,7 +137,7 @@ def given(case: Case) -> Sequence[str]:
     ]
 
 
-def hand_out(case: Case) -> dict[str, str]:
+def _hand_out(case: Case) -> dict[str, str]:
     """Return the files that the student gets in the place of a flight."""
     return {
         "plan.toml": plans.written(_values(case)),
@@ -173,7 +173,7 @@ def _minutes(plan: Plan) -> float:
     return flying_time_s(tuple(plan.blocks[BLOCK].strips.values())) / 60
 
 
-def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with plans."""
     plan = plans.from_values(_values(case))
     every = _candidates(plan, case.truth[TARGET])
@@ -213,6 +213,6 @@ SHEET = Sheet(
     questions=QUESTIONS,
     given=given,
     solve=solve,
-    mistakes=mistakes,
-    hand_out=hand_out,
+    mistakes=_mistakes,
+    hand_out=_hand_out,
 )

@@ -110,7 +110,7 @@ def solve(case: Case) -> Rights:
     return {name: computed(value, digits[name]) for name, value in found.items()}
 
 
-def mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield what is done wrong with attitudes."""
     yield wrong_sign(right, [GAMMA], "the convergence has the wrong sign: true minus grid azimuth")
     yield from of_angles(right, [GAMMA])
@@ -183,5 +183,5 @@ SHEET = Sheet(
     questions=QUESTIONS,
     given=given,
     solve=solve,
-    mistakes=mistakes,
+    mistakes=_mistakes,
 )
