@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.report.material import Material
-from acx4lib.calibration.confirmation import GroupTest, group_tests, undistorted
+from acx4lib.calibration.joint_tests import GroupTest, group_tests, undistorted
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES, MOUNT, REPORTED
 from acx4lib.least_squares import statistics

@@ -13,8 +13,8 @@ from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.reliability import parameter_effects, reliability
 from acx4lib.bundle.unknowns import holding
-from acx4lib.calibration.confirmation import GroupTest, estimated
 from acx4lib.calibration.estimates import Calibration, parameters, reported_covariance
+from acx4lib.calibration.joint_tests import GroupTest, estimated
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.collinearity import mounted_jacobian

@@ -16,7 +16,6 @@ from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import WEAK
 from acx4lib.calibration.absorption import Absorption, effective_heights
-from acx4lib.calibration.confirmation import GroupTest
 from acx4lib.calibration.determination import (
     CARRIED,
     Detectable,
@@ -26,6 +25,7 @@ from acx4lib.calibration.determination import (
     weakest_combination,
 )
 from acx4lib.calibration.estimates import parameters
+from acx4lib.calibration.joint_tests import GroupTest
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.expected import Array
 from acx4lib.flight.design import flying_heights

@@ -13,13 +13,13 @@ from acx4lib.attempts import attempt
 from acx4lib.bundle.rejections import noncentrality
 from acx4lib.calibration import mounting
 from acx4lib.calibration.absorption import absorption
-from acx4lib.calibration.confirmation import group_tests, undistorted
 from acx4lib.calibration.determination import (
     detectable,
     nested_f_ratio,
     parameter_correlations,
     strong_correlations,
 )
+from acx4lib.calibration.joint_tests import group_tests, undistorted
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight import design
 from support import blocks
