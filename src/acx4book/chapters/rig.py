@@ -24,10 +24,10 @@ from acx4lib.calibration.heads import RelativeOrientation, varied
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array, Index
 from acx4lib.flight.reader import Flight
-from acx4lib.flight.table_files import text_of
 from acx4lib.geometry.camera import Camera, Interior, xy_from_colrow
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.least_squares.covariance import correlation, sigmas
+from acx4lib.opening import text_of
 from acx4lib.results.table_files import RELATIVE
 from acx4lib.synthetic_image.frame import coverage, head_from_synthetic, synthetic_from_head
 from acx4sim.files import truth_path

@@ -85,7 +85,7 @@ def plan(
     ] = None,
 ) -> None:
     """Predict what a flight will determine."""
-    from acx4lib.flight.table_files import text_of  # noqa: PLC0415 quick help
+    from acx4lib.opening import text_of  # noqa: PLC0415 quick help
     from acx4tools.planning import design, tables  # noqa: PLC0415 quick help
     from acx4tools.planning import plan as plans  # noqa: PLC0415 quick help
 

@@ -14,7 +14,7 @@ import pandas as pd
 from acx4lib.calibration.estimates import METHODS, RIGS
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
-from acx4lib.flight.table_files import opened
+from acx4lib.opening import opened
 from acx4lib.results import folder as results
 from acx4lib.results.provenance import FILE, KEPT, Run, read_run
 

@@ -37,7 +37,7 @@ from acx4book.typesetting import maps, matrix
 from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.svg import vector
 from acx4lib.errors import Acx4Error, OutputError
-from acx4lib.flight.table_files import text_of
+from acx4lib.opening import text_of
 from acx4lib.results import whole_files
 from acx4lib.results.own_folder import check_file
 from acx4lib.results.whole_files import SCRATCH

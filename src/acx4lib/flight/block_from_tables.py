@@ -16,11 +16,12 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.setup import Setup
-from acx4lib.flight.table_files import opened, read_table
+from acx4lib.flight.table_files import read_table
 from acx4lib.flight.tables import GEOGRAPHIC, SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
+from acx4lib.opening import opened
 
 BLOCKS = ("heads", "calibration", "validation")
 TABLES = ("images", "image_points", "trajectory")

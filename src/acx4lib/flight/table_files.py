@@ -31,7 +31,7 @@ from acx4lib.flight.tables import (
     whole_rows,
     width_problems,
 )
-from acx4lib.opening import opened, text_of
+from acx4lib.opening import opened
 
 NO_END = "the last line has no line end; was the file cut off?"
 
@@ -129,8 +129,6 @@ def _row_problems(table: Table, rows: Rows, schema: Schema) -> Iterator[Problem]
 
 # --- The bytes of a flight's files: opened once, checked, and read if they fit into memory
 
-
-__all__ = ["fits", "free_memory", "named_file", "opened", "read_bytes", "read_text", "text_of"]
 
 SMALL = 10_000_000
 """Largest file, bytes, that is read without a check of the free memory."""

@@ -19,9 +19,9 @@ from pathlib import Path
 from acx4lib.calibration.heads import RelativeOrientation, not_calibrated
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.reader import Flight
-from acx4lib.flight.table_files import text_of
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares.processors import as_finished
+from acx4lib.opening import text_of
 from acx4lib.production.exposure import (
     FlightResponse,
     Outcome,

@@ -18,8 +18,8 @@ import tifffile
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Raster
-from acx4lib.flight.table_files import opened
 from acx4lib.geometry.camera import Camera
+from acx4lib.opening import opened
 from acx4lib.production import picture_sizes, tiff_tags
 
 BANDS = 4

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from os import SEEK_END
 from pathlib import Path
 
-from acx4lib.flight.table_files import free_memory, opened
+from acx4lib.flight.table_files import free_memory
+from acx4lib.opening import opened
 
 LARGEST_RATIO = 200
 """Of a picture's bytes to those of its file; pictures of the ground have 2 to 50."""

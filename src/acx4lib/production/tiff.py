@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from acx4lib import expected
 from acx4lib.expected import Raster
-from acx4lib.flight.table_files import opened
 from acx4lib.least_squares import processors
+from acx4lib.opening import opened
 from acx4lib.results import whole_files
 
 TILE = 512

@@ -20,9 +20,10 @@ import pandas as pd
 from acx4lib.errors import FlightError
 from acx4lib.expected import Index, Mask
 from acx4lib.flight.problems import Problem, Range, counted, did_you_mean, lines_of, quoted
-from acx4lib.flight.table_files import opened, read_text
+from acx4lib.flight.table_files import read_text
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.least_squares import processors
+from acx4lib.opening import opened
 
 # --- The tables of a results folder: their columns, read, and written
 #

@@ -17,9 +17,9 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.design import flying_heights
 from acx4lib.flight.reader import Flight
 from acx4lib.flight.setup import Session
-from acx4lib.flight.table_files import text_of
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import sigmas
+from acx4lib.opening import text_of
 from acx4lib.results import folder as results
 from acx4lib.results.provenance import KEPT, Run, check_kept, read_run
 from acx4lib.results.read_back import read_calibration, refused

@@ -17,9 +17,10 @@ import numpy as np
 
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.flight.problems import lines_of
-from acx4lib.flight.table_files import Columns, text_of
+from acx4lib.flight.table_files import Columns
 from acx4lib.flight.tables import name_fault
 from acx4lib.flight.toml_file import read_toml
+from acx4lib.opening import text_of
 from acx4lib.results import own_folder, whole_files
 from acx4tools.exchange import written_toml
 

@@ -14,8 +14,8 @@ from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.flight.block_from_tables import BLOCKS, BlockTables, read_block, without_points
 from acx4lib.flight.reader import Flight, checked, table_files
-from acx4lib.flight.table_files import opened, text_of
 from acx4lib.flight.toml_file import read_toml
+from acx4lib.opening import opened, text_of
 from acx4lib.results import whole_files
 from acx4lib.results.own_folder import OwnFolder
 

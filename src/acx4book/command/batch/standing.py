@@ -12,8 +12,8 @@ from acx4book.command.batch.jobs import Settings
 from acx4book.notebooks import runner
 from acx4lib.errors import Acx4Error
 from acx4lib.flight.reader import Flight
-from acx4lib.flight.table_files import text_of
 from acx4lib.geometry.parameters import AXES, REPORTED
+from acx4lib.opening import text_of
 from acx4lib.results import earlier, folder, own_folder, provenance, runs, whole_files
 from acx4lib.results.table_files import NOTEBOOKS, PART_OF
 from acx4lib.stages import order

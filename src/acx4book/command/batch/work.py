@@ -17,7 +17,7 @@ from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
 from acx4lib.flight import reader
-from acx4lib.flight.table_files import text_of
+from acx4lib.opening import text_of
 from acx4lib.results import own_folder, whole_files
 
 COMMAND_OF_SIMULATED = "acx4 simulate"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4lib.flight.table_files import opened
+from acx4lib.opening import opened
 from acx4lib.production.image_files import fingerprint
 from acx4lib.results.own_folder import OwnFolder
 from acx4lib.results.whole_files import opened_new

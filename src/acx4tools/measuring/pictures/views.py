@@ -13,7 +13,6 @@ import numpy as np
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Raster
 from acx4lib.flight.block import Block
-from acx4lib.flight.table_files import opened
 from acx4lib.geometry.camera import (
     Camera,
     Interior,
@@ -23,6 +22,7 @@ from acx4lib.geometry.camera import (
 )
 from acx4lib.geometry.collinearity import project, rays
 from acx4lib.geometry.frames import Pose
+from acx4lib.opening import opened
 from acx4lib.production import picture_sizes
 from acx4lib.production.image_files import image_from_file
 from acx4lib.synthetic_image.frame import reduced_camera
