@@ -406,7 +406,7 @@ def overlap_picture(
     response: Response,
     *,
     pair: tuple[int, int] = (0, 3),
-    size_px: tuple[int, int] = (180, 240),
+    size_px: tuple[int, int] = (130, 174),
 ) -> OverlapPicture:
     """Return a part of an overlap, and the differences of its heads before and after.
 
