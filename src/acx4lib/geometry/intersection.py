@@ -63,7 +63,8 @@ def intersect(
             across = weights * ((i == j) - directions[:, i] * directions[:, j])
             normal[:, i, j] = np.bincount(point_idx, across, minlength=n_points)
             normal[:, j, i] = normal[:, i, j]
-    meets = np.linalg.det(normal) > 1e-9  # about 0.003 degrees between two rays
+    with np.errstate(invalid="ignore"):  # rays that are NaN meet nowhere
+        meets = np.linalg.det(normal) > 1e-9  # about 0.003 degrees between two rays
     out = np.full((n_points, 3), np.nan)
     out[meets] = np.linalg.solve(normal[meets], right[meets][..., None])[..., 0] + middle
     out[point_idx[length_sq == 0]] = np.nan
