@@ -274,6 +274,8 @@ BEFORE: Mapping[str, Before] = {
     "04-validation": Before(design="acx4-ideal", stages=("mounting",)),
     "06-errata": Before(stages=ALL),
     "08-rig": Before(stages=ALL[:1]),
+    "09-weights": Before(design="acx4-ideal", stages=("mounting",)),
+    "16-error-budget": Before(design="acx4-ideal", stages=("mounting",)),
     "study": Before(design="acx4-ideal"),
 }
 """The notebooks that need a flight, the one that their pages show; the others need none."""
