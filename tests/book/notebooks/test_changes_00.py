@@ -16,9 +16,7 @@ def run(tmp_path_factory):
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), path)
 
     def one(part="", *arguments):
-        blocks = (
-            f"{{n: parts.{part}({', '.join(('b', *arguments))}) for n, b in flight.blocks.items()}}"
-        )
+        blocks = f"{{n: design.{part}({', '.join(('b', *arguments))}) for n, b in flight.blocks.items()}}"  # noqa: E501
         line = f"flight = replace(flight, blocks={blocks})\n" if part else ""
         return changed("00", {READ: READ + line}, flight_path=path)
 

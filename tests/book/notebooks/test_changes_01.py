@@ -55,7 +55,7 @@ def test_an_estimated_focal_length_comes_near_the_one_that_gnss_asks_for(run, as
 
 
 def test_from_one_height_all_standard_deviations_grow(run, as_it_is):
-    lowest = run(BLOCK, "block = parts.lowest_height(block)")
+    lowest = run(BLOCK, "block = design.lowest_height(block)")
     assert lowest["quality"]["measured points"].sum() < as_it_is["quality"]["measured points"].sum()
     before, after = (names["interior"]["sigma"].dropna() for names in (as_it_is, lowest))
     assert np.all(after > before)

@@ -49,14 +49,14 @@ def test_a_held_lever_arm_is_held_in_every_table_below(run, as_it_is):
 
 
 def test_from_one_height_focal_length_and_lever_arm_are_not_told_apart(run, as_it_is):
-    lowest = run(block=(MEASURED, f"{MEASURED}block = parts.lowest_height(block)\n"))
+    lowest = run(block=(MEASURED, f"{MEASURED}block = design.lowest_height(block)\n"))
     for parameter in ("f", "lever z"):
         assert sigma(lowest, parameter) > 3 * sigma(as_it_is, parameter)
     assert len(lowest["block"].images) < len(as_it_is["block"].images)
 
 
 def test_without_control_the_boresight_stays_and_the_two_step_method_is_left_out(run, as_it_is):
-    without = run(block=(MEASURED, f"{MEASURED}block = parts.without_control(block)\n"))
+    without = run(block=(MEASURED, f"{MEASURED}block = design.without_control(block)\n"))
     assert not without["two"]
     assert "two_step" in without["methods"].failures
     for axis in "ωφκ":

@@ -11,7 +11,7 @@ from support.changed_notebook import changed
 
 CHOICES = "refraction, smallest_angle = flight.refraction, block.smallest_angle"
 FACTORS = "factors: dict[str, float] = {}"
-READ = "calibrations = validation.calibrations(flight, results_path, calibration_path)\n"
+READ = "calibrations = stages_validation.calibrations(flight, results_path, calibration_path)\n"
 
 
 @pytest.fixture(scope="module")

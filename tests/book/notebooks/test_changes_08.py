@@ -42,7 +42,7 @@ def test_the_equations_by_hand_are_the_librarys(as_it_is):
 
 
 def test_without_shared_points_the_overlaps_of_the_rig_misfit_more(run, as_it_is):
-    apart = run("block = parts.unshared(block)")
+    apart = run("block = design.unshared(block)")
     assert apart["at_once"][2:].sum() < 0.3 * as_it_is["at_once"][2:].sum()  # control stays
     before = as_it_is["in_pixels"][IN_OVERLAPS]
     found = apart["in_pixels"][IN_OVERLAPS]
@@ -51,14 +51,14 @@ def test_without_shared_points_the_overlaps_of_the_rig_misfit_more(run, as_it_is
 
 
 def test_from_one_height_the_focal_length_is_poorly_known_or_held(run, as_it_is):
-    lowest = run("block = parts.lowest_height(block)")
+    lowest = run("block = design.lowest_height(block)")
     assert sigma(as_it_is, "f") > 0
     assert sigma(lowest, "lever z") > 2 * sigma(as_it_is, "lever z")
     assert sigma(lowest, "f") == 0 or sigma(lowest, "f") > 5 * sigma(as_it_is, "f")
 
 
 def test_without_control_only_the_rig_orients_the_heads(run, as_it_is):
-    without = run("block = parts.without_control(block)")
+    without = run("block = design.without_control(block)")
     assert not without["one_by_one"]
     assert as_it_is["one_by_one"]
     assert "one by one" not in without["in_pixels"].index
