@@ -531,7 +531,7 @@ def _is_alive(process: int) -> bool:
 SOURCES = (".ci", ".git", "book", "data", "notebooks", "src", "tests")
 """Folders of a working copy that are not to be written into."""
 
-PACKAGES = ("acx4lib", "acx4sim", "acx4book")
+PACKAGES = ("acx4lib", "acx4tools", "acx4sim", "acx4book")
 """Folders of an installed library that are not to be written into."""
 
 FREE = ("data/flights", "data/reference/files")
