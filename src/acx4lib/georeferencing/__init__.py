@@ -5,6 +5,6 @@
 `error_sources` are what differences share, for tests of all together. `ground_points` are those of
 single pixels on a known height. `budget` splits predicted variances by their sources, and
 `mapping_flight` predicts those of a regular flight; `weak` names the parameters that have too much
-of them. `accuracy` says what the differences mean, and which map scale they allow. Begin with
-`direct`.
+of them. `accuracy` says what the differences mean, and which map scale they allow; `forgotten`
+leaves out one step, to see what that would do. Begin with `direct`.
 """

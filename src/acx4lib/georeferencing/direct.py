@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
-from acx4lib.geometry.camera import Camera, Interior, mountings
+from acx4lib.geometry.camera import Camera, mountings
 from acx4lib.geometry.collinearity import (
     Measurement,
     as_seen,
@@ -22,7 +21,7 @@ from acx4lib.geometry.collinearity import (
     image_derivatives,
     mounted_jacobian,
 )
-from acx4lib.geometry.frames import Pose, turn
+from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.intersection import intersect
 from acx4lib.georeferencing.error_sources import ErrorSources
 from acx4lib.least_squares.covariance import propagate
@@ -421,54 +420,3 @@ def error_sources(
         cov_parameters=g.cov_parameters,
         shared=g.shared,
     )
-
-
-# --- One step of direct georeferencing forgotten, so that it can be seen what that would do
-#
-# Each function returns what a validation is made of, a calibration or a block, without the step.
-
-
-def lever_arm(calibration: Calibration) -> Calibration:
-    """Return a calibration of cameras that seem to be where the IMU is."""
-    return _changed(calibration, lambda c: replace(c, T_b_c=Pose(R=c.T_b_c.R, r=np.zeros(3))))
-
-
-def boresight(calibration: Calibration) -> Calibration:
-    """Return a calibration with the quarter turns that are nearest: a mount as the eye sees it."""
-    return _changed(
-        calibration, lambda c: replace(c, T_b_c=Pose(R=_nearest_quarter(c.T_b_c.R), r=c.T_b_c.r))
-    )
-
-
-def distortion(calibration: Calibration) -> Calibration:
-    """Return a calibration without radial and decentring distortion."""
-    return _changed(
-        calibration,
-        lambda c: c.with_interior(
-            Interior(f=c.interior.f, xp=c.interior.xp, yp=c.interior.yp, b1=c.interior.b1)
-        ),
-    )
-
-
-def principal_point(calibration: Calibration) -> Calibration:
-    """Return a calibration with the principal point in the middle of the image."""
-    return _changed(calibration, lambda c: c.with_interior(replace(c.interior, xp=0.0, yp=0.0)))
-
-
-def convergence(block: Block) -> Block:
-    """Return a block with attitudes that were read as if grid north were true north."""
-    trajectory = block.trajectory
-    lonlat = block.frame.to_geographic(trajectory.T_m_b.r)[:, :2]
-    gamma = block.frame.grid.convergence(lonlat)
-    R_g_m = trajectory.R_g_m
-    wrong = np.swapaxes(R_g_m, 1, 2) @ turn(2, gamma) @ R_g_m @ trajectory.T_m_b.R
-    return replace(block, trajectory=replace(trajectory, T_m_b=Pose(R=wrong, r=trajectory.T_m_b.r)))
-
-
-def _changed(calibration: Calibration, change: Callable[[Camera], Camera]) -> Calibration:
-    return replace(calibration, cameras=tuple(map(change, calibration.cameras)))
-
-
-def _nearest_quarter(R_b_c: Array) -> Array:
-    rounded: Array = np.round(R_b_c)
-    return rounded if np.linalg.det(rounded) == 1 else np.eye(3)

@@ -73,7 +73,7 @@ def test_a_trajectory_that_is_mistrusted_is_predicted_too_poor(run, as_it_is):
 
 
 def test_a_forgotten_lever_arm_is_seen_in_heights(run, as_it_is):
-    line = "calibrations = {k: direct.lever_arm(one) for k, one in calibrations.items()}\n"
+    line = "calibrations = {k: forgotten.lever_arm(one) for k, one in calibrations.items()}\n"
     without = run({READ: f"{READ}{line}"})
     assert of(without, "points")["RMS"]["height"] > of(as_it_is, "points")["RMS"]["height"]
     assert without["found"].joint_chi_square_p < 0.001 < as_it_is["found"].joint_chi_square_p

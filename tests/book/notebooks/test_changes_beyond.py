@@ -441,7 +441,7 @@ def run_16(tmp_path_factory):
 def forgotten(part):
     """Return the change that forgets a part of every calibration."""
     each = f"{{name: forgotten.{part}(one) for name, one in calibrations.items()}}"
-    how = "from acx4lib.georeferencing import direct as forgotten\n"
+    how = "from acx4lib.georeferencing import forgotten\n"
     return {READ: f"{READ}{how}calibrations = {each}\n"}
 
 

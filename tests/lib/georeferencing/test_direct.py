@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib.calibration.estimates import Calibration, given
 from acx4lib.geometry.frames import log
-from acx4lib.georeferencing import direct
+from acx4lib.georeferencing import direct, forgotten
 from acx4lib.georeferencing.direct import Rays, georeference, intersect_rays
 from acx4lib.georeferencing.validation import validate
 from acx4lib.least_squares.gauss_markov import GaussMarkov
@@ -337,7 +337,7 @@ def test_a_step_that_a_calibration_lacks_is_seen_at_exact_check_points(block, ca
 
 
 def test_a_forgotten_convergence_turns_by_it(block, cameras):
-    wrong = direct.convergence(block)
+    wrong = forgotten.convergence(block)
     lonlat = block.frame.to_geographic(block.trajectory.T_m_b.r)[:, :2]
     gamma = np.abs(block.frame.grid.convergence(lonlat))
     turned = np.swapaxes(block.trajectory.T_m_b.R, 1, 2) @ wrong.trajectory.T_m_b.R
@@ -348,11 +348,11 @@ def test_a_forgotten_convergence_turns_by_it(block, cameras):
 
 def test_the_other_steps_stay(cameras):
     (camera,) = cameras.cameras
-    (without,) = direct.lever_arm(cameras).cameras
+    (without,) = forgotten.lever_arm(cameras).cameras
     assert_allclose(without.T_b_c.r, 0.0)
     assert_allclose(without.T_b_c.R, camera.T_b_c.R)
     assert without.interior == camera.interior
-    (straight,) = direct.boresight(cameras).cameras
+    (straight,) = forgotten.boresight(cameras).cameras
     assert_allclose(np.abs(straight.T_b_c.R).sum(axis=0), 1.0)  # quarter turns
-    (plain,) = direct.distortion(cameras).cameras
+    (plain,) = forgotten.distortion(cameras).cameras
     assert plain.interior == replace(camera.interior, k1=0.0, k2=0.0, k3=0.0, p1=0.0, p2=0.0)
