@@ -23,7 +23,7 @@ import pandas as pd
 import acx4sim
 from acx4book.chapters import weights
 from acx4book.command.batch.executors import on_processes
-from acx4book.notebooks.simulated import flown_fly
+from acx4book.notebooks.simulated import fly_and_read
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.uses import mounted_orientation
@@ -177,7 +177,7 @@ def slowly(seed: int) -> Tables:
 
     Once it takes them for independent, and once with the weights of their correlation.
     """
-    flown = flown_fly(DESIGN, seed, weights.SLOW)
+    flown = fly_and_read(DESIGN, seed, weights.SLOW)
     blocks = {"white": flown.block, "correlated": weights.modelled(flown.block, SlowErrors())}
     rows: list[Row] = []
     for kind, block in blocks.items():

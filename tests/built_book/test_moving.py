@@ -18,7 +18,7 @@ from support.helpers import ROOT
 
 def calibrated():
     """Return a single-step calibration, and the mapping flight where the sliders begin."""
-    flight = simulated.flown_fly("acx4-ideal", 1, blocks=("calibration", "validation")).flight
+    flight = simulated.fly_and_read("acx4-ideal", 1, blocks=("calibration", "validation")).flight
     single = single_step(flight.calibration, free=flight.estimate_mounting)
     mapping = like(flight.block("validation"), single.calibration.cameras[0])
     return single.calibration, replace(mapping, height_m=1300.0)

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acx4book.notebooks import simulated
-from acx4book.notebooks.simulated import Flown, flown_fly
+from acx4book.notebooks.simulated import Flown, fly_and_read
 from acx4book.paper import printed
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
@@ -162,7 +162,7 @@ def calibrated(seeds: Iterable[int], cases: Mapping[str, tuple[Options, Case]]) 
     rows = []
     for seed in seeds:
         for kind, (options, case) in cases.items():
-            flown = flown_fly(DESIGN, seed, options)
+            flown = fly_and_read(DESIGN, seed, options)
             mounting = case(flown)
             sigma0_sq = mounting.bundle.solution.sigma0_sq
             rows += [
@@ -224,7 +224,7 @@ def height_errors(seed: int) -> pd.DataFrame:
     DataFrame
         Columns kind, exposure (number), strip and error_m.
     """
-    true, white, slow = (_heights(flown_fly(DESIGN, seed, how)) for how in (EXACT, WHITE, SLOW))
+    true, white, slow = (_heights(fly_and_read(DESIGN, seed, how)) for how in (EXACT, WHITE, SLOW))
     parts = [
         true.assign(kind=kind, error_m=found["height_m"] - true["height_m"])
         for kind, found in (("white", white), ("slow", slow))

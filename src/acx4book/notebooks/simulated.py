@@ -246,7 +246,7 @@ class Flown:
         return f"simulated flight {self.flight.name!r}"
 
 
-def flown_fly(
+def fly_and_read(
     design: str,
     seed: int,
     options: Options = STANDARD,

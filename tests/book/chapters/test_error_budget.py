@@ -22,7 +22,7 @@ from support.figures import drawn, panels
 
 @pytest.fixture(scope="session")
 def found():
-    flight = simulated.flown_fly("acx4-ideal", 1, blocks=("calibration", "validation")).flight
+    flight = simulated.fly_and_read("acx4-ideal", 1, blocks=("calibration", "validation")).flight
     block, free = flight.block("validation"), flight.estimate_mounting
     single = single_step(flight.calibration, free=free)
     two = two_step(flight.calibration, free=free, after=single)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from acx4book.chapters import weights
-from acx4book.notebooks.simulated import flown_fly
+from acx4book.notebooks.simulated import fly_and_read
 from acx4lib.calibration import mounting, trajectory_errors
 
 SHIFTED, UNKNOWN = "shifted, none", "shifted, shift"
@@ -76,7 +76,7 @@ def test_height_errors_are_those_of_the_same_flight(errors):
 
 
 def test_errors_of_one_flight_stand_by_their_parameters():
-    flown = flown_fly("acx4-ideal", 1, weights.WHITE)
+    flown = fly_and_read("acx4-ideal", 1, weights.WHITE)
     found = weights.adjusted(flown)
     table = weights.errors(flown, found)
     lever = found.calibration.cameras[0].T_b_c.r
@@ -115,7 +115,7 @@ def test_a_lever_arm_that_is_held_has_no_errors_to_show(shifts):
 
 
 def test_the_mounting_page_says_what_was_estimated_or_that_nothing_was():
-    flown = flown_fly("single-head", 1, weights.SHIFTED)
+    flown = fly_and_read("single-head", 1, weights.SHIFTED)
     settings = {"free": flown.flight.estimate_mounting}
     found = mounting.single_step(flown.block, **settings, gnss=("shift",))
     notes = trajectory_errors.notes(found.bundle)
@@ -129,7 +129,7 @@ def test_the_mounting_page_says_what_was_estimated_or_that_nothing_was():
 
 
 def test_noisier_heights_are_seen_in_f_and_lever_z():
-    flown = flown_fly("acx4-ideal", 1, weights.WHITE)
+    flown = fly_and_read("acx4-ideal", 1, weights.WHITE)
     noisy = {s: weights.with_height_noise(flown.block, s) for s in (0.005, 0.02, 0.08)}
     table = weights.height_noise_table(
         {s: weights.adjusted(flown, block) for s, block in noisy.items()}
