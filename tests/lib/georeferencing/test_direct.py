@@ -331,7 +331,7 @@ def rms(block, calibration):
 
 @pytest.mark.parametrize("name", ["lever_arm", "boresight", "distortion", "principal_point"])
 def test_a_step_that_a_calibration_lacks_is_seen_at_exact_check_points(block, cameras, name):
-    without = getattr(direct, name)(cameras)
+    without = getattr(forgotten, name)(cameras)
     assert rms(block, cameras) < 1e-6
     assert rms(block, without) > 1e-3
 
