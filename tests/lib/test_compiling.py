@@ -56,48 +56,48 @@ def test_a_relative_name_of_a_folder_is_not_used(monkeypatch, tmp_path):
 def test_a_folder_that_others_can_write_is_not_the_users_own(tmp_path, mode):
     folder = tmp_path / "kept"
     folder.mkdir()
-    assert compiling.is_own(folder)
+    assert compiling._is_own(folder)
     folder.chmod(mode)
-    assert not compiling.is_own(folder)
+    assert not compiling._is_own(folder)
 
 
 def test_a_folder_that_others_can_exchange_is_not_the_users_own(tmp_path):
     above = tmp_path / "above"
-    assert compiling.is_own(above / "kept")
+    assert compiling._is_own(above / "kept")
     above.chmod(0o777)
-    assert not compiling.is_own(above / "kept")
+    assert not compiling._is_own(above / "kept")
     above.chmod(0o1777)  # as /tmp: what lies there stays
-    assert compiling.is_own(above / "kept")
+    assert compiling._is_own(above / "kept")
     above.chmod(0o755)
     link = tmp_path / "link"
     link.symlink_to(above)
-    assert compiling.is_own(link / "kept")
+    assert compiling._is_own(link / "kept")
     tmp_path.chmod(0o777)
-    assert not compiling.is_own(link / "kept")
+    assert not compiling._is_own(link / "kept")
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only the administrator can give a folder away")
 @pytest.mark.parametrize("which", ["kept", "."])
 def test_a_folder_of_another_user_is_not_the_users_own(tmp_path, which):
     folder = tmp_path / "above" / "kept"
-    assert compiling.is_own(folder)
+    assert compiling._is_own(folder)
     os.chown(tmp_path / "above" / which, 4711, 4711)
-    assert not compiling.is_own(folder)
+    assert not compiling._is_own(folder)
 
 
 def test_only_the_users_private_group_counts_as_the_user(tmp_path):
     folder = tmp_path / "kept"
-    assert compiling.is_own(folder)
+    assert compiling._is_own(folder)
     folder.chmod(0o770)
     user, group = pwd.getpwuid(os.getuid()), grp.getgrgid(folder.stat().st_gid)
     private = group.gr_name == user.pw_name and set(group.gr_mem) <= {user.pw_name}
-    assert compiling.is_own(folder) == private
+    assert compiling._is_own(folder) == private
 
 
 def test_a_new_folder_is_closed_to_others(tmp_path):
     before = os.umask(0)
     try:
-        assert compiling.is_own(tmp_path / "kept")
+        assert compiling._is_own(tmp_path / "kept")
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / "kept").stat().st_mode) == 0o700

@@ -31,7 +31,7 @@ from acx4book.typesetting import style
 LOSSY = 20_000
 """Bytes from which a picture inside a drawing is stored with the loss of WebP."""
 
-QUALITY, EDGES = 50, 50
+QUALITY, EDGES = 40, 50
 """Of its colours, and of where it is transparent, of 100."""
 
 EFFORT, THOROUGH = 4, 6

@@ -102,7 +102,7 @@ def test_radial_distortion_ends_at_the_corner_beside_the_papers_values(fits):
     assert len(near.lines) == 4 + 4 + 1
     assert wide.lines[0].get_xdata()[-1] == pytest.approx(33.68, abs=0.01)  # half the diagonal, mm
     assert wide.lines[0].get_ydata()[-1] == pytest.approx(15.0, abs=1.0)
-    assert legend(fig)[-2:] == ["Table 1 of the paper", "its text: about 15 px"]
+    assert legend(fig)[-2:] == ["the paper's Table 1", "its text: about 15 px"]
 
 
 def test_other_cameras_are_not_compared_with_the_paper(fits):

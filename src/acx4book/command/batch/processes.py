@@ -146,13 +146,20 @@ def _serve(pipe: Connection) -> None:
     shut_out()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it, too, and tells
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    signal.signal(signal.SIGTERM, _leave)
     while True:
         try:
             call = pipe.recv_bytes()
         except EOFError:
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it is leaving
             return
         pipe.send_bytes(_answer(call))
+
+
+def _leave(*_: object) -> None:
+    """Leave tidily; the signal comes twice where the whole group is sent it."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    sys.exit(1)
 
 
 def _answer(call: bytes) -> bytes:
