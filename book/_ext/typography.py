@@ -42,9 +42,16 @@ def set_numbers(_app: Sphinx, page: nodes.document, name: str) -> None:
     for text in list(page.findall(nodes.Text)):
         said = DATE.sub(_on_one_line, numbers(text.astext()))
         if said != text.astext() and is_set(text):
-            text.parent.replace(text, nodes.Text(said))
+            _put(text, said)
     for html in [raw for raw in page.findall(nodes.raw) if TABLE in raw.astext()]:
         html[:] = [nodes.Text(CELL.sub("\N{MINUS SIGN}", html.astext()))]
+
+
+def _put(text: nodes.Text, said: str) -> None:
+    """Put another text in the place of one; docutils would take the first that is equal."""
+    siblings = text.parent.children
+    at = next(i for i, node in enumerate(siblings) if node is text)
+    text.parent[at] = nodes.Text(said)
 
 
 def keep_stops(_app: Sphinx, page: nodes.document, name: str) -> None:
@@ -56,7 +63,7 @@ def keep_stops(_app: Sphinx, page: nodes.document, name: str) -> None:
         stop = STOPS.match(after.astext()) if isinstance(after, nodes.Text) else None
         if stop is None:
             continue
-        after.parent.replace(after, nodes.Text(after.astext()[stop.end() :]))
+        _put(after, after.astext()[stop.end() :])
         kept = nodes.inline(classes=["one-line"])
         formula.replace_self(kept)
         kept += [formula, nodes.Text(stop[0])]

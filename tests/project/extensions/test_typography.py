@@ -46,6 +46,13 @@ def test_a_comma_stays_behind_its_formula():
     assert [child.astext() for child in rest] == [" and", "h", " m"]
 
 
+def test_of_equal_stops_only_that_behind_the_formula_moves():
+    parts = [nodes.literal("x", "x"), nodes.Text(", "), nodes.math("y", "y"), nodes.Text(", ")]
+    found = page(*parts, nodes.math("z", "z"))
+    typography.keep_stops(None, found, "chapter")
+    assert [child.astext() for child in found[0]] == ["x", ", ", "y,", " ", "z"]
+
+
 def test_dates_stay_on_one_line_and_ranges_of_pages_are_no_dates():
     found = page(nodes.Text("2021-04-14 and 2021-04, 1926-1937, 370-386 and 2021-04-141"))
     typography.set_numbers(None, found, "chapter")
