@@ -1,14 +1,17 @@
-"""Give a page the scripts of the figures that move, if it has such a figure.
+"""Number the figures that move, and give a page their scripts, if it has such a figure.
 
 What lies in ``_static`` would be on every page; so these files have a folder of their own.
 """
 
 from __future__ import annotations
 
+import re
 import shutil
+from html import unescape
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
 FILES = {
@@ -18,6 +21,32 @@ FILES = {
 """The script that a figure with this class needs, from the folder of the book."""
 
 STYLE = Path("_moving", "moving.css")
+
+
+CAPTION = re.compile(r"<figcaption>(.*?)</figcaption>", re.DOTALL)
+NAME = re.compile(r'<figure class="acx4-\w+" id="([\w-]+)"')
+
+
+def number(_app: Sphinx, page: nodes.document) -> None:
+    """Put each such figure of a page into a numbered one, which takes its caption."""
+    for html in list(page.findall(nodes.raw)):
+        text = html.astext()
+        caption = CAPTION.search(text) if any(mark in text for mark in FILES) else None
+        bundle = _of_cell(html)
+        if caption is None or bundle is None:
+            continue
+        html[:] = [nodes.Text(CAPTION.sub("", text))]
+        label = f"fig-{NAME.findall(text)[0]}"
+        figure = nodes.figure(ids=[label], names=[label])
+        bundle.replace_self(figure)
+        figure += [bundle, nodes.caption("", unescape(caption[1]))]
+
+
+def _of_cell(node: nodes.Node) -> nodes.Element | None:
+    """Return the output of a notebook's cell that a node is part of, with all its forms."""
+    while node is not None and getattr(node, "attributes", {}).get("nb_element") != "mime_bundle":
+        node = node.parent
+    return node
 
 
 def copy(app: Sphinx) -> None:
@@ -38,7 +67,8 @@ def add(app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctr
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Connect both steps."""
+    """Connect the steps."""
     app.connect("builder-inited", copy)
+    app.connect("doctree-read", number)
     app.connect("html-page-context", add)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

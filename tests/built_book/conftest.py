@@ -37,7 +37,8 @@ def html():
 def pages(html):
     """Every page but forwards, parsed, by its path inside the book."""
     others = {"_static", "_downloads", "downloads"}  # no pages of the book
-    files = [path for path in sorted(html.rglob("*.html")) if not others & {*path.parts}]
+    found = [path for path in sorted(html.rglob("*.html")) if not others & {*path.parts}]
+    files = [path for path in found if path.name != "404.html"]  # of no address
     gc.disable()  # which would look through all pages again and again
     parsed = {path.relative_to(html).as_posix(): parse(path) for path in files}
     gc.freeze()

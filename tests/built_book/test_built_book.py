@@ -110,8 +110,6 @@ def test_figures_and_tables_of_notebooks_say_where_they_come_from(chapters):
         if not name.startswith("_executed/"):
             continue
         for shown in page.select("figure:has(figcaption), .cell_output table:has(caption)"):
-            if "explorer" in (shown.get("id") or ""):
-                continue  # it moves, and its cell stands open above it
             line = shown.select_one("p.provenance") or shown.find_next("p", class_="provenance")
             if line is None or not re.search(r"\.ipynb, cell \d+ .*commit", line.get_text()):
                 silent.append(f"{name}: {shown.get('id')}")

@@ -48,7 +48,7 @@ def difference_map(validation: Validation) -> Figure:
             north,
             s=34,
             c=points.d[:, 2],
-            cmap=style.DIVERGING,
+            cmap=style.BOTH_WAYS,
             vmin=-limit,
             vmax=limit,
             zorder=3,
@@ -148,7 +148,7 @@ def _density(at: Array, sigma: Array) -> Array:
 
 
 def mistakes(validations: Mapping[str, Validation]) -> Figure:
-    """Draw the RMS of the check points' differences, three bars for each validation.
+    """Draw the RMS of the check points' differences, three marks for each validation.
 
     Parameters
     ----------
@@ -160,12 +160,8 @@ def mistakes(validations: Mapping[str, Validation]) -> Figure:
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(rows)))
         for axis, name in enumerate(AXES):
-            ax.barh(
-                *(rows + 0.26 * (axis - 1), rms[:, axis]),
-                height=0.24,
-                color=style.colour(axis),
-                label=name,
-            )
+            at, colour = rows + 0.26 * (axis - 1), style.colour(axis)
+            ax.plot(rms[:, axis], at, "osD"[axis], ms=5, color=colour, label=name)
         ax.set_xscale("log")
         ax.set_yticks(rows, [*validations])
         ax.invert_yaxis()

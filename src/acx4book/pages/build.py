@@ -205,7 +205,8 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
     Tables get the captions and names that the metadata of their cells have. Imports and parameters
     are folded, and of sentences with numbers there is no code. Where the method does not stand in
     the cells, the code of those that show something is folded. A note stands under the first cell.
-    Where the notebook ended early, the page ends, below an answer without a word.
+    A figure of which nothing came is left out. Where the notebook ended early, the page ends, below
+    an answer without a word.
     """
     notebook = _read(executed)
     notebook.cells = notebook.cells[: _end(notebook)]
@@ -217,8 +218,10 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
         if cell.cell_type != "code":
             continue
         _number_tables(cell)
-        if not opened:
-            if cell.outputs and "hide-input" not in tags:
+        if "mystnb" in cell.metadata and not cell.outputs:
+            cell.metadata["tags"] = [*tags, "remove-cell"]
+        elif not opened:
+            if cell.outputs and not {"hide-input", "remove-input"} & {*tags}:
                 cell.metadata["tags"] = [*tags, "hide-input"]
         elif "hide-input" in tags and not FOLDED & {*tags} and "notebook.begin(" not in cell.source:
             left = "remove-input" if cell.outputs else "remove-cell"

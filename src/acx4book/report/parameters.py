@@ -180,7 +180,9 @@ def image_figure(material: Material) -> Figure:
         parts = fig.add_gridspec(1, 2) if beside else fig.add_gridspec(rows + 1, columns)
         for i, lens in enumerate(found):
             _axes_of_image(fig.add_subplot(parts[divmod(i, columns)]), lens)
-        _curves(fig.add_subplot(parts[0, 1] if beside else parts[rows, :]), found)
+        curves = fig.add_subplot(parts[0, 1] if beside else parts[rows, :])
+        flight = material.flight
+        _curves(curves, found, flight.head_names if "heads" in flight.blocks else ())
         if n > 1:
             style.legend_below(fig, fig.axes[-1].get_legend_handles_labels()[0])
     return fig
@@ -214,12 +216,17 @@ def _axes_of_image(ax: Axes, lens: Lens) -> None:
     ax.plot(lens.interior.xp, lens.interior.yp, "+", color=style.INK, ms=9, mew=1.2, zorder=7)
 
 
-def _curves(ax: Axes, found: Sequence[Lens]) -> None:
-    """Draw the radial distortion with both focal lengths, and its standard deviation."""
+def _curves(ax: Axes, found: Sequence[Lens], heads: Sequence[str]) -> None:
+    """Draw the radial distortion with both focal lengths, and its standard deviation.
+
+    A head has the colour that it has in all figures; a camera that is none is black beside heads.
+    """
+    of_heads = [lens for lens in found if lens.camera.name in heads]
     for i, lens in enumerate(found):
         at = np.linspace(0.0, lens.radius, 101)
         told = _profile_at(lens, balanced(lens), at)
-        colour = style.colour(i)
+        own = heads.index(lens.camera.name) if lens in of_heads else i
+        colour = style.INK if of_heads and lens not in of_heads else style.colour(own)
         band = 3 * told["sigma_um"]
         ax.fill_between(
             at, told["radial_um"] - band, told["radial_um"] + band, color=colour, alpha=0.18, lw=0

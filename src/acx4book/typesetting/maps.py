@@ -37,8 +37,8 @@ def block_maps(*blocks: Block | None) -> Figure:
     Returns
     -------
     Figure
-        The ground in images is tinted, darker where more images overlap. At every flying height
-        the footprints of one exposure are outlined.
+        The ground in images is tinted, more strongly where more images overlap. At every flying
+        height the footprints of one exposure are outlined.
     """
     present = [block for block in blocks if block is not None]
     if not present:

@@ -21,7 +21,7 @@ import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.transforms import Bbox
@@ -94,10 +94,17 @@ NAMES = {
 PRINTED = INK
 """Colour of the paper's values in every figure; they are dashed or open diamonds."""
 
-SEQUENCE = LinearSegmentedColormap.from_list(
-    "acx4 sequence", ["#f3f6f9", "#b9d3ea", "#6a9fd0", "#2660a4", "#142f57"]
-)
-"""From zero (light) to large (dark)."""
+_LARGE = [
+    *("#f3f6f9", "#d6e4f1", "#b9d3ea", "#91b9dd", "#699fd0"),
+    *("#477fba", "#265fa3", "#1d477c", "#142f57"),
+]
+_OFF = [
+    *("#8f4a0b", "#ba6a15", "#e58a20", "#eec088", "#f6f3ef"),
+    *("#aac3dc", "#5e92c8", "#3a689d", "#173f73"),
+]
+
+SEQUENCE = ListedColormap(_LARGE, "acx4 sequence")
+"""From small (light) to large (dark), for marks; a page in the dark turns it round."""
 
 SHADES = LinearSegmentedColormap.from_list("acx4 shades", ["#3f7dc400", "#3f7dc4"])
 """From zero, where the ground shows, to large (blue): for fields, by day and by night."""
@@ -105,7 +112,17 @@ SHADES = LinearSegmentedColormap.from_list("acx4 shades", ["#3f7dc400", "#3f7dc4
 DIVERGING = LinearSegmentedColormap.from_list(
     "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
 )
-"""From negative (orange) through zero (light) to positive (blue)."""
+"""From negative (orange) through zero (light) to positive (blue), for pictures."""
+
+BOTH_WAYS = ListedColormap(_OFF, "acx4 both ways")
+"""The same for marks; in the dark, zero is dark."""
+
+SCALES = {
+    colour: f"{name}-{step}"
+    for name, scale in (("large", _LARGE), ("off", _OFF))
+    for step, colour in enumerate(scale)
+}
+"""Names of the colours of both scales, which a page sets as it does `NAMES`."""
 
 SMALL = 8.3
 """Size of the smallest letters, points: 11 px in a figure over the column of a wide window."""

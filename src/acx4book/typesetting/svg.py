@@ -115,7 +115,8 @@ def _stored(png: str) -> str:
 # --- Drawings as part of a page, in the page's colours by day and by night
 
 
-COLOUR = re.compile("|".join(style.NAMES))
+NAMES = style.NAMES | style.SCALES
+COLOUR = re.compile("|".join(NAMES))
 NAMED = re.compile(r'(\bid="|href="#|url\(#)(?!D[\w-]+")([\w.-]+)')
 """Where a name stands, unless it is that of a letter: a letter is the same in all drawings."""
 
@@ -149,7 +150,7 @@ def inline(svg: str, *, alt: str, name: str, known: set[str]) -> str:
         f'style="width: {100 * share:.4g}%; min-width: {35 * share:.4g}rem">'
     )
     inside = GROUND.sub("", SIZE.sub("", svg, count=1), count=1)
-    coloured = COLOUR.sub(lambda found: f"var(--figure-{style.NAMES[found[0]]})", inside)
+    coloured = COLOUR.sub(lambda found: f"var(--figure-{NAMES[found[0]]})", inside)
     lettered = LETTER.sub(lambda found: _once(found, known), coloured)
     names: dict[str, str] = {}
     named = NAMED.sub(

@@ -45,10 +45,12 @@ def test_a_page_of_open_cells_shows_the_method_and_hides_what_only_the_page_need
         shown("single.table()", table, acx4={"caption": "A table", "name": "tab-a"}),
         shown('say("...")', sentence, tags=["hide-input"]),
         shown('say("")', nothing, tags=["hide-input"]),
+        shown("figure(None)", None, mystnb={"figure": {"caption": "A figure."}}),
     ]
     nbformat.write(v4.new_notebook(cells=cells), tmp_path / "a.ipynb")
     build.fold(tmp_path / "a.ipynb", tmp_path / "b.ipynb")
-    _, imports, computed, said, silent = nbformat.read(tmp_path / "b.ipynb", as_version=4).cells
+    page = nbformat.read(tmp_path / "b.ipynb", as_version=4)
+    _, imports, computed, said, silent, undrawn = page.cells
     assert imports.metadata.tags == ["hide-input"]
     assert "tags" not in computed.metadata
     assert computed.outputs[0].data == {
@@ -57,3 +59,4 @@ def test_a_page_of_open_cells_shows_the_method_and_hides_what_only_the_page_need
     assert said.metadata.tags == ["remove-input"]
     assert silent.metadata.tags == ["remove-cell"]
     assert silent.outputs == []
+    assert undrawn.metadata.tags == ["remove-cell"]

@@ -78,7 +78,8 @@ def contrast(one, other):
 
 
 def test_the_style_sheet_has_every_colour_by_day_and_by_night():
-    assert {name: colour for colour, name in style.NAMES.items()} == DAY
+    named = style.NAMES | style.SCALES
+    assert {name: colour for colour, name in named.items()} == DAY
     assert NIGHT.keys() == DAY.keys()
 
 
@@ -101,12 +102,14 @@ def test_every_colour_vision_tells_the_palette_apart(vision, time):
 
 
 @pytest.mark.parametrize("vision", VISIONS)
-@pytest.mark.parametrize("colours", [style.SEQUENCE, style.DIVERGING], ids=lambda c: c.name)
-def test_colour_scales_run_one_way_in_lightness(colours, vision):
-    seen = [lab(colours(x), VISIONS[vision])[0] for x in np.linspace(0, 1, 21)]
-    middle = 0 if colours is style.SEQUENCE else 10
-    assert np.all(np.diff(seen[middle:]) < 0)
-    assert np.all(np.diff(seen[: middle + 1]) > 0)
+@pytest.mark.parametrize("time", PAGES)
+@pytest.mark.parametrize(("scale", "middle"), [("large", 0), ("off", 4)])
+def test_colour_scales_lead_away_from_the_page_in_lightness(scale, middle, time, vision):
+    colours, page = PAGES[time]
+    seen = [lab(colours[f"{scale}-{step}"], VISIONS[vision])[0] for step in range(9)]
+    away = np.sign(50 - lab(page, VISIONS["all"])[0])
+    assert np.all(away * np.diff(seen[middle:]) > 0)
+    assert np.all(away * np.diff(seen[: middle + 1]) < 0)
 
 
 @pytest.mark.parametrize(

@@ -21,11 +21,11 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, log
 
-WEAK_COLOURS = style.SEQUENCE.reversed()
-"""Of redundancy numbers: the weak ones are dark."""
+WEAK_COLOURS = style.SHADES.reversed()
+"""Of redundancy numbers: the weak ones are blue, the strong ones as the ground."""
 
 RANGE_PX = (2.0, 20.0)
-"""Detectable errors from the lightest to the darkest colour; some are without bound."""
+"""Detectable errors from one end of the colours to the other; some are without bound."""
 
 CELLS = 16
 """Cells along the longer side of an image."""
