@@ -20,6 +20,8 @@ Everything else is reached through its room, as in ``from acx4lib.results import
 
 from importlib import import_module
 
+from acx4lib import errors
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from acx4lib.flight.reader import from_tables, read
@@ -37,6 +39,8 @@ _STANDS_IN = {
     "render": ("production.flight_images", "render_flight"),
 }
 
+_OF_PIXELS = ("cv2", "tifffile", "imagecodecs")
+
 
 def __getattr__(name: str) -> object:
     """Load a function of `__all__`, or a room, on first use."""
@@ -44,6 +48,8 @@ def __getattr__(name: str) -> object:
     try:
         found = import_module(f"{__name__}.{module}")
     except ModuleNotFoundError as error:
+        if error.name in _OF_PIXELS:
+            raise errors.not_installed(f"acx4lib.{name}", error.name, "images") from None
         if error.name != f"{__name__}.{name}":
             raise
         msg = f"module {__name__!r} has no attribute {name!r}"

@@ -20,6 +20,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+import acx4lib as acx
+import acx4sim
 from acx4book.command.terminal import BOOK
 from acx4book.pages import flight_book
 from support.flights import pictured
@@ -119,6 +121,15 @@ def names_of(requirements):
     return {name_of(requirement) for requirement in requirements}
 
 
+def requirements(*extras):
+    """What the project needs with some extras, one of which may bring another."""
+    needed = [*PROJECT["dependencies"], *(line for extra in extras for line in EXTRAS[extra])]
+    own = [line for line in needed if name_of(line) == "acx4lib"]
+    brought = {extra for line in own for extra in Requirement(line).extras}
+    others = [line for line in needed if line not in own]
+    return [*others, *requirements(*brought)] if brought else others
+
+
 # --- what is in it, and what it needs --------------------------------------------------------
 
 
@@ -165,7 +176,7 @@ def test_the_requirements_are_those_of_pyproject(wheel):
     extras = [f'{line}; extra == "{extra}"' for extra, lines in EXTRAS.items() for line in lines]
     required = {str(Requirement(line)) for line in [*PROJECT["dependencies"], *extras]}
     assert {str(Requirement(line)) for line in said.get_all("Requires-Dist")} == required
-    assert set(said.get_all("Provides-Extra")) == {"book", "lab", "pdf", "reference", "cluster"}
+    assert set(said.get_all("Provides-Extra")) == set(EXTRAS)
 
 
 def imported(house):
@@ -188,25 +199,32 @@ def distributions(modules):
 
 @pytest.mark.parametrize(
     ("house", "extras"),
-    [("acx4sim", ()), ("acx4lib", ("cluster",)), ("acx4book", ("book", "pdf", "reference"))],
+    [
+        ("acx4sim", ("command",)),
+        ("acx4lib", ("images", "cluster")),
+        ("acx4tools", ("images",)),
+        ("acx4book", ("book", "pdf", "reference")),
+    ],
 )
 def test_what_a_package_imports_is_required(house, extras):
-    required = names_of([*PROJECT["dependencies"], *(r for e in extras for r in EXTRAS[e])])
+    required = names_of(requirements(*extras))
     assert imported(house) <= required
 
 
 def test_the_command_asks_for_the_modules_of_the_extra():
     of_plain_papermill = {"ipykernel"}  # with its own kernel
     of_acx4_book = {"jupyter-book", "sphinx-mathjax-offline"}  # which asks for them itself
-    assert distributions(BOOK) == names_of(EXTRAS["book"]) - of_plain_papermill - of_acx4_book
+    assert distributions(BOOK) == names_of(EXTRAS["book"]) - {"acx4lib"} - (
+        of_plain_papermill | of_acx4_book
+    )
 
 
 # --- installed -------------------------------------------------------------------------------
 
 
-def link_base(site):
-    """Link the base requirements, and what they bring, into an environment."""
-    waiting, seen = [Requirement(line) for line in PROJECT["dependencies"]], set()
+def link(site, *extras):
+    """Link the requirements of some extras, and what they bring, into an environment."""
+    waiting, seen = [Requirement(line) for line in requirements(*extras)], set()
     while waiting:
         name = waiting.pop().name
         if name in seen:
@@ -230,16 +248,16 @@ def read_all(folder):
 
 @pytest.fixture(scope="module")
 def installed(wheel, tmp_path_factory):
-    """A folder with an environment of the wheel and the base requirements; its packages."""
+    """A folder with an environment of the wheel and the extra ``command``; its packages."""
     folder = tmp_path_factory.mktemp("installed")
     site = environment(folder / "env", wheel)
-    link_base(site)
+    link(site, "command")
     return folder, site
 
 
 @pytest.fixture
 def base(installed):
-    """A folder with an environment of the wheel and the base requirements alone."""
+    """A folder with an environment of the wheel and the extra ``command`` alone."""
     folder, site = installed
     (site / PTH).write_text("")
     return folder
@@ -307,7 +325,7 @@ def test_nothing_is_written_into_the_installed_library(whole):
 
 
 @pytest.mark.slow
-def test_the_base_requirements_are_enough_for_numbers_and_images(base):
+def test_the_extra_command_is_enough_for_numbers_and_images(base):
     succeeds(base, "python", "-c", "import acx4lib, acx4sim")
     succeeds(base, "acx4", "--help")
     images = ("--images", "V1-02", "--reduce", "16")
@@ -318,6 +336,47 @@ def test_the_base_requirements_are_enough_for_numbers_and_images(base):
     pictured.write_results(base / "heads", pictured.write_flight(base / "pictured"))
     said = succeeds(base, "acx4", "render", "pictured", "--results", "heads", "--out", "images")
     assert "2 images rendered, in images" in said
+
+
+@pytest.fixture(scope="module")
+def small(wheel, tmp_path_factory):
+    """A folder with an environment of the wheel and what the library requires, no extra."""
+    folder = tmp_path_factory.mktemp("small")
+    link(environment(folder / "env", wheel))
+    return folder
+
+
+SMALL = """
+import acx4lib as acx
+flight = acx.read("flight")
+calibration = acx.calibrate(flight).single_step.calibration
+poses = acx.georeference(flight.validation, calibration).T_m_c
+print(calibration.cameras[0].interior.f, len(poses.r))
+try:
+    acx.render
+except ModuleNotFoundError as error:
+    print(error)
+"""
+
+
+@pytest.mark.slow
+def test_what_the_library_requires_is_enough_for_a_calibration(small):
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=3), small / "flight")
+    numbers, error = succeeds(small, "python", "-c", SMALL).splitlines()
+    focal_mm, n_images = numbers.split()
+    here = acx.calibrate(acx.read(small / "flight")).single_step.calibration
+    assert float(focal_mm) == pytest.approx(here.cameras[0].interior.f, abs=1e-9)
+    assert int(n_images) == 60
+    assert error == "acx4lib.render needs tifffile, not installed here: pip install 'acx4lib[images]'"
+
+
+def test_without_its_extra_the_command_says_what_to_install(small):
+    done = run(small, "acx4", "--help")
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert re.fullmatch(
+        r"acx4 needs \w+, not installed here: pip install 'acx4lib\[command\]'", line
+    )
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -17,13 +18,23 @@ INTERRUPTED = 128 + signal.SIGINT
 
 SAYS = "interrupted"
 
+COMMAND = ("click", "cv2", "imagecodecs", "rich", "tifffile", "typer")
+"""Modules of the extra ``command``."""
+
+CURE = "pip install 'acx4lib[command]'"
+
 
 def main() -> NoReturn:
     """Run the command of the command line and exit."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is not heard
         signal.signal(signal.SIGINT, stop)
-    from acx4book.command import acx4  # noqa: PLC0415 takes longest
-
+    try:
+        from acx4book.command import acx4  # noqa: PLC0415 takes longest
+    except ModuleNotFoundError as error:
+        if error.name not in COMMAND:
+            raise
+        os.write(2, f"acx4 needs {error.name}, not installed here: {CURE}\n".encode())
+        sys.exit(2)
     acx4.main()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.errors import not_installed
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera, correct, xy_from_colrow
 from acx4lib.geometry.frames import Pose
@@ -129,6 +130,8 @@ def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
 
     Raises
     ------
+    ModuleNotFoundError
+        Where OpenCV is not installed.
     ValueError
         Where fewer than three points are given, one is not finite, or no pose is found.
     """
@@ -139,7 +142,10 @@ def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
     if len(colrow) < 3:
         msg = f"a resection needs three points or more, got {len(colrow)}"
         raise ValueError(msg)
-    import cv2  # noqa: PLC0415 few flights need a resection, and it loads long
+    try:
+        import cv2  # noqa: PLC0415 few flights need a resection, and it loads long
+    except ModuleNotFoundError:
+        raise not_installed("a resection", "cv2", "images") from None
 
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
     centre = x_m.mean(axis=0)
