@@ -367,7 +367,9 @@ def test_what_the_library_requires_is_enough_for_a_calibration(small):
     here = acx.calibrate(acx.read(small / "flight")).single_step.calibration
     assert float(focal_mm) == pytest.approx(here.cameras[0].interior.f, abs=1e-9)
     assert int(n_images) == 60
-    assert error == "acx4lib.render needs tifffile, not installed here: pip install 'acx4lib[images]'"
+    assert error == (
+        "acx4lib.render needs tifffile, not installed here: pip install 'acx4lib[images]'"
+    )
 
 
 def test_without_its_extra_the_command_says_what_to_install(small):
