@@ -26,6 +26,7 @@ ROOMS = {
     "04": ["chapters.validation", "paper"],
     "05": ["reference"],
     "06": ["paper.errata"],
+    "07": [],
     "08": ["chapters.rig", "paper"],
     "09": ["chapters.weights", "paper"],
     "10": ["chapters.image_quality", "paper"],

@@ -490,6 +490,7 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "09-weights": ("data/paper/*.csv",),
     "10-synthetic-quality": ("data/paper/*.csv", "data/benchmarks/closed_chain_pattern.csv"),
     "11-ten-heads": ("data/reference/**/*.csv", "measured"),
+    "07-exercises": (),
     "12-synthetic-cost": ("data/paper/*.csv", "data/benchmarks/closed_chain*"),
     "19-from-pictures": (
         "data/benchmarks/measured_flights*",

@@ -147,7 +147,7 @@ def test_drawn_angles_and_errors_of_targets_go_where_the_text_says():
 REFINED = (
     "refined = refine_by_rotations(oriented, shared_points(flight.heads, oriented)).orientation"
 )
-FLIGHT = 'flown.fly("acx4", 1, blocks'
+FLIGHT = 'simulated.fly_and_read("acx4", 1, blocks'
 SINGLE = "free=flight.estimate_mounting)"
 
 
@@ -176,20 +176,20 @@ def test_the_one_flight_is_the_first_of_the_stored_ones(as_it_is_12):
 
 
 def test_the_rise_by_hand_is_the_closed_form(as_it_is_12):
-    closed = as_it_is_12["geometry"].apparent_rise_m(
+    closed = as_it_is_12["synthetic_cost"].apparent_rise_m(
         as_it_is_12["side_m"], as_it_is_12["f_mm"], as_it_is_12["size_mm"]
     )
     assert as_it_is_12["by_hand"] == pytest.approx(closed, rel=1e-4)  # 400 points a side
 
 
 def test_steps_at_the_seams_stay_where_nothing_has_noise():
-    exact = changed("12", {FLIGHT: 'flown.fly("acx4", 1, flown.EXACT, blocks'})
+    exact = changed("12", {FLIGHT: 'simulated.fly_and_read("acx4", 1, simulated.EXACT, blocks'})
     assert exact["rig"].bundle.solution.sigma0_sq < 1e-3
     assert sigma0_sq(exact) == pytest.approx(0.060, abs=0.005)  # of the stored flights
 
 
 def test_the_excess_of_another_flight_is_again_some_hundredths(as_it_is_12):
-    other = changed("12", {FLIGHT: 'flown.fly("acx4", 2, blocks'})
+    other = changed("12", {FLIGHT: 'simulated.fly_and_read("acx4", 2, blocks'})
     for names in (other, as_it_is_12):
         assert 0.03 < sigma0_sq(names) - names["rig"].bundle.solution.sigma0_sq < 0.1
     assert sigma0_sq(other) != sigma0_sq(as_it_is_12)
