@@ -40,6 +40,10 @@ class AdjustmentError(Acx4Error):
     """An adjustment does not converge or is not determined by its data."""
 
 
+class NotConverged(AdjustmentError):
+    """An adjustment does not converge, and no observation stands out that would explain it."""
+
+
 def not_installed(what: str, module: str, extra: str) -> ModuleNotFoundError:
     """Return the error in the place of a package that an extra of this distribution installs.
 

@@ -139,20 +139,24 @@ def _draw_imu(ax: Axes) -> None:
 
 def _label(ax: Axes, flight: Flight, cameras: Sequence[Camera]) -> None:
     """Write what the parts are."""
-    imu = "IMU (LN-200)\nof the POS-AV510" if printed.applies(flight) else "IMU"
+    of_paper = printed.applies(flight)
+    imu = "IMU (LN-200)\nof the POS-AV510" if of_paper else "IMU"
+    antenna = "GNSS antenna\non the aeroplane" if of_paper else "GNSS antenna"
     first, n = cameras[0], len(cameras)
     what = f"{n} heads of" if n > 1 else "one camera of"
     camera = (
         f"{what}\n{first.width_px} × {first.height_px} px,\n{1000 * first.pixel_mm:g} µm,\n"
-        f"focal length {first.interior.f:g} mm"
+        f"focal length {first.interior.f:.4g} mm"
     )
     for at, text in (
         (np.array([2.3, 0.9, 1.0]), imu),
-        (ANTENNA_AT + np.array([-0.9, 0.6, 0.3]), "GNSS antenna\non the aeroplane"),
-        (np.array([-2.3, 0.3, -0.3]), "common mount"),
+        (ANTENNA_AT + np.array([-0.9, 0.6, 0.3]), antenna),
+        (np.array([-2.3, 0.3, -0.3]), "common mount" if n > 1 else "mount"),
         (np.array([2.6, -2.3, -0.5]), camera),
     ):
         note(ax, VIEW.apply(at)[:2], text, style.INK, shift=(0, 0))
+    to_imu = VIEW.apply(np.stack([IMU_AT + np.array([0.3, -0.3, 0.22]), [2.05, 0.9, 0.85]]))[:, :2]
+    ax.plot(*to_imu.T, color=style.SOFT, lw=0.6, zorder=3)
     ax.set(xlim=(-3.6, 4.3), ylim=(-2.3, 2.5))
 
 
@@ -168,15 +172,20 @@ SAMPLES = 20
 """Points along each side of a pixel by which its grey value is found."""
 
 
-def target(flight: Flight) -> Figure:
+def target(flight: Flight) -> Figure | None:
     """Draw the target of the paper, and its image from each flying height over the field.
 
     Parameters
     ----------
     flight : Flight
+
+    Returns
+    -------
+    Figure or None
+        None for a flight of other cameras: its files do not describe its targets.
     """
     if not printed.applies(flight):
-        return style.nothing("The targets of this flight are not described in its files.")
+        return None
     diameter = printed.statement("target_diameter_m")
     found = _levels(flight)
     with style.applied():

@@ -21,6 +21,10 @@ from acx4lib.georeferencing import accuracy, error_sources
 from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, NormalisedTest
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import sigmas
+from acx4lib.shown import count
+
+LEAST_FOR_NORMAL = 3
+"""Check points from which the distribution of their differences is drawn."""
 
 # --- Figures of the validation: where the check points are off, and whether the sigma is honest
 
@@ -84,7 +88,18 @@ def normalised_differences(validations: Mapping[str, Validation]) -> Figure:
     ----------
     validations : mapping of str to Validation
         By their titles.
+
+    Returns
+    -------
+    Figure
+        A sentence where there are too few points for a distribution.
     """
+    most = max((len(validation.points) for validation in validations.values()), default=0)
+    if most < LEAST_FOR_NORMAL:
+        return style.nothing(
+            f"{count(most, 'check point').capitalize()} cannot show a distribution: it takes "
+            f"{LEAST_FOR_NORMAL} or more."
+        )
     with style.applied():
         fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.7), sharey=True)
         for i, (title, validation) in enumerate(validations.items()):

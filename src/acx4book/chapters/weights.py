@@ -17,14 +17,16 @@ from acx4book.paper import printed
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
 from acx4lib.attempts import Failed
+from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import Components
 from acx4lib.calibration.estimates import Calibration, parameters
 from acx4lib.calibration.mounting import Mounting, single_step
+from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import AXES, SHOWN
 from acx4lib.georeferencing import accuracy, error_sources
-from acx4lib.georeferencing.validation import Differences
+from acx4lib.georeferencing.validation import Differences, compare
 from acx4lib.least_squares.gauss_markov import GaussMarkov
 from acx4sim.plan import Options, SlowErrors
 
@@ -331,8 +333,7 @@ def height_noise(table: pd.DataFrame, *, beside_print: bool) -> Figure:
                 _draw_printed(ax, scale * printed.sigma(3, name, "single_step"))
             ax.set(xlabel="white noise of GNSS heights (cm)", ylabel=f"σ ({unit})")
             ax.set_title(LABELS[name])
-            ax.set_ylim(bottom=0)
-            ax.set_xlim(left=0)
+            ax.set(xlim=(0, 1.04 * noise_cm.max()), ylim=(0, 1.1 * ax.get_ylim()[1]))
     return fig
 
 
@@ -448,13 +449,38 @@ def reached(points: Mapping[str, Differences]) -> pd.DataFrame:
     if len({len(one) for one in points.values()} - {0}) != 1:
         return pd.DataFrame()
     said, found = points.values()
-    axes = error_sources.axis_covariances(said.sources)
-    test = accuracy.normalised_test(found.d, said.sigma, axes, probability=0.95)
+    return _reached(found.d, said.sigma, error_sources.axis_covariances(said.sources))
+
+
+def reached_in_block(bundle: Bundle) -> pd.DataFrame:
+    """Return the same for the check points of a block that are tie points in its adjustment.
+
+    Parameters
+    ----------
+    bundle : Bundle
+
+    Returns
+    -------
+    DataFrame
+        As `reached` has it; the limits take the points for independent. Empty without points.
+    """
+    block, seen = bundle.network.block, bundle.network.image_points.point_idx
+    rays = np.bincount(seen, minlength=bundle.network.n_points)
+    check = np.flatnonzero(rays[block.check.point_idx] >= 2)
+    if not len(check):
+        return pd.DataFrame()
+    idx = block.check.point_idx[check]
+    d, sigma = compare(block, bundle.state.x_m[idx], bundle.solution.cov_points[idx], check)
+    return _reached(d, sigma, np.stack([np.diag(axis**2) for axis in sigma.T]))
+
+
+def _reached(d: Array, sigma: Array, axes: Array) -> pd.DataFrame:
+    test = accuracy.normalised_test(d, sigma, axes, probability=0.95)
     table = pd.DataFrame(
         {
-            "points": len(found),
-            "predicted RMS (m)": np.sqrt(np.mean(said.sigma**2, axis=0)),
-            "found RMS (m)": np.sqrt(np.mean(found.d**2, axis=0)),
+            "points": len(d),
+            "predicted RMS (m)": np.sqrt(np.mean(sigma**2, axis=0)),
+            "found RMS (m)": np.sqrt(np.mean(d**2, axis=0)),
             D_OVER_SIGMA: test.rms,
             "lower limit": test.limits[:, 0],
             "upper limit": test.limits[:, 1],

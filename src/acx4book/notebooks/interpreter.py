@@ -34,6 +34,7 @@ from threadpoolctl import threadpool_limits
 from traitlets.config import Config
 
 import acx4lib.stages.mounting  # noqa: F401 loaded before the copy
+from acx4book.typesetting import style
 from acx4book.typesetting.svg import vector
 from acx4lib.results import whole_files
 
@@ -221,10 +222,11 @@ papermill_io.register("/", Whole())
 
 
 def _show_as_drawings(shell: InteractiveShell) -> None:
-    """Let IPython show figures as vectors, and no longer as pixels."""
+    """Let IPython show figures as vectors, no longer as pixels, and one of nothing as text."""
     formatters = shell.display_formatter.formatters  # type: ignore[union-attr] # always there
     formatters["image/png"].for_type(Figure, lambda _: None)
     formatters["image/svg+xml"].for_type(Figure, vector)
+    formatters["image/svg+xml"].for_type(style.Nothing, lambda _: None)
 
 
 class Stream(io.TextIOBase):

@@ -9,6 +9,7 @@ What the other pages include is written: texts and figures.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,12 @@ DOORS = {
     "files": ("your-files",),
 }
 """What is read behind the doors of the front page: how the names of the pages begin."""
+
+HEADING = re.compile(r"#+(?= )")
+"""Begin of a heading's cell."""
+
+INTRODUCES = "introduces"
+"""Tag of a cell that speaks of the figure in the next one."""
 
 UNDATED = 315_532_800
 """First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
@@ -205,11 +212,12 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
     Tables get the captions and names that the metadata of their cells have. Imports and parameters
     are folded, and of sentences with numbers there is no code. Where the method does not stand in
     the cells, the code of those that show something is folded. A note stands under the first cell.
-    A figure of which nothing came is left out. Where the notebook ended early, the page ends, below
-    an answer without a word.
+    A section of which the flight has nothing is left out, and so are a figure of which nothing came
+    and what introduces it. Where the notebook ended early, the page ends, below an answer without
+    a word.
     """
     notebook = _read(executed)
-    notebook.cells = notebook.cells[: _end(notebook)]
+    notebook.cells = _with_content(notebook.cells[: _end(notebook)])
     if note:
         notebook.cells[0].source += f"\n\n{note}"
     opened = any("acx4" in cell.metadata for cell in notebook.cells)
@@ -241,12 +249,49 @@ def _end(notebook: nbformat.NotebookNode) -> int:
     return end if answered else end + 1
 
 
+def _with_content(cells: list[nbformat.NotebookNode]) -> list[nbformat.NotebookNode]:
+    """Return the cells of a page without sections that have nothing to show."""
+    levels = [_level(cell) for cell in cells]
+    gone = set[int]()
+    for first, level in enumerate(levels):
+        later = range(first + 1, len(cells))
+        last = next((i for i in later if 0 < levels[i] <= level), len(cells))
+        section = [cell for cell in cells[first:last] if cell.cell_type == "code"]
+        meant = [cell for cell in section if _is_meant_to_show(cell)]
+        if level > 1 and meant and not any(_shows(cell) for cell in section):
+            gone |= {*range(first, last)}
+        elif INTRODUCES in cells[first].metadata.get("tags", []) and not _shows(cells[first + 1]):
+            gone.add(first)
+    return [cell for i, cell in enumerate(cells) if i not in gone]
+
+
+def _level(cell: nbformat.NotebookNode) -> int:
+    """Return the level of the heading that a cell begins with, 0 for none."""
+    found = HEADING.match(cell.source) if cell.cell_type == "markdown" else None
+    return len(found[0]) if found else 0
+
+
+def _is_meant_to_show(cell: nbformat.NotebookNode) -> bool:
+    """Tell whether a cell has a caption, or is a sentence with numbers."""
+    return bool({"mystnb", "acx4"} & cell.metadata.keys()) or "say(" in cell.source
+
+
+def _shows(cell: nbformat.NotebookNode) -> bool:
+    """Tell whether a cell shows something; where a figure is meant, a picture."""
+    shown = [output.get("data", {}) for output in cell.get("outputs", [])]
+    if "figure" in cell.metadata.get("mystnb", {}):
+        return any(kind.startswith("image/") for data in shown for kind in data)
+    return any(data.get("text/markdown", " ") != "" for data in shown)
+
+
 def _number_tables(cell: nbformat.NotebookNode) -> None:
     """Show the tables of a cell as Markdown, with the caption and the name in its metadata.
 
-    A sentence of which no case holds is left out.
+    A sentence of which no case holds is left out. One in the place of a figure has no caption.
     """
     told = cell.metadata.get("acx4", {})
+    if not _shows(cell):
+        cell.metadata.get("mystnb", {}).pop("figure", None)
     cell.outputs = [o for o in cell.outputs if o.get("data", {}).get("text/markdown") != ""]
     for output in cell.outputs:
         data = output.get("data", {})

@@ -111,7 +111,12 @@ def _value_and_sigma(value: float, sigma: float) -> str:
     if abs(value) < 1e-3 and sigma < 1e-3:
         return f"{scientific(value, digits=2)} ± {scientific(sigma, digits=1)}"
     digits = max(0, 1 - int(np.floor(np.log10(sigma))))
-    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
+    return f"{unsigned_zero(f'{value:.{digits}f}')} ± {sigma:.{digits}f}"
+
+
+def unsigned_zero(text: str) -> str:
+    """Return a number in text, without a sign where its digits are all zero."""
+    return re.sub(r"^[+-](?=0(\.0*)?$)", "", text)
 
 
 def with_unit(label: str, unit: str) -> Markup:

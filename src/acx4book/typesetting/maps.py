@@ -17,10 +17,17 @@ from acx4book.typesetting import style
 from acx4lib.expected import Array
 from acx4lib.flight import design
 from acx4lib.flight.block import Block, SurveyedPoints
+from acx4lib.shown import count
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
+
+SLIMMEST = 0.4
+"""Shorter side of a map over its longer: a longer strip is drawn with free ground beside it."""
+
+NARROW = 0.05
+"""Of the flight: surveyed points that extend over less of it make no map of their own."""
 
 LEVEL_COLOURS = (style.BLUE, style.ORANGE)
 """Colours of the flying heights, from the highest down; repeated if there are more heights."""
@@ -69,15 +76,22 @@ def control_maps(*blocks: Block | None) -> Figure:
     if not fields:
         return style.nothing("No surveyed point is measured in any image.")
     with style.applied():
-        fig, axes = _maps([_km(block, _surveyed(block).x_m) for block in fields.values()])
+        fig, axes = _maps([_around(block) for block in fields.values()])
         for ax, (title, block) in zip(axes, fields.items(), strict=True):
             _draw_points(fig, ax, title, block)
     return fig
 
 
+def _limits(shown: Array) -> tuple[Array, Array]:
+    """Return the limits of positions, shape (n, 2) of any leading shape; a long map has a width."""
+    low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
+    missing = np.maximum(SLIMMEST * (high - low).max() - (high - low), 0) / 2
+    return low - missing, high + missing
+
+
 def _maps(extents: Sequence[Array]) -> tuple[Figure, list[Axes]]:
     """Return axes for maps beside each other, with heights that fit their content."""
-    size = np.array([np.nanmax(at, axis=0) - np.nanmin(at, axis=0) for at in extents])
+    size = np.array([np.subtract(*_limits(at)[::-1]) for at in extents])
     tallest = float(np.max(size[:, 1] / np.maximum(size[:, 0], 1e-9)))
     width = style.WIDTH / len(extents) - 0.7
     height = float(np.clip(width * tallest * 1.1, 2.0, 5.4)) + 0.9
@@ -115,11 +129,11 @@ def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
         name = words[min(i, len(words) - 1)] if any(level.strips) else "exposures"
         handles[name] = Line2D([], [], color=colour, marker="o", ms=2.5, lw=1, label=name)
     handles |= _draw_surveyed(ax, block)
-    _finish_map(ax, _extent(block))
+    _finish_map(ax, _extent(block), room=(0.05, 0.08))
     heights = " and ".join(f"{level.height_m:.0f}" for level in levels)
     known = np.isfinite(design.ground_height(block))
     above = f" from {heights} m above ground" if known else ""
-    style.heading(ax, block.name, f"{len(block.images)} images{above}")
+    style.heading(ax, block.name, f"{count(len(block.images), 'image')}{above}")
     return handles
 
 
@@ -178,17 +192,17 @@ def _draw_surveyed(ax: Axes, block: Block) -> dict[str, Any]:
     return handles
 
 
-def _finish_map(ax: Axes, shown: Array) -> None:
-    """Set limits, labels, scale bar and north arrow of a map in km."""
-    low, high = style.padded(np.nanmin(shown, axis=0), np.nanmax(shown, axis=0))
-    low -= [0.05, 0.08] * (high - low)  # room for the north arrow and the scale bar
+def _finish_map(ax: Axes, shown: Array, *, room: tuple[float, float]) -> None:
+    """Set limits, labels, scale bar and north arrow of a map in km; both have some room of it."""
+    low, high = style.padded(*_limits(shown))
+    low -= room * (high - low)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", anchor="N")
     ax.set(xlabel="grid east (km)", ylabel="grid north (km)")
     ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
     unit = ("km", 1.0) if high[0] - low[0] > 4 else ("m", 1000.0)
     style.scale_bar(ax, per_axis_unit=unit[1], unit=unit[0], at=(0.05, 0.04))
-    style.north_arrow(ax, at=(0.06, 0.98))
+    style.north_arrow(ax, at=(0.04, 0.98))
 
 
 # --- surveyed points -------------------------------------------------------------------------
@@ -218,6 +232,18 @@ def _surveyed(block: Block) -> SurveyedPoints:
     )
 
 
+def _around(block: Block) -> Array:
+    """Return the positions that a map of surveyed points must show, km.
+
+    Those of the flight are among them where the points are too near to each other to fill a map,
+    as a single one is.
+    """
+    points, flown = _km(block, _surveyed(block).x_m), _km(block, block.trajectory.T_m_b.r)
+    both = np.concatenate([points, flown])
+    wide = np.ptp(points, axis=0) > NARROW * np.ptp(both, axis=0).max()
+    return points if wide.all() else both
+
+
 def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
     """Draw points; their colour shows the height, their size the number of images."""
     points = _surveyed(block)
@@ -240,9 +266,11 @@ def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
             ha="center",
             va="center",
         )
-    _finish_map(ax, at)
+    _finish_map(ax, _around(block), room=(0.1, 0.16))
     few, many = int(n_images.min()), int(n_images.max())
-    style.heading(ax, title, f"{len(points)} points, each in {few} to {many} images (size)")
+    images = f"{few} to {many} images (size)" if few < many else count(few, "image")
+    each = ", each" if len(points) > 1 else ""
+    style.heading(ax, title, f"{count(len(points), 'point')}{each} in {images}")
     fig.colorbar(
         marks, ax=ax, label="height (m)", location="bottom", shrink=0.7, aspect=35, pad=0.02
     )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,7 @@ Window = tuple[int, int, int, int]
 # --- pixels ----------------------------------------------------------------------------------
 
 
-def smaller(image: Raster, k: int) -> Array:
+def smaller(image: Raster | Array, k: int) -> Array:
     """Return means of k x k pixels from the middle of an image, shape (rows, cols, bands)."""
     rows, cols = image.shape[0] // k, image.shape[1] // k
     top, left = (image.shape[0] - k * rows) // 2, (image.shape[1] - k * cols) // 2
@@ -164,3 +165,12 @@ def middle_xy(orientation: RelativeOrientation, k: int) -> Array:
     camera = orientation.heads[k]
     middle = 0.5 * np.array([[camera.width_px - 1, camera.height_px - 1]])
     return synthetic_from_head(orientation, k, middle)[0]
+
+
+def middles_apart(orientation: RelativeOrientation) -> bool:
+    """Tell whether names of heads in their middles do not lie over each other."""
+    heads = orientation.heads
+    middles = np.array([middle_xy(orientation, k) for k in range(len(heads))])
+    sizes = [camera.width_px * camera.pixel_mm for camera in heads]
+    apart = [float(np.hypot(*(a - b))) for a, b in combinations(middles, 2)]
+    return min(apart, default=np.inf) > 0.2 * min(sizes)

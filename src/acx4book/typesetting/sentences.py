@@ -37,7 +37,8 @@ def say(template: str, **values: Any) -> Sentence:
 
     Text of a flight, such as the name of a point, is shown character for character; `Markup` is
     Markdown. The filters are ``fixed`` (decimals), ``signed`` (decimals, with a sign), ``digits``
-    (significant ones), ``sci`` (a power of ten), ``pm`` (``{{ value | pm(sigma) }}``), ``plural``
+    (significant ones), ``span`` (the least to the largest, once where they look alike), ``sci``
+    (a power of ten), ``pm`` (``{{ value | pm(sigma) }}``), ``plural``
     (``{{ n | plural("point") }}``: 1 point, 2 points) and ``listed`` (text, with commas between);
     sequences of numbers are joined by commas.
 
@@ -66,6 +67,9 @@ def _jinja() -> Environment:
         "fixed": lambda x, n=2: _each(x, f".{n}f"),
         "signed": lambda x, n=2: _each(x, f"+.{n}f"),
         "digits": lambda x, n=3: _each(x, f".{n}g"),
+        "span": lambda values, n=2: " to ".join(
+            dict.fromkeys(_each(end, f".{n}f") for end in (min(values), max(values)))
+        ),
         "sci": lambda x, n=1: Markup(scientific(float(x), digits=n)),
         "plural": _plural,
         "pm": value_and_sigma,

@@ -317,7 +317,26 @@ def bare(ax: Axes) -> None:
     ax.spines[:].set_visible(False)
 
 
-def nothing(text: str) -> Figure:
+class Nothing(Shown):
+    """A figure that only has a sentence: why there is nothing to draw. A notebook shows its text.
+
+    Attributes
+    ----------
+    sentence : str
+        Plain.
+    """
+
+    sentence: str = ""
+
+    def _repr_markdown_(self) -> str:
+        """Return what a notebook shows."""
+        return shown(self.sentence)
+
+    def _repr_png_(self) -> None:  # type: ignore[override] # a sentence has no pixels
+        """Show no pixels."""
+
+
+def nothing(text: str) -> Nothing:
     """Return a figure that only has a sentence: why there is no figure.
 
     Parameters
@@ -326,7 +345,10 @@ def nothing(text: str) -> Figure:
         The sentence.
     """
     with applied():
-        fig, ax = subplots(figsize=(WIDTH, 0.9))
+        fig = Nothing(figsize=(WIDTH, 0.9))
+        FigureCanvasAgg(fig)
+        fig.sentence = text
+        ax = fig.subplots()
         bare(ax)
         ax.set(xticks=[], yticks=[])
         ax.text(
@@ -353,7 +375,7 @@ def scale_bar(ax: Axes, *, per_axis_unit: float, unit: str, at: tuple[float, flo
     per_axis_unit : float
         Number of `unit` in one unit of the axis.
     unit : str
-        Unit of the label.
+        Unit of the label; of less than one km it is m.
     at : tuple of float
         Position of the left end, in fractions of the axes.
     """
@@ -368,7 +390,7 @@ def scale_bar(ax: Axes, *, per_axis_unit: float, unit: str, at: tuple[float, flo
     ax.text(
         left + width / 2,
         bottom + 0.016,
-        f"{length:g} {unit}",
+        f"{1000 * length:g} m" if unit == "km" and length < 1 else f"{length:g} {unit}",
         transform=ax.transAxes,
         ha="center",
         va="bottom",

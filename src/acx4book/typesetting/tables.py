@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import is_bool_dtype, is_integer_dtype, is_numeric_dtype
 
-from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
+from acx4book.typesetting.labels import LABELS, unsigned_zero, value_and_sigma, with_unit
 from acx4book.typesetting.myst import MISSING, cell_text, scientific
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.geometry.parameters import REPORTED
@@ -255,4 +255,5 @@ def _in_format(value: float, spec: str) -> Markup:
 
 
 def _minus(text: str) -> Markup:
-    return Markup(text.replace("-", "\N{MINUS SIGN}").replace("inf", "∞"))
+    number = unsigned_zero(text) if text.startswith("-") else text
+    return Markup(number.replace("-", "\N{MINUS SIGN}").replace("inf", "∞"))

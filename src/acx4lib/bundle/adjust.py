@@ -154,7 +154,10 @@ def _adjusted(network: Network, start: State) -> Bundle:
     try:
         state, solution = adjustment.solve(network, start)
     except AdjustmentError as error:
-        msg = f"{error}{suspects(network, start)}"
+        where = suspects(network, start)
+        if not where:
+            raise
+        msg = f"{error}{where}"
         raise AdjustmentError(msg) from error
     if solution.sigma0_sq > HIGH and far_off(network, state, limit=ASTRAY).any():
         where = suspects(network, start) or suspects(network, state)

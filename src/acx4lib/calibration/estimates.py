@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ import numpy as np
 from acx4lib import expected, shown
 from acx4lib.bundle.observations import motion_of, strips_of
 from acx4lib.bundle.unknowns import Layout, layout
-from acx4lib.errors import AdjustmentError
+from acx4lib.errors import AdjustmentError, NotConverged
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import SAME_HEIGHT, directions, flying_heights, strip_of_exposure
@@ -399,6 +400,31 @@ def needed(key: str, features: frozenset[str] = frozenset()) -> str:
     """
     lacking = [need.text for need in NEEDS[key] if not features.intersection(need.features)]
     return ", and ".join(lacking) or ENOUGH
+
+
+@contextmanager
+def saying_what_lacks(block: Block, keys: Sequence[str]) -> Iterator[None]:
+    """Add to the message of an adjustment that does not converge what its block lacks, and a cure.
+
+    Parameters
+    ----------
+    block : Block
+        That is adjusted.
+    keys : sequence of str
+        The library's names of the parameters that are estimated.
+    """
+    try:
+        yield
+    except NotConverged as error:
+        n, has = len(np.unique(block.images.exposure_idx)), features(block)
+        needs = [need for key in keys for need in NEEDS[key] if need.features]
+        lacking = [need.text for need in needs if not has.intersection(need.features)]
+        wanted = "; ".join(dict.fromkeys(lacking)) or "more images or measurements"
+        msg = (
+            f"{error}; {shown.count(n, 'exposure')} may be too little for what is estimated. It "
+            f"would need: {wanted}. Or estimate less: estimate and fix in flight.toml"
+        )
+        raise NotConverged(msg) from error
 
 
 def features(block: Block) -> frozenset[str]:

@@ -17,7 +17,13 @@ from acx4lib.bundle.observations import PoseObservations, shared_errors, slow_er
 from acx4lib.bundle.rejections import Rejection, without
 from acx4lib.bundle.unknowns import Layout, State, free_mount, layout
 from acx4lib.bundle.uses import free_orientation, mounted_orientation
-from acx4lib.calibration.estimates import METHODS, Calibration, from_bundle, require_control
+from acx4lib.calibration.estimates import (
+    METHODS,
+    Calibration,
+    from_bundle,
+    require_control,
+    saying_what_lacks,
+)
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
@@ -216,7 +222,8 @@ def single_step(
         refraction=refraction,
         gnss=gnss,
     )
-    bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
+    with saying_what_lacks(block, (*free, *free_mount(fix))):
+        bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
     return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
 
 

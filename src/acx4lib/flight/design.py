@@ -187,7 +187,9 @@ def _level(block: Block, strips: Sequence[str], strip_of: Array) -> Level:
 def _overlap(block: Block, images: Index, shift: Array) -> Array:
     """Return the overlap of each image with itself, moved over flat ground, 0 to 1, shape (n,)."""
     T_m_b = block.T_m_b_images[images]
-    height = T_m_b.r[:, 2] - ground_height(block)
+    known = np.isfinite(ground_height(block))
+    above = flying_heights(block) if known else np.full(len(block.trajectory), np.nan)
+    height = above[block.images.exposure_idx[images]]
     share = np.zeros(len(images))
     for k, camera in enumerate(block.cameras):
         own = block.images.camera_idx[images] == k

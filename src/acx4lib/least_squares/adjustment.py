@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from acx4lib import expected, shown
-from acx4lib.errors import AdjustmentError, unsolvable
+from acx4lib.errors import AdjustmentError, NotConverged, unsolvable
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.dense import Inverse
@@ -288,7 +288,7 @@ def _iterate(
             return state, here, iteration
         state, here, damping = taken
     msg = f"no convergence after {max_iterations} iterations{_left_open(problem, state)}"
-    raise AdjustmentError(msg)
+    raise NotConverged(msg)
 
 
 def _descend(
@@ -323,7 +323,7 @@ def _descend(
     if hidden:
         return None
     msg = "no step reduces the cost any more"
-    raise AdjustmentError(msg)
+    raise NotConverged(msg)
 
 
 def _left_open(problem: Problem[S], state: S) -> str:

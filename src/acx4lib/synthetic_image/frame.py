@@ -17,7 +17,7 @@ import numpy as np
 from acx4lib import expected, shown
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Array, Mask
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import (
     Camera,
@@ -45,13 +45,24 @@ class Coverage:
     xy : ndarray, shape (rows, cols, 2)
         Nodes over the synthetic image, mm.
     seen : ndarray, shape (n_heads, rows, cols)
+    count : ndarray of int, shape (rows - 1, cols - 1)
+        By how many heads the middle of each mesh between the nodes is seen.
     share : ndarray, shape (n_heads + 1,)
-        Share of the image that is seen by 0, 1, ... heads.
+        Share of the image that is seen by 0, 1, ... heads: of the meshes, by their middles.
     """
 
     xy: Array
     seen: Mask
+    count: Index
     share: Array
+
+    @property
+    def coincides(self) -> bool:
+        """Whether all heads see most of what any of them sees, as those of several bands do.
+
+        Then their images are bands of one image, not parts of it.
+        """
+        return len(self.share) > 2 and bool(self.share[-1] > self.share[1:-1].sum())
 
 
 def head_pose(orientation: RelativeOrientation, k: int) -> Pose:
@@ -140,23 +151,28 @@ def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) ->
 def coverage(
     orientation: RelativeOrientation, synthetic: Camera, *, spacing_px: int = 60
 ) -> Coverage:
-    """Return which heads see the nodes of a grid over the synthetic image and its borders."""
+    """Return which heads see what of the synthetic image, by a grid from border to border."""
     expected.whole("spacing_px", spacing_px)
     w, h = synthetic.width_px, synthetic.height_px
     cols = np.linspace(0, w - 1, max(w // spacing_px, 1) + 1)
     rows = np.linspace(0, h - 1, max(h // spacing_px, 1) + 1)
     grid = np.stack(np.meshgrid(cols, rows), axis=-1)
+    middles = (grid[1:, 1:] + grid[:-1, :-1]) / 2
+    count = _seen(orientation, xy_from_colrow(synthetic, middles)).sum(axis=0)
     xy = xy_from_colrow(synthetic, grid)
+    share = np.bincount(count.ravel(), minlength=len(orientation.heads) + 1) / count.size
+    return Coverage(xy=xy, seen=_seen(orientation, xy), count=count, share=share)
+
+
+def _seen(orientation: RelativeOrientation, xy: Array) -> Mask:
+    """Tell which heads see points of shape (rows, cols, 2), mm; shape (n_heads, rows, cols)."""
     flat = xy.reshape(-1, 2)
-    seen = np.stack(
+    return np.stack(
         [
-            inside(camera, head_from_synthetic(orientation, k, flat)).reshape(grid.shape[:2])
+            inside(camera, head_from_synthetic(orientation, k, flat)).reshape(xy.shape[:2])
             for k, camera in enumerate(orientation.heads)
         ]
     )
-    count = seen.sum(axis=0)
-    share = np.bincount(count.ravel(), minlength=len(seen) + 1) / count.size
-    return Coverage(xy=xy, seen=seen, share=share)
 
 
 def reduced_camera(camera: Camera, k: int) -> Camera:

@@ -71,13 +71,14 @@ def test_what_is_displayed_by_name_can_be_replaced_and_outputs_be_cleared(tmp_pa
     assert [output.text for output in cells[1].outputs] == ["left\n"]
 
 
-def test_a_binary_picture_is_text_and_a_figure_is_a_drawing_when_its_cell_ends(tmp_path):
+def test_a_binary_picture_is_text_a_figure_a_drawing_and_one_of_nothing_a_sentence(tmp_path):
     pixel = "b'\\x89PNG\\r\\n\\x1a\\n'"
     cells, _ = run(
         tmp_path,
         f"from IPython.display import Image\nImage({pixel}, format='png')",
         "import matplotlib.pyplot as plt\n_ = plt.plot([1, 2])\nprint('before')",
-        "from acx4book.typesetting import style\nstyle.nothing('no data')",
+        "from acx4book.typesetting import style\nstyle.subplots(figsize=(2, 2))[0]",
+        "style.nothing('no *data*')",
     )
     assert cells[0].outputs[0].data["image/png"].startswith("iVBORw0KGgo")
     text, picture = cells[1].outputs
@@ -85,6 +86,9 @@ def test_a_binary_picture_is_text_and_a_figure_is_a_drawing_when_its_cell_ends(t
     for drawn in (picture, *cells[2].outputs):
         assert drawn.data["image/svg+xml"].startswith("<svg ")
         assert "image/png" not in drawn.data
+    (said,) = cells[3].outputs
+    assert said.data["text/markdown"] == r"no &#42;data&#42;"
+    assert not {"image/svg+xml", "image/png"} & said.data.keys()
 
 
 def test_the_own_commands_of_ipython_work_and_their_wrong_use_is_an_error(tmp_path):

@@ -69,6 +69,7 @@ def mounting_per_image(mounting: Mounting | Failed) -> Figure:
             for ax in axes[:, axis]:
                 ax.axhline(0, color=style.INK, lw=0.7)
             axes[1, axis].set_xlabel("image number")
+            axes[1, axis].xaxis.set_major_locator(MaxNLocator(5, integer=True))
         axes[0, 0].set_ylabel("boresight less mean (°)")
         axes[1, 0].set_ylabel("lever arm less mean (m)")
         handles, labels = axes[0, 0].get_legend_handles_labels()

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from acx4book.chapters.synthetic_image.tables import WAYS
-from acx4book.typesetting import style
+from acx4book.typesetting import pictures, style
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera, xy_from_colrow
@@ -64,7 +64,7 @@ def footprints(
             _draw_frame(ax, synthetic, [orientation])
             _draw_outlines(ax, orientation)
             style.heading(ax, title, f"{100 * found.share[0]:.1f} % seen by no head")
-            most = max(most, int(found.seen.sum(axis=0).max()))
+            most = max(most, int(found.count.max()))
         first = orientations[0]
         handles: list[Any] = [
             Line2D([], [], color=style.colour(k), label=style.plain(head.name))
@@ -90,13 +90,12 @@ def _count_patch(count: int, n_heads: int) -> Patch:
 
 
 def _draw_counts(ax: Axes, found: Coverage) -> None:
-    count = np.minimum(found.seen.sum(axis=0), len(COUNTS) - 1)
     x, y = found.xy[0, :, 0], found.xy[:, 0, 1]
     ax.pcolormesh(
-        *(x, y, count),
+        *(x, y, np.minimum(found.count, len(COUNTS) - 1)),
         cmap=ListedColormap(list(COUNTS)),
         norm=BoundaryNorm(np.arange(len(COUNTS) + 1) - 0.5, len(COUNTS)),
-        shading="nearest",
+        shading="flat",
         rasterized=True,
         zorder=1,
     )
@@ -119,11 +118,12 @@ def _draw_frame(ax: Axes, synthetic: Camera, orientations: Sequence[RelativeOrie
 
 
 def _draw_outlines(ax: Axes, orientation: RelativeOrientation, *, faint: bool = False) -> None:
+    named = not faint and pictures.middles_apart(orientation)
     for k, head in enumerate(orientation.heads):
         outline = footprint(orientation, k, per_side=30)
         width = 0.7 if faint else 1.4
         ax.plot(*outline.T, color=style.colour(k), lw=width, alpha=0.6 if faint else 1, zorder=4)
-        if not faint:
+        if named:
             middle = outline[:-1].mean(axis=0)
             ax.annotate(
                 *(style.plain(head.name), tuple(middle)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from acx4book.typesetting.pictures import (
     greyed,
     in_mm,
     middle_xy,
+    middles_apart,
     smaller,
 )
 from acx4lib.calibration.heads import RelativeOrientation
@@ -51,6 +53,11 @@ IMAGE_WIDTH = 3.5
 
 CROP_PX = 170
 """Side of what `synthetic_picture` shows enlarged, pixels."""
+
+STACK_PX = 64
+"""Side of what `stack` shows enlarged, pixels: a tenth of one is still seen as a fringe."""
+
+COLOURS = ("red", "green", "blue")
 
 EDGE_PX = 5
 """Means of so many pixels tell a town, which has many edges, from a field with a fine pattern."""
@@ -101,11 +108,17 @@ def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -
 
 
 def _places(orientation: RelativeOrientation) -> Index:
-    """Return the heads in rows and columns as they lie in the synthetic image, -1 for none."""
+    """Return the heads in rows and columns as they lie in the synthetic image, -1 for none.
+
+    Heads that lie in one place are in their order.
+    """
     middle = np.array([middle_xy(orientation, k) for k in range(len(orientation.heads))])
     n = len(middle)
     n_cols = int(np.ceil(np.sqrt(n)))
     grid = np.full((-(-n // n_cols), n_cols), -1)
+    if not middles_apart(orientation):
+        grid.flat[:n] = np.arange(n)
+        return grid
     downwards = np.argsort(-middle[:, 1], kind="stable")
     for row, start in enumerate(range(0, n, n_cols)):
         own = downwards[start : start + n_cols]
@@ -148,19 +161,24 @@ def _draw_scheme(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) 
     ax.add_patch(
         Rectangle((left, bottom), right - left, top - bottom, fc=style.PAPER, ec=style.INK, lw=1)
     )
+    named = middles_apart(orientation)
+    outlines = [footprint(orientation, k, per_side=20) for k in range(len(orientation.heads))]
+    low = min(bottom, *(float(np.nanmin(outline[:, 1])) for outline in outlines))
     for k, camera in enumerate(orientation.heads):
-        ax.plot(*footprint(orientation, k, per_side=20).T, color=style.colour(k), lw=0.8)
-        ax.annotate(
-            style.plain(camera.name),
-            tuple(middle_xy(orientation, k)),
-            ha="center",
-            va="center",
-            color=style.colour(k),
-            weight="bold",
-            fontsize=style.SMALL,
-        )
+        ax.plot(*outlines[k].T, color=style.colour(k), lw=0.8)
+        if named:
+            ax.annotate(
+                style.plain(camera.name),
+                tuple(middle_xy(orientation, k)),
+                ha="center",
+                va="center",
+                color=style.colour(k),
+                weight="bold",
+                fontsize=style.SMALL,
+            )
     ax.plot(0, 0, "o", ms=6, mfc="none", mec=style.INK, mew=1.3)
-    tail, tip = _flight_arrow(synthetic, 0.4 * (right - left)) + np.array([0, 1.2 * bottom])
+    ends = _flight_arrow(synthetic, 0.4 * (right - left))
+    tail, tip = ends + np.array([0, 1.15 * low - ends[:, 1].max()])
     arrow = {"arrowstyle": "->", "color": style.INK, "lw": 1.4, "mutation_scale": 11}
     ax.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow)
     said: dict[str, Any] = {
@@ -169,10 +187,13 @@ def _draw_scheme(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) 
         "fontsize": style.SMALL,
         "color": style.SOFT,
     }
-    ax.text(0, 1.27 * bottom, "arrow: flight\nring: middle of the image", **said)
+    under = min(tail[1], tip[1]) + 0.07 * bottom
+    ax.text(0, under, "arrow: flight\nring: middle of the image", **said)
     style.bare(ax)
-    ax.set(xticks=[], yticks=[], xlim=(1.35 * left, 1.35 * right), aspect="equal")
-    ax.set_ylim(1.5 * bottom, 1.25 * top)
+    reach = max(float(np.nanmax(np.abs(outline[:, 0]))) for outline in outlines)
+    wide = min(max(1.35 * right, 1.03 * reach), 2 * right)
+    ax.set(xticks=[], yticks=[], xlim=(-wide, wide), aspect="equal")
+    ax.set_ylim(under + 0.25 * bottom, max(1.25 * top, -low))
     style.heading(ax, "where they lie", "in the synthetic image")
 
 
@@ -230,6 +251,77 @@ def synthetic_picture(
     return fig
 
 
+def stack(pictures: Pictures | None, refined: Refinement) -> Figure:
+    """Draw the images of three heads over each other as red, green and blue.
+
+    Parameters
+    ----------
+    pictures : Pictures or None
+        The exposure in the middle is drawn, of the first three heads: the third is red, as heads
+        are mostly in the order of their wavelengths. Every band has a stretch of its own.
+    refined : Refinement
+
+    Returns
+    -------
+    Figure
+        Two places of it are enlarged, with the heads as they were calibrated and as refined; a
+        sentence where there are no pictures.
+    """
+    if pictures is None:
+        return style.nothing(NO_PICTURES)
+    synthetic, images = pictures.synthetic, pictures.middle.images[:3]
+    before, after = (
+        reduced_heads(heads, pictures.reduction) for heads in (refined.before, refined.orientation)
+    )
+    whole = _stacked(images, after, synthetic, (0, synthetic.height_px, 0, synthetic.width_px))
+    stretches = [common_stretch([whole[..., [band]]]) for band in range(whole.shape[2])]
+    k = factor_for(whole.shape[1], IMAGE_WIDTH)
+    places = _busiest(whole, side=STACK_PX)
+    tall = IMAGE_WIDTH * synthetic.height_px / synthetic.width_px
+    with style.applied():
+        fig = style.figure(figsize=(style.WIDTH, max(tall + 0.45, 3.5)))
+        side = (style.WIDTH - IMAGE_WIDTH) / 2
+        grid = fig.add_gridspec(len(places), 3, width_ratios=[IMAGE_WIDTH, side, side])
+        ax = fig.add_subplot(grid[:, 0])
+        in_mm(ax, _coloured(smaller(whole, k), stretches), reduced_camera(synthetic, k))
+        names = [style.plain(head.name) for head in after.heads[:3]]
+        shown = ", ".join(
+            f"{name} as {colour}" for name, colour in zip(names[::-1], COLOURS, strict=False)
+        )
+        for row, window in enumerate(places):
+            _mark(ax, synthetic, window, "AB"[row])
+            for column, (title, heads) in enumerate(
+                (("as calibrated", before), ("refined", after)), 1
+            ):
+                crop = fig.add_subplot(grid[row, column])
+                part = _stacked(images, heads, synthetic, window)
+                crop.imshow(_coloured(part, stretches), interpolation="nearest")
+                frameless(crop)
+                crop.set_title(f"{'AB'[row]}, {title}")
+        frameless(ax)
+        style.heading(ax, "heads over each other", shown)
+    return fig
+
+
+def _stacked(
+    images: Sequence[Raster], heads: RelativeOrientation, synthetic: Camera, window: Window
+) -> Array:
+    """Return a part of the synthetic image with a band for every head."""
+    bands = [
+        greyed(resample(image, heads, k, synthetic, window)[0]) for k, image in enumerate(images)
+    ]
+    return np.concatenate(bands, axis=-1)
+
+
+def _coloured(bands: Array, stretches: Sequence[Stretch]) -> Array:
+    """Return bands for a screen: the last is red; of two, the first is both green and blue."""
+    shown = [
+        displayed(bands[..., [band]], stretch, levels=ALL_LEVELS)[..., 0]
+        for band, stretch in enumerate(stretches)
+    ]
+    return np.stack([*shown[::-1], *shown[:1] * (3 - len(shown))], axis=-1)
+
+
 def _draw_heads(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) -> None:
     """Draw outlines, and names at the border of the image."""
     left, right, bottom, top = extent_mm(synthetic)
@@ -258,9 +350,9 @@ def _draw_scale(ax: Axes, synthetic: Camera, height_m: float | None) -> None:
     style.scale_bar(ax, per_axis_unit=per_mm, unit=unit, at=(0.0, -0.055))
 
 
-def _busiest(image: Raster) -> list[Window]:
+def _busiest(image: Raster | Array, *, side: int = CROP_PX) -> list[Window]:
     """Return the two windows with most edges, at least a third of the image apart."""
-    side = min(CROP_PX, *image.shape[:2])
+    side = min(side, *image.shape[:2])
     rows, cols = image.shape[0] // side, image.shape[1] // side
     score = np.zeros((rows, cols))
     for i in range(rows):
@@ -478,6 +570,7 @@ def _draw_plan(
     ax.add_patch(
         Rectangle((left, bottom), right - left, top - bottom, fc=style.PAPER, ec=style.INK, lw=1)
     )
+    named = middles_apart(orientation)
     for k in range(len(orientation.heads)):
         mine = k in (shared.head_a, shared.head_b)
         ax.fill(
@@ -486,7 +579,7 @@ def _draw_plan(
             ec=(style.colour(k), 1.0 if mine else 0.35),
             lw=0.9,
         )
-        if mine:
+        if mine and named:
             ax.annotate(
                 orientation.heads[k].name,
                 tuple(middle_xy(orientation, k)),

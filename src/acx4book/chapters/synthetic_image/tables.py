@@ -170,6 +170,29 @@ def _rms_mm(found: Sequence[Overlap]) -> float:
     return float(np.sqrt(np.mean(np.concatenate([o.d for o in found]) ** 2)))
 
 
+def between_exposures(refinement: Refinement) -> float:
+    """Return how many times larger σ of the turns are by their scatter between exposures.
+
+    Parameters
+    ----------
+    refinement : Refinement
+
+    Returns
+    -------
+    float
+        Root mean square over the angles of all turned heads; NaN where the exposures have no
+        refinement of their own.
+    """
+    each, fit = refinement.each(), refinement.fits.get("rotations")
+    if not each or fit is None:
+        return float("nan")
+    turned = fit.turn_sigma > 0
+    found = np.stack([heads.opk - refinement.orientation.opk for heads, _ in each])
+    off = ((found + np.pi) % (2 * np.pi) - np.pi)[:, turned]
+    sigma = off.std(axis=0, ddof=1) / np.sqrt(len(each))
+    return float(np.sqrt(np.mean((sigma / fit.turn_sigma[turned]) ** 2)))
+
+
 def turns(refinement: Refinement) -> pd.DataFrame:
     """Return how the refinement turns every head, with the standard deviations, 0.001°.
 
