@@ -315,7 +315,7 @@ def numeric_covariance(block, estimate, *, share=0.05, kinds=None):
 SECOND = replace(
     CAMERA,
     name="SIDE",
-    interior=replace(CAMERA.interior, f=48.0, k1=-3e-6, b1=2e-4),
+    interior=replace(CAMERA.interior, f=48.0, k1=-3e-6, b1=2e-4, b2=1.5e-4),
     T_b_c=Pose(R=rotation_from_opk(np.radians([12.0, -5.0, 90.0])), r=np.array([0.1, 0.3, 0.2])),
 )
 ESTIMATED = ("f", "xp", "k1", "p2")

@@ -26,7 +26,7 @@ from support.flights import written
 
 SINGLE = "mounting/single_step"
 LENS = Interior(
-    f=25.1, xp=0.03, yp=-0.02, k1=1.1e-5, k2=-2e-8, k3=1e-11, p1=4e-6, p2=-3e-6, b1=2e-4
+    f=25.1, xp=0.03, yp=-0.02, k1=1.1e-5, k2=-2e-8, k3=1e-11, p1=4e-6, p2=-3e-6, b1=2e-4, b2=-1e-4
 )
 
 ADJUSTED = {
@@ -129,14 +129,18 @@ def estimated(*names, seed=1):
     rng = np.random.default_rng(seed)
     cameras = tuple(_camera(written.cameras()[name], k) for k, name in enumerate(names))
     n = len(INTERIOR) + 6
-    sizes = np.tile([1e-3, *[2e-3] * 2, 1e-7, 1e-9, 1e-12, *[1e-7] * 2, 1e-5], (len(names), 1))
+    sizes = np.tile(
+        [1e-3, *[2e-3] * 2, 1e-7, 1e-9, 1e-12, *[1e-7] * 2, *[1e-5] * 2], (len(names), 1)
+    )
     sigma = np.hstack([sizes, np.full((len(names), 3), 0.02), np.full((len(names), 3), 5e-5)])
     root = rng.normal(size=(n * len(names), 2 * n * len(names))) * sigma.ravel()[:, None]
     columns = np.arange(n * len(names)).reshape(len(names), n)
     return Calibration(
         cameras=cameras,
         layout=Layout(
-            interior=columns[:, :9], mount=columns[:, 9:], pose=np.zeros((0, 6), dtype=np.intp)
+            interior=columns[:, : len(INTERIOR)],
+            mount=columns[:, len(INTERIOR) :],
+            pose=np.zeros((0, 6), dtype=np.intp),
         ),
         cov=root @ root.T / (2 * n),
         sigma0_sq=1.25,

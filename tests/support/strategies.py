@@ -51,6 +51,7 @@ def interiors():
         p1=numbers(1e-5),
         p2=numbers(1e-5),
         b1=numbers(1e-3),
+        b2=numbers(1e-3),
     )
 
 

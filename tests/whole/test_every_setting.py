@@ -156,7 +156,14 @@ def test_settings_run_through_all_notebooks_and_the_report(flights, name):
 def declared():
     """Return what the settings of a case are about."""
     values = {**MOUNTED, "xp_mm": 0.01, "yp_mm": -0.01, "k1": 1e-9, "k2": 0.0, "k3": 0.0}
-    values |= {"p1": 0.0, "p2": 0.0, "b1": 0.0, "mount_phi_deg": 0.1, "mount_omega_deg": 0.1}
+    values |= {
+        "p1": 0.0,
+        "p2": 0.0,
+        "b1": 0.0,
+        "b2": 0.0,
+        "mount_phi_deg": 0.1,
+        "mount_omega_deg": 0.1,
+    }
     return {("cameras", NAME, key): value for key, value in values.items()}
 
 

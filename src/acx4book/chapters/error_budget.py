@@ -426,7 +426,7 @@ def suspects(found: Sequence[Suspect]) -> pd.DataFrame:
 PAPERS = "single_step"
 """The method of which the paper's numbers are used."""
 
-NOT_PRINTED = ("b1",)
+NOT_PRINTED = ("b1", "b2")
 """Parameters that the paper does not have."""
 
 SHARED = {

@@ -263,7 +263,7 @@ def _reactions(fits: Sequence[Bundle], start: int) -> list[Array]:
 # --- Tables of the heads that are more than a value's own: what a wrong focal length changes
 
 
-INTERIOR = ("f_mm", "xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")
+INTERIOR = ("f_mm", "xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
 
 SYMBOLS = {name: LABELS[name] for name in INTERIOR} | {
     "east_m": Markup("$X_0$"),

@@ -35,6 +35,7 @@ SHOWN = {
     "xp": ("xp, mm", 1.0),
     "yp": ("yp, mm", 1.0),
     "b1": ("b1, ppm", 1e6),
+    "b2": ("b2, ppm", 1e6),
     "lever_x": ("lever x, m", 1.0),
     "lever_y": ("lever y, m", 1.0),
     "lever_z": ("lever z, m", 1.0),

@@ -93,6 +93,8 @@ def fly(name: str, *, seed: int, options: Options | None = None) -> SimulatedFli
 SIZE = ("width_px", "height_px", "pixel_um")
 LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2")
 FREE = ("f_mm", *LENS)
+AFFINITY = ("b1", "b2")
+
 HEADS_FREE = ("xp_mm", "yp_mm", "k1", "p1", "p2")
 
 
@@ -358,9 +360,10 @@ def _beyond(plan: FlightPlan) -> list[str]:
         out.append("heights: a simulated flight has ellipsoidal heights; plan it with those")
     flown_with = {**plan.setup.cameras, **plan.truth}
     out += [
-        f"cameras.{name}.b1: the simulator has no b1; leave it out, or zero"
+        f"cameras.{name}.{key}: the simulator has no {key}; leave it out, or zero"
         for name, camera in flown_with.items()
-        if camera.interior.b1 != 0
+        for key in AFFINITY
+        if getattr(camera.interior, key) != 0
     ]
     return out
 
@@ -379,7 +382,7 @@ def _camera(camera: PlannedCamera) -> Camera:
     interior = {
         f"{name}_mm" if name in ("f", "xp", "yp") else name: getattr(camera.interior, name)
         for name in INTERIOR
-        if name != "b1"
+        if name not in AFFINITY
     }
     omega, phi, kappa = np.degrees(camera.T_b_c.opk).tolist()
     x, y, z = camera.T_b_c.r.tolist()

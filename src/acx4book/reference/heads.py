@@ -501,7 +501,7 @@ def _response(found: Solved, k: int, m: int, radius: Array) -> Array:
         heads=tuple(fit.heads[i] for i in two),
         xyz_mm=fit.xyz_mm[two],
         opk=fit.opk[two],
-        cov_joint=np.zeros((30, 30)),
+        cov_joint=np.zeros((32, 32)),
     )
     images = [_light(found, i) for i in two]
     rng = np.random.default_rng(SEED)

@@ -39,6 +39,7 @@ _LABELS = {
     "p1": "$p_1$",
     "p2": "$p_2$",
     "b1": "$b_1$",
+    "b2": "$b_2$",
     "lever_x_m": "lever arm $x$",
     "lever_y_m": "lever arm $y$",
     "lever_z_m": "lever arm $z$",

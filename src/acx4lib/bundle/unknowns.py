@@ -21,7 +21,7 @@ class Layout:
 
     Attributes
     ----------
-    interior : ndarray, shape (n_cameras, 9)
+    interior : ndarray, shape (n_cameras, 10)
         Columns of the interior parameters in the order of `camera.INTERIOR`, -1 where held.
     mount : ndarray, shape (n_cameras, 6)
         Columns of the mountings in the order of `MOUNT`, -1 where held.

@@ -335,6 +335,7 @@ _OPPOSITE = Need(text="strips flown in opposite directions", features=("opposite
 _SIDES = Need(text="measurements on all sides of the images", features=("sides",))
 _CORNERS = Need(text="measurements in the corners of the images, or k3 held", features=("corners",))
 _HELD = Need(text="two flying heights, or the lever arm held", features=("heights",))
+_CROSSWISE = Need(text="strips flown crosswise", features=("crosswise",))
 _TIED = Need(
     text="control points or strips flown in opposite directions", features=("control", "opposite")
 )
@@ -358,7 +359,8 @@ NEEDS: Mapping[str, tuple[Need, ...]] = {
     "k3": (_CORNERS,),
     "p1": (_SIDES, _OPPOSITE),
     "p2": (_SIDES, _OPPOSITE),
-    "b1": (_SIDES, Need(text="strips flown crosswise", features=("crosswise",))),
+    "b1": (_SIDES, _CROSSWISE),
+    "b2": (_SIDES, _CROSSWISE),
     "lever_x": (_HEIGHTS, _TIED),
     "lever_y": (_HEIGHTS, _TIED),
     "lever_z": (_CONTROL, Need(text="two flying heights or f held", features=("heights",))),

@@ -85,7 +85,7 @@ class RelativeOrientation:
         Xc, Yc, Zc: positions of the heads over the synthetic image, whose plane is Z = 0.
     opk : ndarray, shape (n_heads, 3)
         omega, phi, kappa of eq. (6) from the synthetic frame to the head, radians.
-    cov_joint : ndarray, shape (15 n_heads, 15 n_heads)
+    cov_joint : ndarray, shape (16 n_heads, 16 n_heads)
         A posteriori: first for each head Xc, Yc, Zc (mm), omega, phi, kappa (rad), then for each
         head the interior orientation in the order of `camera.INTERIOR`, zero where held. Tilt
         and principal point of a head compensate each other, so both are needed together.
@@ -104,7 +104,7 @@ class RelativeOrientation:
         for name in ("xyz_mm", "opk"):
             expected.shape(name, getattr(self, name), (n, 3))
             expected.finite(name, getattr(self, name))
-        expected.shape("cov_joint", self.cov_joint, (15 * n, 15 * n))
+        expected.shape("cov_joint", self.cov_joint, (16 * n, 16 * n))
 
     def __repr__(self) -> str:
         """Say in a line of which heads, and from how much."""
@@ -386,7 +386,7 @@ def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> Relative
         heads=tuple(heads),
         xyz_mm=xyz,
         opk=Pose(R=synthetic.T_b_c.R.T @ R_b_h, r=xyz).opk,
-        cov_joint=np.zeros((15 * n, 15 * n)),
+        cov_joint=np.zeros((16 * n, 16 * n)),
         n_exposures=0,
     )
 
@@ -511,12 +511,12 @@ def _covariance(
     exposures: Index,
     derivatives: tuple[Array, Array, Array],
 ) -> Array:
-    """Return the joint covariance (15 n_heads) from heads, shared control, and trajectory.
+    """Return the joint covariance (16 n_heads) from heads, shared control, and trajectory.
 
     `derivatives` are by the heads' poses, by the trajectory, by the first focal length.
     """
     J, K, by_f = derivatives
-    n = 15 * len(fits)
+    n = 16 * len(fits)
     cov, by_control = np.zeros((n, n)), []
     for k, (fit, idx) in enumerate(zip(fits, images, strict=True)):
         by_columns = _by_columns(fit, k, idx, J[:, :, k])
@@ -541,10 +541,10 @@ def _by_columns(fit: Bundle, k: int, images: Index, by_pose: Array) -> Array:
     """Return the derivatives of all joint quantities by the columns of head k's bundle."""
     columns = fit.network.layout
     n_heads = len(by_pose)
-    out = np.zeros((15 * n_heads, columns.n_columns))
+    out = np.zeros((16 * n_heads, columns.n_columns))
     out[: 6 * n_heads, columns.pose[images].ravel()] = by_pose.reshape(6 * n_heads, -1)
     own = columns.interior[0]
-    out[6 * n_heads + 9 * k + np.flatnonzero(own >= 0), own[own >= 0]] = 1.0
+    out[6 * n_heads + len(INTERIOR) * k + np.flatnonzero(own >= 0), own[own >= 0]] = 1.0
     return out
 
 

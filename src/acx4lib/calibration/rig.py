@@ -227,7 +227,7 @@ def relative_orientation(
     J = _jacobian(scale * R_s_b, xyz / heads[0].interior.f, opk)
     columns = np.hstack([calibration.layout.interior, calibration.layout.mount]).ravel()
     estimated = columns >= 0
-    cov = np.zeros((15 * n, 15 * n))
+    cov = np.zeros((16 * n, 16 * n))
     cov[np.ix_(estimated, estimated)] = calibration.cov[
         np.ix_(columns[estimated], columns[estimated])
     ]
@@ -283,7 +283,7 @@ def _jacobian(mm_per_m: Array, by_f: Array, opk: Array) -> Array:
 
     Returns
     -------
-    ndarray, shape (15 n_heads, 15 n_heads)
+    ndarray, shape (16 n_heads, 16 n_heads)
         Rows in the order of `RelativeOrientation.cov_joint`.
     """
     n, inner = len(opk), len(INTERIOR)

@@ -175,7 +175,7 @@ RANGES = {
     "xp_mm": Range(-100.0, 100.0),
     "yp_mm": Range(-100.0, 100.0),
     **dict.fromkeys(("k1", "k2", "k3", "p1", "p2"), COEFFICIENT),
-    "b1": Range(-0.5, 0.5),
+    **dict.fromkeys(("b1", "b2"), Range(-0.5, 0.5)),
     **dict.fromkeys(("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"), ANGLE),
     **dict.fromkeys(("lever_x_m", "lever_y_m", "lever_z_m"), Range(-100.0, 100.0)),
     "distance_m": POSITIVE,

@@ -20,7 +20,7 @@ from acx4lib.geometry.parameters import Prior
 from acx4lib.least_squares.gauss_markov import GaussMarkov
 
 SIZE = ("width_px", "height_px", "pixel_um", "focal_mm")
-LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")
+LENS = ("xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
 MOUNT = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
 SIGMAS = ("lever_sigma_m", "mount_sigma_deg")
 """Standard deviations of the declared mounting: a number, or a list of three."""
@@ -188,7 +188,7 @@ def setup_of(toml: Toml) -> Setup:
     synthetic = toml.table("synthetic")
     heads = toml.table("stages", "heads").get("estimate", ["xp_mm", "yp_mm", "k1", "p1", "p2"])
     mounting = toml.table("stages", "mounting")
-    everything = [name for name in ESTIMABLE if name != "b1"]
+    everything = [name for name in ESTIMABLE if name not in ("b1", "b2")]
     return Setup(
         name=toml.values["name"],
         grid=grid_of(toml),

@@ -30,8 +30,8 @@ class Interior:
         Radial coefficients, mm^-2, mm^-4, mm^-6.
     p1, p2 : float
         Decentring coefficients, mm^-1.
-    b1 : float
-        Difference of scale: x is multiplied by 1 + b1, dimensionless.
+    b1, b2 : float
+        Affinity: x becomes (1 + b1) x + b2 y before all else, dimensionless.
 
     Raises
     ------
@@ -48,6 +48,7 @@ class Interior:
     p1: float = 0.0
     p2: float = 0.0
     b1: float = 0.0
+    b2: float = 0.0
 
     def __post_init__(self) -> None:
         for name in INTERIOR:
@@ -66,12 +67,12 @@ class Interior:
         return shown.parameter_table(_interior_rows("", self, {}))
 
     def to_array(self) -> Array:
-        """Return the nine values in the order of `INTERIOR`."""
+        """Return the ten values in the order of `INTERIOR`."""
         return np.array([getattr(self, name) for name in INTERIOR])
 
     @classmethod
     def from_array(cls, values: Array) -> Interior:
-        """Make an interior orientation from nine values in the order of `INTERIOR`."""
+        """Make an interior orientation from ten values in the order of `INTERIOR`."""
         values = expected.numbers("values", values, (len(INTERIOR),))
         return cls(**dict(zip(INTERIOR, map(float, values), strict=True)))
 
@@ -286,8 +287,22 @@ def distortion(interior: Interior, xy: Array) -> Array:
 
 
 def reduced(interior: Interior, xy: Array) -> Array:
-    """Return points (..., 2) relative to the principal point, mm, after x is scaled by 1 + b1."""
-    return xy * np.array([1 + interior.b1, 1.0]) - np.array([interior.xp, interior.yp])
+    """Return points (..., 2) relative to the principal point, mm, after the affinity of x."""
+    at: Array = xy * np.array([1 + interior.b1, 1.0])
+    at[..., 0] += interior.b2 * xy[..., 1]
+    return at - np.array([interior.xp, interior.yp])
+
+
+def unreduced(interior: Interior, bar: Array) -> Array:
+    """Return the measured points (..., 2) of reduced ones, mm; inverse of `reduced`."""
+    return _unsheared(interior, bar + np.array([interior.xp, interior.yp]))
+
+
+def _unsheared(interior: Interior, xy: Array) -> Array:
+    """Return points or differences (..., 2) from which the affinity of x makes others."""
+    at: Array = xy * np.array([1 / (1 + interior.b1), 1.0])
+    at[..., 0] -= interior.b2 / (1 + interior.b1) * xy[..., 1]
+    return at
 
 
 def correct(interior: Interior, xy: Array) -> Array:
@@ -308,7 +323,7 @@ def correct(interior: Interior, xy: Array) -> Array:
 
 
 def correct_jacobian(interior: Interior, xy: Array) -> Array:
-    """Return d(correct) / d(f, xp, yp, k1, k2, k3, p1, p2, b1).
+    """Return d(correct) / d(f, xp, yp, k1, k2, k3, p1, p2, b1, b2).
 
     Parameters
     ----------
@@ -318,26 +333,29 @@ def correct_jacobian(interior: Interior, xy: Array) -> Array:
 
     Returns
     -------
-    ndarray, shape (n, 2, 9)
+    ndarray, shape (n, 2, 10)
         Columns in the order of `INTERIOR`.
     """
     bar = reduced(interior, xy)
     x, y = bar[:, 0], bar[:, 1]
     r2 = x * x + y * y
     by_point = _by_reduced_point(interior, bar)
-    out = np.zeros((len(xy), 2, 9))
+    out = np.zeros((len(xy), 2, len(INTERIOR)))
     out[:, :, 1:3] = -by_point
     for j in range(3):
         out[:, :, 3 + j] = -bar * (r2 ** (j + 1))[:, None]
     out[:, 0, 6], out[:, 1, 6] = -(r2 + 2 * x * x), -2 * x * y
     out[:, 0, 7], out[:, 1, 7] = -2 * x * y, -(r2 + 2 * y * y)
-    out[:, :, 8] = by_point[:, :, 0] * xy[:, :1]
+    out[:, :, 8:] = by_point[:, :, :1] * xy[:, None, :]
     return out
 
 
 def correct_by_point(interior: Interior, xy: Array) -> Array:
     """Return d(correct) / d(measured point) at measured points (n, 2), mm; shape (n, 2, 2)."""
-    return _by_reduced_point(interior, reduced(interior, xy)) * np.array([1 + interior.b1, 1.0])
+    by_reduced = _by_reduced_point(interior, reduced(interior, xy))
+    out: Array = by_reduced * np.array([1 + interior.b1, 1.0])
+    out[:, :, 1] += by_reduced[:, :, 0] * interior.b2
+    return out
 
 
 def _by_reduced_point(interior: Interior, bar: Array) -> Array:
@@ -375,8 +393,7 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
     """
     ideal = expected.numbers("ideal", ideal, ("n", 2))
     expected.whole("steps", steps)
-    unscale = np.array([1 / (1 + interior.b1), 1.0])
-    xy = (ideal + np.array([interior.xp, interior.yp])) * unscale
+    xy = unreduced(interior, ideal)
     for _ in range(steps):
         step, error, valid = newton_step(interior, xy, ideal)
         misfit = np.abs(error).max(axis=-1, initial=0.0)
@@ -396,6 +413,5 @@ def newton_step(interior: Interior, xy: Array, ideal: Array) -> tuple[Array, Arr
     J = _by_reduced_point(interior, reduced(interior, xy))
     trace, det = J[:, 0, 0] + J[:, 1, 1], J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] ** 2
     J_adj = trace[:, None, None] * np.eye(2) - J
-    unscale = np.array([1 / (1 + interior.b1), 1.0])
-    step = transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None] * unscale
-    return step, error, (det > 0) & (trace > 0)
+    step = transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None]
+    return _unsheared(interior, step), error, (det > 0) & (trace > 0)

@@ -302,7 +302,7 @@ def image_derivatives(seen: Measurement, x_m: Array) -> tuple[Array, Array, Arra
     Returns
     -------
     v : ndarray, shape (n, 2)
-    by_interior : ndarray, shape (n, 2, 9)
+    by_interior : ndarray, shape (n, 2, 10)
         Columns in the order of `camera.INTERIOR`.
     by_pose : ndarray, shape (n, 2, 6)
         By the camera pose.

@@ -35,6 +35,7 @@ REPORTED = {
     "p1": ("p1", "mm^-1"),
     "p2": ("p2", "mm^-1"),
     "b1": ("b1", "1"),
+    "b2": ("b2", "1"),
     "lever_x": ("lever_x_m", "m"),
     "lever_y": ("lever_y_m", "m"),
     "lever_z": ("lever_z_m", "m"),

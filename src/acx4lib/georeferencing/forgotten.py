@@ -13,7 +13,7 @@ import numpy as np
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
-from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, turn
 
 
@@ -33,9 +33,7 @@ def distortion(calibration: Calibration) -> Calibration:
     """Return a calibration without radial and decentring distortion."""
     return _changed(
         calibration,
-        lambda c: c.with_interior(
-            Interior(f=c.interior.f, xp=c.interior.xp, yp=c.interior.yp, b1=c.interior.b1)
-        ),
+        lambda c: c.with_interior(replace(c.interior, k1=0.0, k2=0.0, k3=0.0, p1=0.0, p2=0.0)),
     )
 
 

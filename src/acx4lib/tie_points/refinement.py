@@ -424,8 +424,8 @@ def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colro
 
     Returns
     -------
-    ndarray, shape (n, 2, 15)
-        By Xc, Yc, Zc (mm), a rotation about the head's axes (R exp(delta), rad), and the nine
+    ndarray, shape (n, 2, 16)
+        By Xc, Yc, Zc (mm), a rotation about the head's axes (R exp(delta), rad), and the ten
         parameters of `camera.INTERIOR`.
     """
     camera, R = orientation.heads[k], rotation_from_opk(orientation.opk[k])

@@ -80,6 +80,8 @@ class Pinhole:
         Focal lengths, px.
     cx, cy : float
         Principal point, px.
+    skew : float
+        What is added to the column of y, px.
 
     Raises
     ------
@@ -91,20 +93,26 @@ class Pinhole:
     fy: float
     cx: float
     cy: float
+    skew: float = 0.0
 
     def __post_init__(self) -> None:
         expected.positive_number("fx", self.fx)
         expected.positive_number("fy", self.fy)
         expected.number("cx", self.cx)
         expected.number("cy", self.cy)
+        expected.number("skew", self.skew)
 
     def colrow(self, distorted: Array) -> Array:
         """Return the pixels of points (n, 2) in units of the focal length."""
-        return distorted * [self.fx, self.fy] + [self.cx, self.cy]
+        colrow = distorted * [self.fx, self.fy] + [self.cx, self.cy]
+        colrow[:, 0] += self.skew * distorted[:, 1]
+        return colrow
 
     def points(self, colrow: Array) -> Array:
         """Return the points of pixels (n, 2), in units of the focal length."""
-        return (colrow - [self.cx, self.cy]) / [self.fx, self.fy]
+        points = (colrow - [self.cx, self.cy]) / [self.fx, self.fy]
+        points[:, 0] -= self.skew / self.fx * points[:, 1]
+        return points
 
 
 def nodes(width_px: int, height_px: int) -> Array:
@@ -122,8 +130,8 @@ def camera_of(
     """Return the camera that is nearest to a lens, in the whole image.
 
     Focal lengths and principal point stay what they are; k1, k2, k3, p1, p2 are fitted. Where that
-    leaves more than `HELD_PX`, f, xp, yp, b1 are fitted, too, by distances in the image, as where
-    a lens has terms that no camera has, or a focal length that is not the scale at its centre.
+    leaves more than `HELD_PX`, f, xp, yp, b1, b2 are fitted, too, by distances in the image, as
+    where a lens has terms that no camera has, or a focal length that is not its centre's scale.
 
     Parameters
     ----------
@@ -153,17 +161,19 @@ def camera_of(
         msg = f"lens: expected a ray for every pixel, got none at col {col:.1f}, row {row:.1f}"
         raise ValueError(msg)
     hole, shorter, c, left = _fitted(measured, rays, ideal, colrow, hole)
-    f, scale = hole.fy * pixel_mm, hole.fy / hole.fx
+    f, scale, shear = hole.fy * pixel_mm, hole.fy / hole.fx, hole.skew / hole.fx
+    yp = ((height_px - 1) / 2 - hole.cy) * pixel_mm
     interior = Interior(
         f=f / shorter,
-        xp=(hole.cx - (width_px - 1) / 2) * pixel_mm * scale,
-        yp=((height_px - 1) / 2 - hole.cy) * pixel_mm,
+        xp=(hole.cx - (width_px - 1) / 2) * pixel_mm * scale + shear * yp,
+        yp=yp,
         k1=-c[0] / f**2,
         k2=-c[1] / f**4,
         k3=-c[4] / f**6,
         p1=-c[3] / f,
         p2=c[2] / f,
         b1=scale - 1,
+        b2=shear,
     )
     camera = Camera(
         name=name, width_px=width_px, height_px=height_px, pixel_mm=pixel_mm, interior=interior
@@ -189,11 +199,12 @@ def above(value: float) -> str:
 
 def pinhole_of(camera: Camera) -> Pinhole:
     """Return focal lengths and principal point of a camera, px."""
-    f_px, scale = camera.interior.f / camera.pixel_mm, 1 + camera.interior.b1
+    own = camera.interior
+    f_px, scale = own.f / camera.pixel_mm, 1 + own.b1
     middle = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
-    at = FLIP * np.array([camera.interior.xp / scale, camera.interior.yp]) / camera.pixel_mm
+    at = FLIP * np.array([(own.xp - own.b2 * own.yp) / scale, own.yp]) / camera.pixel_mm
     cx, cy = (middle + at).tolist()
-    return Pinhole(fx=f_px / scale, fy=f_px, cx=cx, cy=cy)
+    return Pinhole(fx=f_px / scale, fy=f_px, cx=cx, cy=cy, skew=own.b2 * f_px / scale)
 
 
 def brown_of(camera: Camera) -> tuple[Array, Left]:
@@ -217,6 +228,29 @@ def brown_of(camera: Camera) -> tuple[Array, Left]:
     ideal = FLIP * correct(lens, xy) / lens.f
     off = FLIP * reduced(lens, xy) / lens.f - ideal
     return brown(ideal, off, lens.f / camera.pixel_mm)
+
+
+def without_skew(camera: Camera) -> tuple[Pinhole, Array, Left]:
+    """Return the nearest lens without skew: its pinhole, OpenCV's coefficients, what is left.
+
+    Where a camera has b2, all of it is refitted; otherwise it is `pinhole_of` with `brown_of`.
+    """
+    hole, (coefficients, left) = pinhole_of(camera), brown_of(camera)
+    if not hole.skew:
+        return hole, coefficients, left
+
+    def seen(values: Array, ideal: Array) -> Array:
+        own = dict(zip(BROWN, values[4:].tolist(), strict=True))
+        return _pinhole(values).colrow(ideal + effects(ideal, own))
+
+    start = np.array([hole.fx, hole.fy, hole.cx, hole.cy, *coefficients])
+    values, left = model_of(camera, seen, start)
+    return _pinhole(values), values[4:], left
+
+
+def _pinhole(values: Array) -> Pinhole:
+    fx, fy, cx, cy = values[:4].tolist()
+    return Pinhole(fx=fx, fy=fy, cx=cx, cy=cy)
 
 
 def model_of(
@@ -349,8 +383,8 @@ def _fitted(
 ) -> tuple[Pinhole, float, Array, Left]:
     """Return the pinhole, its fy over the focal length, the coefficients of `brown`, what is left.
 
-    Of a pinhole the others follow by linear least squares, so that its cx, cy and fx alone are
-    searched for.
+    Of a pinhole the others follow by linear least squares, so that its cx, cy, fx and skew alone
+    are searched for.
     """
     coefficients, left = brown(measured, rays - measured, hole.fy)
     in_px = _pixels_by_ray(ideal, colrow, rays)
@@ -360,14 +394,20 @@ def _fitted(
 
     def linear(values: Array) -> tuple[Pinhole, Array, Array]:
         """Return the pinhole of values, its effects at the nodes and their coefficients, px."""
-        cx, cy, stretch = values.tolist()
-        own = Pinhole(fx=hole.fx * (1 + stretch), fy=hole.fy, cx=hole.cx + cx, cy=hole.cy + cy)
+        cx, cy, stretch, shear = values.tolist()
+        own = Pinhole(
+            fx=hole.fx * (1 + stretch),
+            fy=hole.fy,
+            cx=hole.cx + cx,
+            cy=hole.cy + cy,
+            skew=hole.skew + hole.fx * shear,
+        )
         at = own.points(colrow)
         A = np.column_stack([at.T.ravel(), _terms(at)]).reshape(2, len(rays), -1)
         A = np.einsum("nij,jnk->ink", in_px, A).reshape(2 * len(rays), -1)
         return own, A, _nearest(A, b)
 
-    _, A, _ = linear(np.zeros(3))
+    _, A, _ = linear(np.zeros(4))
     held = _left(A @ [1.0, *coefficients] - b, 1.0)
     if held.largest_px <= HELD_PX:
         return hole, 1.0, coefficients, held
@@ -376,9 +416,9 @@ def _fitted(
         _, A, free = linear(values)
         return np.asarray(A @ free - b)
 
-    far = np.array([0.1 * hole.fx, 0.1 * hole.fy, 0.1])
-    a_pixel = np.array([1.0, 1.0, 1 / hole.fx])
-    found = least_squares(off, np.zeros(3), bounds=(-far, far), x_scale=a_pixel).x
+    far = np.array([0.1 * hole.fx, 0.1 * hole.fy, 0.1, 0.1])
+    a_pixel = np.array([1.0, 1.0, 1 / hole.fx, 1 / hole.fx])
+    found = least_squares(off, np.zeros(4), bounds=(-far, far), x_scale=a_pixel).x
     own, A, free = linear(np.where(np.abs(found) > MOVED_PX * a_pixel, found, 0.0))
     freed = _left(A @ free - b, 1.0)
     if freed.rms_px > WORTH * held.rms_px:

@@ -50,8 +50,8 @@ def to_opencv(camera: Camera) -> OpenCvCamera:
     ValueError
         If `camera` is no Camera.
     """
-    coefficients, left = lens.brown_of(camera)
-    hole = lens.pinhole_of(camera)
+    expected.instance("camera", camera, Camera)
+    hole, coefficients, left = lens.without_skew(camera)
     return OpenCvCamera(
         matrix=np.array([[hole.fx, 0.0, hole.cx], [0.0, hole.fy, hole.cy], [0.0, 0.0, 1.0]]),
         distortion=coefficients,

@@ -16,7 +16,7 @@ from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.bundle.unknowns import Layout, State, layout
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
-from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import MOUNT
 from benchmarks.adjusting.bench_blocks import FRAME, FREE
@@ -105,7 +105,7 @@ def _camera(file: BinaryIO) -> Camera:
         width_px=int(width_px),
         height_px=int(height_px),
         pixel_mm=pixel_mm,
-        interior=Interior.from_array(_floats(file, 9)),
+        interior=Interior.from_array(_floats(file, len(INTERIOR))),
         T_b_c=Pose(R=_floats(file, 3, 3), r=_floats(file, 3)),
     )
 

@@ -138,7 +138,7 @@ def oriented(cov=None):
         ),
         xyz_mm=np.array([[0.0, 0.0, 50.0], [0.0, 0.0, 50.0]]),
         opk=np.zeros((2, 3)),
-        cov_joint=np.zeros((30, 30)) if cov is None else cov,
+        cov_joint=np.zeros((32, 32)) if cov is None else cov,
         n_exposures=1,
     )
 
@@ -186,8 +186,8 @@ def test_a_longer_focal_length_of_all_heads_is_no_deformation():
 
 def test_the_predicted_deformation_is_the_effect_of_one_sigma():
     """A covariance of one random error: its effect is the standard deviation, node by node."""
-    sigma = np.zeros(30)
-    sigma[[1, 8, 9, 12, 21 + 1]] = [0.003, 0.002, 2e-5, 0.004, 0.001]
+    sigma = np.zeros(32)
+    sigma[[1, 8, 9, 12, 22 + 1]] = [0.003, 0.002, 2e-5, 0.004, 0.001]
     found = deformation(oriented(np.outer(sigma, sigma)), SYNTHETIC)
     assert np.all(np.isnan(found.d))
     moved = shifted(shifted(oriented(), 0, [0, 0.003, 0]), 1, [0, 0, 0.002])

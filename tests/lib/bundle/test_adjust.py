@@ -42,7 +42,7 @@ def free_network(block):
 
 def assert_recovered(found, true):
     """Values to 1e-9 of a millimetre, a metre or a radian; distortion to 1e-9 mm at 25 mm."""
-    reach = np.array([1, 1, 1, 25**3, 25**5, 25**7, 25**2, 25**2, 25])
+    reach = np.array([1, 1, 1, 25**3, 25**5, 25**7, 25**2, 25**2, 25, 25])
     difference = found.interior.to_array() - true.interior.to_array()
     assert_allclose(difference * reach, 0.0, atol=1e-9)
 

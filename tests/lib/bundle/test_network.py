@@ -17,11 +17,11 @@ from support.helpers import dense_jacobian, numeric_dense_jacobian
 SECOND = replace(
     blocks.CAMERA,
     name="SIDE",
-    interior=replace(blocks.CAMERA.interior, f=48.0, k2=1e-9, k3=1e-13, b1=2e-4),
+    interior=replace(blocks.CAMERA.interior, f=48.0, k2=1e-9, k3=1e-13, b1=2e-4, b2=-3e-4),
     T_b_c=Pose(R=rotation_from_opk(np.radians([12.0, -5.0, 90.0])), r=np.array([0.1, 0.3, 0.2])),
 )
 STEPS = (
-    dict(zip(INTERIOR, (1e-2, 1e-2, 1e-2, 1e-8, 1e-11, 1e-14, 1e-6, 1e-6, 1e-5), strict=True))
+    dict(zip(INTERIOR, (1e-2, 1e-2, 1e-2, 1e-8, 1e-11, 1e-14, 1e-6, 1e-6, 1e-5, 1e-5), strict=True))
     | dict.fromkeys((*MOUNT[:3], *POSE[:3]), 1e-2)
     | dict.fromkeys((*MOUNT[3:], *POSE[3:]), 1e-5)
     | dict.fromkeys((f"{kind}_{axis}" for kind in GNSS[:2] for axis in AXES), 1e-2)

@@ -259,7 +259,7 @@ def test_what_the_trajectory_has_wrong_is_carried_over(bundles):
         return values(oriented(moved))
 
     J = numeric_jacobian(at, np.zeros(36), step=np.tile([1e-2] * 3 + [1e-5] * 3, 6))
-    numeric = np.zeros((30, 30))
+    numeric = np.zeros((32, 32))
     for e, cov in enumerate(trajectory.cov):
         own = J[:, 6 * e : 6 * e + 6]
         numeric += own @ cov @ own.T

@@ -301,7 +301,7 @@ REPLACED = [
         "lever_z_m = 0.2",
         '[stages.heads]\nestimate = ["f"]',
         ":15: stages.heads.estimate: 'f' (did you mean 'f_mm'?); must be of f_mm, xp_mm, yp_mm, "
-        "k1, k2, k3, p1, p2, b1",
+        "k1, k2, k3, p1, p2, b1, b2",
     ),
     (
         TOML,

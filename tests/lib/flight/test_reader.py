@@ -89,14 +89,14 @@ def test_stages_estimate_what_the_paper_estimates_by_default(tmp_path):
 def test_stages_and_refraction_are_as_flight_toml_says(tmp_path):
     append(
         write_flight(tmp_path) / "flight.toml",
-        '[stages.heads]\nestimate = []\n[stages.mounting]\nestimate = ["f_mm", "b1"]\n'
+        '[stages.heads]\nestimate = []\n[stages.mounting]\nestimate = ["f_mm", "b1", "b2"]\n'
         'fix = ["lever_arm"]\ngnss = ["shift", "drift"]\n',
     )
     text = (tmp_path / "flight.toml").read_text()
     (tmp_path / "flight.toml").write_text('refraction = "standard"\n' + text)
     read = flight.read(tmp_path)
     assert read.estimate_heads == ()
-    assert read.estimate_mounting == ("f", "b1")
+    assert read.estimate_mounting == ("f", "b1", "b2")
     assert read.fix == ("lever_arm",)
     assert read.gnss == ("shift", "drift")
     assert read.refraction == "standard"

@@ -61,7 +61,7 @@ def test_table_3_gives_5_pixels_of_radial_distortion_at_the_corner():
 def test_distortion_is_eqs_7_to_11_as_printed(interior, xy):
     i = interior
     for (x, y), found in zip(xy, camera.distortion(i, xy), strict=True):
-        dx, dy = x * (1 + i.b1) - i.xp, y - i.yp
+        dx, dy = x * (1 + i.b1) + i.b2 * y - i.xp, y - i.yp
         r = np.sqrt(dx**2 + dy**2)  # eq. (11)
         radial = i.k1 * r**2 + i.k2 * r**4 + i.k3 * r**6
         expected = [
@@ -90,7 +90,8 @@ def opencv_coefficients(i):
 
 @given(interior=interiors(), xy=image_points())
 def test_correct_is_opencvs_polynomial_with_the_other_sign(interior, xy):
-    bar = np.column_stack([xy[:, 0] * (1 + interior.b1), xy[:, 1]]) - [interior.xp, interior.yp]
+    x = xy[:, 0] * (1 + interior.b1) + interior.b2 * xy[:, 1]
+    bar = np.column_stack([x, xy[:, 1]]) - [interior.xp, interior.yp]
     rays = np.column_stack([bar / interior.f, np.ones(len(bar))])
     expected, _ = cv2.projectPoints(
         rays, np.zeros(3), np.zeros(3), np.eye(3), opencv_coefficients(interior)
@@ -143,7 +144,7 @@ def test_an_interior_orientation_comes_back_from_its_array(interior):
 
 @given(interior=interiors(), xy=image_points(3))
 def test_correct_jacobian(interior, xy):
-    steps = np.array([1e-3, 1e-3, 1e-3, 1e-9, 1e-12, 1e-15, 1e-7, 1e-7, 1e-5])
+    steps = np.array([1e-3, 1e-3, 1e-3, 1e-9, 1e-12, 1e-15, 1e-7, 1e-7, 1e-5, 1e-5])
     numeric = numeric_jacobian(
         lambda values: camera.correct(Interior.from_array(values), xy),
         interior.to_array(),
@@ -193,7 +194,7 @@ def test_no_points_give_no_points():
     interior = Interior(f=50.0, k1=1e-6)
     assert camera.distort(interior, none).shape == (0, 2)
     assert camera.correct(interior, none).shape == (0, 2)
-    assert camera.correct_jacobian(interior, none).shape == (0, 2, 9)
+    assert camera.correct_jacobian(interior, none).shape == (0, 2, 10)
     assert camera.xy_from_colrow(HEAD, none).shape == (0, 2)
 
 

@@ -48,7 +48,7 @@ def test_projected_points_fulfil_eqs_1_to_5(interior, angles, r0, x_c):
     for xy, point in zip(xy_from_colrow(camera, colrow), x_m, strict=True):
         D = [sum(m[i, j] * (point[j] - r0[j]) for j in range(3)) for i in range(3)]  # (3)-(5)
         dx, dy = distortion(interior, xy)
-        x = (1 + interior.b1) * xy[0]
+        x = (1 + interior.b1) * xy[0] + interior.b2 * xy[1]
         assert x - interior.xp == pytest.approx(-interior.f * D[0] / D[2] + dx, abs=1e-9)  # mm
         assert xy[1] - interior.yp == pytest.approx(-interior.f * D[1] / D[2] + dy, abs=1e-9)
 
@@ -198,7 +198,7 @@ def test_no_points_give_no_points():
         cameras=(CAMERA,), camera_idx=np.zeros(0, dtype=int), T_m_c=T, colrow=np.zeros((0, 2))
     )
     shapes = [a.shape for a in collinearity.image_derivatives(empty, none)]
-    assert shapes == [(0, 2), (0, 2, 9), (0, 2, 6), (0, 2, 3)]
+    assert shapes == [(0, 2), (0, 2, 10), (0, 2, 6), (0, 2, 3)]
 
 
 # --- Jacobians, each step and the whole ------------------------------------------------------
@@ -279,7 +279,7 @@ def test_image_derivatives(distortion_at, interior, T, x_c):
         seen(T, colrow, (camera,), distortion_at=distortion_at), x_m
     )
     assert_allclose(v, residuals(), atol=PIXELS)
-    steps = np.array([1e-2, 1e-2, 1e-2, 1e-9, 1e-12, 1e-15, 1e-7, 1e-7, 1e-4])
+    steps = np.array([1e-2, 1e-2, 1e-2, 1e-9, 1e-12, 1e-15, 1e-7, 1e-7, 1e-4, 1e-4])
     numeric = numeric_jacobian(lambda x: residuals(values=x), interior.to_array(), step=steps)
     # after its last step Newton's method is not begun anew for a neighbour: v times the curvature
     share = 1e-4 if distortion_at == "adjusted" else 0.0

@@ -133,7 +133,7 @@ def test_a_head_that_looks_straight_down_sees_the_frame_as_it_is():
         heads=(replace(SYNTHETIC, name="HEAD"),),
         xyz_mm=np.array([[0.0, 0.0, 74.0]]),
         opk=np.zeros((1, 3)),
-        cov_joint=np.zeros((15, 15)),
+        cov_joint=np.zeros((16, 16)),
         n_exposures=1,
     )
     colrow = np.array([[0.0, 0.0], [11999.0, 16199.0], [7000.0, 100.0]])

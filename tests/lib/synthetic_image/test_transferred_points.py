@@ -224,7 +224,7 @@ FREE = ("f", "xp", "yp", "k1", "k2", "p1", "p2")
 SIZES = np.concatenate(
     [
         np.tile([2e-4, 2e-4, 2e-4, 3e-6, 3e-6, 3e-6], 4),  # mm and radians
-        np.tile([2e-4, 2e-4, 2e-4, 1e-9, 0.0, 0.0, 1e-9, 1e-9, 0.0], 4),
+        np.tile([2e-4, 2e-4, 2e-4, 1e-9, 0.0, 0.0, 1e-9, 1e-9, 0.0, 0.0], 4),
     ]
 )
 """Errors of heads that move points by some hundredths of a pixel; zero is held."""

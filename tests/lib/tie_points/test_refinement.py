@@ -76,7 +76,7 @@ def test_derivatives_of_the_synthetic_point(k):
 
     numeric = numeric_jacobian(by_pose, np.zeros(6)).reshape(3, 2, 6)
     assert_allclose(found[:, :, :6], numeric, atol=1e-6)  # rounding over a step of 1e-6
-    scale = np.array([1.0, 1.0, 1.0, 1e-6, 1e-9, 1e-12, 1e-6, 1e-6, 1e-4])
+    scale = np.array([1.0, 1.0, 1.0, 1e-6, 1e-9, 1e-12, 1e-6, 1e-6, 1e-4, 1e-4])
 
     def by_interior(x):
         head = ORIENTATION.heads[k]
@@ -84,7 +84,7 @@ def test_derivatives_of_the_synthetic_point(k):
         heads = (*ORIENTATION.heads[:k], moved, *ORIENTATION.heads[k + 1 :])
         return synthetic_from_head(replace(ORIENTATION, heads=heads), k, colrow).ravel()
 
-    numeric = numeric_jacobian(by_interior, np.zeros(9), step=1e-3).reshape(3, 2, 9)
+    numeric = numeric_jacobian(by_interior, np.zeros(10), step=1e-3).reshape(3, 2, 10)
     assert_allclose(found[:, :, 6:] * scale, numeric, rtol=1e-5, atol=1e-7)
 
 
@@ -199,12 +199,12 @@ def test_noise_of_the_ties_is_carried_over():
         (8, 0.01),  # Zc of head 2
         (17, 1e-4),  # kappa of head 3: repaired whole
         (24 + 1, 3e-3),  # xp of head 1
-        (24 + 27 + 3, 1e-8),  # k1 of head 4
+        (24 + 30 + 3, 1e-8),  # k1 of head 4
     ],
 )
 def test_an_error_before_the_refinement_is_carried_through_it(exact, i, sigma):
     """The covariance of one error is its effect times itself: the Jacobian, numerically."""
-    cov = np.zeros((60, 60))
+    cov = np.zeros((64, 64))
     cov[i, i] = sigma**2
     found = refine_by_rotations(replace(ORIENTATION, cov_joint=cov), exact)
 
@@ -231,7 +231,7 @@ def test_a_turn_is_as_uncertain_as_the_error_that_it_takes_away():
     """Heads before with errors of 0.005 deg, ties of 0.3 px: turns scatter by what they state."""
     rng = np.random.default_rng(8)
     sigma = np.radians(5e-3)
-    cov = np.zeros((60, 60))
+    cov = np.zeros((64, 64))
     angles = np.concatenate([6 * k + np.arange(3, 6) for k in range(4)])
     cov[angles, angles] = sigma**2
     turns, stated, after = [], [], []

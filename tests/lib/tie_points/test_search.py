@@ -53,7 +53,7 @@ def first_two(orientation):
         heads=orientation.heads[:2],
         xyz_mm=orientation.xyz_mm[:2],
         opk=orientation.opk[:2],
-        cov_joint=orientation.cov_joint[:30, :30],
+        cov_joint=orientation.cov_joint[:32, :32],
     )
 
 

@@ -43,7 +43,7 @@ def orientation():
         heads=tuple(head(k) for k in range(3)),
         xyz_mm=np.tile([0.0, 0.0, 50.0], (3, 1)),
         opk=OPK,
-        cov_joint=np.zeros((45, 45)),
+        cov_joint=np.zeros((48, 48)),
         n_exposures=4,
     )
 
@@ -191,8 +191,8 @@ def test_an_error_of_one_heads_place_is_repaired_but_for_the_mean(ties, orientat
     [
         (10, 2e-5),  # phi of head B
         (2, 0.01),  # Zc of head A
-        (18 + 9 + 1, 3e-3),  # xp of head B
-        (18 + 18 + 3, 1e-8),  # k1 of head C
+        (18 + 10 + 1, 3e-3),  # xp of head B
+        (18 + 20 + 3, 1e-8),  # k1 of head C
     ],
 )
 def test_any_other_error_is_carried_into_all_heads_places(ties, orientation, i, sigma):
@@ -206,7 +206,7 @@ def test_any_other_error_is_carried_into_all_heads_places(ties, orientation, i, 
             (xyz if i % 6 < 3 else opk)[i // 6, i % 3] += by
             changed = replace(orientation, xyz_mm=xyz, opk=opk)
         else:
-            k, j = divmod(i - 18, 9)
+            k, j = divmod(i - 18, 10)
             values = orientation.heads[k].interior.to_array()
             values[j] += by
             heads = list(orientation.heads)
@@ -264,7 +264,7 @@ def test_one_head_has_no_tie_points(block, orientation):
         heads=orientation.heads[:1],
         xyz_mm=orientation.xyz_mm[:1],
         opk=OPK[:1],
-        cov_joint=np.zeros((15, 15)),
+        cov_joint=np.zeros((16, 16)),
         n_exposures=4,
     )
     assert len(shared_points(block, alone)) == 0

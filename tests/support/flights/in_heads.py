@@ -68,7 +68,7 @@ def true_orientation():
         heads=heads,
         xyz_mm=np.tile([0.0, 0.0, heads[0].interior.f], (len(heads), 1)),
         opk=np.radians([plan.head_angles_deg[name] for name in HEADS]),
-        cov_joint=np.zeros((15 * len(heads), 15 * len(heads))),
+        cov_joint=np.zeros((16 * len(heads), 16 * len(heads))),
         n_exposures=1,
     )
 

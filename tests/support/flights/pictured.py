@@ -36,7 +36,7 @@ def orientation() -> RelativeOrientation:
         heads=tuple(heads),
         xyz_mm=np.tile([0.0, 0.0, 25.0], (2, 1)),
         opk=np.array(opk),
-        cov_joint=np.zeros((30, 30)),
+        cov_joint=np.zeros((32, 32)),
         n_exposures=6,
     )
 

@@ -27,7 +27,7 @@ def heads(names: Sequence[str] = printed.HEADS) -> RelativeOrientation:
         ),
         xyz_mm=np.stack([printed.centre_mm(name) for name in names]),
         opk=np.stack([printed.opk(name) for name in names]),
-        cov_joint=np.zeros((15 * len(names), 15 * len(names))),
+        cov_joint=np.zeros((16 * len(names), 16 * len(names))),
         n_exposures=1,
     )
 

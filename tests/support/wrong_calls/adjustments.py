@@ -51,7 +51,7 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(
             lambda: mounting.calibrate(BLOCK, free=("focal",)),
-            "free: expected names of f, xp, yp, k1, k2, k3, p1, p2, b1, got 'focal'",
+            "free: expected names of f, xp, yp, k1, k2, k3, p1, p2, b1, b2, got 'focal'",
         ),
         Wrong(lambda: mounting.single_step(BLOCK, free=(CAMERA,)), "free: expected names of f, "),
         Wrong(

@@ -96,7 +96,7 @@ def pixels() -> list[Wrong]:
         ),
         Wrong(
             lambda: replace(HEADS, cov_joint=np.eye(24)),
-            r"cov_joint: expected shape \(60, 60\), got \(24, 24\)",
+            r"cov_joint: expected shape \(64, 64\), got \(24, 24\)",
         ),
         Wrong(
             lambda: tie_points.shared_points(BLOCK, HEADS),

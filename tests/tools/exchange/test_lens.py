@@ -61,10 +61,40 @@ def test_a_refitted_camera_has_the_rays_of_the_lens(ideal, pixels):
     assert_allclose(camera.interior.f, 4103 * 0.004)
 
 
-def test_focal_lengths_and_principal_point_come_back():
-    camera, _ = lens.camera_of(undistorted, HOLE, **SIZE)
+@pytest.mark.parametrize("skew", [0.0, 2.5])
+def test_focal_lengths_principal_point_and_skew_come_back(skew):
+    hole = replace(HOLE, skew=skew)
+    camera, _ = lens.camera_of(
+        lambda colrow: undistorted(HOLE.colrow(hole.points(colrow))), hole, **SIZE
+    )
     back = lens.pinhole_of(camera)
-    assert_allclose([back.fx, back.fy, back.cx, back.cy], [4100, 4103, 2011, 1490], atol=1e-9)
+    found = [back.fx, back.fy, back.cx, back.cy, back.skew]
+    assert_allclose(found, [4100, 4103, 2011, 1490, skew], atol=1e-9)
+
+
+def test_skew_is_b2_and_a_pixel_at_the_corner_is_what_the_formulas_say():
+    """By Metashape's formula: u = cx + x f + x b1 + y b2, of an ideal point x, y."""
+    hole = replace(HOLE, skew=2.5)
+    camera, left = lens.camera_of(hole.points, hole, **SIZE)
+    assert left.largest_px < 1e-9
+    assert_allclose(camera.interior.b2, 2.5 / 4100, rtol=1e-12)
+    x, y = -0.4, 0.3
+    u, v = 2011 + 4103 * x - 3 * x + 2.5 * y, 1490 + 4103 * y
+    ideal = correct(camera.interior, xy_from_colrow(camera, np.array([[u, v]])))
+    assert_allclose(ideal / camera.interior.f, [[x, -y]], atol=1e-12)
+
+
+def test_a_lens_without_skew_tells_what_b2_leaves():
+    """A shear is half a turn, which no pinhole has: b2 times half the height at the most."""
+    camera = Camera(**SIZE, interior=Interior(f=16.0, xp=0.1, yp=-0.2, b2=1e-3))
+    hole, coefficients, left = lens.without_skew(camera)
+    assert hole.skew == 0.0
+    assert 0.5 < left.largest_px < 1e-3 * (1500 + 0.2 / 0.004 + 20)
+    nodes = lens.nodes(4000, 3000)
+    ideal = correct(camera.interior, xy_from_colrow(camera, nodes)) / 16.0 * [1, -1]
+    by_role = dict(zip(lens.BROWN, coefficients, strict=True))
+    apart = np.hypot(*(hole.colrow(ideal + lens.effects(ideal, by_role)) - nodes).T)
+    assert_allclose(apart.max(), left.largest_px, rtol=1e-6)
 
 
 def test_focal_length_principal_point_and_b1_are_fitted_where_that_leaves_less():

@@ -391,19 +391,16 @@ def with_wrong_interiors(
         Its heads have the names of the paper's.
     rng : numpy.random.Generator
     """
-    heads = [
-        head.with_interior(
-            Interior.from_array(
-                head.interior.to_array() + _printed_sigma(head.name) * rng.normal(size=9)
-            )
-        )
-        for head in truth.heads
-    ]
+    heads = []
+    for head in truth.heads:
+        drawn = np.append(rng.normal(size=len(INTERIOR) - 1), 0.0)  # the paper has no b2
+        values = head.interior.to_array() + _printed_sigma(head.name) * drawn
+        heads.append(head.with_interior(Interior.from_array(values)))
     return replace(truth, heads=tuple(heads))
 
 
 def _printed_sigma(head: str) -> Array:
-    """Return Table 1's sigma of a head's interior, zero where it has none, shape (9,)."""
+    """Return Table 1's sigma of a head's interior, zero where it has none, shape (10,)."""
     names = {name: f"{name}_mm" if name in ("f", "xp", "yp") else name for name in INTERIOR}
     listed = set(printed.table(1)["parameter"])
     sigma = [printed.sigma(1, key, head) if key in listed else 0.0 for key in names.values()]

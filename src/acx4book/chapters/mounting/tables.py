@@ -50,7 +50,7 @@ GROUPS = {
 """Names of the kinds of observations."""
 
 PARAMETERS = {
-    **{name: LABELS[name] for name in ("k1", "k2", "k3", "p1", "p2", "b1")},
+    **{name: LABELS[name] for name in ("k1", "k2", "k3", "p1", "p2", "b1", "b2")},
     **{name: LABELS[f"{name}_mm"] for name in ("f", "xp", "yp")},
     **{f"lever_{axis}": LABELS[f"lever_{axis}_m"] for axis in "xyz"},
     **{f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"},

@@ -85,7 +85,7 @@ def printed_heads(flight: Flight) -> dict[str, RelativeOrientation]:
         ),
         xyz_mm=np.stack([printed.centre_mm(name) for name in printed.HEADS]),
         opk=np.stack([printed.opk(name) for name in printed.HEADS]),
-        cov_joint=np.zeros((15 * n, 15 * n)),
+        cov_joint=np.zeros((16 * n, 16 * n)),
         n_exposures=int(printed.statement("block_1_images")),
     )
     return {"the paper's Table 1 as printed (%)": heads}

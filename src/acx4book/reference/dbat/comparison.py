@@ -175,7 +175,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
-"""Interior parameters that the project `camcal` estimates: all nine."""
+"""Interior parameters that the project `camcal` estimates: all that it has."""
 
 CHECK_POINTS = (351, 410)
 """Points of the project `sxb` that its author used as check points."""

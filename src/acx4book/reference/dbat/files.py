@@ -182,8 +182,8 @@ def interior_to_dbat(camera: Camera, cov: Array) -> tuple[Array, Array]:
     Parameters
     ----------
     camera : Camera
-    cov : ndarray, shape (9, 9)
-        In the order of `camera.INTERIOR`.
+    cov : ndarray, shape (10, 10)
+        In the order of `camera.INTERIOR`; b2, which DBAT does not have, is left out.
 
     Returns
     -------
@@ -219,7 +219,7 @@ def largest_distortion_mm(camera: Camera) -> float:
     Computed as in its report: with square pixels, with ``|dx| + |dy|`` instead of their root sum
     of squares, and with P1 and P2 exchanged in dx and in dy.
     """
-    values, _ = interior_to_dbat(camera, np.zeros((9, 9)))
+    values, _ = interior_to_dbat(camera, np.zeros(2 * (len(INTERIOR),)))
     _, px, py, _, k1, k2, k3, p1, p2 = values
     size = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
     corners = _HALF_PIXEL * camera.pixel_mm + size * np.array([[0, 0], [0, 1], [1, 1], [1, 0]])

@@ -13,13 +13,13 @@ import numpy as np
 from acx4lib.bundle.compiled.covariances import CameraCovariances
 from acx4lib.bundle.compiled.elimination import CameraNormals
 from acx4lib.bundle.compiled.packing import pose_band
-from acx4lib.bundle.compiled.rays import INTERIOR, RESIDUAL
+from acx4lib.bundle.compiled.rays import INTERIOR, POINT
 from acx4lib.bundle.compiled.small_products import aligned
 from acx4lib.compiling import load, uncounted
 from acx4lib.expected import Array, Index
 from acx4lib.least_squares.banded import Bordered, BorderedCovariance
 
-N_INTERIOR, N_POSE = RESIDUAL - INTERIOR, 6
+N_INTERIOR, N_POSE = POINT - INTERIOR, 6
 PER_CAMERA = N_INTERIOR + N_POSE
 """Border columns of a camera, free or held: interior orientation, then mounting."""
 
@@ -62,14 +62,14 @@ def reduced_normals(
     room : ndarray, optional
         Where `Bordered.P` is built, if it has that shape.
     """
-    M, S, E, I = normals  # noqa: E741
+    M, S, E, I, g, _ = normals  # noqa: E741
     A, B, pose, camera = hanging.by_pose, hanging.by_mount, hanging.pose, hanging.camera
     n_images, n_cameras, n_poses = len(pose), hanging.n_cameras, hanging.n_poses
     each = np.arange(n_images)
     before = np.triu(M) + np.swapaxes(np.triu(M, 1), 1, 2)
-    by_interior = E[:, :, :, INTERIOR:RESIDUAL].copy()
-    by_interior[each, camera] += before[:, :N_POSE, INTERIOR:RESIDUAL]
-    gradient = before[:, :N_POSE, RESIDUAL] + E[..., RESIDUAL].sum(axis=1)
+    by_interior = E[:, :, :, INTERIOR:POINT].copy()
+    by_interior[each, camera] += before[:, :N_POSE, INTERIOR:POINT]
+    gradient = g[:, :N_POSE]
     shape = (n_poses * N_POSE, pose_band(pose, pair.shape[1]) * N_POSE)
     P = np.empty(shape) if room is None or room.shape != shape else room
     P[:] = 0.0
@@ -88,10 +88,9 @@ def reduced_normals(
     _corner(corner, before, I, hanging, (interior @ B, np.swapaxes(B, 1, 2)[:, None] @ Z))
     g_border = np.zeros((n_cameras, PER_CAMERA))
     diagonal_border = np.zeros((n_cameras, PER_CAMERA))
-    np.add.at(g_border[:, :N_INTERIOR], camera, before[:, INTERIOR:RESIDUAL, RESIDUAL])
-    g_border[:, :N_INTERIOR] += I[:, :, INTERIOR:RESIDUAL, RESIDUAL].sum(axis=1)
+    np.add.at(g_border[:, :N_INTERIOR], camera, g[:, INTERIOR:POINT])
     np.add.at(g_border[:, N_INTERIOR:], camera, np.einsum("iab,ia->ib", B, gradient))
-    squares = np.diagonal(before, axis1=1, axis2=2)[:, INTERIOR:RESIDUAL]
+    squares = np.diagonal(before, axis1=1, axis2=2)[:, INTERIOR:POINT]
     np.add.at(diagonal_border[:, :N_INTERIOR], camera, squares)
     np.add.at(diagonal_border[:, N_INTERIOR:], camera, _squares(own, B))
     g_pose, diagonal_pose = np.zeros((n_poses, N_POSE)), np.zeros((n_poses, N_POSE))
@@ -123,14 +122,14 @@ def _corner(
     camera, n_cameras = hanging.camera, hanging.n_cameras
     interior_by_mount, mount_by_mount = products
     a, b = slice(0, N_INTERIOR), slice(N_INTERIOR, PER_CAMERA)
-    own = before[:, INTERIOR:RESIDUAL, INTERIOR:RESIDUAL]
+    own = before[:, INTERIOR:POINT, INTERIOR:POINT]
     for k in range(n_cameras):
         mine = camera == k
         corner[k, a, k, a] = own[mine].sum(axis=0)
         # interior orientations of all cameras with the mounting of camera k
         corner[:, a, k, b] = interior_by_mount[:, mine].sum(axis=1)
         for j in range(n_cameras):
-            corner[k, a, j, a] += eliminated[k, j, INTERIOR:RESIDUAL, INTERIOR:RESIDUAL]
+            corner[k, a, j, a] += eliminated[k, j, INTERIOR:POINT, INTERIOR:POINT]
             corner[k, b, j, b] = mount_by_mount[mine, j].sum(axis=0)
     for k in range(n_cameras):
         for j in range(n_cameras):
@@ -215,7 +214,7 @@ def _add_congruent(P: Array, row: int, column: int, left: Array, right: Array) -
 
 
 def camera_steps(hanging: Hanging, border: Array, poses: Array) -> Array:
-    """Return the steps of each image's camera pose and interior orientation, and a one.
+    """Return the steps of each image's camera pose and interior orientation.
 
     Parameters
     ----------
@@ -231,7 +230,7 @@ def camera_steps(hanging: Hanging, border: Array, poses: Array) -> Array:
     interior, mount = by_camera[:, :N_INTERIOR], by_camera[:, N_INTERIOR:]
     turned = np.einsum("iab,ib->ia", hanging.by_pose, poses[hanging.pose])
     turned += np.einsum("iab,ib->ia", hanging.by_mount, mount)
-    return np.concatenate([turned, interior, np.ones((len(turned), 1))], axis=1)
+    return np.concatenate([turned, interior], axis=1)
 
 
 def camera_covariances(cov: BorderedCovariance, hanging: Hanging, pair: Index) -> CameraCovariances:
@@ -258,18 +257,18 @@ def camera_covariances(cov: BorderedCovariance, hanging: Hanging, pair: Index) -
     by_mount = np.ascontiguousarray(U[..., N_INTERIOR:])
     _camera_pairs(pair, cov.P, A, B, U_pose, by_mount, pose, camera, Q, np.empty((6, 6)))
     F = aligned(n_images, n_cameras, 6, 16)
-    F[..., INTERIOR:RESIDUAL] = U[..., :N_INTERIOR]
-    F_T = aligned(n_images, n_cameras, 9, 8)
+    F[..., INTERIOR:POINT] = U[..., :N_INTERIOR]
+    F_T = aligned(n_images, n_cameras, N_INTERIOR, 8)
     F_T[..., :6] = np.swapaxes(U[..., :N_INTERIOR], 2, 3)
-    H = aligned(n_cameras, n_cameras, 9, 16)
+    H = aligned(n_cameras, n_cameras, N_INTERIOR, 16)
     inner = np.transpose(corner[:, :N_INTERIOR, :, :N_INTERIOR], (0, 2, 1, 3))
-    H[..., INTERIOR:RESIDUAL] = inner
+    H[..., INTERIOR:POINT] = inner
     each = np.arange(n_images)
     K = aligned(n_images, 16, 16)
     K[:, :6, :6] = Q[pair[:, 0], 0, :, :6]
-    K[:, :6, INTERIOR:RESIDUAL] = U[each, camera][..., :N_INTERIOR]
-    K[:, INTERIOR:RESIDUAL, :6] = np.swapaxes(K[:, :6, INTERIOR:RESIDUAL], 1, 2)
-    K[:, INTERIOR:RESIDUAL, INTERIOR:RESIDUAL] = inner[camera, camera]
+    K[:, :6, INTERIOR:POINT] = U[each, camera][..., :N_INTERIOR]
+    K[:, INTERIOR:POINT, :6] = np.swapaxes(K[:, :6, INTERIOR:POINT], 1, 2)
+    K[:, INTERIOR:POINT, INTERIOR:POINT] = inner[camera, camera]
     return CameraCovariances(Q=Q, F=F, F_T=F_T, H=H, K=K)
 
 

@@ -24,9 +24,9 @@ from acx4lib.expected import Array
 # products with V^-1 times a point's derivatives
 _gain = small(3, 3, 16, left=(3, 1), right=16, out=16)
 _take_off_by_pose = small(3, 6, 8, left=(16, 1), right=8, out=16, add=-1)
-_take_off_by_interior = small(3, 9, 8, left=(16, 1), right=8, out=16, add=-1)
+_take_off_by_interior = small(3, 10, 8, left=(16, 1), right=8, out=16, add=-1)
 _take_off_interior_by_pose = small(3, 6, 16, left=(16, 1), right=16, out=16, add=-1)
-_take_off_interior = small(3, 9, 16, left=(16, 1), right=16, out=16, add=-1)
+_take_off_interior = small(3, 10, 16, left=(16, 1), right=16, out=16, add=-1)
 _ray_times_square = small(2, 16, 16, left=(WIDTH, 1), right=16, out=16)
 _add_ray_by_point = small(3, 2, 8, left=(2, 1), right=WIDTH, out=8, add=1)
 
@@ -39,11 +39,11 @@ class CameraCovariances(NamedTuple):
     Q : ndarray, shape (n_pairs, 2, 6, 8)
         Poses of the two images of each of `SortedRays.pair`, and the transpose.
     F : ndarray, shape (n_images, n_cameras, 6, 16)
-        Pose with interior orientation, which fills columns 6 to 14.
-    F_T : ndarray, shape (n_images, n_cameras, 9, 8)
+        Pose with interior orientation, which fills columns 6 to 15.
+    F_T : ndarray, shape (n_images, n_cameras, 10, 8)
         The transposes of F: interior orientation with pose.
-    H : ndarray, shape (n_cameras, n_cameras, 9, 16)
-        Interior with interior, columns 6 to 14.
+    H : ndarray, shape (n_cameras, n_cameras, 10, 16)
+        Interior with interior, columns 6 to 15.
     K : ndarray, shape (n_images, 16, 16)
         Pose and interior orientation of each image together.
     """
@@ -78,11 +78,11 @@ def _with_cameras(rays: SortedRays, p: int, room: Room, cov: CameraCovariances) 
             _take_off_by_pose(X, k * 48, G, j * 48, cov.Q, block * 48)
         for c in range(n_cameras):
             block = i * n_cameras + c
-            _take_off_by_interior(X, k * 48, room.Y_sums, c * 48 + 6, cov.F_T, block * 72)
+            _take_off_by_interior(X, k * 48, room.Y_sums, c * 48 + 6, cov.F_T, block * 80)
             _take_off_interior_by_pose(X_sums, c * 48, G, k * 48, cov.F, block * 96)
     for c in range(n_cameras):
         for d in range(n_cameras):
-            block = (d * n_cameras + c) * 144
+            block = (d * n_cameras + c) * 160
             _take_off_interior(X_sums, c * 48, room.Y_sums, d * 48 + 6, cov.H, block)
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from acx4lib.bundle.compiled.rays import POINT, WIDTH, Scene, Seen, SortedRays, linearise
+from acx4lib.bundle.compiled.rays import POINT, RESIDUAL, WIDTH, Scene, Seen, SortedRays, linearise
 from acx4lib.bundle.compiled.small_products import SmallProduct, aligned, dot
 from acx4lib.compiling import load, uncounted, uncounted_inlined
 from acx4lib.expected import Array
@@ -33,10 +33,12 @@ def small(*shape: int, **strides: Any) -> Callable[..., None]:
 _add_squares = small(16, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1, upper=True)
 point_by_ray = small(3, 2, 16, left=(1, WIDTH), right=WIDTH, out=16)
 add_point_by_ray = small(3, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1)
+_add_gradient = small(1, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1)
 _whitened = small(3, 3, 16, left=(1, 3), right=16, out=16)
 _take_off_pair = small(6, 3, 8, left=(1, 16), right=16, out=8, add=-1)
 _take_off_border = small(6, 3, 16, left=(1, 16), right=16, out=16, add=-1)
 _take_off_corner = small(16, 3, 16, left=(1, 16), right=16, out=16, add=-1)
+_take_off_gradient = small(1, 3, 16, left=(3, 1), right=16, out=16, add=-1)
 dot_16 = dot(16)
 
 
@@ -53,12 +55,18 @@ class CameraNormals(NamedTuple):
         The same for image and interior orientation.
     I : ndarray, shape (n_cameras, n_cameras, 16, 16)
         The same for two interior orientations.
+    g : ndarray, shape (n_images, 16)
+        Right sides, of which each image's rays are a part, after elimination.
+    cost : ndarray, shape (n_images,)
+        Sum of squares of the residuals of each image's rays.
     """
 
     M: Array
     S: Array
     E: Array
     I: Array  # noqa: E741 (of Interior)
+    g: Array
+    cost: Array
 
 
 def camera_normals(n_images: int, n_cameras: int, n_pairs: int) -> CameraNormals:
@@ -68,6 +76,8 @@ def camera_normals(n_images: int, n_cameras: int, n_pairs: int) -> CameraNormals
         S=aligned(n_pairs, 6, 8),
         E=aligned(n_images, n_cameras, 6, 16),
         I=aligned(n_cameras, n_cameras, 16, 16),
+        g=aligned(n_images, 16),
+        cost=aligned(n_images),
     )
 
 
@@ -175,15 +185,19 @@ def factor(rays: SortedRays, scene: Scene, p: int, room: Room) -> bool:
 def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> float:
     """Subtract a point's part from the normal equations; return its own decrease of the cost."""
     J, T, Y, Y_sums = room.seen.J, room.T, room.Y, room.Y_sums
-    start, n = rays.start[p], rays.start[p + 1] - rays.start[p]
+    W, s, start, n = room.W, room.s, rays.start[p], rays.start[p + 1] - rays.start[p]
     n_cameras = out.I.shape[0]
+    s[2] = W[0, 2] * s[0] + W[1, 2] * s[1] + W[2, 2] * s[2]
+    s[1] = W[0, 1] * s[0] + W[1, 1] * s[1]
+    s[0] *= W[0, 0]
     for c in range(n_cameras):
-        _whitened(Y_sums, c * 48, room.W, 0, room.sums, c * 48)
+        _whitened(Y_sums, c * 48, W, 0, room.sums, c * 48)
     for k in range(n):
         point_by_ray(T, 0, J, k * 48 + POINT, J, k * 48)
-        _whitened(Y, k * 48, room.W, 0, T, 0)
+        _whitened(Y, k * 48, W, 0, T, 0)
     for k in range(n):
         i = rays.image[start + k]
+        _take_off_gradient(out.g, i * 16, s, 0, Y, k * 48)
         for j in range(k, n):
             d = rays.image[start + j] - i
             pair = rays.pair[i, d] * 48
@@ -195,13 +209,7 @@ def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> floa
     for a in range(n_cameras):
         for b in range(n_cameras):
             _take_off_corner(out.I, (a * n_cameras + b) * 256, Y_sums, a * 48, Y_sums, b * 48)
-    decrement = 0.0
-    for a in range(3):
-        along = 0.0
-        for c in range(n_cameras):
-            along += Y_sums[c, a, 15]
-        decrement += along * along
-    return decrement
+    return s[0] * s[0] + s[1] * s[1] + s[2] * s[2]
 
 
 # --- passes ----------------------------------------------------------------------------------
@@ -229,20 +237,24 @@ def accumulate(
     decrement : float
         Decrease of the cost, to first order, if only the points moved.
     """
-    J, sums, decrement = room.seen.J, room.sums, 0.0
+    J, sums, s, decrement = room.seen.J, room.sums, room.s, 0.0
     for p in range(first, last):
-        start = rays.start[p]
+        start, also = rays.start[p], rays.also[p]
         sums[:] = 0.0
+        for c in range(3):
+            s[c] = scene.h[also, c] if also >= 0 else 0.0
         if not linearise(rays, scene, p, room.seen):
             return False, 0.0
         for k in range(rays.start[p + 1] - start):
             i = rays.image[start + k]
             _add_squares(out.M, i * 256, J, k * 48, J, k * 48)
+            _add_gradient(out.g, i * 16, J, k * 48 + RESIDUAL, J, k * 48)
             add_point_by_ray(sums, scene.camera[i] * 48, J, k * 48 + POINT, J, k * 48)
+            a, b = J[k, 0, RESIDUAL], J[k, 1, RESIDUAL]
+            out.cost[i] += a * a + b * b
+            for c in range(3):
+                s[c] += J[k, 0, POINT + c] * a + J[k, 1, POINT + c] * b
         if rays.free[p] and factor(rays, scene, p, room):
-            if rays.also[p] >= 0:
-                for a in range(3):
-                    sums[0, a, 15] += scene.h[rays.also[p], a]
             decrement += _eliminate(rays, p, room, out)
     return True, decrement
 
@@ -260,7 +272,7 @@ def move_points(
         The range of points.
     room : Room
     step : ndarray, shape (n_images, 16)
-        Steps of camera pose and interior orientation, and a one.
+        Steps of camera pose and interior orientation.
     out : ndarray, shape (n, 3)
         All points of the block.
     """
@@ -274,7 +286,8 @@ def move_points(
         linearise(rays, scene, p, room.seen)
         for k in range(rays.start[p + 1] - start):
             i = rays.image[start + k]
-            a, b = dot_16(J, k * 48, step, i * 16), dot_16(J, k * 48 + WIDTH, step, i * 16)
+            a = dot_16(J, k * 48, step, i * 16) + J[k, 0, RESIDUAL]
+            b = dot_16(J, k * 48 + WIDTH, step, i * 16) + J[k, 1, RESIDUAL]
             for c in range(3):
                 s[c] += J[k, 0, POINT + c] * a + J[k, 1, POINT + c] * b
         if factor(rays, scene, p, room):

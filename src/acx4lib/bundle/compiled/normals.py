@@ -117,7 +117,7 @@ class NetworkNormals:
             for total, more in zip(totals[0], totals.pop(1), strict=True):
                 np.add(total, more, out=total)
         ahead = all(ahead for ahead, _ in done)
-        cost = float(totals[0].M[:, 15, 15].sum()) if ahead else np.inf
+        cost = float(totals[0].cost.sum()) if ahead else np.inf
         reduced = reduced_normals(totals[0], self.hanging, packed.rays.pair, self.room)
         return reduced, cost, sum(less for _, less in done)
 

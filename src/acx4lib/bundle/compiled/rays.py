@@ -2,9 +2,9 @@
 
 A camera pose varies by its position and by a rotation, both along the *camera's own* axes. Then
 the derivatives of an image point by its pose depend on its direction only. A ray has two rows,
-along x and y, of sixteen numbers: six derivatives by the pose, nine by the interior orientation
-(`camera.INTERIOR`), and the residual, all divided by the standard deviation. The plain version
-is `collinearity.image_derivatives`.
+along x and y: six derivatives by the pose, ten by the interior orientation (`camera.INTERIOR`),
+three by the point, and the residual, all divided by the standard deviation. The plain version is
+`collinearity.image_derivatives`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from acx4lib.compiling import uncounted_inlined
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.collinearity import DENSITY, LAPSE, MOST_STEPS, NEAR_MM, REFRACTIVITY
 
-INTERIOR, RESIDUAL, POINT, WIDTH = 6, 15, 16, 24
-"""In a ray's row: positions of the first interior parameter, of the residual and of the first
-derivative by the point; and its length, which is a multiple of eight."""
+INTERIOR, POINT, RESIDUAL, WIDTH = 6, 16, 19, 24
+"""In a ray's row: positions of the first interior parameter, of the first derivative by the point
+and of the residual; and its length, which is a multiple of eight."""
 
 
 class SortedRays(NamedTuple):
@@ -65,7 +65,7 @@ class Scene(NamedTuple):
     r_m_c : ndarray, shape (n_images, 3)
         m.
     camera : ndarray, shape (n_images,)
-    interior : ndarray, shape (n_cameras, 9)
+    interior : ndarray, shape (n_cameras, 10)
     x_m : ndarray, shape (n_points, 3)
         m, in the order of the rays: a pass does not wait for memory.
     V, h : ndarray, shapes (k, 3, 3) and (k, 3)
@@ -144,7 +144,7 @@ def _adjusted(
 
     The steps are those of `collinearity`.
     """
-    s = 1 / (1 + interior[camera, 8])
+    s, shear = 1 / (1 + interior[camera, 8]), interior[camera, 9]
     for _ in range(MOST_STEPS):
         x_c, y_c, xx, yy, xy = _corrected(interior, camera, x, y)
         ex, ey, det = x_ideal - x_c, y_ideal - y_c, xx * yy - xy * xy
@@ -152,7 +152,8 @@ def _adjusted(
             break
         vx, vy = (yy * ex - xy * ey) / det, (xx * ey - xy * ex) / det
         x, y = x + vx, y + vy
-        if vx * vx * s * s + vy * vy < NEAR_MM * NEAR_MM:
+        along = (vx - shear * vy) * s
+        if along * along + vy * vy < NEAR_MM * NEAR_MM:
             return x, y, True
     return x, y, False
 
@@ -174,8 +175,10 @@ def _look(rays: SortedRays, scene: Scene, p: int, q: int, seen: Seen, k: int) ->
     u = (r00 * dx + r10 * dy + r20 * dz) * down
     v = (r01 * dx + r11 * dy + r21 * dz) * down
     camera, interior, w = scene.camera[i], scene.interior, rays.weight[q]
-    f, xp, s = interior[camera, 0], interior[camera, 1], 1 / (1 + interior[camera, 8])
-    x_0, y_0 = rays.xy[q, 0] * (1 + interior[camera, 8]) - xp, rays.xy[q, 1] - interior[camera, 2]
+    f, xp, yp = interior[camera, 0], interior[camera, 1], interior[camera, 2]
+    s, shear = 1 / (1 + interior[camera, 8]), interior[camera, 9]
+    x_0 = rays.xy[q, 0] * (1 + interior[camera, 8]) + shear * rays.xy[q, 1] - xp
+    y_0 = rays.xy[q, 1] - yp
     x, y, reached = x_0, y_0, False
     if scene.adjusted:
         x, y, reached = _adjusted(interior, camera, x_0, y_0, -f * u, -f * v)
@@ -184,16 +187,17 @@ def _look(rays: SortedRays, scene: Scene, p: int, q: int, seen: Seen, k: int) ->
     x_c, y_c, xx, yy, xy = _corrected(interior, camera, x, y)
     if reached:
         det = w / (xx * yy - xy * xy)
-        U[k, 0, 0], U[k, 0, 1] = yy * det * s, -xy * det * s
+        U[k, 0, 0], U[k, 0, 1] = (yy + shear * xy) * det * s, -(xy + shear * xx) * det * s
         U[k, 1, 0], U[k, 1, 1] = -xy * det, xx * det
-        G[k, 0, 15], G[k, 1, 15] = (
+        G[k, 0, RESIDUAL], G[k, 1, RESIDUAL] = (
             xx * (x - x_0) + xy * (y - y_0),
             xy * (x - x_0) + yy * (y - y_0),
         )
     else:
         U[k, 0, 0], U[k, 0, 1], U[k, 1, 0], U[k, 1, 1] = w, 0.0, 0.0, w
-        G[k, 0, 15], G[k, 1, 15] = -f * u - x_c, -f * v - y_c
-    m, x_i, r2 = -f * down, (x + xp) * s, x * x + y * y
+        G[k, 0, RESIDUAL], G[k, 1, RESIDUAL] = -f * u - x_c, -f * v - y_c
+    m, y_i, r2 = -f * down, y + yp, x * x + y * y
+    x_i = (x + xp - shear * y_i) * s
     r4 = r2 * r2
     G[k, 0, 0], G[k, 0, 1], G[k, 0, 2] = -m, 0.0, m * u
     G[k, 1, 0], G[k, 1, 1], G[k, 1, 2] = 0.0, -m, m * v
@@ -205,6 +209,7 @@ def _look(rays: SortedRays, scene: Scene, p: int, q: int, seen: Seen, k: int) ->
     G[k, 1, 9], G[k, 1, 10], G[k, 1, 11] = y * r2, y * r4, y * r4 * r2
     G[k, 0, 12], G[k, 0, 13], G[k, 0, 14] = r2 + 2 * x * x, 2 * x * y, -xx * x_i
     G[k, 1, 12], G[k, 1, 13], G[k, 1, 14] = 2 * x * y, r2 + 2 * y * y, -xy * x_i
+    G[k, 0, 15], G[k, 1, 15] = -xx * y_i, -xy * y_i
     G[k, 0, 16], G[k, 1, 16] = m * (r00 - u * r02), m * (r01 - v * r02)
     G[k, 0, 17], G[k, 1, 17] = m * (r10 - u * r12), m * (r11 - v * r12)
     G[k, 0, 18], G[k, 1, 18] = m * (r20 - u * r22), m * (r21 - v * r22)

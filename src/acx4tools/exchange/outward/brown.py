@@ -21,7 +21,7 @@ STEPS_BACK, NEAR_PX, SAME_PX = 20, 1e-5, 1e-3
 """Iterations at most to the lens of which a camera is the refit; changes at which they end, and
 distances to the camera at which it is that lens."""
 
-STEPS = (1e-4, 1e-4, 1e-4, 1e-9, 1e-12, 1e-15, 1e-9, 1e-9, 1e-6)
+STEPS = (1e-4, 1e-4, 1e-4, 1e-9, 1e-12, 1e-15, 1e-9, 1e-9, 1e-6, 1e-6)
 """Smallest steps of interior parameters for differences, in their units."""
 
 
@@ -49,37 +49,54 @@ class Brown:
 
 
 def brown(camera: Camera) -> Brown:
-    """Return the lens that is nearest to a camera in the whole image, with two focal lengths."""
+    """Return the lens that is nearest to a camera in the whole image, with skew."""
     coefficients, left = lens.brown_of(camera)
     return _of(lens.pinhole_of(camera), coefficients, left)
 
 
-def of_all(calibrated: Calibrated) -> dict[str, Brown]:
-    """Return the lenses of all cameras with two focal lengths, by their names.
+def skewed(calibrated: Calibrated) -> dict[str, Brown]:
+    """Return the lenses of all cameras with two focal lengths and skew, by their names.
 
     A camera of which no interior parameter is estimated goes back as it came: its lens is that of
     which it is the refit.
     """
-    return _of_cameras(calibrated, brown, is_square=False)
+    return _of_cameras(calibrated, brown, _as_is)
+
+
+def of_all(calibrated: Calibrated) -> dict[str, Brown]:
+    """Return the lenses of all cameras with two focal lengths, as `skewed`."""
+    return _of_cameras(calibrated, _two_focal_lengths, _unskewed)
 
 
 def square(calibrated: Calibrated) -> dict[str, Brown]:
-    """Return the lenses of all cameras with one focal length, as `of_all`."""
-    return _of_cameras(calibrated, one_focal_length, is_square=True)
+    """Return the lenses of all cameras with one focal length, as `skewed`."""
+    return _of_cameras(calibrated, one_focal_length, _squared)
+
+
+def _as_is(change: Array) -> Array:
+    return change
+
+
+def _unskewed(change: Array) -> Array:
+    return np.concatenate([change[:4], [0.0], change[5:]])
+
+
+def _squared(change: Array) -> Array:
+    return np.concatenate([2 * [change[:2].mean()], change[2:4], [0.0], change[5:]])
 
 
 def _of_cameras(
-    calibrated: Calibrated, nearest: Callable[[Camera], Brown], *, is_square: bool
+    calibrated: Calibrated, nearest: Callable[[Camera], Brown], kept: Callable[[Array], Array]
 ) -> dict[str, Brown]:
     interior, found = calibrated.calibration.layout.interior, {}
     for camera, columns in zip(calibrated.cameras, interior, strict=True):
         one = nearest(camera)
-        back = None if (columns >= 0).any() else _as_it_came(camera, one, is_square=is_square)
+        back = None if (columns >= 0).any() else _as_it_came(camera, one, kept)
         found[camera.name] = back or one
     return found
 
 
-def _as_it_came(camera: Camera, start: Brown, *, is_square: bool) -> Brown | None:
+def _as_it_came(camera: Camera, start: Brown, kept: Callable[[Array], Array]) -> Brown | None:
     """Return the lens whose refit is a camera; None where there is none with such pixels."""
     wanted, values = _values_of(brown(camera)), _values_of(start)
     for _ in range(STEPS_BACK):
@@ -87,26 +104,21 @@ def _as_it_came(camera: Camera, start: Brown, *, is_square: bool) -> Brown | Non
             refit, left = _refit(values, camera)
         except ValueError:
             return None
-        apart = wanted - _values_of(brown(refit))
-        if is_square:
-            apart[:2] = apart[:2].mean()
+        apart = kept(wanted - _values_of(brown(refit)))
         values = values + apart
-        if np.abs(apart[:4]).max() < NEAR_PX and np.abs(apart[4:]).max() * values[1] < NEAR_PX:
+        if np.abs(apart[:5]).max() < NEAR_PX and np.abs(apart[5:]).max() * values[1] < NEAR_PX:
             break
     xy = xy_from_colrow(camera, lens.nodes(camera.width_px, camera.height_px))
     rays = [correct(one.interior, xy) / one.interior.f for one in (refit, camera)]
     if not np.abs(rays[0] - rays[1]).max() * values[1] < SAME_PX:
         return None
-    fx, fy, cx, cy = values[:4].tolist()
     returned = Left(largest_px=left.largest_px, rms_px=left.rms_px, returned=True)
-    return _of(Pinhole(fx=fx, fy=fy, cx=cx, cy=cy), values[4:], returned)
+    return _of(_pinhole(values), values[5:], returned)
 
 
 def _refit(values: Array, camera: Camera) -> tuple[Camera, Left]:
     """Return a camera that is made of a lens as an import makes it."""
-    fx, fy, cx, cy, *coefficients = values.tolist()
-    hole = Pinhole(fx=fx, fy=fy, cx=cx, cy=cy)
-    by_role = dict(zip(lens.BROWN, coefficients, strict=True))
+    hole, by_role = _pinhole(values), dict(zip(lens.BROWN, values[5:].tolist(), strict=True))
 
     def ideal(colrow: Array) -> Array:
         at = hole.points(colrow)
@@ -117,20 +129,28 @@ def _refit(values: Array, camera: Camera) -> tuple[Camera, Left]:
 
 
 def _values_of(one: Brown) -> Array:
-    hole = one.hole
-    return np.array(
-        [hole.fx, hole.fy, hole.cx, hole.cy, one.k1, one.k2, one.p1, one.p2, one.k3], dtype=float
-    )
+    """Return fx, fy, cx, cy, skew, then OpenCV's k1, k2, p1, p2, k3."""
+    hole = (one.hole.fx, one.hole.fy, one.hole.cx, one.hole.cy, one.hole.skew)
+    return np.array([*hole, one.k1, one.k2, one.p1, one.p2, one.k3], dtype=float)
+
+
+def _pinhole(values: Array) -> Pinhole:
+    fx, fy, cx, cy, skew = values[:5].tolist()
+    return Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+
+
+def _two_focal_lengths(camera: Camera) -> Brown:
+    return _of(*lens.without_skew(camera))
 
 
 def one_focal_length(camera: Camera) -> Brown:
-    """Return the nearest lens with square pixels: where b1 is not zero, all of it is refitted."""
+    """Return the nearest lens with square pixels: where b1 or b2 is not zero, all is refitted."""
     hole = lens.pinhole_of(camera)
     coefficients, _ = lens.brown_of(camera)
-    if hole.fx == hole.fy:
+    if hole.fx == hole.fy and not hole.skew:
         return brown(camera)
     start = np.array([0.5 * (hole.fx + hole.fy), hole.cx, hole.cy, *coefficients])
-    values, left = lens.model_of(camera, lambda own, ideal: pixels([*own, 0.0], ideal), start)
+    values, left = lens.model_of(camera, lambda own, ideal: pixels([*own, 0.0, 0.0], ideal), start)
     f, cx, cy = values[:3].tolist()
     return _of(Pinhole(fx=f, fy=f, cx=cx, cy=cy), values[3:], left)
 
@@ -146,36 +166,38 @@ def _of(hole: Pinhole, coefficients: Array, left: Left) -> Brown:
 
 
 def pixels(values: Array | list[float], ideal: Array) -> Array:
-    """Return the pixels of ideal points, shape (n, 2), by one focal length and b1.
+    """Return the pixels of ideal points, shape (n, 2), by one focal length, b1 and b2.
 
     Parameters
     ----------
-    values : ndarray, shape (9,)
-        f, cx, cy in px; k1, k2, p1, p2, k3; b1, which stretches the ideal x and not its distortion.
+    values : ndarray, shape (10,)
+        f, cx, cy in px; k1, k2, p1, p2, k3; b1 and b2, of ideal points and not of their distortion.
     ideal : ndarray, shape (n, 2)
         y down.
     """
-    f, cx, cy, *coefficients, b1 = values
+    f, cx, cy, *coefficients, b1, b2 = values
     measured = ideal + lens.effects(ideal, dict(zip(lens.BROWN, coefficients, strict=True)))
-    measured[:, 0] += b1 * ideal[:, 0]
+    measured[:, 0] += ideal @ [b1, b2]
     return f * measured + [cx, cy]
 
 
 def derivatives(camera: Camera, columns: Index, n_columns: int) -> Array:
-    """Return d(fx, fy, cx, cy, k1, k2, k3, p1, p2) / d(columns of a calibration), by differences.
+    """Return d(fx, fy, cx, cy, k1, k2, k3, p1, p2, skew) / d(columns of a calibration).
+
+    By differences.
 
     Parameters
     ----------
     camera : Camera
-    columns : ndarray, shape (9,)
+    columns : ndarray, shape (10,)
         Of its interior parameters; -1 for those that are held.
     n_columns : int
 
     Returns
     -------
-    ndarray, shape (9, n_columns)
+    ndarray, shape (10, n_columns)
     """
-    J, values = np.zeros((9, n_columns)), camera.interior.to_array()
+    J, values = np.zeros((10, n_columns)), camera.interior.to_array()
     for j in np.flatnonzero(columns >= 0):
         step = np.eye(len(values))[j] * max(1e-6 * abs(values[j]), STEPS[j])
         ends = [_values(camera, values + sign * step) for sign in (1, -1)]
@@ -186,4 +208,5 @@ def derivatives(camera: Camera, columns: Index, n_columns: int) -> Array:
 def _values(camera: Camera, interior: Array) -> Array:
     one = brown(camera.with_interior(Interior.from_array(interior)))
     hole = one.hole
-    return np.array([hole.fx, hole.fy, hole.cx, hole.cy, one.k1, one.k2, one.k3, one.p1, one.p2])
+    others = (one.k1, one.k2, one.k3, one.p1, one.p2, hole.skew)
+    return np.array([hole.fx, hole.fy, hole.cx, hole.cy, *others])

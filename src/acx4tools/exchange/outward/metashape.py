@@ -25,7 +25,7 @@ from acx4tools.exchange.outward.orientations import Oriented
 from acx4tools.exchange.outward.taken import BODY, Taken, add_numbers, as_xml
 
 ASSUMED = (
-    "cx, cy from the middle of the image; p1, p2 in Metashape's order; b1 = fx - fy",
+    "cx, cy from the middle of the image; p1, p2 in Metashape's order; b1 = fx - fy, b2 skew",
     "NAME.xml: Tools, Camera Calibration, Load; cameras.xml: File, Import, Import Cameras",
 )
 RIG = (
@@ -34,18 +34,18 @@ RIG = (
 )
 POSITIONS = "positions of heads in a rig: --orientations BLOCK has those of images"
 RIGID = "that the heads are a rig: every image has its own pose, which has its head's position"
-PARAMS = ("f", "cx", "cy", "b1", "k1", "k2", "k3", "p1", "p2")
+PARAMS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")
 """Parameters, in the order in which they are written."""
 
-VALUES = np.zeros((9, 9))
-"""d(PARAMS) / d(fx, fy, cx, cy, k1, k2, k3, p1, p2)."""
+VALUES = np.zeros((10, 10))
+"""d(PARAMS) / d(fx, fy, cx, cy, k1, k2, k3, p1, p2, skew)."""
 VALUES[[0, 1, 2, 3, 3], [1, 2, 3, 0, 1]] = [1, 1, 1, 1, -1]
-VALUES[[4, 5, 6, 7, 8], [4, 5, 6, 8, 7]] = 1
+VALUES[[4, 5, 6, 7, 8, 9], [9, 4, 5, 6, 8, 7]] = 1
 
 
 def cameras(calibrated: Calibrated) -> Taken:
     """Return a calibration for every camera, and cameras.xml with sensors and covariances."""
-    found = brown.of_all(calibrated)
+    found = brown.skewed(calibrated)
     document, chunk = _chunk(calibrated, found)
     _rig(chunk, calibrated)
     several = len(calibrated.cameras) > 1
@@ -66,7 +66,7 @@ def cameras(calibrated: Calibrated) -> Taken:
 def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     """Return the same with the poses of oriented images, each for itself and not as of a rig."""
     alone = cameras(calibrated)
-    document, chunk = _chunk(calibrated, brown.of_all(calibrated))
+    document, chunk = _chunk(calibrated, brown.skewed(calibrated))
     _place(chunk, oriented)
     own = [camera.name for camera in calibrated.cameras]
     _transform(ET.SubElement(chunk, "components"), oriented)
@@ -125,10 +125,10 @@ def _sensor(sensor: ET.Element, camera: Camera, one: Brown) -> None:
 def _write_params(element: ET.Element, camera: Camera, one: Brown) -> None:
     hole = one.hole
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
-    at = (hole.fy, hole.cx - middle[0], hole.cy - middle[1], hole.fx - hole.fy)
+    at = (hole.fy, hole.cx - middle[0], hole.cy - middle[1], hole.fx - hole.fy, hole.skew)
     values = (*at, one.k1, one.k2, one.k3, one.p2, one.p1)
     for name, value in zip(PARAMS, values, strict=True):
-        if value or name != "b1":
+        if value or name not in ("b1", "b2"):
             add_numbers(element, name, [value])
 
 

@@ -1,9 +1,9 @@
 """MicMac, first version: AutoCal-NAME.xml; with images an Orientation-IMAGE.xml for each.
 
 ``ModPhgrStd``, Fraser's model, has all that a camera has: with x, y from the centre of distortion
-in pixels, x' = x (1 + sum of c_i r^2i) + P1 (r² + 2x²) + 2 P2 x y + b1 x, y' likewise without b1,
-from the ideal to the measured point. It is the direction in which MicMac's own ``Verif`` entries
-agree with its ``CoeffDist`` to the last digit.
+in pixels, x' = x (1 + sum of c_i r^2i) + P1 (r² + 2x²) + 2 P2 x y + b1 x + b2 y, y' likewise
+without b1 and b2, from the ideal to the measured point. It is the direction in which MicMac's own
+``Verif`` entries agree with its ``CoeffDist`` to the last digit.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ FOLDER = "Ori-acx4"
 
 def cameras(calibrated: Calibrated) -> Taken:
     """Return a calibration for every camera."""
-    near = brown.of_all(calibrated)
+    near = brown.skewed(calibrated)
     found = {camera.name: _fitted(camera, near[camera.name]) for camera in calibrated.cameras}
     return Taken(
         files={_file(c): _calibration(c, found[c.name][0]) for c in calibrated.cameras},
@@ -65,16 +65,16 @@ def _file(camera: Camera) -> str:
 
 
 def _fitted(camera: Camera, one: Brown) -> tuple[Array, Left]:
-    """Return f, cx, cy, k1, k2, p1, p2, k3, b1, as `brown.pixels` has them."""
-    f, b1 = one.hole.fy, one.hole.fx / one.hole.fy - 1
+    """Return f, cx, cy, k1, k2, p1, p2, k3, b1, b2, as `brown.pixels` has them."""
+    f, affinity = one.hole.fy, (one.hole.fx / one.hole.fy - 1, one.hole.skew / one.hole.fy)
     hole = (f, one.hole.cx, one.hole.cy)
-    start = np.array([*hole, one.k1, one.k2, one.p1, one.p2, one.k3, b1])
-    return lens.model_of(camera, brown.pixels, start) if b1 else (start, one.left)
+    start = np.array([*hole, one.k1, one.k2, one.p1, one.p2, one.k3, *affinity])
+    return lens.model_of(camera, brown.pixels, start) if any(affinity) else (start, one.left)
 
 
 def _calibration(camera: Camera, values: Array) -> str:
     f, cx, cy, *others = values.tolist()
-    k1, k2, p1, p2, k3, b1 = others
+    k1, k2, p1, p2, k3, b1, b2 = others
     root = ET.Element("ExportAPERO")
     inner = ET.SubElement(root, "CalibrationInternConique")
     ET.SubElement(inner, "KnownConv").text = "eConvApero_DistM2C"
@@ -87,7 +87,7 @@ def _calibration(camera: Camera, values: Array) -> str:
     for power, coefficient in enumerate((k1, k2, k3), start=1):
         add_numbers(radial, "CoeffDist", (coefficient / f ** (2 * power),))
     ET.SubElement(radial, "PPaEqPPs").text = "true"
-    for name, value in (("P1", p2 / f), ("P2", p1 / f), ("b1", b1), ("b2", 0.0)):
+    for name, value in (("P1", p2 / f), ("P2", p1 / f), ("b1", b1), ("b2", b2)):
         add_numbers(model, name, (value,))
     return as_xml(root)
 

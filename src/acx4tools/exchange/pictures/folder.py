@@ -237,7 +237,7 @@ def _camera(camera: Camera, R_b_c: Array) -> dict[str, Any]:
     """Return the table of a camera; nothing is known of its lever arm."""
     mounted = replace(camera, T_b_c=Pose(R=R_b_c, r=np.zeros(3)))
     table = camera_table(mounted)
-    zero = ("k1", "k2", "k3", "p1", "p2", "b1")
+    zero = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
     return {
         key: float(f"{value:.12g}") if isinstance(value, float) else value
         for key, value in table.items()

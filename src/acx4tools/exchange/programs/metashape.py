@@ -478,10 +478,10 @@ def _lens_of(element: Element, values: Mapping[str, float]) -> Lens:
             fy=fy,
             cx=(width - 1) / 2 + values.get("cx", 0.0),
             cy=(height - 1) / 2 + values.get("cy", 0.0),
+            skew=values.get("b2", 0.0),
         ),
         distortion=formula.distortion([values.get(name, 0.0) for name in formula.names]),
         is_fisheye=formula.is_fisheye,
-        skew=(values.get("b2", 0.0) / fx, 0.0),
         wrong=element.wrong,
     )
 

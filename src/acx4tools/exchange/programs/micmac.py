@@ -430,10 +430,12 @@ def _lens(root: Element) -> Lens:
 
 
 def _stretched(hole: Pinhole, root: Element) -> Pinhole:
-    """Return focal lengths and principal point with the b1 of Fraser's model in them."""
+    """Return a pinhole with the b1 and b2 of Fraser's model in it."""
     for model in root.everywhere("ModPhgrStd"):
-        b1, centre = _optional(model, "b1"), model.one("RadialePart").one("CDist").numbers(2)
-        hole = replace(hole, fx=hole.fx * (1 + b1), cx=hole.cx + b1 * (hole.cx - centre[0]))
+        b1, b2 = _optional(model, "b1"), _optional(model, "b2")
+        x, y = np.array([hole.cx, hole.cy]) - model.one("RadialePart").one("CDist").numbers(2)
+        moved = float(hole.cx + b1 * x + b2 * y)
+        hole = replace(hole, fx=hole.fx * (1 + b1), cx=moved, skew=hole.fy * b2)
     return hole
 
 

@@ -13,7 +13,7 @@ using Mat3 = std::array<double, 9>;  // row by row
 
 struct Problem {
   double width_px, height_px, pixel_mm;
-  std::array<double, 9> interior;  // f, xp, yp, k1, k2, k3, p1, p2, b1
+  std::array<double, 10> interior;  // f, xp, yp, k1, k2, k3, p1, p2, b1, b2
   Mat3 R_b_c;
   Vec3 r_b_c;
   std::vector<Mat3> R_m_b, R_g_m;

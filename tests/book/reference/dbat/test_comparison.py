@@ -117,7 +117,7 @@ def test_conventions_are_converted_as_the_reference_states_them():
             f=7.4, xp=0.1, yp=-0.2, k1=4e-3, k2=-4e-5, k3=-2e-6, p1=6e-5, p2=4e-5, b1=4e-4
         ),
     )
-    values, _ = files.interior_to_dbat(camera, np.zeros((9, 9)))
+    values, _ = files.interior_to_dbat(camera, np.zeros((10, 10)))
     _, px, py, aspect, k1, k2, k3, p1, p2 = values
     xy_px = np.array([[12.0, 1500.0], [1100.0, 30.5], [2200.0, 900.0]])
     x = (xy_px[:, 0] * 0.0032 - px) * (1 + aspect)

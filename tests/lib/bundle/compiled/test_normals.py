@@ -17,7 +17,7 @@ from acx4lib.least_squares.gauss_markov import GaussMarkov
 from acx4lib.least_squares.normal_equations import PlainNormals
 from support.flights.simulated import read_back
 
-ALL = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1")
+ALL = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
 SIGMAS = 1e-10  # of a step and of covariances, in standard deviations: the bound
 
 

@@ -94,7 +94,7 @@ def toml(folder: Path, rng: random.Random) -> None:
 
 def stages(folder: Path, rng: random.Random) -> None:
     """Add what is asked of the stages, right or wrong."""
-    listed = ("f_mm", "xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1")
+    listed = ("f_mm", "xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
     options = {
         "estimate": (*listed, "f", "K1"),
         "fix": ("lever_arm", "boresight", "lever"),

@@ -39,12 +39,14 @@ def calibrated(camera, *, touched):
     """Return a calibration of a camera, with interior parameters that are estimated or not."""
     calibration = replace(estimated("CAM"), cameras=(camera,))
     if not touched:  # the last six columns are those of the mounting
-        layout = replace(calibration.layout, interior=np.full((1, 9), -1), mount=np.arange(6)[None])
+        layout = replace(
+            calibration.layout, interior=np.full((1, 10), -1), mount=np.arange(6)[None]
+        )
         calibration = replace(
             calibration,
             layout=layout,
-            cov=calibration.cov[9:, 9:],
-            open_columns=calibration.open_columns[9:],
+            cov=calibration.cov[10:, 10:],
+            open_columns=calibration.open_columns[10:],
         )
     return Calibrated(flight=None, method="single_step", calibration=calibration)
 

@@ -30,7 +30,7 @@ def test_a_calibration_comes_back_with_its_a_posteriori_covariance(rig):
 
 def related():
     """Two heads in the axes of CAM, with different sigma of all angles."""
-    cov = np.zeros((30, 30))
+    cov = np.zeros((32, 32))
     cov[np.arange(30), np.arange(30)] = np.concatenate(
         [np.tile([1e-6] * 3 + [1e-10, 2e-10, 3e-10], 2), np.tile([0.0, 1e-6, 1e-6] + [0.0] * 6, 2)]
     )

@@ -23,6 +23,7 @@ def projected(calibration, x_c, *, size=None):
     xd = x * radial + p1 * (r2 + 2 * x**2) + 2 * p2 * x * y
     yd = y * radial + p2 * (r2 + 2 * y**2) + 2 * p1 * x * y
     u = width * 0.5 + values["cx"] + xd * values["f"] + xd * values.get("b1", 0.0)
+    u += yd * values.get("b2", 0.0)
     v = height * 0.5 + values["cy"] + yd * values["f"]
     return np.stack([u, v], axis=1) - 0.5
 
@@ -108,6 +109,7 @@ def test_the_covariance_is_that_of_refitted_lenses(shown, chunk, rng):
         "f": [one.hole.fy for one in fits],
         "cx": [one.hole.cx for one in fits],
         "b1": [one.hole.fx - one.hole.fy for one in fits],
+        "b2": [one.hole.skew for one in fits],
         "k1": [one.k1 for one in fits],
         "p1": [one.p2 for one in fits],
     }
