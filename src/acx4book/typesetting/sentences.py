@@ -72,7 +72,7 @@ def _jinja() -> Environment:
         ),
         "sci": lambda x, n=1: Markup(scientific(float(x), digits=n)),
         "plural": _plural,
-        "pm": value_and_sigma,
+        "pm": lambda x, sigma: Markup(value_and_sigma(x, sigma).replace("-", "\N{MINUS SIGN}")),
         "listed": lambda texts: Markup(", ".join(shown(text) for text in texts)),
     }
     return jinja

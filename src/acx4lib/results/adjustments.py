@@ -326,7 +326,7 @@ def height_scale(bundle: Bundle) -> float:
     network = bundle.network
     control = network.control.x_m[:, 2]
     images = np.flatnonzero(bundle.oriented)
-    if len(control) == 0 or len(images) == 0:
+    if len(network.block.control) == 0 or len(control) == 0 or len(images) == 0:
         return 1.0
     declared = network.block.cameras[0].interior.f
     by_focal_length = bundle.state.interiors[0].f / declared

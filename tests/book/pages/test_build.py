@@ -29,6 +29,44 @@ def test_a_note_stands_under_the_introduction(tmp_path):
     assert len(page.cells) == 2
 
 
+def test_what_a_flight_has_nothing_of_is_left_out_with_its_heading(tmp_path):
+    v4 = nbformat.v4
+    figure = {"mystnb": {"figure": {"caption": "A figure.", "name": "fig-a"}}}
+    instead = {"text/markdown": "The flight has no such block.", "text/plain": "Nothing"}
+
+    def cell(source, data, **metadata):
+        outputs = [v4.new_output("display_data", data=data)] if data else []
+        return v4.new_code_cell(source, outputs=outputs, metadata=metadata)
+
+    cells = [
+        v4.new_markdown_cell("# Title"),
+        v4.new_markdown_cell("## There\n\nThe next figure shows it."),
+        cell("drawn", {"image/svg+xml": "<svg/>"}, **figure),
+        v4.new_markdown_cell("It is a disc.", metadata={"tags": ["introduces"]}),
+        cell("target", None, **figure),
+        v4.new_markdown_cell("### Below\n\nThe next figure shows more."),
+        cell("nothing", instead, **figure),
+        v4.new_markdown_cell("## Not there\n\nThe next figure shows it."),
+        cell("x = 1", None),
+        cell("nothing", instead, **figure),
+        cell('say("")', {"text/markdown": "", "text/plain": ""}, tags=["hide-input"]),
+        v4.new_markdown_cell("## Told\n\nA table and a figure."),
+        cell(
+            "table",
+            {"text/markdown": "| 1 |", "text/html": "1"},
+            acx4={"caption": "T", "name": "t"},
+        ),
+        cell("nothing", instead, **figure),
+    ]
+    nbformat.write(v4.new_notebook(cells=cells), tmp_path / "a.ipynb")
+    build.fold(tmp_path / "a.ipynb", tmp_path / "b.ipynb")
+    page = nbformat.read(tmp_path / "b.ipynb", as_version=4)
+    said = [c.source.splitlines()[0] for c in page.cells if c.cell_type == "markdown"]
+    assert said == ["# Title", "## There", "## Told"]
+    assert page.cells[-1].outputs[0].data["text/markdown"] == "The flight has no such block."
+    assert "figure" not in page.cells[-1].metadata.get("mystnb", {})  # a sentence has no caption
+
+
 def test_a_page_of_open_cells_shows_the_method_and_hides_what_only_the_page_needs(tmp_path):
     v4 = nbformat.v4
     table = {"text/html": "<table></table>", "text/markdown": "| x |\n| --- |\n| 1 |"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,20 @@ def table():
 @pytest.fixture(scope="module")
 def steps():
     return ign.forgotten_steps().set_index("reading")
+
+
+@needs("ign-uce-m3")
+@pytest.mark.parametrize("off_px", [0.0, 0.5])
+def test_the_principal_point_counts_in_the_pixels_of_the_measurements(off_px):
+    """IGN's orientations and ground points leave nothing on average; half a pixel would be seen."""
+    flight = ign.load()
+    inner = flight.camera.interior
+    moved = replace(inner, xp=inner.xp - off_px * flight.camera.pixel_mm)
+    flight = replace(flight, camera=replace(flight.camera, interior=moved))
+    got = ign.intersected(flight, ign.complete(flight))
+    is_tie = ~flight.is_surveyed[got.rays.group]
+    mean = np.abs(got.misfit[is_tie].mean(axis=0))
+    assert mean == pytest.approx([off_px, 0.0], abs=0.04)
 
 
 @needs("ign-uce-m3")

@@ -69,6 +69,28 @@ def test_surveyed_points_have_their_names(flight):
     assert [ax.get_xlabel() for ax in fig.axes if ax not in panels(fig)] == ["height (m)"]
 
 
+def test_the_map_of_one_point_shows_the_flight_around_it(flight):
+    block = flight.heads
+    fig = drawn(control_maps(replace(block, control=block.control[:1], check=block.check[:0])))
+    (ax,) = panels(fig)
+    exposures = block.frame.to_grid(block.trajectory.T_m_b.r)[:, :2] / 1000
+    low, high = np.transpose([ax.get_xlim(), ax.get_ylim()])
+    assert np.all(low < exposures.min(axis=0))
+    assert np.all(high > exposures.max(axis=0))
+    assert any(t.get_text().startswith("1 point in ") for t in ax.texts)
+
+
+def test_a_long_block_has_a_map_that_is_wide_enough_for_its_axes(flight):
+    block = flight.heads
+    far = block.trajectory.T_m_b.r.copy()
+    far[::2, 1] += 300_000.0
+    trajectory = replace(block.trajectory, T_m_b=replace(block.trajectory.T_m_b, r=far))
+    fig = drawn(block_maps(replace(block, trajectory=trajectory)))
+    assert_texts_apart(fig)
+    (ax,) = panels(fig)
+    assert np.ptp(ax.get_xlim()) > 0.35 * np.ptp(ax.get_ylim())
+
+
 def test_a_flight_without_a_block_gets_a_sentence():
     (text,) = drawn(block_maps(None)).axes[0].texts
     assert text.get_text() == "The flight has no such block."

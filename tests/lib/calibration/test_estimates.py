@@ -23,12 +23,16 @@ from acx4lib.calibration.estimates import (
     needed,
     not_determined,
     parameters,
+    saying_what_lacks,
 )
+from acx4lib.errors import NotConverged
+from acx4lib.flight import design
 from acx4lib.flight.block import select_images
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT, REPORTED
 from support import blocks
+from support.flights.simulated import fly
 from support.helpers import numeric_jacobian
 
 
@@ -243,6 +247,18 @@ def test_every_need_can_be_met(key):
     for need in NEEDS[key]:
         assert needed(key, have - set(need.features)) == need.text
     assert needed(key) == ", and ".join(need.text for need in NEEDS[key])
+
+
+def test_what_does_not_converge_says_what_its_block_lacks_and_what_helps():
+    block = design.lowest_height(fly("single-head", seed=1).flight.calibration)
+    bare = design.without_control(block)
+    with pytest.raises(NotConverged) as error, saying_what_lacks(bare, ("f", "lever_z")):
+        raise NotConverged("no convergence after 9 iterations")
+    said = str(error.value)
+    n = len(np.unique(bare.images.exposure_idx))
+    assert said.startswith(f"no convergence after 9 iterations; {n} exposures may be too little")
+    assert "It would need: control points or accurate GNSS heights; control points." in said
+    assert said.endswith("estimate less: estimate and fix in flight.toml")
 
 
 def test_a_flight_without_control_but_two_heights_is_not_asked_for_heights():

@@ -77,6 +77,22 @@ def test_table_1_read_the_other_way_round_leaves_half_of_the_frame_uncovered():
     assert_allclose(100 * found.share, [47, 3, 35, 4, 10], atol=1.0)  # whole per cent
 
 
+def test_heads_that_look_one_way_coincide_and_lose_no_more_than_their_own_border():
+    assert not coverage(ORIENTATION, SYNTHETIC).coincides
+    heads = tuple(replace(SYNTHETIC, name=name) for name in "AB")
+    turned = np.array([[0.0, 0.0, 0.0], [0.0, 1e-4, 0.0]])  # a pixel and a third
+    parallel = RelativeOrientation(
+        heads=heads,
+        xyz_mm=np.tile([0.0, 0.0, 74.0], (2, 1)),
+        opk=turned,
+        cov_joint=np.zeros((30, 30)),
+        n_exposures=1,
+    )
+    found = coverage(parallel, SYNTHETIC)
+    assert found.coincides
+    assert found.share.tolist() == [0.0, 0.0, 1.0]  # a border of one pixel is no mesh of 60
+
+
 def test_each_head_sees_its_quarter():
     """Heads 1 to 4: left bottom, left top, right top, right bottom."""
     quarter = [(-15.0, -20.0), (-15.0, 20.0), (15.0, 20.0), (15.0, -20.0)]

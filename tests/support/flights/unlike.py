@@ -6,6 +6,9 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from acx4book.notebooks import simulated as notebooks_simulated
 from acx4sim import files
 from acx4sim.plan import Options
@@ -88,6 +91,9 @@ def _plans() -> dict[str, dict[str, Any]]:
 
 NAMES = tuple(_plans())
 
+CHECKED_INSIDE = {"mounting held": ("P01", "P05", "P09")}
+"""Points of a block for the calibration that are check points there."""
+
 
 def write(name: str, folder: Path, *, simulated: bool = False) -> Path:
     """Write one of the flights below a folder; it does not say that it is simulated."""
@@ -95,6 +101,11 @@ def write(name: str, folder: Path, *, simulated: bool = False) -> Path:
     flown = notebooks_simulated.simulate(plan, seed=4, options=Options())
     path = folder / re.sub(r"\W+", "-", name)
     files.write(flown, path)
+    if name in CHECKED_INSIDE:
+        table = pd.read_csv(path / "control_points.csv")
+        inside = table["point"].isin(CHECKED_INSIDE[name])
+        table["role"] = np.where(inside, "check", "control")
+        table.to_csv(path / "control_points.csv", index=False)
     if not simulated:
         toml = path / "flight.toml"
         said = toml.read_text("utf-8")

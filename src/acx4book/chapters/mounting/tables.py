@@ -369,7 +369,8 @@ def mountings(single: Mounting) -> dict[str, tuple[list[Markup], list[Markup]]]:
     }
     for one in parameters(single.calibration):
         if one.sigma > 0 and one.key in MOUNT:
-            found[one.camera][one.key in MOUNT[3:]].append(value_and_sigma(one.value, one.sigma))
+            text = value_and_sigma(one.value, one.sigma).replace("-", "\N{MINUS SIGN}")
+            found[one.camera][one.key in MOUNT[3:]].append(Markup(text))
     return found
 
 

@@ -59,6 +59,9 @@ STACK_PX = 64
 
 COLOURS = ("red", "green", "blue")
 
+SEEN = 0.9
+"""Share of every column of an enlarged part in which all bands have data, at least."""
+
 EDGE_PX = 5
 """Means of so many pixels tell a town, which has many edges, from a field with a fine pattern."""
 
@@ -351,7 +354,10 @@ def _draw_scale(ax: Axes, synthetic: Camera, height_m: float | None) -> None:
 
 
 def _busiest(image: Raster | Array, *, side: int = CROP_PX) -> list[Window]:
-    """Return the two windows with most edges, at least a third of the image apart."""
+    """Return the two windows with most edges, at least a third of the image apart.
+
+    One, where no other is seen.
+    """
     side = min(side, *image.shape[:2])
     rows, cols = image.shape[0] // side, image.shape[1] // side
     score = np.zeros((rows, cols))
@@ -359,14 +365,19 @@ def _busiest(image: Raster | Array, *, side: int = CROP_PX) -> list[Window]:
         line = np.sqrt(smaller(image[i * side : (i + 1) * side], min(EDGE_PX, side)))
         edges = np.abs(np.diff(line, axis=1)).mean(axis=(0, 2))
         parts = np.array_split(edges, cols)
-        score[i] = [part.mean() if part.size else 0.0 for part in parts]
+        seen = np.array_split(image[i * side : (i + 1) * side].all(axis=2).mean(axis=0), cols)
+        score[i] = [
+            part.mean() if part.size and by.min() > SEEN else 0.0
+            for part, by in zip(parts, seen, strict=True)
+        ]
     inner = score[1:-1, 1:-1] if min(rows, cols) > 4 else score  # names stand at the border
     offset = (rows - inner.shape[0]) // 2
     place = np.moveaxis(np.indices(inner.shape), 0, -1)
     first = place[np.unravel_index(np.argmax(inner), inner.shape)]
     far = np.hypot(*np.moveaxis(place - first, -1, 0)) >= max(rows, cols) / 3
     second = place[np.unravel_index(np.argmax(np.where(far, inner, -1)), inner.shape)]
-    found = sorted({(int(i) + offset, int(j) + offset) for i, j in (first, second)})
+    both = (first, second) if inner[tuple(second)] > 0 else (first,)
+    found = sorted({(int(i) + offset, int(j) + offset) for i, j in both})
     return [(i * side, (i + 1) * side, j * side, (j + 1) * side) for i, j in found]
 
 

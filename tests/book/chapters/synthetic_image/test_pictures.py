@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose
 from acx4book.chapters.synthetic_image.pictures import (
     head_pictures,
     overlap_ties,
+    stack,
     synthetic_picture,
 )
 from acx4book.chapters.synthetic_image.seams import seams
@@ -142,6 +143,25 @@ def test_without_pixels_there_is_a_sentence(orientation, found, fit):
     ]
     expected = "heads/images.csv names no files with pixels."
     assert [sentence(fig) for fig in figures] == [expected] * 4
+
+
+def test_heads_over_each_other_have_fringes_only_before_they_are_refined(orientation, images):
+    one = replace(
+        orientation,
+        heads=orientation.heads[:1] * 3,
+        opk=orientation.opk[[0, 0, 0]],
+        xyz_mm=orientation.xyz_mm[[0, 0, 0]],
+        cov_joint=np.zeros((45, 45)),
+    )
+    off = replace(one, opk=one.opk + np.radians([[0, 0, 0], [0.6, 0, 0], [0, 0.6, 0]]))
+    ties, _ = tied(one, (0, 1), 20)
+    pictures = pictured([images[0]] * 3)
+    fig = drawn(stack(pictures, refined(off, ties, rotations=one)))
+    crops = {title(ax): np.asarray(ax.images[0].get_array()) for ax in fig.axes[1:]}
+    assert sorted(crops) == ["A, as calibrated", "A, refined"]  # elsewhere the head sees nothing
+    for name, crop in crops.items():  # one picture as three bands is grey where they fit
+        assert (np.ptp(crop, axis=-1).max() < 0.02) == name.endswith("refined")
+    assert sentence(stack(None, refined(off, ties))).endswith("names no files with pixels.")
 
 
 def test_figures_of_pixels_are_the_same_every_time_and_leave_nothing(pictures, orientation, found):
