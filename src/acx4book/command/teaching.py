@@ -15,11 +15,16 @@ SHEET is 1 to 9. The flight is drawn from the name, the sheet and the key: the s
 same flight. Its truth is not written; acx4 grade makes it again. Case and spaces of a name do not
 count. The folder has the flight, README.md with the questions, and answers.csv to fill in.
 
+With --quiz the folder has the questions on this flight as question banks for a learning platform
+instead, as GIFT and as QTI 1.2: numbers with tolerances, and feedback that names the common
+mistake. They hold the truth, and are for the lecturer.
+
 \b
 A key, to be made once and shown to nobody, and the flights of a class:
   python3 -c 'import secrets; print(secrets.token_hex(32))' > key.txt
   acx4 lab 6 --student "Ada Lovelace" --key key.txt
   while read name; do acx4 lab 6 --student "$name" --key key.txt; done < class.txt
+  acx4 lab 6 --student "Ada Lovelace" --key key.txt --quiz
 """
 
 GRADE_HELP = """Mark what students handed in on lab sheets.
@@ -51,21 +56,28 @@ def lab(
             metavar="FOLDER", show_default=False, help="New folder; else lab-N-name, here."
         ),
     ] = None,
+    quiz: Annotated[
+        bool,
+        typer.Option("--quiz", help="Write question banks, GIFT and QTI, into quiz-N-name."),
+    ] = False,
 ) -> None:
-    """Write the simulated flight of one student."""
+    """Write the simulated flight of one student, or the questions on it."""
     from acx4book.teaching import handed_in, students  # noqa: PLC0415 quick help
+    from acx4book.teaching import quiz as question_banks  # noqa: PLC0415 quick help
     from acx4book.teaching.sheets.every import sheet_of  # noqa: PLC0415 quick help
     from acx4lib.results import own_folder  # noqa: PLC0415 quick help
 
     try:
         chosen = sheet_of(sheet)
-        folder = out or Path(students.folder_name(chosen.name, student))
+        kind = chosen.name.replace("lab-", "quiz-") if quiz else chosen.name
+        folder = out or Path(students.folder_name(kind, student))
     except ValueError as error:
         terminal.refuse(str(error))
     secret = students.read_key(key)
     own_folder.check_new(folder)
     with own_folder.placed(folder, command="acx4 lab") as draft:
-        handed_in.write(chosen, student, secret, draft)
+        write = question_banks.write if quiz else handed_in.write
+        write(chosen, student, secret, draft)
     terminal.show(folder)
 
 

@@ -30,6 +30,14 @@ def test_from_a_students_flight_to_marks(acx4, tmp_path):
     assert again[0] == 0  # its own table is replaced
 
 
+def test_a_quiz_is_two_question_banks_and_no_flight(acx4, tmp_path):
+    lab = ("lab", "2", "--student", "Ada", "--key", "key.txt", "--quiz")
+    assert acx4(*lab) == (0, "quiz-2-ada\n", "")
+    files = {path.name for path in (tmp_path / "quiz-2-ada").iterdir()}
+    assert files == {"questions.gift", "questions_qti.zip", ".acx4.json"}
+    assert acx4(*lab)[0] == 2  # it is there already
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

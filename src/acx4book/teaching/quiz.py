@@ -1,0 +1,281 @@
+"""A student's questions as question banks of learning platforms: GIFT, and QTI 1.2.
+
+An answer is accepted in the range that `grading` accepts, and a common mistake is known by the
+range around what it gives, with its sentence as feedback. The first range that an answer lies in
+counts. The banks hold the truth: they are the lecturer's.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from acx4book.teaching import flights, students
+from acx4book.teaching.flights import Case, Mistake, Question, Right, Sheet
+from acx4book.teaching.grading import ALIKE, SIGMA_FACTOR, UNEXPLAINED, UNITS, apart
+from acx4lib.results import whole_files
+
+GIFT, QTI = "questions.gift", "questions_qti.zip"
+"""Files of a bank: for Moodle and others; for Canvas, Blackboard, ILIAS and others."""
+
+EARLIEST = (1980, 1, 1, 0, 0, 0)
+"""Date of what is packed, so that the same questions are the same bytes."""
+
+RIGHT = "Right."
+
+LARGE = 1e12
+"""No answer is as large."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """Numbers from `low` to `high`, and what is said of an answer among them."""
+
+    low: float
+    high: float
+    says: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Item:
+    """A question of a bank.
+
+    Attributes
+    ----------
+    name, asks : str
+        Its title, and its text with the unit and the digits.
+    right : Range
+    mistakes : tuple of Range
+        In the order in which they are looked at.
+    """
+
+    name: str
+    asks: str
+    right: Range
+    mistakes: tuple[Range, ...]
+
+
+def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
+    """Write both banks of a student.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    student : str
+    key : bytes
+    folder : Path
+        New.
+    """
+    name = students.shown_name(student)
+    found = items(sheet, flights.case_of(flights.flight_of(sheet, name, key)))
+    folder.mkdir()
+    title = students.title(sheet.name, name)
+    whole_files.write(folder / GIFT, gift(found, title))
+    whole_files.write(folder / QTI, qti(found, title))
+
+
+def items(sheet: Sheet, case: Case) -> list[Item]:
+    """Return the questions of a sheet on one flight, each standard deviation as a question.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    case : Case
+    """
+    right = sheet.solve(case)
+    mistakes = [*sheet.mistakes(case, right)]
+    told = " ".join(re.sub("`", "", line) for line in sheet.given(case))
+    found = []
+    for question in sheet.questions:
+        found.append(_value(question, right[question.name], mistakes, told))
+        if question.with_sigma:
+            found.append(_sigma(question, right[question.name], mistakes, told))
+    return found
+
+
+def _value(question: Question, right: Right, mistakes: Sequence[Mistake], told: str) -> Item:
+    name, digits = question.name, question.digits
+    unit = f" ({question.unit})" if question.unit else ""
+    after = f"{digits} digits after the decimal point" if digits else "a whole number"
+    return Item(
+        name=name,
+        asks=" ".join(filter(None, [told, f"{question.asks}{unit}, {after}."])),
+        right=_around(right.truth, right.bound, RIGHT),
+        mistakes=tuple(_wrong_values(question, right, mistakes)),
+    )
+
+
+def _wrong_values(question: Question, right: Right, mistakes: Sequence[Mistake]) -> Iterator[Range]:
+    for mistake in mistakes:
+        gives = mistake.gives.get(question.name)
+        if gives is not None and apart(question.name, gives, right.truth) > right.bound:
+            yield _around(gives, right.bound * mistake.scale, mistake.says)
+    for unit, factor in UNITS.get(question.unit, {}).items():
+        says = f"given in {unit}; asked for in {question.unit}"
+        if abs(right.truth) > right.bound and all(says != one.says for one in mistakes):
+            yield _around(factor * right.truth, factor * right.bound, says)
+
+
+def _around(value: float, bound: float, says: str) -> Range:
+    return Range(low=value - bound, high=value + bound, says=says)
+
+
+def _sigma(question: Question, right: Right, mistakes: Sequence[Mistake], told: str) -> Item:
+    unit, known = question.unit, right.sigma or 0.0
+    others = {f"σ is given in {u}; asked for in {unit}": f for u, f in UNITS.get(unit, {}).items()}
+    ranges = [
+        *(
+            _by_factor(sigma, ALIKE, mistake.says)
+            for mistake in mistakes
+            if (sigma := mistake.gives_sigma.get(question.name, 0.0)) > 0
+        ),
+        *(_by_factor(factor * known, SIGMA_FACTOR, says) for says, factor in others.items()),
+        Range(low=-LARGE, high=0.0, says="σ must be positive"),
+        Range(low=0.0, high=known / SIGMA_FACTOR, says="σ is too small"),
+        Range(low=known * SIGMA_FACTOR, high=LARGE, says="σ is too large"),
+    ]
+    return Item(
+        name=f"sigma_{question.name}",
+        asks=" ".join(filter(None, [told, f"Standard deviation of: {question.asks} ({unit})."])),
+        right=_by_factor(known, SIGMA_FACTOR, RIGHT),
+        mistakes=tuple(ranges),
+    )
+
+
+def _by_factor(value: float, factor: float, says: str) -> Range:
+    return Range(low=value / factor, high=value * factor, says=says)
+
+
+# --- GIFT: a text, as Moodle reads it
+
+
+SPECIAL = re.compile(r"([~=#{}:\\])")
+
+
+def gift(bank: Sequence[Item], title: str) -> str:
+    """Return questions as GIFT.
+
+    Parameters
+    ----------
+    bank : sequence of Item
+    title : str
+        Name of their category.
+    """
+    category = title.replace("/", "-")  # which begins a category in another
+    return "\n\n".join([f"$CATEGORY: {category}", *map(_gift_item, bank)]) + "\n"
+
+
+def _gift_item(item: Item) -> str:
+    lines = [
+        f"={points}{_number(one.low)}..{_number(one.high)}#{_escaped(one.says)}"
+        for points, one in [("", item.right), *(("%0%", one) for one in item.mistakes)]
+    ]
+    inside = "\n".join(lines)
+    return f"::{_escaped(item.name)}::[plain]{_escaped(item.asks)} {{#\n{inside}\n}}"
+
+
+def _escaped(text: str) -> str:
+    return SPECIAL.sub(r"\\\1", text)
+
+
+def _number(value: float) -> str:
+    """Return a number without an exponent, which not every reader of GIFT knows."""
+    return np.format_float_positional(value, precision=12, fractional=False, trim="-")
+
+
+# --- QTI 1.2: a package of XML
+
+
+NAMESPACE = "http://www.imsglobal.org/xsd/ims_qtiasiv1p2"
+PACKAGE = "http://www.imsglobal.org/xsd/imscp_v1p1"
+ASSESSMENT, MANIFEST = "questions.xml", "imsmanifest.xml"
+KIND = "imsqti_xmlv1p2"
+
+
+def qti(bank: Sequence[Item], title: str) -> bytes:
+    """Return questions as a zip archive of QTI 1.2; the same bytes every time.
+
+    Parameters
+    ----------
+    bank : sequence of Item
+    title : str
+        Name of the bank.
+    """
+    root = ET.Element("questestinterop", xmlns=NAMESPACE)
+    section = ET.SubElement(root, "objectbank", ident="bank")
+    _metadata(section, "qtimetadata", {"bank_title": title})
+    for item in bank:
+        section.append(_qti_item(item))
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as pack:
+        for name, tree in ((MANIFEST, _manifest()), (ASSESSMENT, root)):
+            content = ET.tostring(tree, encoding="utf-8", xml_declaration=True)
+            entry = zipfile.ZipInfo(name, date_time=EARLIEST)
+            pack.writestr(entry, content, compress_type=zipfile.ZIP_DEFLATED)
+    return out.getvalue()
+
+
+def _manifest() -> ET.Element:
+    root = ET.Element("manifest", identifier="acx4lib", xmlns=PACKAGE)
+    for name in ("metadata", "organizations"):
+        ET.SubElement(root, name)
+    resource = ET.SubElement(
+        ET.SubElement(root, "resources"),
+        "resource",
+        {"identifier": "questions", "type": KIND, "href": ASSESSMENT},
+    )
+    ET.SubElement(resource, "file", href=ASSESSMENT)
+    return root
+
+
+def _metadata(parent: ET.Element, kind: str, fields: dict[str, str]) -> None:
+    inside = ET.SubElement(parent, kind)
+    for label, entry in fields.items():
+        field = ET.SubElement(inside, "qtimetadatafield")
+        ET.SubElement(field, "fieldlabel").text = label
+        ET.SubElement(field, "fieldentry").text = entry
+
+
+def _qti_item(item: Item) -> ET.Element:
+    root = ET.Element("item", ident=item.name, title=item.name)
+    kind = {"question_type": "numerical_question", "points_possible": "1"}
+    _metadata(ET.SubElement(root, "itemmetadata"), "qtimetadata", kind)
+    asked = ET.SubElement(root, "presentation")
+    _text(asked, item.asks)
+    response = ET.SubElement(asked, "response_str", ident="answer", rcardinality="Single")
+    ET.SubElement(response, "render_fib", fibtype="Decimal")
+    marking = ET.SubElement(root, "resprocessing")
+    score = {"varname": "SCORE", "vartype": "Decimal", "minvalue": "0", "maxvalue": "100"}
+    ET.SubElement(ET.SubElement(marking, "outcomes"), "decvar", score)
+    for number, one in enumerate([item.right, *item.mistakes]):
+        _condition(marking, 0 if number else 100, f"feedback_{number}", one)
+    _condition(marking, 0, "feedback_other", None)
+    said = {f"feedback_{n}": one.says for n, one in enumerate([item.right, *item.mistakes])}
+    for ident, text in {**said, "feedback_other": UNEXPLAINED}.items():
+        _text(ET.SubElement(ET.SubElement(root, "itemfeedback", ident=ident), "flow_mat"), text)
+    return root
+
+
+def _text(parent: ET.Element, text: str) -> None:
+    material = ET.SubElement(parent, "material")
+    ET.SubElement(material, "mattext", texttype="text/plain").text = text
+
+
+def _condition(marking: ET.Element, points: int, feedback: str, among: Range | None) -> None:
+    """Add what is said of answers in a range; of all others where there is none."""
+    condition = ET.SubElement(marking, "respcondition", {"continue": "No"})
+    test = ET.SubElement(condition, "conditionvar")
+    if among is None:
+        ET.SubElement(test, "other")
+    else:
+        for name, limit in (("vargte", among.low), ("varlte", among.high)):
+            ET.SubElement(test, name, respident="answer").text = _number(limit)
+    ET.SubElement(condition, "setvar", action="Set", varname="SCORE").text = str(points)
+    ET.SubElement(condition, "displayfeedback", feedbacktype="Response", linkrefid=feedback)
