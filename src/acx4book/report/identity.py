@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-import pyproj
 
 from acx4book.report.findings import Finding
 from acx4book.report.material import Material
@@ -221,9 +220,8 @@ def identification(material: Material) -> pd.DataFrame:
     made = "Simulated: the measurements were computed" if flight.simulated else ""
     rows = [("Flight", flight.name), *([("Measurements", made)] if made else [])]
     rows += [(f"Camera {name}", text) for name, text in _cameras(material).items()]
-    crs = pyproj.CRS.from_user_input(flight.grid.crs)
     rows += [
-        ("Coordinate system", f"{crs.name} ({flight.grid.crs})"),
+        ("Coordinate system", f"{flight.grid.name} ({flight.grid.crs})"),
         ("Heights", _heights(flight.grid.height_system)),
         ("Refraction", _refraction(flight.refraction)),
         ("Stages computed", listed([s for s in STAGES if s in material.provenance.stages])),

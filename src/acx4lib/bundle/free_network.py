@@ -6,7 +6,7 @@ scale. Distances, held poses, a few control coordinates or positions leave fewer
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,11 +14,14 @@ from scipy import linalg
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import distance_equations, of_halves
+from acx4lib.bundle.rejections import without
 from acx4lib.bundle.unknowns import State, holding
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose, skew, transform
 from acx4lib.least_squares.datum import Motions, with_inner_constraints
 
@@ -56,7 +59,8 @@ def adjust_free(network: Network, points: Mask | None = None) -> FreeNetwork:
     Parameters
     ----------
     network : Network
-        Of `uses.free_orientation`, without refraction.
+        Of `uses.free_orientation`, or of mounted cameras whose mounting is held, without lever
+        arms; without refraction.
     points : ndarray of bool, shape (n_points,), optional
         The points of the inner constraints: those of them that take part; by default all.
 
@@ -105,6 +109,44 @@ def adjust_free(network: Network, points: Mask | None = None) -> FreeNetwork:
     return FreeNetwork(minimal=minimal, inner=inner, n_open=len(held))
 
 
+def adjust_free_rejecting(block: Block, set_up: Callable[[Block], Network]) -> Bundle:
+    """Adjust a block whose observations may leave its datum open, and reject gross errors.
+
+    Parameters
+    ----------
+    block : Block
+    set_up : callable
+        Makes the network of a block, as `adjust_free` needs it.
+
+    Returns
+    -------
+    Bundle
+        As `FreeNetwork.minimal`: points lie as near to where they began as the open motions
+        allow; sigma of poses are those against the unknowns of poses that are held.
+
+    Raises
+    ------
+    AdjustmentError
+        As `adjust_free`.
+
+    Notes
+    -----
+    Residuals, and so the rejections, are those of every datum: they are found with minimal
+    constraints.
+    """
+
+    def with_minimal_constraints(block: Block) -> Network:
+        network = set_up(block)
+        _require_free_orientation(network)
+        held = _held_columns(network, _Similarity.of(network))
+        return replace(network, layout=holding(network.layout, held))
+
+    found = adjust_rejecting(block, with_minimal_constraints)
+    clean = set_up(without(block, found.rejected))
+    fit = adjust_free(clean.beginning_at(found.state)).minimal
+    return replace(fit, rejected=found.rejected, stopped=found.stopped, exchanged=found.exchanged)
+
+
 def datum_defect(network: Network) -> int:
     """Return the number of motions of the whole block that its observations leave open.
 
@@ -126,8 +168,9 @@ def datum_defect(network: Network) -> int:
 
 def _require_free_orientation(network: Network) -> None:
     expected.instance("network", network, Network)
-    T_b_c, mount = network.start.T_b_c, network.layout.mount
-    if np.any(mount >= 0) or np.any(T_b_c.r) or np.any(np.eye(3) != T_b_c.R):
+    columns = network.layout
+    free = [part >= 0 for part in (columns.mount, columns.shift, columns.drift, columns.delay)]
+    if any(map(np.any, free)) or np.any(network.start.T_b_c.r):
         msg = "network: expected one of free_orientation, got one of mounted cameras"
         raise ValueError(msg)
     if network.refraction != "none":

@@ -12,6 +12,7 @@ import numpy as np
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle, adjust, qualities
+from acx4lib.bundle.free_network import adjust_free, adjust_free_rejecting
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.observations import PoseObservations, shared_errors, slow_errors
 from acx4lib.bundle.rejections import Rejection, without
@@ -214,6 +215,11 @@ def single_step(
     ------
     AdjustmentError
         Where it does not converge.
+
+    Notes
+    -----
+    Where nothing of the trajectory is observed and both parts of the mounting are held, the block
+    is a free network: `free_network.adjust_free_rejecting` says in which datum.
     """
     network = partial(
         mounted_orientation,
@@ -222,9 +228,34 @@ def single_step(
         refraction=refraction,
         gnss=gnss,
     )
+    if _is_free(block, fix):
+        _require_no_lever(block)
+        adjusted = (
+            adjust_free_rejecting(block, network)
+            if snooping
+            else adjust_free(network(block)).minimal
+        )
+        return Mounting(method="single_step", calibration=from_bundle(adjusted), bundle=adjusted)
     with saying_what_lacks(block, (*free, *free_mount(fix))):
         bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
     return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
+
+
+def _is_free(block: Block, fix: Sequence[str]) -> bool:
+    """Tell whether no trajectory fixes a block, and its mounting is held: a free network."""
+    trajectory = block.trajectory
+    sigma = np.hstack([trajectory.sigma_position, trajectory.sigma_attitude])
+    return not np.isfinite(sigma).any() and {"lever_arm", "boresight"} <= set(fix)
+
+
+def _require_no_lever(block: Block) -> None:
+    """Raise where a camera has a lever arm, which no scale of a free network fits."""
+    if levers := [camera.name for camera in block.cameras if np.any(camera.T_b_c.r)]:
+        msg = (
+            f"{', '.join(levers)} has a lever arm, and no position of the trajectory is observed: "
+            "take lever_x_m, lever_y_m and lever_z_m out of flight.toml, or give sigma of positions"
+        )
+        raise AdjustmentError(msg)
 
 
 def two_step(
@@ -289,6 +320,8 @@ def two_step_gnss(
     estimated = tuple(name for name in free_mount(fix) if name not in LEVER_ARM)
     rejected, start = _taken_over(block, after)
     cleaned = without(block, rejected)
+    if not np.isfinite(cleaned.trajectory.sigma_position).any():
+        raise AdjustmentError("no position of the trajectory is observed")
     lever = mountings(block.cameras).r[block.images.camera_idx]
     T_m_b, exposure = cleaned.T_m_b_images, cleaned.images.exposure_idx
     positions = PoseObservations(

@@ -210,6 +210,20 @@ class Trajectory:
         return out
 
 
+def unobserved(block: Block) -> bool:
+    """Tell whether a block's trajectory holds positions, or attitudes, without any sigma.
+
+    They are start values of an adjustment, and orient nothing by themselves.
+
+    Parameters
+    ----------
+    block : Block
+    """
+    known = block.trajectory
+    parts = (known.sigma_position, known.sigma_attitude)
+    return not all(np.isfinite(sigma).all(axis=1).any() for sigma in parts)
+
+
 NO_POINTS = SurveyedPoints(
     point_idx=np.zeros(0, dtype=np.intp), x_m=np.zeros((0, 3)), sigma_m=np.zeros((0, 3))
 )

@@ -10,6 +10,7 @@ from textwrap import shorten
 import numpy as np
 import pyproj
 
+from acx4lib import shown
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import (
@@ -26,7 +27,7 @@ from acx4lib.flight.table_files import named_file
 from acx4lib.flight.tables import Table
 from acx4lib.flight.toml_file import Toml
 from acx4lib.geometry.camera import Camera, inside
-from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.geodesy import LOCAL, GridSystem
 from acx4lib.geometry.parameters import DELAYS
 from acx4lib.least_squares.covariance import medians
 
@@ -220,6 +221,9 @@ def _outside(
 
 def position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
     """Yield positions that the CRS or the geoid grid does not cover."""
+    if grid.is_local:
+        yield from _off_frame(tables)
+        return
     yield from _degree_problems(tables, grid)
     for table, used in (
         (tables.trajectory, used_exposures(tables)),
@@ -234,6 +238,14 @@ def position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem
         rows = rows[on_earth[rows]]
         undulation = grid.undulation(lonlat[rows])
         yield from counted(rows[~np.isfinite(undulation)], _no_height(table, grid, lonlat))
+
+
+def _off_frame(tables: BlockTables) -> Iterator[Problem]:
+    """Yield a problem where a flight on no map has a trajectory of longitudes and latitudes."""
+    if "lat_deg" in tables.trajectory.numbers:
+        expected = f"must be east_m, north_m, … kappa_deg, since crs is {LOCAL!r}"
+        found = "longitudes and latitudes of a flight on no map"
+        yield tables.trajectory.problem(0, "lat_deg", found, expected)
 
 
 def _degree_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
@@ -396,6 +408,58 @@ def control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
         )
 
 
+def unobserved_parts(block: Block | None) -> tuple[str, ...]:
+    """Return the parts of the mounting that no trajectory observes, names of `fix` in flight.toml.
+
+    Parameters
+    ----------
+    block : Block or None
+        Of the calibration.
+    """
+    if block is None or not block.frame.grid.is_local:
+        return ()
+    trajectory = block.trajectory
+    positions, attitudes = (
+        np.isfinite(sigma).all(axis=1).any()
+        for sigma in (trajectory.sigma_position, trajectory.sigma_attitude)
+    )
+    return (
+        *(() if positions and attitudes else ("lever_arm",)),
+        *(() if attitudes else ("boresight",)),
+    )
+
+
+def datum_notes(block: Block) -> Iterator[str]:
+    """Yield what fixes the place, the directions and the scale of a block on no map.
+
+    Parameters
+    ----------
+    block : Block
+    """
+    if not block.frame.grid.is_local:
+        return
+    if block.name == "calibration" and (held := unobserved_parts(block)):
+        what = "positions nor attitudes" if not _observed(block) else "attitudes"
+        lack = "has neither sigma of" if not _observed(block) else "has no sigma of"
+        parts = " and ".join(name.replace("_", " ") for name in held)
+        yield (
+            f"{block.name}: the trajectory {lack} {what}, which are start values alone; "
+            f"{parts} are held"
+        )
+    if len(block.control) < ENOUGH and not _observed(block):
+        scale = shown.count(len(block.distances), "distance")
+        yield (
+            f"{block.name}: neither three control points nor positions with sigma fix where the "
+            "block lies: it is a free network, "
+            + (f"whose scale is that of {scale}" if len(block.distances) else "of unknown scale")
+        )
+
+
+def _observed(block: Block) -> bool:
+    """Tell whether positions are observed."""
+    return bool(np.isfinite(block.trajectory.sigma_position).all(axis=1).any())
+
+
 def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
     """Yield a note where a block is far outside the area of use of its CRS, if it has one.
 
@@ -404,6 +468,8 @@ def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
     grid : GridSystem
     blocks : dict of str to Block
     """
+    if grid.is_local:
+        return
     crs = pyproj.CRS.from_user_input(grid.crs)
     area = crs.area_of_use
     if area is None:

@@ -27,12 +27,14 @@ from acx4lib.flight.block_from_tables import (
 from acx4lib.flight.checks import (
     area_notes,
     control_notes,
+    datum_notes,
     file_problems,
     height_problems,
     name_problems,
     position_problems,
     sensor_problems,
     uncalibrated_problems,
+    unobserved_parts,
     without_single_rows,
 )
 from acx4lib.flight.problems import SHOWN, Problem, did_you_mean, lines_of
@@ -262,7 +264,10 @@ def _flight(
 ) -> Flight:
     """Return the flight made from blocks without problems."""
     assembled = {tables.name: assemble(tables, setup) for tables in blocks}
+    held = unobserved_parts(assembled.get("calibration"))
+    setup = replace(setup, fix=tuple(dict.fromkeys((*setup.fix, *held))))
     notes = [*notes, *area_notes(setup.grid, assembled)]
+    notes += [note for block in assembled.values() for note in datum_notes(block)]
     for tables in blocks:
         notes += control_notes(tables, assembled[tables.name])
     files = {table.file: table.sha256 for tables in blocks for table in tables.tables}
@@ -332,7 +337,8 @@ def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> lis
     problems += sensor_problems(tables, setup)
     if not problems:
         sane = without_single_rows(tables, setup.grid)
-        problems = [*position_problems(sane, setup.grid), *height_problems(sane)]
+        problems = [*position_problems(sane, setup.grid)]
+        problems += [] if setup.grid.is_local else height_problems(sane)
     return problems or [*fit_problems(tables, setup, toml)]
 
 

@@ -271,7 +271,11 @@ def _where(tables: BlockTables, setup: Setup) -> str:
         block = assemble(tables, setup)
     surveyed = np.concatenate([block.control.x_m, block.check.x_m])
     apart = surveyed.mean(axis=0) - block.trajectory.T_m_b.r.mean(axis=0)
-    doubt = f" (is {setup.grid.crs} the right CRS?)" if np.hypot(*apart[:2]) > FAR else ""
+    doubt = (
+        f" (is {setup.grid.crs} the right CRS?)"
+        if np.hypot(*apart[:2]) > FAR and not setup.grid.is_local
+        else ""
+    )
     return (
         "no usual mistake explains it; the control points' middle lies "
         f"{apart[0]:.0f} m east, {apart[1]:.0f} m north and {apart[2]:.0f} m up of the exposures'"
@@ -359,6 +363,8 @@ def _position_mistakes(tables: BlockTables, setup: Setup, where: str) -> Iterato
 
 def _other_zones(grid: GridSystem, east_north: Array) -> Iterator[tuple[str, Array]]:
     """Yield east and north as they would be if given in a neighbouring UTM zone."""
+    if grid.is_local:
+        return
     crs = pyproj.CRS.from_user_input(grid.crs)
     here, ellipsoid = crs.utm_zone, crs.ellipsoid
     if here is None or ellipsoid is None:

@@ -30,7 +30,7 @@ from acx4lib.flight.tables import name_fault
 from acx4lib.flight.toml_file import Toml
 from acx4lib.geometry.camera import distortion
 from acx4lib.geometry.crs import is_code_or_wkt
-from acx4lib.geometry.geodesy import LARGEST_UNDULATION_M, GridSystem
+from acx4lib.geometry.geodesy import LARGEST_UNDULATION_M, LOCAL, grid_system
 from acx4lib.geometry.parameters import GNSS
 
 INWARD, OUTWARD = 0.25, 0.5
@@ -107,7 +107,8 @@ def toml_problems(toml: Toml) -> Iterator[Problem]:
     if toml.problems:
         yield from toml.problems
         return
-    yield from key_problems(toml, (), KEYS[()], required=("name", "crs", "heights", "cameras"))
+    heights = () if toml.values.get("crs") == LOCAL else ("heights",)
+    yield from key_problems(toml, (), KEYS[()], required=("name", "crs", *heights, "cameras"))
     constant = isinstance(toml.values.get("heights"), int | float)
     for key in ("name", "crs", *(() if constant else ("heights",))):
         if key in toml.values:
@@ -183,9 +184,13 @@ def _grid_problems(toml: Toml) -> Iterator[Problem]:
     if not _is_name(crs):
         return
     try:
-        _ = GridSystem(crs=str(crs))
+        _ = grid_system(str(crs))
     except ValueError as error:
-        yield toml.problem(("crs",), str(error), "must be a projected CRS in metres")
+        expected = f"must be a projected CRS in metres, or {LOCAL!r}"
+        yield toml.problem(("crs",), str(error), expected)
+        return
+    if crs == LOCAL:
+        yield from _local_problems(toml)
         return
     if not _is_name(heights) or heights == "ellipsoidal":
         return
@@ -204,6 +209,15 @@ def _grid_problems(toml: Toml) -> Iterator[Problem]:
             reason = "PROJ cannot read it as a geoid grid"
         found = f"{quoted(heights)} cannot be used{hint or f' ({reason[:MOST_REASON]})'}"
         yield toml.problem(("heights",), found, expected)
+
+
+def _local_problems(toml: Toml) -> Iterator[Problem]:
+    """Yield what a frame on no map cannot have: a geoid, and the air of a vertical."""
+    for key, only in (("heights", "ellipsoidal"), ("refraction", "none")):
+        value = toml.values.get(key, only)
+        if value != only:
+            expected = f"must be {only!r} or left out, since crs is {LOCAL!r}"
+            yield toml.problem((key,), quoted(value), expected)
 
 
 def _camera_problems(toml: Toml) -> Iterator[Problem]:

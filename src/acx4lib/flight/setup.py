@@ -15,7 +15,7 @@ from acx4lib.flight.table_files import named_file
 from acx4lib.flight.toml_file import Toml
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
-from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.geodesy import GridSystem, grid_system
 from acx4lib.geometry.parameters import Prior
 from acx4lib.least_squares.gauss_markov import GaussMarkov
 
@@ -75,6 +75,12 @@ class Apriori:
         """How the errors of attitudes are correlated."""
         share, constant = self.attitude_correlated_share, self.attitude_correlation_s
         return GaussMarkov(share=share, time_constant_s=constant)
+
+
+UNOBSERVED = dict.fromkeys(
+    ("gnss_horizontal_m", "gnss_vertical_m", "roll_pitch_deg", "heading_deg"), np.inf
+)
+"""Standard deviations of a flight on no map, unless it says others: no receiver is supposed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,14 +195,16 @@ def setup_of(toml: Toml) -> Setup:
     heads = toml.table("stages", "heads").get("estimate", ["xp_mm", "yp_mm", "k1", "p1", "p2"])
     mounting = toml.table("stages", "mounting")
     everything = [name for name in ESTIMABLE if name not in ("b1", "b2")]
+    grid, apriori = grid_of(toml), toml.table("apriori")
+    unsaid = UNOBSERVED if grid.is_local else {}
     return Setup(
         name=toml.values["name"],
-        grid=grid_of(toml),
+        grid=grid,
         refraction=toml.values.get("refraction", "none"),
         simulated=toml.values.get("simulated", False),
         cameras={name: camera_of(name, table) for name, table in toml.table("cameras").items()},
         synthetic=_synthetic_of(synthetic) if synthetic else None,
-        apriori=Apriori(**{key: float(value) for key, value in toml.table("apriori").items()}),
+        apriori=Apriori(**unsaid | {key: float(value) for key, value in apriori.items()}),
         smallest_angle=_smallest_angle(toml),
         estimate_heads=tuple(ESTIMABLE[name] for name in heads),
         estimate_mounting=tuple(ESTIMABLE[name] for name in mounting.get("estimate", everything)),
@@ -280,12 +288,12 @@ def _prior(table: dict[str, Any]) -> Prior:
 
 def grid_of(toml: Toml) -> GridSystem:
     """Return the CRS and the heights; a geoid grid has its full path."""
-    return GridSystem(crs=toml.values["crs"], heights=_heights(toml))
+    return grid_system(toml.values["crs"], _heights(toml))
 
 
 def _heights(toml: Toml) -> str | float:
     """Return the heights for the grid system: a file has its full path."""
-    heights = toml.values["heights"]
+    heights = toml.values.get("heights", "ellipsoidal")
     if not isinstance(heights, str):
         return float(heights)
     if heights == "ellipsoidal":

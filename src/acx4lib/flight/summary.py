@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import pyproj
 
 from acx4lib import shown
 from acx4lib.errors import visible
@@ -14,7 +13,7 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.design import flying_heights, forward_overlaps
 from acx4lib.flight.reader import Flight
 from acx4lib.flight.setup import Session
-from acx4lib.geometry.geodesy import SHOWN
+from acx4lib.geometry.geodesy import SHOWN, GridSystem
 
 
 def summary(flight: Flight) -> str:
@@ -26,7 +25,7 @@ def summary(flight: Flight) -> str:
     """
     lines = [
         f"{flight.name}{' (simulated)' if flight.simulated else ''}",
-        _row("CRS", _system(flight.grid.crs)),
+        _row("CRS", _system(flight.grid)),
         _row("heights", flight.grid.height_system),
         _row("refraction", flight.refraction),
         *(_row("session", said) for said in _session(flight.session)),
@@ -50,11 +49,11 @@ def _session(session: Session) -> Iterator[str]:
         yield ", ".join([*dates, *degrees])
 
 
-def _system(crs: str) -> str:
+def _system(grid: GridSystem) -> str:
     """Return a CRS and its name in one line, although WKT may have many lines."""
-    one_line = visible(" ".join(crs.split()))
+    one_line = visible(" ".join(grid.crs.split()))
     shown = one_line if len(one_line) <= SHOWN else f"{one_line[:SHOWN]}…"
-    return f"{shown}, {visible(pyproj.CRS.from_user_input(crs).name)}"
+    return f"{shown}, {visible(grid.name)}"
 
 
 def _row(name: str, value: str) -> str:
@@ -80,11 +79,12 @@ def _block_rows(block: Block) -> Iterator[tuple[str, str]]:
     yield "surveyed", f"{control}, {shown.count(len(block.check), 'check point')}"
     if len(block.distances):
         yield "distances", f"{len(block.distances)}, {_span(block.distances.distance_m, 'm', 3)}"
-    lon, lat = block.frame.origin
-    yield (
-        "origin",
-        f"{abs(lat):.5f} {'S' if lat < 0 else 'N'}, {abs(lon):.5f} {'W' if lon < 0 else 'E'}",
-    )
+    if not block.frame.grid.is_local:
+        lon, lat = block.frame.origin
+        yield (
+            "origin",
+            f"{abs(lat):.5f} {'S' if lat < 0 else 'N'}, {abs(lon):.5f} {'W' if lon < 0 else 'E'}",
+        )
     yield "flying height", _span(_above(block), "m above the surveyed points", 0)
     yield from _image_rows(block)
 

@@ -82,6 +82,16 @@ class GridSystem:
             raise ValueError(msg) from error
         _ = self._height_transformer
 
+    @property
+    def is_local(self) -> bool:
+        """Whether the coordinates lie on no map."""
+        return False
+
+    @property
+    def name(self) -> str:
+        """The name of the CRS."""
+        return str(self._crs.name)
+
     @cached_property
     def _crs(self) -> pyproj.CRS:
         return pyproj.CRS.from_user_input(self.crs)
@@ -357,7 +367,7 @@ class MappingFrame:
 
 
 def mean_origin(grid: GridSystem, lonlat: Array) -> MappingFrame:
-    """Return the mapping frame at the mean of positions.
+    """Return the mapping frame at the mean of positions; on no map, that of the coordinates.
 
     Parameters
     ----------
@@ -365,6 +375,8 @@ def mean_origin(grid: GridSystem, lonlat: Array) -> MappingFrame:
     lonlat : ndarray, shape (n, 2)
         Degrees.
     """
+    if grid.is_local:
+        return LocalFrame()
     lonlat = expected.numbers("lonlat", lonlat, ("n", 2))
     expected.some("lonlat", lonlat, "position")
     on_ellipsoid = np.column_stack([lonlat, np.zeros(len(lonlat))])
@@ -375,14 +387,58 @@ def mean_origin(grid: GridSystem, lonlat: Array) -> MappingFrame:
 # --- A mapping frame that lies on no map: Cartesian coordinates of a test field or a laboratory
 
 
+LOCAL = "local"
+"""In the place of a CRS: coordinates of their own."""
+
+
+def grid_system(crs: str, heights: str | float = "ellipsoidal") -> GridSystem:
+    """Return the system of a CRS, or that of coordinates on no map.
+
+    Parameters
+    ----------
+    crs, heights
+        As `GridSystem` has them; `LOCAL` is on no map.
+
+    Raises
+    ------
+    ValueError
+        Where the CRS or the heights cannot be used; the message says why.
+    """
+    if crs == LOCAL:
+        return LocalGrid(heights=heights)
+    return GridSystem(crs=crs, heights=heights)
+
+
 @dataclass(frozen=True, kw_only=True)
 class LocalGrid(GridSystem):
     """Cartesian coordinates in the place of a CRS: no convergence and no undulation."""
 
-    crs: str = "local"
+    crs: str = LOCAL
 
     def __post_init__(self) -> None:
-        """Ask PROJ nothing."""
+        """Ask PROJ nothing; a ValueError for heights of a geoid."""
+        if self.heights != "ellipsoidal":
+            msg = f"heights {self.heights!r} belong to a map: a local frame has z alone"
+            raise ValueError(msg)
+
+    @property
+    def is_local(self) -> bool:
+        """Whether the coordinates lie on no map."""
+        return True
+
+    @property
+    def name(self) -> str:
+        """What the coordinates are, in words."""
+        return "x, y, z of its own, on no map"
+
+    @property
+    def height_system(self) -> str:
+        """The heights as a word for readers."""
+        return "z of the frame"
+
+    def lonlat_from_grid(self, east_north: Array) -> Array:
+        """Return NaN, shape (n, 2): there is no longitude and no latitude."""
+        return np.full((len(east_north), 2), np.nan)
 
     def undulation(self, lonlat: Array) -> Array:
         """Return zeros, shape (n,)."""
@@ -424,6 +480,12 @@ class LocalFrame(MappingFrame):
         n = len(lonlath)
         msg = f"a local frame lies on no map: give x, y, z of the {n} points instead"
         raise ValueError(msg)
+
+    def pose_from_rph(self, x_m: Array, rph: Array) -> Pose:
+        """Return the poses T_m_b of positions with roll, pitch and heading from y, radians."""
+        x_m = expected.numbers("x_m", x_m, ("n", 3))
+        rph = expected.numbers("rph", rph, (len(x_m), 3))
+        return Pose(R=R_ENU_NED @ rotation_from_rph(rph) @ R_FRD_FLU, r=x_m)
 
     def grid_axes(self, x_m: Array) -> Array:
         """Return the identity for every point, shape (n, 3, 3)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from acx4lib.calibration.heads import not_calibrated
+from acx4lib.flight.block import unobserved
 from acx4lib.flight.reader import Flight
 
 DECISIVE = ("heads/bundle", "mounting/single_step")
@@ -45,6 +46,8 @@ def _unmeasured(flight: Flight, stage: str, block: str) -> str:
         return f"{reason}; its heads are as flight.toml has them"
     if stage == "rig" and len(flight.blocks[block].cameras) < 2:
         return f"block {block} has one camera only"
+    if stage == "validation" and unobserved(flight.blocks[block]):
+        return "the trajectory of block validation has no sigma of positions and attitudes"
     checked = flight.blocks[block].check.point_idx
     if stage == "validation" and not (flight.blocks[block].rays[checked] >= 2).any():
         return "no check point of block validation is measured in two images"

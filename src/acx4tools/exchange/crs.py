@@ -13,7 +13,7 @@ from pyproj.exceptions import CRSError, ProjError
 
 from acx4lib.expected import Array
 from acx4lib.geometry.crs import crs_fault
-from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.geodesy import LOCAL, GridSystem, grid_system
 
 MADE = 64
 """Number of systems that are kept: places of a project have few, and one takes PROJ long."""
@@ -57,7 +57,7 @@ class Chosen:
             Where PROJ cannot do it exactly.
         """
         horizontal = None if self.source is None else _horizontal(self.source)
-        if horizontal is None or horizontal == _horizontal(parsed(self.crs)):
+        if self.crs == LOCAL or horizontal is None or horizontal == _horizontal(parsed(self.crs)):
             return np.asarray(xyh, dtype=float)
         try:
             there = _between(horizontal, self.crs)
@@ -71,7 +71,7 @@ class Chosen:
 @lru_cache(maxsize=MADE)
 def grid_of(crs: str, heights: str | float = "ellipsoidal") -> GridSystem:
     """Return a CRS and heights for computations; a ValueError where they cannot be used."""
-    return GridSystem(crs=crs, heights=heights)
+    return grid_system(crs, heights)
 
 
 @lru_cache(maxsize=MADE)
@@ -91,7 +91,7 @@ def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None
     lonlat : ndarray, shape (2,), optional
         A place, by which a UTM zone is chosen where the project's own is geographic.
     wanted : str, optional
-        What the user asks for.
+        What the user asks for; `geodesy.LOCAL` is on no map.
 
     Raises
     ------
@@ -101,6 +101,8 @@ def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None
     source = parsed(text) if text else None
     if source is not None and not (source.is_projected or source.is_geographic):
         source = None
+    if wanted == LOCAL:
+        return _on_no_map(source)
     if wanted is not None:
         _ = grid_of(wanted)
         local = f"The project's coordinates are local: they are taken for those of {wanted}"
@@ -125,6 +127,15 @@ def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None
     return Chosen(crs=crs, heights=heights_of(source), assumed=assumed, source=source)
 
 
+def _on_no_map(source: pyproj.CRS | None) -> Chosen:
+    """Return the system of coordinates that are taken as they are; those of a map cannot be."""
+    if source is not None:
+        msg = f"the project's coordinates are those of {source.name!r}: they are on a map"
+        raise ValueError(msg)
+    said = "Coordinates are the project's own, x, y, z with z up: they lie on no map"
+    return Chosen(crs=LOCAL, heights="ellipsoidal", assumed=(said,))
+
+
 @lru_cache(maxsize=MADE)
 def parsed(text: str) -> pyproj.CRS:
     """Return the CRS of a code or WKT; a ValueError says why it is none."""
@@ -143,6 +154,11 @@ def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:
     crs = crs.sub_crs_list[0] if crs.is_compound else crs
     crs = crs.source_crs if crs.is_bound and crs.source_crs else crs
     return crs.to_2d()
+
+
+def is_engineers(text: str) -> bool:
+    """Tell whether a system is that of a test field or a building site, on no map."""
+    return bool(text) and bool(parsed(text).is_engineering)
 
 
 def is_north_first(crs: pyproj.CRS) -> bool:

@@ -20,6 +20,7 @@ from acx4lib.flight.problems import lines_of
 from acx4lib.flight.table_files import Columns
 from acx4lib.flight.tables import name_fault
 from acx4lib.flight.toml_file import read_toml
+from acx4lib.geometry.geodesy import LOCAL
 from acx4lib.opening import text_of
 from acx4lib.results import own_folder, whole_files
 from acx4tools.exchange import written_toml
@@ -248,6 +249,26 @@ def _place(folder: Path, texts: Mapping[str, str], files: Mapping[str, Path]) ->
     for name, file in files.items():
         whole_files.link(file, folder / name)
     whole_files.write_all({folder / name: text for name, text in texts.items()})
+
+
+def with_no_control(brought: Brought, folder: Path) -> Brought:
+    """Return what was brought with an empty table of control points, where it lies on no map.
+
+    Parameters
+    ----------
+    brought : Brought
+    folder : Path
+        Of the flight; one that has control points keeps them.
+    """
+    control = "control_points.csv"
+    if (
+        brought.settings.get("crs") != LOCAL
+        or control in brought.tables
+        or (folder / control).exists()
+    ):
+        return brought
+    empty: dict[str, list[Any]] = {name: [] for name in ("point", "east_m", "north_m", "height_m")}
+    return replace(brought, tables={**brought.tables, control: empty})
 
 
 def with_synthetic(brought: Brought) -> Brought:

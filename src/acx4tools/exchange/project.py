@@ -21,6 +21,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import project as projected
 from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import LOCAL
 from acx4lib.geometry.intersection import intersect
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import stacked
@@ -32,6 +33,11 @@ from acx4tools.exchange.safe.opened import Opened, checksums
 MEANS_NOTHING = (
     "The trajectory is what the program adjusted, camera and body being one: the boresight and "
     "the lever arm that a calibration finds on it mean nothing"
+)
+
+START_VALUES = (
+    "The trajectory holds the orientations that the program adjusted, camera and body being one: "
+    "they are start values without sigma, and nothing observes them"
 )
 
 SHOWN = 8
@@ -306,6 +312,11 @@ def nowhere(error: FlightError) -> InGrid:
     return in_grid
 
 
+def as_they_are(T: Pose) -> tuple[Array, Array]:
+    """Return poses in w as those of a flight on no map."""
+    return T.r, T.opk
+
+
 def _refitted(
     project: Project, pixel_um: float | None, allow: float
 ) -> tuple[dict[str, Refitted], tuple[str, ...]]:
@@ -335,6 +346,9 @@ def _refitted(
 def _flown(project: Project, orientations: str) -> Trajectory:
     """Return the trajectory that is asked for."""
     images, n = project.images, int(project.images.oriented.sum())
+    is_local = project.settings.get("crs") == LOCAL
+    if is_local and n and project.trajectory.table is None:
+        orientations = "adjusted"
     if orientations != "adjusted":
         found = project.trajectory if orientations == "initial" else Trajectory()
         how = (
@@ -360,7 +374,7 @@ def _flown(project: Project, orientations: str) -> Trajectory:
     enh, opk = project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
     return Trajectory(
         table=tables.trajectory_in_grid(list(leaders), enh, opk),
-        assumed=(*project.placed, MEANS_NOTHING),
+        assumed=(*project.placed, START_VALUES if is_local else MEANS_NOTHING),
         found=(f"{number_of(len(leaders), 'adjusted orientations')}",),
     )
 

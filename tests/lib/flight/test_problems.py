@@ -150,20 +150,21 @@ REPLACED = [
         "EPSG:31982",
         "EPSG:4674",
         ":2: crs: 'EPSG:4674' (SIRGAS 2000) is not a projected CRS; "
-        "must be a projected CRS in metres",
+        "must be a projected CRS in metres, or 'local'",
     ),
     (
         TOML,
         "EPSG:31982",
         "EPSG:2263",
         ":2: crs: 'EPSG:2263' (NAD83 / New York Long Island (ftUS)) is in US survey foot, not in "
-        "metres; must be a projected CRS in metres",
+        "metres; must be a projected CRS in metres, or 'local'",
     ),
     (
         TOML,
         "EPSG:31982",
         "EPSG:99999",
-        ":2: crs: 'EPSG:99999' is no CRS that PROJ knows; must be a projected CRS in metres",
+        ":2: crs: 'EPSG:99999' is no CRS that PROJ knows; must be a projected CRS in metres, "
+        "or 'local'",
     ),
     (
         TOML,

@@ -601,7 +601,7 @@ def test_a_wrong_column_is_told_with_table_row_and_cure(columns, says):
         (None, "settings: settings: is None; must be a dict"),
         ({**SETTINGS, "crs": None}, "settings: crs: missing; required"),
         ({**SETTINGS, "cameras": {}}, "settings: cameras: no cameras; must hold one table per camera"),
-        ({**SETTINGS, "crs": "EPSG:4326"}, "settings: crs: 'EPSG:4326' (WGS 84) is not a projected CRS; must be a projected CRS in metres"),
+        ({**SETTINGS, "crs": "EPSG:4326"}, "settings: crs: 'EPSG:4326' (WGS 84) is not a projected CRS; must be a projected CRS in metres, or 'local'"),
         ({**SETTINGS, "hights": 1}, "settings: hights: unknown key (did you mean 'heights'?)"),
         ({**SETTINGS, "cameras": {"CAN": SETTINGS["cameras"]["CAM"]}}, "calibration.images, row 0: camera: 'CAM' is unknown (did you mean 'CAN'?); must be a camera of settings"),
     ],

@@ -75,12 +75,12 @@ Examples:
 
 BUNDLER = """Read Bundler's bundle.out (v0.3): images, lenses, tie points; many programs write it.
 
-Names come from list.txt beside it. Its coordinates are in no CRS, so that its orientations are left
-out.
+Names come from list.txt beside it. Its coordinates are in no CRS: without --crs local its
+orientations are left out.
 
 \b
 Example:
-  acx4 import bundler bundle.out --size 4000x3000 --out my_flight
+  acx4 import bundler bundle.out --size 4000x3000 --crs local --out my_flight
 """
 
 BINGO = """Read BINGO's image.dat, or *_bingo.txt of Pix4D; control points of geoin.dat beside it.
@@ -133,6 +133,10 @@ def bundler(
     size: Size,
     out: bring.Out,
     block: Block = None,
+    crs: Annotated[
+        Literal["local"] | None,
+        typer.Option(help="local takes its coordinates as they are.", show_default=False),
+    ] = None,
     pixel_um: bring.PixelUm = None,
     allow: bring.Allow = 2.0,
 ) -> None:

@@ -194,7 +194,7 @@ def place(brought: Brought, out: Path) -> None:
     if brought.settings and not (out / flight_folder.SETTINGS).is_file():
         named = {"name": out.resolve().name} | dict(brought.settings)
         brought = replace(brought, settings=named)
-    brought = flight_folder.with_synthetic(brought)
+    brought = flight_folder.with_no_control(flight_folder.with_synthetic(brought), out)
     remarks = flight_folder.write(brought, out)
     terminal.show(brought.source)
     for title, sentences in (

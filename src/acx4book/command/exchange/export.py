@@ -110,11 +110,18 @@ def export(
 
 def _made(kind: Kind, found: Calibrated, block: str, flight: Path | None) -> Taken:
     """Return the files of a kind, with orientations where a block is named."""
+    from acx4tools.exchange.outward import kinds  # noqa: PLC0415 quick help
     from acx4tools.exchange.outward.orientations import orient, read_flown  # noqa: PLC0415 quick help
 
     if not block and kind.cameras is not None:
         return kind.cameras(found)
     flown = found.flight if flight is None else read_flown(flight)
+    if kind.on_map and flown.grid.is_local:
+        fits = [name for name, one in kinds.KINDS.items() if one.oriented and not one.on_map]
+        terminal.refuse(
+            f"{flown.path}: crs is {flown.grid.crs!r}, on no map, which these orientations need; "
+            f"--to {', '.join(fits)} need none"
+        )
     oriented = orient(found, flown, block)
     if kind.oriented is None:
         msg = "kind: expected one with a place for orientations"

@@ -57,7 +57,7 @@ def new(
     """Write a new flight to be filled in."""
     answers = _answers({"cameras": cameras, "crs": crs, "heights": heights})
     from acx4lib.flight.tables import name_fault  # noqa: PLC0415 quick help
-    from acx4lib.geometry.geodesy import GridSystem  # noqa: PLC0415 quick help
+    from acx4lib.geometry.geodesy import grid_system  # noqa: PLC0415 quick help
     from acx4tools.exchange import flight_folder  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
@@ -70,7 +70,7 @@ def new(
     if len(set(heads)) != len(heads) or not heads:
         terminal.refuse(f"--cameras: {answers['cameras']!r}: must be names that are all different")
     try:
-        _ = GridSystem(crs=answers["crs"])
+        _ = grid_system(answers["crs"])
     except ValueError as error:
         terminal.refuse(f"--crs: {error}; must be a projected CRS in metres")
     system = Meaning(crs=answers["crs"], heights=bring.heights_of(answers["heights"]))

@@ -53,7 +53,8 @@ OwnCrs = Annotated[
     typer.Option(
         metavar="EPSG:N",
         show_default=False,
-        help="Projected CRS, in metres, of the files' coordinates; the files do not say it.",
+        help="Projected CRS, in metres, of the files' coordinates, which they do not say; local: "
+        "as they are, on no map.",
     ),
 ]
 Camera = Annotated[
@@ -92,11 +93,13 @@ SOURCE is the folder of a model, often sparse/0, with cameras, images and points
 rigs and frames of COLMAP 3.12 and later are read, too. Measurements that belong to no point are
 left out. A model has no coordinate system: with --crs its x, y, z are east, north and height of
 that system, or its earth-centred coordinates, and --orientations adjusted makes a trajectory of
-its poses, on which a boresight means nothing.
+its poses, on which a boresight means nothing. With --crs local they are taken as they are, and
+`acx4 run` calibrates the cameras in a free network; a distances.csv gives it metres.
 
 \b
 Examples:
   acx4 import colmap sparse/0 --out my_flight
+  acx4 import colmap sparse/0 --crs local --out my_flight
   acx4 import colmap aligned --crs EPSG:31982 --orientations adjusted --out my_flight
 """
 

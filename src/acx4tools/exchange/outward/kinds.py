@@ -34,24 +34,29 @@ class Kind:
         Makes the files of cameras with oriented images; None where the kind has no place for them.
     heads : bool
         Whether it is for several heads only.
+    on_map : bool
+        Whether its orientations need a place on the Earth.
     """
 
     cameras: Callable[[Calibrated], Taken] | None = None
     oriented: Callable[[Calibrated, Oriented], Taken] | None = None
     heads: bool = False
+    on_map: bool = False
 
 
 KINDS: Mapping[str, Kind] = {
     "toml": Kind(cameras=flight_toml.take),
     "opencv": Kind(cameras=opencv.cameras),
-    "metashape": Kind(cameras=metashape.cameras, oriented=metashape.images),
+    "metashape": Kind(cameras=metashape.cameras, oriented=metashape.images, on_map=True),
     "colmap": Kind(cameras=colmap.cameras, oriented=colmap.images),
-    "opensfm": Kind(cameras=opensfm.cameras, oriented=opensfm.images),
-    "opf": Kind(cameras=opf.cameras, oriented=opf.images),
+    "opensfm": Kind(cameras=opensfm.cameras, oriented=opensfm.images, on_map=True),
+    "opf": Kind(cameras=opf.cameras, oriented=opf.images, on_map=True),
     "micasense": Kind(cameras=micasense.cameras, heads=True),
     "pix4d": Kind(cameras=pix4d.cameras, oriented=pix4d.images),
     "micmac": Kind(cameras=micmac.cameras, oriented=micmac.images),
     "opk": Kind(oriented=lambda _, oriented: orientations.opk(oriented)),
-    "opk-topocentric": Kind(oriented=lambda _, oriented: orientations.topocentric_table(oriented)),
-    "rph": Kind(oriented=lambda _, oriented: orientations.rph(oriented)),
+    "opk-topocentric": Kind(
+        oriented=lambda _, oriented: orientations.topocentric_table(oriented), on_map=True
+    ),
+    "rph": Kind(oriented=lambda _, oriented: orientations.rph(oriented), on_map=True),
 }

@@ -11,7 +11,7 @@ import pandas as pd
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block, select_cameras
+from acx4lib.flight.block import Block, select_cameras, unobserved
 from acx4lib.flight.block_from_tables import BLOCKS, read_block, without_points
 from acx4lib.flight.reader import Flight, checked
 from acx4lib.flight.toml_file import read_toml
@@ -53,6 +53,8 @@ class Oriented:
     @property
     def origin(self) -> str:
         """Where the topocentric axes begin, in words."""
+        if self.block.frame.grid.is_local:
+            return "the origin of the flight's coordinates, whose axes they are"
         lon, lat = self.block.frame.origin
         return f"longitude {lon:.9f}, latitude {lat:.9f} degrees, ellipsoidal height 0"
 
@@ -84,7 +86,8 @@ def orient(calibrated: Calibrated, flight: Flight, block: str) -> Oriented:
     Raises
     ------
     FlightError
-        Where the calibration has no mounting, or the block no image of a calibrated camera.
+        Where the calibration has no mounting, the block no image of a calibrated camera, or its
+        trajectory observes nothing.
     """
     if not calibrated.mounted:
         problem = f"{flight.path}: {calibrated.method} has no boresight and no lever arm"
@@ -92,6 +95,9 @@ def orient(calibrated: Calibrated, flight: Flight, block: str) -> Oriented:
     names = [camera.name for camera in calibrated.cameras]
     if block not in flight.blocks:
         raise FlightError([f"{flight.path}: no block {block}; it has {', '.join(flight.blocks)}"])
+    if unobserved(flight.block(block)):
+        problem = f"{flight.path}: block {block}: its trajectory has start values without sigma"
+        raise FlightError([f"{problem}; nothing can be oriented by it"])
     for own in (flight.mounted(block), flight.block(block)):
         present = [camera.name for camera in own.cameras if camera.name in names]
         if present:

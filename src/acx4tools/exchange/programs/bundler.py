@@ -16,13 +16,14 @@ import numpy as np
 from acx4lib.expected import Array, Index
 from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import LOCAL
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import is_rotation, nearest_rotation
 from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.lens import FLIP as FLIP_Y
 from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import BUNDLER, Lens
-from acx4tools.exchange.project import Images, Measured, Project, Proof, flight_of
+from acx4tools.exchange.project import Images, Measured, Project, Proof, as_they_are, flight_of
 from acx4tools.exchange.safe import opened, text_lines
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.text_lines import Line
@@ -65,15 +66,17 @@ def read(
     source: Path,
     *,
     size: tuple[int, int],
+    crs: str | None = None,
     block: str | None = None,
     pixel_um: float | None = None,
     allow: float = WORST_PX,
 ) -> Brought:
     """Read bundle.out as a part of a flight; options as those of `project` and `flight_of`."""
-    return flight_of(project(source, size=size), block=block, pixel_um=pixel_um, allow=allow)
+    found = project(source, size=size, crs=crs)
+    return flight_of(found, block=block, pixel_um=pixel_um, allow=allow)
 
 
-def project(source: Path, *, size: tuple[int, int]) -> Project:
+def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> Project:
     """Return bundle.out, with the names of the images from list.txt beside it or above.
 
     Parameters
@@ -82,6 +85,8 @@ def project(source: Path, *, size: tuple[int, int]) -> Project:
         The file bundle.out.
     size : tuple of int
         Width and height of the images, px: Bundler does not write them.
+    crs : str, optional
+        `geodesy.LOCAL` takes the coordinates and orientations as they are, on no map.
 
     Raises
     ------
@@ -89,6 +94,9 @@ def project(source: Path, *, size: tuple[int, int]) -> Project:
         For a file that is no bundle.out.
     """
     file = opened.read(source)
+    if crs not in (None, LOCAL):
+        expected = f"must be {LOCAL!r}: Bundler's coordinates are in no CRS"
+        raise file.wrong("--crs", quoted(crs), expected)
     bundle = _bundle(file)
     listed, names = _names(source, len(bundle.lenses), file)
     good = np.flatnonzero(bundle.lenses[:, 0] > 0)
@@ -119,6 +127,8 @@ def project(source: Path, *, size: tuple[int, int]) -> Project:
         images=Images(names=images, cameras=cameras, exposures=images, T_w_c=bundle.T_w_c[good]),
         measured=measured,
         proofs=(Proof(whose="the program's own points", measured=measured),),
+        settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
+        in_grid=None if crs is None else as_they_are,
         lost={
             "images that Bundler did not orient": len(bundle.lenses) - len(good),
             "second measurements of a point in one image": bundle.again,

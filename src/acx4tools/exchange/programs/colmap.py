@@ -18,14 +18,23 @@ import numpy as np
 from acx4lib.expected import Array, Index
 from acx4lib.flight.problems import PIXELS, quoted
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.geodesy import LOCAL, GridSystem
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import AHEAD, FLIP, stacked, turned
 from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import COLMAP as MODELS
 from acx4tools.exchange.lens_models import Lens, Wrong
-from acx4tools.exchange.project import Images, InGrid, Measured, Project, Proof, flight_of, nowhere
+from acx4tools.exchange.project import (
+    Images,
+    InGrid,
+    Measured,
+    Project,
+    Proof,
+    as_they_are,
+    flight_of,
+    nowhere,
+)
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened, refusal
 from acx4tools.exchange.safe.text_lines import LONGEST_LINE, Cursor, Line
@@ -113,7 +122,7 @@ def project(source: Path, *, crs: str | None = None) -> Project:
         Its folder, or a file in it; binary files are taken where there are both, as COLMAP does.
     crs : str, optional
         Projected CRS in whose east, north and height the model's coordinates are, or whose ECEF
-        frame; the size of the coordinates tells which.
+        frame; the size of the coordinates tells which. `geodesy.LOCAL` takes them as they are.
 
     Raises
     ------
@@ -281,8 +290,11 @@ def _measured(model: Model) -> tuple[Measured, dict[str, int]]:
 def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[InGrid, tuple[str, ...]]:
     """Return where a model is whose coordinates are those of a CRS, and what that assumes."""
     if crs is None:
-        expected = "adjusted orientations need a projected CRS"
+        expected = f"adjusted orientations need a projected CRS, or {LOCAL!r}"
         return nowhere(refusal(str(folder), 1, "--crs", "missing", expected)), ()
+    if crs == LOCAL:
+        said = "The model's x, y, z are coordinates on no map, of the model's own scale"
+        return as_they_are, (said,)
     try:
         grid = GridSystem(crs=crs)
     except ValueError as error:

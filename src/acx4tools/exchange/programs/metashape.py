@@ -21,6 +21,7 @@ import numpy as np
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.problems import PIXELS, RANGES, Range, quoted
 from acx4lib.geometry.frames import Pose, transform
+from acx4lib.geometry.geodesy import LOCAL, LocalFrame
 from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import (
@@ -45,6 +46,7 @@ from acx4tools.exchange.project import (
     Project,
     Proof,
     Trajectory,
+    as_they_are,
     flight_of,
     nowhere,
 )
@@ -221,6 +223,8 @@ def _system(
         ),
         None,
     )
+    if wanted is None and _told(whole, lambda: coordinates.is_engineers(text), element):
+        wanted = LOCAL
     found = _told(whole, lambda: coordinates.chosen(text, at, wanted), element)
     return found if found is None or heights is None else replace(found, heights=heights)
 
@@ -706,10 +710,12 @@ def _images(
     if system is None:
         expected = "adjusted orientations need one"
         return images, nowhere(element.wrong("is no coordinate system on the Earth", expected))
+    if system.crs == LOCAL:
+        return images, as_they_are
     if not places:
         return images, lambda _: _no_place(whole)
     if system.source is None:
-        return images, lambda T: (T.r, T.opk)
+        return images, as_they_are
     return images, lambda T: tables.grid_poses_of_ecef(_told(whole, system.grid, element), T)
 
 
@@ -741,6 +747,15 @@ def _measured(whole: Chunk, shots: Mapping[str, Shot], system: Chosen | None) ->
         said = f"{n} measured camera positions: {why}; another import, or --orientations adjusted"
         return Trajectory(left_out=(*off, *((said,) if n else ())))
     names, places, rotations, references = zip(*rows, strict=True)
+    if system.crs == LOCAL:
+        enh, rph = np.array(places), np.radians(np.array(rotations)[:, ::-1])
+        opk = LocalFrame().pose_from_rph(enh, rph).opk
+        local = tables.trajectory_in_grid(list(names), enh, opk)
+        return Trajectory(
+            table={**local, **_sigmas(whole, references)},
+            assumed=(_YAW.format(north="y"), *_whose_accuracy(references)),
+            left_out=off,
+        )
     lonlath, of_positions = _geographic(whole, np.array(places), system)
     yaw, pitch, roll = np.array(rotations).T
     north = "true north"
@@ -759,11 +774,16 @@ def _measured(whole: Chunk, shots: Mapping[str, Shot], system: Chosen | None) ->
     }
     assumed = (
         *of_positions,
-        f"Yaw is the heading, clockwise from {north}, pitch is positive with the top of the "
-        "image up, roll with its right side down; positions are those of the camera",
+        _YAW.format(north=north),
         *_whose_accuracy(references),
     )
     return Trajectory(table=table, assumed=assumed, left_out=off)
+
+
+_YAW = (
+    "Yaw is the heading, clockwise from {north}, pitch is positive with the top of the image up, "
+    "roll with its right side down; positions are those of the camera"
+)
 
 
 def _switched_off(leaders: Mapping[str, Shot]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from acx4book.reference import data
 from acx4lib.errors import FlightError
 from acx4lib.flight.setup import camera_of
 from acx4lib.geometry.frames import log
-from acx4lib.geometry.geodesy import GridSystem, mean_origin
+from acx4lib.geometry.geodesy import GridSystem, LocalFrame, mean_origin
 from acx4tools.exchange.programs import metashape as reading
 from support.projects import metashape, scene
 from support.reference_files import needs
@@ -242,14 +242,23 @@ def test_a_chunk_without_a_place_is_brought_without_one(tmp_path):
         reading.read(path, orientations="adjusted")
 
 
-def test_local_coordinates_are_no_flight_s(tmp_path):
+def test_local_coordinates_are_those_of_a_flight_on_no_map(tmp_path):
+    """Measured angles count from y; the chunk's own orientations have no sigma."""
     path = metashape.write(tmp_path / "c.xml", wkt=LOCAL)
     brought = reading.read(path)
-    assert "crs" not in brought.settings
-    assert set(brought.tables) == {"heads/images.csv", "heads/image_points.csv"}
-    assert any("the chunk has no coordinate system" in one for one in brought.left_out)
-    with pytest.raises(FlightError, match="reference: is no coordinate system on the Earth"):
-        reading.read(path, orientations="adjusted")
+    assert (brought.settings["crs"], brought.settings["heights"]) == ("local", "ellipsoidal")
+    measured = brought.tables["heads/trajectory.csv"]
+    T = LocalFrame().pose_from_grid(
+        np.stack([measured[name] for name in ("east_m", "north_m", "height_m")], axis=1),
+        np.radians(np.stack([measured[name] for name in ("omega_deg", "phi_deg", "kappa_deg")], 1)),
+    )
+    yaw, pitch, _ = np.radians(scene.YPR[0])
+    ahead = [np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)]
+    assert_allclose(T.R[0][:, 0], ahead, atol=1e-9)
+    assert_allclose(T.r[:, :2], scene.scene().lonlath[:, :2], atol=1e-5)
+    adjusted = reading.read(path, orientations="adjusted").tables["heads/trajectory.csv"]
+    assert not any(name.startswith("sigma") for name in adjusted)
+    assert_allclose(adjusted["east_m"], scene.scene().r_e[:, 0], atol=1e-4)
 
 
 def test_local_coordinates_may_be_those_of_a_crs(tmp_path):

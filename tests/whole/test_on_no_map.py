@@ -1,0 +1,189 @@
+"""Flights of `crs = "local"`: of a test field, of another program, of nothing but pictures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4lib.bundle.free_network import adjust_free
+from acx4lib.bundle.uses import free_orientation
+from acx4lib.calibration.mounting import single_step
+from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.flight.reader import from_tables, read
+from acx4lib.flight.summary import summary
+from acx4lib.geometry.frames import opk_from_rotation
+from acx4lib.stages import mounting, order
+from acx4tools.exchange.programs import bundler as reading
+from support import blocks
+from support.flights.written import write_flight
+from support.projects import bundler
+
+FREE = ("f", "xp", "yp", "k1")
+SETTINGS = {
+    "name": "field",
+    "crs": "local",
+    "stages": {"mounting": {"estimate": ["f_mm", "xp_mm", "yp_mm", "k1"]}},
+}
+XYZ, OPK = ("east_m", "north_m", "height_m"), ("omega_deg", "phi_deg", "kappa_deg")
+
+
+def camera_table(camera):
+    opk = np.degrees(opk_from_rotation(camera.T_b_c.R[None])[0])
+    return {
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "pixel_um": 1000 * camera.pixel_mm,
+        "focal_mm": 49.7,
+        **dict(zip(("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"), opk, strict=True)),
+    }
+
+
+def flown(block, *, sigma=(), distances=None, control=False, **more):
+    """Return a block as a flight on no map whose trajectory states some of its sigma."""
+    names, points = np.array(block.images.names), np.array(block.points)
+    T, known = block.trajectory.T_m_b, block.trajectory
+    trajectory = {
+        "exposure": list(known.exposures),
+        **dict(zip(XYZ, T.r.T, strict=True)),
+        **dict(zip(OPK, np.degrees(T.opk).T, strict=True)),
+    }
+    if "positions" in sigma:
+        columns = ("sigma_east_m", "sigma_north_m", "sigma_height_m")
+        trajectory |= dict(zip(columns, known.sigma_position.T, strict=True))
+    if "attitudes" in sigma:
+        columns = ("sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
+        trajectory |= dict(zip(columns, np.degrees(known.sigma_attitude).T, strict=True))
+    tables = {
+        "images": {
+            "image": names,
+            "camera": ["CAM"] * len(names),
+            "exposure": np.array(known.exposures)[block.images.exposure_idx],
+        },
+        "image_points": {
+            "image": names[block.image_points.image_idx],
+            "point": points[block.image_points.point_idx],
+            "col_px": block.image_points.colrow[:, 0],
+            "row_px": block.image_points.colrow[:, 1],
+            "sigma_px": block.image_points.sigma_px,
+        },
+        "trajectory": trajectory,
+    }
+    if distances is not None:
+        tables["distances"] = distances
+    surveyed = {"point": points[block.control.point_idx]}
+    surveyed |= dict(zip(XYZ, block.control.x_m.T, strict=True))
+    settings = {**SETTINGS, "cameras": {"CAM": camera_table(block.cameras[0])}, **more}
+    return from_tables(settings, control_points=surveyed if control else None, calibration=tables)
+
+
+@pytest.fixture(scope="module")
+def block():
+    return blocks.noisy(blocks.standard(check=None), np.random.default_rng(3))
+
+
+def test_a_trajectory_with_sigma_calibrates_as_it_does_in_arrays(block):
+    """The coordinates are the mapping frame's own: nothing is turned, shifted or scaled."""
+    flight = flown(block, sigma=("positions", "attitudes"), control=True)
+    fit = mounting.calibrate(flight).single_step
+    assert flight.fix == ()
+    same = single_step(flight.calibration, free=FREE)
+    truth = blocks.CAMERA
+    assert fit.calibration.cameras[0].interior.f == same.calibration.cameras[0].interior.f
+    assert_allclose(fit.calibration.cameras[0].interior.f, truth.interior.f, atol=0.02)
+    assert_allclose(fit.calibration.cameras[0].T_b_c.r, truth.T_b_c.r, atol=0.25)
+    assert_allclose(fit.bundle.T_m_c.r[:, 2].mean(), block.trajectory.T_m_b.r[:, 2].mean(), atol=1)
+
+
+def test_without_sigma_it_is_a_free_network_and_check_says_so(block):
+    flight = flown(block)
+    assert set(flight.fix) == {"lever_arm", "boresight"}
+    said = summary(flight)
+    assert "local, x, y, z of its own, on no map" in said
+    assert "it is a free network, of unknown scale" in said
+    fit = mounting.calibrate(flight).single_step
+    own = adjust_free(free_orientation(flight.calibration, free=FREE))
+    assert own.n_open == 7
+    ours, theirs = fit.calibration.cameras[0].interior, own.inner.cameras[0].interior
+    assert_allclose(ours.to_array(), theirs.to_array(), atol=1e-7)
+    assert_allclose(fit.calibration.cov, own.inner.solution.cov[:4, :4], rtol=1e-4)
+    assert fit.bundle.solution.redundancy == own.inner.solution.redundancy
+
+
+def test_a_distance_gives_it_metres(block):
+    """The start is 3 percent too large; the bar puts it right."""
+    given = flown(block).calibration
+    a, b = np.argsort(-given.rays)[:2]
+    exact = adjust_free(free_orientation(given, free=FREE)).inner.state.x_m
+    true = np.linalg.norm(exact[a] - exact[b])
+    bar = {
+        "point_a": [given.points[a]],
+        "point_b": [given.points[b]],
+        "distance_m": [true / 1.03],
+        "sigma_m": [0.01],
+    }
+    flight = flown(block, distances=bar)
+    assert any("whose scale is that of 1 distance" in note for note in flight.notes)
+    x_m = mounting.calibrate(flight).single_step.bundle.state.x_m
+    assert_allclose(np.linalg.norm(x_m[a] - x_m[b]), true / 1.03, rtol=1e-6)
+
+
+def test_positions_alone_hold_the_boresight(block):
+    """The camera's own axes are the body's: no attitude tells them apart."""
+    flight = flown(block, sigma=("positions",))
+    assert set(flight.fix) == {"lever_arm", "boresight"}
+    fit = mounting.calibrate(flight).single_step
+    assert fit.bundle.solution.group("gnss").redundancy.sum() > 0.5
+    assert not any("free network" in note for note in flight.notes)
+
+
+def test_a_lever_arm_has_no_scale_in_a_free_network(block):
+    table = camera_table(block.cameras[0]) | {"lever_z_m": 0.2}
+    flight = flown(block, cameras={"CAM": table})
+    with pytest.raises(AdjustmentError, match="take lever_x_m"):
+        mounting.calibrate(flight)
+
+
+def test_start_values_validate_nothing(block):
+    flight = flown(block)
+    checked = replace(flight, blocks={**flight.blocks, "validation": flight.calibration})
+    assert order.missing(checked, "validation").endswith("no sigma of positions and attitudes")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ('heights = "ellipsoidal"', "heights = 3.0", ":3: heights: 3.0; must be 'ellipsoidal'"),
+        (
+            'heights = "ellipsoidal"',
+            'heights = "ellipsoidal"\nrefraction = "standard"',
+            ":4: refraction: 'standard'; must be 'none' or left out, since crs is 'local'",
+        ),
+    ],
+)
+def test_a_frame_on_no_map_has_neither_geoid_nor_air(tmp_path, old, new, line):
+    write_flight(tmp_path)
+    path = tmp_path / "flight.toml"
+    text = path.read_text().replace('"EPSG:31982"', '"local"').replace(old, new)
+    path.write_text(text)
+    with pytest.raises(FlightError) as found:
+        read(tmp_path)
+    assert any(line in one for one in found.value.problems)
+
+
+def test_longitudes_and_latitudes_need_a_map(tmp_path):
+    write_flight(tmp_path, form="geographic")
+    path = tmp_path / "flight.toml"
+    path.write_text(path.read_text().replace('"EPSG:31982"', '"local"'))
+    with pytest.raises(FlightError, match="must be east_m, north_m, … kappa_deg, since crs"):
+        read(tmp_path)
+
+
+def test_bundler_s_coordinates_may_be_taken_as_they_are(tmp_path):
+    path = tmp_path / "bundle.out"
+    path.write_text(bundler.text())
+    brought = reading.read(path, size=bundler.SIZE, crs="local")
+    assert brought.settings["crs"] == "local"
+    assert {"east_m", "kappa_deg"} <= set(brought.tables["calibration/trajectory.csv"])
+    with pytest.raises(FlightError, match="must be 'local': Bundler's coordinates are in no CRS"):
+        reading.read(path, size=bundler.SIZE, crs="EPSG:31982")
