@@ -28,6 +28,7 @@ from acx4lib.bundle.start import (
     far_off,
     in_front,
     recovered,
+    resected,
     robust_phase,
     start_points,
     with_estimates,
@@ -50,6 +51,8 @@ def free_orientation(
     positions: PoseObservations | None = None,
     refraction: str = "none",
     start: State | None = None,
+    held: Sequence[str] = (),
+    smallest_angle: float | None = None,
 ) -> Network:
     """Set up a self-calibrating bundle: every image's exterior orientation is free.
 
@@ -68,13 +71,22 @@ def free_orientation(
         Where to begin, by another adjustment of the block: interior orientations, the poses of the
         images' cameras, and points, NaN where it has none. The trajectory still decides which
         points are used, unless it is far off and this is not.
+    held : sequence of str
+        Names of images whose poses are known without error, those of `start` or of the trajectory.
+    smallest_angle : float, optional
+        Radians, in the place of the block's: tie points whose rays meet at less are left out; 0
+        keeps all.
 
     Raises
     ------
+    AdjustmentError
+        As `start.resected`, where the block has no trajectory and there is no start.
     ValueError
         For an unknown name, or if there is not one position, or start, per image.
     """
     expected.instance("block", block, Block)
+    if smallest_angle is not None:
+        block = replace(block, smallest_angle=smallest_angle)
     n_images = len(block.images)
     if positions is not None:
         expected.instance("positions", positions, PoseObservations)
@@ -82,11 +94,15 @@ def free_orientation(
     if start is not None:
         expected.instance("start", start, State)
         expected.many("start.T_m_b", start.T_m_b, n_images, "poses")
+    if start is None and np.isnan(block.trajectory.T_m_b.r).all():
+        block = resected(block)
     T_m_c = block.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
+    if start is not None and np.isnan(T_m_c.r).all():
+        T_m_c = start.T_m_b
     identity = Pose(
         R=np.tile(np.eye(3), (len(block.cameras), 1, 1)), r=np.zeros((len(block.cameras), 3))
     )
-    return _network(
+    network = _network(
         block,
         poses=_Poses(names=block.images.names, idx=np.arange(n_images), T_m_b=T_m_c),
         columns=layout(len(block.cameras), n_images, free=free),
@@ -95,6 +111,11 @@ def free_orientation(
         refraction=refraction,
         better=replace(start, T_b_c=identity) if start else None,
     )
+    if not held:
+        return network
+    expected.names_of("held", held, block.images.names)
+    which = np.array([block.images.names.index(name) for name in held])
+    return with_held_poses(network, held, (T_m_c if start is None else start.T_m_b)[which])
 
 
 def mounted_orientation(
@@ -236,8 +257,8 @@ def _network(
     """Return the network of a block; recover approximate values that are far off."""
     expected.one_of("refraction", refraction, REFRACTION)
     # checked here, not in the block: the reader of flights also makes blocks that are not finite
-    expected.finite("trajectory.T_m_b.R", block.trajectory.T_m_b.R)
-    expected.finite("trajectory.T_m_b.r", block.trajectory.T_m_b.r)
+    expected.finite("trajectory.T_m_b.R", poses.T_m_b.R)
+    expected.finite("trajectory.T_m_b.r", poses.T_m_b.r)
     expected.finite("control.x_m", block.control.x_m)
     require_millimetres(block.cameras)
     if len(block.images) == 0:

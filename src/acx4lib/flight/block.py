@@ -241,6 +241,8 @@ class Block:
         Names of all points, measured or surveyed.
     image_points : ImagePoints
     trajectory : Trajectory
+        By default no pose is known: positions are NaN, and an image is an exposure. A network of
+        free orientations then begins with resections.
     control, check : SurveyedPoints
         Points used as control, and points only used for comparison; no point is both.
     frame : MappingFrame
@@ -256,7 +258,7 @@ class Block:
     images: Images
     points: tuple[str, ...]
     image_points: ImagePoints
-    trajectory: Trajectory
+    trajectory: Trajectory = NOT_GIVEN
     control: SurveyedPoints = NO_POINTS
     check: SurveyedPoints = NO_POINTS
     frame: MappingFrame = field(default_factory=LocalFrame)
@@ -269,6 +271,8 @@ class Block:
         expected.different("cameras", [camera.name for camera in self.cameras])
         expected.not_negative("smallest_angle", np.atleast_1d(self.smallest_angle))
         expected.names("points", self.points)
+        expected.instance("images", self.images, Images)
+        expected.default(self, "trajectory", lambda: _no_poses(self.images))
         for name, kind in _PARTS.items():
             expected.instance(name, getattr(self, name), kind)
         expected.different("images.names", self.images.names)
@@ -305,6 +309,17 @@ class Block:
     def rays(self) -> Index:
         """Number of measurements of every point, shape (n_points,)."""
         return np.bincount(self.image_points.point_idx, minlength=len(self.points))
+
+
+def _no_poses(images: Images) -> Trajectory:
+    """Return a trajectory of which nothing is known, its exposures named by their first images."""
+    number, first = np.unique(images.exposure_idx, return_index=True)
+    names = [f"exposure {k}" for k in range(int(number.max(initial=-1)) + 1)]
+    for k, image in zip(number.tolist(), first.tolist(), strict=True):
+        names[k] = images.names[image]
+    n = len(names)
+    unknown = Pose(R=np.tile(np.eye(3), (n, 1, 1)), r=np.full((n, 3), np.nan))
+    return Trajectory(exposures=tuple(names), T_m_b=unknown)
 
 
 def block_row(block: Block) -> dict[str, int]:

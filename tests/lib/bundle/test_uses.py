@@ -9,6 +9,8 @@ from numpy.testing import assert_allclose
 from acx4lib.bundle import uses
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.observations import PoseObservations
+from acx4lib.errors import AdjustmentError
+from acx4lib.flight.block import NO_POINTS
 from acx4lib.geometry.frames import Pose, log
 from acx4lib.results import rows
 from support import blocks
@@ -97,3 +99,35 @@ def test_poses_that_cannot_be_held_are_named(exact_block, names, n, says):
     net = uses.mounted_orientation(exact_block, free=FREE)
     with pytest.raises(ValueError, match=says):
         uses.with_held_poses(net, names, exact_block.trajectory.T_m_b[:n])
+
+
+def test_a_block_without_a_trajectory_begins_with_resections():
+    block = blocks.noisy(blocks.standard(check=None), np.random.default_rng(3))
+    alone = replace(block, trajectory=None)
+    assert alone.trajectory.exposures == block.images.names
+    fit, same = (adjust(uses.free_orientation(one, free=("f",))) for one in (alone, block))
+    assert_allclose(fit.cameras[0].interior.f, same.cameras[0].interior.f, atol=1e-8)
+    with pytest.raises(AdjustmentError, match="has no image with"):
+        uses.free_orientation(replace(alone, control=NO_POINTS), free=("f",))
+
+
+def test_held_images_keep_the_poses_of_the_trajectory():
+    block = blocks.standard(check=None)
+    names = block.images.names[:2]
+    network = uses.free_orientation(replace(block, control=NO_POINTS), free=("f",), held=names)
+    fit = adjust(network)
+    T = cameras_of(block)
+    assert_allclose(fit.T_m_c.r[:2], T.r[:2], atol=0)
+    assert_allclose(fit.T_m_c.r, T.r, atol=1e-5)  # exact measurements
+    with pytest.raises(ValueError, match="held"):
+        uses.free_orientation(block, free=("f",), held=("nobody",))
+
+
+def test_no_point_is_left_out_at_an_angle_of_zero():
+    block = blocks.standard(check=None)
+    counts = [
+        uses.free_orientation(block, free=("f",), smallest_angle=angle).left_out
+        for angle in (0.0, np.radians(60.0))
+    ]
+    assert counts[0] == {}
+    assert "whose rays meet at less than 60 degrees" in counts[1]
