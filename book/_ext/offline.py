@@ -21,6 +21,9 @@ ICON = re.compile(
 )
 """An icon in the script that draws them: name, size, other names, sign, outlines."""
 
+STYLED = re.compile(r'((?:\.fa-[a-z0-9-]+:before,?)+)\{content:"[^"]*"\}')
+"""The sign of an icon in the theme's style sheet."""
+
 SHOWN = re.compile(r"\bfa-([a-z0-9-]+)")
 
 
@@ -68,7 +71,12 @@ def _prune_icons(html: Path, script: Path) -> None:
     def used(icon: re.Match[str]) -> str:
         return icon[0] if named & {icon[1], *re.findall(r"[a-z][\w-]*", icon[2])} else ""
 
+    def styled(rule: re.Match[str]) -> str:
+        return rule[0] if named & {*SHOWN.findall(rule[1])} else ""
+
     script.write_text(ICON.sub(used, script.read_text("utf-8")), encoding="utf-8")
+    for sheet in (html / "_static" / "styles").glob("*.css"):
+        sheet.write_text(STYLED.sub(styled, sheet.read_text("utf-8")), encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -65,8 +65,8 @@ INTRODUCES = "introduces"
 UNDATED = 315_532_800
 """First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
 
-REPORT = Path("downloads", "report.html")
-"""The report, among what is copied into the built book as it is."""
+REPORT, SLIDES = Path("downloads", "report.html"), Path("downloads", "slides.html")
+"""Report and slides, among what is copied into the built book as it is."""
 
 OF_RESULTS = ("06-errata",)
 """Notebooks that show a run's results and are not run by ``acx4 run``."""
@@ -134,6 +134,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         *_texts_of_benchmarks(timed, errors),
         *_texts_of_examples(book),
         *lab_tables.texts(),
+        *slides.texts(),
         *_texts_of_back_matter(),
     ):
         whole_files.write(generated / name, text)
@@ -143,7 +144,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     whole_files.write(generated / "made_from.json", json.dumps(told, indent=1))
     frames.draw(generated)
     drawn = [*figure_pack.figures(executed)]
-    whole_files.write(generated / "slides.html", slides.page(drawn))
+    whole_files.write(generated / SLIDES, slides.page(drawn))
     whole_files.write(generated / "figures.zip", figure_pack.archive(drawn))
     release.write(generated / release.FOLDER)
     page.write(results_path, generated / REPORT)

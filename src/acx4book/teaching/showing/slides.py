@@ -1,16 +1,22 @@
-"""One lecture as a page of its own: a slide is a title, some sentences, a figure of the book."""
+"""The slides as a page of its own: a slide is a title, some sentences, a figure of the book."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from urllib.parse import quote
 
 from acx4book.teaching.showing.figure_pack import Figure
 
 MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
+SAFE = " =:/;,.()-'+!*$@?[]"
+"""Signs of a drawing that may stand in an address as they are."""
+
+ADDRESS = "../downloads/slides.html"
+"""Of the slides, from the pages of the teaching kit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,122 +38,198 @@ class Slide:
     figure: str = ""
 
 
-LECTURE = (
-    Slide(
-        title="From pixels to the ground without control points",
-        says=(
-            "Four cameras on one aircraft make one image.",
-            "GNSS and INS say where the IMU is, and how it is turned.",
-            "What else must be known, so that a pixel is a place?",
+BLOCKS: tuple[tuple[Slide, ...], ...] = (
+    (
+        Slide(
+            title="From pixels to the ground without control points",
+            says=(
+                "Four cameras on one aircraft make one image.",
+                "GNSS and INS say where the IMU is, and how it is turned.",
+                "What else must be known, so that a pixel is a place?",
+            ),
+            chapter="00-flight",
+            figure="fig-system",
         ),
-        chapter="00-flight",
-        figure="fig-system",
-    ),
-    Slide(
-        title="A pixel is a direction",
-        says=(
-            "Similar triangles: image over focal length is ground over height.",
-            "The focal length and the flying height only occur together.",
+        Slide(
+            title="A pixel is a direction",
+            says=(
+                "Similar triangles: image over focal length is ground over height.",
+                "The focal length and the flying height only occur together.",
+            ),
+            chapter="foundations/1-image",
+            figure="fig-image-ray",
         ),
-        chapter="foundations/1-image",
-        figure="fig-image-ray",
-    ),
-    Slide(
-        title="Where does a pixel begin?",
-        says=("Two programs, two origins: half a pixel.", "It is a shift, and calibrates away."),
-        chapter="foundations/1-image",
-        figure="fig-image-pixels",
-    ),
-    Slide(
-        title="A rotation has axes",
-        says=(
-            "ω, φ, κ count from the axes of the map.",
-            "Roll, pitch and heading count from the horizon and from true north.",
+        Slide(
+            title="Where does a pixel begin?",
+            says=(
+                "Two programs, two origins: half a pixel.",
+                "It is a shift, and calibrates away.",
+            ),
+            chapter="foundations/1-image",
+            figure="fig-image-pixels",
         ),
-        chapter="foundations/2-rotations",
-        figure="fig-rotation-axes",
-    ),
-    Slide(
-        title="Most errors are a sign or an axis",
-        says=("Guess first: what does each do to the point on the ground?",),
-        chapter="foundations/2-rotations",
-        figure="fig-rotation-mistakes",
-    ),
-    Slide(
-        title="Equation (14): three vectors",
-        says=(
-            "From the origin to the IMU: GNSS.",
-            "From the IMU to the camera: the lever arm, turned by the attitude.",
-            "From the camera to the ground: the ray, turned by the boresight, too.",
+        Slide(
+            title="A rotation has axes",
+            says=(
+                "ω, φ, κ count from the axes of the map.",
+                "Roll, pitch and heading count from the horizon and from true north.",
+            ),
+            chapter="foundations/2-rotations",
+            figure="fig-rotation-axes",
         ),
-        chapter="foundations/7-direct-georeferencing",
-        figure="fig-vector-sum",
-    ),
-    Slide(
-        title="What one standard deviation moves",
-        says=("Each observation leaves another pattern on the ground.",),
-        chapter="foundations/7-direct-georeferencing",
-        figure="fig-ground-errors",
-    ),
-    Slide(
-        title="Opposite strips, two heights",
-        says=(
-            "A lever arm turns with the aircraft, a shift of GNSS does not.",
-            "A boresight grows with the height, a lever arm does not.",
+        Slide(
+            title="Collinearity",
+            says=(
+                "Point, perspective centre and image point lie on one line.",
+                "Two equations for each image point; three unknowns for each point on the ground.",
+                "So a point needs two images.",
+            ),
         ),
-        chapter="foundations/7-direct-georeferencing",
-        figure="fig-three-flights",
+        Slide(
+            title="Most errors are a sign or an axis",
+            says=("Guess first: what does each do to the point on the ground?",),
+            chapter="foundations/2-rotations",
+            figure="fig-rotation-mistakes",
+        ),
     ),
-    Slide(
-        title="What an image cannot tell",
-        says=("A change of the interior orientation hides behind a change of the pose.",),
-        chapter="foundations/6-bundle",
-        figure="fig-what-is-left",
+    (
+        Slide(
+            title="A standard deviation is a promise",
+            says=(
+                "Of a hundred errors, some 68 are smaller than σ, and 95 smaller than 2 σ.",
+                "It can be tested: errors over σ have an RMS of one.",
+            ),
+        ),
+        Slide(
+            title="A residual is not an error",
+            says=(
+                "A residual shows the share r of an error, the redundancy number.",
+                "With r near zero an error hides: all unknowns give way to it.",
+            ),
+            chapter="foundations/5-least-squares",
+            figure="fig-redundancy-numbers",
+        ),
+        Slide(
+            title="What one standard deviation moves",
+            says=("Each observation leaves another pattern on the ground.",),
+            chapter="foundations/7-direct-georeferencing",
+            figure="fig-ground-errors",
+        ),
     ),
-    Slide(
-        title="Designs",
-        says=("Four flights with as many images. Which would you fly?",),
-        chapter="foundations/9-block-design",
-        figure="fig-plans",
+    (
+        Slide(
+            title="Many images, one adjustment",
+            says=(
+                "Unknown: every pose, every point, one camera.",
+                "Points are eliminated first, then thousands of unknowns are hundreds.",
+            ),
+        ),
+        Slide(
+            title="The lens is estimated, too",
+            says=(
+                "Coefficients are correlated. The curve is what counts.",
+                "Change f, and a part of the curve goes with it.",
+            ),
+            chapter="foundations/4-distortion",
+            figure="fig-distortion-curves",
+        ),
+        Slide(
+            title="What an image cannot tell",
+            says=(
+                "A change of the interior orientation hides behind a change of the pose.",
+                "A longer focal length and a higher camera make the same image of flat ground.",
+                "Two heights, relief and control points tell them apart.",
+            ),
+        ),
     ),
-    Slide(
-        title="Two heights are worth their price",
-        says=("The larger their ratio, the better f and the lever arm are told apart.",),
-        chapter="foundations/9-block-design",
-        figure="fig-ratio",
+    (
+        Slide(
+            title="Equation (14): three vectors",
+            says=(
+                "From the origin to the IMU: GNSS.",
+                "From the IMU to the camera: the lever arm, turned by the attitude.",
+                "From the camera to the ground: the ray, turned by the boresight, too.",
+            ),
+            chapter="foundations/7-direct-georeferencing",
+            figure="fig-vector-sum",
+        ),
+        Slide(
+            title="Opposite strips, two heights",
+            says=(
+                "A lever arm turns with the aircraft, a shift of GNSS does not.",
+                "A boresight grows with the height, a lever arm does not.",
+            ),
+            chapter="foundations/7-direct-georeferencing",
+            figure="fig-three-flights",
+        ),
+        Slide(
+            title="Designs",
+            says=("Four flights with as many images. Which would you fly?",),
+            chapter="foundations/9-block-design",
+            figure="fig-plans",
+        ),
+        Slide(
+            title="Two heights are worth their price",
+            says=("The larger their ratio, the better f and the lever arm are told apart.",),
+            chapter="foundations/9-block-design",
+            figure="fig-ratio",
+        ),
+        Slide(
+            title="Frames: the map is not the ground",
+            says=("The map has another scale than the ground, and its north is not true north.",),
+            chapter="foundations/8-frames",
+            figure="fig-projection",
+        ),
     ),
-    Slide(
-        title="Frames: the map is not the ground",
-        says=("The map has another scale than the ground, and its north is not true north.",),
-        chapter="foundations/8-frames",
-        figure="fig-projection",
-    ),
-    Slide(
-        title="The paper's block",
-        says=("Calibrate on one flight; prove on another.",),
-        chapter="00-flight",
-        figure="fig-blocks",
-    ),
-    Slide(
-        title="A proof needs points that nobody used",
-        says=("Bias: a t-test. Scatter: a χ² test. Both on points, not on pairs of images.",),
-        chapter="04-validation",
-        figure="fig-differences",
-    ),
-    Slide(
-        title="One step forgotten at a time",
-        says=("Each has its own size. Most are found by an independent block.",),
-        chapter="04-validation",
-        figure="fig-mistakes",
-    ),
-    Slide(
-        title="Your turn",
-        says=(
-            "Lab 1: pixels, directions and scale. Lab 2: the attitude of one exposure.",
-            "Every student has another flight. Talk about the way, not about the numbers.",
+    (
+        Slide(
+            title="Four heads, one image",
+            says=("Calibrate each head, then orient them to each other by tie points.",),
+            chapter="02-synthetic-image",
+            figure="fig-footprints",
+        ),
+        Slide(
+            title="Two methods, one lever arm",
+            says=(
+                "The two-step method holds the lever arm; f and the principal point take it up.",
+                "Their difference between the methods gives the lever arm back.",
+            ),
+            chapter="03-mounting-calibration",
+            figure="fig-lever-arm",
+        ),
+        Slide(
+            title="A proof needs points that nobody used",
+            says=("Bias: a t-test. Scatter: a χ² test. Both on points, not on pairs of images.",),
+            chapter="04-validation",
+            figure="fig-differences",
+        ),
+        Slide(
+            title="One step forgotten at a time",
+            says=("Each has its own size. Most are found by an independent block.",),
+            chapter="04-validation",
+            figure="fig-mistakes",
+        ),
+        Slide(
+            title="Your turn",
+            says=("Every student has another flight. Talk about the way, not about the numbers.",),
         ),
     ),
 )
+"""The slides of each of the five blocks of a course; all of them are one lecture."""
+
+LECTURE = tuple(slide for block in BLOCKS for slide in block)
+
+
+def texts() -> Iterator[tuple[str, str]]:
+    """Yield names and texts: the slides of every block as links, in HTML, which no term links."""
+    first = 1
+    for number, block in enumerate(BLOCKS, 1):
+        links = [
+            f'<a href="{ADDRESS}#{first + k}">{escape(slide.title)}</a>'
+            for k, slide in enumerate(block)
+        ]
+        yield f"block-{number}-slides.md", f"<p><b>Slides.</b> {'; '.join(links)}.</p>\n"
+        first += len(block)
 
 
 def page(found: Sequence[Figure], slides: Sequence[Slide] = LECTURE) -> str:
@@ -172,5 +254,12 @@ def _section(slide: Slide, figure: Figure | None) -> str:
 
 
 def _picture(figure: Figure) -> str:
-    data = base64.b64encode(figure.content).decode("ascii")
-    return f'<img alt="{escape(figure.alt)}" src="data:{MEDIA[figure.kind]};base64,{data}">'
+    return f'<img alt="{escape(figure.alt)}" src="data:{_data(figure)}">'
+
+
+def _data(figure: Figure) -> str:
+    """Return a picture as part of an address: a drawing as text, which is shorter."""
+    if figure.kind == "svg" and b"'" not in figure.content:
+        text = figure.content.decode().replace('"', "'")
+        return f"{MEDIA['svg']},{quote(text, safe=SAFE)}"
+    return f"{MEDIA[figure.kind]};base64,{base64.b64encode(figure.content).decode('ascii')}"
