@@ -176,6 +176,7 @@ def test_kept_code_is_loaded_with_its_module_and_damaged_code_at_the_first_call(
         assert run() == (["1", "6.0"], "")
 
 
+@pytest.mark.repeats
 def test_code_kept_for_another_processor_is_not_loaded(tmp_path):
     script = (
         "from acx4lib.bundle.compiled import packing; import numpy as np; "

@@ -16,6 +16,8 @@ from acx4lib.geometry.frames import exp, log
 from benchmarks import harness
 from benchmarks.adjusting import adjustment, bench_blocks, ceres_solver, problem_file
 
+pytestmark = [pytest.mark.slow, pytest.mark.repeats]
+
 SMALL = bench_blocks.Design(layout="52", ties=60)
 
 

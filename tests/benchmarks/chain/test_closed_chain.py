@@ -12,7 +12,7 @@ from acx4sim import Options, optics
 from benchmarks.chain import closed_chain, find_head_truth
 from support.flights import simulated
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.repeats]
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,8 @@ from acx4lib.geometry.camera import inside
 from benchmarks.adjusting import bench_blocks
 from benchmarks.commands import large_flight
 
+pytestmark = [pytest.mark.slow, pytest.mark.repeats]
+
 
 @pytest.fixture(scope="module")
 def made():

@@ -8,6 +8,8 @@ import pytest
 from benchmarks import harness
 from benchmarks.commands import whole
 
+pytestmark = [pytest.mark.slow, pytest.mark.repeats]
+
 FLIGHT, MADE = Path("flight"), Path("made")
 
 

@@ -4,6 +4,8 @@ import pytest
 
 from benchmarks.rendering import matching
 
+pytestmark = [pytest.mark.slow, pytest.mark.repeats]
+
 
 @pytest.fixture(scope="module")
 def rows():

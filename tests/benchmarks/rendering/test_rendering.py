@@ -25,6 +25,8 @@ from benchmarks.rendering.scene import (
 )
 from support.pictures import exact_rendering, taken
 
+pytestmark = [pytest.mark.slow, pytest.mark.repeats]
+
 K = 16
 
 

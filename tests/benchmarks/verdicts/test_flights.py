@@ -169,6 +169,7 @@ def test_no_seed_is_flown_for_two_purposes():
     assert len(seeds) == len(set(seeds))
 
 
+@pytest.mark.repeats
 @pytest.mark.slow
 def test_a_flight_that_has_a_row_is_not_flown_again(tmp_path):
     orders = flights.of_kind("clean", "no-control", "", 0.0, 2)

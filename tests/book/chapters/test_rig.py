@@ -224,6 +224,7 @@ def as_they_are(camera, truth):
     )
 
 
+@pytest.mark.repeats
 @pytest.mark.slow
 def test_misfits_and_deformations_are_as_large_as_predicted():
     """Some ten ways to deform an image matter, in ten flights: squares are known to 14 %."""

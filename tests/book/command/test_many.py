@@ -131,6 +131,7 @@ def test_the_page_s_code_reads_the_tables(acx4, tmp_path, monkeypatch, capsys):
     assert focal.to_numpy() == pytest.approx(truth["cameras"]["CAM"]["f_mm"], abs=0.008)  # 5 sigma
 
 
+@pytest.mark.repeats
 @pytest.mark.slow
 def test_notebooks_are_run_where_they_are_asked_for(acx4, flights, tmp_path):
     for name in runner.NOTEBOOKS.values():

@@ -119,6 +119,7 @@ def test_one_hour_at_one_height_says_what_will_be_known(acx4, hour, tmp_path):
     assert float(rows[-1]["minutes"]) <= 60
 
 
+@pytest.mark.repeats
 def test_a_second_height_reaches_the_target_and_says_what_each_strip_buys(acx4, hour):
     plan, target = hour
     words = target.read_text("utf-8").replace("flying_height_m = 1400", "flying_height_m = [800]")

@@ -272,6 +272,7 @@ def test_two_processes_render_the_same_bytes(rendered, made, tmp_path):
     assert {name for name, done, total in told if done == total} == {"E0", "E1"}
 
 
+@pytest.mark.repeats
 @pytest.mark.slow
 def test_a_cluster_of_two_workers_renders_the_same_bytes(rendered, made, tmp_path):
     folder, _ = rendered()

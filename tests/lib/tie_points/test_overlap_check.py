@@ -51,6 +51,7 @@ def test_a_turned_head_is_named(images, k):
     ]
 
 
+@pytest.mark.repeats
 def test_two_turned_heads_are_both_named(images):
     found = check(replaced(images, head_0=turned(images[0]), head_1=turned(images[1])))
     assert [sentence[:5] for sentence in found] == ["CAM1:", "CAM2:"]
@@ -64,6 +65,7 @@ def test_a_picture_of_another_exposure_is_named(images, others, k):
     ]
 
 
+@pytest.mark.repeats
 def test_two_and_two_exposures_are_named_as_pairs(images, others):
     found = check([*images[:2], *others[2:]])
     assert [sentence.split(":")[0] for sentence in found] == ["CAM1 and CAM4", "CAM2 and CAM3"]
@@ -78,6 +80,7 @@ def test_exchanged_pictures_are_named(images, a, b):
     ]
 
 
+@pytest.mark.repeats
 def test_pictures_that_changed_places_in_a_ring_are_named(images):
     assert check([images[1], images[2], images[0], images[3]]) == [
         "CAM1: its picture is that of CAM2, in whose place it fits",

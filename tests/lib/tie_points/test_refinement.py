@@ -268,6 +268,7 @@ def test_rotations_reach_a_hundredth_of_a_pixel_where_the_mean_shift_leaves_thre
     assert np.all(found["six"].frame_largest_px > found["rotations"].frame_largest_px)
 
 
+@pytest.mark.repeats
 def test_ties_do_not_repair_the_frame_of_wrong_interior_orientations(noisy, exact):
     """Table 1's sigma as errors: heads fit to 0.2 px, six unknowns to less, the frame to one."""
     rng = np.random.default_rng(8)
