@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -96,11 +96,12 @@ def measure_flight(
     with own_folder.claim(folder, command=COMMAND, away_from=[Path(path)]) as own:
         matching = Matching(own=own, executor=executor)
         flights.copied(unmeasured, own)
-        out = []
+        out: list[Outcome] = []
         for name in unmeasured.flight.blocks:
             rows = flights.given(unmeasured.tables[name], unmeasured.flight.apriori.image_point_px)
             if any(unmeasured.flight.image_files[name]):
-                one = _measured(unmeasured, name, rows, options, matching, tell)
+                alike = _measured_before(unmeasured, name, out) if not rows else None
+                one = alike or _measured(unmeasured, name, rows, options, matching, tell)
                 rows = [*rows, *one.surveyed.rows]
                 names = {row.point for row in rows} | {
                     *unmeasured.tables[name].control.text["point"]
@@ -112,6 +113,26 @@ def measure_flight(
         flights.finished(unmeasured, own)
     read(folder)
     return out
+
+
+def _measured_before(
+    unmeasured: Unmeasured, name: str, before: Sequence[Outcome]
+) -> Outcome | None:
+    """Return what another block gave that has the same pictures, trajectory and control."""
+    own, flight = unmeasured.tables[name], unmeasured.flight
+    for one in before:
+        other = unmeasured.tables[one.block]
+        files = [[path and path.name for path in flight.image_files[k]] for k in (name, one.block)]
+        same = (
+            own.images.text == other.images.text,
+            own.trajectory.text == other.trajectory.text,
+            own.control.text == other.control.text,
+            files[0] == files[1],
+            not len(other.image_points),
+        )
+        if all(same):
+            return replace(one, block=name)
+    return None
 
 
 def _measured(

@@ -17,8 +17,9 @@ flight, or copied to another disk. Of several heads, `acx4 run --stages syntheti
 in the pictures, and `acx4 render --blend stack` lays their bands over each other.
 
 \b
-Example:
+Examples:
   acx4 import pictures my_pictures --out my_flight
+  acx4 import pictures my_pictures --hold-out 2 --out my_flight
 """
 
 
@@ -35,9 +36,20 @@ def pictures(
         ),
     ] = None,
     allow: bring.Allow = 2.0,
+    hold_out: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=2,
+            show_default=False,
+            help="Every N exposures one is held out as block validation; the others are heads and "
+            "calibration.",
+        ),
+    ] = None,
 ) -> None:
     """Make a flight of a folder of pictures."""
     from acx4tools.exchange.pictures import folder  # noqa: PLC0415 quick help
 
     crs, _ = bring.system_of(out, crs, "")
-    bring.place(folder.bring(source, crs=crs, pixel_um=pixel_um, allow=allow), out)
+    brought = folder.bring(source, crs=crs, pixel_um=pixel_um, allow=allow, hold_out=hold_out)
+    bring.place(brought, out)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -22,7 +22,9 @@ from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 from acx4tools.exchange.flight_folder import Brought, number_of
 from acx4tools.exchange.lens import FLIP, WARNED_PX, WORST_PX, too_far
+from acx4tools.exchange.pictures import marks
 from acx4tools.exchange.pictures.lens import Lens, lens_of
+from acx4tools.exchange.pictures.marks import Mark
 from acx4tools.exchange.pictures.tags import Tags, rational, read
 from acx4tools.exchange.safe.opened import refusal
 
@@ -39,11 +41,12 @@ _LEVEL = (10.0, 30.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Taken:
-    """One picture: its metadata, its head, its file below the flight's block."""
+    """One picture: its metadata, its head, its file below the flight's block, its mark if any."""
 
     tags: Tags
     head: Head
     file: str
+    mark: Mark | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +58,12 @@ class Shot:
 
 
 def bring(
-    source: Path, *, crs: str = "", pixel_um: float | None = None, allow: float = WORST_PX
+    source: Path,
+    *,
+    crs: str = "",
+    pixel_um: float | None = None,
+    allow: float = WORST_PX,
+    hold_out: int | None = None,
 ) -> Brought:
     """Return the flight that the metadata of a folder's pictures describe.
 
@@ -69,11 +77,14 @@ def bring(
         Size of a pixel, for pictures that do not say it.
     allow : float
         Largest difference of a refitted lens, px.
+    hold_out : int, optional
+        Every so many exposures one is held out, as block ``validation``.
 
     Returns
     -------
     Brought
-        A block ``heads`` of several cameras, a block ``calibration`` of one.
+        A block ``heads`` of several cameras, a block ``calibration`` of one. Where exposures are
+        held out, the others of several cameras are the block ``calibration``, too.
 
     Raises
     ------
@@ -81,6 +92,7 @@ def bring(
         With a line for every picture that cannot be read, or where a number in it is none.
     """
     taken, others = _alike(_read_all(source))
+    taken, sums = _marked(taken)
     shots, without = _placed(_shots(taken))
     heads = in_order(list({one.head.name: one.head for s in shots for one in s.taken}.values()))
     first = {one.head.name: one.tags for shot in reversed(shots) for one in shot.taken}
@@ -89,25 +101,91 @@ def bring(
     for name, lens in lenses.items():
         if (fault := too_far(lens.fitted, allow)) is not None:
             raise first[name].wrong("lens", f"{name}: {fault[0]}", fault[1])
-    block = "heads" if len(heads) > 1 else "calibration"
+    blocks = _blocks(shots, len(heads) > 1, hold_out)
     return Brought(
         source=f"pictures of {_maker(taken)}",
-        sha256={one.file: one.tags.sha256 for one in taken},
-        settings=_settings(source, shots, heads, lenses, crs),
+        sha256={**{one.file: one.tags.sha256 for one in taken}, **sums},
+        settings={
+            **_settings(source, shots, heads, lenses, crs, in_heads=hold_out is not None),
+            **_held(shots, heads, hold_out),
+        },
         tables={
             "control_points.csv": {n: [] for n in ("point", "east_m", "north_m", "height_m")},
-            **{f"{block}/{name}": table for name, table in _tables(shots).items()},
+            **{
+                f"{block}/{name}": table
+                for block, own in blocks.items()
+                for name, table in _tables(own).items()
+            },
         },
-        pictures={f"{block}/{one.file}": one.tags.path for shot in shots for one in shot.taken},
-        warnings=tuple(
-            f"the lens of {name} differs from that of its metadata by {lens.fitted}"
-            for name, lens in lenses.items()
-            if lens.fitted.largest_px > WARNED_PX
+        pictures={
+            f"{block}/{one.file}": one.tags.path
+            for block, own in blocks.items()
+            for shot in own
+            for one in shot.taken
+        },
+        warnings=(
+            *(marks.warnings_of(_marks(shots))),
+            *_cut(taken),
+            *_turned(shots),
+            *(
+                f"the lens of {name} differs from that of its metadata by {lens.fitted}"
+                for name, lens in lenses.items()
+                if lens.fitted.largest_px > WARNED_PX
+            ),
         ),
-        assumed=tuple(_assumed(shots, heads)),
+        assumed=(*_assumed(shots, heads), *_on_held(shots, heads, hold_out)),
         found=tuple(_found(shots, heads, lenses, first)),
         left_out=(*others, *without),
     )
+
+
+# --- which exposures judge ---------------------------------------------------------------------
+
+NAVIGATION_M = 0.5
+"""Positions of a larger sigma determine neither lenses nor lever arms."""
+
+
+def _blocks(shots: Sequence[Shot], is_rig: bool, hold_out: int | None) -> dict[str, Sequence[Shot]]:
+    """Return the exposures of every block."""
+    if hold_out is None:
+        return {"heads" if is_rig else "calibration": shots}
+    held = shots[hold_out - 1 :: hold_out]
+    if not held or len(held) == len(shots):
+        path = shots[0].taken[0].tags.path.parent
+        found = f"{hold_out} of {number_of(len(shots), 'exposures')}"
+        raise refusal(str(path), 1, "--hold-out", found, "must leave exposures on either side")
+    kept = [shot for k, shot in enumerate(shots, start=1) if k % hold_out]
+    heads = {"heads": kept} if is_rig else {}
+    return {**heads, "calibration": kept, "validation": held}
+
+
+def _held(shots: Sequence[Shot], heads: Sequence[Head], hold_out: int | None) -> dict[str, Any]:
+    """Return what the mounting stage estimates where a navigation receiver gives positions."""
+    if hold_out is None or len(heads) < 2 or not _is_navigation(shots):
+        return {}
+    return {"stages": {"mounting": {"estimate": [], "fix": ["lever_arm"]}}}
+
+
+def _is_navigation(shots: Sequence[Shot]) -> bool:
+    return float(np.median([_sigma(shot) for shot in shots])) > NAVIGATION_M
+
+
+def _on_held(shots: Sequence[Shot], heads: Sequence[Head], hold_out: int | None) -> Iterator[str]:
+    """Yield what is held out, and what is held."""
+    if hold_out is None:
+        return
+    n = len(shots[hold_out - 1 :: hold_out])
+    yield (
+        f"{number_of(n, 'exposures')}, one in {hold_out} in the order of time, make block "
+        "validation: they are held out"
+    )
+    if _held(shots, heads, hold_out):
+        sigma = float(np.median([_sigma(shot) for shot in shots]))
+        yield (
+            f"positions of {sigma:.1f} m (median sigma) determine neither the lens of the "
+            "synthetic image nor its lever arm: stage mounting holds them, and estimates the "
+            "boresight"
+        )
 
 
 # --- which pictures --------------------------------------------------------------------------
@@ -133,6 +211,59 @@ def _read_all(source: Path) -> list[Taken]:
     if problems:
         raise FlightError(problems)
     return taken
+
+
+def _marked(taken: Sequence[Taken]) -> tuple[list[Taken], dict[str, str]]:
+    """Return the pictures with the marks of files beside them, and the checksums of these."""
+    folders = {one.tags.path.parent for one in taken}
+    found = {folder: marks.marks_of(folder) for folder in sorted(folders)}
+    sums = {name: value for _, own in found.values() for name, value in own.items()}
+    numbers = [marks.number_in(name_of(one.tags)) for one in taken]
+    return [
+        replace(one, mark=None if k is None else found[one.tags.path.parent][0].get(k))
+        for one, k in zip(taken, numbers, strict=True)
+    ], sums
+
+
+def _marks(shots: Sequence[Shot]) -> list[Mark]:
+    return [mark for shot in shots if (mark := shot.taken[0].mark) is not None]
+
+
+def _cut(taken: Sequence[Taken]) -> Iterator[str]:
+    """Yield a warning where EXIF says that pictures were larger when they were taken."""
+    pairs = Counter(
+        (one.tags.width_px, one.tags.height_px, width, height)
+        for one in taken
+        if (width := one.tags.number("PixelXDimension"))
+        and (height := one.tags.number("PixelYDimension"))
+        and {width, height} != {one.tags.width_px, one.tags.height_px}
+    )
+    for (width, height, before_w, before_h), n in pairs.items():
+        yield (
+            f"{number_of(n, 'pictures')} of {width} x {height} px, and {before_w:g} x "
+            f"{before_h:g} px by their EXIF: cropped or reduced since, so that the lens of the "
+            "metadata is not theirs"
+        )
+
+
+def _turned(shots: Sequence[Shot]) -> Iterator[str]:
+    """Yield a warning where gimbal and aircraft of one exposure look in different directions."""
+    both = [
+        (float(gimbal), float(aircraft))
+        for shot in shots
+        if (gimbal := shot.taken[0].tags.number(GIMBAL[2])) is not None
+        and (aircraft := shot.taken[0].tags.number(FLIGHT_YAW)) is not None
+    ]
+    if not both:
+        return
+    gimbal, aircraft = np.array(both).T
+    apart = np.abs((gimbal - aircraft + 180.0) % 360.0 - 180.0)
+    if n := int((apart > ANOTHER_COURSE_DEG).sum()):
+        yield (
+            f"at {n} of {number_of(len(both), 'exposures')} the yaw of the gimbal and that of the "
+            f"aircraft differ by {np.median(apart[apart > ANOTHER_COURSE_DEG]):.0f}° (median): "
+            "the gimbal's is taken, and acx4 measure says whether the pictures agree"
+        )
 
 
 def _alike(taken: Sequence[Taken]) -> tuple[list[Taken], list[str]]:
@@ -184,7 +315,7 @@ def _when(tags: Tags) -> float:
 
 def _placed(shots: Sequence[Shot]) -> tuple[list[Shot], list[str]]:
     """Return the exposures that have a position, and what is said of the others."""
-    known = [place_of(shot.taken[0].tags) is not None for shot in shots]
+    known = [_found_place(shot) is not None for shot in shots]
     placed = [shot for shot, there in zip(shots, known, strict=True) if there]
     if not placed:
         tags, expected = shots[0].taken[0].tags, "needed, and no other picture has a position"
@@ -212,6 +343,8 @@ def _settings(
     heads: Sequence[Head],
     lenses: Mapping[str, Lens],
     crs: str,
+    *,
+    in_heads: bool,
 ) -> dict[str, Any]:
     mounts = mountings(heads)
     cameras = {name: _camera(lens.camera, mounts[name]) for name, lens in lenses.items()}
@@ -230,6 +363,8 @@ def _settings(
         ideal = replace(first, name=SYNTHETIC, interior=Interior(f=first.interior.f))
         cameras[SYNTHETIC] = _camera(ideal, DOWN)
         out["synthetic"] = {"camera": SYNTHETIC, "heads": [head.name for head in heads]}
+        if in_heads:
+            out["synthetic"]["measured_in"] = "heads"
     return out
 
 
@@ -291,12 +426,21 @@ def _trajectory(shots: Sequence[Shot]) -> dict[str, list[Any]]:
 
 
 def _place(shot: Shot) -> tuple[float, float, float]:
-    found = place_of(shot.taken[0].tags)
-    return found or (np.nan, np.nan, np.nan)
+    return _found_place(shot) or (np.nan, np.nan, np.nan)
+
+
+def _found_place(shot: Shot) -> tuple[float, float, float] | None:
+    """Return latitude, longitude, height of an exposure: by its mark, else by its metadata."""
+    first = shot.taken[0]
+    if first.mark is not None:
+        return first.mark.lat_deg, first.mark.lon_deg, first.mark.height_m
+    return place_of(first.tags)
 
 
 def _sigma(shot: Shot) -> tuple[float, float, float]:
     """Return sigma of a position; of a navigation receiver where no picture says it."""
+    if (mark := shot.taken[0].mark) is not None and min(mark.sigma_m) > 0:
+        return mark.sigma_m
     known = (sigma_of(one.tags) for one in shot.taken)
     return next((sigma for sigma in known if sigma is not None), (3.0, 3.0, 6.0))
 
@@ -320,13 +464,76 @@ def _attitude(shot: Shot, heading: float) -> Attitude:
 def _assumed(shots: Sequence[Shot], heads: Sequence[Head]) -> list[str]:
     ways = dict.fromkeys(_attitude(shot, 0.0).said for shot in shots)
     said = [
-        "positions are EXIF's, in WGS 84; heights are taken as they are, above an unnamed surface",
+        *_whose_positions(shots),
         "times are EXIF's: UTC of MicaSense, the clock's zone of others",
         "the camera looks down, and the top of its image is ahead",
         f"attitudes: {'; '.join(ways)}",
         "pixels: (0, 0) is the centre of the first one; principal points count from there",
     ]
     return [*said, *([sentence(heads)] if len(heads) > 1 else [])]
+
+
+def _whose_positions(shots: Sequence[Shot]) -> Iterator[str]:
+    """Yield whose positions and heights these are."""
+    own = [shot for shot in shots if shot.taken[0].mark is None]
+    ellipsoidal = [shot for shot in own if _ellipsoidal(shot.taken[0].tags) is not None]
+    if ellipsoidal:
+        yield (
+            "positions are EXIF's, in WGS 84; heights are senseFly's above the ellipsoid, not "
+            "those above the sea that stand beside them"
+        )
+    elif own:
+        yield (
+            "positions are EXIF's, in WGS 84; heights are taken as they are, above an unnamed "
+            "surface"
+        )
+    if len(own) < len(shots):
+        yield marks.sentence(_marks(shots), _beside(shots))
+        if own:
+            names = _some([shot.name for shot in own])
+            yield f"{number_of(len(own), 'exposures')} without a mark have EXIF's heights: {names}"
+
+
+def _beside(shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+    """Return how far the positions of the pictures' own metadata lie from the marks, medians, m."""
+    both = [
+        (mark, place)
+        for shot in shots
+        if (mark := shot.taken[0].mark) is not None
+        and (place := place_of(shot.taken[0].tags)) is not None
+    ]
+    if not both:
+        return {}
+    metre = np.pi / 180 * marks.AXIS_M
+    d = [
+        (
+            metre * np.hypot(lat - m.lat_deg, (lon - m.lon_deg) * np.cos(np.radians(lat))),
+            height - m.height_m,
+        )
+        for m, (lat, lon, height) in both
+    ]
+    plane, height = np.median(np.array(d), axis=0)
+    return {"those of EXIF": (float(plane), float(height))}
+
+
+def _clock(shots: Sequence[Shot]) -> Iterator[str]:
+    """Yield by how much the clock of EXIF is off the time of the receiver, zones of it aside."""
+    off = []
+    for shot in shots:
+        tags = shot.taken[0].tags
+        time, parts = time_of(tags), tags.exif.get("GPSTimeStamp")
+        if time is None or not isinstance(parts, tuple):
+            continue
+        pairs = [parts[i : i + 2] for i in (0, 2, 4)] if len(parts) == 6 else list(parts)
+        hours, minutes, seconds = (rational(one) for one in pairs)
+        utc = 3600 * hours + 60 * minutes + seconds
+        day = time.hour * 3600 + time.minute * 60 + time.second + time.microsecond / 1e6
+        off.append((day - utc + ZONES_S / 2) % ZONES_S - ZONES_S / 2)
+    if off and np.isfinite(off).all() and abs(float(np.median(off))) > CLOCK_S:
+        yield (
+            f"the clock of EXIF is {np.median(off):+.0f} s off the receiver's time, whole zones "
+            "aside; times are the clock's"
+        )
 
 
 def _found(
@@ -346,7 +553,7 @@ def _found(
         f"{'; '.join(dict.fromkeys(lens.said for lens in lenses.values()))}",
         f"lenses rewritten with k1 to p2 of the flight leave {left}",
     ]
-    return [*said, *sentences([first[head.name] for head in heads])]
+    return [*said, *_clock(shots), *sentences([first[head.name] for head in heads])]
 
 
 # --- When, where and how a camera was held, from the metadata of one of its pictures
@@ -356,6 +563,12 @@ CAPTURE = ("MicaSense:CaptureId", "drone-dji:CaptureUUID", "Camera:CaptureUUID")
 GIMBAL = tuple(f"drone-dji:Gimbal{name}Degree" for name in ("Roll", "Pitch", "Yaw"))
 CAMERA = tuple(f"Camera:{name}" for name in ("Roll", "Pitch", "Yaw"))
 LIGHT = tuple(f"DLS:{name}" for name in ("Roll", "Pitch", "Yaw"))
+FLIGHT_YAW = "drone-dji:FlightYawDegree"
+SENSEFLY = ("senseFly:Roll", "senseFly:Pitch", "senseFly:Heading")
+ANOTHER_COURSE_DEG = 45.0
+ZONES_S, CLOCK_S = 900, 2.0
+"""Zones of time differ by quarters of an hour; a clock that is off by more is told."""
+
 RTK = tuple(f"drone-dji:RtkStd{name}" for name in ("Lon", "Lat", "Hgt"))
 ACCURACY = ("Camera:GPSXYAccuracy", "Camera:GPSZAccuracy")
 
@@ -429,7 +642,19 @@ def place_of(tags: Tags) -> tuple[float, float, float] | None:
     if not (abs(lat) <= 90 and abs(lon) <= 180):
         raise tags.wrong("GPSLatitude, GPSLongitude", f"{lat:g}, {lon:g}", "must be on Earth")
     below = str(tags.exif.get("GPSAltitudeRef", 0)) in ("1", "b'\\x01'", "3")
+    ellipsoidal = _ellipsoidal(tags)
+    if ellipsoidal is not None:
+        return lat, lon, ellipsoidal
     return lat, lon, -height if below else height
+
+
+def _ellipsoidal(tags: Tags) -> float | None:
+    """Return senseFly's height above the ellipsoid; None where there is none."""
+    for name in tags.xmp:
+        kind = name.lower()
+        if kind.startswith("sensefly:") and "alt" in kind and "wgs84" in kind:
+            return tags.number(name)
+    return None
 
 
 def _angle(tags: Tags, name: str) -> float | None:
@@ -467,6 +692,7 @@ def attitude_of(tags: Tags) -> Attitude | None:
     ways = (
         (GIMBAL, 1.0, 90.0, (0.5, 3.0), "the gimbal's angles; its pitch is -90° straight down"),
         (CAMERA, 1.0, 0.0, (3.0, 5.0), "the angles Camera:Roll, Pitch and Yaw in degrees"),
+        (_of_sensefly(tags), 1.0, 0.0, (3.0, 5.0), "senseFly's roll, pitch and heading in degrees"),
         (LIGHT, np.degrees(1.0), 0.0, (10.0, 10.0), "the light sensor's (DLS) angles in radians"),
     )
     for names, unit, level, (tilt, heading), said in ways:
@@ -482,6 +708,13 @@ def attitude_of(tags: Tags) -> Attitude | None:
                 said=said,
             )
     return None
+
+
+def _of_sensefly(tags: Tags) -> tuple[str, ...]:
+    """Return the names of senseFly's angles as a file writes them, whatever their capitals."""
+    there = {name.lower(): name for name in tags.xmp}
+    roll, pitch, heading = (there.get(name.lower(), name) for name in SENSEFLY)
+    return roll, pitch, there.get("sensefly:yaw", heading)
 
 
 def course(places: Sequence[tuple[float, float, float]]) -> list[float]:
@@ -590,6 +823,12 @@ def sentence(heads: Sequence[Head]) -> str:
     """Return what was assumed of the heads' rotations."""
     names = {head.index: head.name for head in heads}
     references = dict.fromkeys(h.reference for h in heads if h.reference is not None)
+    turned = [h for h in heads if h.relatives_deg]
+    if turned and not references:
+        return (
+            "RigRelatives a, b, c are degrees; Rx(a) Ry(b) Rz(c) turns a ray of a head into its "
+            f"reference, which no file names: {in_order(heads)[0].name}, the first; y down, z ahead"
+        )
     if not references:
         return "the heads look in one direction: the metadata have no RigRelatives"
     said = (

@@ -29,6 +29,7 @@ READ = frozenset(
         *("FocalPlaneXResolution", "FocalPlaneResolutionUnit"),
         *("GPSLatitude", "GPSLongitude", "GPSAltitude"),
         *("GPSLatitudeRef", "GPSLongitudeRef", "GPSAltitudeRef"),
+        *("GPSTimeStamp", "PixelXDimension", "PixelYDimension"),
     )
 )
 """Tags that are read: thousands of pictures have others as large as 60 kB each."""
@@ -238,6 +239,7 @@ LISTS = tuple(f"{RDF} {name}" for name in ("Seq", "Bag", "Alt"))
 FAMILIES = {
     "pix4d.com": "Camera",
     "sensefly.com/camera": "Camera",
+    "sensefly.com/sensefly": "senseFly",
     "micasense.com/micasense": "MicaSense",
     "micasense.com/dls": "DLS",
     "dji.com/drone-dji": "drone-dji",

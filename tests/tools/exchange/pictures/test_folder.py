@@ -12,6 +12,7 @@ from acx4tools.exchange import flight_folder
 from acx4tools.exchange.pictures import folder, lens
 from acx4tools.exchange.pictures.folder import bring
 from acx4tools.exchange.pictures.tags import read
+from acx4tools.measuring.flights import read_unmeasured
 from support.pictures import tagged
 
 ANGLES = ((0, 0, 0), (0.2, -0.3, 0.5))
@@ -248,3 +249,108 @@ def test_without_it_nothing_is_said(tmp_path):
     assert folder.vignetting(tags) is None
     assert folder.dark_level(tags) is None
     assert folder.sentences([tags]) == []
+
+
+# --- what other makers write
+
+
+def test_angles_without_a_reference_are_said_to_be_used(tmp_path):
+    """As Parrot's Sequoia has them: the first head is the reference."""
+    for k, angles in enumerate((None, *ANGLES[1:])):
+        said = tagged.micasense(k, relatives=angles)
+        said.pop("Camera:RigRelativesReferenceRigCameraIndex", None)
+        tagged.write(tmp_path / f"IMG_0007_{k + 1}.tif", said)
+    said = bring(tmp_path).assumed[-1]
+    assert said.startswith("RigRelatives a, b, c are degrees")
+    assert "which no file names: 1 Band0, the first" in said
+
+
+@pytest.mark.parametrize("attributes", [False, True])
+def test_sensefly_s_angles_and_its_height_above_the_ellipsoid(tmp_path, attributes):
+    said = {
+        "drone-dji:CalibratedFocalLength": 300,
+        "senseFly:Heading": 123.5,
+        "senseFly:Pitch": 4.5,
+        "senseFly:Roll": -2.5,
+        "senseFly:AltitudeWGS84": 171.25,
+        "senseFly:AltitudeAMSL": 120.0,
+    }
+    tagged.write(tmp_path / "IMG_0001.JPG", said, attributes=attributes)
+    brought = bring(tmp_path)
+    track = brought.tables["calibration/trajectory.csv"]
+    assert (track["roll_deg"], track["pitch_deg"], track["heading_deg"]) == ([-2.5], [4.5], [123.5])
+    assert track["height_m"] == [171.25]
+    assert any("senseFly's above the ellipsoid" in one for one in brought.assumed)
+
+
+def test_a_clock_that_is_off_the_receiver_s_time_is_told(tmp_path):
+    exif = tagged.metadata(time="2024:05:01 12:21:05")
+    exif.get_ifd(tagged.GPS)[7] = (10.0, 20.0, 30.0)  # two hours are a zone, 35 s are none
+    tagged.write(tmp_path / "IMG_0001.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
+    (said,) = (one for one in bring(tmp_path).found if "clock" in one)
+    assert said.startswith("the clock of EXIF is +35 s off the receiver's time")
+
+
+def test_a_cropped_picture_is_warned_of(tmp_path):
+    exif = tagged.metadata()
+    own = exif.get_ifd(tagged.EXIF)
+    own[40962], own[40963] = 4000, 3000
+    tagged.write(tmp_path / "IMG_0001.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
+    (said,) = bring(tmp_path).warnings
+    assert said.startswith("1 picture")
+    assert "320 x 240 px, and 4000 x 3000 px by their EXIF: cropped or reduced" in said
+
+
+def test_a_gimbal_that_is_turned_against_its_aircraft_is_told(tmp_path):
+    for k, yaw in enumerate((10.0, 190.0)):
+        said = {
+            "drone-dji:CalibratedFocalLength": 300,
+            "drone-dji:GimbalRollDegree": 0.0,
+            "drone-dji:GimbalPitchDegree": -90.0,
+            "drone-dji:GimbalYawDegree": yaw,
+            "drone-dji:FlightYawDegree": 12.0,
+        }
+        exif = tagged.metadata(lat=47.5 + 1e-4 * k, time=f"2024:05:01 10:20:3{k}")
+        tagged.write(tmp_path / f"DJI_000{k}.JPG", said, exif=exif)
+    brought = bring(tmp_path)
+    (said,) = brought.warnings
+    assert said.startswith("at 1 of 2 exposures the yaw of the gimbal and that of the aircraft")
+    assert brought.tables["calibration/trajectory.csv"]["heading_deg"] == [10.0, 190.0]
+
+
+# --- exposures that are held out
+
+
+def flown(path, *, heads=2, n=4):
+    for k in range(n):
+        exif = tagged.metadata(lat=47.5 + 1e-4 * k, time=f"2024:05:01 10:20:3{k}")
+        for head in range(heads):
+            said = tagged.micasense(head, relatives=ANGLES[head])
+            said["MicaSense:CaptureId"] = f"capture-{k}"
+            tagged.write(path / f"IMG_000{k}_{head + 1}.tif", said, exif=exif)
+    return path
+
+
+def test_every_second_exposure_of_heads_is_held_out(tmp_path):
+    brought = bring(flown(tmp_path / "p"), hold_out=2)
+    flight_folder.write(brought, tmp_path / "flight")
+    flight = read_unmeasured(tmp_path / "flight").flight
+    assert {name: block.trajectory.exposures for name, block in flight.blocks.items()} == {
+        "heads": ("IMG_0000", "IMG_0002"),
+        "calibration": ("IMG_0000", "IMG_0002"),
+        "validation": ("IMG_0001", "IMG_0003"),
+    }
+    assert flight.carried == ("calibration", "validation")
+    assert all(path.is_file() for files in flight.image_files.values() for path in files)
+    assert flight.fix == ("lever_arm",)
+    assert flight.estimate_mounting == ()
+    assert any("one in 2 in the order of time" in one for one in brought.assumed)
+
+
+def test_one_camera_has_no_heads_to_hold_out_of(tmp_path):
+    brought = bring(flown(tmp_path, heads=1), hold_out=3)
+    assert brought.tables["validation/images.csv"]["exposure"] == ["IMG_0002"]
+    assert len(brought.tables["calibration/images.csv"]["exposure"]) == 3
+    assert "stages" not in brought.settings
+    with pytest.raises(FlightError, match="--hold-out: 9 of 4 exposures; must leave exposures"):
+        bring(tmp_path, hold_out=9)
