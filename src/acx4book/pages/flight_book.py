@@ -20,6 +20,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import nbformat
 import pandas as pd
 import yaml
 
@@ -66,6 +67,9 @@ OF_CODE = {
     *("sphinx_exercise", "short_signatures", "docstrings", "seldom_collected", "forwards"),
 }
 """Extensions for pages that the book of a flight does not have, or never had."""
+
+OF_COURSE = re.compile(r":::\{admonition\} Before you start\n.*?\n:::\n\n", re.DOTALL)
+"""What the first cell of a chapter says of goals, prerequisites and exercises."""
 
 NOTE = ":::{note}\nThe flight of this page is simulated.\n:::"
 
@@ -194,7 +198,15 @@ def _chapters(results_path: Path, executed: Path, *, simulated: bool, tell: Tell
             build.fold(done, executed / done.name, note=note)
         else:
             build.run_here(name, executed, places, note=note)
+        _without_course(executed / f"{name}.ipynb")
         yield name
+
+
+def _without_course(page: Path) -> None:
+    """Take out of a chapter what it says to those who take the course of the study's book."""
+    notebook = nbformat.read(page, as_version=4)  # type: ignore[no-untyped-call] # untyped
+    notebook.cells[0].source = OF_COURSE.sub("", notebook.cells[0].source)
+    whole_files.write(page, nbformat.writes(notebook))  # type: ignore[no-untyped-call] # untyped
 
 
 # --- pages -----------------------------------------------------------------------------------

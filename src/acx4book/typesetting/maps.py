@@ -27,7 +27,7 @@ SLIMMEST = 0.4
 """Shorter side of a map over its longer: a longer strip is drawn with free ground beside it."""
 
 NARROW = 0.05
-"""Of the flight: surveyed points that extend over less of it make no map of their own."""
+"""Of the flying height: surveyed points that extend over less of it make no map of their own."""
 
 LEVEL_COLOURS = (style.BLUE, style.ORANGE)
 """Colours of the flying heights, from the highest down; repeated if there are more heights."""
@@ -129,7 +129,7 @@ def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
         name = words[min(i, len(words) - 1)] if any(level.strips) else "exposures"
         handles[name] = Line2D([], [], color=colour, marker="o", ms=2.5, lw=1, label=name)
     handles |= _draw_surveyed(ax, block)
-    _finish_map(ax, _extent(block), room=(0.05, 0.08))
+    finish_map(ax, _extent(block), room=(0.05, 0.08))
     heights = " and ".join(f"{level.height_m:.0f}" for level in levels)
     known = np.isfinite(design.ground_height(block))
     above = f" from {heights} m above ground" if known else ""
@@ -192,8 +192,17 @@ def _draw_surveyed(ax: Axes, block: Block) -> dict[str, Any]:
     return handles
 
 
-def _finish_map(ax: Axes, shown: Array, *, room: tuple[float, float]) -> None:
-    """Set limits, labels, scale bar and north arrow of a map in km; both have some room of it."""
+def finish_map(ax: Axes, shown: Array, *, room: tuple[float, float]) -> None:
+    """Set limits, labels, scale bar and north arrow of a map in km.
+
+    Parameters
+    ----------
+    ax : Axes
+    shown : ndarray, shape (..., 2)
+        Grid east and north of what it must show, km; NaN shows nothing.
+    room : tuple of float
+        For the north arrow on the left and the scale bar below, as shares of the map.
+    """
     low, high = style.padded(*_limits(shown))
     low -= room * (high - low)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", anchor="N")
@@ -239,9 +248,9 @@ def _around(block: Block) -> Array:
     as a single one is.
     """
     points, flown = _km(block, _surveyed(block).x_m), _km(block, block.trajectory.T_m_b.r)
-    both = np.concatenate([points, flown])
-    wide = np.ptp(points, axis=0) > NARROW * np.ptp(both, axis=0).max()
-    return points if wide.all() else both
+    above_km = float(np.median(design.flying_heights(block))) / 1000.0
+    wide = np.ptp(points, axis=0).max() > NARROW * above_km
+    return points if wide else np.concatenate([points, flown])
 
 
 def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
@@ -255,18 +264,8 @@ def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
     marks = ax.scatter(
         x, y, c=height, s=area, cmap=style.SEQUENCE, edgecolor=style.INK, lw=0.5, zorder=3
     )
-    for place, idx, size in zip(at, points.point_idx, area, strict=True):
-        ax.annotate(
-            style.plain(block.points[idx]),
-            xy=tuple(place),
-            xytext=(0, -4.5 - 0.55 * np.sqrt(size)),
-            textcoords="offset points",
-            fontsize=style.SMALL,
-            color=style.SOFT,
-            ha="center",
-            va="center",
-        )
-    _finish_map(ax, _around(block), room=(0.1, 0.16))
+    finish_map(ax, _around(block), room=(0.1, 0.16))
+    _draw_names(ax, at, [style.plain(block.points[i]) for i in points.point_idx], area)
     few, many = int(n_images.min()), int(n_images.max())
     images = f"{few} to {many} images (size)" if few < many else count(few, "image")
     each = ", each" if len(points) > 1 else ""
@@ -274,6 +273,31 @@ def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
     fig.colorbar(
         marks, ax=ax, label="height (m)", location="bottom", shrink=0.7, aspect=35, pad=0.02
     )
+
+
+def _draw_names(ax: Axes, at: Array, names: Sequence[str], area: Array) -> None:
+    """Write the name of every point below it, or where no other name is, or not at all."""
+    here = 72 * ax.transData.transform(at) / ax.figure.dpi  # points, nearly: axes may yet move
+    taken: list[Array] = []
+    for place, mark, name, size in zip(at, here, names, area, strict=True):
+        half = np.array([0.32 * style.SMALL * len(name), 0.55 * style.SMALL])
+        far = 0.55 * np.sqrt(size)
+        ways = ((0.0, -4.5 - far), (0.0, 4.5 + far), (half[0] + far, 0.0), (-half[0] - far, 0.0))
+        for way in ways:
+            box = np.stack([mark + way - half, mark + way + half])
+            if not any(np.all((box[0] < other[1]) & (other[0] < box[1])) for other in taken):
+                taken.append(box)
+                ax.annotate(
+                    name,
+                    xy=tuple(place),
+                    xytext=way,
+                    textcoords="offset points",
+                    fontsize=style.SMALL,
+                    color=style.SOFT,
+                    ha="center",
+                    va="center",
+                )
+                break
 
 
 # --- Parts of drawings in space: arrows, labels and frames of axes, seen along parallel rays

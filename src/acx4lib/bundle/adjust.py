@@ -67,7 +67,9 @@ class Bundle:
     @property
     def said(self) -> tuple[str, str, str]:
         """How it fits, in parts of a line."""
-        fit = f"σ0² {self.solution.sigma0_sq:.3f} (p {self.solution.chi_square_p:.3f})"
+        p = self.solution.chi_square_p
+        said = f"p {p:.3f}" if p >= 5e-4 else "p < 0.0005"
+        fit = f"σ0² {self.solution.sigma0_sq:.3f} ({said})"
         n = self.solution.iterations  # none after the last observations were taken out
         steps = shown.count(n, "iteration") if n else ""
         return fit, steps, f"{len(self.rejected)} rejected" if self.rejected else ""

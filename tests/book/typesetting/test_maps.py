@@ -80,6 +80,14 @@ def test_the_map_of_one_point_shows_the_flight_around_it(flight):
     assert any(t.get_text().startswith("1 point in ") for t in ax.texts)
 
 
+def test_names_of_near_points_do_not_lie_over_each_other(flight):
+    block = flight.heads
+    x_m = block.control.x_m.copy()
+    x_m[1:4] = x_m[0]
+    fig = drawn(control_maps(replace(block, control=replace(block.control, x_m=x_m))))
+    assert_texts_apart(fig)
+
+
 def test_a_long_block_has_a_map_that_is_wide_enough_for_its_axes(flight):
     block = flight.heads
     far = block.trajectory.T_m_b.r.copy()

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from acx4book.typesetting import style
+from acx4book.typesetting import maps, style
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import reliability
@@ -172,7 +172,7 @@ def weak_places(mounting: Mounting) -> Figure:
         _draw_rays(fig, axes[0], bundle, measured)
         handles = _draw_observed(fig, axes[1], bundle)
         for ax in axes:
-            _as_map(ax, shown)
+            maps.finish_map(ax, shown, room=(0.05, 0.08))
         axes[1].set_ylabel("")
         if handles:
             style.legend_below(fig, handles)
@@ -261,17 +261,6 @@ def _bar(fig: Figure, ax: Axes, marks: Any, label: str, ticks: list[float]) -> N
 def _km(bundle: Bundle, x_m: Array) -> Array:
     """Return grid east and north of mapping coordinates, km."""
     return bundle.network.block.frame.to_grid(x_m)[:, :2] / 1000.0
-
-
-def _as_map(ax: Axes, shown: Array) -> None:
-    low, high = style.padded(shown.min(axis=0), shown.max(axis=0))
-    low -= [0.05, 0.08] * (high - low)  # room for the north arrow and the scale bar
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    ax.set(xlabel="grid east (km)", ylabel="grid north (km)")
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    style.scale_bar(ax, per_axis_unit=1000.0, unit="m", at=(0.05, 0.04))
-    style.north_arrow(ax, at=(0.06, 0.98))
 
 
 # --- in the image ----------------------------------------------------------------------------

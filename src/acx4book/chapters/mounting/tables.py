@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -289,7 +290,8 @@ def variants(methods: Mapping[str, Mounting | Failed]) -> pd.DataFrame:
     -------
     DataFrame
         Images, variance of unit weight, and of f, the principal point and the lever arm
-        ``value`` and ``sigma``.
+        ``value`` and ``sigma``. A variant that changes nothing of the first is left out, such as
+        one height of a block that has no other.
     """
     rows: dict[str, dict[tuple[str, str], object]] = {}
     for title, found in methods.items():
@@ -307,9 +309,18 @@ def variants(methods: Mapping[str, Mounting | Failed]) -> pd.DataFrame:
                     row[(heading, "value")] = value
                     row[(heading, "sigma")] = sigma
         rows[title] = row
+    first = next(iter(rows.values()))
+    rows = {title: row for title, row in rows.items() if row is first or not _alike(row, first)}
     table = pd.DataFrame.from_dict(rows, orient="index")
     table.index.name = "variant"
     return table
+
+
+def _alike(row: Mapping[tuple[str, str], Any], other: Mapping[tuple[str, str], Any]) -> bool:
+    """Tell whether two adjustments have the same numbers, within a hundredth of their sigma."""
+    if row.keys() != other.keys() or None in (*row.values(), *other.values()):
+        return False
+    return np.allclose([*row.values()], [*other.values()], rtol=1e-3, atol=1e-6, equal_nan=True)
 
 
 def chi_square_seen(found: Absorption | None) -> dict[str, float]:

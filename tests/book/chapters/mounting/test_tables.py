@@ -246,11 +246,13 @@ def test_the_map_grid_as_cartesian_bends_the_focal_length_and_not_the_variance(v
     assert variance["grid"] == pytest.approx(variance["as flown"], abs=0.01)
 
 
-def test_a_variant_without_an_outcome_has_an_empty_row(noisy_block):
+def test_a_variant_without_an_outcome_has_an_empty_row_and_one_without_effect_has_none(noisy_block):
     nothing_seen = replace(noisy_block, image_points=noisy_block.image_points[:0])
+    good = single_step(noisy_block, free=("f",))
     table = tables.variants(
         {
-            "good": single_step(noisy_block, free=("f",)),
+            "good": good,
+            "the same": good,
             "failed": attempt(single_step, nothing_seen, free=("f",)),
         }
     )
