@@ -208,7 +208,8 @@ def _grown(
             R_a_b, base_a = _fitted(R_a_b, base_a, ray_a[near], ray_b[near])
         depth = _depths(R_a_b, base_a, ray_a, ray_b)
         off = np.abs(_across(R_a_b, base_a, ray_a, ray_b)) < factor * within
-        usual = float(np.nanmedian(np.append(depth[off & (depth > 0)], np.nan)))
+        ahead = depth[off & (depth > 0)]
+        usual = float(np.median(ahead)) if len(ahead) else np.nan
         near = off & (depth > usual / _RELIEF) & (depth < usual * _RELIEF)
     return _Grown(R_a_b=R_a_b, base_a=base_a, depth=depth, agree=near)
 
