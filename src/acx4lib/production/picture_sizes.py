@@ -9,6 +9,7 @@ from pathlib import Path
 
 from acx4lib.flight.table_files import free_memory
 from acx4lib.opening import opened
+from acx4lib.production import tiff_tags
 
 LARGEST_RATIO = 200
 """Of a picture's bytes to those of its file; pictures of the ground have 2 to 50."""
@@ -50,14 +51,18 @@ def is_whole(data: bytes) -> bool:
 
 
 def is_cut_off(path: Path) -> bool:
-    """Tell whether a file is a JPEG or a PNG without its end.
+    """Tell whether a file is a JPEG, a PNG or a TIFF without its end.
 
     A large JPEG that has one among its last bytes is not read to find it.
     """
-    if path.suffix.lower() not in (".jpg", ".jpeg", ".png"):
+    kind = path.suffix.lower()
+    if kind not in (".jpg", ".jpeg", ".png", ".tif", ".tiff"):
         return False
     with opened(path) as file:
         size = file.seek(0, SEEK_END)
+        if kind in (".tif", ".tiff"):
+            file.seek(0)
+            return tiff_tags.is_cut_off(file, size)
         file.seek(max(size - LARGE, 0))
         if size > 2 * LARGE and b"\xff\xd9" in file.read():
             return False

@@ -69,6 +69,59 @@ def opened(source: Path | BinaryIO) -> tifffile.TiffFile:
     return tifffile.TiffFile(source, is_lsm=False, is_ndpi=False, is_scanimage=False, is_stk=False)
 
 
+def end_of_pixels(tiff: tifffile.TiffFile) -> int:
+    """Return the bytes that a TIFF must have for the parts of its first image, as its tags say."""
+    page = tiff.pages.first
+    places = zip(page.dataoffsets, page.databytecounts, strict=False)
+    return max((int(at) + int(n) for at, n in places), default=0)
+
+
+def is_cut_off(file: BinaryIO, size: int) -> bool:
+    """Tell whether a TIFF ends before its tags or its pixels do.
+
+    Parameters
+    ----------
+    file : binary file
+        At its beginning.
+    size : int
+        Of the file, bytes.
+    """
+    try:
+        if _end_of_tags(file) > size:
+            return True
+        file.seek(0)
+        if fault(file, size):
+            return False  # which is told where it is read
+        file.seek(0)
+        return end_of_pixels(opened(file)) > size
+    except (*_BROKEN, TypeError, LookupError):  # damaged otherwise, or no TIFF
+        return False
+
+
+def _end_of_tags(file: BinaryIO) -> int:
+    """Return where the first directory of a TIFF ends; 0 where it is none."""
+    found = _begin(file)
+    if found is None:
+        return 0
+    kind, at = found
+    file.seek(at)
+    number = file.read(kind.number.size)
+    n = kind.number.unpack(number)[0] if len(number) == kind.number.size else 0
+    return at + kind.number.size + n * kind.tag.size + kind.place.size
+
+
+def _begin(file: BinaryIO) -> tuple[_Kind, int] | None:
+    """Return how numbers stand in a TIFF, and where its first directory is; None for others."""
+    start = file.read(16)
+    order = {b"II": "<", b"EP": "<", b"MM": ">"}.get(start[:2], "")
+    if not order or len(start) < 8:
+        return None
+    (version,) = struct.unpack(order + "H", start[2:4])
+    kind = _Kind(order=order, big=version == 43)
+    (at,) = kind.place.unpack_from(start, 8 if kind.big else 4)
+    return kind, at
+
+
 def fault(file: BinaryIO, size: int, *, pages: int = 1, below: bool = False) -> str:
     """Return why the tags of a TIFF must not be read; empty where they may be, or it is no TIFF.
 
@@ -97,13 +150,10 @@ def fault(file: BinaryIO, size: int, *, pages: int = 1, below: bool = False) -> 
 
 def _values(file: BinaryIO, pages: int, *, below: bool) -> Iterator[tuple[int, int]]:
     """Yield tags and the bytes of their values, directory after directory."""
-    start = file.read(16)
-    order = {b"II": "<", b"EP": "<", b"MM": ">"}.get(start[:2], "")
-    if not order or len(start) < 8:
+    found = _begin(file)
+    if found is None:
         return
-    (version,) = struct.unpack(order + "H", start[2:4])
-    kind = _Kind(order=order, big=version == 43)
-    (at,) = kind.place.unpack_from(start, 8 if kind.big else 4)
+    kind, at = found
     for _ in range(pages):
         if at == 0:
             return

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,12 +24,13 @@ from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import LOCAL
 from acx4lib.geometry.intersection import intersect
+from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import stacked
 from acx4tools.exchange.flight_folder import Brought, number_of
 from acx4tools.exchange.lens import WARNED_PX, WORST_PX, too_far
 from acx4tools.exchange.lens_models import NOMINAL_UM, Lens, Refitted
-from acx4tools.exchange.safe.opened import Opened, checksums
+from acx4tools.exchange.safe.opened import Opened, checksums, refusal
 
 MEANS_NOTHING = (
     "The trajectory is what the program adjusted, camera and body being one: the boresight and "
@@ -315,6 +317,25 @@ def nowhere(error: FlightError) -> InGrid:
 def as_they_are(T: Pose) -> tuple[Array, Array]:
     """Return poses in w as those of a flight on no map."""
     return T.r, T.opk
+
+
+def in_crs(source: Path, crs: str | None) -> InGrid:
+    """Return the place of a frame w that is the flight's CRS, which no file says.
+
+    Parameters
+    ----------
+    source : Path
+        What an error names, where `crs` is none or cannot be used.
+    crs : str, optional
+    """
+    if crs is None:
+        found = "adjusted orientations are in coordinates whose CRS the files do not say"
+        return nowhere(refusal(str(source), 1, "crs", found, "give it by --crs"))
+    try:
+        coordinates.chosen("", None, crs)
+    except ValueError as error:
+        return nowhere(refusal(str(source), 1, "crs", str(error), "must be projected, in metres"))
+    return as_they_are
 
 
 def _refitted(

@@ -272,3 +272,19 @@ def test_what_follows_the_end_of_a_jpeg_is_no_fault(acx4, pictured):
     flight, picture = pictured
     picture.write_bytes(picture.read_bytes() + bytes(200_000))
     assert acx4("check", flight)[0] == 0
+
+
+@pytest.mark.parametrize("kept", [0.5, 0.98])
+def test_a_tiff_that_was_cut_is_one_line(acx4, pictured, kept):
+    """In the middle of its pixels, and in the tags at its end."""
+    flight, jpeg = pictured
+    picture = jpeg.with_suffix(".tif")
+    pixels = cv2.imread(str(jpeg), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(picture), pixels)
+    table = flight / "calibration" / "images.csv"
+    table.write_text(table.read_text().replace("a.jpg", "a.tif"))
+    assert acx4("check", flight)[0] == 0
+    whole = picture.read_bytes()
+    picture.write_bytes(whole[: int(kept * len(whole))])
+    status, _, wrong = acx4("check", flight)
+    assert (status, wrong) == (2, f"{picture}: is cut off, its pixels have no end; copy it again\n")

@@ -1,4 +1,4 @@
-"""``acx4 import opensfm | micmac | bundler | bingo | patb | odm-…``: other adjustments."""
+"""``acx4 import opensfm | micmac | bundler | visualsfm | bingo | …``: other adjustments."""
 
 from __future__ import annotations
 
@@ -61,16 +61,27 @@ def opensfm(  # noqa: PLR0913, PLR0917 options of a command
     """Write what a project of OpenSfM has of a flight."""
 
 
-MICMAC = """Read MicMac's XML of version 1: calibration, orientations, measured and surveyed points.
+MICMAC = """Read MicMac's XML, version 1 or 2: calibration, orientations, measured, surveyed points.
 
 SOURCE is the folder that holds Ori-* and the points (SetOfMesureAppuisFlottants,
 DicoAppuisFlottant), one of several Ori-* in it, or one of these files. Distortion models ModRad,
-ModPhgrStd and ModNoDist are read; others are refused by name.
+ModPhgrStd, ModNoDist and the three fisheyes are read; others are refused by name. Of version 2
+(MMVII) it is the folder with MMVII-PhgrProj, or one of Ori/* in that.
 
 \b
 Examples:
   acx4 import micmac my_project --out my_flight
   acx4 import micmac my_project/Ori-Ground --orientations adjusted --crs EPSG:2154 --out my_flight
+"""
+
+VISUALSFM = """Read VisualSFM's .nvm (NVM_V3): images, lenses, tie points.
+
+Its coordinates are in no CRS: without --crs local its orientations are left out. The formulas are
+those of its documentation; it is untried on a file that VisualSFM wrote.
+
+\b
+Example:
+  acx4 import visualsfm model.nvm --size 4000x3000 --crs local --out my_flight
 """
 
 BUNDLER = """Read Bundler's bundle.out (v0.3): images, lenses, tie points; many programs write it.
@@ -141,6 +152,22 @@ def bundler(
     allow: bring.Allow = 2.0,
 ) -> None:
     """Write what bundle.out has of a flight."""
+
+
+@bring.read_by("visualsfm")
+def visualsfm(
+    source: Source,
+    size: Size,
+    out: bring.Out,
+    block: Block = None,
+    crs: Annotated[
+        Literal["local"] | None,
+        typer.Option(help="local takes its coordinates as they are.", show_default=False),
+    ] = None,
+    pixel_um: bring.PixelUm = None,
+    allow: bring.Allow = 2.0,
+) -> None:
+    """Write what a model of VisualSFM has of a flight."""
 
 
 @bring.read_by("photo_lists", reader="read_bingo")

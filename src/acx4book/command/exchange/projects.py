@@ -1,4 +1,4 @@
-"""``acx4 import metashape | colmap | opf``: projects of other programs."""
+"""``acx4 import metashape | colmap | opf | pix4d``: projects of other programs."""
 
 from __future__ import annotations
 
@@ -144,3 +144,31 @@ def opf(  # noqa: PLR0913, PLR0917 options of a command
     allow: bring.Allow = 2.0,
 ) -> None:
     """Write what a project of OPF has of a flight."""
+
+
+PIX4D = """Read the folder params of Pix4Dmapper: lenses, and the adjusted orientations.
+
+SOURCE is that folder (1_initial/params), or the project's folder. From its files
+*_calibrated_camera_parameters.txt and *_offset.xyz come lenses and poses, from *_wkt.prj the CRS.
+*_pmatrix.txt and *_calibrated_external_camera_parameters.txt must agree with them: the differences
+are told. A boresight on this trajectory means nothing. Tie points: acx4 import bingo.
+
+\b
+Example:
+  acx4 import pix4d my_project/1_initial/params --out my_flight
+"""
+
+
+@bring.read_by("pix4d", of_flight=("crs", "heights"))
+def pix4d(
+    source: Source,
+    out: bring.Out,
+    block: Block = None,
+    crs: Crs = None,
+    orientations: Annotated[
+        Literal["adjusted", "none"], typer.Option(help="Trajectory: what was adjusted, or none.")
+    ] = "adjusted",
+    pixel_um: bring.PixelUm = None,
+    allow: bring.Allow = 2.0,
+) -> None:
+    """Write what a folder of Pix4D has of a flight."""

@@ -553,7 +553,26 @@ def _found(
         f"{'; '.join(dict.fromkeys(lens.said for lens in lenses.values()))}",
         f"lenses rewritten with k1 to p2 of the flight leave {left}",
     ]
-    return [*said, *_clock(shots), *sentences([first[head.name] for head in heads])]
+    return [
+        *said,
+        *_clock(shots),
+        *_take_off(shots),
+        *sentences([first[head.name] for head in heads]),
+    ]
+
+
+def _take_off(shots: Sequence[Shot]) -> list[str]:
+    """Return the height of the ground at take-off, by heights above it, and what it is for."""
+    above = ((shot, shot.taken[0].tags.number(ABOVE_TAKE_OFF)) for shot in shots)
+    ground = [_place(shot)[2] - height for shot, height in above if height is not None]
+    if not ground:
+        return []
+    middle, spread = float(np.median(ground)), float(np.ptp(ground))
+    return [
+        f"ground at take-off at {middle:.1f} m in the heights of the positions (RelativeAltitude "
+        f"of {number_of(len(ground), 'exposures')}, within {spread:.1f} m): where the ground "
+        f"is level, acx4 measure takes it by --ground {middle:.0f}"
+    ]
 
 
 # --- When, where and how a camera was held, from the metadata of one of its pictures
@@ -569,6 +588,7 @@ ANOTHER_COURSE_DEG = 45.0
 ZONES_S, CLOCK_S = 900, 2.0
 """Zones of time differ by quarters of an hour; a clock that is off by more is told."""
 
+ABOVE_TAKE_OFF = "drone-dji:RelativeAltitude"
 RTK = tuple(f"drone-dji:RtkStd{name}" for name in ("Lon", "Lat", "Hgt"))
 ACCURACY = ("Camera:GPSXYAccuracy", "Camera:GPSZAccuracy")
 

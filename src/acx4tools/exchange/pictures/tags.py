@@ -178,7 +178,10 @@ def _in_silence() -> Iterator[None]:
 def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
     """Return size, tags and XMP of a TIFF's first image."""
     with _opened(data) as tiff:
-        page = tiff.pages.first
+        page, end = tiff.pages.first, tiff_tags.end_of_pixels(tiff)
+        if end > len(data):
+            msg = f"is cut off: it has {len(data)} bytes of at least {end}"
+            raise ValueError(msg)
         tags = {tag.code: tag for tag in page.tags.values()}
         packet = tags[_XMP_TAG].value if _XMP_TAG in tags else b""
         size = page.imagewidth, page.imagelength, page.samplesperpixel, page.bitspersample

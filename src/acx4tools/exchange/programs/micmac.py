@@ -1,4 +1,4 @@
-"""MicMac's XML of version 1: orientations, calibrations, measured and surveyed points.
+"""MicMac's XML of version 1: orientations, calibrations, points. Version 2 is `mmvii`.
 
 Pixels count from the centre of the top-left one; cameras have x right, y down, z ahead. Focal
 length, principal point and distortion are in pixels. With `eConvApero_DistM2C` the distortion takes
@@ -19,24 +19,23 @@ import numpy as np
 from acx4lib.expected import Array
 from acx4lib.flight.problems import METRES, RANGES, Range, quoted
 from acx4lib.geometry.frames import Pose
-from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import lens, tables
 from acx4tools.exchange.axes import FLIP, UNKNOWN, is_rotation, stacked
 from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import Lens
+from acx4tools.exchange.programs import micmac_fisheye, mmvii
 from acx4tools.exchange.project import (
     Control,
     Images,
-    InGrid,
     Measured,
     Project,
     Proof,
     flight_of,
-    nowhere,
+    in_crs,
 )
 from acx4tools.exchange.safe import opened, xml_tree
-from acx4tools.exchange.safe.opened import Opened, Together, refusal
+from acx4tools.exchange.safe.opened import Opened, Together
 from acx4tools.exchange.safe.xml_tree import Element
 
 KNOWN = "eConvApero_DistM2C"
@@ -98,7 +97,7 @@ def read(
 
 
 def project(source: Path, *, crs: str | None = None) -> Project:
-    """Return MicMac's files.
+    """Return MicMac's files, of version 1, or of version 2 where such are there.
 
     Parameters
     ----------
@@ -113,6 +112,8 @@ def project(source: Path, *, crs: str | None = None) -> Project:
     FlightError
         For files that are not MicMac's, other conventions or other distortion models.
     """
+    if mmvii.is_there(source):
+        return mmvii.project(source, crs=crs)
     found = _files_of(source)
     lenses = {_camera(name): _lens(root) for name, root in found.calibrations.items()}
     images, measured, surveyed = _images(found)
@@ -145,7 +146,7 @@ def project(source: Path, *, crs: str | None = None) -> Project:
         ),
         control=control,
         settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
-        in_grid=_in_grid(source, crs),
+        in_grid=in_crs(source, crs),
         lost={
             "other XML files": found.others,
             ties: len(unknown),
@@ -165,17 +166,6 @@ def _of_control(crs: str | None, control: Control) -> tuple[str, ...]:
         f"MicMac's coordinates are east, north, height in {where}: its files do not say it",
         "Incertitude of a surveyed point is its standard deviation in metres",
     )
-
-
-def _in_grid(source: Path, crs: str | None) -> InGrid:
-    if crs is None:
-        found = "adjusted orientations are in coordinates whose CRS the files do not say"
-        return nowhere(refusal(str(source), 1, "crs", found, "give it by --crs"))
-    try:
-        coordinates.chosen("", None, crs)
-    except ValueError as error:
-        return nowhere(refusal(str(source), 1, "crs", str(error), "must be projected, in metres"))
-    return lambda T: (T.r, T.opk)
 
 
 def _images(found: Files) -> tuple[Images, Measured, Surveyed]:
@@ -416,6 +406,9 @@ def _lens(root: Element) -> Lens:
     fx, fy = _focal(root)
     hole = Pinhole(fx=fx, fy=fy, cx=cx, cy=cy)
     stretched = _stretched(hole, root)
+    wide = [one for one in root.each("CalibDistortion", "ModUnif") if _is_fisheye(one)]
+    if wide:
+        return _fisheye(root, wide[0], hole, (width, height))
     shifts = [_shift(one) for one in root.each("CalibDistortion")]
 
     def distorted(ideal: Array) -> Array:
@@ -426,6 +419,25 @@ def _lens(root: Element) -> Lens:
 
     return Lens(
         width_px=width, height_px=height, hole=stretched, distortion=distorted, wrong=root.wrong
+    )
+
+
+def _is_fisheye(model: Element) -> bool:
+    kind = model.maybe("TypeModele")
+    return kind is not None and kind.text in micmac_fisheye.MODELS
+
+
+def _fisheye(root: Element, model: Element, hole: Pinhole, size: tuple[int, int]) -> Lens:
+    if len(list(root.each("CalibDistortion"))) != 1:
+        raise model.wrong("is one of several distortions", "must be the only one")
+    measured = micmac_fisheye.measured(model)
+    return Lens(
+        width_px=size[0],
+        height_px=size[1],
+        hole=hole,
+        distortion=lambda points: hole.points(measured(hole.colrow(lens.off_fisheye(points)))),
+        is_fisheye=True,
+        wrong=root.wrong,
     )
 
 
@@ -472,7 +484,7 @@ def _shift(element: Element) -> Callable[[Array], Array]:
     if model.tag not in MODELS:
         kind = model.maybe("TypeModele")
         name = model.tag if kind is None else f"{model.tag} {kind.text}"
-        raise model.wrong(f"distortion {quoted(name)}", f"must be {', '.join(MODELS)}")
+        raise model.wrong(f"distortion {quoted(name)}", f"must be {', '.join(MODELS)}, a fisheye")
     if model.tag == "ModNoDist":
         return np.zeros_like
     radial = model.one("RadialePart") if model.maybe("RadialePart") is not None else model

@@ -13,7 +13,7 @@ import numpy as np
 from acx4tools.exchange.outward.kinds import KINDS as EXPORTS
 from support import run_results
 from support.pictures import tagged
-from support.projects import colmap, metashape, opf
+from support.projects import colmap, metashape, mmvii, opf, pix4d, visualsfm
 
 CRS = ("--crs", "EPSG:31982")
 SIZED = ("--size", "400x300")
@@ -97,6 +97,11 @@ MICMAC = {
 </MesureAppuiFlottant1Im></SetOfMesureAppuisFlottants>
 """,
 }
+FISHEYE = (
+    MICMAC["Ori-A/AutoCal_C.xml"].split("<CalibDistortion>")[1].split("</CalibDistortion>")[0],
+    "<ModUnif><TypeModele>eModele_FishEye_10_5_5</TypeModele><Params>510</Params>"
+    "<Params>390</Params><Params>-0.01</Params><Etats>990</Etats></ModUnif>",
+)
 ORIENTATIONS = """image,east,north,height,omega,phi,kappa,time
 a,669850.0,7187900.0,2000.0,0.1,-0.2,45.0,100.5
 b,669950.0,7187900.0,2001.0,0.1,-0.2,45.0,101.5
@@ -223,6 +228,16 @@ SOURCES: dict[str, Source] = {
         options=("--orientations", "adjusted"),
     ),
     "micmac": Source(write=_of(MICMAC), options=("--orientations", "adjusted", *CRS)),
+    "micmac-fisheye": Source(
+        write=_of({name: text.replace(*FISHEYE) for name, text in MICMAC.items()}),
+        options=("--allow", "1000"),
+        kind="micmac",
+    ),
+    "mmvii": Source(write=mmvii.write, options=("--orientations", "adjusted", *CRS), kind="micmac"),
+    "pix4d": Source(write=pix4d.write),
+    "visualsfm": Source(
+        write=_files(m__nvm=visualsfm.text()), source="m.nvm", options=("--size", "640x480")
+    ),
     "bundler": Source(
         write=_files(bundle__out=BUNDLE, list__txt="a.jpg\nb.jpg\n"),
         source="bundle.out",

@@ -110,6 +110,23 @@ def test_a_jpeg_that_is_cut_in_half_is_refused(tmp_path):
         bring(tmp_path)
 
 
+def test_a_tiff_that_is_cut_in_half_is_refused(tmp_path):
+    path = tagged.write(tmp_path / "IMG_0001_1.tif", tagged.micasense(0))
+    assert bring(tmp_path).found
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(FlightError, match=r"file: is cut off: it has \d+ bytes of at least \d+"):
+        bring(tmp_path)
+
+
+def test_the_height_above_take_off_tells_the_ground(tmp_path):
+    """55 m of EXIF less 30 m."""
+    said = {"drone-dji:CalibratedFocalLength": 300, "drone-dji:RelativeAltitude": "+30.00"}
+    tagged.write(tmp_path / "DJI_0001.JPG", said)
+    found = next(one for one in bring(tmp_path).found if one.startswith("ground at take-off"))
+    assert found.startswith("ground at take-off at 25.0 m")
+    assert found.endswith("acx4 measure takes it by --ground 25")
+
+
 def test_a_lens_that_no_camera_is_like_is_refused_unless_it_is_allowed(tmp_path):
     """Decentring as large as this is no camera's: it leaves more than 2 px."""
     odd = tagged.micasense(0) | {lens.DISTORTION: [-0.4, 0.3, 0.1, 0.03, 0.03]}

@@ -15,14 +15,19 @@ from acx4tools.exchange.programs import (
     opensfm,
     opf,
     photo_lists,
+    pix4d,
+    visualsfm,
 )
 from support.projects import bundler as written_bundler
 from support.projects import colmap as written_colmap
 from support.projects import metashape as written_metashape
 from support.projects import micmac as written_micmac
+from support.projects import mmvii as written_mmvii
 from support.projects import opensfm as written_opensfm
 from support.projects import opf as written_opf
+from support.projects import pix4d as written_pix4d
 from support.projects import scene
+from support.projects import visualsfm as written_visualsfm
 
 LIST = "1 c\n5 0.1 0.2\n6 0.1 0.2\n-99\n2 c\n5 0.3 0.2\n-99\n"
 GEOIN = "CONT 5 1 2 3\nCHCK 6 4 5 6\n"
@@ -85,6 +90,13 @@ PROGRAMS = {
         lambda path: bundler.read(path, size=written_bundler.SIZE),
         "bundle.out",
     ),
+    "mmvii": (written_mmvii.write, micmac.read, ""),
+    "pix4d": (written_pix4d.write, pix4d.read, ""),
+    "visualsfm": (
+        text("m.nvm", written_visualsfm.text()),
+        lambda path: visualsfm.read(path, size=written_visualsfm.SIZE),
+        "m.nvm",
+    ),
     "bingo": (write_bingo, lambda path: photo_lists.read_bingo(path, **SIZED), ""),
     "patb": (
         text("a.im", LIST),
@@ -98,6 +110,13 @@ PROGRAMS = {
 DOWN = "Ori-A/Orientation-a.JPG.xml"
 AUTOCAL = "Ori-A/AutoCal_C.xml"
 GLTF = "points/sparse.gltf"
+CALIB = "MMVII-PhgrProj/Ori/A/Calib-PerspCentral-C.xml"
+POSE = "MMVII-PhgrProj/Ori/A/Ori-PerspCentral-a.JPG.xml"
+MES_IM = "MMVII-PhgrProj/PointsMeasure/S/MesIm-a.JPG.xml"
+MES_GCP = "MMVII-PhgrProj/PointsMeasure/S/MesGCP-S.xml"
+PARAMS = "p_calibrated_camera_parameters.txt"
+EXTERNAL = "p_calibrated_external_camera_parameters.txt"
+FISHEYE = "<ModUnif><TypeModele>eModele_FishEye_10_5_5</TypeModele>{}</ModUnif>"
 
 ROWS = [
     ("colmap", "cameras.txt", "OPENCV", "EQUIRECTANGULAR", "cameras.txt:2: camera: lens model 'EQ"),
@@ -271,6 +290,68 @@ ROWS = [
     ("bundler", "bundle.out", "700.0", "-7", ":3: focal length: '-7'; must be a focal length"),
     ("bundler", "bundle.out", "-0.05", "-50", "camera: CAM1: lens: expected a ray for every pixel"),
     ("bundler", "list.txt", "b.jpg\n", "", "list.txt:1: file: has 2 images; must have 3"),
+    (
+        "micmac",
+        AUTOCAL,
+        "<ModNoDist></ModNoDist>",
+        FISHEYE.format("<Params>1</Params>"),
+        "<Etats> is missing",
+    ),
+    (
+        "micmac",
+        AUTOCAL,
+        "<ModNoDist></ModNoDist>",
+        FISHEYE.format(51 * "<Params>0</Params>" + "<Etats>9</Etats>"),
+        "ModUnif: has 51 Params; must have at most 50",
+    ),
+    ("mmvii", CALIB, '"Stenope"', '"EquiRect"', "Projection: 'EquiRect'; must be one of Stenope"),
+    ("mmvii", CALIB, "<F>1000</F>", "<F>0</F>", "F: '0'; must be a focal length in pixels"),
+    ("mmvii", CALIB, "1000 800", "1000", "NbPix: '1000'; must be 2 numbers"),
+    ("mmvii", CALIB, "<b2>", "<y2>1</y2><b2>", "y2: 1; must be 0; K1 to K6, p1, p2, b1, b2 are"),
+    ("mmvii", CALIB, "Mode>1<", "Mode>0<", "b1: 0.0003; must be 0; K1 to K6, p1, p2"),
+    ("mmvii", CALIB, "<K1>-0.1", "<K1>-9", "lens: expected a ray for every pixel"),
+    (
+        "mmvii",
+        POSE,
+        "Central-C",
+        "Central-D",
+        "'Calib-PerspCentral-D' is not there; must be beside",
+    ),
+    ("mmvii", POSE, "<AxeI>1 0", "<AxeI>1 0.1", "AxeI, AxeJ, AxeK are no rotation; must be the"),
+    ("mmvii", POSE, "<Center>10 20", "<Center>10", "Center: '10 100'; must be 3 numbers"),
+    ("mmvii", MES_IM, '"Q"', '"P"', "'P' stands twice in 'a.JPG'; must once"),
+    ("mmvii", MES_IM, '"Q"', '"=Q"', "point: '=Q' would be computed as a formula"),
+    ("mmvii", MES_GCP, '"Q"', '"P"', "point 'P' stands twice; must stand once"),
+    ("mmvii", MES_GCP, "1e-4 0 0 1e-4", "-1 0 0 1e-4", "Sigma2: '-1 0 0 1e-4 0 4e-4'; must have"),
+    ("pix4d", PARAMS, "camera matrix K [3x3]", "fisheye", ":2: head: 'fisheye'; must be 'camera m"),
+    ("pix4d", PARAMS, "one.jpg 1280", "one.jpg 0", ":9: size: '0'; must be a positive whole"),
+    ("pix4d", PARAMS, "one.jpg", "two.jpg", "image: 'two.jpg' is there twice; must be once"),
+    ("pix4d", PARAMS, "1450.0 0.0", "-3.0 0.0", ":10: focal length: '-3.0'; must be a focal"),
+    ("pix4d", PARAMS, "0.0 0.0 1.0\n", "0.0 0.1 1.0\n", "K: is no camera matrix; must be fx s cx"),
+    ("pix4d", PARAMS, "-0.05 ", "-50 ", "camera: CAM1: lens: expected a ray for every pixel"),
+    ("pix4d", PARAMS, "two.jpg 1280 960\n", "", ":19: size: '0.0'; must be a positive whole"),
+    (
+        "pix4d",
+        PARAMS,
+        "-0.05 0.03 0.0\n",
+        "-0.05\n",
+        "radial distortion: is missing, the line has 1",
+    ),
+    ("pix4d", EXTERNAL, "one.jpg 67", "one.jpg 68", "'one.jpg' is off by 1e+04 m and"),
+    ("pix4d", EXTERNAL, "imageName", "name", "head: is another; must be imageName X Y Z Omega"),
+    ("pix4d", "p_pmatrix.txt", "one.jpg ", "one.jpg 9", "matrix: that of 'one.jpg' is off by "),
+    ("pix4d", "p_offset.xyz", "676000.0 ", "", "offset: is missing, the line has 2 cells; must be"),
+    ("pix4d", "p_wkt.prj", "PROJCS[", "PROJXX[", "wkt.prj:1: crs: coordinate system is none that"),
+    ("visualsfm", "m.nvm", "NVM_V3", "NVM_V2", "m.nvm:1: version: 'NVM_V2'; must be NVM_V3"),
+    ("visualsfm", "m.nvm", "NVM_V3", "NVM_V3 K", "m.nvm:1: version: 'K'; must be FixedK, or noth"),
+    ("visualsfm", "m.nvm", "\n2\n", "\n-2\n", ":3: number of cameras: '-2'; must be a number of"),
+    ("visualsfm", "m.nvm", "\n2\n", "\n99\n", ":7: camera: 1 cells; must be file, f"),
+    ("visualsfm", "m.nvm", "b.jpg", "a.jpg", "image: 'img/a.jpg' is there twice; must be once"),
+    ("visualsfm", "m.nvm", "a.jpg", "=a.jpg", "m.nvm:1: image: '=a.jpg' would be computed"),
+    ("visualsfm", "m.nvm", "700.0", "-7", ":4: focal length: '-7'; must be a focal length"),
+    ("visualsfm", "m.nvm", "0.05 0.0", "-50 0.0", "camera: CAM1: lens: expected a ray for every"),
+    ("visualsfm", "m.nvm", "1 2 3 2 0", "1 2 3 2 9", "views: image 9; must be one of 2, from 0"),
+    ("visualsfm", "m.nvm", "1 2 3 2 0", "1 2 3 3 0", "views: 8 cells after the number 3; must be"),
     ("bingo", "image.dat", "6 0.1", "5 0.1", "image.dat:3: point: '5' stands twice in image '1'"),
     (
         "bingo",
@@ -309,7 +390,7 @@ ROWS = [
 def test_what_is_wrong_is_told_with_its_place(tmp_path, program, file, old, new, message):
     write, read, given = PROGRAMS[program]
     folder = tmp_path / "p"
-    if program not in ("opf", "opf adjusted", "opf tracks", "micmac"):
+    if program not in ("opf", "opf adjusted", "opf tracks", "micmac", "mmvii"):
         folder.mkdir()
     write(folder)
     path = folder / file
@@ -328,13 +409,13 @@ def test_what_is_wrong_is_told_with_its_place(tmp_path, program, file, old, new,
 def test_the_good_projects_are_read(tmp_path, program):
     write, read, given = PROGRAMS[program]
     folder = tmp_path / "p"
-    if program not in ("opf", "opf adjusted", "opf tracks", "micmac"):
+    if program not in ("opf", "opf adjusted", "opf tracks", "micmac", "mmvii"):
         folder.mkdir()
     write(folder)
     assert read(folder / given).found
 
 
-@pytest.mark.parametrize("program", ["colmap", "opf", "opensfm", "micmac"])
+@pytest.mark.parametrize("program", ["colmap", "opf", "opensfm", "micmac", "pix4d"])
 def test_a_folder_without_a_project_is_told(tmp_path, program):
     (tmp_path / "a.json").write_text("{}")
     (tmp_path / "a.xml").write_text("<x/>")

@@ -1,0 +1,258 @@
+"""VisualSFM's .nvm (NVM_V3): images, lenses, tie points; orientations in no CRS.
+
+A line of a camera has its file, the focal length f in px, the quaternion w, x, y, z of R, the
+centre, r, and 0. Axes are x right, y down, z ahead. Measurements count from the middle of the
+image, y down. The lens is that of its adjustment: with m the measured point in units of f,
+m (1 + r |m|²) is the ideal one: http://ccwu.me/vsfm/doc.html.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from acx4lib.expected import Array
+from acx4lib.flight.problems import Range, quoted
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import LOCAL
+from acx4tools.exchange import tables
+from acx4tools.exchange.axes import FLIP, stacked
+from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.lens import WORST_PX, Pinhole, inverse
+from acx4tools.exchange.lens_models import Lens
+from acx4tools.exchange.project import Images, Measured, Project, Proof, as_they_are, flight_of
+from acx4tools.exchange.safe import opened, text_lines
+from acx4tools.exchange.safe.opened import Opened
+from acx4tools.exchange.safe.text_lines import Line
+
+VERSION, FIXED = "NVM_V3", "FixedK"
+"""First cell of the file, and what follows it where one calibration was given for all images."""
+
+LENGTH = Range(-1e9, 1e9)
+FOCAL = Range(1.0, 1e7, "must be a focal length in pixels")
+COEFFICIENT = Range(-100.0, 100.0)
+ENTRY = Range(-1e3, 1e3)
+MOST = Range(0, 1e8, "must be a number of cameras or points", whole=True)
+
+ASSUMED = (
+    "camera axes are x right, y down, z ahead; measurements count from the middle of the image; "
+    "the radial coefficient takes measured points to ideal ones",
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Camera:
+    """An image: the line that has it, its file, f and r, and its pose."""
+
+    line: Line
+    file: str
+    lens: tuple[float, float]
+    T_w_c: Pose
+
+
+def read(
+    source: Path,
+    *,
+    size: tuple[int, int],
+    crs: str | None = None,
+    block: str | None = None,
+    pixel_um: float | None = None,
+    allow: float = WORST_PX,
+) -> Brought:
+    """Read a .nvm as a part of a flight; options as those of `project` and `flight_of`."""
+    found = project(source, size=size, crs=crs)
+    return flight_of(found, block=block, pixel_um=pixel_um, allow=allow)
+
+
+def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> Project:
+    """Return the first model of a .nvm.
+
+    Parameters
+    ----------
+    source : Path
+    size : tuple of int
+        Width and height of the images, px: VisualSFM does not write them.
+    crs : str, optional
+        `geodesy.LOCAL` takes the coordinates and orientations as they are, on no map.
+
+    Raises
+    ------
+    FlightError
+        For a file that is no NVM_V3.
+    """
+    file = opened.read(source)
+    if crs not in (None, LOCAL):
+        expected = f"must be {LOCAL!r}: VisualSFM's coordinates are in no CRS"
+        raise file.wrong("--crs", quoted(crs), expected)
+    rows = _Rows(file)
+    centre = _centre(rows, size)
+    cameras = [_camera(row) for row in rows.counted("camera")]
+    if not cameras:
+        raise file.wrong("cameras", "there is none", "must have one")
+    images = _names(cameras)
+    points, again = _points(rows, len(cameras), centre)
+    different = list(dict.fromkeys(one.lens for one in cameras))
+    called = {
+        one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)
+    }
+    measured = Measured(
+        points=tuple(str(k) for k in range(len(points.x_w))),
+        x_w=points.x_w,
+        image_idx=points.views[:, 0].astype(int),
+        point_idx=points.views[:, 1].astype(int),
+        colrow=points.views[:, 2:],
+    )
+    first = {called[one.lens]: one for one in reversed(cameras)}
+    tables.require_all_names({"image": images}, file.wrong)
+    return Project(
+        source=f"VisualSFM {VERSION}",
+        sources=[file],
+        lenses={name: _lens(file, first[name], size, centre) for name in called.values()},
+        images=Images(
+            names=images,
+            cameras=tuple(called[one.lens] for one in cameras),
+            exposures=images,
+            T_w_c=stacked([one.T_w_c for one in cameras]),
+        ),
+        measured=measured,
+        settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
+        in_grid=None if crs is None else as_they_are,
+        proofs=(Proof(whose="the program's own points", measured=measured),),
+        lost={
+            "second measurements of a point in one image": again,
+            "cameras of further models in the file": _further(rows),
+        },
+        assumed=ASSUMED,
+    )
+
+
+class _Rows:
+    """The lines of the file, one after another."""
+
+    def __init__(self, file: Opened) -> None:
+        self._file = file
+        self._rows: Iterator[Line] = text_lines.lines(file, comment="#")
+
+    def maybe(self) -> Line | None:
+        return next(self._rows, None)
+
+    def next(self, what: str) -> Line:
+        row = self.maybe()
+        if row is None:
+            end = self._file.data.count(b"\n") + 1
+            found = f"{what} is missing at the end of the file"
+            raise self._file.wrong(what, found, "must be complete; is the file cut off?", line=end)
+        return row
+
+    def counted(self, what: str) -> Iterator[Line]:
+        """Yield as many lines as a line with their number says."""
+        head = self.next(f"number of {what}s")
+        n = int(head.number_at(0, f"number of {what}s", MOST))
+        for _ in range(n):
+            yield self.next(what)
+
+
+def _centre(rows: _Rows, size: tuple[int, int]) -> Array:
+    """Return from where measurements count, the library's pixels, by the first line."""
+    first = rows.next("version")
+    if first.cell(0, "version") != VERSION:
+        raise first.wrong("version", quoted(first.cells[0]), f"must be {VERSION}")
+    middle = np.array([size[0] - 1, size[1] - 1]) / 2
+    if len(first) == 1:
+        return middle
+    if first.cells[1] != FIXED:
+        raise first.wrong("version", quoted(first.cells[1]), f"must be {FIXED}, or nothing")
+    _, cx, _, cy = first.numbers(2, 6, "fx, cx, fy, cy", FOCAL).tolist()
+    return np.array([cx, cy]) - 0.5
+
+
+def _camera(row: Line) -> Camera:
+    n = len(row) - 10
+    if n < 1:
+        expected = "must be file, f, quaternion, centre, r and 0"
+        raise row.wrong("camera", f"{len(row)} cells", expected)
+    f = row.number_at(n, "focal length", FOCAL)
+    w, x, y, z = row.numbers(n + 1, n + 5, "quaternion", ENTRY).tolist()
+    length = float(np.sqrt(w * w + x * x + y * y + z * z))
+    if not length > 0:
+        raise row.wrong("quaternion", "is zero", "must be a rotation")
+    w, x, y, z = w / length, x / length, y / length, z / length
+    R_v_w = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return Camera(
+        line=row,
+        file=" ".join(row.cells[:n]).replace("\\", "/"),
+        lens=(f, row.number_at(n + 8, "radial distortion", COEFFICIENT)),
+        T_w_c=Pose(R=R_v_w.T @ FLIP, r=row.numbers(n + 5, n + 8, "centre", LENGTH)),
+    )
+
+
+def _names(cameras: list[Camera]) -> tuple[str, ...]:
+    """Return names of files without folders, or with them where some are the same."""
+    whole = [one.file for one in cameras]
+    for k, name in enumerate(whole):
+        if name in whole[:k]:
+            raise cameras[k].line.wrong("image", f"{quoted(name)} is there twice", "must be once")
+    short = [one.rpartition("/")[2] for one in whole]
+    return tuple(short if len(set(short)) == len(short) else whole)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Points:
+    """Points, shape (n, 3), and rows of image, point, column and row."""
+
+    x_w: Array
+    views: Array
+
+
+def _points(rows: _Rows, n_cameras: int, centre: Array) -> tuple[_Points, int]:
+    """Return the points, and how often an image has one of them again."""
+    x_w, views, again = [], [], 0
+    for point, row in enumerate(rows.counted("point")):
+        x_w.append(row.numbers(0, 3, "point", LENGTH))
+        n = row.whole_at(6, "views")
+        if not 0 <= n == (len(row) - 7) / 4:
+            found = f"{len(row) - 7} cells after the number {n}"
+            raise row.wrong("views", found, "must be four for each: image, feature, x, y")
+        seen: dict[int, tuple[float, float]] = {}
+        for image, _, x, y in row.numbers(7, None, "views", LENGTH).reshape(-1, 4).tolist():
+            if not (0 <= image < n_cameras and image.is_integer()):
+                expected = f"must be one of {n_cameras}, from 0"
+                raise row.wrong("views", f"image {image:g}", expected)
+            seen.setdefault(int(image), (x + centre[0], y + centre[1]))
+        views += [(image, point, *at) for image, at in seen.items()]
+        again += n - len(seen)
+    table = np.array(views, dtype=float).reshape(-1, 4)
+    return _Points(x_w=np.array(x_w).reshape(-1, 3), views=table), again
+
+
+def _further(rows: _Rows) -> int:
+    """Return how many cameras a further model of the file has; 0 where there is none."""
+    row = rows.maybe()
+    return max(0, row.whole_at(0, "number of cameras")) if row is not None and len(row) == 1 else 0
+
+
+def _lens(file: Opened, camera: Camera, size: tuple[int, int], centre: Array) -> Lens:
+    f, r = camera.lens
+    cx, cy = centre.tolist()
+
+    def ideal(points: Array) -> Array:
+        undistorted: Array = points * (1 + r * np.sum(points**2, axis=1, keepdims=True))
+        return undistorted
+
+    return Lens(
+        width_px=size[0],
+        height_px=size[1],
+        hole=Pinhole(fx=f, fy=f, cx=cx, cy=cy),
+        distortion=lambda points: inverse(ideal, points, points) if r else points,
+        wrong=partial(file.wrong, "camera", line=camera.line.number),
+    )
