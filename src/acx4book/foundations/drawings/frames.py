@@ -51,7 +51,7 @@ def _meridian(ax: Axes) -> None:
         (np.array([meets + 0.27, 0.06]), "$B$", style.BLUE),
         (top + 0.42 * up + [0.02, 0.0], "up", style.TEAL),
         (top + 0.42 * north + [-0.18, 0.05], "north", style.TEAL),
-        ((at + top) / 2 + [0.05, -0.1], "$h$", style.INK),
+        ((at + top) / 2 + [0.05, -0.1], "$h_e$", style.INK),
         ((axis + at) / 2 + [-0.05, -0.22], r"$\nu$", style.BLUE),
     ):
         ax.text(x, y, text, color=colour)
@@ -80,9 +80,9 @@ def _heights(ax: Axes) -> None:
         ax.plot(x, y, color=colour)
         ax.text(1.02, y[-1], name, color=colour, va="center")
     for k, low, high, name in (
-        (30, ellipsoid, ground, "$h$"),
+        (30, ellipsoid, ground, "$h_e$"),
         (50, ellipsoid, geoid, "$N$"),
-        (50, geoid, ground, "$H$"),
+        (50, geoid, ground, "$h_0$"),
     ):
         maps.arrow(ax, np.array([x[k], low[k]]), np.array([x[k], high[k]]), style.SOFT)
         ax.text(x[k] + 0.02, (low[k] + high[k]) / 2, name, va="center")

@@ -50,9 +50,9 @@ def _lengths(ax: Axes, to_a: float) -> None:
     """Draw the four sides of the two triangles beside them."""
     sides = (
         ((-0.35, 0), (-0.35, -F), "$f$", (-10, 0)),
-        ((-2.9, 0), (-2.9, -H), "$h$", (-10, 0)),
+        ((-2.9, 0), (-2.9, -H), "$H$", (-10, 0)),
         ((0, -F - 0.35), (to_a, -F - 0.35), "$x - x_p$", (0, -11)),
-        ((0, -H - 0.35), (TO_A, -H - 0.35), "$(x - x_p)\\,h / f$", (0, -12)),
+        ((0, -H - 0.35), (TO_A, -H - 0.35), "$(x - x_p)\\,H / f$", (0, -12)),
     )
     for start, end, name, shift in sides:
         how = {"arrowstyle": "<|-|>", "color": style.INK, "lw": 1, "shrinkA": 0, "shrinkB": 0}

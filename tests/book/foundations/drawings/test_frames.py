@@ -17,8 +17,8 @@ def test_the_point_is_on_the_ellipse_and_its_normal_is_normal(latitude):
 
 def test_the_heights_are_named():
     left, right = drawings.earth().axes
-    assert {"$h$", "$B$", "north"} <= {t.get_text() for t in left.texts}
-    assert {"$h$", "$H$", "$N$", "geoid"} <= {t.get_text() for t in right.texts}
+    assert {"$h_e$", "$B$", "north"} <= {t.get_text() for t in left.texts}
+    assert {"$h_e$", "$h_0$", "$N$", "geoid"} <= {t.get_text() for t in right.texts}
 
 
 def test_the_second_axis_is_the_focal_length_that_the_scale_causes():
