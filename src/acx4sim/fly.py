@@ -13,6 +13,7 @@ _SCATTER_M = np.array([6.0, 8.0, 5.0])  # forward, left, up
 _IN_TURN = 0.4  # of the base, by which an exposure is early or late at most
 _MOTION_DEG = np.array([1.1, 0.9, 0.8])  # roll, pitch, yaw
 _CRAB_DEG = 4.0
+_COMPASS_ROUNDS = 30  # of a few degrees, each leaves less than a tenth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +135,21 @@ def record(
         error += _strip_drift(track, np.array(options.gnss_strip_drift_m_per_min), slow)
     turn = Rotation.from_rotvec(sigma_deg * random_deg, degrees=True)
     there = _later(track, options.gnss_delay_s, options.attitude_delay_s)
-    return replace(track, x_g=there.x_g + error, R_enu_b=there.R_enu_b * turn)
+    shown = by_compass(there.R_enu_b, options.compass_deg)
+    return replace(track, x_g=there.x_g + error, R_enu_b=shown * turn)
+
+
+def by_compass(R_enu_b: Rotation, compass_deg: tuple[float, float]) -> Rotation:
+    """Return attitudes with the headings that a compass of these coefficients shows."""
+    if not any(compass_deg):
+        return R_enu_b
+    forward = R_enu_b.apply([1.0, 0.0, 0.0])
+    true_deg = np.degrees(np.arctan2(forward[:, 0], forward[:, 1]))
+    more_deg = np.zeros(len(true_deg))
+    for _ in range(_COMPASS_ROUNDS):
+        shown = np.radians(true_deg + more_deg)
+        more_deg = compass_deg[0] * np.sin(shown) + compass_deg[1] * np.cos(shown)
+    return Rotation.from_rotvec(np.outer(-more_deg, [0.0, 0.0, 1.0]), degrees=True) * R_enu_b
 
 
 def _later(track: Track, position_s: float, attitude_s: float) -> Track:

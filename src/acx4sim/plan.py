@@ -104,6 +104,9 @@ class Options:
         it is zero in the middle of the strip.
     gnss_delay_s, attitude_delay_s : float
         By how much later than the exposure the position and the attitude of its row are.
+    compass_deg : tuple of float
+        Coefficients B and C of a compass: it shows more than the true heading by B times the sine
+        and C times the cosine of what it shows.
     slow_errors : SlowErrors, optional
         Correlation of the trajectory's errors in time; none by default.
     refraction : str
@@ -124,6 +127,7 @@ class Options:
     gnss_strip_drift_m_per_min: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gnss_delay_s: float = 0.0
     attitude_delay_s: float = 0.0
+    compass_deg: tuple[float, float] = (0.0, 0.0)
     slow_errors: SlowErrors | None = None
     refraction: str = "none"
     gross_errors: GrossErrors | None = None
@@ -138,7 +142,8 @@ class Options:
             msg = f"refraction is 'none' or 'standard', got {self.refraction!r}"
             raise ValueError(msg)
         for name in ("gnss_shift_m", "gnss_drift_m_per_min", "gnss_strip_drift_m_per_min"):
-            _check_three(name, getattr(self, name))
+            _check_numbers(name, getattr(self, name), 3)
+        _check_numbers("compass_deg", self.compass_deg, 2)
         if isinstance(self.blocks, str):
             msg = f"blocks must be a tuple of names, got {self.blocks!r}"
             raise ValueError(msg)
@@ -163,10 +168,10 @@ def _check_number(name: str, factor: object) -> None:
         raise ValueError(msg)
 
 
-def _check_three(name: str, values: object) -> None:
-    """Raise a ValueError where values are not three finite numbers."""
-    if np.shape(values) != (3,) or not np.all(np.isfinite(values)):  # type: ignore[call-overload]
-        msg = f"{name} must be three numbers, got {values!r}"
+def _check_numbers(name: str, values: object, n: int) -> None:
+    """Raise a ValueError where values are not so many finite numbers."""
+    if np.shape(values) != (n,) or not np.all(np.isfinite(values)):  # type: ignore[call-overload]
+        msg = f"{name} must be {['two', 'three'][n - 2]} numbers, got {values!r}"
         raise ValueError(msg)
 
 

@@ -58,6 +58,7 @@ TOGETHER = {
     "held lever arm and delays": {
         ("stages", "mounting", "fix"): ["lever_arm"],
         ("stages", "mounting", "gnss"): ["drift", "delay", "attitude_delay", "shift"],
+        ("stages", "mounting", "attitude"): ["deviation"],
     },
 }
 """Settings that are run through the notebooks of the flight of one camera, some at a time."""

@@ -109,6 +109,13 @@ class PoseObservations:
         slow = self.slow_attitudes
         return None if slow is None else slow.correlation(self.sigma_attitude)
 
+    @cached_property
+    def by_heading(self) -> Array:
+        """Sine and cosine of the observed headings, from north over east, shape (n_poses, 2)."""
+        ahead = self.T_m_b.R[:, :2, 0]
+        by_heading: Array = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+        return by_heading
+
     @property
     def linked(self) -> Index:
         """Pairs of poses whose errors are correlated, shape (k, 2)."""
@@ -218,37 +225,53 @@ def position_equations(observed: PoseObservations, state: State, columns: Layout
     )
 
 
+def deviating(observed: PoseObservations, state: State) -> Array:
+    """Return by what rotations about the mapping frame's z recorded headings are too large."""
+    larger = observed.by_heading @ state.deviation
+    return exp(np.outer(larger, [0.0, 0.0, -1.0]))  # clockwise
+
+
 def attitude_equations(observed: PoseObservations, state: State, columns: Layout) -> Equations:
     """Linearise observed attitudes, about the body's axes.
 
-    Observed is what the body has a delay later than at the exposure, as `position_errors` has it.
+    Observed is what the body has a delay later than at the exposure, as `position_errors` has it;
+    its heading, clockwise about the vertical, is larger by the deviation, which is the first
+    harmonic of the observed heading, B sin + C cos, as that of a compass [1]_.
 
     Parameters
     ----------
     observed : PoseObservations
     state : State
     columns : Layout
+
+    References
+    ----------
+    .. [1] A. Smith and F. J. Evans, "Admiralty manual for the deviations of the compass", 1862.
     """
-    R, where = np.swapaxes(observed.T_m_b.R, -1, -2) @ state.T_m_b.R, columns.pose[:, 3:]
-    if observed.motion is None or columns.delay[1] < 0:
-        v = log(R)
-        A = log_jacobian(v)
-    else:
-        rate = observed.motion.rate
-        later = exp(state.delay[1] * rate)
-        v = log(R @ later)
-        by_turn = log_jacobian(v)
-        A = np.concatenate(
-            [by_turn @ np.swapaxes(later, -1, -2), by_turn @ rate[:, :, None]], axis=2
-        )
-        where = np.concatenate([where, np.full((len(v), 1), columns.delay[1])], axis=1)
+    n, R = len(state.T_m_b), state.T_m_b.R
+    rate = None if observed.motion is None or columns.delay[1] < 0 else observed.motion.rate
+    deviates = bool(np.any(columns.deviation >= 0))
+    later = np.eye(3) if rate is None else exp(state.delay[1] * rate)
+    recorded = R if rate is None else R @ later
+    if deviates:
+        recorded = deviating(observed, state) @ recorded
+    v = log(np.swapaxes(observed.T_m_b.R, -1, -2) @ recorded)
+    by_turn = log_jacobian(v)
+    A, where = [by_turn @ np.swapaxes(later, -1, -2)], [columns.pose[:, 3:]]
+    if rate is not None:
+        A.append(by_turn @ rate[:, :, None])
+        where.append(np.full((n, 1), columns.delay[1]))
+    if deviates:
+        vertical = recorded[:, 2, :, None]  # the mapping frame's z in the body
+        A.append(-(by_turn @ vertical) * observed.by_heading[:, None])
+        where.append(np.tile(columns.deviation, (n, 1)))
     return Equations(
         kind="attitude",
         v=v,
         sigma=observed.sigma_attitude,
-        A=A,
-        columns=where,
-        unit=np.arange(len(v)),
+        A=np.concatenate(A, axis=2),
+        columns=np.concatenate(where, axis=1),
+        unit=np.arange(n),
         correlation=observed.of_attitudes,
     )
 

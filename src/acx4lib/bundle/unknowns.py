@@ -11,7 +11,16 @@ from acx4lib import expected, shown
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, exp
-from acx4lib.geometry.parameters import AXES, BORESIGHT, DELAYS, GNSS, LEVER_ARM, MOUNT, POSE
+from acx4lib.geometry.parameters import (
+    ATTITUDE,
+    AXES,
+    BORESIGHT,
+    DELAYS,
+    LEVER_ARM,
+    MOUNT,
+    POSE,
+    TRAJECTORY,
+)
 
 
 @shown.briefly
@@ -33,6 +42,8 @@ class Layout:
         Columns of the drifts of GNSS positions.
     delay : ndarray, shape (2,)
         Columns of the delays of positions and of attitudes, -1 where held.
+    deviation : ndarray, shape (2,)
+        Columns of the deviation of headings, by their sine and their cosine, -1 where held.
     joint : ndarray, shape (n_distances,)
         Columns that join the two halves of each distance, the last ones.
     """
@@ -43,13 +54,14 @@ class Layout:
     shift: Index = field(default_factory=lambda: np.full(3, -1))
     drift: Index = field(default_factory=lambda: np.full((0, 3), -1))
     delay: Index = field(default_factory=lambda: np.full(2, -1))
+    deviation: Index = field(default_factory=lambda: np.full(2, -1))
     joint: Index = field(default_factory=lambda: np.full(0, -1))
 
     @property
     def n_columns(self) -> int:
         """Number of unknowns that are not points."""
-        gnss = (self.shift, self.drift, self.delay)
-        parts = (self.interior, self.mount, *gnss, self.pose, self.joint)
+        errors = (self.shift, self.drift, self.delay, self.deviation)
+        parts = (self.interior, self.mount, *errors, self.pose, self.joint)
         return int(sum(np.sum(part >= 0) for part in parts))
 
 
@@ -74,6 +86,8 @@ class State:
         Change of their error along each strip, m per unit of `Strips`' time.
     delay : ndarray, shape (2,)
         How much later than exposures positions and attitudes are recorded, s.
+    deviation : ndarray, shape (2,)
+        By how much recorded headings are larger, times their sine and their cosine, radians.
     """
 
     interiors: tuple[Interior, ...]
@@ -83,6 +97,7 @@ class State:
     shift: Array = field(default_factory=lambda: np.zeros(3))
     drift: Array = field(default_factory=lambda: np.zeros((0, 3)))
     delay: Array = field(default_factory=lambda: np.zeros(2))
+    deviation: Array = field(default_factory=lambda: np.zeros(2))
 
 
 def moved(columns: Layout, state: State, dx: Array, dp: Array) -> State:
@@ -109,6 +124,7 @@ def moved(columns: Layout, state: State, dx: Array, dp: Array) -> State:
         shift=state.shift + padded[columns.shift],
         drift=state.drift + padded[columns.drift],
         delay=state.delay + padded[columns.delay],
+        deviation=state.deviation + padded[columns.deviation],
     )
 
 
@@ -139,6 +155,7 @@ def named(
         (columns.shift[None], ["GNSS"], [f"shift_{axis}" for axis in AXES]),
         (columns.drift, strips, [f"drift_{axis}" for axis in AXES]),
         (columns.delay[:, None], ["GNSS", "attitude"], ["delay"]),
+        (columns.deviation[None], ["attitude"], ["deviation_sin", "deviation_cos"]),
         (columns.pose, poses, POSE),
         (columns.joint[:, None], distances, ["joint"]),
     ):
@@ -157,9 +174,9 @@ def layout(
     free_mount: Sequence[str] = (),
     free_shift: Sequence[str] = (),
     n_drifts: int = 0,
-    delayed: Sequence[str] = (),
+    recorded: Sequence[str] = (),
 ) -> Layout:
-    """Return the column of every unknown: interior and mounting by camera, GNSS, then poses.
+    """Return the column of every unknown: interior and mounting by camera, trajectory, then poses.
 
     Parameters
     ----------
@@ -171,8 +188,8 @@ def layout(
     free_shift : sequence of str
         Axes of the GNSS shift to estimate, names of `AXES`.
     n_drifts : int
-    delayed : sequence of str
-        Delays to estimate, names of `DELAYS`.
+    recorded : sequence of str
+        Errors of what is recorded to estimate, names of `DELAYS` and `ATTITUDE`.
 
     Raises
     ------
@@ -184,7 +201,7 @@ def layout(
     expected.names_of("free", free, INTERIOR)
     expected.names_of("free_mount", free_mount, MOUNT)
     expected.names_of("free_shift", free_shift, AXES)
-    expected.names_of("delayed", delayed, DELAYS)
+    expected.names_of("recorded", recorded, (*DELAYS, *ATTITUDE))
     is_free = np.array([name in free for name in INTERIOR] + [name in free_mount for name in MOUNT])
     per_camera = np.tile(is_free, (n_cameras, 1))
     columns = np.where(per_camera, np.cumsum(per_camera).reshape(per_camera.shape) - 1, -1)
@@ -192,14 +209,17 @@ def layout(
     first_shift = int(per_camera.sum())
     first_drift = first_shift + int(shifted.sum())
     first_delay = first_drift + 3 * n_drifts
-    late = np.array([name in delayed for name in DELAYS])
-    first_pose = first_delay + int(late.sum())
+    late = np.array([name in recorded for name in DELAYS])
+    deviates = "deviation" in recorded
+    first_deviation = first_delay + int(late.sum())
+    first_pose = first_deviation + 2 * deviates
     return Layout(
         interior=columns[:, : len(INTERIOR)],
         mount=columns[:, len(INTERIOR) :],
         shift=np.where(shifted, first_shift + np.cumsum(shifted) - 1, -1),
         drift=first_drift + np.arange(3 * n_drifts).reshape(n_drifts, 3),
         delay=np.where(late, first_delay + np.cumsum(late) - 1, -1),
+        deviation=first_deviation + np.arange(2) if deviates else np.full(2, -1),
         pose=first_pose + np.arange(6 * n_poses).reshape(n_poses, 6),
     )
 
@@ -224,6 +244,7 @@ def holding(columns: Layout, held: Index) -> Layout:
         shift=new[columns.shift],
         drift=new[columns.drift],
         delay=new[columns.delay],
+        deviation=new[columns.deviation],
         joint=new[columns.joint],
     )
 
@@ -265,7 +286,7 @@ def free_shift(gnss: Sequence[str], free_mount: Sequence[str]) -> tuple[str, ...
     Parameters
     ----------
     gnss : sequence of str
-        Names of `GNSS`.
+        Names of `TRAJECTORY`.
     free_mount : sequence of str
         Names of `MOUNT`.
 
@@ -274,7 +295,7 @@ def free_shift(gnss: Sequence[str], free_mount: Sequence[str]) -> tuple[str, ...
     ValueError
         For an unknown name.
     """
-    expected.names_of("gnss", gnss, GNSS)
+    expected.names_of("gnss", gnss, TRAJECTORY)
     if "shift" not in gnss:
         return ()
     return AXES[:2] if "lever_z" in free_mount else AXES

@@ -40,7 +40,7 @@ from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import mountings, require_millimetres
 from acx4lib.geometry.collinearity import REFRACTION
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.parameters import DELAYS, GNSS, MOUNT
+from acx4lib.geometry.parameters import ATTITUDE, DELAYS, MOUNT, TRAJECTORY
 from acx4lib.least_squares import processors
 
 
@@ -139,9 +139,10 @@ def mounted_orientation(
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
-        Errors of the trajectory to estimate, names of `parameters.GNSS`: a ``"shift"`` of the
-        block, without height where the lever arm's z is estimated; a ``"drift"`` of each strip;
-        a ``"delay"`` of the positions, an ``"attitude_delay"`` of the attitudes.
+        Errors of the trajectory to estimate, names of `parameters.TRAJECTORY`: a ``"shift"`` of
+        the block, without height where the lever arm's z is estimated; a ``"drift"`` of each strip;
+        a ``"delay"`` of the positions, an ``"attitude_delay"`` of the attitudes; a ``"deviation"``
+        of the headings.
 
     Raises
     ------
@@ -151,7 +152,7 @@ def mounted_orientation(
         For an unknown name.
     """
     expected.instance("block", block, Block)
-    expected.names_of("gnss", gnss, GNSS)
+    expected.names_of("gnss", gnss, TRAJECTORY)
     trajectory = block.trajectory
     strips = strips_of(block) if "drift" in gnss else Strips()
     delayed = [name for name in DELAYS if name in gnss]
@@ -170,7 +171,7 @@ def mounted_orientation(
             free_mount=free_mount,
             free_shift=free_shift(gnss, free_mount),
             n_drifts=len(strips.names),
-            delayed=delayed,
+            recorded=[name for name in (*DELAYS, *ATTITUDE) if name in gnss],
         ),
         observed=PoseObservations(
             T_m_b=trajectory.T_m_b,

@@ -15,6 +15,7 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.bundle.unknowns import Layout
+from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.mounting import Mountings
 from acx4lib.expected import Array, Index
@@ -88,10 +89,9 @@ def absorption(mountings: Mountings) -> Absorption | None:
         return None
     single, gnss = mountings["single_step"], mountings["two_step_gnss"]
     one, two = single.calibration, gnss.calibration
-    gnss_errors = single.bundle.network.layout
     if np.any(_columns(one.layout) < 0) or np.any(_columns(two.layout) < 0):
         return None
-    if np.any(gnss_errors.shift >= 0) or len(gnss_errors.drift) or np.any(gnss_errors.delay >= 0):
+    if trajectory_errors.parameters(single.bundle):
         return None
     network, inverse = gnss.bundle.network, _inverse_at(single.bundle, gnss.bundle)
     J, rows = by_lever_arms(network, inverse), _columns(network.layout)

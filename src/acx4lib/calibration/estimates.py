@@ -386,6 +386,10 @@ NEEDS: Mapping[str, tuple[Need, ...]] = {
     "attitude_delay": (
         Need(text="attitudes that change from one exposure to the next", features=()),
     ),
+    "deviation": (
+        Need(text="strips flown in opposite directions", features=("opposite",)),
+        Need(text="strips across the others", features=("crosswise",)),
+    ),
 }
 """What determines each parameter, by the library's name of it."""
 

@@ -31,7 +31,9 @@ Step = Callable[..., Mounting]
 """Takes a block and `free`, the interior parameters to estimate beside boresight and lever arm."""
 
 
-def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") -> Mounting:
+def calibrate(
+    block: Block, *, free: Sequence[str], refraction: str = "none", gnss: Sequence[str] = ()
+) -> Mounting:
     """Estimate interior orientation, boresight and lever arm of all heads in one adjustment.
 
     Parameters
@@ -44,6 +46,8 @@ def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") ->
         not determined, and holding them determines all, they keep the cameras' values.
     refraction : str
         ``"none"`` or ``"standard"``.
+    gnss : sequence of str
+        Errors of the trajectory to estimate, as in `uses.mounted_orientation`.
 
     Returns
     -------
@@ -57,7 +61,7 @@ def calibrate(block: Block, *, free: Sequence[str], refraction: str = "none") ->
     ValueError
         For an unknown name.
     """
-    return calibrate_by(partial(single_step, refraction=refraction), block, free=free)
+    return calibrate_by(partial(single_step, refraction=refraction, gnss=gnss), block, free=free)
 
 
 def calibrate_by(step: Step, block: Block, *, free: Sequence[str]) -> Mounting:

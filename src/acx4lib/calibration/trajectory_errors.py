@@ -1,6 +1,7 @@
 """The errors of the trajectory that a bundle estimated with its cameras.
 
-A shift and drifts of GNSS positions, and the delays of positions and of attitudes.
+A shift and drifts of GNSS positions, the delays of positions and of attitudes, and a deviation of
+headings.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
 DELAY = "gnss_delay_s"
 ATTITUDE_DELAY = "attitude_delay_s"
+DEVIATION = ("deviation_sin_deg", "deviation_cos_deg")
 
 
 LIMIT_DELAY_S = 1.0
@@ -74,7 +76,8 @@ def _unknowns(bundle: Bundle) -> list[_Unknown]:
         _Unknown(key="shift", name=f"gnss_shift_{axis}_m", unit="m", value=value, column=column)
         for axis, value, column in zip(AXES, state.shift, layout.shift, strict=True)
     ]
-    found = [*shift, *_drifts(bundle), *_delays(network.observed.motion, bundle)]
+    delays = _delays(network.observed.motion, bundle)
+    found = [*shift, *_drifts(bundle), *delays, *_deviation(bundle)]
     return [one for one in found if one.column >= 0]
 
 
@@ -121,12 +124,37 @@ def _delays(motion: Motion | None, bundle: Bundle) -> list[_Unknown]:
     ]
 
 
+def _deviation(bundle: Bundle) -> list[_Unknown]:
+    """Return the deviation of headings, in degrees.
+
+    It may be as uncertain as a single heading, where this is more than a boresight may be.
+    """
+    sigma = np.degrees(bundle.network.observed.sigma_attitude[:, 2])
+    seen = sigma[np.isfinite(sigma)]
+    limit = max(LIMIT_BORESIGHT_DEG, float(np.median(seen)) if len(seen) else 0.0)
+    return [
+        _Unknown(
+            key="deviation",
+            name=name,
+            unit="deg",
+            value=float(np.degrees(value)),
+            column=int(column),
+            scale=float(np.degrees(1.0)),
+            reach=1 / limit,
+        )
+        for name, value, column in zip(
+            DEVIATION, bundle.state.deviation, bundle.network.layout.deviation, strict=True
+        )
+    ]
+
+
 def parameters(bundle: Bundle, cov: Array | None = None) -> list[Parameter]:
     """Return the estimated errors of the trajectory with a posteriori standard deviations.
 
     They belong to no camera, so their camera's name is empty. A drift is in m per minute, or per
     exposure where the trajectory has no times; a delay in s, positive where what is recorded for
-    an exposure is of a later time.
+    an exposure is of a later time; a deviation in degrees, positive where the recorded heading is
+    larger than the true one.
 
     Parameters
     ----------
@@ -239,21 +267,42 @@ def notes(bundle: Bundle) -> list[str]:
             whose = "GNSS positions" if what == "gnss" else "attitudes"
             value, sigma = 1000 * abs(p.value), 1000 * p.sigma
             out.append(f"{whose} are recorded {value:.1f} ± {sigma:.1f} ms {late}")
+    out += _deviating([p for p in listed if p.key == "deviation"])
     out += _correlated(bundle.network)
     if np.any(layout.shift >= 0):
         held, free = "the lever arm's z", "the height of the GNSS shift"
         if layout.shift[2] < 0:
             held, free = free, held
         out.append(f"{held} is held, since it and {free} are one unknown")
-    if _unknowns(bundle):
-        gnss = "the shift and drift of GNSS positions"
-        which = "delays" if np.any(layout.delay >= 0) else gnss
-        if which != gnss and (np.any(layout.shift >= 0) or len(layout.drift)):
-            which = f"{gnss} and delays"
+    estimated = {one.key for one in _unknowns(bundle)}
+    if which := " and ".join(name for name, keys in _OWN.items() if estimated & keys):
+        verb = "is" if estimated == {"deviation"} else "are"
         out.append(
-            f"{which} are this block's own: none is applied to another block, nor in the validation"
+            f"{which} {verb} this block's own: none is applied to another block, nor in the "
+            "validation"
         )
     return out
+
+
+_OWN = {
+    "the shift and drift of GNSS positions": {"shift", "drift"},
+    "delays": {"delay", "attitude_delay"},
+    "the deviation of headings": {"deviation"},
+}
+
+
+def _deviating(found: list[Parameter]) -> list[str]:
+    """Say the deviation of headings in words, where both its parts are determined."""
+    if len(found) < 2:
+        return []
+    by_sine, by_cosine = found
+    most = np.hypot(by_sine.value, by_cosine.value)
+    where = np.degrees(np.arctan2(by_sine.value, by_cosine.value)) % 360
+    return [
+        f"recorded headings are off by {by_sine.value:+.3f} ± {by_sine.sigma:.3f}° times their "
+        f"sine and {by_cosine.value:+.3f} ± {by_cosine.sigma:.3f}° times their cosine: by "
+        f"{most:.3f}° at {where:.0f}°, and by as much the other way on the opposite course"
+    ]
 
 
 def _correlated(network: Network) -> list[str]:

@@ -31,7 +31,7 @@ from acx4lib.flight.toml_file import Toml
 from acx4lib.geometry.camera import distortion
 from acx4lib.geometry.crs import is_code_or_wkt
 from acx4lib.geometry.geodesy import LARGEST_UNDULATION_M, LOCAL, grid_system
-from acx4lib.geometry.parameters import GNSS
+from acx4lib.geometry.parameters import ATTITUDE, GNSS
 
 INWARD, OUTWARD = 0.25, 0.5
 """Largest corrections of a corner, in half diagonals: a third inwards would fold a lens of k1
@@ -80,7 +80,7 @@ KEYS: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("session",): ("date", *TEMPERATURE),
     ("stages",): ("heads", "mounting"),
     ("stages", "heads"): ("estimate",),
-    ("stages", "mounting"): ("estimate", "fix", "gnss", "weights"),
+    ("stages", "mounting"): ("estimate", "fix", "gnss", "attitude", "weights"),
     ("certificate",): tuple(Certificate.__dataclass_fields__),
     ("certificate", "cameras", NAME): tuple(Device.__dataclass_fields__),
 }
@@ -93,6 +93,7 @@ CHOICES: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("stages", "mounting", "estimate"): tuple(ESTIMABLE),
     ("stages", "mounting", "fix"): FIXABLE,
     ("stages", "mounting", "gnss"): GNSS,
+    ("stages", "mounting", "attitude"): ATTITUDE,
     ("stages", "mounting", "weights"): WEIGHTS,
 }
 """The values of keys that have only some, or of their lists."""

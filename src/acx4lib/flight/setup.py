@@ -160,7 +160,8 @@ class Setup:
     fix : tuple of str
         Parts that the mounting stage holds: ``lever_arm``, ``boresight``.
     gnss : tuple of str
-        Errors of the trajectory that the mounting stage estimates, names of `parameters.GNSS`.
+        Errors of the trajectory that the mounting stage estimates, names of
+        `parameters.TRAJECTORY`.
     weights : str
         Sigma that the mounting stage uses: ``given``, or ``estimated`` from the residuals.
     certificate : Certificate
@@ -209,7 +210,7 @@ def setup_of(toml: Toml) -> Setup:
         estimate_heads=tuple(ESTIMABLE[name] for name in heads),
         estimate_mounting=tuple(ESTIMABLE[name] for name in mounting.get("estimate", everything)),
         fix=tuple(mounting.get("fix", ())),
-        gnss=tuple(mounting.get("gnss", ())),
+        gnss=(*mounting.get("gnss", ()), *mounting.get("attitude", ())),
         weights=mounting.get("weights", "given"),
         certificate=_certificate_of(toml.table("certificate")),
         session=_session_of(toml.table("session")),

@@ -22,6 +22,12 @@ GNSS = ("shift", "drift", *DELAYS)
 """Systematic errors of a trajectory: of positions a shift of the whole block and a drift along each
 strip; the delays."""
 
+ATTITUDE = ("deviation",)
+"""Systematic errors of attitudes: a deviation of the headings that depends on the heading."""
+
+TRAJECTORY = (*GNSS, *ATTITUDE)
+"""All systematic errors of a trajectory that can be estimated."""
+
 AXES = ("east", "north", "height")
 """Axes of the grid, along which errors of GNSS positions are counted."""
 

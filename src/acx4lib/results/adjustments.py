@@ -20,7 +20,7 @@ from acx4lib.bundle.variance_components import (
     sigma_tests,
     tests_as_json,
 )
-from acx4lib.calibration import determination, stability, trajectory_errors
+from acx4lib.calibration import courses, determination, stability, trajectory_errors
 from acx4lib.calibration.confirmation import confirmations
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -306,6 +306,9 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"
         )
+    by_course = courses.by_course(bundle)
+    if by_course is not None and by_course.differs:
+        notes.append(by_course.sentence)
     return [*notes, *trajectory_errors.notes(bundle)]
 
 

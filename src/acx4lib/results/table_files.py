@@ -595,6 +595,7 @@ OF_TRAJECTORY = {
     "gnss_drift_": ("m/min", "m/exposure"),
     "gnss_delay_s": ("s",),
     "attitude_delay_s": ("s",),
+    "deviation_": ("deg",),
 }
 """Units of the parameters of a trajectory, which belong to no camera, by their first letters."""
 

@@ -16,6 +16,7 @@ from acx4lib.calibration.estimates import RIGS
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.flight.block import Block, select_cameras
 from acx4lib.flight.reader import Flight
+from acx4lib.geometry.parameters import ATTITUDE
 from acx4lib.results import adjustments
 from acx4lib.results.adjustments import Record, of_left_out, of_mounting
 from acx4lib.stages.explained import explained, solving
@@ -79,6 +80,8 @@ def run(flight: Flight, results_path: str | Path) -> RigStage:
 def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
     """Adjust all heads of a block together; the interior parameters are those of stage heads.
 
+    Of the errors of the trajectory that flight.toml names, those of attitudes are estimated.
+
     Parameters
     ----------
     flight : Flight
@@ -89,9 +92,18 @@ def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
     block = measured(flight, method)
     with solving(flight, block.name):
         found = attempt(
-            rig.calibrate, block, free=flight.estimate_heads, refraction=flight.refraction
+            rig.calibrate,
+            block,
+            free=flight.estimate_heads,
+            refraction=flight.refraction,
+            gnss=of_attitudes(flight.gnss),
         )
         return gathered(block, found, method)
+
+
+def of_attitudes(gnss: Sequence[str]) -> tuple[str, ...]:
+    """Return which of these errors of a trajectory are those of attitudes, whatever the block."""
+    return tuple(name for name in gnss if name in ATTITUDE)
 
 
 def measured(flight: Flight, method: str = "rig") -> Block:

@@ -50,7 +50,7 @@ KEYS = ("minutes", "sigma", "check_points", "candidates")
 SIGMAS = (
     *(name for name, _ in REPORTED.values()),
     *(f"gnss_shift_{axis}_m" for axis in AXES),
-    *(trajectory_errors.DELAY, trajectory_errors.ATTITUDE_DELAY),
+    *(trajectory_errors.DELAY, trajectory_errors.ATTITUDE_DELAY, *trajectory_errors.DEVIATION),
 )
 """What can be wanted of a calibration, named as in parameters.csv."""
 

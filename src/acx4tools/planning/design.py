@@ -22,6 +22,7 @@ from acx4lib.calibration.mounting import Mounting
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
+from acx4lib.geometry.parameters import ATTITUDE
 from acx4lib.georeferencing import budget, weak
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.least_squares.covariance import sigmas as covariance_sigmas
@@ -187,7 +188,8 @@ def calibrated(plan: Plan, block: Block, *, method: str) -> Mounting:
     expected.one_of("method", method, ("single_step", *RIGS))
     setup = plan.setup
     if method != "single_step":
-        step = partial(_single_step, refraction=setup.refraction)
+        turns = [name for name in setup.gnss if name in ATTITUDE]
+        step = partial(_single_step, refraction=setup.refraction, gnss=turns)
         return replace(rig.calibrate_by(step, block, free=setup.estimate_heads), method=method)
     return _single_step(
         block,

@@ -153,7 +153,8 @@ def test_the_height_of_the_shift_is_held_where_the_lever_arms_is_free():
     assert free_shift(("shift",), MOUNT[3:]) == ("east", "north", "height")
     assert free_shift(("drift",), MOUNT[3:]) == ()
     with pytest.raises(
-        ValueError, match="gnss: expected names of shift, drift, delay, attitude_delay, got"
+        ValueError,
+        match="gnss: expected names of shift, drift, delay, attitude_delay, deviation, got",
     ):
         free_shift(("offset",), MOUNT)
 

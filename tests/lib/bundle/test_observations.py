@@ -65,6 +65,7 @@ def test_observed_positions_are_the_true_ones_and_their_errors(block):
 
 
 DELAYED = ("delay", "attitude_delay")
+ERRORS = (*DELAYED, "deviation")
 
 
 @pytest.fixture(scope="module")
@@ -85,13 +86,18 @@ def test_what_is_recorded_late_is_the_pose_of_a_later_time(straight):
         assert_allclose(v, 0.0, atol=1e-9)
 
 
-def test_derivatives_by_delays_and_poses_agree_with_differences(straight, rng):
-    net = uses.mounted_orientation(straight, free=(), free_mount=(), gnss=DELAYED)
+@pytest.mark.parametrize("errors", [DELAYED, ERRORS, ERRORS[2:]])
+def test_derivatives_by_errors_of_the_trajectory_and_poses_agree_with_differences(
+    straight, rng, errors
+):
+    net = uses.mounted_orientation(straight, free=(), free_mount=(), gnss=errors)
     turned = exp(rng.normal(0, 0.02, (12, 3)))
-    motion = replace(net.observed.motion, rate=rng.normal(0, 0.3, (12, 3)))
-    net = replace(net, observed=replace(net.observed, motion=motion))
+    if net.observed.motion:
+        motion = replace(net.observed.motion, rate=rng.normal(0, 0.3, (12, 3)))
+        net = replace(net, observed=replace(net.observed, motion=motion))
     T = Pose(R=net.start.T_m_b.R @ turned, r=net.start.T_m_b.r + rng.normal(0, 1, (12, 3)))
     state = replace(net.start, T_m_b=T, delay=np.array([0.3, -0.4]))
+    state = replace(state, deviation=np.array([0.1, -0.2]))
 
     def equations(step):
         moved = net.moved(state, step, np.zeros_like(state.x_m))

@@ -80,7 +80,7 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(
             lambda: mounting.single_step(BLOCK, free=FREE, gnss=["offset"]),
-            "gnss: expected names of shift, drift, delay, attitude_delay, got 'offset'",
+            "gnss: expected names of shift, drift, delay, attitude_delay, deviation, got 'offset'",
         ),
         Wrong(
             lambda: mounting.single_step(BLOCK, free=FREE, refraction="ICAO"),
