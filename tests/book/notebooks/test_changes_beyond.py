@@ -20,7 +20,7 @@ pytestmark = pytest.mark.repeats
 
 WRONG = 'wrong = {"GNSS": 0.4, "heading": 2.0}'
 TIME = "share, constant_s = 0.95, 600.0"
-AIR = 'replace(study.EXACT, refraction="standard")'
+AIR = 'replace(weights.EXACT, refraction="standard")'
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_errors_that_change_faster_average_out_better(run, as_it_is):
 
 
 def test_a_model_of_refraction_that_is_not_there_does_harm(run, as_it_is):
-    vacuum = run({AIR: "study.EXACT"})
+    vacuum = run({AIR: "weights.EXACT"})
     with_model = vacuum["ratio"]["standard"].droplevel("unit")
     assert with_model["f"] == pytest.approx(-as_it_is["ratio"]["none"][("f", "mm")], rel=0.05)
     assert np.all(np.abs(vacuum["ratio"]["none"]) <= 0.003)
@@ -331,7 +331,7 @@ def test_a_mistake_of_a_reader_is_planted_in_the_same_way():
 
 """Chapters of the paper are changed in every run of the tests; these take minutes."""
 
-NEVER = "shown.explorer(explorer.explorer(plan))"
+NEVER = "shown.explorer(design.explorer(plan))"
 """The figure that moves has flights of its own, which take long."""
 
 
