@@ -28,7 +28,7 @@ from acx4lib.calibration.estimates import (
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
-from acx4lib.geometry.camera import Camera, mountings
+from acx4lib.geometry.camera import INTERIOR, Camera, mountings
 from acx4lib.geometry.frames import Pose, mean_rotation, skew, transform
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
 from acx4lib.least_squares.covariance import propagate
@@ -221,6 +221,8 @@ def single_step(
     Where nothing of the trajectory is observed and both parts of the mounting are held, the block
     is a free network: `free_network.adjust_free_rejecting` says in which datum.
     """
+    expected.instance("block", block, Block)
+    expected.names_of("free", free, INTERIOR)
     network = partial(
         mounted_orientation,
         free=free,

@@ -31,7 +31,7 @@ def cameras_and_poses() -> list[Wrong]:
         Wrong(lambda: camera.Interior(f=50.0, k1=np.nan), "k1: expected a finite number, got nan"),
         Wrong(
             lambda: camera.Interior.from_array(np.ones(5)),
-            r"values: expected shape \(9,\), got \(5,\)",
+            r"values: expected shape \(10,\), got \(5,\)",
         ),
         Wrong(head(width_px=0), "width_px: expected a whole number of 1 or more, got 0"),
         Wrong(head(height_px=-3000), "height_px: expected a whole number of 1 or more, got -3000"),
