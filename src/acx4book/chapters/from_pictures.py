@@ -37,6 +37,9 @@ EXPOSURES = ("C1-03", "C1-05", "C2-04", "C2-06", "C3-04", "C4-03", "C4-05", "C5-
 """Three strips at the lower height, one of them in the other direction, and two across at the
 higher one."""
 
+COVER = "C2-04"
+"""The picture in front."""
+
 REDUCE = 7
 """Pictures have 1/7 of the size, so that the page is computed in half a minute."""
 
@@ -279,7 +282,7 @@ def _shared_corner(matched: Matched, views: list[View]) -> Index:
     return np.rint(rays.colrow[best]).astype(np.intp)[None]
 
 
-def cover(outcome: Outcome, block: Block, name: str = "C2-04") -> Figure:
+def cover(outcome: Outcome, block: Block) -> Figure:
     """Draw the tie points and the control points of a picture over it.
 
     Parameters
@@ -287,13 +290,11 @@ def cover(outcome: Outcome, block: Block, name: str = "C2-04") -> Figure:
     outcome : Outcome
     block : Block
         As it was measured.
-    name : str
-        Of the picture.
     """
-    view = _view(outcome, name)
+    view = _view(outcome, COVER)
     small = pixels_of_view(view)[::SHOWN, ::SHOWN].mean(axis=2)
     points = block.image_points
-    own = points.image_idx == block.images.names.index(name)
+    own = points.image_idx == block.images.names.index(COVER)
     rays = block.rays[points.point_idx[own]]
     colrow = points.colrow[own] / REDUCE / SHOWN
     control = np.isin(points.point_idx[own], block.control.point_idx)

@@ -283,7 +283,6 @@ def deformation(
     synthetic: Camera,
     *,
     truth: RelativeOrientation | None = None,
-    spacing_px: int = 600,
 ) -> Deformation:
     """Return what a relative orientation has wrong in the synthetic image.
 
@@ -293,10 +292,8 @@ def deformation(
     synthetic : Camera
     truth : RelativeOrientation, optional
         The same heads as they truly are.
-    spacing_px : int
-        Of the nodes.
     """
-    found = coverage(orientation, synthetic, spacing_px=spacing_px)
+    found = coverage(orientation, synthetic, spacing_px=600)
     nodes, seen = found.xy.reshape(-1, 2), found.seen.reshape(len(orientation.heads), -1)
     head, node = np.nonzero(seen)
     xy = nodes[node]

@@ -35,6 +35,9 @@ STORED = Path(str(resources.files("acx4book.chapters") / "stored"))
 SYNTHETIC, RIG = "synthetic", "rig"
 """The two ways: a single step of carried points, and a rig of four heads."""
 
+ALPHA = 0.01
+"""Probability that the noise of any parameter lies outside its bounds, if sigma is right."""
+
 PARTS = ("parameters", "points", "classes", "shared", "noise", "sweep", "pattern", "centres")
 
 
@@ -153,9 +156,9 @@ def scatter_of_shared(study: Study) -> pd.Series:
     return within.groupby("parameter", sort=False).mean() ** 0.5
 
 
-def rms_by_flight(study: Study, way: str, over: str = "points") -> pd.DataFrame:
+def rms_by_flight(study: Study, way: str) -> pd.DataFrame:
     """Return the RMS at check points of every flight: a column for plan and one for height, m."""
-    own = study.points[(study.points["way"] == way) & (study.points["over"] == over)]
+    own = study.points[(study.points["way"] == way) & (study.points["over"] == "points")]
     wide = own.pivot_table(index="seed", columns="axis", values="rms_m")
     return pd.DataFrame(
         {"plan": np.hypot(wide["east_m"], wide["north_m"]), "height": wide["height_m"]}
@@ -227,14 +230,12 @@ def excess(study: Study) -> dict[str, float]:
     }
 
 
-def scatter_with_heads(study: Study, *, alpha: float = 0.01) -> pd.DataFrame:
+def scatter_with_heads(study: Study) -> pd.DataFrame:
     """Return how the synthetic camera scatters over a sigma that has its heads' part.
 
     Parameters
     ----------
     study : Study
-    alpha : float
-        Probability that the noise of any parameter lies outside its bounds, if sigma is right.
 
     Returns
     -------
@@ -253,7 +254,7 @@ def scatter_with_heads(study: Study, *, alpha: float = 0.01) -> pd.DataFrame:
     grouped = own.groupby("parameter", sort=False)
     mean = grouped[["variance", "of_heads"]].mean()
     both = np.sqrt(mean.sum(axis=1))
-    dof, tail = study.noise["seed"].nunique() - 1, alpha / len(mean) / 2
+    dof, tail = study.noise["seed"].nunique() - 1, ALPHA / len(mean) / 2
     low, high = np.sqrt(stats.chi2.ppf([tail, 1 - tail], dof) / dof)
     return pd.DataFrame(
         {

@@ -426,16 +426,14 @@ def two_heights_explorer() -> Explorer:
     )
 
 
-def ellipses(cov: Array, n: int = 36) -> Array:
+def ellipses(cov: Array) -> Array:
     """Return points on the standard ellipses of covariances, shape (len(cov), n + 1, 2).
 
     Parameters
     ----------
     cov : ndarray, shape (n_ratios, 2, 2)
-    n : int
-        Number of points; the last is the first again.
     """
-    angle = np.linspace(0, 2 * np.pi, n + 1)
+    angle = np.linspace(0, 2 * np.pi, 36 + 1)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     values, axes = np.linalg.eigh(cov)
     points: Array = np.einsum("rij,rj,nj->rni", axes, np.sqrt(values), circle)

@@ -71,20 +71,18 @@ class Stretch:
     high: float
 
 
-def common_stretch(images: Sequence[Array | Raster], *, share: float = 0.4) -> Stretch:
+def common_stretch(images: Sequence[Array | Raster]) -> Stretch:
     """Return one stretch for all bands of all images, so that differences stay visible.
 
     Parameters
     ----------
     images : sequence of ndarray, shape (rows, cols, bands)
         Zero in all bands means no data.
-    share : float
-        Percentage of the grey values shown as black, and of those shown as white.
     """
     values = np.concatenate([image[image.any(axis=-1)].ravel() for image in images])
     if not len(values):
         return Stretch(low=0.0, high=1.0)
-    low, high = np.percentile(values, [share, 100 - share])
+    low, high = np.percentile(values, [0.4, 100 - 0.4])
     return Stretch(low=float(low), high=float(max(high, low + 1)))
 
 

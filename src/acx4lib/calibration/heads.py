@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+RADII = 200
+"""Of the profile of a lens."""
+
 LEAST_CONTROL = 3
 """Control points that heads need, which no trajectory orients."""
 
@@ -573,15 +576,13 @@ def corner_radius(camera: Camera) -> float:
     return 0.5 * camera.pixel_mm * camera.diagonal_px
 
 
-def radial_profile(fit: Bundle, *, n: int = 200) -> tuple[Array, Array, Array]:
+def radial_profile(fit: Bundle) -> tuple[Array, Array, Array]:
     """Compute the radial distortion of a calibrated camera from its middle to its corner.
 
     Parameters
     ----------
     fit : Bundle
         An adjustment of one camera.
-    n : int
-        Number of radii.
 
     Returns
     -------
@@ -589,7 +590,7 @@ def radial_profile(fit: Bundle, *, n: int = 200) -> tuple[Array, Array, Array]:
         Radius, mm; distortion of eqs (7)-(8) and its a posteriori standard deviation, px.
     """
     camera, calibration = fit.cameras[0], from_bundle(fit)
-    r = np.linspace(0.0, corner_radius(camera), n)
+    r = np.linspace(0.0, corner_radius(camera), RADII)
     powers = np.stack([r**3, r**5, r**7], axis=1) / camera.pixel_mm
     values = np.array([getattr(camera.interior, name) for name in RADIAL])
     columns = calibration.layout.interior[0][[INTERIOR.index(name) for name in RADIAL]]

@@ -681,8 +681,6 @@ def render_known(
     known: KnownExposure,
     orientation: RelativeOrientation,
     response: Response | None,
-    *,
-    feather_px: float = FEATHER_PX,
 ) -> Raster:
     """Render the synthetic image of a known exposure.
 
@@ -693,14 +691,12 @@ def render_known(
         Full size.
     response : Response or None
         None leaves grey values as the heads took them.
-    feather_px : float
-        At full size; 0 is a hard seam.
     """
     plan = render_plan(
         reduced_heads(orientation, known.reduce),
         reduced_camera(known.synthetic, known.reduce),
         response=response,
-        feather_px=feather_px / known.reduce,
+        feather_px=FEATHER_PX / known.reduce,
         step_px=max(NODES_PX // known.reduce, 4),
     )
     return render(plan, known.images)

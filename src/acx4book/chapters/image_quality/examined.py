@@ -153,9 +153,7 @@ def known_block(known: KnownExposure, found: Deviations) -> Block:
     return one_image_block(known.synthetic, ground, found.ideal + found.d_px, found.sigma_px)
 
 
-def frame_deviations(
-    orientation: RelativeOrientation, known: KnownExposure, *, spacing_px: int = 600
-) -> Deviations:
+def frame_deviations(orientation: RelativeOrientation, known: KnownExposure) -> Deviations:
     """Return where an orientation puts the nodes of the frame, less where the true one does.
 
     Exact, over a plane at the mean flying height, without pixels.
@@ -166,7 +164,7 @@ def frame_deviations(
         px of the full-size image; sigma is one pixel.
     """
     camera = known.synthetic
-    found = frame_differences(orientation, known.orientation, camera, spacing_px=spacing_px)
+    found = frame_differences(orientation, known.orientation, camera, spacing_px=600)
     d_px = found.d_px * [1.0, -1.0]  # y goes up, rows go down
     return Deviations(
         ideal=colrow_from_xy(camera, found.xy) - d_px,

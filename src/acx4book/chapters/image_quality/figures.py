@@ -58,8 +58,6 @@ def deviation_fields(
     fields: Mapping[str, Deviations],
     synthetic: Camera,
     orientation: RelativeOrientation,
-    *,
-    columns: int = 3,
 ) -> Figure:
     """Draw mean deviations of the cells of a synthetic image, all panels to one scale.
 
@@ -70,16 +68,14 @@ def deviation_fields(
     synthetic : Camera
     orientation : RelativeOrientation
         For the heads' outlines.
-    columns : int
-        Panels beside each other.
     """
     means = {title: _cell_means(one, synthetic) for title, one in fields.items()}
     longest = max(float(np.hypot(*d.T).max(initial=0.0)) for _, d in means.values())
     key = style.round_length(max(longest, 1e-6))
-    n_rows = -(-len(fields) // columns)
+    n_rows = -(-len(fields) // 3)
     with style.applied():
         fig, grid = style.subplots(
-            n_rows, columns, figsize=(style.WIDTH, 3.15 * n_rows + 0.35), squeeze=False
+            n_rows, 3, figsize=(style.WIDTH, 3.15 * n_rows + 0.35), squeeze=False
         )
         for ax in grid.flat[len(fields) :]:
             ax.remove()

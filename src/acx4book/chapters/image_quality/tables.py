@@ -38,6 +38,9 @@ from acx4lib.least_squares.statistics import chi2_sf
 NAMES: Mapping[str, str] = {"true": "true orientation", **WAYS}
 """What the orientations of `wrong_heads.every_refinement` are called."""
 
+PER_SIDE = 8
+"""Cells along the longer side, in which points are taken together."""
+
 
 # --- the true orientation --------------------------------------------------------------------
 
@@ -129,11 +132,11 @@ def _of_neighbours(colrow: Array, d: Array) -> float:
     return float(np.corrcoef(d.ravel(), d[nearest].ravel())[0, 1])
 
 
-def _cells(known: KnownExposure, colrow: Array, d: Array, *, per_side: int = 8) -> list[Array]:
+def _cells(known: KnownExposure, colrow: Array, d: Array) -> list[Array]:
     """Return the vectors of each cell of the frame that has enough of them to be averaged."""
-    size = max(known.synthetic.width_px, known.synthetic.height_px) / per_side
+    size = max(known.synthetic.width_px, known.synthetic.height_px) / PER_SIDE
     col, row = np.floor(colrow.T / size).astype(int)
-    idx = row * per_side + col
+    idx = row * PER_SIDE + col
     own: list[Mask] = [idx == i for i in np.unique(idx)]
     return [d[one] for one in own if one.sum() >= 10]
 

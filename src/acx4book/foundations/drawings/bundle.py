@@ -34,6 +34,9 @@ from acx4lib.flight.block import Block
 KINDS = {"boresight": BRICK, "poses": BLUE, "points": TEAL, "poses with points": SKY}
 """Colours of entries by the unknowns that they belong to."""
 
+CHANGE_MM = 1.0
+"""Of f and of x_p in the drawing of what they leave in the residuals."""
+
 ROUNDING = 1e-8
 """Length of a step, in standard deviations, below which there are only rounding errors."""
 
@@ -157,26 +160,24 @@ def convergence(steps: Mapping[str, Sequence[float]]) -> Figure:
     return fig
 
 
-def what_is_left(views: Mapping[str, View], *, change_mm: float = 1.0) -> Figure:
+def what_is_left(views: Mapping[str, View]) -> Figure:
     """Draw what a change of the camera does to an image, and what no change of pose can hide.
 
     Parameters
     ----------
     views : mapping of str to View
         By a title; the change itself is drawn for the first.
-    change_mm : float
-        Of f and of xp.
     """
     parts = (("$f$", 0, BLUE), ("$x_p$", 1, ORANGE))
     with applied():
         fig, axes = subplots(2, 1 + len(views), figsize=(WIDTH, 2.7))
         first = next(iter(views.values()))
         for row, (name, column, colour) in zip(axes, parts, strict=True):
-            change = change_mm * first.by_camera[:, column].reshape(-1, 2)
+            change = CHANGE_MM * first.by_camera[:, column].reshape(-1, 2)
             _arrows(row[0], first.xy, change, colour, factor=5.0)
-            row[0].set_ylabel(f"{name} + {change_mm:g} mm")
+            row[0].set_ylabel(f"{name} + {CHANGE_MM:g} mm")
             for ax, view in zip(row[1:], views.values(), strict=True):
-                left = change_mm * view.left[:, column].reshape(-1, 2)
+                left = CHANGE_MM * view.left[:, column].reshape(-1, 2)
                 _arrows(ax, view.xy, left, colour, factor=100.0)
         axes[0, 0].set_title("the change (× 5)")
         for ax, title in zip(axes[0, 1:], views, strict=True):

@@ -203,13 +203,8 @@ def sees(head: str, xy: Array, R_s_h: Array) -> Mask:
     return on_sensor
 
 
-def uncovered(*, samples: int = 121) -> tuple[float, float]:
+def uncovered() -> tuple[float, float]:
     """Compute the share of the synthetic image that no head sees.
-
-    Parameters
-    ----------
-    samples : int
-        Number of samples along each side of the synthetic image.
 
     Returns
     -------
@@ -218,7 +213,7 @@ def uncovered(*, samples: int = 121) -> tuple[float, float]:
         direction.
     """
     half = paper.corners("SYN")[0]
-    x, y = (np.linspace(-side, side, samples) for side in half)
+    x, y = (np.linspace(-side, side, 121) for side in half)
     xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     rotations = [(head, rotation_from_opk(paper.opk(head))) for head in paper.HEADS]
     as_read = np.any([sees(head, xy, R) for head, R in rotations], axis=0)
