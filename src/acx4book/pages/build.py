@@ -144,9 +144,9 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     whole_files.write(generated / "made_from.json", json.dumps(told, indent=1))
     frames.draw(generated)
     drawn = [*figure_pack.figures(executed)]
-    whole_files.write(generated / SLIDES, slides.page(drawn))
     whole_files.write(generated / "figures.zip", figure_pack.archive(drawn))
     release.write(generated / release.FOLDER)
+    whole_files.write(generated / SLIDES, slides.page(drawn))
     page.write(results_path, generated / REPORT)
     whole_files.write(generated / "program.md", release.offered(generated, UNDATED))
     api.write(book)
