@@ -617,6 +617,18 @@ def heights(material: Material) -> Iterator[Finding]:
     yield Finding(question=question, state=FAILS if wrong else HOLDS, answer=answer)
 
 
+def _predicted(entry: Mapping[str, Any]) -> str:
+    """Return how well exposures that took no part in the calibration fit to it."""
+    off = ", ".join(
+        f"{v:.2f} m in {axis}" for v, axis in zip(entry["position_rms_m"], AXES, strict=True)
+    )
+    return (
+        f"Of {plural(entry['n_exposures'], 'exposure')} that took no part in the calibration, rays "
+        f"meet within {entry['rays_rms_px']:.2f} px, and positions are off by {off} (RMS); the "
+        f"variance of unit weight is {entry['sigma0_squared']:.3f}."
+    )
+
+
 def check_points(material: Material) -> Iterator[Finding]:
     """Test the differences at check points, those of the validation with their full covariance."""
     entry: Mapping[str, Any] = material.found.summary.get(validated(material), {})
@@ -627,6 +639,8 @@ def check_points(material: Material) -> Iterator[Finding]:
     single = single.iloc[np.flatnonzero(np.isfinite(_ratios(single)).all(axis=1))]
     if few and single.empty:
         answer = "There are no check points, so the accuracy on the ground is not shown."
+        if entry.get("rays_rms_px") is not None:
+            answer += f" {_predicted(entry)}"
         yield Finding(question=CHECKED, state=NOTE, answer=answer)
         return
     parts, tests = [], [*_single_tests(single)]

@@ -20,7 +20,7 @@ from acx4lib.least_squares import statistics
 APART = np.radians(20.0)
 """Courses closer to each other than this count as one."""
 
-ALPHA = 1e-3
+ALPHA = 0.01
 """Probability of a difference between courses where there is none."""
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors import expected_failures
 from acx4lib.bundle.rejections import CRITICAL, Exchange, Stopped, sentence
@@ -41,6 +42,7 @@ from acx4lib.flight.block_from_tables import index_of
 from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing import accuracy, error_sources, weak
 from acx4lib.georeferencing.direct import pose_covariances
+from acx4lib.georeferencing.prediction import Prediction
 from acx4lib.georeferencing.validation import Differences, Validation
 from acx4lib.georeferencing.weak import Weak
 from acx4lib.least_squares import statistics
@@ -493,6 +495,45 @@ def of_validation(validation: Validation, **said: object) -> Record:
         tables=tables,
         summary={f"validation/{method}": {**_validation_summary(validation), **said}},
     )
+
+
+def with_prediction(record: Record, found: Prediction | Failed) -> Record:
+    """Return a validation's record with how its exposures are predicted, in place of check points.
+
+    Parameters
+    ----------
+    record : Record
+        Of a validation without check points.
+    found : Prediction or Failed
+    """
+    ((key, entry),) = record.summary.items()
+    said: dict[str, object] = {}
+    if isinstance(found, Prediction):
+        said, line = _prediction_summary(found), found.sentence
+    else:
+        line = f"exposures are not predicted: {found.reason}"
+    notes = [*_lines(entry), f"{key}: {line}"]
+    return replace(record, summary={key: {**entry, **said, "notes": notes}})
+
+
+def _lines(entry: Mapping[str, object]) -> list[object]:
+    notes = entry["notes"]
+    return notes if isinstance(notes, list) else []
+
+
+def _prediction_summary(found: Prediction) -> dict[str, object]:
+    solution = found.bundle.solution
+    return {
+        "rays_rms_px": found.rays_rms_px,
+        "position_rms_m": list(found.position_rms_m),
+        "n_exposures": len(found.bundle.state.T_m_b),
+        "n_observations": solution.n_observations,
+        "n_unknowns": solution.n_unknowns,
+        "redundancy": solution.redundancy,
+        "sigma0_squared": solution.sigma0_sq,
+        "chi_square_p": found.chi_square_p,
+        "n_rejected": len(found.bundle.rejected),
+    }
 
 
 def _pair_table(method: str, block: Block, pairs: Differences) -> pd.DataFrame:

@@ -8,15 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from acx4lib import shown
+from acx4lib.attempts import attempt
 from acx4lib.calibration.estimates import Calibration, features
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
+from acx4lib.georeferencing.prediction import predict
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.results import adjustments, earlier, folder, provenance, read_back
 from acx4lib.results.adjustments import mounted_block, of_validations
 from acx4lib.results.earlier import Earlier
 from acx4lib.shown import ByName
 from acx4lib.stages.explained import explained, solving
+from acx4lib.stages.rig import of_attitudes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -227,7 +230,27 @@ def _records(
             frozenset() if flown is None else features(flown),
             late="delay" in flight.gnss,
         )
+        if found:
+            told = zip(records, found, strict=True)
+            records = [_with_prediction(flight, record, one) for record, one in told]
         return explained(records, flight, "validation")
+
+
+def _with_prediction(
+    flight: Flight, record: adjustments.Record, found: Validation
+) -> adjustments.Record:
+    """Return the record with how well the exposures of a block without check points fit."""
+    if len(found.block.check) or not len(found.block.image_points):
+        return record
+    told = attempt(
+        predict,
+        found.block,
+        found.georeferenced.cameras,
+        method=found.method,
+        refraction=flight.refraction,
+        gnss=of_attitudes(flight.gnss),
+    )
+    return adjustments.with_prediction(record, told)
 
 
 def _write(
