@@ -6,8 +6,10 @@ a reader makes a copy for each of them.
 
 from __future__ import annotations
 
+import logging
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -69,6 +71,17 @@ def opened(source: Path | BinaryIO) -> tifffile.TiffFile:
     return tifffile.TiffFile(source, is_lsm=False, is_ndpi=False, is_scanimage=False, is_stk=False)
 
 
+@contextmanager
+def in_silence() -> Iterator[None]:
+    """Keep the TIFF reader from remarking on what is told otherwise."""
+    logger = logging.getLogger("tifffile")
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
+
+
 def end_of_pixels(tiff: tifffile.TiffFile) -> int:
     """Return the bytes that a TIFF must have for the parts of its first image, as its tags say."""
     page = tiff.pages.first
@@ -93,7 +106,8 @@ def is_cut_off(file: BinaryIO, size: int) -> bool:
         if fault(file, size):
             return False  # which is told where it is read
         file.seek(0)
-        return end_of_pixels(opened(file)) > size
+        with in_silence():
+            return end_of_pixels(opened(file)) > size
     except (*_BROKEN, TypeError, LookupError):  # damaged otherwise, or no TIFF
         return False
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import io
-import logging
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -144,7 +142,7 @@ def read(path: Path) -> Tags:
     source = opened.read(path)
     data = source.data
     try:
-        with _in_silence():
+        with tiff_tags.in_silence():  # the EXIF of a JPEG is a TIFF without an image
             of = _of_jpeg if data[:2] == b"\xff\xd8" else _of_tiff
             size, exif, packet = of(data)
     except _BROKEN as error:
@@ -162,17 +160,6 @@ def read(path: Path) -> Tags:
         xmp=properties(packet, path) if packet else {},
         sha256=source.sha256,
     )
-
-
-@contextmanager
-def _in_silence() -> Iterator[None]:
-    """Keep the TIFF reader from remarking that the EXIF of a JPEG is a TIFF without an image."""
-    logger = logging.getLogger("tifffile")
-    before, logger.disabled = logger.disabled, True
-    try:
-        yield
-    finally:
-        logger.disabled = before
 
 
 def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
