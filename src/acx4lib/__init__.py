@@ -20,8 +20,6 @@ Everything else is reached through its room, as in ``from acx4lib.results import
 
 from importlib import import_module
 
-from acx4lib import errors
-
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from acx4lib.flight.reader import from_tables, read
@@ -49,6 +47,7 @@ def __getattr__(name: str) -> object:
         found = import_module(f"{__name__}.{module}")
     except ModuleNotFoundError as error:
         if error.name in _OF_PIXELS:
+            errors = import_module(f"{__name__}.errors")
             raise errors.not_installed(f"acx4lib.{name}", error.name, "images") from None
         if error.name != f"{__name__}.{name}":
             raise

@@ -70,7 +70,9 @@ def test_a_command_that_fails_stops_the_page():
 
 def test_the_page_has_no_code_that_is_not_run():
     begun = re.findall(r"^```(?:python|\{literalinclude\})", PAGE, re.MULTILINE)
-    assert PAGE.count("```") == 2 * len(begun)
+    needs_data = PAGE.count("```{code-block} python")  # run by tests/book/reference/dbat
+    assert needs_data == 1
+    assert PAGE.count("```") == 2 * (len(begun) + needs_data)
 
 
 def test_the_estimate_from_tables_is_that_from_the_folder(printed):
