@@ -10,7 +10,7 @@ one that all heads share; it remains.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -44,6 +44,8 @@ from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.least_squares.dense import Dense
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
+from acx4lib.tie_points import between_exposures
+from acx4lib.tie_points.between_exposures import OneExposure
 from acx4lib.tie_points.ties import TiePoints, check_ties
 
 if TYPE_CHECKING:
@@ -84,6 +86,10 @@ class Refined:
         Heads without tie points; their orientation does not change.
     settled : bool
         Whether the weights, which follow from the differences, stopped changing within `STEPS`.
+    by_exposure : tuple of float
+        Standard deviations, beyond the noise of tie points, by which a head is off at a single
+        exposure: of its unknowns, about or along its axes, rad or mm. Part of the covariance. Empty
+        where there is one exposure.
     """
 
     orientation: RelativeOrientation
@@ -93,6 +99,7 @@ class Refined:
     held: str
     unreached: tuple[str, ...]
     settled: bool = True
+    by_exposure: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         """Say in a line how the tie points fit."""
@@ -108,7 +115,21 @@ class Refined:
     def sentence(self) -> str:
         """A warning for the user; empty where there is nothing to warn of."""
         said = f"the weights of tie points did not settle in {STEPS} steps; do the pictures agree?"
-        return "" if self.settled else said
+        return "; ".join(filter(None, ("" if self.settled else said, self._between_exposures)))
+
+    @property
+    def _between_exposures(self) -> str:
+        """What is known of heads that turn from exposure to exposure."""
+        if not self.by_exposure:
+            return "tie points are of one exposure: how heads scatter between exposures is not seen"
+        turns = np.degrees(self.by_exposure[-3:])
+        if not np.any(turns):
+            return ""
+        listed = ", ".join(f"{turn:.3f}" for turn in turns)
+        return (
+            f"beyond the noise of tie points, a head turns by {listed} degrees about its x, y, z "
+            "from exposure to exposure; standard deviations count it"
+        )
 
     @property
     def cov(self) -> Array:
@@ -313,8 +334,9 @@ def _refined(
     columns: Index,
 ) -> Refined:
     """Return the result with its covariance, if the tie points determine it."""
-    d, parts = tie_differences(now, ties[used]), _by_pair(now, ties[used])
-    N, _ = normals(parts, d, 1 / sigma[used] ** 2, len(now.heads))
+    d, parts = tie_differences(now, ties[used]), list(_by_pair(now, ties[used]))
+    weight = 1 / sigma[used] ** 2
+    N, _ = normals(parts, d, weight, len(now.heads))
     inverse = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns]).inverse()
     redundancy = 2 * int(used.sum()) - len(columns)
     if inverse.defect or redundancy <= 0:
@@ -327,7 +349,12 @@ def _refined(
         raise AdjustmentError(msg)
     u = d / sigma[used, None]
     sigma0_sq = float(np.sum(u**2)) / redundancy
-    cov, cov_change = _covariances(start, now, N, columns, sigma0_sq * inverse.dense)
+    exposures = list(_exposures(parts, d, weight, ties[used].exposure_idx, columns))
+    axis, noise = columns % PER_HEAD, sigma0_sq * inverse.dense
+    variance = between_exposures.components(exposures, axis, sigma0_sq)
+    if np.any(variance):
+        noise = noise + between_exposures.covariance(exposures, axis, variance)
+    cov, cov_change = _covariances(start, now, N, columns, noise)
     tied = _tied(start, ties[used])
     others = np.setdiff1d(np.arange(len(start.heads)), tied)
     return Refined(
@@ -337,7 +364,27 @@ def _refined(
         turn_sigma=sigmas(cov_change)[: 6 * len(start.heads)].reshape(-1, 6)[:, 3:],
         held=start.heads[tied[0]].name,
         unreached=tuple(start.heads[k].name for k in others),
+        by_exposure=tuple(np.sqrt(variance[np.unique(axis, return_index=True)[1]]).tolist())
+        if len(exposures) > 1
+        else (),
     )
+
+
+def _exposures(
+    parts: Sequence[tuple[Index, Index, Array]],
+    d: Array,
+    weight: Array,
+    exposure_idx: Index,
+    columns: Index,
+) -> Iterator[OneExposure]:
+    """Yield the normal equations of every exposure by itself."""
+    n_heads = 1 + max(int(at.max()) for _, at, _ in parts) // PER_HEAD
+    n_heads = max(n_heads, 1 + int(columns.max()) // PER_HEAD)
+    for exposure in np.unique(exposure_idx):
+        here = exposure_idx == exposure
+        own = [(rows[here[rows]], at, J[here[rows]]) for rows, at, J in parts]
+        N, h = normals(own, d, weight, n_heads)
+        yield OneExposure(N=N[np.ix_(columns, columns)], h=h[columns])
 
 
 def _covariances(

@@ -156,7 +156,11 @@ def test_gross_errors_are_rejected_and_nothing_else(exact):
 
 
 def test_weights_that_do_not_settle_are_said(noisy, monkeypatch):
-    assert refine_by_rotations(ORIENTATION, noisy).sentence == ""
+    settled = refine_by_rotations(ORIENTATION, noisy)
+    assert settled.by_exposure == ()
+    assert settled.sentence == (
+        "tie points are of one exposure: how heads scatter between exposures is not seen"
+    )
     monkeypatch.setattr(refinement, "STEPS", 1)
     refined = refine_by_rotations(turned(0.001 * np.eye(4, 3)), noisy)
     assert not refined.settled
