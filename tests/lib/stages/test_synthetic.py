@@ -34,7 +34,8 @@ def test_the_refined_heads_are_written(refinement, refined):
     assert said["n_unknowns"] == 9
     assert said["n_observations"] == 2 * (len(refinement.ties) - said["n_rejected"])
     assert 0.3 < said["sigma0_squared"] < 3
-    assert "notes" not in said
+    (note,) = said["notes"]
+    assert note.endswith("of one exposure: how heads scatter between exposures is not seen")
 
 
 def test_weights_that_did_not_settle_are_a_note(refinement):
