@@ -125,10 +125,11 @@ class Refined:
         turns = np.degrees(self.by_exposure[-3:])
         if not np.any(turns):
             return ""
-        listed = ", ".join(f"{turn:.3f}" for turn in turns)
+        listed = ", ".join(f"{turn:.4f}" for turn in turns)
         return (
-            f"beyond the noise of tie points, a head turns by {listed} degrees about its x, y, z "
-            "from exposure to exposure; standard deviations count it"
+            f"beyond the noise of tie points, what exposures say of a head differs by {listed} "
+            "degrees about its x, y, z (parallax of other flying heights, shutters that open at "
+            "other times, a mount that gives); standard deviations count it"
         )
 
     @property
