@@ -3,7 +3,7 @@
 A line of a camera has its file, the focal length f in px, the quaternion w, x, y, z of R, the
 centre, r, and 0. Axes are x right, y down, z ahead. Measurements count from the middle of the
 image, y down. The lens is that of its adjustment: with m the measured point in units of f,
-m (1 + r |m|²) is the ideal one: http://ccwu.me/vsfm/doc.html.
+m (1 + r m·m) is the ideal one: http://ccwu.me/vsfm/doc.html.
 """
 
 from __future__ import annotations
