@@ -12,9 +12,15 @@ from sphinx.application import Sphinx
 # What `tex-chtml.js` may load while a page is shown: its fonts and the packages of TeX macros.
 MATHJAX_USED = ("tex-chtml.js", "output/chtml/fonts", "input/tex/extensions")
 
-UNUSED = ("**/*.map", "**/*.ttf", "**/all-packages.js", "**/fa-brands-400.*", "locales/**/*.?o")
-"""For debuggers, for browsers of 2012, for MathJax without its loader, signs of companies, and
-other languages."""
+UNUSED = (
+    *("**/*.map", "**/*.ttf", "**/all-packages.js", "**/fa-brands-400.*", "locales/**/*.?o"),
+    *("mathjax/output/chtml/fonts/tex.js", "mathjax/**/MathJax_Fraktur-*"),
+    *(f"mathjax/input/tex/extensions/{name}.js" for name in ("ams", "newcommand", "textmacros")),
+    *(f"mathjax/input/tex/extensions/{name}.js" for name in ("bussproofs", "mhchem", "physics")),
+    *(f"mathjax/input/tex/extensions/{name}.js" for name in ("empheq", "mathtools")),
+)
+"""For debuggers, for browsers of 2012, for MathJax without its loader, signs of companies, other
+languages; what `tex-chtml.js` holds itself, and letters and macros of which no page has any."""
 
 ICON = re.compile(
     r'"?([\w-]+)"?:\[\d+,\d+,\[([^\]]*)\],"[0-9a-f]+",(?:"[^"]*"|\["[^"]*","[^"]*"\])\],?'
