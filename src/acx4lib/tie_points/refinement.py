@@ -383,7 +383,8 @@ def _exposures(
     n_heads = max(n_heads, 1 + int(columns.max()) // PER_HEAD)
     for exposure in np.unique(exposure_idx):
         here = exposure_idx == exposure
-        own = [(rows[here[rows]], at, J[here[rows]]) for rows, at, J in parts]
+        of_pair = [here[rows] for rows, _, _ in parts]
+        own = [(r[i], at, J[i]) for (r, at, J), i in zip(parts, of_pair, strict=True) if i.any()]
         N, h = normals(own, d, weight, n_heads)
         yield OneExposure(N=N[np.ix_(columns, columns)], h=h[columns])
 

@@ -85,7 +85,7 @@ def test_heads_that_look_one_way_coincide_and_lose_no_more_than_their_own_border
         heads=heads,
         xyz_mm=np.tile([0.0, 0.0, 74.0], (2, 1)),
         opk=turned,
-        cov_joint=np.zeros((30, 30)),
+        cov_joint=np.zeros((32, 32)),
         n_exposures=1,
     )
     found = coverage(parallel, SYNTHETIC)

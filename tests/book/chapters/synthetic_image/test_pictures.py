@@ -151,7 +151,7 @@ def test_heads_over_each_other_have_fringes_only_before_they_are_refined(orienta
         heads=orientation.heads[:1] * 3,
         opk=orientation.opk[[0, 0, 0]],
         xyz_mm=orientation.xyz_mm[[0, 0, 0]],
-        cov_joint=np.zeros((45, 45)),
+        cov_joint=np.zeros((48, 48)),
     )
     off = replace(one, opk=one.opk + np.radians([[0, 0, 0], [0.6, 0, 0], [0, 0.6, 0]]))
     ties, _ = tied(one, (0, 1), 20)
