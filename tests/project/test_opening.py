@@ -109,6 +109,7 @@ OTHERS = {
         "Path(__file__).with_name('slides.html').read_text": "a page of the library"
     },
     "acx4book/teaching/showing/figure_pack.py": {"zipfile.ZipFile": "in memory"},
+    "acx4book/teaching/quiz.py": {"zipfile.ZipFile": "in memory"},
     "acx4book/pages/release.py": {
         "zipfile.ZipFile": "into the draft that is open",
         "sources.extractall": "into a temporary folder",

@@ -29,10 +29,10 @@ AXIS_M, FLATTENING = 6378137.0, 1 / 298.257223563
 
 POLE_DEG = 90.0
 
-_NUMBER = r"\s*([-+\d.eE]+)\s*"
+_NUMBER = r"\s*([-+\d.eE]++)\s*"
 _LINE = re.compile(
-    rf"\s*(\d+)\s+{_NUMBER}\[\d+\]\s*{_NUMBER},\s*N{_NUMBER},\s*E{_NUMBER},\s*V{_NUMBER},\s*Lat"
-    rf"{_NUMBER},\s*Lon{_NUMBER},\s*Ellh\s*{_NUMBER},{_NUMBER},{_NUMBER}\s+(\d+),\s*Q\s*",
+    rf"\s*(\d++){_NUMBER}\[\d++\]{_NUMBER},\s*N{_NUMBER},\s*E{_NUMBER},\s*V{_NUMBER},\s*Lat"
+    rf"{_NUMBER},\s*Lon{_NUMBER},\s*Ellh{_NUMBER},{_NUMBER},\s*([-+\d.eE]++)\s+(\d++),\s*Q\s*",
     re.ASCII | re.IGNORECASE,
 )
 _OF_FILE = re.compile(r"_(\d{4,5})(?:_[A-Za-z]+(?:_\d+)?)?$")
