@@ -37,7 +37,7 @@ def correlation_matrix(correlations: pd.DataFrame) -> Figure:
         Square; rows and columns are named ``parameter`` or ``camera/parameter``.
     """
     if correlations.empty:
-        return style.nothing("The single step gave no result.")
+        return style.nothing("The single step estimates no parameters together.")
     values, names = correlations.to_numpy(), [_label(str(n)) for n in correlations.index]
     n = len(names)
     with style.applied():
