@@ -60,7 +60,14 @@ raise SystemExit(status_of(command, []))
 
 def test_an_interruption_that_python_loses_is_heard():
     command = [sys.executable, "-c", LOST]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
 
 
