@@ -25,7 +25,8 @@
   window.addEventListener("resize", begin);
   document.addEventListener("DOMContentLoaded", () => {
     const changed = new ResizeObserver(mark); // formulas come later
-    document.querySelectorAll(`.bd-article, ${BOXES}`).forEach((box) => changed.observe(box));
+    const parts = `.bd-article, .bd-article table, ${BOXES}`; // a table grows with its formulas
+    document.querySelectorAll(parts).forEach((part) => changed.observe(part));
     document.fonts.ready.then(mark);
   });
 })();

@@ -225,7 +225,7 @@ def texts() -> Iterator[tuple[str, str]]:
     first = 1
     for number, block in enumerate(BLOCKS, 1):
         links = [
-            f'<a href="{ADDRESS}#{first + k}">{escape(slide.title)}</a>'
+            f'<a href="{ADDRESS}#slide-{first + k}">{escape(slide.title)}</a>'
             for k, slide in enumerate(block)
         ]
         yield f"block-{number}-slides.md", f"<p><b>Slides.</b> {'; '.join(links)}.</p>\n"
