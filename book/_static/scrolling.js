@@ -4,6 +4,7 @@
     "div.math",
     "div.drawing",
     "div.pst-scrollable-table-container",
+    "div.readings",
     "div.cell_output .output",
     "div.highlight pre",
   ].map((box) => `.bd-article ${box}`).join(", ");
