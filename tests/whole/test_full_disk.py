@@ -7,6 +7,7 @@ import subprocess
 import pytest
 
 from support import every_command
+from support.helpers import repeats
 
 SIZE = 64_000_000
 """Bytes of the disk."""
@@ -36,7 +37,7 @@ def disk(tmp_path):
     subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-@pytest.mark.parametrize("name", WRITING)
+@pytest.mark.parametrize("name", [repeats(one) if one == "book" else one for one in WRITING])
 def test_a_full_disk_is_named_and_what_was_there_stays(material, command, disk, name):
     for typed in WRITING[name]:
         check(typed, material, command, disk)
