@@ -44,7 +44,9 @@ STUBS = ("coverage", "first-flight", "library", "many-flights", "notation", "spe
 
 OTHERS = (
     *("11-ten-heads", "15-which-flight", "16-error-budget", "18-over-the-years"),
-    "19-from-pictures",
+    *("19-from-pictures", "07-exercises", "foundations/1-image", "foundations/3-collinearity"),
+    *("foundations/4-distortion", "foundations/5-least-squares", "foundations/6-bundle"),
+    *("foundations/7-direct-georeferencing", "foundations/9-block-design"),
 )
 """Chapters that are referred to, and left out of this book."""
 
