@@ -262,7 +262,7 @@ def rotation(name: str, R: Array) -> None:
 def rotations(name: str, R: Array) -> None:
     """Raise where one of the matrices, shape (n, 3, 3), is no rotation; NaN passes."""
     off = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)) > RIGID
-    mirrored = np.linalg.det(R) < 0
+    mirrored = np.sum(np.cross(R[..., 0, :], R[..., 1, :]) * R[..., 2, :], axis=-1) < 0
     if off.any() or mirrored.any():
         row = int(np.argmax(off.any(axis=(-2, -1)) | mirrored))
         _refuse(name, "rotation matrices", f"one that does not turn, or mirrors, in row {row}")
