@@ -234,6 +234,11 @@ def test_images_are_rendered_into_their_folder(made):
     assert len(list(made.images.glob("*.tif"))) == 2
 
 
+def forwards(page):
+    """Whether a page stands at an old address, and leads on."""
+    return 'http-equiv="refresh"' in page.read_text("utf-8")
+
+
 def test_nothing_happens_in_the_browser(browser, made):
     page = browser.new_page()
     happened = []
@@ -244,7 +249,7 @@ def test_nothing_happens_in_the_browser(browser, made):
         lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else happened.append(r.url),
     )
     for path in [
-        *made.html.glob("_executed/*.html"),
+        *(page for page in made.html.glob("_executed/*.html") if not forwards(page)),
         made.html / "intro.html",
         made.html / "scorecard.html",
         made.html / "reproducibility.html",
