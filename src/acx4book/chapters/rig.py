@@ -154,8 +154,12 @@ def rig_deformations(synthetic: Camera, found: Mapping[str, Deformation]) -> Fig
     -------
     Figure
         Ground: the standard deviation, the largest of the heads at a node. Arrows: the true
-        errors of a simulated flight.
+        errors of a simulated flight. A sentence where the heads see one ground.
     """
+    if all(one.coincides for one in found.values()):
+        return style.nothing(
+            "The heads see the same ground: an error of one is the misfit of its whole band."
+        )
     pixel = synthetic.pixel_mm
     most = max(one.sigma.max() for one in found.values()) / pixel
     lengths = [np.hypot(*one.d.T) for one in found.values()]
@@ -247,6 +251,8 @@ class Deformation:
         Differences of the two heads, mm; NaN where the truth is not known.
     gap_variance : ndarray, shape (m, 2)
         mm².
+    coincides : bool
+        Whether the heads see one ground, as those of several bands do.
     """
 
     xy: Array
@@ -256,6 +262,7 @@ class Deformation:
     pairs: Index
     gap: Array
     gap_variance: Array
+    coincides: bool
 
     @property
     def sigma(self) -> Array:
@@ -320,6 +327,7 @@ def deformation(
         pairs=pairs,
         gap=d[pairs[:, 1]] - d[pairs[:, 0]],
         gap_variance=_variance(A[pairs[:, 1]] - A[pairs[:, 0]], cov),
+        coincides=found.coincides,
     )
 
 
