@@ -37,7 +37,7 @@ def test_the_page_has_all_slides_and_asks_for_no_other_file():
 
 def test_every_slide_is_linked_once_by_its_number():
     text = "".join(text for _, text in slides.texts())
-    assert re.findall(r"slides\.html#(\d+)", text) == [
+    assert re.findall(r"slides\.html#slide-(\d+)", text) == [
         str(number) for number in range(1, len(slides.LECTURE) + 1)
     ]
     assert [name for name, _ in slides.texts()] == [f"block-{k}-slides.md" for k in range(1, 6)]
