@@ -8,7 +8,7 @@ imported. Pixels, camera axes and units are the library's; the frame w is any Ca
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index, Mask
+from acx4lib.flight.problems import quoted
 from acx4lib.flight.table_files import Columns
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import project as projected
@@ -317,6 +318,24 @@ def nowhere(error: FlightError) -> InGrid:
 def as_they_are(T: Pose) -> tuple[Array, Array]:
     """Return poses in w as those of a flight on no map."""
     return T.r, T.opk
+
+
+def on_no_map(file: Opened, crs: str | None, program: str) -> None:
+    """Raise where a program whose coordinates are in no CRS is given one.
+
+    Raises
+    ------
+    FlightError
+    """
+    if crs not in (None, LOCAL):
+        expected = f"must be {LOCAL!r}: {program}'s coordinates are in no CRS"
+        raise file.wrong("--crs", quoted(crs), expected)
+
+
+def numbered(lenses: Iterable[Hashable]) -> dict[Any, str]:
+    """Return names of cameras that a program has no names for, by their lenses."""
+    different = list(dict.fromkeys(lenses))
+    return {one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)}
 
 
 def in_crs(source: Path, crs: str | None) -> InGrid:

@@ -125,6 +125,12 @@ Examples:
 """
 
 
+LocalCrs = Annotated[
+    Literal["local"] | None,
+    typer.Option(help="local takes its coordinates as they are.", show_default=False),
+]
+
+
 @bring.read_by("micmac")
 def micmac(
     source: Source,
@@ -144,10 +150,7 @@ def bundler(
     size: Size,
     out: bring.Out,
     block: Block = None,
-    crs: Annotated[
-        Literal["local"] | None,
-        typer.Option(help="local takes its coordinates as they are.", show_default=False),
-    ] = None,
+    crs: LocalCrs = None,
     pixel_um: bring.PixelUm = None,
     allow: bring.Allow = 2.0,
 ) -> None:
@@ -160,10 +163,7 @@ def visualsfm(
     size: Size,
     out: bring.Out,
     block: Block = None,
-    crs: Annotated[
-        Literal["local"] | None,
-        typer.Option(help="local takes its coordinates as they are.", show_default=False),
-    ] = None,
+    crs: LocalCrs = None,
     pixel_um: bring.PixelUm = None,
     allow: bring.Allow = 2.0,
 ) -> None:

@@ -16,14 +16,22 @@ import numpy as np
 from acx4lib.expected import Array, Index
 from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.geodesy import LOCAL
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import is_rotation, nearest_rotation
 from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.lens import FLIP as FLIP_Y
 from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import BUNDLER, Lens
-from acx4tools.exchange.project import Images, Measured, Project, Proof, as_they_are, flight_of
+from acx4tools.exchange.project import (
+    Images,
+    Measured,
+    Project,
+    Proof,
+    as_they_are,
+    flight_of,
+    numbered,
+    on_no_map,
+)
 from acx4tools.exchange.safe import opened, text_lines
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.text_lines import Line
@@ -94,17 +102,12 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         For a file that is no bundle.out.
     """
     file = opened.read(source)
-    if crs not in (None, LOCAL):
-        expected = f"must be {LOCAL!r}: Bundler's coordinates are in no CRS"
-        raise file.wrong("--crs", quoted(crs), expected)
+    on_no_map(file, crs, "Bundler")
     bundle = _bundle(file)
     listed, names = _names(source, len(bundle.lenses), file)
     good = np.flatnonzero(bundle.lenses[:, 0] > 0)
     of = [tuple(row) for row in bundle.lenses[good].tolist()]
-    different = list(dict.fromkeys(of))
-    called = {
-        one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)
-    }
+    called = numbered(of)
     images = tuple(names[k] for k in good)
     cameras = tuple(called[one] for one in of)
     points = tuple(str(k) for k in range(len(bundle.x_w)))
@@ -123,7 +126,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
     return Project(
         source=file.text().split("\n", 1)[0].lstrip("# ").replace("Bundle file", "Bundler"),
         sources=[file, *listed],
-        lenses={called[one]: _lens(file, one, size) for one in different},
+        lenses={name: _lens(file, one, size) for one, name in called.items()},
         images=Images(names=images, cameras=cameras, exposures=images, T_w_c=bundle.T_w_c[good]),
         measured=measured,
         proofs=(Proof(whose="the program's own points", measured=measured),),

@@ -154,17 +154,12 @@ def project(source: Path, *, crs: str | None = None) -> Project:
                 unmeasured
             ),
         },
-        assumed=(*ASSUMED, *_of_control(crs, control)),
-    )
-
-
-def _of_control(crs: str | None, control: Control) -> tuple[str, ...]:
-    if not control.names:
-        return ()
-    where = "the flight's CRS" if crs is None else crs
-    return (
-        f"MicMac's coordinates are east, north, height in {where}: its files do not say it",
-        "Incertitude of a surveyed point is its standard deviation in metres",
+        assumed=(
+            *ASSUMED,
+            *mmvii.of_control(
+                crs, control, "Incertitude of a surveyed point is its standard deviation in metres"
+            ),
+        ),
     )
 
 

@@ -145,17 +145,21 @@ def project(source: Path, *, crs: str | None = None) -> Project:
         settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
         in_grid=in_crs(source, crs),
         lost={"other XML files": found.others},
-        assumed=(*ASSUMED, *_of_control(crs, control)),
+        assumed=(
+            *ASSUMED,
+            *of_control(crs, control, "Sigma2 of a surveyed point has its variances in m²"),
+        ),
     )
 
 
-def _of_control(crs: str | None, control: Control) -> tuple[str, ...]:
+def of_control(crs: str | None, control: Control, precision: str) -> tuple[str, ...]:
+    """Return what is assumed of surveyed points, in both versions."""
     if not control.names:
         return ()
     where = "the flight's CRS" if crs is None else crs
     return (
         f"MicMac's coordinates are east, north, height in {where}: its files do not say it",
-        "Sigma2 of a surveyed point has its variances in m²",
+        precision,
     )
 
 

@@ -37,6 +37,7 @@ from acx4tools.exchange.project import (
     as_they_are,
     flight_of,
     nowhere,
+    numbered,
 )
 from acx4tools.exchange.safe import text_lines
 from acx4tools.exchange.safe.opened import Opened, Together, refusal
@@ -276,12 +277,9 @@ def _lenses(
     source: Opened, shots: list[Shot], internal: Opened | None
 ) -> tuple[Mapping[tuple[float, ...], str], dict[str, Lens]]:
     """Return the names of cameras by their numbers, and the lenses."""
-    different = list(dict.fromkeys(one.lens for one in shots))
-    called = {
-        one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)
-    }
+    called = numbered(one.lens for one in shots)
     first = {called[one.lens]: one for one in reversed(shots)}
-    wide_mm = _sensor_mm(internal) if len(different) == 1 else 0.0
+    wide_mm = _sensor_mm(internal) if len(called) == 1 else 0.0
     return called, {name: _lens(source, first[name], wide_mm) for name in called.values()}
 
 

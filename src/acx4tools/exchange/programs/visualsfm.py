@@ -18,13 +18,21 @@ import numpy as np
 from acx4lib.expected import Array
 from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.geodesy import LOCAL
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import FLIP, stacked
 from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.lens import WORST_PX, Pinhole, inverse
 from acx4tools.exchange.lens_models import Lens
-from acx4tools.exchange.project import Images, Measured, Project, Proof, as_they_are, flight_of
+from acx4tools.exchange.project import (
+    Images,
+    Measured,
+    Project,
+    Proof,
+    as_they_are,
+    flight_of,
+    numbered,
+    on_no_map,
+)
 from acx4tools.exchange.safe import opened, text_lines
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.text_lines import Line
@@ -85,9 +93,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         For a file that is no NVM_V3.
     """
     file = opened.read(source)
-    if crs not in (None, LOCAL):
-        expected = f"must be {LOCAL!r}: VisualSFM's coordinates are in no CRS"
-        raise file.wrong("--crs", quoted(crs), expected)
+    on_no_map(file, crs, "VisualSFM")
     rows = _Rows(file)
     centre = _centre(rows, size)
     cameras = [_camera(row) for row in rows.counted("camera")]
@@ -95,10 +101,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         raise file.wrong("cameras", "there is none", "must have one")
     images = _names(cameras)
     points, again = _points(rows, len(cameras), centre)
-    different = list(dict.fromkeys(one.lens for one in cameras))
-    called = {
-        one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)
-    }
+    called = numbered(one.lens for one in cameras)
     measured = Measured(
         points=tuple(str(k) for k in range(len(points.x_w))),
         x_w=points.x_w,
