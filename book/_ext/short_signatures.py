@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from docutils.nodes import document
+from sphinx.addnodes import index
 from sphinx.application import Sphinx
 
 INTERFACE = "_generated/api/"
@@ -26,7 +28,15 @@ def shorten(
         context["body"] = LINKS.sub("", body)
 
 
+def no_entries(app: Sphinx, doctree: document) -> None:
+    """Take the entries of an index off the interface: the search has all its objects by name."""
+    if app.env.docname.startswith(INTERFACE):
+        for node in doctree.findall(index):
+            node["entries"] = []
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Work on a page before it is written."""
+    """Work on a page when it was read, and before it is written."""
+    app.connect("doctree-read", no_entries)
     app.connect("html-page-context", shorten, priority=950)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -207,6 +207,7 @@ def compact(root: Element) -> None:
         As matplotlib draws it, without texts; it is changed.
     """
     _drop_styles(root)
+    _drop_repeated(root)
     used = {name for element in root.iter() for name in _references(element)}
     for element in root.iter():
         element.text = element.tail = None
@@ -231,6 +232,27 @@ def _drop_styles(root: Element) -> None:
             parent.remove(child)
     for group in root.findall(f"{{{SVG}}}g"):
         group.set("style", JOINED)
+
+
+def _drop_repeated(root: Element) -> None:
+    """Take out of each use of a mark what the mark says of its lines and faces, which counts."""
+    own = {f"#{one.get('id')}": dict(_properties(one)) for one in root.iter() if one.get("id")}
+    for use in root.iter(f"{{{SVG}}}use"):
+        said = own.get(use.get("href", ""), {})
+        left = [
+            f"{name}:{value}"
+            for name, value in _properties(use)
+            if name not in said or not name.startswith(("fill", "stroke"))
+        ]
+        use.attrib.pop("style", None)
+        use.attrib.update({"style": "; ".join(left)} if left else {})
+
+
+def _properties(element: Element) -> Iterator[tuple[str, str]]:
+    """Yield what the style of an element says: properties and values."""
+    for part in filter(None, element.get("style", "").split("; ")):
+        name, _, value = part.partition(":")
+        yield name, value
 
 
 def _place(element: Element) -> None:

@@ -183,6 +183,15 @@ def test_what_means_another_thing_on_a_group_stays(alone):
     assert drawing(f"<g>{two}</g>").count(alone.partition(" transform")[0]) == 2
 
 
+def test_a_use_says_nothing_that_its_mark_says_but_how_opaque_it_is():
+    mark = '<defs><path id="m" d="M 0 0 L 0 3" style="stroke: red; opacity: 0.5"/></defs>'
+    used = '<use href="#m" x="7" y="9" style="fill: blue; stroke: red; opacity: 0.5"/>'
+    plain = used.replace("fill: blue; ", "").replace("; opacity: 0.5", "")
+    found = drawing(f"<g>{mark}{used}{plain}</g>")
+    assert '<use href="#m" x="7" y="9" style="fill: blue; opacity: 0.5"/>' in found
+    assert '<use href="#m" x="7" y="9"/>' in found
+
+
 def test_only_names_that_something_refers_to_are_left():
     found = drawing(
         '<defs><style>*{stroke-linejoin: round}</style></defs><g id="figure_1">'
