@@ -251,7 +251,7 @@ def _drop_repeated(root: Element) -> None:
 def _properties(element: Element) -> Iterator[tuple[str, str]]:
     """Yield what the style of an element says: properties and values."""
     for part in filter(None, element.get("style", "").split("; ")):
-        name, _, value = part.partition(":")
+        name, value = part.split(":", 1)
         yield name, value
 
 
