@@ -30,12 +30,19 @@
     return `M${width}H${toX.toFixed(2)}v${BAR.toFixed(2)}H${x.toFixed(2)}z`;
   };
 
+  const dot = (_, [x, y]) => {
+    const r = BAR / 2, half = `a${r.toFixed(2)} ${r.toFixed(2)} 0 1 0`;
+    return `M${point([x - r, y])}${half} ${BAR.toFixed(2)} 0${half} ${(-BAR).toFixed(2)} 0z`;
+  };
+
+  const shapes = { arrows: arrow, bars: bar, dots: dot };
+
   /* The path of a mark, as SVG writes it. */
   function path({ kind, at, scale, response }, values, sliders) {
     const moved = respond(response, values, sliders);
     const places = at.map(([x, y], i) => [x + scale[0] * moved[2 * i], y + scale[1] * moved[2 * i + 1]]);
     if (kind === "curve") return `M${places.map(point).join("L")}`;
-    return places.map((place, i) => (kind === "arrows" ? arrow : bar)(at[i], place)).join("");
+    return places.map((place, i) => shapes[kind](at[i], place)).join("");
   }
 
   /* A number as it is shown: zero has no sign, and a minus is one. */

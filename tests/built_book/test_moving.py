@@ -8,12 +8,15 @@ import pytest
 
 from acx4book.chapters import design, error_budget
 from acx4book.chapters.design import papers
+from acx4book.chapters.mounting import held
+from acx4book.chapters.synthetic_image import turned_head
 from acx4book.foundations import explorers
 from acx4book.notebooks import simulated
 from acx4book.typesetting.moving import plane, shown
-from acx4lib.calibration.mounting import single_step
+from acx4lib.calibration.mounting import single_step, two_step_gnss
 from acx4lib.georeferencing.mapping_flight import like
 from support.helpers import ROOT
+from support.pictures import taken, tied
 
 
 def calibrated():
@@ -24,11 +27,30 @@ def calibrated():
     return single.calibration, replace(mapping, height_m=1300.0)
 
 
+def held_lever_arm():
+    flight = simulated.fly_and_read("acx4-ideal", 1, blocks=("calibration",)).flight
+    block, free = flight.calibration, flight.estimate_mounting
+    single = single_step(block, free=free)
+    two = two_step_gnss(block, free=free, after=single)
+    return held.explorer(held.held(block, two, single, free=free))
+
+
+def turned():
+    orientation, synthetic = taken.heads(1), taken.synthetic(1)
+    ties, _ = tied.tied(orientation, (0, 1), 40)
+    refinement = tied.refined(orientation, ties)
+    return turned_head.explorer(
+        refinement, synthetic, turned_head.seams(orientation, synthetic, 1), 1
+    )
+
+
 EXPLORERS = {
     "boresight": explorers.boresight_explorer,
     "distortion": explorers.distortion_explorer,
     "two_heights": explorers.two_heights_explorer,
     "error_budget": lambda: error_budget.explorer(*calibrated()),
+    "held_lever_arm": held_lever_arm,
+    "turned_head": turned,
     "design": lambda: design.explorer(papers(gnss=("shift",))),
 }
 SCRIPT = ROOT / "book" / "_moving" / "explorer.js"

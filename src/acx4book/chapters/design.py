@@ -15,6 +15,7 @@ from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Slider, Stops
 from acx4book.typesetting.moving.plane import Plane
+from acx4book.typesetting.moving.rows import along, dots, logarithms
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4sim.designs import acx4_ideal_plan
@@ -163,7 +164,7 @@ SHOWN = {
 """Parameters by their names in results: as they are shown, with the factor to the unit there."""
 
 LEAST, MOST = 0.3, 300.0
-"""Ends of the bars' axis."""
+"""Ends of the axis of standard deviations."""
 
 N_IMAGES = 5
 """Of every strip."""
@@ -205,7 +206,17 @@ def explorer(plan: Plan) -> Explorer:
             "crossing": [1.5, 90.0, 5.0],
             "two control points": [1.5, 180.0, 2.0],
         },
-        panels=[_explorer_map(plan), _bars(found)],
+        panels=[
+            _explorer_map(plan),
+            dots(
+                [name for name, _ in SHOWN.values()],
+                Stops(sliders=SLIDERS, table=along(logarithms(found, LEAST, MOST), -1)),
+                title="standard deviations",
+                alt="Six dots on a logarithmic axis, all far left: from one to about six units.",
+                ends=(LEAST, MOST),
+                label="σ in the unit beside its name",
+            ),
+        ],
         columns=[Column(title="value", digits=2)],
         rows=rows,
     )
@@ -283,40 +294,6 @@ def _square(plane: Plane, place: Array, k: int) -> Mark:
     corners = 0.045 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
     there = [place if k < n else np.array([99.0, 99.0]) for n in CONTROL.stops]
     return _curve(plane, "ink", np.array([one + corners for one in there])[None, None])
-
-
-def _bars(found: Array) -> Panel:
-    size, n = (360.0, 300.0), len(SHOWN)
-    ends = np.log10([LEAST, MOST])
-    plane = Plane(x=tuple(ends), y=(-0.7, n - 0.1), size=size, margin=(104.0, 14.0, 26.0, 40.0))
-    lengths = np.log10(np.clip(found, LEAST, MOST)) - ends[0]
-    rows = np.column_stack([np.full(n, ends[0]), np.arange(n)[::-1]])
-    table = np.stack([lengths, np.zeros_like(lengths)], axis=-1).reshape(*found.shape[:3], -1)
-    names = "".join(
-        plane.text(at, name, anchor="end", shift=(-6, 4))
-        for at, (name, _) in zip(rows, SHOWN.values(), strict=True)
-    )
-    ticks = "".join(
-        plane.line([(np.log10(d), plane.y[0]), (np.log10(d), plane.y[1])], dash="2 3")
-        + plane.text((np.log10(d), plane.y[0]), f"{d:g}", shift=(0, 16))
-        for d in (1.0, 10.0, 100.0)
-    )
-    middle = (float(ends.mean()), plane.y[0])
-    return Panel(
-        title="standard deviations",
-        alt="Six bars on a logarithmic axis, all of them short: from one to about six units.",
-        size=size,
-        fixed=ticks + names + plane.text(middle, "σ in the unit beside its name", shift=(0, 32)),
-        marks=[
-            Mark(
-                kind="bars",
-                colour="teal",
-                at=plane.at(rows),
-                scale=plane.scale,
-                response=Stops(sliders=SLIDERS, table=table),
-            )
-        ],
-    )
 
 
 # --- Tables of planned flights

@@ -17,8 +17,8 @@ from acx4book.paper import printed
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import TITLES, inside
 from acx4book.typesetting.moving import shown as html
-from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Roots, Slider
-from acx4book.typesetting.moving.plane import Plane
+from acx4book.typesetting.moving.explorer import Column, Explorer, Roots, Slider
+from acx4book.typesetting.moving.rows import along, bars
 from acx4book.typesetting.moving.shown import Shown
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.estimates import Calibration
@@ -262,50 +262,18 @@ def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
         sliders=own,
         presets=presets,
         panels=[
-            _panel(name, names, Roots(sliders=own, table=_bars(table[:, k])), ends[k])
+            bars(
+                names,
+                Roots(sliders=own, table=along(table[:, k], 1)),
+                title=name,
+                alt=f"Bars for the sources of the error in {name}, and for all of them together.",
+                ends=(0.0, ends[k]),
+                label="σ (cm)",
+            )
             for k, name in enumerate(COORDINATES)
         ],
         columns=[Column(title=f"{name} (cm)", digits=1) for name in COORDINATES],
         rows=rows,
-    )
-
-
-def _bars(table: Array) -> Array:
-    """Return a table of lengths with a row of zeros, the other coordinate, below each."""
-    both = np.zeros((len(table), 2 * table.shape[1], table.shape[2]))
-    both[:, ::2] = table
-    return both
-
-
-def _panel(title: str, names: list[str], lengths: Roots, end: float) -> Panel:
-    n = len(names)
-    plane = Plane(
-        x=(0.0, end), y=(-0.7, n - 0.3), size=(360.0, 230.0), margin=(104.0, 14.0, 8.0, 40.0)
-    )
-    at = np.column_stack([np.zeros(n), np.arange(n)[::-1]])
-    ticks = "".join(
-        plane.line([(tick, plane.y[0]), (tick, plane.y[1])], dash="2 3")
-        + plane.text((tick, plane.y[0]), f"{tick:g}", shift=(0, 16))
-        for tick in np.linspace(0, end, 4)
-    )
-    labels = "".join(
-        plane.text(place, name, anchor="end", shift=(-6, 4))
-        for place, name in zip(at, names, strict=True)
-    )
-    return Panel(
-        title=title,
-        alt=f"Bars for the sources of the error in {title}, and for all of them together.",
-        size=plane.size,
-        fixed=ticks + labels + plane.text((end / 2, plane.y[0]), "σ (cm)", shift=(0, 32)),
-        marks=[
-            Mark(
-                kind="bars",
-                colour="blue",
-                at=plane.at(at),
-                scale=plane.scale,
-                response=lengths,
-            )
-        ],
     )
 
 

@@ -23,6 +23,7 @@ from acx4book.typesetting.moving.explorer import (
     Stops,
 )
 from acx4book.typesetting.moving.plane import Plane
+from acx4book.typesetting.moving.rows import along, dots, logarithms
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Interior, colrow_from_xy, distortion
 from acx4lib.geometry.collinearity import Measurement, image_derivatives, mounted_jacobian, rays
@@ -377,7 +378,7 @@ SHOWN = {
 """Unknowns of `designs.SHOWN`: as they are shown, with the factor to the unit there."""
 
 SMALLEST = 0.005
-"""Where the axis of the bars begins, a share of the σ at equal heights."""
+"""Where their axis begins, a share of the σ at equal heights."""
 
 
 def covariances(ratios: Sequence[float] | Array) -> Array:
@@ -417,7 +418,17 @@ def two_heights_explorer() -> Explorer:
         ),
         sliders=[RATIO],
         presets={f"{ratio:.1f}": [ratio] for ratio in (1.5, 1.0, 1.1, 2.0, 3.0)},
-        panels=[_ellipse(cov[:, :2, :2]), _bars(share)],
+        panels=[
+            _ellipse(cov[:, :2, :2]),
+            dots(
+                [name.partition(",")[0] for name, _ in SHOWN.values()],
+                Stops(sliders=[RATIO], table=along(logarithms(share, SMALLEST, 1.0), -1)),
+                title="standard deviations",
+                alt="Five dots on a logarithmic axis: f and z are far left, φ is nearly at one.",
+                ends=(SMALLEST, 1.0),
+                label="share of σ at equal heights",
+            ),
+        ],
         columns=[
             Column(title="value", digits=2),
             Column(title="share of σ at equal heights", digits=3),
@@ -459,43 +470,6 @@ def _ellipse(cov: Array) -> Panel:
                 kind="curve",
                 colour="blue",
                 at=at,
-                scale=plane.scale,
-                response=Stops(sliders=[RATIO], table=table),
-            )
-        ],
-    )
-
-
-def _bars(share: Array) -> Panel:
-    size, n = (360.0, 300.0), share.shape[1]
-    decades = (0.01, 0.1, 1.0)
-    plane = Plane(
-        x=(np.log10(SMALLEST), 0.0), y=(-0.7, n - 0.1), size=size, margin=(104.0, 14.0, 26.0, 40.0)
-    )
-    lengths = np.log10(np.maximum(share, SMALLEST)) - plane.x[0]
-    rows = np.column_stack([np.full(n, plane.x[0]), np.arange(n)[::-1]])
-    table = np.stack([lengths, np.zeros_like(lengths)], axis=2).reshape(len(share), -1)
-    names = "".join(
-        plane.text(at, name.partition(",")[0], anchor="end", shift=(-6, 4))
-        for at, (name, _) in zip(rows, SHOWN.values(), strict=True)
-    )
-    ticks = "".join(
-        plane.line([(np.log10(d), plane.y[0]), (np.log10(d), plane.y[1])], dash="2 3")
-        + plane.text((np.log10(d), plane.y[0]), f"{d:g}", shift=(0, 16))
-        for d in decades
-    )
-    return Panel(
-        title="standard deviations",
-        alt="Five bars on a logarithmic axis: f and z are the shortest, φ reaches nearly to one.",
-        size=size,
-        fixed=ticks
-        + names
-        + plane.text((plane.x[0] / 2, plane.y[0]), "share of σ at equal heights", shift=(0, 32)),
-        marks=[
-            Mark(
-                kind="bars",
-                colour="teal",
-                at=plane.at(rows),
                 scale=plane.scale,
                 response=Stops(sliders=[RATIO], table=table),
             )

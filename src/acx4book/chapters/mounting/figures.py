@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
@@ -102,48 +101,6 @@ def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None
             color=style.colour(i),
             label=f"strip {style.plain(strip)}" if strip else "",
         )
-
-
-def lever_arm_seen(table: pd.DataFrame) -> Figure:
-    """Draw the lever arm that the two-step interior orientation took up beside the true one.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As `tables.lever_arm_seen` returns it.
-    """
-    if table.empty:
-        return style.nothing("The two methods cannot be compared here.")
-    axes = {"$x_p$": "x", "$y_p$": "y", "$f$": "z"}
-    cameras = table.get("Camera", [""] * len(table))
-    names = [
-        f"{style.plain(camera)} ${axes[key]}$: from the shift of {key}".strip()
-        for camera, key in zip(cameras, table["Parameter"], strict=True)
-    ]
-    rows = np.arange(len(table))
-    with style.applied():
-        fig, ax = style.subplots(figsize=(style.WIDTH, 1.1 + 0.4 * len(table)))
-        for offset, value, mark, name, tint in (
-            (-0.2, "At the mean height (m)", "x", "from the mean flying height", style.SOFT),
-            (0.0, "Lever arm seen (m)", "o", "by least squares", style.ORANGE),
-        ):
-            ax.plot(table[value], rows + offset, mark, color=tint, ms=6, label=name)
-        ax.errorbar(
-            *(table["Estimated (m)"], rows + 0.2),
-            xerr=2 * table["σ of it (m)"],
-            fmt="o",
-            color=style.BLUE,
-            capsize=2.5,
-            lw=1.2,
-            ms=5,
-            label="estimated by the single step, ±2σ",
-        )
-        ax.axvline(0, color=style.INK, lw=0.7)
-        ax.set_yticks(rows, names)
-        ax.set_ylim(len(rows) - 0.5, -0.5)
-        ax.set_xlabel("lever arm, axes of the camera (m)")
-        style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=3)
-    return fig
 
 
 # --- in plan ---------------------------------------------------------------------------------

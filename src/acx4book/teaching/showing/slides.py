@@ -193,9 +193,8 @@ BLOCKS: tuple[tuple[Slide, ...], ...] = (
             says=(
                 "The two-step method holds the lever arm; f and the principal point take it up.",
                 "Their difference between the methods gives the lever arm back.",
+                "From other heights than the block's, the two parts no longer cancel.",
             ),
-            chapter="03-mounting-calibration",
-            figure="fig-lever-arm",
         ),
         Slide(
             title="A proof needs points that nobody used",

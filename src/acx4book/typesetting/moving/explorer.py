@@ -27,6 +27,8 @@ curve
     A line through all places.
 bars
     A bar of the thickness `BAR` from each point of `at` to the x of its place.
+dots
+    A round dot of the diameter `BAR` at each place.
 
 A cell of a row shows its response where this is one number, and the length of a vector of two.
 """
@@ -188,7 +190,7 @@ class Mark:
     Attributes
     ----------
     kind : str
-        ``arrows``, ``curve`` or ``bars``.
+        ``arrows``, ``curve``, ``bars`` or ``dots``.
     colour : str
         Name of a colour of `plane.COLOURS`.
     at : ndarray, shape (n, 2)

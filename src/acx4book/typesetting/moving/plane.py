@@ -23,7 +23,7 @@ HEAD = 6.0
 """Longest stroke of an arrow's head; that of a short arrow is half as long as the arrow."""
 
 BAR = 12.0
-"""Thickness of a bar."""
+"""Thickness of a bar, and diameter of a dot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +106,7 @@ class Plane:
 
 def mark(drawn: Mark, values: Sequence[float]) -> str:
     """Return a mark as it is for values of the sliders."""
-    return stroke(path(drawn, values), drawn.colour, 1.6, filled=drawn.kind == "bars")
+    return stroke(path(drawn, values), drawn.colour, 1.6, filled=drawn.kind in {"bars", "dots"})
 
 
 def path(drawn: Mark, values: Sequence[float]) -> str:
@@ -116,6 +116,11 @@ def path(drawn: Mark, values: Sequence[float]) -> str:
         return _arrows(drawn.at, places)
     if drawn.kind == "curve":
         return through(places)
+    if drawn.kind == "dots":
+        r = BAR / 2
+        half = f"a{r:.2f} {r:.2f} 0 1 0"
+        dot = f"{half} {BAR:.2f} 0{half} {-BAR:.2f} 0z"
+        return "".join(f"M{x - r:.2f} {y:.2f}{dot}" for x, y in places)
     return "".join(
         f"M{x:.2f} {y - BAR / 2:.2f}H{to:.2f}v{BAR:.2f}H{x:.2f}z"
         for (x, y), to in zip(drawn.at, places[:, 0], strict=True)

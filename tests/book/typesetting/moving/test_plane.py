@@ -40,6 +40,11 @@ def test_a_bar_ends_at_its_place():
     assert plane.path(mark("bars", 25.0, 0.0), [1.0]) == "M10.00 14.00H35.00v12.00H10.00z"
 
 
+def test_a_dot_lies_around_its_place():
+    d = plane.path(mark("dots", 25.0, 0.0), [1.0])
+    assert d == "M29.00 20.00a6.00 6.00 0 1 0 12.00 0a6.00 6.00 0 1 0 -12.00 0z"
+
+
 def test_a_curve_goes_through_its_places():
     assert plane.path(mark("curve", 1.0, 2.0, 3.0, 4.0), [1.0]) == "M11.00 22.00L13.00 24.00"
 
