@@ -5,7 +5,7 @@ import pytest
 KINDS = (
     *("intro.html", "_executed/foundations/5-least-squares.html", "scorecard.html"),
     *("_executed/03-mounting-calibration.html", "_generated/api/acx4lib/geometry.html"),
-    *("bibliography.html", "glossary.html", "notation.html", "search.html"),
+    *("bibliography.html", "search.html"),
 )
 """One page of each kind."""
 

@@ -324,6 +324,7 @@ def test_nothing_is_written_into_the_installed_library(whole):
     assert "let ACX4_REFERENCE_DATA name a folder" in done.stderr
 
 
+@pytest.mark.repeats
 @pytest.mark.slow
 def test_the_extra_command_is_enough_for_numbers_and_images(base):
     succeeds(base, "python", "-c", "import acx4lib, acx4sim")

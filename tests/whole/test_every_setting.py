@@ -14,6 +14,7 @@ from acx4book.report import page
 from acx4lib.flight.reader import read
 from acx4lib.flight.settings import CHOICES, KEYS, NAME
 from acx4lib.results import folder
+from support.helpers import repeats
 
 SINGLE, HEADS = "single-head", "acx4"
 """The flights: of one camera, and of four heads in which everything is measured."""
@@ -147,9 +148,18 @@ def test_no_setting_is_without_a_run(flights):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", TOGETHER)
-def test_settings_run_through_all_notebooks_and_the_report(flights, name):
-    summary = run_whole(flights(SINGLE, name, {**declared(), **TOGETHER[name]}), Notebooks())
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [
+        (name, way) if way is Functions or name == "surveyed lever arm" else repeats(name, way)
+        for name in TOGETHER
+        for way in (Functions, Notebooks)
+        if (way, name) != (Functions, "surveyed lever arm")
+    ],
+)
+def test_settings_run_through_all_stages_and_the_report(flights, name, way):
+    flight = flights(SINGLE, f"{name} {way.__name__}", {**declared(), **TOGETHER[name]})
+    summary = run_whole(flight, way())
     assert summary["mounting/single_step"]["converged"]
     assert summary["validation/single_step"]["n_points"] > 0
 
@@ -169,16 +179,24 @@ def declared():
 
 
 @pytest.mark.slow
-def test_heads_run_through_all_notebooks_and_the_report(flights):
+@pytest.mark.parametrize("way", [Functions, repeats(Notebooks)])
+def test_heads_run_through_all_stages_and_the_report(flights, way):
     changes = {("synthetic", "measured_in"): "heads", ("stages", "heads", "estimate"): ["k1", "k2"]}
     changes |= {("cameras", NAME, "lever_x_m"): 0.1, ("cameras", NAME, "lever_sigma_m"): 0.5}
     changes |= {("cameras", NAME, "mount_sigma_deg"): [1.0, 1.0, 1.0]}
-    summary = run_whole(flights(HEADS, "heads", changes), Notebooks())
+    summary = run_whole(flights(HEADS, f"heads {way.__name__}", changes), way())
     assert {"heads/bundle/CAM1", "mounting/rig", "validation/rig"} <= summary.keys()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("keys", "value"), [*choices()], ids=str)
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [
+        repeats(*one) if one == (("synthetic", "measured_in"), "synthetic") else one
+        for one in choices()
+    ],
+    ids=str,
+)
 def test_every_choice_runs_through_all_stages_and_the_report(flights, keys, value):
     design = HEADS if {"heads", "synthetic"} & {*keys} else SINGLE
     changes = {**({} if design == HEADS else declared()), keys: value}

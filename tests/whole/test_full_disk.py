@@ -20,7 +20,8 @@ ONCE = ("simulate", "new", "lab", "import", "measure")
 
 WRITING = {name: typed[:1] for name, typed in every_command.TYPED.items() if name != "check"}
 WRITING |= {
-    "run": every_command.TYPED["run"][::2],
+    "run": every_command.TYPED["run"][:1],
+    "run --jobs": every_command.TYPED["run"][2:],
     "import opf": every_command.ALL["import opf"][:1],
 }
 
@@ -37,7 +38,9 @@ def disk(tmp_path):
     subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-@pytest.mark.parametrize("name", [repeats(one) if one == "book" else one for one in WRITING])
+@pytest.mark.parametrize(
+    "name", [repeats(one) if one in ("book", "run --jobs") else one for one in WRITING]
+)
 def test_a_full_disk_is_named_and_what_was_there_stays(material, command, disk, name):
     for typed in WRITING[name]:
         check(typed, material, command, disk)

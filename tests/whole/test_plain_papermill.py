@@ -15,11 +15,10 @@ from acx4lib.flight import reader
 from acx4lib.results import provenance
 from acx4lib.results.table_files import NOTEBOOKS
 from support.flights import in_heads
-from support.helpers import ROOT
+from support.helpers import ROOT, repeats
 
 pytestmark = pytest.mark.slow
 
-FLIGHTS = ("heads", "single")
 WITHOUT_HEADS = {
     "01-head-calibration": "the flight has no block heads",
     "02-synthetic-image": "the flight has no block heads",
@@ -28,7 +27,7 @@ WITHOUT_HEADS = {
 DIRECTIVE = re.compile(r"^\s*(`{3,}|:{3,})\{", re.MULTILINE)
 
 
-@pytest.fixture(scope="module", params=FLIGHTS)
+@pytest.fixture(scope="module", params=["heads", repeats("single")])
 def ran(request, tmp_path_factory):
     """The name of a flight, a folder with its results, and the outputs of every notebook."""
     at = tmp_path_factory.mktemp(request.param)

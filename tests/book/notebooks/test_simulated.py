@@ -27,6 +27,7 @@ from acx4sim.plan import Options
 from acx4tools.planning import design, tables
 from acx4tools.planning import plan as plans
 from support.flights.planned import CAMERA, strip, values
+from support.helpers import repeats
 
 
 def test_a_design_and_a_plan_are_flown_by_their_seed(tmp_path):
@@ -364,7 +365,7 @@ def late_by_the_strips_speed(simulated):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("planted", ["by the simulator", "by the speed of the strip"])
+@pytest.mark.parametrize("planted", ["by the simulator", repeats("by the speed of the strip")])
 def test_delays_of_strips_at_two_speeds_come_out_without_bias(planted):
     """Mean and scatter of 50 normalised errors: to 2.6 of their own sigma, 1 % each."""
     plan, z = delayed(70.0, 50.0, 70.0, 50.0), []

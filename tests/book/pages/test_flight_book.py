@@ -108,6 +108,7 @@ def test_it_replaces_its_own_book_and_nothing_else(site, results, tmp_path):
     assert [p.name for p in other.iterdir()] == ["index.html"]
 
 
+@pytest.mark.repeats
 def test_the_book_of_parallel_heads_has_their_chapters(tmp_path):
     flight = unlike.write("parallel heads", tmp_path)
     runner.run(flight, tmp_path / "results", way=Notebooks())
