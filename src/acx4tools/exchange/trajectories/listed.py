@@ -153,6 +153,9 @@ SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 COMMENTS = "#"
 QUOTED_CELL = re.compile(r"\"[^\"]*\"")
 _NUMBER = Range(-1e12, 1e12)
+SPOILT = re.compile(r"[-+*.,]?\d|(nan|inf|infinity|na|n/a|null|none|[-*?.]+)$", re.IGNORECASE)
+"""A cell that is a number, or stands in the place of one: no word of a heading."""
+
 MOST = 10_000_000
 """Largest number of rows."""
 MOST_BEFORE = 100
@@ -175,6 +178,8 @@ class Listed:
         The line that is a heading and no row, if there is one.
     before : int
         Lines before the heading, which are not read.
+    declared : bool
+        Whether the columns are declared, and not those of the heading.
     """
 
     source: Opened
@@ -182,6 +187,7 @@ class Listed:
     rows: tuple[Line, ...]
     heading: Line | None = None
     before: int = 0
+    declared: bool = False
 
     def has(self, *names: str) -> bool:
         """Tell whether all these columns are there."""
@@ -213,7 +219,7 @@ class Listed:
         return names
 
 
-def left_out(listed: Listed, what: str) -> tuple[str, ...]:
+def left_out(listed: Listed, what: str, known: Mapping[str, str] = KNOWN) -> tuple[str, ...]:
     """Return sentences on lines and columns that were not read; `what` is what they are not."""
     k_skipped = [k for k, one in enumerate(listed.columns) if one.name == SKIP]
     heading = listed.heading.cells if listed.heading else ()
@@ -224,8 +230,25 @@ def left_out(listed: Listed, what: str) -> tuple[str, ...]:
         named.append(f"{beyond} after the last in line {longest.number}")
     return (
         *([f"Lines before the heading: {listed.before}."] if listed.before else []),
+        *(
+            [_unread_heading(listed.heading, listed.columns, known)]
+            if listed.declared and listed.heading
+            else []
+        ),
         *([f"Columns that are no {what}: {', '.join(named)}."] if named else []),
     )
+
+
+def _unread_heading(heading: Line, columns: Sequence[Column], known: Mapping[str, str]) -> str:
+    """Return a sentence on a heading beside columns that are declared, and what it calls others."""
+    of_heading = (column(cell, known) for cell in heading.cells)
+    others = [
+        f"{quoted(cell)} over {one.name}"
+        for cell, said, one in zip(heading.cells, of_heading, columns, strict=False)
+        if said and SKIP not in (said.name, one.name) and said.name != one.name
+    ]
+    against = f"; it contradicts the declared columns: {', '.join(others)}" if others else ""
+    return f"The heading in line {heading.number}, since the columns are declared{against}."
 
 
 def checked_name(row: Line, name: str, element: str) -> str:
@@ -281,7 +304,14 @@ def read_list(
     rows = tuple(found[heading is not None :])
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
-    return Listed(source=source, columns=named, rows=rows, heading=heading, before=len(before))
+    return Listed(
+        source=source,
+        columns=named,
+        rows=rows,
+        heading=heading,
+        before=len(before),
+        declared=bool(columns),
+    )
 
 
 def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]:
@@ -314,10 +344,10 @@ def _separator(source: Opened, name: str, before: int) -> str | None:
 
 
 def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -> bool:
-    """Tell whether a line has no number where every row has one."""
+    """Tell whether a line has words where every row has numbers; nan and 1,5 are no words."""
     where = (k for name in numbers if (k := position_of(columns, name)) is not None)
-    cells = [line.cells[k] for k in where if k < len(line.cells)]
-    return bool(cells) and not any(NUMBER.fullmatch(cell) for cell in cells)
+    cells = [line.cells[k].strip() for k in where if k < len(line.cells)]
+    return any(cells) and not any(SPOILT.match(cell) for cell in cells if cell)
 
 
 def _of_heading(line: Line, known: Mapping[str, str]) -> tuple[Column, ...]:

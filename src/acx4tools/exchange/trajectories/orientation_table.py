@@ -102,7 +102,7 @@ def _assumed(
     listed: Listed, found: orientations.Oriented, meaning: Meaning, options: TableOptions
 ) -> tuple[str, ...]:
     columns = " ".join(one.name for one in listed.columns)
-    heading = "its heading" if listed.heading and not options.columns else "declaration"
+    heading = "declaration" if listed.declared else "its heading"
     numbered = "" if listed.has("image") or listed.has("exposure") else "; exposures are numbered"
     unit = {listed.columns[listed.at(name)].unit or meaning.angle for name in _angles(found)}
     north = NORTH[found.north(meaning)]

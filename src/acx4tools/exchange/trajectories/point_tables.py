@@ -78,7 +78,7 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> Brought:
         sha256=opened.checksums([one.source for one in every]),
         tables=tables,
         assumed=(
-            *dict.fromkeys(_columns_said(one, options.columns) for one in every),
+            *dict.fromkeys(_columns_said(one) for one in every),
             "Columns count to the right and rows down, in pixels; the middle of the first pixel is "
             f"{options.first:g}, {options.first:g}.",
         ),
@@ -87,7 +87,7 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> Brought:
             f"in {number_of(len(names), 'images')}; columns {left:.1f} to {right:.1f}, rows "
             f"{top:.1f} to {bottom:.1f} px.",
         ),
-        left_out=tuple(line for one in every for line in left_out(one, "measurement")),
+        left_out=tuple(line for one in every for line in left_out(one, "measurement", MEASURED)),
     )
 
 
@@ -141,14 +141,14 @@ def surveyed(
         tables={"control_points.csv": table},
         pictures=orientations.grid_file(meaning),
         assumed=(
-            _columns_said(listed, columns) + " x counts east, y north.",
+            _columns_said(listed) + " x counts east, y north.",
             orientations.heights_said(meaning),
         ),
         found=(
             f"{number_of(len(listed.rows), 'points')}, {n_check} of them to check; heights "
             f"{table['height_m'].min():.3f} to {table['height_m'].max():.3f} m.",
         ),
-        left_out=left_out(listed, "coordinate"),
+        left_out=left_out(listed, "coordinate", SURVEYED),
     )
 
 
@@ -190,8 +190,8 @@ def _roles(listed: Listed, otherwise: str) -> list[str]:
     return found
 
 
-def _columns_said(listed: Listed, columns: str) -> str:
+def _columns_said(listed: Listed) -> str:
     names = " ".join(one.name for one in listed.columns)
-    by = "its heading" if listed.heading and not columns else "declaration"
+    by = "declaration" if listed.declared else "its heading"
     said = "" if not listed.source.encoding else " The text is in Windows-1252: it is not UTF-8."
     return f"The columns, by {by}, are: {names}.{said}"

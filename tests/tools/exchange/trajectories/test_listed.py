@@ -4,7 +4,7 @@ import pytest
 
 from acx4lib.errors import FlightError
 from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.trajectories.listed import Column, column, declared, read_list
+from acx4tools.exchange.trajectories.listed import Column, column, declared, left_out, read_list
 
 
 @pytest.mark.parametrize(
@@ -86,3 +86,16 @@ def test_lines_before_a_heading_are_counted_and_not_read(columns):
 def test_rows_before_a_second_heading_are_rows():
     with pytest.raises(FlightError, match="x"):
         read("A 1.0 2.0 0.5\nNOM X Y OMEGA\nB 3.0 4.0 0.6\n", "image x y omega").numbers("east")
+
+
+@pytest.mark.parametrize("row", ["A nan nan 1", "A 1,5 2,5 1", "A - - 1", "A *** 2.0 1"])
+def test_a_first_row_of_spoilt_numbers_is_no_heading(row):
+    with pytest.raises(FlightError, match=r"a.txt:1"):
+        read(f"{row}\nB 1.0 2.0 1\n", "image x y omega", "space").numbers("east")
+
+
+def test_a_heading_beside_declared_columns_is_told_and_where_it_contradicts_them():
+    (same,) = left_out(read("image x y\nA 1 2\n", "image x y"), "orientation")
+    assert same == "The heading in line 1, since the columns are declared."
+    (other,) = left_out(read("image y x\nA 1 2\n", "image x y"), "orientation")
+    assert "contradicts the declared columns: 'y' over east, 'x' over north" in other
