@@ -41,7 +41,7 @@ LIMIT_LEVER_M = 1.0
 LIMIT_BORESIGHT_DEG = 0.1
 LIMIT_INTERIOR = 0.002
 """Standard deviations above which a lever arm, a boresight angle or f, xp, yp (as a share of f)
-count as not determined."""
+count as not determined; a boresight, above that of a single attitude, if this is more."""
 
 LIMIT_SCALE = 0.01
 """Scale error between control and trajectory above which something is wrong, not imprecise."""
@@ -66,6 +66,8 @@ class Calibration:
         A posteriori variance of unit weight of the method's adjustment.
     open_columns : ndarray, shape (n,)
         Columns that the observations leave open altogether.
+    limit_boresight_deg : float
+        Standard deviation above which a boresight angle is not determined.
     """
 
     cameras: tuple[Camera, ...]
@@ -73,6 +75,7 @@ class Calibration:
     cov: Array
     sigma0_sq: float
     open_columns: Mask
+    limit_boresight_deg: float = LIMIT_BORESIGHT_DEG
 
     def __post_init__(self) -> None:
         expected.sequence("cameras", self.cameras, Camera)
@@ -153,7 +156,18 @@ def from_bundle(bundle: Bundle) -> Calibration:
         cov=bundle.solution.inverse.at(first[:, None], first),
         sigma0_sq=bundle.solution.sigma0_sq,
         open_columns=bundle.solution.undetermined[:n],
+        limit_boresight_deg=boresight_limit(bundle.network.block),
     )
+
+
+def boresight_limit(block: Block) -> float:
+    """Return the standard deviation above which a boresight is not determined, degrees.
+
+    A mean that is no better than one of its attitudes tells nothing.
+    """
+    sigma = block.trajectory.sigma_attitude
+    known = sigma[np.isfinite(sigma)]
+    return max(LIMIT_BORESIGHT_DEG, float(np.degrees(np.median(known))) if len(known) else 0.0)
 
 
 def given(cameras: Sequence[Camera]) -> Calibration:
@@ -256,7 +270,7 @@ def is_determined(calibration: Calibration) -> Mask:
         elif p.key in LEVER_ARM:
             limits.append(LIMIT_LEVER_M)
         elif p.key in BORESIGHT:
-            limits.append(LIMIT_BORESIGHT_DEG)
+            limits.append(calibration.limit_boresight_deg)
         else:
             limits.append(np.inf)
     sigma = np.array([p.sigma for p in listed])
@@ -287,12 +301,33 @@ def not_determined(calibration: Calibration, features: frozenset[str] = frozense
         strongest = sorted(
             (j for j in range(len(listed)) if j != i), key=lambda j: -abs(related[i, j])
         )[:2]
-        with_others = ", ".join(f"{related[i, j]:+.2f} with {listed[j].name}" for j in strongest)
+        with_others = ", ".join(
+            f"{related[i, j]:+.2f} with {_name_beside(listed[j], p)}" for j in strongest
+        )
         out.append(
             f"{p.camera} {p.name} is not determined ({how}; correlation {with_others}); "
             f"it would need: {needed(p.key, features)}"
         )
     return out
+
+
+def _name_beside(other: Parameter, own: Parameter) -> str:
+    return other.name if other.camera == own.camera else f"{other.name} of {other.camera}"
+
+
+def rough_boresights(calibration: Calibration) -> str:
+    """Return a sentence on boresights that rough attitudes determine no better; or none."""
+    found = [
+        p.sigma
+        for p, told in zip(parameters(calibration), is_determined(calibration), strict=True)
+        if told and p.key in BORESIGHT and p.sigma > LIMIT_BORESIGHT_DEG
+    ]
+    if not found:
+        return ""
+    return (
+        f"boresights have sigma up to {max(found):.2g} degrees, more than {LIMIT_BORESIGHT_DEG:g}: "
+        f"attitudes of {calibration.limit_boresight_deg:.2g} degrees (median) give no better"
+    )
 
 
 # --- The flight geometry that determines a parameter, and what of it a flight lacks

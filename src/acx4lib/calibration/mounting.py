@@ -21,6 +21,7 @@ from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration.estimates import (
     METHODS,
     Calibration,
+    boresight_limit,
     from_bundle,
     require_control,
     saying_what_lacks,
@@ -420,6 +421,7 @@ def _averaged(
         cov=cov,
         sigma0_sq=bundle.solution.sigma0_sq,
         open_columns=np.abs(J) @ bundle.solution.undetermined > 1e-9,
+        limit_boresight_deg=boresight_limit(block),
     )
     return calibration, T_b_c, entering
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.calibration.estimates import not_determined
+from acx4lib.calibration.estimates import features, not_determined
 from acx4lib.calibration.heads import RelativeOrientation, ground_scale
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.errors import AdjustmentError
@@ -28,11 +28,16 @@ from acx4lib.geometry.parameters import MOUNT
 from acx4lib.least_squares.covariance import propagate
 
 Step = Callable[..., Mounting]
-"""Takes a block and `free`, the interior parameters to estimate beside boresight and lever arm."""
+"""Takes a block, `free` and `fix`, as `mounting.single_step` does."""
 
 
 def calibrate(
-    block: Block, *, free: Sequence[str], refraction: str = "none", gnss: Sequence[str] = ()
+    block: Block,
+    *,
+    free: Sequence[str],
+    fix: Sequence[str] = (),
+    refraction: str = "none",
+    gnss: Sequence[str] = (),
 ) -> Mounting:
     """Estimate interior orientation, boresight and lever arm of all heads in one adjustment.
 
@@ -44,6 +49,9 @@ def calibrate(
         Interior parameters of every head, names of `camera.INTERIOR`. The focal lengths are
         estimated too, since GNSS observes the heights. If they are not named, some parameter is
         not determined, and holding them determines all, they keep the cameras' values.
+    fix : sequence of str
+        ``"lever_arm"``, ``"boresight"``: those named keep the values of the cameras as well, where
+        this determines all and nothing less does.
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
@@ -61,32 +69,49 @@ def calibrate(
     ValueError
         For an unknown name.
     """
-    return calibrate_by(partial(single_step, refraction=refraction, gnss=gnss), block, free=free)
+    step = partial(single_step, refraction=refraction, gnss=gnss)
+    return calibrate_by(step, block, free=free, fix=fix)
 
 
-def calibrate_by(step: Step, block: Block, *, free: Sequence[str]) -> Mounting:
+def calibrate_by(
+    step: Step, block: Block, *, free: Sequence[str], fix: Sequence[str] = ()
+) -> Mounting:
     """Calibrate a rig by another single step than that of `mounting`, such as a planned one.
 
     Parameters
     ----------
     step : Step
-    block, free
+    block, free, fix
         As in `calibrate`.
     """
     expected.names_of("free", free, INTERIOR)
-    rig = _adjusted(step, block, ("f", *free))
-    if "f" in free or not not_determined(rig.calibration):
-        return rig
-    held = _adjusted(step, block, free)
-    return rig if not_determined(held.calibration) else held
+    rig = _adjusted(step, block, ("f", *free), ())
+    for names, parts in _holding(free, fix):
+        if not not_determined(rig.calibration):
+            return rig
+        held = _adjusted(step, block, names, parts)
+        rig = rig if not_determined(held.calibration) else held
+    return rig
 
 
-def _adjusted(step: Step, block: Block, free: Sequence[str]) -> Mounting:
+def _holding(free: Sequence[str], fix: Sequence[str]) -> list[tuple[Sequence[str], Sequence[str]]]:
+    """Return what is estimated and held instead, one after the other, until all is determined."""
+    steps: list[tuple[Sequence[str], Sequence[str]]] = [
+        (("f", *free), fix),
+        (free, ()),
+        (free, fix),
+    ]
+    if not fix:
+        steps = steps[1:2]
+    return [step for step in steps if "f" not in free or step[0] != free]
+
+
+def _adjusted(step: Step, block: Block, free: Sequence[str], fix: Sequence[str]) -> Mounting:
     """Adjust in a single step; repeat it if points need the heights of their neighbours."""
-    rig = step(block, free=free)
+    rig = step(block, free=free, fix=fix)
     lonely = one_exposure_points(block)
-    if len(lonely):
-        rig = step(observe_heights(block, rig.bundle, lonely), free=free)
+    if len(lonely) and "control" in features(block):
+        rig = step(observe_heights(block, rig.bundle, lonely), free=free, fix=fix)
     return replace(rig, method="rig")
 
 
@@ -97,7 +122,9 @@ def one_exposure_points(block: Block) -> Index:
     """Return the tie points that several heads measure, all at one exposure only.
 
     Their rays start decimetres apart and meet at a thousandth of a degree. Therefore an ordinary
-    bundle leaves them out. In a rig they determine the rotations between its heads.
+    bundle leaves them out. In a rig they determine the rotations between its heads, where control
+    points tell how high the ground is: without these, heights that one adjustment found would be
+    taken for observations in the next.
     """
     used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
     points = block.image_points[used]

@@ -33,6 +33,7 @@ from acx4lib.calibration.estimates import (
     from_bundle,
     not_determined,
     parameters,
+    rough_boresights,
 )
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import Mounting, Mountings
@@ -295,8 +296,7 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     """Return sentences on what a user should know of an adjustment."""
     left_out = bundle.network.left_out.items()
     notes = [f"{n} tie point{'s' * (n > 1)} {why} left out" for why, n in left_out]
-    if line := determination.beyond_precision(bundle):
-        notes.append(line)
+    notes += filter(None, (determination.beyond_precision(bundle), rough_boresights(calibration)))
     n_measured = len(bundle.network.block.image_points)
     n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
     # the two-step methods take over what the single step rejected, and this was said of it

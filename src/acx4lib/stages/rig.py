@@ -12,7 +12,7 @@ import numpy as np
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration import rig
-from acx4lib.calibration.estimates import RIGS
+from acx4lib.calibration.estimates import RIGS, features
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.flight.block import Block, select_cameras
 from acx4lib.flight.reader import Flight
@@ -95,6 +95,7 @@ def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
             rig.calibrate,
             block,
             free=flight.estimate_heads,
+            fix=flight.fix,
             refraction=flight.refraction,
             gnss=of_attitudes(flight.gnss),
         )
@@ -188,9 +189,19 @@ def _list(value: object) -> list[object]:
 def _notes(stage: RigStage) -> list[str]:
     """Return what a user should know of a rig, in sentences."""
     notes = []
-    if stage.rig is not None and np.all(stage.rig.calibration.layout.interior[:, 0] < 0):
-        notes.append("the focal lengths are held; estimated, something would not be determined")
+    if stage.rig is not None:
+        columns = stage.rig.calibration.layout
+        held = {
+            "focal lengths": np.all(columns.interior[:, 0] < 0),
+            "lever arms": np.all(columns.mount[:, :3] < 0),
+            "boresights": np.all(columns.mount[:, 3:] < 0),
+        }
+        if names := " and ".join(name for name, is_held in held.items() if is_held):
+            notes.append(f"the {names} are held; estimated, something would not be determined")
     if n := len(rig.one_exposure_points(stage.block)):
         points = "point is" if n == 1 else "points are"
-        notes.append(f"{n} {points} shared by heads at one exposure only, as high as the nearest")
+        how = "as high as the nearest"
+        if "control" not in features(stage.block):
+            how = "left out, since no control points tell how high the ground is"
+        notes.append(f"{n} {points} shared by heads at one exposure only, {how}")
     return notes

@@ -190,7 +190,8 @@ def calibrated(plan: Plan, block: Block, *, method: str) -> Mounting:
     if method != "single_step":
         turns = [name for name in setup.gnss if name in ATTITUDE]
         step = partial(_single_step, refraction=setup.refraction, gnss=turns)
-        return replace(rig.calibrate_by(step, block, free=setup.estimate_heads), method=method)
+        found = rig.calibrate_by(step, block, free=setup.estimate_heads, fix=setup.fix)
+        return replace(found, method=method)
     return _single_step(
         block,
         free=setup.estimate_mounting,

@@ -162,6 +162,20 @@ def test_a_parameter_is_not_determined_above_the_stated_limit(name, limit):
     assert needed(name) in line
 
 
+def test_a_boresight_is_judged_by_the_attitudes_that_determine_it():
+    rough = replace(with_sigmas(boresight_z=np.radians(1.2)), limit_boresight_deg=3.0)
+    assert not_determined(rough) == []
+    assert "up to 1.2 degrees" in estimates.rough_boresights(rough)
+    assert estimates.rough_boresights(with_sigmas()) == ""
+    (line,) = not_determined(replace(rough, limit_boresight_deg=1.1))
+    assert "boresight_kappa_deg" in line
+    block = blocks.standard()
+    rolled = np.tile(np.radians([3.0, 3.0, 5.0]), (len(block.trajectory), 1))
+    assert estimates.boresight_limit(block) == estimates.LIMIT_BORESIGHT_DEG
+    block = replace(block, trajectory=replace(block.trajectory, sigma_attitude=rolled))
+    assert_allclose(estimates.boresight_limit(block), 3.0)
+
+
 def test_an_open_parameter_has_an_infinite_sigma_and_says_so(found):
     opened = replace(found, open_columns=np.arange(found.n_columns) == 0)
     assert np.isinf(parameters(opened)[0].sigma)

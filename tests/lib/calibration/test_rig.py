@@ -178,13 +178,13 @@ def exposures_by_point(block):
     return seen
 
 
-def split(block, *, shared):
+def split(block, *, shared, whole=()):
     """Give every tie point a new name at every exposure; keep those that heads share there.
 
-    Without `shared` there are no tie points at all.
+    Without `shared` there are no tie points at all, but those that stay `whole`.
     """
     points = block.image_points
-    control = np.isin(points.point_idx, block.control.point_idx)
+    control = np.isin(points.point_idx, [*block.control.point_idx, *whole])
     exposure = block.images.exposure_idx[points.image_idx]
     n = len(block.points)
     renamed = np.where(control, points.point_idx, points.point_idx + n * (1 + exposure))
@@ -277,6 +277,53 @@ def test_points_of_one_exposure_tell_how_the_heads_are_turned_to_each_other():
     assert with_points.bundle.network.left_out == {}
     # whatever the ground does between its points, exact heads come back within their sigma
     assert np.all(np.abs(between_heads(with_points)) < after)
+
+
+def no_control(rng):
+    """Every second point at one exposure only, no control, rough positions, attitudes far off."""
+    block = blocks.noisy(simulated(ties=300), rng)
+    n = len(block.points)
+    ties = np.setdiff1d(np.arange(n), block.control.point_idx)
+    block = split(block, shared=True, whole=ties[::2])
+    points = block.image_points
+    kept = ~np.isin(points.point_idx, block.control.point_idx)
+    exact, exposures = block.trajectory.T_m_b, len(block.trajectory)
+    off = np.radians(rng.normal(0, [3, 3, 6], (exposures, 3)))
+    off[0] = np.radians([5, -5, 10])
+    return replace(
+        block,
+        image_points=points[kept],
+        control=block.control[:0],
+        trajectory=replace(
+            block.trajectory,
+            T_m_b=Pose(
+                R=exact.R @ rotation_from_opk(off), r=exact.r + rng.normal(0, 2, (exposures, 3))
+            ),
+            sigma_position=np.full((exposures, 3), 2.0),
+            sigma_attitude=np.tile(np.radians([3.0, 3.0, 6.0]), (exposures, 1)),
+        ),
+    )
+
+
+def test_heads_without_control_under_attitudes_ten_degrees_off_tell_how_they_are_turned():
+    block = no_control(np.random.default_rng(1))
+    lonely = rig.one_exposure_points(block)
+    assert len(lonely) > 50
+    found = rig.calibrate(block, free=("k1",), fix=("lever_arm",))
+    used = np.unique(found.bundle.network.image_points.point_idx)
+    assert not np.isin(lonely, used).any()  # their heights would count as observed
+    assert 0.8 < found.bundle.solution.sigma0_sq < 1.25
+    error = between_heads(found)
+    assert error @ np.linalg.solve(sigma_between_heads(found), error) < 16.3  # 99.9 % of 3
+
+
+def test_a_lever_arm_that_fix_names_is_held_where_something_stays_open():
+    block = no_control(np.random.default_rng(2))
+    free = rig.calibrate(block, free=("k1",)).calibration
+    assert any("lever_z" in line for line in not_determined(free))
+    held = rig.calibrate(block, free=("k1",), fix=("lever_arm",)).calibration
+    assert not_determined(held) == []
+    assert_allclose(mountings(held.cameras).r, mountings(block.cameras).r)
 
 
 @pytest.mark.slow
