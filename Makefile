@@ -8,6 +8,8 @@ PORT    ?= 8000
 # Pictures in the flight that ships: at which exposures of blocks 1 and 2, and at what part of the size.
 IMAGES  ?= H1-05,H3-04,C2-05
 REDUCE  ?= 4
+# The notebook of make page.
+CHAPTER ?= 11-ten-heads
 # Mutated files of each kind for make fuzz.
 N       ?= 1000
 SEED    ?= 1
@@ -16,6 +18,7 @@ SHIPPED := data/flights/acx4 data/flights/acx4-ideal
 
 # What is given is a number, a program or a name, and nothing else: make expands nothing in it, and
 # refuses what it or a shell would read.
+override CHAPTER := $(value CHAPTER)
 override FLIGHT := $(value FLIGHT)
 override IMAGES := $(value IMAGES)
 override PYTHON := $(value PYTHON)
@@ -30,6 +33,7 @@ no_number = $(or $(if $1,,nothing),$(subst 0,,$(subst 1,,$(subst 2,,$(subst 3,,$
 $(foreach v,PORT REDUCE N SEED,$(if $(call no_number,$($v)),$(error $v=$($v): must be a whole number)))
 $(if $(word 2,$(IMAGES))$(call unsafe,$(IMAGES)),$(error IMAGES=$(IMAGES): must be names of exposures with commas between them))
 $(if $(findstring ',$(PYTHON)),$(error PYTHON=$(PYTHON): must be the path of a program))
+$(if $(word 2,$(CHAPTER))$(call unsafe,$(CHAPTER)),$(error CHAPTER=$(CHAPTER): must be the name of a notebook))
 $(if $(word 2,$(FLIGHT)),$(error FLIGHT=$(FLIGHT): make takes no folder with a space in its name))
 $(if $(call unsafe,$(FLIGHT)),$(error FLIGHT=$(FLIGHT): make takes no folder with $(call unsafe,$(FLIGHT)) in its name))
 
@@ -65,7 +69,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check words test test-all fuzz mistakes notebooks lab book pdf release serve bench coverage chain reference-data reference-results clean
+.PHONY: help .venv lock check words test test-all fuzz mistakes notebooks lab book page pdf release serve bench coverage chain reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -189,6 +193,10 @@ endif
 # Of the book as it is built, whatever its flight; where there is none yet it is built.
 $(INDEX): | .venv/.stamp
 	@$(MAKE) --no-print-directory book
+
+page: .venv/.stamp ## build the page of one notebook, as make page CHAPTER=11-ten-heads, in build/page
+	@$(BIN)/python -m acx4book.pages chapter '$(CHAPTER)' '$(RESULTS)' build/page
+	@echo build/page/_executed/$(CHAPTER).html
 
 pdf: $(INDEX) ## print the built book of FLIGHT with Chromium into one PDF below build
 	@mkdir -p build

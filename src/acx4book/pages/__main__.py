@@ -1,13 +1,19 @@
-"""Fill the book's folder: ``python -m acx4book.pages FLIGHT RESULTS BOOK [IDEAL]``."""
+"""Fill the book's folder, or build one chapter alone.
+
+``python -m acx4book.pages FLIGHT RESULTS BOOK [IDEAL]`` or ``... chapter NAME RESULTS SITE``.
+"""
 
 import sys
 from pathlib import Path
 
-from acx4book.pages import build
+from acx4book.pages import build, flight_book
 from acx4lib.errors import Acx4Error
 
 if __name__ == "__main__":
     try:
-        build.fill(*map(Path, sys.argv[1:5]))
+        if sys.argv[1] == "chapter":
+            flight_book.write_chapter(sys.argv[2], *map(Path, sys.argv[3:5]))
+        else:
+            build.fill(*map(Path, sys.argv[1:5]))
     except Acx4Error as error:  # results that were changed, a notebook that failed
         sys.exit(str(error))

@@ -13,12 +13,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from html import escape
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import nbformat
 import pandas as pd
@@ -126,6 +126,43 @@ def write(
         _place(html, own)
 
 
+def write_chapter(name: str, results_path: Path, site: Path) -> None:
+    """Build one chapter of the study's book as its author looks at it, with warnings on stderr.
+
+    Parameters
+    ----------
+    name : str
+        A notebook, such as ``11-ten-heads`` or ``foundations/3-collinearity``.
+    results_path : Path
+        A run, if there is one; without, the notebook is run with its own parameters.
+    site : Path
+        New, empty, or what this function wrote.
+
+    Raises
+    ------
+    BookError
+        Where there is no such notebook, or Sphinx fails.
+    """
+    notebook = NOTEBOOKS_PATH / f"{name}.ipynb"
+    if notebook not in {*NOTEBOOKS_PATH.rglob("*.ipynb")}:
+        raise BookError(f"{name}: no such notebook; one is {next(iter(CHAPTERS))}")
+    with (
+        tempfile.TemporaryDirectory(prefix="acx4-book-") as temporary,
+        own_folder.claim(site, command=COMMAND) as own,
+    ):
+        source = Path(temporary) / "book"
+        executed = _begun(source)
+        done = results_path / "notebooks" / notebook.name
+        places = {"flight_path": str(results_path / KEPT), "results_path": str(results_path)}
+        if done.is_file():
+            build.fold(done, executed / done.name)
+        else:
+            (executed / name).parent.mkdir(exist_ok=True)
+            build.run_here(name, executed, places if results_path.is_dir() else {})
+        _write_settings(source, "acx4lib", [name], {"index.md": f"# {name}\n"}, set())
+        _place(_built(source, Path(temporary), strict=False, said=sys.stderr), own)
+
+
 def _escape(html: Path, name: str) -> None:
     """Escape the name of the flight where templates of the theme have it as it is."""
     if (safe := escape(name)) != name:
@@ -151,6 +188,19 @@ def _place(html: Path, own: OwnFolder) -> None:
 
 def _gather(results_path: Path, source: Path, tell: Tell) -> str:
     """Write all that the pages are made of, and return the name of the flight."""
+    executed = _begun(source)
+    run = material.read(results_path)
+    chapters = list(_chapters(results_path, executed, simulated=run.flight.simulated, tell=tell))
+    texts = {
+        "index.md": _front(run),
+        "certificate.md": f"# Certificate\n\n{certificate.page(run, 'report.html')}",
+    }
+    _write_settings(source, run.flight.name, chapters, texts, OF_CODE)
+    return run.flight.name
+
+
+def _begun(source: Path) -> Path:
+    """Copy what is the same in every book, and return the folder for its notebooks."""
     source.mkdir()
     for name in TAKEN:
         copied = shutil.copytree if (SOURCES / name).is_dir() else shutil.copyfile
@@ -158,25 +208,26 @@ def _gather(results_path: Path, source: Path, tell: Tell) -> str:
     executed, generated = source / "_executed", source / "_generated"
     executed.mkdir()
     generated.mkdir()
-    run = material.read(results_path)
-    chapters = list(_chapters(results_path, executed, simulated=run.flight.simulated, tell=tell))
     frames.draw(generated)
-    texts = {
-        "index.md": _front(run),
-        "certificate.md": f"# Certificate\n\n{certificate.page(run, 'report.html')}",
-        "_toc.yml": yaml.safe_dump(_contents(chapters)),
-        "_config.yml": yaml.safe_dump(_settings(run.flight.name)),
-    }
-    for name, text in texts.items():
-        whole_files.write(source / name, text)
+    return executed
+
+
+def _write_settings(
+    source: Path, name: str, chapters: list[str], texts: Mapping[str, str], without: Set[str]
+) -> None:
+    """Write pages, contents and settings of a book of some chapters, without some extensions."""
+    generated = source / "_generated"
+    settings = {"_toc.yml": _contents(chapters, [*texts]), "_config.yml": _settings(name, without)}
+    written = {file: yaml.safe_dump(values) for file, values in settings.items()}
+    for file, text in {**texts, **written}.items():
+        whole_files.write(source / file, text)
     made_by = f"acx4lib {version('acx4lib')}"
-    told = {"made_by": made_by, "flights": dict.fromkeys(chapters, run.flight.name)}
+    told = {"made_by": made_by, "flights": dict.fromkeys(chapters, name)}
     whole_files.write(generated / "made_from.json", json.dumps(told))
     left_out = {page: title for page, title in _titles() if page not in {*READING, *chapters}}
     whole_files.write(generated / "left_out.json", json.dumps({**left_out, "_generated/api": ""}))
     foot = {"name": "acx4lib", "version": version("acx4lib"), "authors": "", "licence": ""}
     whole_files.write(generated / "citation.json", json.dumps(foot))
-    return run.flight.name
 
 
 # --- chapters --------------------------------------------------------------------------------
@@ -248,10 +299,11 @@ def _versions(stage: Mapping[str, object]) -> Iterator[tuple[str, str]]:
         yield from ((str(name), str(v)) for name, v in versions.items())
 
 
-def _contents(chapters: list[str]) -> dict[str, Any]:
+def _contents(chapters: list[str], pages: list[str]) -> dict[str, Any]:
     """Return the table of contents."""
     of_flight = [f"_executed/{name}" for name in chapters]
-    parts = {"The flight": [*of_flight, "certificate"], "To read it": READING}
+    own = [page.removesuffix(".md") for page in pages if page != "index.md"]
+    parts = {"The flight": [*of_flight, *own], "To read it": READING}
     return {
         "format": "jb-book",
         "root": "index",
@@ -262,14 +314,14 @@ def _contents(chapters: list[str]) -> dict[str, Any]:
     }
 
 
-def _settings(name: str) -> dict[str, Any]:
+def _settings(name: str, without: Set[str]) -> dict[str, Any]:
     """Return the settings of the study's book, with the name of the flight."""
     settings: dict[str, Any] = yaml.safe_load((SOURCES / "_config.yml").read_text("utf-8"))
     settings["title"] = plain = visible(name)  # which Sphinx escapes, but not in the logo
     sphinx = settings["sphinx"]
     extra, local = sphinx["extra_extensions"], sphinx["local_extensions"]
-    sphinx["extra_extensions"] = [name for name in extra if name not in OF_CODE]
-    sphinx["local_extensions"] = {n: place for n, place in local.items() if n not in OF_CODE}
+    sphinx["extra_extensions"] = [name for name in extra if name not in without]
+    sphinx["local_extensions"] = {n: place for n, place in local.items() if n not in without}
     of_code = ("autodoc_", "autosummary_", "napoleon_")
     sphinx["config"] = {k: v for k, v in sphinx["config"].items() if not k.startswith(of_code)}
     config = sphinx["config"]
@@ -292,8 +344,8 @@ def _titles() -> Iterator[tuple[str, str]]:
 # --- Sphinx ----------------------------------------------------------------------------------
 
 
-def _built(source: Path, work: Path, *, strict: bool) -> Path:
-    """Run Sphinx, and return the folder of HTML."""
+def _built(source: Path, work: Path, *, strict: bool, said: TextIO | None = None) -> Path:
+    """Run Sphinx, and return the folder of HTML; its warnings are written to `said`."""
     options = ["--quiet", "-n", "--keep-going", *(["-W"] if strict else [])]
     command = [sys.executable, "-c", BUILD, "build", str(source), *options]
     done = subprocess.run(
@@ -307,6 +359,8 @@ def _built(source: Path, work: Path, *, strict: bool) -> Path:
     html = source / "_build" / "html"
     if done.returncode or not (html / "index.html").is_file():
         lines = COLOURS.sub("", done.stdout + done.stderr).splitlines()
-        said = [line.replace(f"{source}/", "") for line in lines if SAYS.search(line)] or lines
-        raise BookError("\n".join(["the book could not be built", *said[-LINES_SHOWN:]]))
+        why = [line.replace(f"{source}/", "") for line in lines if SAYS.search(line)] or lines
+        raise BookError("\n".join(["the book could not be built", *why[-LINES_SHOWN:]]))
+    if said:
+        said.write(COLOURS.sub("", done.stderr).replace(f"{source}/", ""))
     return html
