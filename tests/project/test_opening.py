@@ -103,8 +103,8 @@ OTHERS = {
     "acx4book/report/page.py": {
         "STYLE.read_text": "a style of the library",
         "TEXT.read_text": "a text of the library",
-        "pdf.read_bytes": "what Chromium wrote",
     },
+    "acx4book/report/typeset.py": {"STYLE.read_bytes": "a style of the library"},
     "acx4book/teaching/showing/slides.py": {
         "Path(__file__).with_name('slides.html').read_text": "a page of the library"
     },

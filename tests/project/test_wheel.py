@@ -138,7 +138,7 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     expected = {path.relative_to(ROOT / "src").as_posix() for path in sources}
     expected |= {f"{house}/py.typed" for house in HOUSES}
     expected.add("acx4book/report/campaigns/campaigns.css")
-    expected |= {f"acx4book/report/report.{kind}" for kind in ("css", "md")}
+    expected |= {f"acx4book/report/report.{kind}" for kind in ("css", "md", "typ")}
     expected.add("acx4book/teaching/showing/slides.html")
     for place, files in (
         ("acx4book/chapters/stored", "data/benchmarks/measured_flights*"),

@@ -128,7 +128,7 @@ app.command(help=planning.SIMULATE_HELP)(planning.simulate)
 
 
 @app.command(
-    help="""Write the calibration report of a run: one HTML file that can be printed.
+    help="""Write the calibration report of a run: one HTML file, and a PDF/A.
 
 It is made from the results folder alone. Its first page is a certificate, with what the table
 [certificate] of flight.toml states. A file .json beside it has the same values for machines.
@@ -149,7 +149,7 @@ def report(
             metavar="FILE.html", show_default=False, help="The file; else report.html in RESULTS."
         ),
     ] = None,
-    pdf: Annotated[bool, typer.Option("--pdf", help="Print it by Chromium, too.")] = False,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Write it as PDF/A, too.")] = False,
 ) -> None:
     """Write the calibration report of a run."""
     terminal.need_book("report")

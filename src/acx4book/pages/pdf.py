@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections import defaultdict
@@ -25,7 +26,7 @@ from pypdf import PdfReader, PdfWriter
 from pypdf.annotations import Link
 from pypdf.generic import Fit
 
-from acx4book.report.page import PrintError, chromium, printed
+from acx4lib.errors import Acx4Error
 from acx4lib.results import whole_files
 
 AT_ONCE = 2
@@ -176,6 +177,66 @@ def make(html: Path, contents: Path, pdf: Path) -> int:
         writer = _joined(folder.as_uri(), pdfs)
         writer.write(pdf)
         return len(writer.pages)
+
+
+# --- Pages of HTML as PDF, printed by Chromium
+
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+"""What Chromium is called on different systems."""
+
+MISSING = (
+    "the book is printed by Chromium, which is not here: install the package chromium "
+    "(Debian, Ubuntu: apt-get install chromium)"
+)
+FLAGS = (
+    *("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer"),
+    *("--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=60000"),
+)
+END = b"%%EOF"
+"""Of a whole PDF."""
+
+SECONDS = 300
+"""After which a page is given up."""
+
+
+class PrintError(Acx4Error):
+    """A page was not printed."""
+
+
+def chromium() -> str:
+    """Return the path of Chromium.
+
+    Raises
+    ------
+    PrintError
+        Where there is none.
+    """
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        raise PrintError(MISSING)
+    return found
+
+
+def printed(browser: str, page: Path, pdf: Path) -> None:
+    """Print a page.
+
+    Raises
+    ------
+    PrintError
+        If the browser does not.
+    """
+    with tempfile.TemporaryDirectory() as profile:
+        command = [browser, *FLAGS, f"--user-data-dir={profile}", f"--print-to-pdf={pdf.resolve()}"]
+        command.append(page.resolve().as_uri())
+        try:
+            subprocess.run(command, cwd=profile, capture_output=True, timeout=SECONDS, check=True)
+        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+            msg = f"{page.name}: Chromium did not print it ({error})"
+            raise PrintError(msg) from error
+    if not pdf.is_file() or END not in pdf.read_bytes()[-1024:]:
+        msg = f"{page.name}: Chromium wrote no whole PDF"
+        raise PrintError(msg)
 
 
 if __name__ == "__main__":

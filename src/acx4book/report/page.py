@@ -1,4 +1,4 @@
-"""The report as one document to be printed: one page of HTML, and that as PDF."""
+"""The report as one document: a page of HTML, the same as JSON, and as PDF/A."""
 
 from __future__ import annotations
 
@@ -6,9 +6,6 @@ import base64
 import errno
 import html
 import re
-import shutil
-import subprocess
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,6 +23,7 @@ from acx4book.report import (
     mounting,
     parameters,
     record,
+    typeset,
     verdict,
     words,
 )
@@ -36,23 +34,19 @@ from acx4book.report.words import Text
 from acx4book.typesetting import maps, matrix
 from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.svg import vector
-from acx4lib.errors import Acx4Error, OutputError
+from acx4lib.errors import OutputError
 from acx4lib.opening import text_of
 from acx4lib.results import whole_files
 from acx4lib.results.own_folder import check_file
-from acx4lib.results.whole_files import SCRATCH
 
-# --- The report as files: one page of HTML without external files, JSON, and a PDF
+# --- The report as files: one page of HTML without external files, JSON, and a PDF/A
 
 
 MARK = b'<meta name="generator" content="acx4'
 """Mark of a report, which may be replaced by a newer one."""
 
-PDF_TITLE = "Calibration report by acx4"
-PDF_MARK = f"({PDF_TITLE})".encode()
-"""Mark of a printed report: its title, which Chromium writes as it is where it is ASCII."""
-
-TITLE = re.compile(r"<title>.*?</title>", re.DOTALL)
+PDF_MARK = b"/Title(Calibration report)"
+"""Mark of a PDF of a report: its heading among the bookmarks, with which the file begins."""
 
 STYLE = resources.files("acx4book.report") / "report.css"
 
@@ -62,6 +56,7 @@ PAGE = """<!DOCTYPE html>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="generator" content="acx4 report">
+<meta name="dcterms.date" content="{day}">
 <title>{title}</title>
 <style>
 {style}</style>
@@ -138,7 +133,7 @@ def _check_places(out: Path) -> None:
 
 
 def check_pdf(out: str | Path) -> None:
-    """Check that the report `out` may be printed into the file beside it.
+    """Check that the report `out` may be set into the file beside it.
 
     Raises
     ------
@@ -149,25 +144,17 @@ def check_pdf(out: str | Path) -> None:
 
 
 def write_pdf(out: str | Path) -> Path:
-    """Print the report `out` into a PDF beside it, and return the place of this.
+    """Typeset the report `out` as a PDF/A beside it, and return the place of this.
 
     Raises
     ------
-    OutputError, PrintError
-        As `check_pdf`, and where Chromium is missing or does not print it.
+    OutputError, TypesetError
+        As `check_pdf`, and where the package typst is missing.
     """
     out = Path(out)
     check_pdf(out)
-    browser = chromium()
     place = out.with_suffix(".pdf")
-    text = TITLE.sub(f"<title>{PDF_TITLE}</title>", text_of(out), count=1)
-    with (
-        whole_files.appearing(place) as made,
-        tempfile.TemporaryDirectory(dir=out.parent, prefix=SCRATCH) as temporary,
-    ):
-        whole = Path(temporary) / "report.html"
-        whole_files.write(whole, text)
-        printed(browser, whole, made)
+    whole_files.write(place, typeset.pdf(text_of(out)))
     return place
 
 
@@ -192,6 +179,7 @@ def page(parts: Sequence[Part], material: Material) -> str:
         heading=f"{heading}</h1>",
         name=shown(material.flight.name, "html"),
         date=f"{material.date.day} {material.date:%B %Y}",
+        day=f"{material.date:%Y-%m-%d}",
         certificate="\n".join(rendered[1:body]),
         body="\n".join([first, *rendered[body:]]),
     )
@@ -215,66 +203,6 @@ def _rendered(part: Part, document: Document) -> str:
         f'<img alt="{html.escape(part.alt)}" src="data:image/svg+xml;base64,{data}">\n'
         f"<figcaption><b>Figure {document.n_figures}.</b> {caption}</figcaption>\n</figure>\n"
     )
-
-
-# --- Pages of HTML as PDF, printed by Chromium
-
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-"""What Chromium is called on different systems."""
-
-MISSING = (
-    "a PDF is printed by Chromium, which is not here: install the package chromium "
-    "(Debian, Ubuntu: apt-get install chromium)"
-)
-FLAGS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer"),
-    *("--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=60000"),
-)
-END = b"%%EOF"
-"""Of a whole PDF."""
-
-SECONDS = 300
-"""After which a page is given up."""
-
-
-class PrintError(Acx4Error):
-    """A page was not printed."""
-
-
-def chromium() -> str:
-    """Return the path of Chromium.
-
-    Raises
-    ------
-    PrintError
-        Where there is none.
-    """
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        raise PrintError(MISSING)
-    return found
-
-
-def printed(browser: str, page: Path, pdf: Path) -> None:
-    """Print a page.
-
-    Raises
-    ------
-    PrintError
-        If the browser does not.
-    """
-    with tempfile.TemporaryDirectory() as profile:
-        command = [browser, *FLAGS, f"--user-data-dir={profile}", f"--print-to-pdf={pdf.resolve()}"]
-        command.append(page.resolve().as_uri())
-        try:
-            subprocess.run(command, cwd=profile, capture_output=True, timeout=SECONDS, check=True)
-        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
-            msg = f"{page.name}: Chromium did not print it ({error})"
-            raise PrintError(msg) from error
-    if not pdf.is_file() or END not in pdf.read_bytes()[-1024:]:
-        msg = f"{page.name}: Chromium wrote no whole PDF"
-        raise PrintError(msg)
 
 
 # --- The parts of the report in their order: what ``report.md`` says, and what is computed for it

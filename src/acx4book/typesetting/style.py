@@ -246,12 +246,12 @@ def plain(name: str, *, longest: int = LONGEST) -> str:
 
 def _drawn(text: str) -> str:
     """Return text that matplotlib draws unchanged; characters missing in the font are escaped."""
-    known = _shapes()
+    known = shapes()
     return shown("".join(c if ord(c) in known else ascii(c)[1:-1] for c in text), "tex")
 
 
 @cache
-def _shapes() -> frozenset[int]:
+def shapes() -> frozenset[int]:
     """Return the characters that the fonts of labels and titles have."""
     fonts = [FontProperties(family=RC["font.family"], weight=w) for w in ("normal", "bold")]
     regular, bold = (get_font(findfont(font)).get_charmap() for font in fonts)

@@ -1,12 +1,13 @@
 """The PDF of a book, of which links lead inside."""
 
 import os
+from pathlib import Path
 
 import pytest
 from pypdf import PdfReader
 
 from acx4book.pages import pdf
-from acx4book.report.page import PrintError, chromium
+from acx4book.pages.pdf import PrintError, chromium
 
 CONTENTS = """root: intro
 parts:
@@ -102,3 +103,17 @@ def leads(reader, number):
         sheets[entry["/Dest"][0].idnum] if "/Dest" in entry else entry["/A"]["/URI"]
         for entry in found
     ]
+
+
+def test_half_a_page_is_no_page(tmp_path, monkeypatch):
+    """As a browser leaves it on a full disk; it is started in another folder."""
+    browser = tmp_path / "chromium"
+    browser.write_text(
+        '#!/bin/sh\nfor a; do case $a in --print-to-pdf=*) printf half > "${a#*=}";; esac; done\n'
+    )
+    browser.chmod(0o755)
+    (tmp_path / "page.html").write_text("one")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(PrintError, match="no whole PDF"):
+        pdf.printed(str(browser), Path("page.html"), Path("page.pdf"))
+    assert (tmp_path / "page.pdf").read_text() == "half"

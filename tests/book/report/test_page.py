@@ -1,12 +1,10 @@
 """The report is one file, or a line says why there is none."""
 
-import os
 import re
 import shutil
 import subprocess
 import sys
 import warnings
-from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
@@ -122,22 +120,12 @@ def test_residuals_of_another_flight_are_refused(folder):
         image_residuals(read(folder), SINGLE)
 
 
-def test_without_a_printer_the_report_is_written_and_the_command_says_what_is_missing(
-    acx4, made, tmp_path, monkeypatch
-):
-    monkeypatch.setenv("PATH", "")
-    out = tmp_path / "report.html"
-    status, said, err = acx4("report", made[1], "--out", out, "--pdf")
-    assert (status, said.splitlines()) == (1, ["report: done", str(out)])
-    assert "install the package chromium" in err
-    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "report.json"}
-
-
-# --- Printing by Chromium: a PDF beside the report, or one line on what to install
+# --- The report as PDF/A beside it, or one line on what to install
 
 
 REPORT = """<!DOCTYPE html><html><head><meta name="generator" content="acx4 report">
-<title>Calibration report: 飛</title></head><body><p>one</p></body></html>"""
+<meta name="dcterms.date" content="2026-02-03"><title>Calibration report: 飛</title></head>
+<body><h1>Calibration report</h1><p>one</p></body></html>"""
 
 
 @pytest.fixture
@@ -147,11 +135,15 @@ def report(tmp_path):
     return path
 
 
-def test_without_chromium_a_line_says_what_to_install(report, monkeypatch):
-    monkeypatch.setenv("PATH", "")
-    with pytest.raises(page.PrintError, match="install the package chromium"):
-        page.write_pdf(report)
-    assert [path.name for path in report.parent.iterdir()] == ["report.html"]
+def test_without_typst_the_report_is_written_and_the_command_says_what_is_missing(
+    acx4, made, tmp_path, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "typst", None)
+    out = tmp_path / "report.html"
+    status, said, err = acx4("report", made[1], "--out", out, "--pdf")
+    assert (status, said.splitlines()) == (1, ["report: done", str(out)])
+    assert "pip install 'acx4lib[pdf]'" in err
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "report.json"}
 
 
 def test_another_pdf_is_not_replaced(report):
@@ -160,49 +152,13 @@ def test_another_pdf_is_not_replaced(report):
         page.check_pdf(report)
 
 
-@pytest.mark.slow
-def test_a_report_is_printed_beside_it_and_printed_again(report):
-    try:
-        page.chromium()
-    except page.PrintError as error:
-        (pytest.fail if os.environ.get("ACX4_REQUIRE_BROWSER") else pytest.skip)(str(error))
+def test_a_report_is_set_beside_it_and_set_again(report):
     made = page.write_pdf(report)
     assert made == report.with_suffix(".pdf")
-    assert PdfReader(made).pages[0].extract_text().strip() == "one"
-    page.write_pdf(report)
+    first = made.read_bytes()
+    assert PdfReader(made).pages[0].extract_text().split()[:3] == ["Calibration", "report", "one"]
+    assert page.write_pdf(report).read_bytes() == first
     assert {path.name for path in report.parent.iterdir()} == {"report.html", "report.pdf"}
-
-
-def test_a_report_with_a_relative_path_is_printed(report, monkeypatch):
-    """A browser that only says what it was asked for; it is started in another folder."""
-    browser = report.parent / "chromium"
-    browser.write_text(
-        "#!/bin/sh\nfor a; do case $a in --print-to-pdf=*) pdf=${a#*=};; file://*) page=$a;; esac;"
-        ' done\nprintf "%s %%%%EOF" "$page" > "$pdf"\n'
-    )
-    browser.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{report.parent}:/usr/bin:/bin")
-    monkeypatch.chdir(report.parent.parent)
-    made = page.write_pdf(Path(report.parent.name) / report.name)
-    assert made.read_text().startswith(f"file://{report.parent}/")
-
-
-def test_half_a_pdf_does_not_take_the_place_of_the_one_before(report, monkeypatch):
-    """As a browser leaves it on a full disk."""
-    before = report.with_suffix(".pdf")
-    before.write_bytes(b"%PDF-1.4 " + page.PDF_MARK)
-    browser = report.parent / "chromium"
-    browser.write_text(
-        '#!/bin/sh\nfor a; do case $a in --print-to-pdf=*) printf half > "${a#*=}";; esac; done\n'
-    )
-    browser.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{report.parent}:/usr/bin:/bin")
-    with pytest.raises(page.PrintError, match="no whole PDF"):
-        page.write_pdf(report)
-    assert page.PDF_MARK in before.read_bytes()
-    assert {path.name for path in report.parent.iterdir()} == {
-        *("chromium", "report.html", "report.pdf")
-    }
 
 
 # --- The text of the report, and what is computed between its paragraphs

@@ -1,0 +1,274 @@
+"""The report's page as a PDF/A, typeset by Typst from the page itself, so that both say the same.
+
+Every element of the page becomes a call of Typst, every text a string in quotes: nothing of a
+flight's text is markup. Fonts are those of matplotlib, and no other is looked for.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+from importlib import import_module, resources
+from pathlib import Path
+from typing import Any
+
+from matplotlib import get_data_path
+
+from acx4book.typesetting import style
+from acx4lib.errors import Acx4Error
+
+STANDARDS = ["a-2a", "ua-1"]
+"""Archival and accessible: PDF/A-2 with tags, PDF/UA-1."""
+
+STYLE = resources.files("acx4book.report") / "report.typ"
+
+MISSING = "a PDF is set by the package typst, which is not here: pip install 'acx4lib[pdf]'"
+
+VOID = {"meta", "img", "br"}
+"""Elements without an end."""
+
+UNSEEN = {"head", "br"}
+
+CALLS = {
+    "b": "strong",
+    "code": "code",
+    "em": "emph",
+    "h1": "heading.with(level: 1)",
+    "h2": "heading.with(level: 2)",
+    "h3": "heading.with(level: 3)",
+    "i": "letter",
+    "ol": "enum",
+    "p": "par",
+    "pre": "code",
+    "strong": "strong",
+    "sub": "sub",
+    "sup": "super",
+    "ul": "list",
+}
+"""Functions of Typst, or of ``report.typ``, by element."""
+
+SPACE = re.compile(r"[ \t\n\r]+")
+ISOLATES = re.compile("[\u2066-\u2069]")
+"""Around a name on a page; in Typst a string does not change its neighbours."""
+
+LONG = re.compile(r"\S{24,}")
+"""Words that may be broken anywhere."""
+
+
+class TypesetError(Acx4Error):
+    """A report was not typeset."""
+
+
+@dataclass(kw_only=True)
+class Element:
+    """An element of the page: its name, its attributes, and what is in it."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    inside: list[Element | str] = field(default_factory=list)
+
+    def all(self, *tags: str) -> Iterator[Element]:
+        """Yield the elements with these names at any depth."""
+        for one in self.inside:
+            if isinstance(one, Element):
+                if one.tag in tags:
+                    yield one
+                yield from one.all(*tags)
+
+    def take(self, tag: str) -> Element | None:
+        """Take out the first child with a name."""
+        found = next(
+            (one for one in self.inside if isinstance(one, Element) and one.tag == tag), None
+        )
+        if isinstance(found, Element):
+            self.inside.remove(found)
+            return found
+        return None
+
+
+class _Reader(HTMLParser):
+    """Reads a page of the report, which is whole, into elements."""
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open = [Element(tag="page", attributes={})]
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        one = Element(tag=tag, attributes={key: value or "" for key, value in attrs})
+        self.open[-1].inside.append(one)
+        if tag not in VOID:
+            self.open.append(one)
+
+    def handle_endtag(self, tag: str) -> None:
+        if self.open[-1].tag == tag:
+            self.open.pop()
+
+    def handle_data(self, data: str) -> None:
+        self.open[-1].inside.append(data)
+
+
+def pdf(page: str) -> bytes:
+    """Return a page of the report as PDF, the same bytes every time.
+
+    Parameters
+    ----------
+    page : str
+        HTML as `page.page` returns it.
+
+    Raises
+    ------
+    TypesetError
+        Where the package typst is missing, or does not typeset the page.
+    """
+    try:
+        typst: Any = import_module("typst")  # an extra; its stubs know nothing of files in memory
+    except ImportError as error:
+        raise TypesetError(MISSING) from error
+    reader = _Reader()
+    reader.feed(page)
+    files = _Files()
+    text = files.document(reader.open[0])
+    whole = {"main.typ": text.encode(), "report.typ": STYLE.read_bytes(), **files.pictures}
+    try:
+        made = typst.compile(
+            whole,
+            format="pdf",
+            font_paths=[str(Path(get_data_path(), "fonts", "ttf"))],
+            ignore_system_fonts=True,
+            pdf_standards=STANDARDS,
+        )
+    except typst.TypstError as error:
+        msg = f"the report was not typeset: {error.message.splitlines()[0]}"
+        raise TypesetError(msg) from error
+    return bytes(made)
+
+
+@dataclass(kw_only=True)
+class _Files:
+    """A document while it is written, and its pictures by name."""
+
+    pictures: dict[str, bytes] = field(default_factory=dict)
+
+    def document(self, page: Element) -> str:
+        """Return all of a page."""
+        dates = (one.attributes for one in page.all("meta"))
+        date = next(one["content"] for one in dates if one.get("name") == "dcterms.date")
+        year, month, day = map(int, date.split("-"))
+        (title,) = page.all("title")
+        head = (
+            '#import "report.typ": *\n'
+            f"#show: report.with(title: {_quoted(''.join(_words(title)))}, "
+            f"date: datetime(year: {year}, month: {month}, day: {day}))\n"
+        )
+        return head + self.inside(page)
+
+    def inside(self, element: Element) -> str:
+        """Return what is in an element."""
+        return "".join(
+            f"#{_quoted(_seen(one))};" if isinstance(one, str) else self.element(one)
+            for one in element.inside
+            if isinstance(one, Element) or one.strip(" \t\n\r") or element.tag in INLINE
+        )
+
+    def element(self, one: Element) -> str:
+        """Return a call of Typst for an element."""
+        own = {
+            "table": self.table,
+            "figure": self.figure,
+            "section": self.first_page,
+            "ul": self.listed,
+            "ol": self.listed,
+            "code": self.code,
+            "pre": self.code,
+        }
+        if one.tag in UNSEEN:
+            return ""
+        if one.tag in own:
+            return own[one.tag](one)
+        call = self.paragraph(one) if one.tag == "p" else CALLS.get(one.tag)
+        ends = "" if one.tag in INLINE else "\n"
+        return f"#({call})[{self.inside(one)}];{ends}" if call else self.inside(one)
+
+    def paragraph(self, one: Element) -> str:
+        """Return what sets a paragraph: of the head of the page, a note, or of plain text."""
+        kind = one.attributes.get("class", "")
+        if [getattr(part, "tag", "") for part in one.inside] == ["em"]:
+            return "note"
+        return kind if kind in {"kind", "name", "date"} else "par"
+
+    def first_page(self, one: Element) -> str:
+        """Return the certificate, on a page of its own, whose heading says what it is."""
+        one.take("h2")
+        return f"{self.inside(one)}#pagebreak(weak: true);\n"
+
+    def listed(self, one: Element) -> str:
+        """Return a list."""
+        items = "".join(f"[{self.inside(item)}]" for item in one.all("li"))
+        return f"#{CALLS[one.tag]}{items};\n"
+
+    def code(self, one: Element) -> str:
+        """Return letters of one width."""
+        return f"#code({_quoted(''.join(_words(one)))});"
+
+    def table(self, one: Element) -> str:
+        """Return a table with its caption, or the lines to sign on."""
+        if one.attributes.get("class") == "signatures":
+            return (
+                f"#signatures({''.join(f'[{self.inside(cell)}], ' for cell in one.all('td'))});\n"
+            )
+        caption = one.take("caption")
+        rows = [[*row.all("td", "th")] for row in one.all("tr")]
+        width = max(len(row) for row in rows)
+        heads = sum(any(cell.tag == "th" for cell in row) for row in rows)
+        cells = [
+            "".join(self.cell(cell) for cell in row) + "[], " * (width - len(row)) for row in rows
+        ]
+        head = f"table.header({''.join(cells[:heads])}), " if heads else ""
+        said = f"[{self.inside(caption)}]" if caption else "none"
+        body = f"{head}{''.join(cells[heads:])}"
+        return f"#numbered({said}, {width}, ({body}));\n"
+
+    def cell(self, one: Element) -> str:
+        """Return a cell of a table."""
+        said = self.inside(one)
+        state = one.attributes.get("class", "").removeprefix("state ")
+        right = "right" if "right" in one.attributes.get("style", "") else "left"
+        said = f"#state({_quoted(state)})[{said}]" if state else said
+        return f"table.cell(align: {right})[{said}], "
+
+    def figure(self, one: Element) -> str:
+        """Return a figure with its caption and the words in its place."""
+        (picture,), caption = one.all("img"), one.take("figcaption")
+        name = f"{len(self.pictures)}.svg"
+        self.pictures[name] = base64.b64decode(picture.attributes["src"].partition(",")[2])
+        said = self.inside(caption) if caption else ""
+        return f"#drawing({_quoted(name)}, {_quoted(picture.attributes['alt'])})[{said}];\n"
+
+
+INLINE = {"b", "code", "em", "i", "strong", "sub", "sup", "p", "td", "th", "caption", "figcaption"}
+"""Elements in which spaces between others count."""
+
+
+def _words(one: Element) -> Iterator[str]:
+    for part in one.inside:
+        yield from [part] if isinstance(part, str) else _words(part)
+
+
+def _seen(text: str) -> str:
+    """Return text as it is set: spaces as HTML has them, and places where long words may break."""
+    return LONG.sub(lambda word: "\u200b".join(_pieces(word[0])), SPACE.sub(" ", text))
+
+
+def _pieces(word: str) -> list[str]:
+    return [word[i : i + 8] for i in range(0, len(word), 8)]
+
+
+def _quoted(text: str) -> str:
+    """Return a string of Typst; what the fonts have no shape for is escaped, as in figures."""
+    known = style.shapes()
+    plain = ISOLATES.sub("", text)
+    drawn = "".join(c if ord(c) in known or c in "\n\u200b" else ascii(c)[1:-1] for c in plain)
+    return '"' + drawn.replace("\\", "\\\\").replace('"', '\\"') + '"'
