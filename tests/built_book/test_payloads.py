@@ -43,7 +43,13 @@ STUBS = ("coverage", "first-flight", "library", "many-flights", "notation", "spe
 """Pages that show nothing of a flight, but are referred to."""
 
 OTHERS = (
-    *("11-ten-heads", "15-which-flight", "16-error-budget", "18-over-the-years"),
+    *(
+        "11-ten-heads",
+        "13-four-real-heads",
+        "15-which-flight",
+        "16-error-budget",
+        "18-over-the-years",
+    ),
     *("19-from-pictures", "07-exercises", "foundations/1-image", "foundations/3-collinearity"),
     *("foundations/4-distortion", "foundations/5-least-squares", "foundations/6-bundle"),
     *("foundations/7-direct-georeferencing", "foundations/9-block-design"),

@@ -159,6 +159,8 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
         ("acx4book/paper/tables", "data/paper/*.csv"),
         ("acx4book/reference/measurements", "data/reference/*.csv"),
         ("acx4book/reference/measurements/results", "data/reference/results/*.csv"),
+        ("acx4book/reference/measurements/four-heads", "data/reference/four-heads/*.*"),
+        ("acx4book/reference/measurements/four-heads/heads", "data/reference/four-heads/heads/*"),
         ("acx4lib/georeferencing/limits", "data/standards/*.csv"),
     ):
         found = {f"{place}/{path.name}" for path in ROOT.glob(files)}

@@ -495,6 +495,7 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "19-from-pictures": (
         "data/benchmarks/measured_flights*",
     ),  # takes half a minute, so it is not the last
+    "13-four-real-heads": ("data/reference/four-heads/**/*",),
     "14-failure-clinic": (),
     "15-which-flight": (),
     "18-over-the-years": (),

@@ -1,7 +1,8 @@
 """Measurements of other people: their index, their folder, and how to fetch them.
 
-They are never part of the repository. For every file `data/reference/index.csv` has the public
-repository, the commit, the path, the SHA-256 and the licence.
+They are no part of the repository, but for the thinned flight of `four_heads`. For every file
+`data/reference/index.csv` has the public repository, the commit, the path, the SHA-256 and the
+licence.
 """
 
 from __future__ import annotations

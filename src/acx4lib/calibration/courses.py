@@ -99,14 +99,11 @@ def by_course(bundle: Bundle) -> ByCourse | None:
         None where there are less than two courses of two exposures, or errors are declared as
         correlated.
     """
-    observed, state, block = bundle.network.observed, bundle.state, bundle.network.block
-    if observed.slow_attitudes is not None:
+    if bundle.network.observed.slow_attitudes is not None:
         return None
-    known = np.flatnonzero(np.isfinite(observed.sigma_attitude).all(axis=1))
-    expected = deviating(observed, state) @ state.T_m_b.R
-    off = log(expected @ np.swapaxes(observed.T_m_b.R, -1, -2))[:, 2]
-    way = directions(block)
-    groups = [known[rows] for rows in _clusters(np.arctan2(*way[known].T))]
+    course, off = headings(bundle)
+    course, off = course[np.isfinite(off)], off[np.isfinite(off)]
+    groups = _clusters(course)
     groups = [rows for rows in groups if len(rows) > 1]
     redundancy = sum(map(len, groups)) - len(groups)
     if len(groups) < 2 or redundancy < len(groups):
@@ -114,7 +111,7 @@ def by_course(bundle: Bundle) -> ByCourse | None:
     return ByCourse(
         courses=tuple(
             Course(
-                course_deg=float(np.degrees(np.arctan2(*way[rows].sum(axis=0))) % 360),
+                course_deg=float(np.degrees(_mean(course[rows])) % 360),
                 n=len(rows),
                 off_deg=float(np.degrees(off[rows].mean())),
             )
@@ -123,6 +120,30 @@ def by_course(bundle: Bundle) -> ByCourse | None:
         f_ratio=_f_ratio([off[rows] for rows in groups]),
         redundancy=redundancy,
     )
+
+
+def headings(bundle: Bundle) -> tuple[Array, Array]:
+    """Return the courses of the exposures, and what their recorded headings are off.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        Of `uses.mounted_orientation`. A deviation that it estimated is taken off.
+
+    Returns
+    -------
+    course, off : ndarray, shape (n,)
+        From north over east, and recorded minus adjusted, NaN where no attitude is used; radians.
+    """
+    observed, state = bundle.network.observed, bundle.state
+    known = np.isfinite(observed.sigma_attitude).all(axis=1)
+    expected = deviating(observed, state) @ state.T_m_b.R
+    off = log(expected @ np.swapaxes(observed.T_m_b.R, -1, -2))[:, 2]
+    return np.arctan2(*directions(bundle.network.block).T), np.where(known, off, np.nan)
+
+
+def _mean(angles: Array) -> float:
+    return float(np.arctan2(np.sin(angles).sum(), np.cos(angles).sum()))
 
 
 def _clusters(angles: Array) -> list[Index]:

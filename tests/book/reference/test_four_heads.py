@@ -1,0 +1,149 @@
+"""The stored flight of four real heads: what is in it, and what it says beside everything."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acx4book.reference import four_heads
+from acx4lib.calibration import courses
+from acx4lib.calibration.mounting import single_step
+from acx4lib.flight import reader
+from acx4lib.flight.block import select_images
+from acx4lib.georeferencing.prediction import predict
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return reader.read(four_heads.FLIGHT)
+
+
+@pytest.fixture(scope="module")
+def block(flight):
+    return four_heads.heads_of(flight)
+
+
+@pytest.fixture(scope="module")
+def rig(flight):
+    return four_heads.rig(flight)
+
+
+# --- What is stored
+
+
+def test_it_is_small_and_of_all_heads_of_all_exposures(block):
+    size = sum(path.stat().st_size for path in four_heads.FLIGHT.rglob("*") if path.is_file())
+    assert size < 600_000
+    assert len(block.images) == len(block.cameras) * len(block.trajectory)
+    assert np.bincount(block.image_points.image_idx).min() > 30
+
+
+def test_every_stored_point_ties_exposures_and_was_indexed_as_free(block):
+    points = block.image_points
+    at = pd.Series(block.images.exposure_idx[points.image_idx]).groupby(points.point_idx).nunique()
+    assert at.min() > 1
+    licences = {e.licence for e in four_heads.data.index() if e.file.startswith(four_heads.FILES)}
+    assert licences == {"CC0"}
+
+
+def test_a_point_is_kept_with_all_its_rays_or_not_at_all(block):
+    keep, point = four_heads.thinned(block), block.image_points.point_idx
+    by_point = pd.Series(keep).groupby(point)
+    assert (by_point.min() == by_point.max()).all()
+
+
+def test_points_of_many_rays_come_first(block, monkeypatch):
+    monkeypatch.setattr(four_heads, "MOST", 1)
+    keep, rays = four_heads.thinned(block), block.rays[block.image_points.point_idx]
+    assert keep.mean() < 0.5
+    assert rays[keep].mean() > rays.mean()
+
+
+def test_strips_are_cut_where_the_camera_paused():
+    images, flown = (
+        pd.read_csv(four_heads.FLIGHT / "heads" / f"{name}.csv", dtype={"exposure": str})
+        for name in ("images", "trajectory")
+    )
+    strip = flown["exposure"].map(images.groupby("exposure")["strip"].first())
+    assert (strip.diff()[1:] == (flown["time_s"].diff()[1:] > four_heads.APART_S)).all()
+    assert images["image"].str.len().max() <= 8
+
+
+# --- What it says
+
+
+def test_the_thinned_flight_says_what_all_measurements_say(rig):
+    every = pd.read_csv(four_heads.ALL).set_index(["camera", "parameter", "unit"])
+    thin = rig.table().loc[every.index]
+    off = (thin["value"] - every["value"]) / thin["sigma"]
+    assert len(off) == 36
+    assert np.sqrt(np.mean(off**2)) < 2  # neighbouring points share errors
+    assert off.abs().max() < 4
+    assert (thin["sigma"] > 0.9 * every["sigma"]).all()
+
+
+def test_self_calibrated_heads_predict_pictures_that_the_factorys_do_not(flight, block):
+    out = block.images.exposure_idx % 2 == 1
+    rest, held_out = select_images(block, ~out), select_images(block, out)
+    found = {}
+    for free in ((), ("f", *flight.estimate_heads)):
+        cameras = single_step(rest, free=free, fix=("lever_arm",)).calibration.cameras
+        found[free] = predict(held_out, cameras, method="rig")
+    factory, own = found.values()
+    assert own.chi_square_p > 0.01
+    assert factory.chi_square_p < 1e-6
+    assert own.rays_rms_px < 0.9 * factory.rays_rms_px
+
+
+def test_headings_are_what_the_test_by_course_compares(rig):
+    course, off = courses.headings(rig.bundle)
+    test = courses.by_course(rig.bundle)
+    assert test is not None
+    assert np.isnan(off).sum() == 1  # an attitude that was rejected
+    for one in test.courses:
+        near = np.cos(course - np.radians(one.course_deg)) > 0.9
+        assert np.degrees(np.nanmean(off[near])) == pytest.approx(one.off_deg)
+
+
+# --- Figures
+
+
+def test_every_attitude_is_a_dot_of_the_compass(rig):
+    (ax,) = four_heads.compass(rig.bundle).axes
+    dots = ax.lines[-1].get_ydata()
+    assert np.isfinite(dots).sum() == 18
+    assert (np.abs(dots[np.isfinite(dots)] - four_heads.ZERO) < four_heads.ZERO).all()
+
+
+def test_points_lie_on_the_photographs_and_bands_have_three_registers(block):
+    for ax in four_heads.photographs(block).axes:
+        rows, cols = ax.images[0].get_array().shape
+        points = np.hstack([line.get_data() for line in ax.lines])
+        assert (points > -0.5).all()
+        assert ([cols, rows] > points.T).all()
+    shapes = {ax.images[0].get_array().shape for ax in four_heads.registers().axes}
+    assert len(shapes) == 1
+
+
+def test_the_bands_fit_once_the_heads_are_turned():
+    """Red and green of a car park have the same edges."""
+    apart = []
+    for ax in four_heads.registers().axes:
+        _, red, green = np.moveaxis(np.asarray(ax.images[0].get_array()), -1, 0)
+        apart.append(np.corrcoef(red.ravel(), green.ravel())[0, 1])
+    assert apart[0] < 0.7
+    assert apart[0] + 0.1 < apart[1] < apart[2]
+
+
+def test_a_missing_picture_is_named(monkeypatch):
+    monkeypatch.setattr(four_heads, "BANDS", Path("nowhere.webp"))
+    with pytest.raises(four_heads.data.ReferenceDataError, match="make reference-results"):
+        four_heads.registers()
+
+
+def test_the_map_has_a_line_for_every_strip_and_residuals_two_heads_twice(rig):
+    (ax,) = four_heads.strips(rig.bundle).axes
+    assert [line.get_label() for line in ax.lines].count("strips, adjusted") == 7
+    fig = four_heads.residuals({"once": rig.bundle, "twice": rig.bundle})
+    assert len(fig.axes) == 4
