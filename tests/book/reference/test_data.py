@@ -26,7 +26,7 @@ SETS = (
         "noaa-dss-dg",
         "opensfm_berlin",
     ),
-    *("rededge-dual", "rededge3-flight", "sxb-photos"),
+    *("rededge-dual", "rededge3-flight", "sequoia-flight", "sxb-photos"),
 )
 
 
