@@ -58,7 +58,8 @@ class RigStage:
 def run(flight: Flight, results_path: str | Path) -> RigStage:
     """Calibrate all heads together, and write the results beside those of stage mounting.
 
-    A calibration block that is measured in heads has a rig of its own in the results.
+    A calibration block that is measured in heads has a rig of its own in the results, unless it is
+    the block heads again.
 
     Parameters
     ----------
@@ -71,10 +72,26 @@ def run(flight: Flight, results_path: str | Path) -> RigStage:
     RigStage
         Of the block heads.
     """
-    methods = RIGS if "calibration" in flight.carried else RIGS[:1]
-    stages = [calibrate(flight, method=method) for method in methods]
+    stages = [calibrate(flight, method=method) for method in methods(flight)]
     write(flight, results_path, stages)
     return stages[0]
+
+
+def methods(flight: Flight) -> tuple[str, ...]:
+    """Return the rigs of a flight, of `estimates.RIGS`: one for each block of different pictures.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block heads.
+    """
+    if "calibration" not in flight.carried:
+        return RIGS[:1]
+    one, other = (flight.block(name) for name in ("heads", "calibration"))
+    same = one.images.names == other.images.names and np.array_equal(
+        one.image_points.colrow, other.image_points.colrow
+    )
+    return RIGS[:1] if same else RIGS
 
 
 def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:

@@ -55,6 +55,17 @@ def test_heads_stand_in_the_order_of_the_synthetic_table(flight, stage):
     assert len(found.block.images) == len(stage.block.images) / 2
 
 
+def test_two_blocks_of_the_same_pictures_have_one_rig(flight):
+    heads = flight.blocks["heads"]
+    synthetic = replace(flight.synthetic, measured_in="heads")
+    same = replace(flight, synthetic=synthetic, blocks={"heads": heads, "calibration": heads})
+    assert rig.methods(same) == ("rig",)
+    other = replace(heads, image_points=heads.image_points[:-1])
+    two = replace(same, blocks={"heads": heads, "calibration": other})
+    assert rig.methods(two) == ("rig", "rig_calibration")
+    assert rig.methods(flight) == ("rig",)
+
+
 # --- no rig, or a weak one -------------------------------------------------------------------
 
 

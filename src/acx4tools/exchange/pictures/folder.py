@@ -83,8 +83,8 @@ def bring(
     Returns
     -------
     Brought
-        A block ``heads`` of several cameras, a block ``calibration`` of one. Where exposures are
-        held out, the others of several cameras are the block ``calibration``, too.
+        A block ``calibration``, which of several cameras is the block ``heads``, too; one exposure
+        of these is a block ``heads`` alone.
 
     Raises
     ------
@@ -102,12 +102,13 @@ def bring(
         if (fault := too_far(lens.fitted, allow)) is not None:
             raise first[name].wrong("lens", f"{name}: {fault[0]}", fault[1])
     blocks = _blocks(shots, len(heads) > 1, hold_out)
+    in_heads = {"heads", "calibration"} <= blocks.keys()
     return Brought(
         source=f"pictures of {_maker(taken)}",
         sha256={**{one.file: one.tags.sha256 for one in taken}, **sums},
         settings={
-            **_settings(source, shots, heads, lenses, crs, in_heads=hold_out is not None),
-            **_held(shots, heads, hold_out),
+            **_settings(source, shots, heads, lenses, crs, in_heads=in_heads),
+            **(_HELD if in_heads and _is_navigation(shots) else {}),
         },
         tables={
             "control_points.csv": {n: [] for n in ("point", "east_m", "north_m", "height_m")},
@@ -133,7 +134,7 @@ def bring(
                 if lens.fitted.largest_px > WARNED_PX
             ),
         ),
-        assumed=(*_assumed(shots, heads), *_on_held(shots, heads, hold_out)),
+        assumed=(*_assumed(shots, heads), *_on_blocks(shots, hold_out, in_heads=in_heads)),
         found=tuple(_found(shots, heads, lenses, first)),
         left_out=(*others, *without),
     )
@@ -148,7 +149,8 @@ NAVIGATION_M = 0.5
 def _blocks(shots: Sequence[Shot], is_rig: bool, hold_out: int | None) -> dict[str, Sequence[Shot]]:
     """Return the exposures of every block."""
     if hold_out is None:
-        return {"heads" if is_rig else "calibration": shots}
+        heads = {"heads": shots} if is_rig else {}
+        return heads if is_rig and len(shots) == 1 else {**heads, "calibration": shots}
     held = shots[hold_out - 1 :: hold_out]
     if not held or len(held) == len(shots):
         path = shots[0].taken[0].tags.path.parent
@@ -159,27 +161,23 @@ def _blocks(shots: Sequence[Shot], is_rig: bool, hold_out: int | None) -> dict[s
     return {**heads, "calibration": kept, "validation": held}
 
 
-def _held(shots: Sequence[Shot], heads: Sequence[Head], hold_out: int | None) -> dict[str, Any]:
-    """Return what the mounting stage estimates where a navigation receiver gives positions."""
-    if hold_out is None or len(heads) < 2 or not _is_navigation(shots):
-        return {}
-    return {"stages": {"mounting": {"estimate": [], "fix": ["lever_arm"]}}}
+_HELD: dict[str, Any] = {"stages": {"mounting": {"estimate": [], "fix": ["lever_arm"]}}}
+"""What the mounting stage of heads estimates where a navigation receiver gives positions."""
 
 
 def _is_navigation(shots: Sequence[Shot]) -> bool:
     return float(np.median([_sigma(shot) for shot in shots])) > NAVIGATION_M
 
 
-def _on_held(shots: Sequence[Shot], heads: Sequence[Head], hold_out: int | None) -> Iterator[str]:
+def _on_blocks(shots: Sequence[Shot], hold_out: int | None, *, in_heads: bool) -> Iterator[str]:
     """Yield what is held out, and what is held."""
-    if hold_out is None:
-        return
-    n = len(shots[hold_out - 1 :: hold_out])
-    yield (
-        f"{number_of(n, 'exposures')}, one in {hold_out} in the order of time, make block "
-        "validation: they are held out"
-    )
-    if _held(shots, heads, hold_out):
+    if hold_out is not None:
+        n = len(shots[hold_out - 1 :: hold_out])
+        yield (
+            f"{number_of(n, 'exposures')}, one in {hold_out} in the order of time, make block "
+            "validation: they are held out"
+        )
+    if in_heads and _is_navigation(shots):
         sigma = float(np.median([_sigma(shot) for shot in shots]))
         yield (
             f"positions of {sigma:.1f} m (median sigma) determine neither the lens of the "
