@@ -36,8 +36,8 @@ def foot(said: dict[str, str], year: str, licences: str) -> str:
     doi, repository = said.get("doi"), said.get("repository")
     parts = [
         escape(f"{said['name']} {said['version']}"),
-        escape(f"© {year} {said['authors']}"),
-        f'<a href="{escape(licences)}">Licence: {escape(said["licence"])}</a>',
+        said["authors"] and escape(f"© {year} {said['authors']}"),
+        said["licence"] and f'<a href="{escape(licences)}">Licence: {escape(said["licence"])}</a>',
         doi and f'<a href="https://doi.org/{escape(doi)}">doi:{escape(doi)}</a>',
         repository and f'<a href="{escape(repository)}">{escape(repository)}</a>',
     ]

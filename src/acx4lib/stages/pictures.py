@@ -109,6 +109,12 @@ class FoundTies:
         n = shown.count(len(self.overlaps), "overlap")
         return shown.line("FoundTies", f"{shown.count(len(self.ties), 'tie point')} in {n}")
 
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong with overlaps, each with its exposure."""
+        found = zip(self.exposures, self.overlaps, strict=True)
+        return [f"{exposure}, {one.sentence}" for exposure, one in found if one.sentence]
+
     def table(self) -> pd.DataFrame:
         """Return what became of every overlap's cells, exposure by exposure."""
         found = zip(self.exposures, self.overlaps, strict=True)

@@ -270,17 +270,11 @@ def gathered(
         orientations={**orientations, **({"mean shift": shifted} if len(ties) else {})},
         fits=done,
         reasons={
-            way: "; ".join([failure.reason, *_warnings(found)])
+            way: "; ".join([failure.reason, *(found.warnings if found else [])])
             for way, failure in fits.items()
             if isinstance(failure, Failed)
         },
     )
-
-
-def _warnings(found: FoundTies | None) -> list[str]:
-    """Return what is wrong with overlaps, once for all exposures."""
-    overlaps = [] if found is None else found.overlaps
-    return list(dict.fromkeys(one.sentence for one in overlaps if one.sentence))
 
 
 def write(
