@@ -227,7 +227,10 @@ def photographs(block: Block) -> Figure:
             rows = points.image_idx == int(np.flatnonzero(own)[0])
             ax.imshow(part, cmap="gray", vmin=0, vmax=1)
             rays = block.rays[points.point_idx[rows]]
-            for few, colour, words in ((True, style.ORANGE, "up to 9"), (False, style.SKY, "more")):
+            for few, colour, words in (
+                (True, style.ORANGE, f"up to {FEW - 1} pictures"),
+                (False, style.SKY, "more"),
+            ):
                 at = (points.colrow[rows][(rays < FEW) == few] + 0.5) / REDUCED - 0.5
                 ax.plot(*at.T, "o", ms=3, color=colour, mec=style.BLACK, mew=0.3, label=words)
             frameless(ax)

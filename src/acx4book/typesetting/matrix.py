@@ -195,7 +195,7 @@ def field_figure(fields: Mapping[str, Residuals]) -> Figure:
     key = style.round_length(max(longest, 1e-6))
     n_columns = min(2, len(fields))
     n_rows = -(-len(fields) // n_columns)
-    height = 2.75 * n_rows + 0.5 if n_columns == 2 else 4.2
+    height = 2.95 * n_rows + 0.5 if n_columns == 2 else 4.2
     with style.applied():
         fig, grid = style.subplots(n_rows, n_columns, figsize=(style.WIDTH, height), squeeze=False)
         for ax in grid.flat[len(fields) :]:
