@@ -353,7 +353,7 @@ def strips(found: Bundle) -> Figure:
     return fig
 
 
-DRAWN = 5
+DRAWN = 8
 """Every so many tie points one is on the map."""
 
 
