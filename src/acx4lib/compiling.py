@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import grp
 import os
 import pickle
-import pwd
 import stat
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,6 +17,8 @@ from llvmlite import binding, ir
 from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.runtime.nrt import rtsys
+
+from acx4lib import system
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -97,15 +97,18 @@ def _is_own(folder: Path) -> bool:
 
     A missing folder is made. The system's administrator counts as nobody else.
     """
+    me = system.user()
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         whole = folder.resolve()
         above = [parent.stat() for parent in whole.parents]
-        is_mine = whole.stat().st_uid == os.getuid() and not _is_open(whole.stat())
+        is_mine = whole.stat().st_uid == me and not _is_open(whole.stat())
     except OSError:
         return False
+    if me is None:
+        return os.access(folder, os.W_OK)
     held = all(
-        one.st_uid in (*_SYSTEM, os.getuid())
+        one.st_uid in (*_SYSTEM, me)
         # in /tmp others may write, but move away only what is theirs
         and (one.st_mode & stat.S_ISVTX or not _is_open(one))
         for one in above
@@ -119,18 +122,9 @@ _SYSTEM = (0, 65534)
 
 def _is_open(status: os.stat_result) -> bool:
     """Tell whether others than its owner may write into a folder."""
-    if status.st_mode & stat.S_IWGRP and not _is_alone_in(status.st_gid):
+    if status.st_mode & stat.S_IWGRP and not system.is_alone_in(status.st_gid):
         return True
     return bool(status.st_mode & stat.S_IWOTH)
-
-
-def _is_alone_in(group: int) -> bool:
-    """Tell whether a group is the user's private one, which some systems let write everywhere."""
-    try:
-        user, found = pwd.getpwuid(os.getuid()), grp.getgrgid(group)
-    except KeyError:
-        return False
-    return found.gr_name == user.pw_name and set(found.gr_mem) <= {user.pw_name}
 
 
 def _user_folder(variable: str, default: str) -> Path | None:

@@ -8,6 +8,8 @@ import os
 import stat
 from pathlib import Path
 
+from acx4lib import system
+
 
 def opened(path: Path) -> io.BufferedReader:
     """Open a regular file to be read. Every file that may be a stranger's is opened here.
@@ -35,7 +37,7 @@ def text_of(path: Path) -> str:
 
 
 def _regular(path: str, flags: int) -> int:
-    handle = os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+    handle = os.open(path, flags | system.flags("O_NONBLOCK", "O_NOCTTY"))
     mode = os.fstat(handle).st_mode
     if stat.S_ISREG(mode):
         return handle

@@ -48,11 +48,14 @@ OTHERS = {
         "os.link": "as above",
         "shutil.copyfileobj": "as above",
     },
+    "acx4lib/system.py": {
+        "Path('/proc/self/statm').read_text": "a file of the system",
+        "os.open": "a folder, to come back to it",
+    },
     "acx4lib/opening.py": {"open": "the one place that reads", "os.open": "as above"},
     "acx4lib/flight/table_files.py": {
         "(group / f'memory.{name}').read_text": "a file of the system",
         "Path('/proc/meminfo').read_text": "a file of the system",
-        "Path('/proc/self/statm').read_text": "a file of the system",
         "read_bytes": "the one place that reads",
         "read_text": "of the one place that reads",
     },
@@ -88,7 +91,6 @@ OTHERS = {
     "acx4sim/files.py": {"path.write_text": "into a draft of the whole folder"},
     "acx4sim/pictures.py": {"tifffile.imwrite": "into a draft of the whole folder"},
     "acx4sim/scenery/scenery.py": {"np.fromfile": "looks first", "os.open": "the null device"},
-    "acx4book/command/surroundings.py": {"os.open": "the working folder"},
     "acx4book/command/terminal.py": {
         "os.open": "the null device",
         "Path(os.devnull).open": "the null device",

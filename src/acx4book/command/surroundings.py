@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 
+from acx4lib.system import standing_in
+
 SETTINGS = frozenset({"matplotlib", "numba.core.config"})
 """Modules that read settings from the working folder when they are loaded."""
-
-_THIS_FOLDER = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_CLOEXEC
 
 
 def shut_out() -> None:
@@ -54,16 +53,5 @@ class _Elsewhere(SourceFileLoader):
 
     def exec_module(self, module: ModuleType) -> None:
         """Execute the module."""
-        with _standing_in(Path(self.path).parent):
+        with standing_in(Path(self.path).parent):
             super().exec_module(module)
-
-
-@contextmanager
-def _standing_in(folder: Path) -> Iterator[None]:
-    here = os.open(".", _THIS_FOLDER)  # not by its name, which may be gone
-    try:
-        os.chdir(folder)
-        yield
-    finally:
-        os.fchdir(here)
-        os.close(here)

@@ -9,7 +9,6 @@ import contextlib
 import importlib.util
 import io
 import os
-import signal
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import IO, TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from acx4book.typesetting.plain_text import shown
+from acx4lib import system
 
 if TYPE_CHECKING:
     from acx4book.notebooks.runner import Tell
@@ -35,7 +35,7 @@ BOOK = (
 )
 """Modules of the extra ``book``."""
 
-NOBODY_READS = 128 + signal.SIGPIPE
+NOBODY_READS = 128 + system.SIGPIPE
 """Exit status, without a message, of a command whose output is not read to its end."""
 
 

@@ -36,6 +36,7 @@ from traitlets.config import Config
 import acx4lib.stages.mounting  # noqa: F401 loaded before the copy
 from acx4book.typesetting import style
 from acx4book.typesetting.svg import vector
+from acx4lib import system
 from acx4lib.results import whole_files
 
 ENGINE = "acx4"
@@ -88,12 +89,8 @@ def execute(
     ours, its = context.Pipe(duplex=False)
     arguments = (notebook, executed, dict(parameters), home, its)
     process = context.Process(target=_run, args=arguments, daemon=True)
-    held = {signal.SIGINT}
-    signal.pthread_sigmask(signal.SIG_BLOCK, held)  # until the process has its own answer to it
-    try:
+    with system.uninterrupted():  # until the process has its own answer to it
         process.start()
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, held)
     its.close()
     index = 0
     try:
@@ -148,7 +145,7 @@ def _alone(home: str) -> None:
     """Free a copied process from what was set in the one that it is a copy of."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    system.hear_interruptions()
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in range(3):
         os.dup2(nowhere, stream)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import resource
 import stat
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -14,6 +13,7 @@ from typing import Any, Protocol, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from acx4lib import system
 from acx4lib.expected import Array, given
 from acx4lib.flight.problems import NO_ROWS, Problem, counted, quoted
 from acx4lib.flight.tables import (
@@ -244,7 +244,7 @@ def fits(size: int) -> bool:
 
 def free_memory() -> int:
     """Return the bytes of memory that this process can still get, according to the system."""
-    known = [_meminfo(), _group_limit(), _process_limit()]
+    known = [_meminfo(), _group_limit(), system.free_addresses()]
     return min(free for free in known if free is not None)
 
 
@@ -253,7 +253,7 @@ def _meminfo() -> int:
         lines = Path("/proc/meminfo").read_text("ascii").splitlines()
         return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvail"))
     except (OSError, StopIteration):  # another system
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        return system.memory()
 
 
 def _group_limit() -> int | None:
@@ -264,18 +264,6 @@ def _group_limit() -> int | None:
         return int(limit) - int(used)
     except (OSError, ValueError):  # no such group, or "max"
         return None
-
-
-def _process_limit() -> int | None:
-    """Return the free part of the process's address space, bytes; None if it has no limit."""
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if limit == resource.RLIM_INFINITY:
-        return None
-    try:
-        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
-    except OSError:
-        return limit
-    return limit - pages * os.sysconf("SC_PAGE_SIZE")
 
 
 # --- Tables in memory: a DataFrame, or arrays by their columns, checked as a file would be

@@ -13,6 +13,8 @@ from typing import TypeVar
 
 from threadpoolctl import ThreadpoolController
 
+from acx4lib import system
+
 P = TypeVar("P")
 R = TypeVar("R")
 
@@ -29,7 +31,7 @@ GIVEN_UP = "KilledWorker"
 
 def cores() -> int:
     """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+    return system.cores()
 
 
 def keep_memory() -> None:

@@ -7,7 +7,6 @@ there are places where nobody may.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import io
 import json
@@ -22,6 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import TextIO
 
+from acx4lib import system
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.opening import opened, text_of
 from acx4lib.results.whole_files import SCRATCH, naming, write
@@ -434,6 +434,9 @@ def is_below(name: str) -> bool:
 # --- The lock of a folder: one command at a time writes there
 
 
+_UNLINKED = system.flags("O_NOFOLLOW", "O_CLOEXEC")
+"""How a file is opened that must be no link."""
+
 LOCK = ".acx4.lock"
 """Says which process on which machine is writing into a folder; gone when it is done."""
 
@@ -456,10 +459,20 @@ def locked(folder: Path) -> Iterator[None]:
         try:
             with naming(path, size=len(said)):
                 os.ftruncate(file.fileno(), 0)
-                os.pwrite(file.fileno(), said, 0)
+                os.lseek(file.fileno(), 0, os.SEEK_SET)
+                os.write(file.fileno(), said)
             yield
         finally:
-            path.unlink(missing_ok=True)
+            _remove(path, file)
+
+
+def _remove(path: Path, file: TextIO) -> None:
+    """Remove a lock's file, which some systems do only when it is closed."""
+    try:
+        path.unlink(missing_ok=True)
+    except PermissionError:
+        file.close()
+        path.unlink(missing_ok=True)
 
 
 def _writer(folder: Path) -> str:
@@ -474,7 +487,7 @@ def _writer(folder: Path) -> str:
 def _taken(path: Path) -> TextIO:
     """Return the open and locked file of a lock."""
     while True:
-        number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+        number = os.open(path, os.O_RDWR | os.O_CREAT | _UNLINKED, 0o644)
         if not stat.S_ISREG(os.fstat(number).st_mode):
             os.close(number)
             msg = f"{path}: is no regular file; remove it, or choose another folder"
@@ -496,11 +509,11 @@ def _busy(file: TextIO, path: Path) -> str:
     who = f"process {owner[0]} on {owner[1]}" if owner else "another process"
     says = f"{path.parent}: {who} is writing there; wait for it, or choose another folder"
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        system.lock(file)
     except BlockingIOError:
         return says
     except OSError:  # a file system without locks: what the file says has to do
-        if owner and owner[1] == socket.gethostname() and _is_alive(owner[0]):
+        if owner and owner[1] == socket.gethostname() and system.is_alive(owner[0]):
             return says
     if owner and owner[1] != socket.gethostname():
         return f"{says}; if it is gone, remove {path}"
@@ -513,16 +526,6 @@ def _owner(text: str) -> tuple[int, str] | None:
         return int(said["process"]), str(said["host"])
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
-
-
-def _is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True
 
 
 # --- Where a command may write: into no flight, not among the project's files, through no link

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
+from acx4lib import system
 from acx4lib.errors import OutputError
 from acx4lib.opening import opened
 
@@ -239,12 +240,14 @@ def _empty(place: Path) -> Path:
     """Make a new empty file beside a file, with its permissions if it is there."""
     draft = place.with_name(_name(place))
     with naming(place, draft):
-        number = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666)
+        number = os.open(
+            draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | system.flags("O_NOFOLLOW"), 0o666
+        )
     with contextlib.closing(os.fdopen(number, "wb")):
         before = place.stat(follow_symlinks=False) if place.exists() else None
         if before is not None and stat.S_ISREG(before.st_mode):
             with contextlib.suppress(PermissionError):  # of file systems without permissions
-                os.fchmod(number, stat.S_IMODE(before.st_mode))
+                system.set_mode(number, draft, stat.S_IMODE(before.st_mode))
     return draft
 
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from acx4book.command.surroundings import shut_out
+from acx4lib import system
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -98,14 +99,11 @@ class _Process:
         self._pipe, theirs = _SPAWN.Pipe()
         self._process = _SPAWN.Process(target=_serve, args=(theirs,))
         resource_tracker.ensure_running()  # which would let signals pass again when it is started
-        held = {signal.SIGINT}
-        signal.pthread_sigmask(signal.SIG_BLOCK, held)  # which the process inherits
         try:
-            self._process.start()
+            with system.uninterrupted():  # which the process inherits
+                self._process.start()
         except FileNotFoundError:
             raise FileNotFoundError(errno.ENOENT, "the current folder is no more") from None
-        finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, held)
         theirs.close()  # so that the pipe ends when the process does
 
     @property
@@ -145,7 +143,7 @@ def _serve(pipe: Connection) -> None:
     """Serve calls until the other end of the pipe is closed, by whatever end of the parent."""
     shut_out()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it, too, and tells
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    system.hear_interruptions()
     signal.signal(signal.SIGTERM, _leave)
     while True:
         try:

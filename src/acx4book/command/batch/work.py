@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import resource
 import socket
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,6 +13,7 @@ from acx4book.command.batch import standing
 from acx4book.command.batch.jobs import Job
 from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
+from acx4lib import system
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
 from acx4lib.flight import reader
 from acx4lib.opening import text_of
@@ -175,11 +174,9 @@ def _clocks() -> tuple[float, float]:
 
 def _times(start: tuple[float, float]) -> dict[str, str]:
     seconds, cpu = (now - before for now, before in zip(_clocks(), start, strict=True))
-    unit = 2**20 if sys.platform == "darwin" else 2**10
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
     return {
         "seconds": f"{seconds:.3f}",
         "cpu_s": f"{cpu:.3f}",
-        "peak_mb": f"{peak:.0f}",
+        "peak_mb": f"{system.peak_memory() / 2**20:.0f}",
         "worker": f"{socket.gethostname()}/{os.getpid()}",
     }

@@ -1,0 +1,171 @@
+"""What POSIX systems have and others, such as Windows, have not, each with a plain stand-in.
+
+Nothing else in the project asks for a module or a function that some system lacks, so that flights
+are checked, simulated, run and reported on any. Without locks of files the owner that a lock file
+names is believed; without owners of files a folder that can be written is one's own; without
+masks of signals an interruption is heard at once.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import IO, Any
+
+
+def _module(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError:
+        return None
+
+
+_fcntl, _grp, _pwd, _resource = map(_module, ("fcntl", "grp", "pwd", "resource"))
+
+SIGPIPE = int(getattr(signal, "SIGPIPE", 13))
+"""Number of the signal that nobody reads what is written."""
+
+MEMORY = 2**31
+"""Bytes that are taken to be free where the system does not say."""
+
+
+def flags(*names: str) -> int:
+    """Return those flags of `os.open` that this system has, together; and that bytes are bytes."""
+    return sum(getattr(os, name, 0) for name in {*names, "O_BINARY"})
+
+
+def cores() -> int:
+    """Return the number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+# --- files and their owners ------------------------------------------------------------------
+
+
+def lock(file: IO[str]) -> None:
+    """Take the lock of an open file.
+
+    Raises
+    ------
+    BlockingIOError
+        Where another process has it.
+    OSError
+        Where the system or the file system has no locks.
+    """
+    if _fcntl is None:
+        raise OSError("no locks")
+    _fcntl.flock(file, _fcntl.LOCK_EX | _fcntl.LOCK_NB)
+
+
+def set_mode(number: int, path: Path, mode: int) -> None:
+    """Set the permissions of an open file, by its path where they cannot be set otherwise."""
+    if hasattr(os, "fchmod"):
+        os.fchmod(number, mode)
+    else:
+        path.chmod(mode)
+
+
+def is_alive(process: int) -> bool:
+    """Tell whether there is a process with a number, or may be one."""
+    if os.name != "posix":  # there it would be ended
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
+
+
+def user() -> int | None:
+    """Return the number of this user; None where files have no owners."""
+    return os.getuid() if hasattr(os, "getuid") else None
+
+
+def is_alone_in(group: int) -> bool:
+    """Tell whether a group is the user's private one, which some systems let write everywhere."""
+    if _pwd is None or _grp is None:
+        return False
+    try:
+        me, found = _pwd.getpwuid(os.getuid()), _grp.getgrgid(group)
+    except KeyError:
+        return False
+    return bool(found.gr_name == me.pw_name and set(found.gr_mem) <= {me.pw_name})
+
+
+@contextmanager
+def standing_in(folder: Path) -> Iterator[None]:
+    """Stand in a folder, and afterwards in the one before, by itself and not by its name."""
+    known = hasattr(os, "fchdir")
+    how = flags("O_PATH", "O_DIRECTORY", "O_CLOEXEC")
+    here: int | str = os.open(".", how) if known else str(Path.cwd())
+    try:
+        os.chdir(folder)
+        yield
+    finally:
+        os.chdir(here)
+        if isinstance(here, int):
+            os.close(here)
+
+
+# --- memory ----------------------------------------------------------------------------------
+
+
+def memory() -> int:
+    """Return the bytes of memory of the machine, or `MEMORY`."""
+    if not hasattr(os, "sysconf"):
+        return MEMORY
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def free_addresses() -> int | None:
+    """Return the free part of the process's address space, bytes; None if it has no limit."""
+    if _resource is None:
+        return None
+    limit, _ = _resource.getrlimit(_resource.RLIMIT_AS)
+    if limit == _resource.RLIM_INFINITY:
+        return None
+    try:
+        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+    except OSError:
+        return int(limit)
+    return int(limit) - pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def peak_memory() -> float:
+    """Return the largest number of bytes that this process had; NaN where nobody counts them."""
+    if _resource is None:
+        return float("nan")
+    unit = 1 if sys.platform == "darwin" else 2**10
+    return float(_resource.getrusage(_resource.RUSAGE_SELF).ru_maxrss * unit)
+
+
+# --- interruptions ---------------------------------------------------------------------------
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Hold interruptions back, also from a process that is started meanwhile."""
+    _mask("SIG_BLOCK")
+    try:
+        yield
+    finally:
+        _mask("SIG_UNBLOCK")
+
+
+def hear_interruptions() -> None:
+    """Let interruptions pass that a process was started without."""
+    _mask("SIG_UNBLOCK")
+
+
+def _mask(how: str) -> None:
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(getattr(signal, how), {signal.SIGINT})
