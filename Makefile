@@ -215,8 +215,8 @@ serve: ## show the built book of FLIGHT at localhost:PORT
 reference-data: .venv/.stamp-test ## bring the public measurements of data/reference/index.csv
 	@$(BIN)/python -m acx4book.reference.data
 
-reference-results: .venv/.stamp ## compute the comparisons with these anew, and store them
-	@$(BIN)/python -m acx4book.reference && echo data/reference/results
+reference-results: .venv/.stamp ## compute what the book shows of these anew, and store it; 20 minutes
+	@$(BIN)/python -m acx4book.reference && echo data/reference/results data/reference/four-heads
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.imports && echo data/benchmarks/imports.csv
 
 clean: ## remove all that was made, except .venv and the reference data
