@@ -242,11 +242,23 @@ FOLDER = Path("downloads", "notebooks")
 """Where the copies lie in the built book."""
 
 NEEDS = (
-    "> This notebook comes from the book. It needs the package `acx4lib` with its extra `book`: "
-    "`pip install '.[book]'` in a copy of the project, or the wheel of a release. References such "
-    "as {numref} are written in MyST Markdown, which the book shows as links."
+    "> This notebook comes from the book. Where `acx4lib` is not installed, as at a host, put the "
+    "book's `acx4lib.zip` beside it: the first cell unpacks and installs it, with its extra "
+    "`book`, for which it needs the network once. References such as {numref} are written in MyST "
+    "Markdown, which the book shows as links."
 )
 """What a reader is told at the top."""
+
+INSTALL = """\
+import importlib.util
+import subprocess
+import sys
+
+if importlib.util.find_spec("acx4lib") is None:  # some minutes, once
+    pip = f'"{sys.executable}" -m pip install -q -c acx4lib/environment.lock'
+    subprocess.run(f"unzip -qo acx4lib.zip && {pip} './acx4lib[book]'", shell=True, check=True)
+    importlib.invalidate_caches()"""
+"""The first cell: it does nothing where the library is installed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -304,6 +316,7 @@ def copy(source: Path, name: str) -> nbformat.NotebookNode:
     """Return a notebook that runs by itself."""
     notebook: nbformat.NotebookNode = nbformat.read(source, as_version=4)  # type: ignore[no-untyped-call] # untyped
     notebook.cells[0].source += f"\n\n{NEEDS}"
+    notebook.cells.insert(1, nbformat.v4.new_code_cell(INSTALL, id="install"))  # type: ignore[no-untyped-call] # untyped
     if name in BEFORE:
         flight, results = _places(name)
         at = next(

@@ -145,7 +145,8 @@ def test_every_notebook_has_a_copy_without_outputs(tmp_path):
         copy = nbformat.read(tmp_path / name, as_version=4)
         nbformat.validate(copy)
         assert all(not cell.get("outputs") for cell in copy.cells)
-        assert "pip install" in copy.cells[0].source
+        assert "acx4lib.zip" in copy.cells[0].source
+        assert copy.cells[1].source == release.INSTALL
 
 
 @pytest.mark.parametrize("name", SOURCES)
@@ -157,7 +158,7 @@ def test_no_copy_reads_below_the_project(name):
 
 @pytest.mark.parametrize("name", release.BEFORE)
 def test_a_notebook_with_a_flight_makes_it_after_its_parameters(name):
-    parameters, start, *_ = code(release.copy(SOURCES[name], name))
+    _, parameters, start, *_ = code(release.copy(SOURCES[name], name))
     values = {node.target.id: node.value.value for node in ast.parse(parameters).body}
     (call,) = (
         node

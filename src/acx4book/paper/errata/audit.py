@@ -267,11 +267,13 @@ def _synthetic_ground_pixels() -> Agreement:
     """Compute the ground pixels of blocks 2 and 3."""
     s = paper.statement
     names = ("block_2_low", "block_2_high", "block_3")
+    given = [f"{100 * s(f'{name}_gsd_m'):.0f}" for name in names]
     scale = paper.pixel_mm("SYN") / paper.value(3, "f_mm", "single_step")
     return (
         "3.2, 4.3",
-        "ground pixels " + ", ".join(f"{100 * s(f'{name}_gsd_m'):.0f}" for name in names) + " cm",
-        ", ".join(f"{100 * scale * s(f'{name}_m'):.1f}" for name in names) + " cm",
+        f"ground pixels {given[0]} and {given[1]} cm in block 2, {given[2]} cm in block 3",
+        ", ".join(f"{100 * scale * s(f'{name}_m'):.1f}" for name in names)
+        + " cm, by the pixels of the synthetic image",
     )
 
 

@@ -48,8 +48,9 @@ def focal_length() -> tuple[str, str, str]:
     seen = focal_lengths_of_heads()
     return (
         f"lenses of {nominal:.0f} mm nominal (3.1), {fixed:.0f} mm fixed as the nominal value"
-        f" (2.1, 4.1); ground pixels {100 * given[0]:.0f} and {100 * given[1]:.0f} cm (3.2)",
-        "ground pixels "
+        f" (2.1, 4.1); ground pixels of block 1: {100 * given[0]:.0f} and"
+        f" {100 * given[1]:.0f} cm (3.2)",
+        "ground pixels of the heads: "
         + "; ".join(texts)
         + f". f = {paper.value(3, 'f_mm', 'single_step'):.2f} mm of the synthetic image and Z_c"
         " mean heads of " + ", ".join(f"{f:.2f}" for f in seen) + " mm",
