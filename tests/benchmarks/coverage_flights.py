@@ -45,7 +45,7 @@ N_FLIGHTS, N_PAIRS = 200, 250
 VALIDATED = ("two_step", "single_step")
 """Methods that recover the truth; two_step_gnss holds a lever arm that is not the true one."""
 
-DIGITS = 5
+DIGITS = 4
 """Of the numbers written down."""
 
 Row = dict[str, Any]

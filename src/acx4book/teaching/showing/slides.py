@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from urllib.parse import quote
 
 from acx4book.teaching.showing.figure_pack import Figure
+from acx4book.typesetting import svg
+from acx4book.typesetting.svg import inline
 
-MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
-SAFE = " =:/;,.()-'+!*$@?[]"
-"""Signs of a drawing that may stand in an address as they are."""
+COLOURS = {name: colour for colour, name in svg.NAMES.items()}
+NAMED = re.compile(r"var\(--figure-([\w-]+)\)")
+"""Where a page of the book sets a colour; slides are light."""
 
 ADDRESS = "../downloads/slides.html"
 """Of the slides, from the pages of the teaching kit."""
@@ -241,24 +243,25 @@ def page(found: Sequence[Figure], slides: Sequence[Slide] = LECTURE) -> str:
     slides : sequence of Slide
     """
     by_name = {(one.chapter, one.name): one for one in found}
-    sections = (_section(slide, by_name.get((slide.chapter, slide.figure))) for slide in slides)
+    known: set[str] = set()
+    sections = [
+        _section(slide, by_name.get((slide.chapter, slide.figure)), f"s{k}-", known)
+        for k, slide in enumerate(slides)
+    ]
     template = Path(__file__).with_name("slides.html").read_text(encoding="utf-8")
     return template.replace("<!-- slides -->", "\n".join(sections))
 
 
-def _section(slide: Slide, figure: Figure | None) -> str:
+def _section(slide: Slide, figure: Figure | None, name: str, known: set[str]) -> str:
     lines = "".join(f"<p>{escape(line)}</p>" for line in slide.says)
-    picture = "" if figure is None else _picture(figure)
+    picture = "" if figure is None else _picture(figure, name, known)
     return f"<section><h1>{escape(slide.title)}</h1>{lines}{picture}</section>"
 
 
-def _picture(figure: Figure) -> str:
-    return f'<img alt="{escape(figure.alt)}" src="data:{_data(figure)}">'
-
-
-def _data(figure: Figure) -> str:
-    """Return a picture as part of an address: a drawing as text, which is shorter."""
-    if figure.kind == "svg" and b"'" not in figure.content:
-        text = figure.content.decode().replace('"', "'")
-        return f"{MEDIA['svg']},{quote(text, safe=SAFE)}"
-    return f"{MEDIA[figure.kind]};base64,{base64.b64encode(figure.content).decode('ascii')}"
+def _picture(figure: Figure, name: str, known: set[str]) -> str:
+    """Return a drawing as part of the page, with the letters that none above it has brought."""
+    if figure.kind == "svg":
+        drawn = inline(figure.content.decode(), alt=figure.alt, name=name, known=known)
+        return NAMED.sub(lambda found: COLOURS[found[1]], drawn)
+    data = base64.b64encode(figure.content).decode("ascii")
+    return f'<img alt="{escape(figure.alt)}" src="data:image/{figure.kind};base64,{data}">'
