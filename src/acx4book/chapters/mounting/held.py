@@ -223,10 +223,10 @@ def explorer(found: Held) -> Explorer:
     heights = {f"{h:.0f} m": h for h in (*sorted({low, high}), 2 * high)}
     grows = Linear(matrix=100 * np.eye(3), constant=-100 * estimated)
     rows = {
-        "held less estimated lever arm, cm": grows,
-        "principal point and focal length, µm": found.interior_um,
-        "boresight about x, y, z, 0.001°": found.boresight,
-        **{f"ground from {name}, cm": found.ground_cm(h) for name, h in heights.items()},
+        "lever arm (cm)": grows,
+        "xₚ, yₚ, f (µm)": found.interior_um,
+        "boresight (0.001°)": found.boresight,
+        **{f"ground, {name} (cm)": found.ground_cm(h) for name, h in heights.items()},
     }
     presets = {
         "as declared": [float(v) for v in np.round(declared, 2)],
@@ -237,15 +237,16 @@ def explorer(found: Held) -> Explorer:
         name="explorer-held-lever-arm",
         caption=(
             "What the two-step method makes of the lever arm that it holds, less what the single "
-            "step estimates. Left, the change of the interior orientation. Right, the error of a "
-            "ground point, intersected from two images of a level strip, over the flying height; "
-            "dashed lines are the heights of this block. Axes are those of the body: x forward, y "
-            "to the left, z up."
+            "step estimates. Left, the interior orientation. Right, the error of a ground point, "
+            "intersected from two images of a level strip, over the flying height; dashed lines "
+            "are the heights of this block. The table has the numbers along the axes of the body, "
+            "x forward, y to the left, z up, and those of the boresight about them; its first row "
+            "is the held lever arm less the estimated one."
         ),
         sliders=sliders,
         presets=presets,
         panels=[_interior_panel(found, sliders), _ground_panel(found, [*presets.values()])],
-        columns=[Column(title=name, digits=1) for name in ("x or xₚ", "y or yₚ", "z or f")],
+        columns=[Column(title=name, digits=1) for name in "xyz"],
         rows={name: _each(response) for name, response in rows.items()},
     )
 

@@ -180,7 +180,7 @@ def explorer(
         ],
         columns=[
             Column(title="shift (px)", digits=2),
-            Column(title="left by the head's best shift (px)", digits=2),
+            Column(title="left by a shift (px)", digits=2),
         ],
         rows={name: [_rms(one), _rms(one - mean)] for name, one in everywhere.items()},
     )
