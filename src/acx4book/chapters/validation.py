@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ from scipy import special
 
 from acx4book.paper import printed
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import inside
+from acx4book.typesetting.labels import TITLES, inside
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4lib.flight.design import ground_sample_m
@@ -21,10 +22,36 @@ from acx4lib.georeferencing import accuracy, error_sources
 from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, NormalisedTest
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import sigmas
+from acx4lib.results import folder
 from acx4lib.shown import count
 
 LEAST_FOR_NORMAL = 3
 """Check points from which the distribution of their differences is drawn."""
+
+
+def predicted(results_path: str | Path) -> str:
+    """Return how well exposures that took no part in the calibrations fit them, in a sentence.
+
+    Parameters
+    ----------
+    results_path : path
+        With the results of stage validation, of a block without check points.
+    """
+    found = {
+        name.partition("/")[2]: entry
+        for name, entry in folder.entries(Path(results_path)).items()
+        if name.startswith("validation/") and entry.get("rays_rms_px") is not None
+    }
+    said = [
+        f"{TITLES[method]}: rays meet within {entry['rays_rms_px']:.2f} px, positions are off by "
+        f"{', '.join(f'{v:.2f}' for v in np.array(entry['position_rms_m'], dtype=float))} m (east, "
+        f"north, height; RMS), σ0² {entry['sigma0_squared']:.2f}"
+        for method, entry in found.items()
+    ]
+    return "; ".join(
+        ["there are no check points, but exposures that took no part in the calibration", *said]
+    )
+
 
 # --- Figures of the validation: where the check points are off, and whether the sigma is honest
 

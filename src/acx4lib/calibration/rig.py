@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.estimates import features, not_determined
 from acx4lib.calibration.heads import RelativeOrientation, ground_scale
@@ -50,8 +51,8 @@ def calibrate(
         estimated too, since GNSS observes the heights. If they are not named, some parameter is
         not determined, and holding them determines all, they keep the cameras' values.
     fix : sequence of str
-        ``"lever_arm"``, ``"boresight"``: those named keep the values of the cameras as well, where
-        this determines all and nothing less does.
+        ``"lever_arm"``, ``"boresight"``: those named keep the values of the cameras, where some
+        parameter is not determined, or nothing converges, unless they do.
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
@@ -85,25 +86,22 @@ def calibrate_by(
         As in `calibrate`.
     """
     expected.names_of("free", free, INTERIOR)
-    rig = _adjusted(step, block, ("f", *free), ())
+    outcomes: list[Mounting | Failed] = []
     for names, parts in _holding(free, fix):
-        if not not_determined(rig.calibration):
+        rig = attempt(_adjusted, step, block, names, parts)
+        if isinstance(rig, Mounting) and not not_determined(rig.calibration):
             return rig
-        held = _adjusted(step, block, names, parts)
-        rig = rig if not_determined(held.calibration) else held
-    return rig
+        outcomes.append(rig)
+    found = next((one for one in outcomes if one), outcomes[0])
+    if isinstance(found, Failed):
+        raise found.error
+    return found
 
 
 def _holding(free: Sequence[str], fix: Sequence[str]) -> list[tuple[Sequence[str], Sequence[str]]]:
-    """Return what is estimated and held instead, one after the other, until all is determined."""
-    steps: list[tuple[Sequence[str], Sequence[str]]] = [
-        (("f", *free), fix),
-        (free, ()),
-        (free, fix),
-    ]
-    if not fix:
-        steps = steps[1:2]
-    return [step for step in steps if "f" not in free or step[0] != free]
+    """Return what is estimated and what is held, one after the other until all is determined."""
+    names = [("f", *free)] if "f" in free else [("f", *free), tuple(free)]
+    return [(one, parts) for one in names for parts in (((), fix) if fix else ((),))]
 
 
 def _adjusted(step: Step, block: Block, free: Sequence[str], fix: Sequence[str]) -> Mounting:

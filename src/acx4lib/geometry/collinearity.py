@@ -171,8 +171,10 @@ def rays(camera: Camera, T_m_c: Pose, colrow: Array) -> Array:
 DISTORTION_AT = ("adjusted", "measured")
 """Points at which an adjustment evaluates Brown's correction: adjusted, or as measured."""
 
-NEAR_MM, MOST_STEPS = 0.01, 10
-"""The length of a step of Newton's method that is the last one, and the largest number of steps."""
+NEAR_MM, NEAR_F_MM, MOST_STEPS = 0.01, 50.0, 10
+"""The length of a step of Newton's method that is the last one, for lenses of this focal length and
+above, and the largest number of steps. Distortion bends with the square of the inverse focal
+length: residuals of a strong short lens would else contradict their derivatives."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -279,12 +281,13 @@ def _adjusted(interior: Interior, xy: Array, ideal: Array) -> tuple[Array, Mask]
     Newton's method from the measured points; for any measurement that is no gross error the first
     step is the last, and leaves less than 1e-6 px.
     """
+    near = NEAR_MM * min(1.0, interior.f / NEAR_F_MM) ** 2
     adjusted, reached = xy.copy(), np.zeros(len(xy), dtype=np.bool_)
     left = np.arange(len(xy))
     for _ in range(MOST_STEPS):
         step, _, valid = newton_step(interior, adjusted[left], ideal[left])
         adjusted[left] -= step
-        reached[left] = valid & (np.sum(step**2, axis=1) < NEAR_MM**2)
+        reached[left] = valid & (np.sum(step**2, axis=1) < near**2)
         left = left[valid & ~reached[left]]
         if not len(left):
             break

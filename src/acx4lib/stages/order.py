@@ -48,7 +48,9 @@ def _unmeasured(flight: Flight, stage: str, block: str) -> str:
         return f"block {block} has one camera only"
     if stage == "validation" and unobserved(flight.blocks[block]):
         return "the trajectory of block validation has no sigma of positions and attitudes"
-    checked = flight.blocks[block].check.point_idx
-    if stage == "validation" and not (flight.blocks[block].rays[checked] >= 2).any():
-        return "no check point of block validation is measured in two images"
+    rays, checked = flight.blocks[block].rays, flight.blocks[block].check.point_idx
+    if stage == "validation" and not ((rays[checked] if len(checked) else rays) >= 2).any():
+        return (
+            f"no {'check ' * bool(len(checked))}point of block validation is measured in two images"
+        )
     return ""

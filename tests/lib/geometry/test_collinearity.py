@@ -291,6 +291,22 @@ def test_image_derivatives(distortion_at, interior, T, x_c):
     close(by_point, numeric, 1e-6 + share * largest(numeric))
 
 
+def test_residuals_of_a_strong_short_lens_agree_with_their_derivatives():
+    """A fisheye of 4 mm in Brown's terms; an adjustment stops where the two contradict."""
+    lens = Interior(f=4.0, k1=-0.024, k2=-6.3e-4, k3=-4.6e-5)
+    camera = replace(CAMERA, width_px=1280, height_px=960, pixel_mm=0.00375, interior=lens)
+    T = repeated(Pose(R=np.eye(3), r=np.zeros(3)), 1)
+    x_m = np.array([[45.0, 30.0, -100.0]])
+    colrow = collinearity.project(camera, T, x_m) + np.array([1.0, -0.7])
+
+    def residuals(by):
+        return collinearity.image_residuals(seen(T[0], colrow, (camera,)), x_m + by)[0]
+
+    *_, by_point = collinearity.image_derivatives(seen(T[0], colrow, (camera,)), x_m)
+    numeric = numeric_jacobian(residuals, np.zeros(3), step=1e-3)
+    assert_allclose(by_point[0], numeric, rtol=2e-6, atol=1e-8)
+
+
 def largest(by):
     """The largest derivative in every column."""
     return np.abs(by).max(axis=(0, 1))

@@ -57,6 +57,15 @@ def test_what_a_flight_does_not_have_is_said(flight):
     assert order.missing(flight, "validation") == ""
 
 
+def test_a_validation_without_check_points_runs_for_what_its_calibration_predicts(flight):
+    block = flight.validation
+    none = replace(block, check=block.check[:0])
+    assert order.missing(replace(flight, blocks={"validation": none}), "validation") == ""
+    alone = replace(none, image_points=none.image_points[:0])
+    reason = order.missing(replace(flight, blocks={"validation": alone}), "validation")
+    assert reason.startswith("nothing is measured")
+
+
 # --- a flight that is measured in its heads ----------------------------------------------------
 
 

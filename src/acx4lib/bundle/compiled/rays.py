@@ -14,7 +14,14 @@ from typing import NamedTuple
 from acx4lib.bundle.compiled.small_products import SmallProduct
 from acx4lib.compiling import uncounted_inlined
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.geometry.collinearity import DENSITY, LAPSE, MOST_STEPS, NEAR_MM, REFRACTIVITY
+from acx4lib.geometry.collinearity import (
+    DENSITY,
+    LAPSE,
+    MOST_STEPS,
+    NEAR_F_MM,
+    NEAR_MM,
+    REFRACTIVITY,
+)
 
 INTERIOR, POINT, RESIDUAL, WIDTH = 6, 16, 19, 24
 """In a ray's row: positions of the first interior parameter, of the first derivative by the point
@@ -145,6 +152,7 @@ def _adjusted(
     The steps are those of `collinearity`.
     """
     s, shear = 1 / (1 + interior[camera, 8]), interior[camera, 9]
+    near = NEAR_MM * min(1.0, interior[camera, 0] / NEAR_F_MM) ** 2
     for _ in range(MOST_STEPS):
         x_c, y_c, xx, yy, xy = _corrected(interior, camera, x, y)
         ex, ey, det = x_ideal - x_c, y_ideal - y_c, xx * yy - xy * xy
@@ -153,7 +161,7 @@ def _adjusted(
         vx, vy = (yy * ex - xy * ey) / det, (xx * ey - xy * ex) / det
         x, y = x + vx, y + vy
         along = (vx - shear * vy) * s
-        if along * along + vy * vy < NEAR_MM * NEAR_MM:
+        if along * along + vy * vy < near * near:
             return x, y, True
     return x, y, False
 
