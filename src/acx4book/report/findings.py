@@ -313,7 +313,8 @@ def weights(material: Material) -> Iterator[Finding]:
         ChanceTest(
             name=f"{g.group} of {adjustment_title(g.adjustment)}",
             p=g.p,
-            said=f"{g.group} of {adjustment_title(g.adjustment)}: {_factor(g.ratio)}",
+            said=f"{g.group} of {adjustment_title(g.adjustment)}: {_factor(g.ratio)} (stated "
+            f"{g.sigma:.2g} {g.unit}, by the residuals {g.sigma * g.ratio:.2g} {g.unit})",
             relevant=matters(g.ratio),
         )
         for g in groups

@@ -56,7 +56,11 @@ def test_a_gnss_sigma_that_is_2_5_times_too_small_is_named(folder):
     wrong = {**told["GNSS, height"], "ratio": 2.5, "p": 1e-9}
     edit_summary(folder, SINGLE, sigma_tests={**told, "GNSS, height": wrong})
     edit(folder, "residuals", optimistic)
-    said = "Significant: GNSS, height of single-step: σ is 2.5 times too small."
+    group = next(g for g in adjustment.qualities(read(folder), SINGLE) if "GNSS, h" in g.group)
+    said = (
+        "Significant: GNSS, height of single-step: σ is 2.5 times too small (stated "
+        f"{group.sigma:.2g} m, by the residuals {2.5 * group.sigma:.2g} m)."
+    )
     assert state(folder, "A priori standard deviations") == ("fails", said)
 
 
