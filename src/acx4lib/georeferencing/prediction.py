@@ -12,6 +12,7 @@ from acx4lib import expected, shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.expected import Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import transform
@@ -42,6 +43,14 @@ class Prediction:
         )
 
     @property
+    def _seen(self) -> Mask:
+        """Exposures with measurements: the others have no residuals."""
+        network = self.bundle.network
+        seen = np.zeros(len(network.pose_names), dtype=bool)
+        seen[network.pose_idx[network.image_points.image_idx]] = True
+        return seen
+
+    @property
     def rays_rms_px(self) -> float:
         """Root mean square of the residuals of image coordinates, px."""
         v = self.bundle.network.residuals(self.bundle.state)[0][0]
@@ -51,7 +60,7 @@ class Prediction:
     def position_rms_m(self) -> tuple[float, ...]:
         """Root mean square of adjusted minus recorded positions along the grid's axes, m."""
         observed, state = self.bundle.network.observed, self.bundle.state
-        known = np.isfinite(observed.sigma_position).all(axis=1)
+        known = self._seen & np.isfinite(observed.sigma_position).all(axis=1)
         if not known.any():
             return (np.nan,) * 3
         off = transform(observed.R_g_m, state.T_m_b.r - observed.T_m_b.r)[known]
@@ -65,7 +74,7 @@ class Prediction:
     @property
     def sentence(self) -> str:
         """How well the exposures fit, in words."""
-        n, east_north_height = len(self.bundle.state.T_m_b), self.position_rms_m
+        n, east_north_height = int(self._seen.sum()), self.position_rms_m
         off = ", ".join(f"{value:.2f}" for value in east_north_height)
         return (
             f"there are no check points; {shown.count(n, 'exposure')} that took no part in the "

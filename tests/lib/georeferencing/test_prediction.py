@@ -10,6 +10,7 @@ import pytest
 import acx4sim
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight import reader
+from acx4lib.flight.block import select_images
 from acx4lib.georeferencing.prediction import predict
 from acx4lib.stages import mounting, validation
 
@@ -69,3 +70,16 @@ def test_the_summary_has_it_where_there_are_no_check_points(flight, tmp_path):
     assert 0.01 < entry["chi_square_p"] < 0.99
     assert len(entry["position_rms_m"]) == 3
     assert any(f"rays meet within {entry['rays_rms_px']:.2f} px" in n for n in entry["notes"])
+
+
+def test_exposures_of_which_nothing_is_measured_do_not_make_the_others_better(flight, cameras):
+    block = flight.block("validation")
+    keep = block.images.exposure_idx % 3 > 0
+    part = select_images(block, keep)
+    found = predict(part, cameras, method="single_step")
+    n = len(np.unique(part.images.exposure_idx))
+    assert f"{n} exposures that took no part" in found.sentence
+    observed, r = found.bundle.network.observed, found.bundle.state.T_m_b.r
+    off = (r - observed.T_m_b.r)[np.unique(part.images.exposure_idx)]
+    total = np.sqrt(np.mean(np.sum(off**2, axis=1)))
+    assert np.hypot.reduce(found.position_rms_m) == pytest.approx(total)
