@@ -46,6 +46,9 @@ _BAND_COSINE = 0.03
 _NODES = 16  # per tile and axis
 _TILE_PX = 512
 _GROUND_TILE = 512
+KEPT = 400
+"""Tiles of ground that are kept in all, 0.6 GB."""
+
 _MARGIN = 4  # cells, for interpolation
 _MIDDLE = np.array([3, -25, 150, 150, -25, 3], np.float32) / 256
 _ITSELF = np.ones(1, np.float32)
@@ -102,7 +105,7 @@ class Tiles:
     """
 
     ground: Ground
-    n_kept: int = 400
+    n_kept: int = KEPT
     _kept: "OrderedDict[tuple[int, int, int], Picture]" = field(
         default_factory=OrderedDict, repr=False
     )
@@ -466,7 +469,11 @@ def take(ordered: Photography, folder: Path, tell: Tell) -> None:
     tell : callable
         Called with the name of a picture, its number of finished parts, and of all parts.
     """
-    grounds = {at.block: Tiles(ground=_ground(ordered, at)) for at in ordered.stations}
+    blocks = {at.block: at for at in ordered.stations}
+    n_kept = KEPT // max(len(blocks), 1)
+    grounds = {
+        block: Tiles(ground=_ground(ordered, at), n_kept=n_kept) for block, at in blocks.items()
+    }
     stop = Event()
 
     def take_one(path: str, at: Station, camera: str) -> None:
