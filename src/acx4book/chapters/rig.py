@@ -56,7 +56,10 @@ def median_gains(
         return {}
     found = gains(before, after)
     parts = {"$X_c$ and $Y_c$": slice(0, 2), "$Z_c$": slice(2, 3), "the angles": slice(3, 6)}
-    return {Markup(name): float(np.nanmedian(found[:, part])) for name, part in parts.items()}
+    known = {
+        name: own[np.isfinite(own)] for name, part in parts.items() for own in [found[:, part]]
+    }
+    return {Markup(name): float(np.median(own)) for name, own in known.items() if own.size}
 
 
 def rig_gains(

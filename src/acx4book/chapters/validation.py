@@ -48,9 +48,8 @@ def predicted(results_path: str | Path) -> str:
         f"north, height; RMS), σ0² {entry['sigma0_squared']:.2f}"
         for method, entry in found.items()
     ]
-    return "; ".join(
-        ["there are no check points, but exposures that took no part in the calibration", *said]
-    )
+    start = "there are no check points, but exposures that took no part in the calibration"
+    return f"{start}. {'; '.join(said)}" if said else "there are no check points"
 
 
 # --- Figures of the validation: where the check points are off, and whether the sigma is honest

@@ -10,6 +10,7 @@ from acx4lib.calibration.estimates import from_bundle
 from acx4lib.flight.design import ground_sample_m
 from acx4lib.georeferencing import accuracy, error_sources
 from acx4lib.georeferencing.validation import validate
+from acx4lib.results import folder
 from support import blocks
 
 
@@ -112,3 +113,8 @@ def test_without_a_validation_tables_have_no_rows():
     assert validation.bias({}, {}, {}).empty
     assert validation.classes({}, {}, (1000,)).empty
     assert validation.most_shared({}) == {}
+
+
+def test_without_check_points_and_predictions_there_is_nothing_to_tell(tmp_path):
+    folder.replace(tmp_path, ["validation"], tables={}, summary={})
+    assert validation.predicted(tmp_path) == "there are no check points"
