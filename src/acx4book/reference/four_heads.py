@@ -263,26 +263,26 @@ def _unit(pixels: Any) -> Array:
     return unit
 
 
-def residuals(found: Mapping[str, Bundle]) -> Figure:
-    """Draw the mean residuals of two heads, a column for each adjustment of all of them.
+def residuals(found: Mapping[str, Bundle], head: str) -> Figure:
+    """Draw the mean residuals of a head, a panel for each adjustment of all heads.
 
     Parameters
     ----------
     found : mapping of str to Bundle
         By the words that name them.
+    head : str
     """
     fields = {}
-    for name in COMPOSITE[::-2]:
-        for words, bundle in found.items():
-            points, images = bundle.network.image_points, bundle.network.block.images
-            k = [camera.name for camera in bundle.cameras].index(name)
-            own = images.camera_idx[points.image_idx] == k
-            fields[f"{name}, {words}"] = Residuals(
-                camera=bundle.cameras[k],
-                colrow=points.colrow[own],
-                v=bundle.solution.group("image_point").v[own],
-                sigma_px=points.sigma_px[own],
-            )
+    for words, bundle in found.items():
+        points, images = bundle.network.image_points, bundle.network.block.images
+        k = [camera.name for camera in bundle.cameras].index(head)
+        own = images.camera_idx[points.image_idx] == k
+        fields[f"{head}, {words}"] = Residuals(
+            camera=bundle.cameras[k],
+            colrow=points.colrow[own],
+            v=bundle.solution.group("image_point").v[own],
+            sigma_px=points.sigma_px[own],
+        )
     return field_figure(fields)
 
 

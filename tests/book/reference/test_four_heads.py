@@ -143,8 +143,8 @@ def test_a_missing_picture_is_named(monkeypatch):
         four_heads.registers()
 
 
-def test_the_map_has_a_line_for_every_strip_and_residuals_two_heads_twice(rig):
+def test_the_map_has_a_line_for_every_strip_and_residuals_a_panel_for_each_adjustment(rig):
     (ax,) = four_heads.strips(rig.bundle).axes
     assert [line.get_label() for line in ax.lines].count("strips, adjusted") == 7
-    fig = four_heads.residuals({"once": rig.bundle, "twice": rig.bundle})
-    assert len(fig.axes) == 4
+    fig = four_heads.residuals({"once": rig.bundle, "twice": rig.bundle}, "4 NIR")
+    assert len(fig.axes) == 2
