@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from acx4book.chapters.mounting import in_space
+from acx4book.chapters.mounting import figures
 from acx4book.typesetting.moving import scene
 from acx4book.typesetting.moving.scene import Layer, Scene
 from acx4lib.calibration.estimates import from_bundle
@@ -26,7 +26,7 @@ def figure(request):
 @pytest.fixture
 def block(mounted):
     single = Mounting(method="single_step", calibration=from_bundle(mounted), bundle=mounted)
-    return in_space.view(single).html
+    return figures.view(single).html
 
 
 @pytest.fixture

@@ -62,18 +62,18 @@ OTHERS = {
     "acx4lib/flight/toml_file.py": {"read_text": "of the one place that reads"},
     "acx4lib/flight/block_from_tables.py": {"read_table": "of the one place that reads"},
     "acx4book/report/material.py": {"pd.read_csv": "of a file that is open"},
-    "acx4book/teaching/students.py": {"read_bytes": "of the one place that reads"},
+    "acx4book/teaching/flights.py": {"read_bytes": "of the one place that reads"},
     "acx4lib/results/own_folder.py": {
         "os.open": "a lock is the file that is open, and is gone in the end",
         "os.fdopen": "as above",
     },
     "acx4lib/production/tiff.py": {
         "tifffile.TiffWriter": "writes the draft that it is given, in many steps",
-        "tifffile.TiffFile": "an image that a command wrote",
+        "tifffile.TiffFile": "of bytes, after a look, or an image that a command wrote",
         "TemporaryFile": "has no name, and is gone in the end",
     },
-    "acx4tools/measuring/pictures/views.py": {"cv2.imread": "looks first"},
-    "acx4tools/measuring/pictures/store.py": {
+    "acx4tools/measuring/views.py": {"cv2.imread": "looks first"},
+    "acx4tools/measuring/pairs.py": {
         "np.savez": "into the draft that is open",
         "np.load": "of a file that is open",
     },
@@ -81,7 +81,6 @@ OTHERS = {
         "read_text": "of the one place that reads",
         "pd.read_csv": "after is_there, or of memory",
     },
-    "acx4lib/production/tiff_tags.py": {"tifffile.TiffFile": "of bytes, or after a look"},
     "acx4tools/exchange/safe/opened.py": {
         "zipfile.ZipFile": "of bytes",
         "archive.open": "of bytes",

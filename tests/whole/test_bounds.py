@@ -19,7 +19,7 @@ from acx4tools.exchange import written_toml
 from acx4tools.exchange.pictures import tags
 from acx4tools.exchange.programs import micmac
 from acx4tools.exchange.safe import opened
-from acx4tools.measuring.pictures import views
+from acx4tools.measuring import views
 from support import swelling
 from support.flights import written
 from support.helpers import ROOT

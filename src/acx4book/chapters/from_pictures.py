@@ -27,8 +27,8 @@ from acx4sim.files import SimulatedFlight, photograph
 from acx4sim.pictures import Station, ground_from_pixels, pixels_from_ground, station
 from acx4tools.measuring.levels import Matched
 from acx4tools.measuring.measure import Outcome, measure_flight
-from acx4tools.measuring.pictures.patches import laid_patches, own_patches
-from acx4tools.measuring.pictures.views import View, pixels_of_view, transferred
+from acx4tools.measuring.pairs import laid_patches, own_patches
+from acx4tools.measuring.views import View, pixels_of_view, transferred
 
 # --- A flight of which nothing is measured yet: its pictures, its trajectory, its control points
 

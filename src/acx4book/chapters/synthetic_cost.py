@@ -665,7 +665,7 @@ def both_sigma(calibration: Calibration, of_heads: Array) -> pd.DataFrame:
     ----------
     calibration : Calibration
     of_heads : ndarray, shape (n, n)
-        From `head_errors.parameter_covariance`.
+        From `transferred_points.parameter_covariance`.
     """
     own = parameters_of(calibration)
     table = pd.DataFrame({"σ stated": [p.sigma for p in own], "σ of the heads": sigmas(of_heads)})

@@ -261,9 +261,9 @@ def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
     Parameters
     ----------
     heights : DataFrame
-        As `study.height_errors` returns it.
+        As `height_errors` returns it.
     scatter : DataFrame
-        As `study.scatter` returns it.
+        As `scatter` returns it.
     """
     shown = [name for name in dict.fromkeys(scatter["parameter"]) if name in LABELS]
     shown = [name for name in shown if name[0] not in "kp"]  # distortion is the images' alone
@@ -542,7 +542,7 @@ def ratios(scatter: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     scatter : DataFrame
-        `study.scatter` of calibrations.
+        `scatter` of calibrations.
 
     Returns
     -------

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from acx4book.command.batch.jobs import Job, Settings
-    from acx4book.command.batch.work import Outcome
+    from acx4book.command.batch.runs import Outcome
 
 HEADER = ("flight", "σ0²", "f_mm", "σ", "RMS east", "north", "height m", "status")
 """Of the table on the screen."""
@@ -48,11 +48,11 @@ class Where:
 
     def executor(self) -> AbstractContextManager[Executor]:
         """Return what runs them, as a context."""
-        from acx4book.command.batch import executors  # noqa: PLC0415 quick help
+        from acx4book.command.batch import processes  # noqa: PLC0415 quick help
 
         if self.cluster is not None:
-            return executors.on_cluster(self.cluster)
-        return executors.on_processes(self.jobs)
+            return processes.on_cluster(self.cluster)
+        return processes.on_processes(self.jobs)
 
     def maybe_executor(self) -> AbstractContextManager[Executor | None]:
         """Return the same; None in it where this process is enough."""

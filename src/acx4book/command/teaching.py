@@ -62,7 +62,7 @@ def lab(
     ] = False,
 ) -> None:
     """Write the simulated flight of one student, or the questions on it."""
-    from acx4book.teaching import handed_in, students  # noqa: PLC0415 quick help
+    from acx4book.teaching import flights, handed_in  # noqa: PLC0415 quick help
     from acx4book.teaching import quiz as question_banks  # noqa: PLC0415 quick help
     from acx4book.teaching.sheets.every import sheet_of  # noqa: PLC0415 quick help
     from acx4lib.results import own_folder  # noqa: PLC0415 quick help
@@ -70,10 +70,10 @@ def lab(
     try:
         chosen = sheet_of(sheet)
         kind = chosen.name.replace("lab-", "quiz-") if quiz else chosen.name
-        folder = out or Path(students.folder_name(kind, student))
+        folder = out or Path(flights.folder_name(kind, student))
     except ValueError as error:
         terminal.refuse(str(error))
-    secret = students.read_key(key)
+    secret = flights.read_key(key)
     own_folder.check_new(folder)
     with own_folder.placed(folder, command="acx4 lab") as draft:
         write = question_banks.write if quiz else handed_in.write
@@ -99,10 +99,10 @@ def grade(
     ] = None,
 ) -> None:
     """Mark what students handed in."""
-    from acx4book.teaching import class_table, students  # noqa: PLC0415 quick help
+    from acx4book.teaching import class_table, flights  # noqa: PLC0415 quick help
     from acx4lib.results import own_folder, whole_files  # noqa: PLC0415 quick help
 
-    secret = students.read_key(key)
+    secret = flights.read_key(key)
     if out is not None:
         mark = ",".join(class_table.COLUMNS).encode()
         own_folder.check_file(out, mark=mark, what="a table of acx4 grade")

@@ -66,7 +66,7 @@ def fly(name: str, *, seed: int, options: Options | None = None) -> SimulatedFli
         Of a design of the simulator, or a path that ends in ``.toml``.
     seed : int
     options : Options, optional
-        As `to_simulator.simulate` takes them.
+        As `simulate` takes them.
 
     Raises
     ------
@@ -99,7 +99,7 @@ HEADS_FREE = ("xp_mm", "yp_mm", "k1", "p1", "p2")
 
 
 def values(plan: Plan) -> dict[str, Any]:
-    """Return the plan of a design: what `planning.text.written` takes.
+    """Return the plan of a design: what `plan.written` takes.
 
     Tie points, which the design strews by chance, have their number and their area; strips have
     their names.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acx4lib.calibration.absorption import Absorption, absorption
+from acx4lib.calibration.determination import Absorption, absorption
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.results import folder

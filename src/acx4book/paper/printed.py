@@ -53,7 +53,7 @@ def table(number: int) -> pd.DataFrame:
     -------
     DataFrame
         table, row (as printed), parameter (our name), column (head or method), value, sigma,
-        role and sigma_role (of value and sigma in the simulation, names of `roles.ROLES`), unit
+        role and sigma_role (of value and sigma in the simulation, names of `ROLES`), unit
         (ours), unit_printed, as_printed, note (where our reading differs from the print).
         `value` is NaN where the paper says ND, `sigma` where it gives none; roles then are ''.
     """

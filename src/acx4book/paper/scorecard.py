@@ -61,7 +61,7 @@ def scorecard(
     -------
     DataFrame
         table, quantity, column, printed, as_printed (the digits of the print), ours, sigma, unit,
-        role (of `roles.ROLES`), deviation (in combined standard deviations), verdict, reason.
+        role (of `printed.ROLES`), deviation (in combined standard deviations), verdict, reason.
     """
     rows = []
     for number, find in ((1, _table_1), (2, _table_2), (3, _table_3), (4, _table_4)):
@@ -530,7 +530,7 @@ def _shift_of_methods(card: pd.DataFrame, absorbed_arm: pd.DataFrame) -> str:
 
 
 def _shifts(card: pd.DataFrame, column: str) -> str:
-    """Return the two-step values of `roles.STRONG` less the single-step ones, mm."""
+    """Return the two-step values of `printed.STRONG` less the single-step ones, mm."""
     own = card[(card["table"] == 3) & card["quantity"].isin(paper.STRONG)]
     wide = own.pivot_table(index="quantity", columns="column", values=column)
     shift = wide["two_step"] - wide["single_step"]

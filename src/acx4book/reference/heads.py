@@ -603,7 +603,7 @@ def shifts(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `parallax.parallax` returns it.
+        As `parallax` returns it.
 
     Returns
     -------
@@ -653,7 +653,7 @@ def falloffs(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `vignetting.vignetting` returns it.
+        As `vignetting` returns it.
 
     Returns
     -------

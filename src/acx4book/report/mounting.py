@@ -140,7 +140,7 @@ def boresight_over_time(boresights: pd.DataFrame) -> Figure:
     Parameters
     ----------
     boresights : DataFrame
-        As `stability.boresights` returns it.
+        As `boresights` returns it.
     """
     if boresights.empty:
         return style.nothing("No bundle with free orientations gives boresights of single images.")

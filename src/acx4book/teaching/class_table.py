@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
-from acx4book.teaching import flights, handed_in, students
+from acx4book.teaching import flights, handed_in
 from acx4book.teaching.flights import Rights
 from acx4book.teaching.grading import Verdict, graded
 from acx4book.teaching.sheets.every import sheet_of
@@ -95,9 +95,9 @@ def grade(
         return sheet.solve(flights.case_of(flights.flight_of(sheet, student, key)))
 
     def others(one: handed_in.HandedIn) -> dict[str, Rights]:
-        own = students.same_name(one.student)
+        own = flights.same_name(one.student)
         named = {o.student for o in given if o.sheet == one.sheet}
-        return {n: right(one.sheet, n) for n in sorted(named) if students.same_name(n) != own}
+        return {n: right(one.sheet, n) for n in sorted(named) if flights.same_name(n) != own}
 
     for one in given:
         try:
@@ -134,7 +134,7 @@ def _totals(found: Class) -> dict[str, dict[str, Marks]]:
     by_student: dict[str, dict[str, Marks]] = {}
     shown: dict[str, str] = {}
     for marks in found.marks:
-        name = shown.setdefault(students.same_name(marks.student), marks.student)
+        name = shown.setdefault(flights.same_name(marks.student), marks.student)
         best = by_student.setdefault(name, {})
         if marks.sheet not in best or marks.points > best[marks.sheet].points:
             best[marks.sheet] = marks

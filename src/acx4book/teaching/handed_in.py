@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from acx4book.teaching import flights, students
+from acx4book.teaching import flights
 from acx4book.teaching.flights import Sheet
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import Range, lines_of
@@ -204,7 +204,7 @@ def _with_point(cell: str) -> str:
 def _students_name(text: str) -> str:
     """Return a student's name; FlightError where it is none."""
     try:
-        return students.shown_name(text)
+        return flights.shown_name(text)
     except ValueError as error:
         raise FlightError([f"student: {error}"]) from None
 
@@ -215,7 +215,7 @@ def _of_run(folder: Path) -> HandedIn:
     if document.problems:
         raise FlightError(lines_of(document.problems))
     try:
-        sheet, student = students.of_title(str(document.get("name")))
+        sheet, student = flights.of_title(str(document.get("name")))
     except ValueError as error:
         raise FlightError([f"{folder}: {error}"]) from None
     return HandedIn(
@@ -266,7 +266,7 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
     folder : Path
         New.
     """
-    name = students.shown_name(student)
+    name = flights.shown_name(student)
     flight = flights.flight_of(sheet, name, key)
     case = flights.case_of(flight)
     if sheet.hand_out is None:

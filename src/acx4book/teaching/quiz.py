@@ -17,7 +17,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from acx4book.teaching import flights, students
+from acx4book.teaching import flights
 from acx4book.teaching.flights import Case, Mistake, Question, Right, Sheet
 from acx4book.teaching.grading import ALIKE, SIGMA_FACTOR, UNEXPLAINED, UNITS, apart
 from acx4lib.results import whole_files
@@ -73,10 +73,10 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
     folder : Path
         New.
     """
-    name = students.shown_name(student)
+    name = flights.shown_name(student)
     found = items(sheet, flights.case_of(flights.flight_of(sheet, name, key)))
     folder.mkdir()
-    title = students.title(sheet.name, name)
+    title = flights.title(sheet.name, name)
     whole_files.write(folder / GIFT, gift(found, title))
     whole_files.write(folder / QTI, qti(found, title))
 

@@ -51,7 +51,7 @@ except ImportError:  # without numba it is slower, with the same results
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:
-    """A block ready for adjustment: its observations and unknowns, as a `problem.Problem`.
+    """A block ready for adjustment: its observations and unknowns, as a `normal_equations.Problem`.
 
     Attributes
     ----------

@@ -147,7 +147,8 @@ def mounted_orientation(
     Raises
     ------
     AdjustmentError
-        Where drifts are asked for and the block has no strips; as `strips.motion_of`, for delays.
+        Where drifts are asked for and the block has no strips; for delays as
+        `observations.motion_of`.
     ValueError
         For an unknown name.
     """

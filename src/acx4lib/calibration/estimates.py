@@ -286,7 +286,7 @@ def not_determined(calibration: Calibration, features: frozenset[str] = frozense
     ----------
     calibration : Calibration
     features : frozenset of str
-        What the flight has of this geometry, as `needs.features` returns it; not asked for.
+        What the flight has of this geometry, as `features` returns it; not asked for.
     """
     listed = parameters(calibration)
     related = correlation(reported_covariance(calibration))

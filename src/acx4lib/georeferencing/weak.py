@@ -23,7 +23,7 @@ from acx4lib.calibration.estimates import (
     parameters,
     to_reported,
 )
-from acx4lib.calibration.steady import calm_sigmas
+from acx4lib.calibration.stability import calm_sigmas
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
@@ -94,7 +94,7 @@ def sentences(
     found : sequence of Weak
         All of one adjustment.
     features : frozenset of str
-        What the flight has of this geometry, as `needs.features` returns it.
+        What the flight has of this geometry, as `estimates.features` returns it.
     late : bool
         Whether a delay of the positions was estimated, too.
     """

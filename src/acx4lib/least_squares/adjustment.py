@@ -2,7 +2,7 @@
 
 There are two kinds of unknowns: the columns of the reduced system, and points with three
 coordinates each. An observation depends on one point at most; therefore the Schur complement
-eliminates the points. A `problem.Problem` linearises its observations.
+eliminates the points. A `normal_equations.Problem` linearises its observations.
 """
 
 from __future__ import annotations

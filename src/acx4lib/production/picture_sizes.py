@@ -9,7 +9,7 @@ from pathlib import Path
 
 from acx4lib.flight.table_files import free_memory
 from acx4lib.opening import opened
-from acx4lib.production import tiff_tags
+from acx4lib.production import tiff
 
 LARGEST_RATIO = 200
 """Of a picture's bytes to those of its file; pictures of the ground have 2 to 50."""
@@ -62,7 +62,7 @@ def is_cut_off(path: Path) -> bool:
         size = file.seek(0, SEEK_END)
         if kind in (".tif", ".tiff"):
             file.seek(0)
-            return tiff_tags.is_cut_off(file, size)
+            return tiff.is_cut_off(file, size)
         file.seek(max(size - LARGE, 0))
         if size > 2 * LARGE and b"\xff\xd9" in file.read():
             return False

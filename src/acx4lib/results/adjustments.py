@@ -21,7 +21,7 @@ from acx4lib.bundle.variance_components import (
     sigma_tests,
     tests_as_json,
 )
-from acx4lib.calibration import courses, determination, stability, trajectory_errors
+from acx4lib.calibration import confirmation, determination, stability, trajectory_errors
 from acx4lib.calibration.confirmation import confirmations
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -43,8 +43,7 @@ from acx4lib.flight.block_from_tables import index_of
 from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing import accuracy, error_sources, weak
 from acx4lib.georeferencing.direct import pose_covariances
-from acx4lib.georeferencing.prediction import Prediction
-from acx4lib.georeferencing.validation import Differences, Validation
+from acx4lib.georeferencing.validation import Differences, Prediction, Validation
 from acx4lib.georeferencing.weak import Weak
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import correlation, sigmas
@@ -308,7 +307,7 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"
         )
-    by_course = courses.by_course(bundle)
+    by_course = confirmation.by_course(bundle)
     if by_course is not None and by_course.differs:
         notes.append(by_course.sentence)
     return [*notes, *trajectory_errors.notes(bundle)]
@@ -432,7 +431,7 @@ def of_validations(
         What was validated, by method: of the single step and of rigs it is said which parameters
         have too much of the variance of check points.
     features : frozenset of str
-        What the calibration's flight has, as `needs.features` returns it.
+        What the calibration's flight has, as `estimates.features` returns it.
     late : bool
         Whether a delay of the positions was estimated with the calibration.
     """

@@ -84,7 +84,7 @@ def prepare(
     stages : sequence of str
         Of `folder.STAGES`, those that will be replaced.
     skipped : iterable of str
-        Of `schemas.NOTEBOOKS`, those whose results are removed.
+        Of `table_files.NOTEBOOKS`, those whose results are removed.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def beside(stage: str) -> tuple[str, str]:
     """Return the files that a stage may leave beside the tables: its notebook, and one that failed.
 
     Names are those below the results folder, and below a copy of it; the stage is one of
-    `schemas.NOTEBOOKS`.
+    `table_files.NOTEBOOKS`.
     """
     name = f"{NOTEBOOKS[stage]}.ipynb"
     return f"{EXECUTED}/{name}", f"{FAILED}/{name}"
@@ -166,7 +166,7 @@ def replaced(
     own : OwnFolder
         Prepared.
     stage : str
-        Of `schemas.NOTEBOOKS`.
+        Of `table_files.NOTEBOOKS`.
     calibration : mapping, optional
         That of an earlier flight, as `provenance.stamp` takes it.
     """

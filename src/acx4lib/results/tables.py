@@ -15,7 +15,7 @@ from acx4lib.flight.setup import Apriori
 from acx4lib.flight.table_files import Columns, table_in_memory
 from acx4lib.flight.tables import SIGMA_POSITION, Schema
 from acx4lib.geometry.parameters import AXES
-from acx4lib.georeferencing import ground_points as pixels_on_ground
+from acx4lib.georeferencing import direct
 from acx4lib.georeferencing.direct import Georeferenced, Rays
 from acx4lib.least_squares.covariance import sigmas
 
@@ -119,7 +119,7 @@ def ground_points(
         colrow=np.column_stack([table.numbers[name] for name in ("col_px", "row_px")]),
         sigma_px=table.numbers.get("sigma_px", np.full(n, Apriori().image_point_px)),
     )
-    found = pixels_on_ground.ground_points(
+    found = direct.ground_points(
         block,
         georeferenced,
         rays,

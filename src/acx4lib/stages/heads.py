@@ -18,7 +18,7 @@ from acx4lib.calibration.heads import (
 )
 from acx4lib.flight.reader import Flight
 from acx4lib.results import adjustments
-from acx4lib.stages.explained import explained, solving
+from acx4lib.stages.order import explained, solving
 
 if TYPE_CHECKING:
     import pandas as pd

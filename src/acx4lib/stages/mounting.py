@@ -21,7 +21,7 @@ from acx4lib.results import adjustments, folder, provenance
 from acx4lib.results.adjustments import mounted_block, read_carried
 from acx4lib.results.earlier import ORIENTED
 from acx4lib.results.read_back import read_relative_orientation
-from acx4lib.stages.explained import explained, explaining, solving
+from acx4lib.stages.order import explained, explaining, solving
 from acx4lib.synthetic_image.transferred_points import parameter_covariance
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
     flight : Flight
     block : Block, optional
         The calibration block, by default as the flight has it; where it is measured in heads, its
-        points must have been carried into synthetic images, as `results.carried` has them.
+        points must have been carried into synthetic images.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import ATTITUDE
 from acx4lib.results import adjustments
 from acx4lib.results.adjustments import Record, of_left_out, of_mounting
-from acx4lib.stages.explained import explained, solving
+from acx4lib.stages.order import explained, solving
 
 if TYPE_CHECKING:
     import pandas as pd

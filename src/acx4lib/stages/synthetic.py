@@ -18,7 +18,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.results import adjustments, folder, provenance
 from acx4lib.results.adjustments import Record, of_carried, of_left_out, of_relative_orientation
 from acx4lib.results.read_back import read_relative_orientation
-from acx4lib.stages.explained import solving
+from acx4lib.stages.order import solving
 from acx4lib.stages.pictures import FoundTies, Pictures, find, read_pictures
 from acx4lib.synthetic_image.transferred_points import CarriedPoints, carry
 from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations

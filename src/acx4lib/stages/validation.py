@@ -12,13 +12,12 @@ from acx4lib.attempts import attempt
 from acx4lib.calibration.estimates import Calibration, features
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
-from acx4lib.georeferencing.prediction import predict
-from acx4lib.georeferencing.validation import Validation, validate
+from acx4lib.georeferencing.validation import Validation, predict, validate
 from acx4lib.results import adjustments, earlier, folder, provenance, read_back
 from acx4lib.results.adjustments import mounted_block, of_validations
 from acx4lib.results.earlier import Earlier
 from acx4lib.shown import ByName
-from acx4lib.stages.explained import explained, solving
+from acx4lib.stages.order import explained, solving
 from acx4lib.stages.rig import of_attitudes
 
 if TYPE_CHECKING:

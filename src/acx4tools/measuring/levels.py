@@ -1,10 +1,11 @@
-"""A block of pictures matched from small to large: each level refines what the next begins with."""
+"""Corners that cover a picture evenly (Harris), one in each of its cells."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,14 +14,108 @@ from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import inside
+from acx4lib.tie_points.matching import response
+from acx4lib.tie_points.overlaps import grey
 from acx4tools.measuring.oriented import approximate, firm, refined
-from acx4tools.measuring.pictures.corners import corners
-from acx4tools.measuring.pictures.ground import Surface
-from acx4tools.measuring.pictures.overlaps import overlapping
-from acx4tools.measuring.pictures.pairs import MatchOptions, PairJob
-from acx4tools.measuring.pictures.store import Both, Matching
-from acx4tools.measuring.pictures.views import View, ground_of, pixels_of, seen_at
+from acx4tools.measuring.pairs import Both, Matching, MatchOptions, PairJob
 from acx4tools.measuring.points import TieRays, chosen, joined
+from acx4tools.measuring.views import Surface, View, ground_of, pixels_of, pixels_of_view, seen_at
+
+
+def corners(view: View, *, number: int, margin: int) -> Index:
+    """Return the best corner of every cell of a picture, col, row, shape (n, 2).
+
+    Parameters
+    ----------
+    view : View
+    number : int
+        Approximate number of cells.
+    margin : int
+        Distance from the picture's border, px.
+    """
+    image = pixels_of_view(view)
+    rows, cols = image.shape[:2]
+    side = np.sqrt(rows * cols / number)
+    across, down = max(round(cols / side), 1), max(round(rows / side), 1)
+    edges_x = np.linspace(margin, cols - margin, across + 1).astype(int)
+    edges_y = np.linspace(margin, rows - margin, down + 1).astype(int)
+    found = [
+        best
+        for top, bottom in pairwise(edges_y.tolist())
+        for left, right in pairwise(edges_x.tolist())
+        if (best := _best(image, (top, bottom, left, right))) is not None
+    ]
+    return np.array(found, dtype=np.intp).reshape(-1, 2)
+
+
+def _best(image: Array, cell: tuple[int, int, int, int]) -> tuple[int, int] | None:
+    """Return col, row of the strongest corner in a cell; None where it has no corner."""
+    top, bottom, left, right = cell
+    if bottom <= top or right <= left:
+        return None
+    values = response(grey(np.ascontiguousarray(image[top:bottom, left:right])))
+    row, col = np.unravel_index(int(np.argmax(values)), values.shape)
+    return (left + int(col), top + int(row)) if values[row, col] > 0 else None
+
+
+# --- Which pictures show the same ground, by their approximate orientations
+
+
+GRID = 9
+"""Points along each side of a picture, by which the shared part is counted."""
+
+LEAST_SHARE = 0.08
+"""Share of the one or the other picture that both must show."""
+
+LARGEST_SCALE = 3.0
+"""Ratio of ground pixels above which pictures are not compared."""
+
+STEEPEST = 1.1
+"""Ratio of base to height above which the same ground looks too different."""
+
+
+def overlapping(views: Sequence[View], surface: Surface) -> list[tuple[int, int]]:
+    """Return the pairs of views that show enough of the same ground, i < j.
+
+    Parameters
+    ----------
+    views : sequence of View
+    surface : Surface
+    """
+    grounds = [ground_of(view, surface, _grid(view)) for view in views]
+    sizes = np.array([_ground_px(view, x_m) for view, x_m in zip(views, grounds, strict=True)])
+    share = np.array([_shares(view, grounds) for view in views])
+    both = np.maximum(share, share.T) >= LEAST_SHARE
+    ratio = sizes[:, None] / sizes
+    both &= np.maximum(ratio, ratio.T) <= LARGEST_SCALE
+    r = np.array([view.T_m_c.r[0] for view in views])
+    base = np.hypot(*(r[:, None, :2] - r[None, :, :2]).transpose(2, 0, 1))
+    high = r[:, 2] - float(np.mean(surface.z))
+    both &= base <= STEEPEST * np.minimum(high[:, None], high)
+    return [(int(i), int(j)) for i, j in np.argwhere(np.triu(both, 1))]
+
+
+def _grid(view: View) -> Array:
+    cols, rows = view.camera.width_px, view.camera.height_px
+    x, y = np.meshgrid(np.linspace(0, cols - 1, GRID), np.linspace(0, rows - 1, GRID))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def _shares(view: View, grounds: Sequence[Array]) -> Array:
+    """Return the share of the points of every ground that a view shows."""
+    colrow = pixels_of(view, np.concatenate(grounds))
+    return np.asarray(inside(view.camera, colrow).reshape(len(grounds), -1).mean(axis=1))
+
+
+def _ground_px(view: View, x_m: Array) -> float:
+    """Return the size of a picture's pixel on the ground, m, at the declared size."""
+    high = float(np.nanmedian(np.linalg.norm(x_m - view.T_m_c.r[0], axis=1)))
+    return high * view.declared.pixel_mm / view.declared.interior.f
+
+
+# --- A block of pictures matched from small to large: each level refines what the next
+# begins with
+
 
 COARSE_PX = 760
 """Longer side of the pictures at the first level, at most."""

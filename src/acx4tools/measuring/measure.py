@@ -14,15 +14,13 @@ from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.block import Block, select_images
 from acx4lib.flight.reader import Flight, read
 from acx4lib.results import own_folder
-from acx4tools.measuring import attitudes, flights
+from acx4tools.measuring import flights, orientation, views
 from acx4tools.measuring.flights import Measured, Unmeasured
 from acx4tools.measuring.levels import Matched, MeasureOptions, beyond_search, match_block, placed
 from acx4tools.measuring.orientation import Coarse, oriented_by_features
-from acx4tools.measuring.pictures import ground
-from acx4tools.measuring.pictures.ground import Surface
-from acx4tools.measuring.pictures.store import Matching
-from acx4tools.measuring.pictures.views import View, declared_views, seen_at, size_on_file
-from acx4tools.measuring.surveyed.found import Surveyed, find_surveyed
+from acx4tools.measuring.pairs import Matching
+from acx4tools.measuring.targets import Surveyed, find_surveyed
+from acx4tools.measuring.views import Surface, View, declared_views, seen_at, size_on_file
 
 COMMAND = "acx4 measure"
 
@@ -153,7 +151,7 @@ def _measured(
     matched, coarse = _matched(block, views, surface, options, matching, tell)
     if len(control):
         matched = placed(coarse.block if coarse else block, matched)
-    said = (*coarse.said, *attitudes.told(block, matched.views)) if coarse else ()
+    said = (*coarse.said, *orientation.told(block, matched.views)) if coarse else ()
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
     surveyed = find_surveyed(matched.views, matched.surface, control.text["point"], x_m, given)
     return Outcome(
@@ -226,11 +224,11 @@ def _ground(unmeasured: Unmeasured, block: Block, options: MeasureOptions) -> Su
     if options.ground_m is not None:
         below = block.frame.to_grid(np.mean(block.trajectory.T_m_b.r, axis=0)[None])
         below[0, 2] = options.ground_m
-        return ground.level(float(block.frame.from_grid(below)[0, 2]))
+        return views.level(float(block.frame.from_grid(below)[0, 2]))
     if not len(control):
         return None
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
-    return ground.level(float(np.median(x_m[:, 2])))
+    return views.level(float(np.median(x_m[:, 2])))
 
 
 def _tie_rows(matched: Matched, taken: set[str]) -> Iterator[Measured]:

@@ -1,34 +1,291 @@
-"""A block oriented by its pictures alone: coarse, but without a prediction of what they show.
+"""Approximate orientations that need no prediction: features, pairs of views, and all together.
 
-Features of pictures near each other give how pairs lie to each other; these give the rotations of
-all, the positions turn and scale the whole, and tracks of features adjusted by the bundle make it
-good to a pixel. Attitudes of the trajectory only say where down is, to twenty degrees or so.
+Features are found again in turned, scaled and brighter pictures; contrast is equalised locally
+before, so that dark woods have some beside bright roofs. What attitudes of a trajectory are off by
+is told by strip and by heading.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import cv2
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.sparse import coo_array, eye_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from acx4lib import shown
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, select_images
-from acx4lib.geometry.camera import mountings
-from acx4lib.geometry.frames import Pose, exp, log, transform
+from acx4lib.geometry.camera import correct, mountings, xy_from_colrow
+from acx4lib.geometry.frames import Pose, exp, log, rph_from_rotation, transform
+from acx4lib.geometry.intersection import R_C_CV
+from acx4lib.tie_points.overlaps import grey
+from acx4tools.measuring import views as measuring_views
 from acx4tools.measuring.oriented import approximate, refined
-from acx4tools.measuring.pictures import ground
-from acx4tools.measuring.pictures.features import Features, TwoViews, features_of, two_views
-from acx4tools.measuring.pictures.ground import Surface
-from acx4tools.measuring.pictures.views import View, seen_at
 from acx4tools.measuring.points import WANTED, TieRays, chosen
+from acx4tools.measuring.views import Surface, View, pixels_of_view, seen_at
+
+MOST = 2500
+"""Features of a picture, the strongest ones."""
+
+LARGEST_RATIO = 0.85
+"""Of the distances to the most and to the second most similar feature."""
+
+NEAR_PX = 1.5
+"""Distance from the epipolar line below which a pair of features agrees with the others."""
+
+LEAST = 20
+"""Pairs of features that must agree on how two pictures lie to each other."""
+
+_CLIP, _TILES, _CONTRAST = 4.0, (8, 8), 0.01
+_LENGTH = 512.0  # of descriptors, which are whole numbers, so that their products are exact
+_PROBABILITY, _TRIALS = 0.9999, 3000
+_PLANE, _SHRINKING = 5.0, (3.0, 2.0, 1.0, 1.0)  # distances, in `NEAR_PX`
+_RELIEF = 2.0  # ratio of distances to the ground in a pair of pictures, either way
+_LEAST_START, _CALLS = 8, 100
+_STEEP, _SHORT = 0.5, 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Features:
+    """The features of a picture.
+
+    Attributes
+    ----------
+    colrow : ndarray, shape (n, 2)
+    ideal : ndarray, shape (n, 2)
+        Corrected for the lens, over the focal length, in OpenCV's camera axes.
+    descriptor : ndarray of float32, shape (n, 128)
+        Whole numbers.
+    near : float
+        `NEAR_PX` over the focal length.
+    """
+
+    colrow: Array
+    ideal: Array
+    descriptor: Array
+    near: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TwoViews:
+    """How two pictures lie to each other, by their features.
+
+    Attributes
+    ----------
+    which : ndarray, shape (n, 2)
+        Numbers of the features in either picture.
+    R_a_b : ndarray, shape (3, 3)
+        Axes of the second camera to those of the first.
+    base_a : ndarray, shape (3,)
+        Unit vector from the first to the second, axes of the first.
+    depth : float
+        Median distance of the points along the first camera's axis, in bases.
+    """
+
+    which: Index
+    R_a_b: Array
+    base_a: Array
+    depth: float
+
+
+def features_of(view: View) -> Features:
+    """Return the features of a picture (SIFT [1]_, descriptors by Hellinger's distance [2]_).
+
+    References
+    ----------
+    .. [1] D. G. Lowe, "Distinctive image features from scale-invariant keypoints", International
+       Journal of Computer Vision 60(2), 2004.
+    .. [2] R. Arandjelovic, A. Zisserman, "Three things everyone should know to improve object
+       retrieval", CVPR 2012.
+    """
+    even = cv2.createCLAHE(clipLimit=_CLIP, tileGridSize=_TILES).apply(_eight_bit(view))
+    sift = cv2.SIFT.create(nfeatures=MOST, contrastThreshold=_CONTRAST)
+    points, found = sift.detectAndCompute(even, None)
+    colrow = np.array([point.pt for point in points], dtype=float).reshape(-1, 2)
+    total = np.maximum(found.sum(axis=1, keepdims=True), 1) if len(points) else 1.0
+    descriptor = np.zeros((0, 128)) if found is None else np.rint(_LENGTH * np.sqrt(found / total))
+    camera = view.camera
+    ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
+    return Features(
+        colrow=colrow,
+        ideal=ideal * np.diag(R_C_CV)[:2],
+        descriptor=descriptor.astype(np.float32),
+        near=NEAR_PX * camera.pixel_mm / camera.interior.f,
+    )
+
+
+def _eight_bit(view: View) -> np.ndarray:
+    """Return the grey values of a picture from its darkest to its brightest ones, 8 bit."""
+    values = grey(np.ascontiguousarray(pixels_of_view(view)))
+    low, high = np.percentile(values, (0.5, 99.5))
+    bright = (values - low) * (255 / max(float(high - low), 1e-6))
+    return np.asarray(np.clip(bright, 0, 255).astype(np.uint8))
+
+
+def two_views(a: Features, b: Features, down: Array, fall: float) -> TwoViews | None:
+    """Return how two pictures lie to each other; None where too few features agree.
+
+    Similar features are mutually the most similar, clearly before the second. Those that agree
+    are found by MAGSAC [1]_, once over a plane, the more level one of two, once over any ground:
+    over a level one, the latter often finds an absurd second solution, whose base is steep. The
+    one on which more agree is taken; a point that is much nearer or farther than the others does
+    not.
+
+    Parameters
+    ----------
+    a, b : Features
+    down : ndarray, shape (3,)
+        Unit vector towards the ground, axes of the first camera; it may be off by twenty degrees.
+    fall : float
+        By how much the second camera is lower than the first, in bases, about.
+
+    References
+    ----------
+    .. [1] D. Barath et al., "MAGSAC++, a fast, reliable and accurate robust estimator", CVPR 2020.
+    """
+    i, j = similar(a, b)
+    if len(i) < LEAST:
+        return None
+    within = max(a.near, b.near)
+    rays = _rays(a.ideal[i]), _rays(b.ideal[j])
+    starts = [*_over_a_plane(a.ideal[i], b.ideal[j], within, down)]
+    starts += _over_any_ground(a.ideal[i], b.ideal[j], within)
+    grown = [_grown(*start, *rays, within) for start in starts]
+    found = [one for one in grown if abs(float(one.base_a @ down) - fall) < _STEEP]
+    best = max(found, key=lambda one: int(one.agree.sum()), default=None)
+    if best is None or best.agree.sum() < LEAST:
+        return None
+    return TwoViews(
+        which=np.column_stack([i, j])[best.agree],
+        R_a_b=best.R_a_b,
+        base_a=best.base_a,
+        depth=float(np.median(best.depth[best.agree])),
+    )
+
+
+def _over_a_plane(
+    a: Array, b: Array, within: float, down: Array
+) -> Iterator[tuple[Array, Array, Mask]]:
+    """Yield the rotation and base over the more level of two planes, and what is near it."""
+    H, near = cv2.findHomography(a, b, cv2.USAC_MAGSAC, _PLANE * within)
+    if H is None or near.sum() < _LEAST_START:
+        return
+    _, R, t, normal = cv2.decomposeHomographyMat(H, np.eye(3))
+    level = [float(n[:, 0] @ R_C_CV @ down) for n in normal]
+    best = int(np.argmax(level))
+    yield *_in_own_axes(R[best], t[best]), near[:, 0] > 0
+
+
+def _over_any_ground(a: Array, b: Array, within: float) -> Iterator[tuple[Array, Array, Mask]]:
+    """Yield the rotation and base that most points agree on."""
+    E, near = cv2.findEssentialMat(
+        *(a, b, np.eye(3), cv2.USAC_MAGSAC, _PROBABILITY, within, _TRIALS)
+    )
+    if E is None or E.shape != (3, 3) or near.sum() < _LEAST_START:
+        return
+    own = near[:, 0] > 0
+    _, R, t, _ = cv2.recoverPose(E, a[own], b[own], np.eye(3))
+    yield *_in_own_axes(R, t), own
+
+
+def _in_own_axes(R_b_a: np.ndarray, t_b_a: np.ndarray) -> tuple[Array, Array]:
+    """Return R_a_b and the unit base in the library's axes."""
+    base = -R_C_CV @ R_b_a.T @ t_b_a[:, 0]
+    return R_C_CV @ R_b_a.T @ R_C_CV, base / max(float(np.linalg.norm(base)), _SHORT)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Grown:
+    """A relative orientation, the depths of all pairs by it, and the pairs that agree on it."""
+
+    R_a_b: Array
+    base_a: Array
+    depth: Array
+    agree: Mask
+
+
+def _grown(
+    R_a_b: Array, base_a: Array, near: Mask, ray_a: Array, ray_b: Array, within: float
+) -> _Grown:
+    """Return the relative orientation that grew from a start, over ground of one height, about."""
+    for factor in _SHRINKING:
+        if near.sum() >= _LEAST_START:
+            R_a_b, base_a = _fitted(R_a_b, base_a, ray_a[near], ray_b[near])
+        depth = _depths(R_a_b, base_a, ray_a, ray_b)
+        off = np.abs(_across(R_a_b, base_a, ray_a, ray_b)) < factor * within
+        ahead = depth[off & (depth > 0)]
+        usual = float(np.median(ahead)) if len(ahead) else np.nan
+        near = off & (depth > usual / _RELIEF) & (depth < usual * _RELIEF)
+    return _Grown(R_a_b=R_a_b, base_a=base_a, depth=depth, agree=near)
+
+
+def _rays(ideal: Array) -> Array:
+    """Return unit vectors in the library's camera axes, (n, 3)."""
+    ray = np.column_stack([ideal, np.ones(len(ideal))]) @ R_C_CV
+    return ray / np.linalg.norm(ray, axis=1, keepdims=True)
+
+
+def _fitted(R_a_b: Array, base_a: Array, ray_a: Array, ray_b: Array) -> tuple[Array, Array]:
+    """Return the rotation and base with the least squares of distances from epipolar planes."""
+    across = np.linalg.svd(base_a[None])[2][1:]
+
+    def moved(p: Array) -> tuple[Array, Array]:
+        base = base_a + p[3:] @ across
+        return R_a_b @ exp(p[:3]), base / np.linalg.norm(base)
+
+    def misfit(p: Array) -> Array:
+        return _across(*moved(p), ray_a, ray_b)
+
+    return moved(least_squares(misfit, np.zeros(5), method="lm", max_nfev=_CALLS).x)
+
+
+def _across(R_a_b: Array, base_a: Array, ray_a: Array, ray_b: Array) -> Array:
+    """Return the angles of rays with their epipolar planes, radians, (n,)."""
+    normal = np.cross(base_a, ray_a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), _SHORT)
+    return np.asarray(np.sum(normal * (ray_b @ R_a_b.T), axis=1))
+
+
+def _depths(R_a_b: Array, base_a: Array, ray_a: Array, ray_b: Array) -> Array:
+    """Return distances of points along the first camera's axis, in bases, (n,); NaN if parallel."""
+    ray_b = ray_b @ R_a_b.T
+    cosine = np.sum(ray_a * ray_b, axis=1)
+    sine_sq = 1 - cosine**2
+    along = (ray_a @ base_a - cosine * (ray_b @ base_a)) / np.where(sine_sq < 1e-9, np.nan, sine_sq)
+    return np.asarray(-ray_a[:, 2] * along)
+
+
+def similar(a: Features, b: Features) -> tuple[Index, Index]:
+    """Return the numbers of features that are mutually the most similar."""
+    none = np.zeros(0, np.intp)
+    if min(len(a.colrow), len(b.colrow)) < 2:
+        return none, none
+    alike = a.descriptor @ b.descriptor.T
+    best, back = alike.argmax(axis=1), alike.max(axis=0)
+    every = np.arange(len(best))
+    first = alike[every, best].copy()
+    alike[every, best] = -1
+    apart, second = (2 * (_LENGTH**2 - np.minimum(x, _LENGTH**2)) for x in (first, alike.max(1)))
+    good = np.flatnonzero((back[best] == first) & (apart < LARGEST_RATIO**2 * second))
+    return good, best[good]
+
+
+# --- A block oriented by its pictures alone: coarse, but without a prediction of what they show
+#
+# Features of pictures near each other give how pairs lie to each other; these give the rotations
+# of all, the positions turn and scale the whole, and tracks of features adjusted by the bundle
+# make it good to a pixel. Attitudes of the trajectory only say where down is, to twenty degrees or
+# so.
+
 
 SIDE_PX = 1400
 """Longer side of the pictures in which features are looked for, at most."""
@@ -340,7 +597,7 @@ def _adjusted(
     x_m = found.bundle.state.x_m
     n_rays = np.bincount(np.unique(rays.point, return_inverse=True)[1][found.kept], None, len(x_m))
     checked = np.isfinite(x_m[:, 0]) & (n_rays >= WANTED)  # two rays meet wherever they are wrong
-    surface = ground.through(x_m[checked]) if np.mean(checked) > _ENOUGH else found.surface
+    surface = measuring_views.through(x_m[checked]) if np.mean(checked) > _ENOUGH else found.surface
     return _with_poses(block, Pose(R=R, r=r)), found.views, surface
 
 
@@ -365,3 +622,66 @@ def _tracks(features: Mapping[int, Features], links: Sequence[_Link]) -> TieRays
     usable = (np.bincount(track) > 1) & (np.bincount(track, twice) == 0)
     rays = TieRays(point=track, view=view, colrow=colrow, sigma_px=np.full(n, SIGMA_PX))
     return rays[usable[track]]
+
+
+# --- What the trajectory says of attitudes beside what the pictures say
+
+
+GAP_DEG = 20.0
+"""Headings that are farther apart than this belong to different courses."""
+
+R_NED_M = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def told(block: Block, views: Sequence[View]) -> Iterator[str]:
+    """Yield a sentence on the attitudes of every strip, or of every course where none is named.
+
+    A strip's mean tells of headings that depend on the heading, as those of a magnetometer do; its
+    scatter tells what a single attitude is worth. A mounting that is not declared is in all means.
+
+    Parameters
+    ----------
+    block : Block
+        As the flight gives it.
+    views : sequence of View
+        With their orientations by the pictures; of some images of the block.
+    """
+    at = [block.images.names.index(view.name) for view in views]
+    exposure, first = np.unique(block.images.exposure_idx[at], return_index=True)
+    R_c_b = np.swapaxes(mountings(block.cameras).R, 1, 2)[block.images.camera_idx[at]]
+    R_m_b = (np.array([view.T_m_c.R[0] for view in views]) @ R_c_b)[first]
+    by_pictures = np.degrees(rph_from_rotation(R_NED_M @ R_m_b))
+    given = np.degrees(rph_from_rotation(R_NED_M @ block.trajectory.T_m_b.R[exposure]))
+    off = (given - by_pictures + 180) % 360 - 180
+    strips = np.array(block.images.strips)[at][first]
+    named = bool(np.all(strips != ""))
+    group = np.unique(strips, return_inverse=True)[1] if named else _courses(by_pictures[:, 2])
+    for k in range(int(group.max()) + 1):
+        own = group == k
+        heading = _mean_deg(by_pictures[own, 2])
+        name = f"strip {strips[own][0]}, heading" if named else "heading"
+        yield (
+            f"{block.name}: {name} {heading:.0f}°, {shown.count(int(own.sum()), 'exposure')}: "
+            f"the trajectory's roll, pitch, heading are off by {_numbers(off[own].mean(axis=0))}°, "
+            f"each by {_numbers(np.sqrt(np.mean(np.square(off[own]), axis=0)), '')}° rms"
+        )
+
+
+def _courses(heading_deg: Array) -> Index:
+    """Return the number of the course of every exposure; courses are apart by `GAP_DEG`."""
+    order = np.argsort(heading_deg % 360)
+    sorted_deg = (heading_deg % 360)[order]
+    step = np.diff(sorted_deg, prepend=sorted_deg[-1] - 360) > GAP_DEG
+    number = np.cumsum(step) % max(int(step.sum()), 1)
+    out = np.zeros(len(order), dtype=np.intp)
+    out[order] = number
+    return out
+
+
+def _mean_deg(angles: Array) -> float:
+    turn = np.exp(1j * np.radians(angles)).mean()
+    return float(np.degrees(np.angle(turn)) % 360)
+
+
+def _numbers(values: Array, sign: str = "+") -> str:
+    return ", ".join(f"{value:{sign}.1f}" for value in values.tolist())

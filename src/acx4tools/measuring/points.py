@@ -9,7 +9,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
-from acx4tools.measuring.pictures.pairs import Found
+from acx4tools.measuring.pairs import Found
 
 WANTED = 3
 """Rays of a point, wherever the block has as many pictures of its place."""

@@ -12,7 +12,7 @@ from acx4lib.expected import Array
 from acx4lib.results import whole_files
 from acx4lib.results.whole_files import file_stem
 from acx4tools.measuring.measure import Outcome
-from acx4tools.measuring.pictures.views import View, pixels_of_view
+from acx4tools.measuring.views import View, pixels_of_view
 
 SIDE_PX = 1400
 """Longer side of the pictures, at most."""

@@ -37,7 +37,7 @@ def block(plan: Plan, name: str, *, wind: int = 0, tie_places: Array | None = No
     name : str
         One of its blocks.
     wind : int
-        As `exposures.exposures` takes it.
+        As `exposures` takes it.
     tie_places : ndarray, shape (n, 2), optional
         Where tie points are, if three images of a camera show them, as `Over.tie_places` returns
         it; so a simulated flight has them. By default they are looked for in this wind.

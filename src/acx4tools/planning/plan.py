@@ -142,7 +142,7 @@ class Points:
     Attributes
     ----------
     layout : str
-        ``grid``, ``corners``, ``border`` or ``at``: see `ground.places`.
+        ``grid``, ``corners``, ``border`` or ``at``: see `places`.
     number : tuple of int
         Rows and columns of a grid, or how many points.
     area_m : tuple of float

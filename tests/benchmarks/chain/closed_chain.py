@@ -22,7 +22,7 @@ import pandas as pd
 from acx4book.chapters.rig import true_head
 from acx4book.paper import printed
 from acx4lib.calibration import mounting, rig
-from acx4lib.calibration.absorption import ABSORBING, absorption
+from acx4lib.calibration.determination import ABSORBING, absorption
 from acx4lib.calibration.estimates import Calibration, parameters
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import Mounting, Mountings

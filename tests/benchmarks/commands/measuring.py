@@ -16,10 +16,9 @@ from acx4book.chapters.from_pictures import EXPOSURES
 from acx4lib.flight.block import Block, select_images
 from acx4lib.flight.design import flying_heights
 from acx4lib.flight.reader import read
-from acx4tools.measuring.levels import sizes_of
-from acx4tools.measuring.pictures import ground
-from acx4tools.measuring.pictures.overlaps import overlapping
-from acx4tools.measuring.pictures.views import declared_views, seen_at
+from acx4tools.measuring import views as measuring_views
+from acx4tools.measuring.levels import overlapping, sizes_of
+from acx4tools.measuring.views import declared_views, seen_at
 from benchmarks import harness
 
 REDUCED = (8, 4, 2)
@@ -68,7 +67,7 @@ def counted(block: Block, reduced: int) -> dict[str, Any]:
     paths = [Path(name) for name in block.images.names]
     views = [seen_at(view, reduced) for view in declared_views(block, paths)]
     below = float(np.mean(block.trajectory.T_m_b.r[:, 2] - flying_heights(block)))
-    pairs = overlapping(views, ground.level(below))
+    pairs = overlapping(views, measuring_views.level(below))
     camera = views[0].camera
     pixels = camera.width_px * camera.height_px / 1e6
     return work(len(views), len(pairs), reduced, pixels, len(sizes_of(views, 1)))

@@ -29,10 +29,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.command.batch.executors import on_processes
+from acx4book.command.batch.processes import on_processes
 from acx4book.notebooks import runner
 from acx4book.notebooks.ways import way_of
-from acx4book.report import material, record, verdict
+from acx4book.report import material, page, verdict
 from acx4lib.errors import Acx4Error
 from acx4lib.least_squares.processors import as_finished
 from acx4lib.results import folder as results
@@ -202,7 +202,7 @@ def memory() -> str | None:
 
 def said(whole: material.Material, *, tests: bool) -> Row:
     """Return what the record of a report says, on request with every test."""
-    statement = record.record(whole, verdict.findings(whole))["statement"]
+    statement = page.record(whole, verdict.findings(whole))["statement"]
     findings = statement["findings"]
     each = [(f["question"], test) for f in findings for test in f["tests"]]
     return {

@@ -14,7 +14,7 @@ import pytest
 import acx4sim
 from acx4book.command import many
 from acx4book.command.batch import runs, standing
-from acx4book.command.batch.work import Outcome
+from acx4book.command.batch.runs import Outcome
 from acx4book.notebooks import runner
 from acx4lib.results.runs import EXECUTED
 from support.flights import sized

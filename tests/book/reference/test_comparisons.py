@@ -10,7 +10,7 @@ import pytest
 
 from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.reference import comparisons, figures, nist
+from acx4book.reference import comparisons, nist
 from acx4book.reference.dbat import comparison
 from acx4book.reference.heads import FIVE, TEN
 from support.reference_files import needs
@@ -81,7 +81,7 @@ def test_summary_counts_every_value_once(nowhere):
 
 def test_figures_have_a_dot_for_every_number(nowhere):
     table = stored("camcal")
-    fig = figures.last_digits({"camcal": table})
+    fig = comparisons.last_digits({"camcal": table})
     dots = sum(len(line.get_xdata()) for line in fig.axes[0].lines)
     assert dots == (table["kind"] != "statement").sum()
 

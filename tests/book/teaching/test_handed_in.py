@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from acx4book.teaching import flights, handed_in, students
+from acx4book.teaching import flights, handed_in
 from acx4book.teaching.sheets.every import SHEETS
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import read
@@ -134,7 +134,7 @@ def test_a_students_folder_is_what_was_asked_for_and_holds_no_truth(name, key, t
     written = {abs(float(number)) for number in re.findall(r"\d+\.\d+", text)}
     assert written.isdisjoint(abs(n) for n in numbers(truth) if len(repr(n)) > 6)
     for purpose in ("truth", "errors"):
-        seed = students.seed(key, sheet=name, student='Ada "the\\ first"', purpose=purpose)
+        seed = flights.seed(key, sheet=name, student='Ada "the\\ first"', purpose=purpose)
         assert str(seed) not in text
         assert f"{seed:x}" not in text
     assert key.decode() not in text

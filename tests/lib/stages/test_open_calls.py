@@ -11,7 +11,7 @@ from acx4lib.conventions.search import Found
 from acx4lib.errors import AdjustmentError
 from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder
-from acx4lib.stages import attempt, explained, heads, mounting, rig, synthetic, validation
+from acx4lib.stages import attempt, heads, mounting, order, rig, synthetic, validation
 from acx4lib.synthetic_image.transferred_points import carry
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
@@ -125,7 +125,7 @@ def failing(_block, **_settings):
 
 
 def test_methods_that_all_fail_are_explained_by_the_reading_that_fits(alone, monkeypatch):
-    monkeypatch.setattr(explained.search, "best_reading", lambda _flight, _block: SAID)
+    monkeypatch.setattr(order.search, "best_reading", lambda _flight, _block: SAID)
     failing.__name__ = "single_step"
     failed = attempt(failing, alone.calibration, free=("f",))
     with pytest.raises(AdjustmentError) as raised:
@@ -136,7 +136,7 @@ def test_methods_that_all_fail_are_explained_by_the_reading_that_fits(alone, mon
 def test_a_method_that_fails_beside_others_is_left_out_with_its_explanation(
     alone, monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(explained.search, "best_reading", lambda _flight, _block: SAID)
+    monkeypatch.setattr(order.search, "best_reading", lambda _flight, _block: SAID)
     failing.__name__ = "single_step"
     failed = attempt(failing, alone.calibration, free=("f",))
     two = two_step(alone.calibration, free=alone.estimate_mounting, after=failed)

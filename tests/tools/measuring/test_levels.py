@@ -3,7 +3,37 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4tools.measuring.levels import COARSE_PX, STEP_DOWN, MeasureOptions, sizes_of
+from acx4lib.geometry.frames import Pose
+from acx4tools.measuring.levels import (
+    COARSE_PX,
+    STEP_DOWN,
+    MeasureOptions,
+    corners,
+    overlapping,
+    sizes_of,
+)
+
+
+def test_every_cell_has_one_corner_away_from_the_border(views):
+    found = corners(views[0], number=100, margin=13)
+    assert 80 <= len(found) <= 120
+    size = np.array([views[0].camera.width_px, views[0].camera.height_px])
+    assert np.all((found >= 13) & (found < size - 13))
+    cells = np.unique(found // (size // 4), axis=0)
+    assert len(cells) >= 16
+
+
+def moved(view, by):
+    return replace(view, T_m_c=Pose(R=view.T_m_c.R, r=view.T_m_c.r + by))
+
+
+def test_neighbours_opposite_and_crossing_strips_overlap(views, surface):
+    assert overlapping(views, surface) == [(i, j) for i in range(3) for j in range(i + 1, 3)]
+
+
+def test_far_pictures_and_other_scales_do_not(views, surface):
+    far = [views[0], moved(views[0], [3000.0, 0, 0]), moved(views[0], [0, 0, 5000.0])]
+    assert overlapping(far, surface) == []
 
 
 def test_levels_grow_by_no_more_than_a_step_to_the_size_asked_for(views):

@@ -1,6 +1,6 @@
 import numpy as np
 
-from acx4tools.measuring.pictures.pairs import Found
+from acx4tools.measuring.pairs import Found
 from acx4tools.measuring.points import chosen, joined
 
 AT = [np.array([[100, 100], [300, 100]]), np.array([[50, 60]]), np.zeros((0, 2), np.intp)]

@@ -14,7 +14,7 @@ from acx4lib.geometry.collinearity import project, rays
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.intersection import intersect
 from acx4tools.measuring.orientation import oriented_by_features
-from acx4tools.measuring.pictures.views import declared_views
+from acx4tools.measuring.views import declared_views
 
 CAMERA = Camera(
     name="C", width_px=480, height_px=360, pixel_mm=0.01, interior=Interior(f=4.2, k1=-2e-3)

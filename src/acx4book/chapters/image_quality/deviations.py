@@ -176,7 +176,7 @@ def consistent(found: Deviations, *, neighbours: int = 9) -> Mask:
     Returns
     -------
     ndarray of bool
-        False where a point stands out by more than `robust.SUSPECT` spreads of all points.
+        False where a point stands out by more than `start.SUSPECT` spreads of all points.
     """
     expected.whole("neighbours", neighbours)
     if len(found) == 0:

@@ -48,7 +48,7 @@ TINTS = {
     "rotations": style.BLUE,
     "six": style.TEAL,
 }
-"""Of the orientations, by the names of `wrong_heads.every_refinement`."""
+"""Of the orientations, by the names of `deviations.every_refinement`."""
 
 
 # --- vectors over the frame ------------------------------------------------------------------
@@ -237,7 +237,7 @@ def distortion_taken_up(
     Parameters
     ----------
     fits : mapping of str to Bundle
-        Self-calibrations with the lens free, by the names of `wrong_heads.every_refinement`.
+        Self-calibrations with the lens free, by the names of `deviations.every_refinement`.
     names : mapping of str to str
         What these are called.
     draws : DataFrame

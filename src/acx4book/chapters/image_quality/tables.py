@@ -36,7 +36,7 @@ from acx4lib.geometry.camera import INTERIOR, Camera, correct_jacobian, xy_from_
 from acx4lib.least_squares.statistics import chi2_sf
 
 NAMES: Mapping[str, str] = {"true": "true orientation", **WAYS}
-"""What the orientations of `wrong_heads.every_refinement` are called."""
+"""What the orientations of `deviations.every_refinement` are called."""
 
 PER_SIDE = 8
 """Cells along the longer side, in which points are taken together."""
@@ -298,7 +298,7 @@ def draw_table(draws: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
 
 
 def repaired(found: Mapping[str, Mapping[str, FrameErrors]]) -> pd.DataFrame:
-    """Return what the ways to refine make of wrong heads, as `wrong_heads.repaired` returns it."""
+    """Return what the ways to refine make of wrong heads, as `repaired` returns it."""
     names = WAYS | {"before": "nothing"}
     rows = {
         (errors, names[way]): {

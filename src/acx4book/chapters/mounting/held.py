@@ -19,7 +19,7 @@ from acx4book.typesetting.moving.plane import Plane
 from acx4book.typesetting.moving.rows import along, bars
 from acx4book.typesetting.style import round_length
 from acx4lib.attempts import Failed, attempt
-from acx4lib.calibration.absorption import ABSORBING
+from acx4lib.calibration.determination import ABSORBING
 from acx4lib.calibration.mounting import Mounting, two_step_gnss
 from acx4lib.expected import Array
 from acx4lib.flight import design

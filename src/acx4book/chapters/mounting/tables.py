@@ -16,12 +16,13 @@ from acx4book.typesetting.tables import SYMBOLS
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import WEAK
-from acx4lib.calibration.absorption import Absorption, effective_heights
 from acx4lib.calibration.determination import (
     CARRIED,
+    Absorption,
     Detectable,
     Pair,
     Part,
+    effective_heights,
     strong_correlations,
     weakest_combination,
 )

@@ -165,7 +165,7 @@ def orientations(  # noqa: PLR0913 options of a command
     heights: bring.Heights = "",
 ) -> None:
     """Read a table of orientations with declared columns."""
-    from acx4tools.exchange.trajectories import orientation_table  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientations as trajectories_orientations  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
@@ -178,14 +178,14 @@ def orientations(  # noqa: PLR0913 options of a command
         ellipsoidal=ellipsoidal,
         ground_m=scaled_above,
     )
-    options = orientation_table.TableOptions(
+    options = trajectories_orientations.TableOptions(
         columns=columns,
         separator=separator or "",
         of=of,
         block=block,
         camera=camera,
     )
-    bring.place(orientation_table.read(source, meaning, options), out)
+    bring.place(trajectories_orientations.read(source, meaning, options), out)
 
 
 def pospac_text(
@@ -198,10 +198,10 @@ def pospac_text(
     heights: bring.Heights = "",
 ) -> None:
     """Read a text export of POSPac."""
-    from acx4tools.exchange.trajectories import applanix_text, orientation_table  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientations as trajectories_orientations  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system)
-    options = orientation_table.TableOptions(block=block, camera=camera)
-    bring.place(applanix_text.read(source, meaning, options), out)
+    options = trajectories_orientations.TableOptions(block=block, camera=camera)
+    bring.place(trajectories_orientations.applanix_text_read(source, meaning, options), out)

@@ -47,7 +47,7 @@ def patterns(A: Array, reduced: Array) -> Figure:
     Parameters
     ----------
     A : ndarray, shape (46, 33)
-        Of `whole_system.equations`.
+        Of `adjusting.equations`.
     reduced : ndarray, shape (27, 27)
         Normal matrix after the points were eliminated.
     """

@@ -48,7 +48,7 @@ def where_rays_meet(T_m_c: Pose, results: Sequence[tuple[Array, Fit]]) -> Figure
     T_m_c : Pose
         Of the four images.
     results : sequence of (ndarray, Fit)
-        P from two images, and from four: `forward_intersection.intersected`.
+        P from two images, and from four: `adjusting.intersected`.
     """
     with applied():
         fig, (side, *near) = subplots(1, 3, figsize=(WIDTH, 4.0))

@@ -12,7 +12,7 @@ import pandas as pd
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.myst import scientific
-from acx4lib.calibration.absorption import Absorption
+from acx4lib.calibration.determination import Absorption
 from acx4lib.geometry.camera import Interior, distortion
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES
 from acx4lib.least_squares.covariance import sigmas

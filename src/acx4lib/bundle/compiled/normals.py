@@ -55,7 +55,7 @@ def _in_parts(packed: Packed, work: Callable[..., R], *each: Sequence[object]) -
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkNormals:
-    """The normal equations of a block at one state: `problem.Normals`.
+    """The normal equations of a block at one state: `normal_equations.Normals`.
 
     Attributes
     ----------

@@ -117,7 +117,7 @@ class Seen(NamedTuple):
 
 @uncounted_inlined
 def _appears_at(scene: Scene, i: int, p: int) -> float:
-    """Return the apparent height of a point, by `refraction.refraction_lift`."""
+    """Return the apparent height of a point, by `collinearity.refraction_lift`."""
     height, z = scene.r_m_c[i, 2], scene.x_m[p, 2]
     dx, dy = scene.x_m[p, 0] - scene.r_m_c[i, 0], scene.x_m[p, 1] - scene.r_m_c[i, 1]
     dz = z - height

@@ -1,17 +1,18 @@
-"""Images sampled at the positions of maps and blended, in compiled code.
-
-The cells of the maps' grid are made one by one. If only one head has weight in a cell, its
-samples are equalised and written. Otherwise the heads' samples are equalised, weighted and added
-first. This module knows neither cameras nor files.
-"""
+"""Requests for memory before it is needed, for compiled code that reads it in jumps."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
 
-from acx4lib.compiling import uncounted, uncounted_inlined
+from acx4lib.compiling import compiled, uncounted, uncounted_inlined
+from acx4lib.expected import Array, Index
 from acx4lib.synthetic_image.compiled.blend_weights import (
     UNSEEN,
     WITHIN,
@@ -28,7 +29,81 @@ from acx4lib.synthetic_image.compiled.interpolation import (
     sample_line,
     write_line,
 )
-from acx4lib.synthetic_image.compiled.memory_hints import ask_to_read, ask_to_write
+
+_INT = ir.IntType(32)
+_EMIT: Any = cgutils  # it has no types, nor has `intrinsic`
+_emitted: Callable[[Callable[..., Any]], Callable[..., Any]] = intrinsic
+
+
+@_emitted
+def ask_to_read(_typing: Any, address: Any) -> Any:
+    """Ask the processor to load memory that will be read: ``ask_to_read(address)``."""
+    return types.void(address), lambda *given: _ask(given[0], given[1], given[3][0], 0)
+
+
+@_emitted
+def ask_to_write(_typing: Any, address: Any) -> Any:
+    """Ask the processor to load memory that will be written: ``ask_to_write(address)``."""
+    return types.void(address), lambda *given: _ask(given[0], given[1], given[3][0], 1)
+
+
+def _ask(context: Any, builder: ir.IRBuilder, address: Any, write: int) -> Any:
+    pointer = ir.IntType(8).as_pointer()
+    kind = ir.FunctionType(ir.VoidType(), [pointer, _INT, _INT, _INT])
+    ask = _EMIT.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+    how = [ir.Constant(_INT, number) for number in (write, 3, 1)]  # 3: nearest cache, 1: data
+    builder.call(ask, [builder.inttoptr(address, pointer), *how])
+    return context.get_dummy_value()
+
+
+# --- Means of small patches of an image, and what of them is saturated, compiled
+
+
+@compiled
+def patch_means(image: Array, at: Array, mean: Array, peak: Array, often: Index) -> None:
+    """Fill in the means of bilinear samples, and the largest of the pixels that they are made of.
+
+    Count how often the pixel right of and below each sample has each value: enough pixels to tell
+    how frequent a value is.
+
+    Parameters
+    ----------
+    image : ndarray, shape (rows, cols, bands)
+    at : ndarray, shape (n, samples, 2)
+        col, row of the samples of each patch; they have pixels on all sides.
+    mean : ndarray, shape (n, bands)
+    peak : ndarray of the image's type, shape (n, bands)
+    often : ndarray of int64, shape (bands, values)
+        To be added to.
+    """
+    n, samples = at.shape[:2]
+    bands = image.shape[2]
+    total = np.empty(bands)
+    for p in range(n):
+        total[:] = 0.0
+        peak[p] = 0
+        for s in range(samples):
+            col, row = int(at[p, s, 0]), int(at[p, s, 1])
+            x, y = np.float32(at[p, s, 0] - col), np.float32(at[p, s, 1] - row)
+            for k in range(4):
+                down, across = k // 2, k % 2
+                weight = abs(np.float32(1 - across) - x) * abs(np.float32(1 - down) - y)
+                for band in range(bands):
+                    value = image[row + down, col + across, band]
+                    total[band] += np.float64(value) * np.float64(weight)
+                    peak[p, band] = max(peak[p, band], value)
+                    if k == 3:
+                        often[band, value] += 1
+        for band in range(bands):
+            mean[p, band] = total[band] / samples
+
+
+# --- Images sampled at the positions of maps and blended, in compiled code
+#
+# The cells of the maps' grid are made one by one. If only one head has weight in a cell, its
+# samples are equalised and written. Otherwise the heads' samples are equalised, weighted and added
+# first. This module knows neither cameras nor files.
+
 
 LINE = 64  # bytes that the processor loads from memory at a time
 

@@ -22,18 +22,11 @@ from acx4lib.geometry.frames import Pose
 from acx4tools.exchange import lens, tables
 from acx4tools.exchange.axes import FLIP, UNKNOWN, is_rotation, stacked
 from acx4tools.exchange.flight_folder import Brought
-from acx4tools.exchange.lens import WORST_PX, Pinhole
+from acx4tools.exchange.lens import WORST_PX, Model, Pinhole
 from acx4tools.exchange.lens_models import Lens
-from acx4tools.exchange.programs import micmac_fisheye, mmvii
-from acx4tools.exchange.project import (
-    Control,
-    Images,
-    Measured,
-    Project,
-    Proof,
-    flight_of,
-    in_crs,
-)
+from acx4tools.exchange.programs import mmvii
+from acx4tools.exchange.programs.mmvii import PROJECTIONS
+from acx4tools.exchange.project import Control, Images, Measured, Project, Proof, flight_of, in_crs
 from acx4tools.exchange.safe import opened, xml_tree
 from acx4tools.exchange.safe.opened import Opened, Together
 from acx4tools.exchange.safe.xml_tree import Element
@@ -165,7 +158,7 @@ def project(source: Path, *, crs: str | None = None) -> Project:
 
 def _images(found: Files) -> tuple[Images, Measured, Surveyed]:
     """Return images with their measurements, and surveyed points."""
-    measured, surveyed = list(_measured(found.measures)), Surveyed()
+    measured, surveyed = list(_micmac_measured(found.measures)), Surveyed()
     for element, name, x_w, sigma in _surveyed(found.surveyed):
         if name in surveyed:
             raise element.wrong(f"point {quoted(name)} stands twice", "must stand once")
@@ -367,7 +360,7 @@ def _own_points(orientation: Element) -> tuple[Array, Array]:
     return x_w.reshape(-1, 3), colrow.reshape(-1, 2)
 
 
-def _measured(sets: Iterable[Element]) -> Iterator[tuple[Element, str, str, Array]]:
+def _micmac_measured(sets: Iterable[Element]) -> Iterator[tuple[Element, str, str, Array]]:
     """Yield the element, image, point and pixel of every measurement."""
     for one in sets:
         for image in one.each("MesureAppuiFlottant1Im"):
@@ -419,13 +412,13 @@ def _lens(root: Element) -> Lens:
 
 def _is_fisheye(model: Element) -> bool:
     kind = model.maybe("TypeModele")
-    return kind is not None and kind.text in micmac_fisheye.MODELS
+    return kind is not None and kind.text in _MODELS
 
 
 def _fisheye(root: Element, model: Element, hole: Pinhole, size: tuple[int, int]) -> Lens:
     if len(list(root.each("CalibDistortion"))) != 1:
         raise model.wrong("is one of several distortions", "must be the only one")
-    measured = micmac_fisheye.measured(model)
+    measured = _measured(model)
     return Lens(
         width_px=size[0],
         height_px=size[1],
@@ -499,3 +492,84 @@ def _shift(element: Element) -> Callable[[Array], Array]:
 def _optional(element: Element, tag: str) -> float:
     found = element.maybe(tag)
     return 0.0 if found is None else found.number(allowed=COEFFICIENT)
+
+
+# --- Fisheyes of MicMac's version 1: ModUnif with 10 radial, 5 decentring terms,
+# polynomials to x⁵
+#
+# As its source has them: an ideal pixel, seen from the centre of distortion c in units of the
+# state s, is moved along its direction to the fisheye's distance; with r² of that point p the
+# measured one is c + s (p (1 + sum of K_i r^2i) + decentring + polynomials).
+
+
+_MODELS = {
+    "eModele_FishEye_10_5_5": "FE_EquiDist",
+    "eModele_EquiSolid_FishEye_10_5_5": "FE_EquiSolid",
+    "eModele_Stereographik_FishEye_10_5_5": "StereroGraphik",
+}
+"""Names of version 1, and of the projections of version 2 that they begin with."""
+
+RADIAL, DECENTRING, DEGREE = 10, 5, 5
+
+N = 50
+"""Number of parameters: centre, radial and decentring terms, polynomials."""
+
+STATE = Range(1e-3, 1e9, "must be positive")
+
+
+def _measured(model: Element) -> Model:
+    """Return the map from ideal pixels to measured ones, shape (n, 2), of an element ModUnif.
+
+    Raises
+    ------
+    FlightError
+        For parameters that are not those of a fisheye.
+    """
+    kind = model.one("TypeModele").text
+    values = np.array([one.number() for one in model.each("Params")])
+    if len(values) > N:
+        raise model.wrong(f"has {len(values)} Params", f"must have at most {N}")
+    values = np.pad(values, (0, N - len(values)))
+    state, distance = model.one("Etats").number(allowed=STATE), PROJECTIONS[_MODELS[kind]]
+    if distance is None:
+        raise model.wrong(quoted(kind), "must be a fisheye")
+    first = 2 + RADIAL
+    radial, decentring = values[2:first], values[first : first + 2 * DECENTRING].reshape(-1, 2)
+
+    def moved(colrow: Array) -> Array:
+        at = (colrow - values[:2]) / state
+        r = np.hypot(*at.T)
+        scale = np.divide(distance(np.arctan(r)), r, out=np.ones_like(r), where=r > 0)
+        p = at * scale[:, None]
+        r2 = np.sum(p * p, axis=1)
+        out = p * (1 + sum(k * r2**n for n, k in enumerate(radial, start=1)))[:, None]
+        for n, pair in enumerate(decentring, start=1):  # derivatives of p r^2n by the centre
+            if pair.any():
+                across = 2 * n * p * (p @ pair)[:, None] * (r2 ** (n - 1))[:, None]
+                out += across + np.outer(r2**n, pair)
+        out += _polynomials(p, values[first + 2 * DECENTRING :])
+        moved: Array = values[:2] + state * out
+        return moved
+
+    return moved
+
+
+def _polynomials(p: Array, values: Array) -> Array:
+    """Return the polynomials of degree 1 and 3 to 5."""
+    x, y = p.T
+    a, b = values[:2]
+    out = np.stack([a * x + b * y, b * x], axis=1)
+    for value, (axis, n, k) in zip(values[2:], _terms(), strict=True):
+        if value:
+            out[:, axis] += value * x ** (n - k) * y**k
+    return out
+
+
+def _terms() -> Iterator[tuple[int, int, int]]:
+    """Yield the axis, the degree and the power of y of each term, in the order of the file."""
+    for n in range(3, DEGREE + 1):
+        for k in range(n + 1):
+            if k:
+                yield 0, n, k
+            if n % 2 or k != n:
+                yield 1, n, k

@@ -1,7 +1,11 @@
-"""A list of orientations in one of the two forms that a flight's trajectory has."""
+"""Lists of orientations in one of the two forms that a flight's trajectory has.
+
+A text has declared columns or a heading that names them; that of Applanix has its own.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,8 +18,20 @@ from acx4lib.flight.problems import Problem, lines_of, quoted
 from acx4lib.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.geometry import frames
 from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
+from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.trajectories.listed import UNITS, Listed, position_of
+from acx4tools.exchange.safe.text_lines import Line, cut, lines
+from acx4tools.exchange.trajectories.listed import (
+    NUMBERS,
+    SKIP,
+    UNITS,
+    Column,
+    Listed,
+    left_out,
+    position_of,
+    read_list,
+)
 
 OPK, RPH = ("omega", "phi", "kappa"), ("roll", "pitch", "heading")
 GRID, GEOGRAPHIC = ("east", "north"), ("lat", "lon")
@@ -34,7 +50,7 @@ class Meaning:
     crs : str
         Projected CRS of the flight; empty where positions and attitudes need none.
     angle : str
-        Unit of attitudes whose columns do not say it, one of `columns.UNITS`.
+        Unit of attitudes whose columns do not say it, one of `listed.UNITS`.
     order : str
         opk: R = Rx(omega) Ry(phi) Rz(kappa); pok: Ry(phi) Rx(omega) Rz(kappa).
     north : str
@@ -361,3 +377,349 @@ def heights_said(meaning: Meaning) -> str:
         else f"; above {meaning.ground_m:g} m they carry the scale of the map, which is taken out"
     )
     return f"Heights are {system}{ground}."
+
+
+# --- A text with a row for each image: its position and attitude, in declared columns
+
+
+NORTH = {"grid": "grid north", "true": "true north"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableOptions:
+    """What is done with a list.
+
+    Attributes
+    ----------
+    columns, separator : str
+        As `read_list` takes them.
+    of : str
+        ``imu``, or ``camera``: whose positions and attitudes they are.
+    block, camera : str
+        Block of the flight; camera of all images, empty: that of the column, or no images.csv.
+    """
+
+    columns: str = ""
+    separator: str = ""
+    of: str = "imu"
+    block: str = "calibration"
+    camera: str = ""
+
+
+def read(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
+    """Return the orientations of a text with declared columns.
+
+    Parameters
+    ----------
+    path : Path
+    meaning : Meaning
+    options : TableOptions
+
+    Raises
+    ------
+    FlightError
+        With file and line.
+    """
+    source = opened.of_windows(opened.read(path))
+    listed = read_list(source, options.columns, separator=options.separator, numbers=NUMBERS)
+    return brought(listed, meaning, options, source="Table of orientations")
+
+
+def brought(
+    listed: Listed,
+    meaning: Meaning,
+    options: TableOptions,
+    *,
+    source: str,
+    says: tuple[str, ...] = (),
+) -> Brought:
+    """Return what a list of orientations brings of a flight; `says` is what it states itself."""
+    found = oriented(listed, meaning)
+    names = _names(listed)
+    table = {"exposure": names, **trajectory(listed, found, meaning)}
+    tables: dict[str, Any] = {f"{options.block}/trajectory.csv": table}
+    if options.camera or listed.has("camera"):
+        tables[f"{options.block}/images.csv"] = _images(listed, names, options.camera)
+    return Brought(
+        source=source,
+        sha256=opened.checksums([listed.source]),
+        settings=settings(meaning),
+        tables=tables,
+        pictures=grid_file(meaning),
+        assumed=_assumed(listed, found, meaning, options),
+        found=(*_found(listed, found, meaning), *says),
+        left_out=left_out(listed, "orientation"),
+    )
+
+
+def _names(listed: Listed) -> list[str]:
+    """Return the names of exposures: images, events, or else the numbers of the rows from 1."""
+    name = next((one for one in ("image", "exposure") if listed.has(one)), "")
+    return listed.unique(name) if name else [str(k + 1) for k in range(len(listed.rows))]
+
+
+def _images(listed: Listed, names: list[str], camera: str) -> dict[str, Any]:
+    cameras = [camera] * len(names) if camera else listed.names("camera")
+    table: dict[str, Any] = {"image": names, "camera": cameras, "exposure": names}
+    if listed.has("strip"):
+        table["strip"] = listed.names("strip")
+    return table
+
+
+def _assumed(
+    listed: Listed, found: Oriented, meaning: Meaning, options: TableOptions
+) -> tuple[str, ...]:
+    columns = " ".join(one.name for one in listed.columns)
+    heading = "declaration" if listed.declared else "its heading"
+    numbered = "" if listed.has("image") or listed.has("exposure") else "; exposures are numbered"
+    unit = {listed.columns[listed.at(name)].unit or meaning.angle for name in _angles(found)}
+    north = NORTH[found.north(meaning)]
+    if found.opk is not None:
+        order = (
+            "Rx(omega) Ry(phi) Rz(kappa)"
+            if meaning.order == "opk"
+            else ("Ry(phi) Rx(omega) Rz(kappa)")
+        )
+        attitude = (
+            f"Omega, phi, kappa in {', '.join(sorted(unit))}: R = {order} takes the axes of the "
+            f"{options.of} (x, y, up) to east, north, up; kappa is against {north}."
+        )
+    else:
+        attitude = (
+            f"Roll, pitch, heading in {', '.join(sorted(unit))}: forward-right-down against "
+            f"north-east-down; the heading is from {north}."
+        )
+    return (
+        f"The columns, by {heading}, are: {columns}; x counts east, y north{numbered}.",
+        *(["The text is in Windows-1252: it is not UTF-8."] if listed.source.encoding else []),
+        attitude,
+        _whose(options.of),
+        heights_said(meaning),
+    )
+
+
+def _whose(of: str) -> str:
+    if of == "imu":
+        return (
+            "Positions and attitudes are those of the IMU: no boresight, no lever arm is applied."
+        )
+    return (
+        "Positions and attitudes are those of the camera, with another program's boresight and "
+        "lever arm: the camera stands in the place of the IMU, and what is then estimated as "
+        "boresight is a correction to that program's."
+    )
+
+
+def _angles(found: Oriented) -> tuple[str, ...]:
+    return OPK if found.opk is not None else RPH
+
+
+def _found(listed: Listed, found: Oriented, meaning: Meaning) -> tuple[str, ...]:
+    lines = [f"Positions and attitudes: {len(listed.rows)}."]
+    angles = found.opk if found.opk is not None else found.rph
+    low, high = (
+        np.degrees(np.asarray(angles)).min(axis=0),
+        np.degrees(np.asarray(angles)).max(axis=0),
+    )
+    ranges = zip(_angles(found), low, high, strict=True)
+    lines.append("; ".join(f"{n} {a:.2f} to {b:.2f} deg" for n, a, b in ranges) + ".")
+    if found.east_north is not None and found.lonlat is not None and meaning.crs:
+        largest = apart(listed, found, meaning)
+        lines.append(
+            f"East and north, and latitude and longitude in {meaning.crs}, differ by at most "
+            f"{largest:.3f} m."
+        )
+    return tuple(lines)
+
+
+# --- Text exports of Applanix's POSPac: exterior orientations, or the trajectory at events
+#
+# A preamble tells mapping frame, datum, boresight and lever arms; a heading the columns; a line in
+# brackets, before the heading or after it, the units; rows follow. The heading has commas, tabs or
+# spaces, the rows tabs or spaces. In exterior orientations the column ID may be empty.
+
+
+ELLIPSOIDAL, ORTHOMETRIC = "height", "orthometric"
+
+PHRASES = {
+    r"(?:ELLIPSOID(?:AL)?|ELL\.?) (?:HEIGHT|HGT)": ELLIPSOIDAL,
+    r"(?:ORTHOMETRIC|ORTHO|MSL) (?:HEIGHT|HGT)": ORTHOMETRIC,
+    r"(?:EAST|NORTH|UP|DOWN)(?:ING)? VELOCITY": SKIP,
+    r"EAST(?:ING)? SD": "sigma_east",
+    r"NORTH(?:ING)? SD": "sigma_north",
+    r"HEIGHT SD": "sigma_height",
+    r"ROLL SD": "sigma_roll",
+    r"PITCH SD": "sigma_pitch",
+    r"HEADING SD": "sigma_heading",
+    r"(?:DISTANCE|WANDER(?: ANGLE)?)": SKIP,
+    r"EASTING": "east",
+    r"NORTHING": "north",
+    r"LAT(?:ITUDE)?": "lat",
+    r"LON(?:G|GITUDE)?": "lon",
+    r"OMEGA": "omega",
+    r"PHI": "phi",
+    r"KAPPA": "kappa",
+    r"ROLL": "roll",
+    r"PITCH": "pitch",
+    r"HEADING": "heading",
+    r"(?:# ?)?EVENT(?: ?#)?": "exposure",
+    r"(?:GPS ?)?TIME(?: ?\(S(?:EC)?\))?": "time",
+    r"(?:IMAGE |PHOTO )?(?:ID|NAME)": "image",
+    r"HEIGHT": ELLIPSOIDAL,
+}
+"""What a heading calls its columns; the longer of two phrases first."""
+
+# The group is empty and behind its phrase: a branch that begins with a letter is quickly refused.
+WORDS = re.compile("|".join(f"{p}(?![A-Z])(?P<_{k}>)" for k, p in enumerate(PHRASES)))
+NEEDED = ({"omega", "phi", "kappa"}, {"roll", "pitch", "heading"})
+ANGLE = {"DEG": "deg", "GRAD": "gon", "GON": "gon", "RAD": "rad"}
+TURN = re.compile(r"(?:FIRST|SECOND|THIRD) ROTATION IS ABOUT THE \W?([XYZ])\W")
+"""How a preamble tells the sequence of rotations, mapping to image."""
+
+SEQUENCES = {"": "", "XYZ": "opk", "YXZ": "pok"}
+"""Orders of `Meaning` by the axes that a preamble lists."""
+
+APPLIED = re.compile(r"(?:BORESIGHT|LEVER ARM) VALUES.*[1-9]")
+"""A line of the preamble with a boresight or lever arms that are not zero."""
+
+MOST_PREAMBLE = 60
+"""Lines of the preamble that are kept."""
+
+
+def applanix_text_read(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
+    """Return the orientations of a text export of POSPac.
+
+    Parameters
+    ----------
+    path : Path
+    meaning : Meaning
+        Its unit of angles, and the order of omega and phi, are replaced by what the text states.
+    options : TableOptions
+        Whose they are is found: omega, phi, kappa are the camera's, roll, pitch and heading the
+        IMU's, unless the preamble has a boresight or lever arms that are not zero.
+
+    Raises
+    ------
+    FlightError
+        With file and line, where no heading is found, a word of it is not known, positions are
+        not in metres, or a row is wrong.
+    """
+    source = opened.of_windows(opened.read(path))
+    heading, columns = _heading(source)
+    listed = _listed(source, heading, columns)
+    preamble = _preamble(source, heading.number)
+    meaning = replace(meaning, angle=_angle_unit(source, listed.rows[0].number))
+    names = {one.name for one in columns}
+    camera = NEEDED[0] <= names
+    applied = camera or any(APPLIED.match(one.upper()) for one in preamble)
+    order = _order(source, heading.number) if camera else ""
+    meaning = replace(meaning, order=order or meaning.order)
+    if ORTHOMETRIC in names:
+        if meaning.heights == "ellipsoidal":
+            expected = "needs --heights: a vertical CRS, a geoid grid file or a number"
+            raise heading.wrong("ORTHOMETRIC HEIGHT", "is no ellipsoidal height", expected)
+    else:
+        meaning = replace(meaning, ellipsoidal=True)
+    if not camera:  # a heading of POSPac is from true north
+        meaning = replace(meaning, north="true")
+    return brought(
+        _with_height(listed),
+        meaning,
+        replace(options, of="camera" if applied else "imu"),
+        source=f"POSPac {'exterior orientations' if camera else 'trajectory at events'}",
+        says=(f"The file states: {'; '.join(preamble)}.",) if preamble else (),
+    )
+
+
+def _heading(source: Opened) -> tuple[Line, tuple[Column, ...]]:
+    """Return the heading and its columns, a column of every name once."""
+    for number, text in enumerate(source.text().split("\n"), start=1):
+        upper = re.sub(r"[ \t]+", " ", text.upper())
+        if not ("KAPPA" in upper or "HEADING" in upper):
+            continue
+        found = list(WORDS.finditer(upper))
+        names = [list(PHRASES.values())[int(str(one.lastgroup)[1:])] for one in found]
+        if any(form <= set(names) for form in NEEDED) and not text.lstrip().startswith("("):
+            line = Line(file=source.file, number=number, cells=(text,))
+            unknown = re.findall(r"[A-Z]{2,}|\b[XYZ]\b", WORDS.sub("", upper))
+            if unknown:
+                raise line.wrong("heading", f"{quoted(unknown[0])} is not known", "use 'table'")
+            first = {name: k for k, name in reversed([*enumerate(names)])}
+            once = (name if first[name] == k else SKIP for k, name in enumerate(names))
+            return line, tuple(Column(name=name) for name in once)
+    expected = (
+        "must have a line with EASTING, NORTHING, … OMEGA, PHI, KAPPA or ROLL, PITCH, HEADING"
+    )
+    raise source.wrong("heading", "is not there", expected)
+
+
+def _listed(source: Opened, heading: Line, columns: tuple[Column, ...]) -> Listed:
+    """Return the rows after the heading; a first column ID that all rows lack is dropped."""
+    rows: list[Line] = []
+    for line in lines(source):
+        are_units = not rows and line.cells[0].startswith("(")
+        if line.number > heading.number and not are_units:
+            rows.append(line)
+    if not rows:
+        raise source.wrong("file", "has a heading and no rows", "must have rows")
+    text = source.text().split("\n")
+    by_tabs = [cut(text[row.number - 1].rstrip(), "\t") for row in rows]
+    if all(len(own) == len(columns) for own in by_tabs):
+        rows = [replace(row, cells=own) for row, own in zip(rows, by_tabs, strict=True)]
+    else:
+        plain = (" ".join(row.cells).replace(",", " ").split() for row in rows)
+        rows = [replace(row, cells=tuple(own)) for row, own in zip(rows, plain, strict=True)]
+    if columns[0].name == "image" and all(_lacks_id(row, columns) for row in rows):
+        rows = [replace(row, cells=row.cells[len(row.cells) == len(columns) :]) for row in rows]
+        columns = columns[1:]
+    for row in rows:
+        if len(row) != len(columns):
+            found = f"has {len(row)} cells"
+            raise row.wrong(
+                "row", found, f"must have {len(columns)}, as the heading of line {heading.number}"
+            )
+    return Listed(source=source, columns=columns, rows=tuple(rows), heading=heading)
+
+
+def _lacks_id(row: Line, columns: tuple[Column, ...]) -> bool:
+    return len(row) == len(columns) - 1 or (len(row) == len(columns) and not row.cells[0])
+
+
+def _with_height(listed: Listed) -> Listed:
+    columns = tuple(
+        Column(name="height") if one.name == ORTHOMETRIC else one for one in listed.columns
+    )
+    return replace(listed, columns=columns)
+
+
+def _preamble(source: Opened, before: int) -> list[str]:
+    text = (" ".join(one.split()) for one in source.text().split("\n")[: before - 1])
+    return [one[:200] for one in text if re.search(r"\w", one)][:MOST_PREAMBLE]
+
+
+def _angle_unit(source: Opened, before: int) -> str:
+    """Return the unit of attitudes by the line in brackets, degrees where there is none."""
+    for number, text in enumerate(source.text().split("\n")[: before - 1], start=1):
+        upper = text.upper()
+        if "POSITION IN" not in upper:
+            continue
+        if not re.search(r"POSITION IN M", upper):
+            raise source.wrong("units", quoted(text.strip()), "must be metres", line=number)
+        unit = re.search(r"ORIENTATION(?: ANGLES)?(?: AND SD)? IN (DEG|GRAD|GON|RAD)", upper)
+        if unit is None:
+            expected = "must state degrees, grads or radians"
+            raise source.wrong("units", quoted(text.strip()), expected, line=number)
+        return ANGLE[unit[1]]
+    return "deg"
+
+
+def _order(source: Opened, before: int) -> str:
+    """Return the order of omega, phi, kappa that the preamble states; empty where it does not."""
+    axes = ""
+    for number, text in enumerate(source.text().split("\n")[: before - 1], start=1):
+        if found := TURN.search(text.upper()):
+            axes += found[1]
+            if not any(known.startswith(axes) for known in SEQUENCES):
+                expected = "must be about x, y, z or y, x, z"
+                raise source.wrong("rotations", quoted(text.strip()), expected, line=number)
+    return SEQUENCES.get(axes, "")

@@ -12,8 +12,8 @@ from acx4book.typesetting.labels import LABELS
 from acx4lib.attempts import attempt
 from acx4lib.bundle.rejections import noncentrality
 from acx4lib.calibration import mounting
-from acx4lib.calibration.absorption import absorption
 from acx4lib.calibration.determination import (
+    absorption,
     detectable,
     nested_f_ratio,
     parameter_correlations,

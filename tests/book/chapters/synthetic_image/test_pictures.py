@@ -11,13 +11,13 @@ from matplotlib.collections import PathCollection
 from matplotlib.text import Annotation
 from numpy.testing import assert_allclose
 
+from acx4book.chapters.synthetic_image.figures import seams
 from acx4book.chapters.synthetic_image.pictures import (
     head_pictures,
     overlap_ties,
     stack,
     synthetic_picture,
 )
-from acx4book.chapters.synthetic_image.seams import seams
 from acx4lib.synthetic_image.frame import reduced_heads
 from support.figures import drawn, sentence, title
 from support.pictures import taken

@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.paper import absorbed, printed
-from acx4book.paper.errata import audit, heads, mounting, validation
+from acx4book.paper.errata import audit, mounting, validation
 from acx4lib.errors import FlightError
 from support.flights.simulated import fly
 
@@ -104,7 +104,7 @@ def test_printed_numbers_are_those_of_the_paper(findings, number, numbers):
 
 def test_heads_are_as_long_as_table_3_and_their_z_say():
     """A trial with a closed chain found 74.440, 74.169, 74.292, 74.370 mm."""
-    assert_allclose(heads.focal_lengths_of_heads(), (74.440, 74.169, 74.292, 74.370), atol=0.006)
+    assert_allclose(audit.focal_lengths_of_heads(), (74.440, 74.169, 74.292, 74.370), atol=0.006)
 
 
 def test_neither_nominal_focal_length_is_proved_by_rounded_ground_pixels(findings):
@@ -161,19 +161,19 @@ def test_count_probability_against_simulation():
 
 
 def test_border_distortion_of_the_heads():
-    assert_allclose(heads.border_distortion_px(), (14.5, 13.2, 12.5, 13.7), atol=0.05)
-    assert np.all(heads.total_distortion_px() > heads.border_distortion_px())
+    assert_allclose(audit.border_distortion_px(), (14.5, 13.2, 12.5, 13.7), atol=0.05)
+    assert np.all(audit.total_distortion_px() > audit.border_distortion_px())
 
 
 def test_coverage_tells_which_way_the_angles_turn():
-    as_read, transposed = heads.uncovered()
+    as_read, transposed = audit.uncovered()
     assert as_read == 0.0
     assert transposed == pytest.approx(0.47, abs=0.01)
 
 
 def test_footprints_reach_beyond_the_synthetic_image():
     """An earlier count without distortion, principal points and Zc: -43.9..38.6, -56.2..56.0."""
-    feet = np.concatenate([heads.footprint(head) for head in printed.HEADS])
+    feet = np.concatenate([audit.footprint(head) for head in printed.HEADS])
     assert_allclose(feet.min(axis=0), (-43.9, -56.2), atol=0.3)
     assert_allclose(feet.max(axis=0), (38.6, 56.0), atol=0.3)
 
@@ -181,19 +181,19 @@ def test_footprints_reach_beyond_the_synthetic_image():
 @pytest.mark.parametrize("head", printed.HEADS)
 def test_a_head_sees_its_own_footprint(head):
     """Points just inside the projected corners are seen, points just outside are not."""
-    feet = heads.footprint(head)
+    feet = audit.footprint(head)
     middle = feet.mean(axis=0)
-    R_s_h = heads.rotation_from_opk(printed.opk(head))
+    R_s_h = audit.rotation_from_opk(printed.opk(head))
     inside, outside = (middle + share * (feet - middle) for share in (0.99, 1.01))
-    assert heads.sees(head, inside, R_s_h).all()
-    assert not heads.sees(head, outside, R_s_h).any()
+    assert audit.sees(head, inside, R_s_h).all()
+    assert not audit.sees(head, outside, R_s_h).any()
 
 
 def test_correlations_are_judged_by_the_largest():
-    below = heads.correlations({"CAM1 xp_mm/omega_deg": -0.09, "CAM1 yp_mm/phi_deg": 0.02})
+    below = audit.correlations({"CAM1 xp_mm/omega_deg": -0.09, "CAM1 yp_mm/phi_deg": 0.02})
     assert below[1].startswith("largest: -0.09 (CAM1 x_p/ω)")
     assert below[2].startswith("Holds")
-    above = heads.correlations({"CAM1 xp_mm/omega_deg": 0.02, "CAM2 yp_mm/phi_deg": -0.85})
+    above = audit.correlations({"CAM1 xp_mm/omega_deg": 0.02, "CAM2 yp_mm/phi_deg": -0.85})
     assert above[1].startswith("largest: -0.85 (CAM2 y_p/φ)")
     assert above[2].startswith("Cannot")
 
@@ -330,7 +330,7 @@ def test_what_agrees():
 
 def test_every_decimal_of_the_errata_is_computed():
     """No finding's source has a number with decimals typed in its text."""
-    for module in (heads, mounting, audit, validation):
+    for module in (audit, mounting, audit, validation):
         source = Path(module.__file__).read_text(encoding="utf-8")
         code = re.sub(r'"""[\s\S]*?"""', "", source)
         typed = re.findall(r'f?"([^"\n]*)"', code)

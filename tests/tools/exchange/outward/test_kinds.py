@@ -9,7 +9,7 @@ from acx4lib.geometry.camera import correct, xy_from_colrow
 from acx4lib.geometry.frames import turn
 from acx4tools.exchange.outward.kinds import KINDS
 from acx4tools.exchange.programs import colmap, metashape, micmac, opensfm, opf
-from acx4tools.exchange.trajectories import orientation_table
+from acx4tools.exchange.trajectories import orientations
 from acx4tools.exchange.trajectories.orientations import Meaning
 
 CRS = "EPSG:31982"
@@ -17,8 +17,8 @@ CRS = "EPSG:31982"
 
 def from_opk(folder):
     meaning = Meaning(crs=CRS)
-    options = orientation_table.TableOptions(of="camera")
-    return orientation_table.read(folder / "orientations.csv", meaning, options)
+    options = orientations.TableOptions(of="camera")
+    return orientations.read(folder / "orientations.csv", meaning, options)
 
 
 READERS = {

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 
 from acx4book.reference import data
 from acx4lib.errors import FlightError
-from acx4tools.exchange.programs import micmac as reading
-from support.projects import micmac
+from acx4tools.exchange.programs import micmac
+from support.projects import micmac as projects_micmac
 from support.reference_files import needs
 
 COLROW = np.array([[0.0, 0.0], [999, 799], [510, 390], [100, 700]])
@@ -15,7 +15,7 @@ COLROW = np.array([[0.0, 0.0], [999, 799], [510, 390], [100, 700]])
 
 @pytest.fixture
 def folder(tmp_path):
-    return micmac.write(tmp_path / "m")
+    return projects_micmac.write(tmp_path / "m")
 
 
 def rms(brought, begin):
@@ -27,7 +27,7 @@ def rms(brought, begin):
 @needs("formats/micmac")
 def test_real_files_prove_the_conventions():
     """MicMac's own projections are met to what the refit of the lens leaves."""
-    brought = reading.read(data.path("formats/micmac/GroundMeasure.xml").parent)
+    brought = micmac.read(data.path("formats/micmac/GroundMeasure.xml").parent)
     assert rms(brought, "surveyed points") == pytest.approx(1.43, abs=0.01)
     assert rms(brought, "points that MicMac projected itself (Verif)") < 0.02
     assert any("(40 measurements)" in one for one in brought.found)
@@ -36,7 +36,7 @@ def test_real_files_prove_the_conventions():
 
 
 def test_a_folder_becomes_a_flight(folder):
-    brought = reading.read(folder, orientations="adjusted", crs="EPSG:31982", pixel_um=4.0)
+    brought = micmac.read(folder, orientations="adjusted", crs="EPSG:31982", pixel_um=4.0)
     assert brought.settings["crs"] == "EPSG:31982"
     assert brought.settings["cameras"]["C"]["focal_mm"] == 4.0
     assert rms(brought, "surveyed points") < 1e-9
@@ -50,21 +50,23 @@ def test_a_folder_becomes_a_flight(folder):
 
 def test_orientations_without_a_crs_are_refused(folder):
     with pytest.raises(FlightError, match="crs: adjusted orientations are in coordinates whose"):
-        reading.read(folder, orientations="adjusted")
+        micmac.read(folder, orientations="adjusted")
 
 
 def test_measurements_alone_are_read(folder):
-    brought = reading.read(folder / "measured.xml")
+    brought = micmac.read(folder / "measured.xml")
     assert brought.tables["calibration/images.csv"]["camera"] == ["CAM"]
     assert brought.tables["calibration/image_points.csv"]["col_px"] == [500.0, 1.0]
 
 
-@pytest.mark.parametrize("model", [micmac.RADIAL, micmac.FRASER], ids=["ModRad", "ModPhgrStd"])
+@pytest.mark.parametrize(
+    "model", [projects_micmac.RADIAL, projects_micmac.FRASER], ids=["ModRad", "ModPhgrStd"]
+)
 def test_a_distortion_takes_ideal_pixels_to_measured_ones(tmp_path, model):
     """Written out: x from the centre of distortion, r² = x² + y²."""
-    calibration = micmac.CALIBRATION.format(model=model)
-    folder = micmac.write(tmp_path / "m", **{"Ori-A/AutoCal_C.xml": calibration})
-    ideal = 1000 * reading.project(folder).lenses["C"].ideal(COLROW) + [500, 400]
+    calibration = projects_micmac.CALIBRATION.format(model=model)
+    folder = projects_micmac.write(tmp_path / "m", **{"Ori-A/AutoCal_C.xml": calibration})
+    ideal = 1000 * micmac.project(folder).lenses["C"].ideal(COLROW) + [500, 400]
     x, y = (ideal - [510, 390]).T
     r2 = x * x + y * y
     p1, p2, b1 = (1e-6, -2e-6, 1e-4) if "P1" in model else (0, 0, 0)
@@ -98,8 +100,8 @@ def test_a_fisheye_is_that_of_the_formulas(tmp_path, kind):
     values[[24, 30]] = [0.02, -0.03]
     params = "".join(f"<Params>{one!r}</Params>" for one in values.tolist())
     model = f"<ModUnif><TypeModele>{kind}</TypeModele>{params}<Etats>900</Etats></ModUnif>"
-    calibration = micmac.CALIBRATION.format(model=model)
-    folder = micmac.write(tmp_path / "m", **{"Ori-A/AutoCal_C.xml": calibration})
+    calibration = projects_micmac.CALIBRATION.format(model=model)
+    folder = projects_micmac.write(tmp_path / "m", **{"Ori-A/AutoCal_C.xml": calibration})
     ideal = np.array([[0.5, -0.4], [-0.3, 0.35], [0.02, 0.01]])
     at = (1000 * ideal + [500, 400] - [510, 390]) / 900
     r = np.hypot(*at.T)
@@ -110,23 +112,23 @@ def test_a_fisheye_is_that_of_the_formulas(tmp_path, kind):
     dx += 3e-3 * r2 * 4 * x * y + 4e-3 * x + 5e-3 * y
     dy += 3e-3 * r2 * (r2 + 4 * y * y) + 5e-3 * x + 0.02 * x**3 - 0.03 * y**3
     seen = 900 * np.stack([x + dx, y + dy], axis=1) + [510, 390]
-    lens = reading.project(folder).lenses["C"]
+    lens = micmac.project(folder).lenses["C"]
     assert_allclose(lens.colrow(ideal), seen, atol=1e-9)
     assert_allclose(lens.ideal(seen), ideal, atol=1e-9)
 
 
 def test_a_camera_that_looks_down_has_the_librarys_axes(folder):
-    pose = reading.project(folder).images.T_w_c[0]
+    pose = micmac.project(folder).images.T_w_c[0]
     assert_allclose(pose.R, np.eye(3))
     assert_allclose(pose.r, [10, 20, 100])
 
 
 def test_points_inside_global_are_found(folder):
     """As MicMac's manual, and the programs that write such files, have them."""
-    known = reading.read(folder).tables
+    known = micmac.read(folder).tables
     path = folder / "points.xml"
     path.write_text(f'<?xml version="1.0"?>\n<Global>{path.read_text()}</Global>')
-    assert reading.read(folder).tables == known
+    assert micmac.read(folder).tables == known
 
 
 def test_one_of_several_orientations_must_be_chosen(folder):
@@ -134,8 +136,8 @@ def test_one_of_several_orientations_must_be_chosen(folder):
     for path in (folder / "Ori-A").iterdir():
         (folder / "Ori-B" / path.name).write_text(path.read_text().replace("<F>1000", "<F>2000"))
     with pytest.raises(FlightError, match=r"has orientations in Ori-A, Ori-B; give one of these"):
-        reading.read(folder)
-    brought = reading.read(folder / "Ori-B", pixel_um=4.0)
+        micmac.read(folder)
+    brought = micmac.read(folder / "Ori-B", pixel_um=4.0)
     assert brought.settings["cameras"]["C"]["focal_mm"] == 8.0
     assert "control_points.csv" in brought.tables
 
@@ -144,19 +146,19 @@ def test_a_calibration_lies_beside_its_orientations(folder):
     (folder / "Ori-0").mkdir()
     calibration = (folder / "Ori-A" / "AutoCal_C.xml").read_text()
     (folder / "Ori-0" / "AutoCal_C.xml").write_text(calibration.replace("1000", "2000"))
-    brought = reading.read(folder, pixel_um=4.0)
+    brought = micmac.read(folder, pixel_um=4.0)
     assert brought.settings["cameras"]["C"]["focal_mm"] == 4.0
 
 
 def test_orientations_may_hold_their_calibration(folder):
     path = folder / "Ori-A" / "Orientation-a.JPG.xml"
-    inner = micmac.FILES["Ori-A/AutoCal_C.xml"].split("InternConique>")[1]
+    inner = projects_micmac.FILES["Ori-A/AutoCal_C.xml"].split("InternConique>")[1]
     interior = f"<Interne>{inner.removesuffix('</Calibration')}</Interne>"
     text = path.read_text().replace("<FileInterne>Ori-A/AutoCal_C.xml</FileInterne>", interior)
     for name in ("a", "b"):
         (folder / "Ori-A" / f"Orientation-{name}.JPG.xml").write_text(text)
     other = text.replace("<F>1000", "<F>2000")
     (folder / "Ori-A" / "Orientation-c.JPG.xml").write_text(other)
-    images = reading.read(folder).tables["calibration/images.csv"]
+    images = micmac.read(folder).tables["calibration/images.csv"]
     cameras = dict(zip(images["image"], images["camera"], strict=True))
     assert cameras == {"a.JPG": "C", "b.JPG": "C", "c.JPG": "CAM2"}

@@ -9,9 +9,8 @@ from acx4lib.errors import FlightError
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.geodesy import GridSystem
 from acx4tools.exchange import flight_folder
-from acx4tools.exchange.trajectories import orientation_table, point_tables
-from acx4tools.exchange.trajectories.orientation_table import TableOptions
-from acx4tools.exchange.trajectories.orientations import Meaning
+from acx4tools.exchange.trajectories import orientations, point_tables
+from acx4tools.exchange.trajectories.orientations import Meaning, TableOptions
 from acx4tools.exchange.trajectories.point_tables import MeasuredOptions
 from support.reference_files import needs
 
@@ -158,7 +157,7 @@ def test_igns_control_lies_where_it_was_measured(tmp_path):
     camera = {"width_px": 26460, "height_px": 17004, "pixel_um": 4.0, "focal_mm": 123.9}
     lens = {"xp_mm": (13210 - 13229.5) * 0.004, "yp_mm": (8501.5 - 8502) * 0.004}
     for brought in (
-        orientation_table.read(files["images.OPK"], meaning, TableOptions(of="camera")),
+        orientations.read(files["images.OPK"], meaning, TableOptions(of="camera")),
         point_tables.measured(pairs, options),
         surveyed,
     ):
