@@ -277,8 +277,12 @@ def is_determined(calibration: Calibration) -> Mask:
     return (sigma <= np.array(limits)) & np.isfinite(sigma)
 
 
+AS_ONE = 0.99
+"""Correlation from which parameters of two heads are open together: one sentence is enough."""
+
+
 def not_determined(calibration: Calibration, features: frozenset[str] = frozenset()) -> list[str]:
-    """Return one sentence per parameter that the data do not determine.
+    """Return one sentence per parameter that the data do not determine, or of heads as one.
 
     It has the standard deviation, the largest correlations and the geometry that helps.
 
@@ -291,24 +295,46 @@ def not_determined(calibration: Calibration, features: frozenset[str] = frozense
     listed = parameters(calibration)
     related = correlation(reported_covariance(calibration))
     out = []
-    for i in np.flatnonzero(~is_determined(calibration)):
+    for alike in _alike(listed, related, np.flatnonzero(~is_determined(calibration))):
+        i = alike[0]
         p = listed[i]
-        how = (
-            "left open by the observations"
-            if np.isinf(p.sigma)
-            else f"sigma {p.sigma:.3g} {p.unit}"
-        )
         strongest = sorted(
             (j for j in range(len(listed)) if j != i), key=lambda j: -abs(related[i, j])
         )[:2]
         with_others = ", ".join(
             f"{related[i, j]:+.2f} with {_name_beside(listed[j], p)}" for j in strongest
         )
+        named = f"{p.camera} {p.name}"
+        if len(alike) > 1:
+            named = f"{p.name} of {', '.join(listed[j].camera for j in alike)}"
+            with_others = f"{min(related[i, j] for j in alike):+.2f} with each other"
         out.append(
-            f"{p.camera} {p.name} is not determined ({how}; correlation {with_others}); "
+            f"{named} is not determined ({_how_well(p)}; correlation {with_others}); "
             f"it would need: {needed(p.key, features)}"
         )
     return out
+
+
+def _how_well(p: Parameter) -> str:
+    if np.isinf(p.sigma):
+        return "left open by the observations"
+    return f"sigma {p.sigma:.3g} {p.unit}"
+
+
+def _alike(listed: Sequence[Parameter], related: Array, open_idx: Index) -> list[list[int]]:
+    """Return parameters that are open together: one of several heads, whose values move as one."""
+    groups: list[list[int]] = []
+    for i in open_idx.tolist():
+        p = listed[i]
+        for group in groups:
+            first = listed[group[0]]
+            same = (first.name, _how_well(first)) == (p.name, _how_well(p))
+            if same and related[group[0], i] > AS_ONE:
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return groups
 
 
 def _name_beside(other: Parameter, own: Parameter) -> str:

@@ -87,7 +87,7 @@ class Weak:
 def sentences(
     found: Sequence[Weak], features: frozenset[str] = frozenset(), *, late: bool = False
 ) -> list[str]:
-    """Return one sentence per weak parameter: why, and what would determine it.
+    """Return one sentence per weak parameter, or of heads alike: why, and what would determine it.
 
     Parameters
     ----------
@@ -98,15 +98,24 @@ def sentences(
     late : bool
         Whether a delay of the positions was estimated, too.
     """
-    out = []
+    groups: dict[tuple[str, str, str], list[str]] = {}
     for one in found:
         p = one.parameter
         cure = needed(p.key, features)
         if late and cure == ENOUGH and p.key in ALONG:
             cure = SPEEDS
-        named = f"{p.camera} {p.name}".strip()
-        out.append(f"{named} is weak ({one.reason}); it would need: {cure}")
-    return out
+        groups.setdefault((p.name, one.reason, cure), []).append(p.camera)
+    return [
+        f"{_named(name, cameras)} is weak ({reason}); it would need: {cure}"
+        for (name, reason, cure), cameras in groups.items()
+    ]
+
+
+def _named(name: str, cameras: Sequence[str]) -> str:
+    """Return the name of a parameter of one camera, or of several in the same state."""
+    if len(cameras) > 1:
+        return f"{name} of {', '.join(cameras)}"
+    return f"{cameras[0]} {name}".strip()
 
 
 def of_calibration(

@@ -162,6 +162,28 @@ def test_a_parameter_is_not_determined_above_the_stated_limit(name, limit):
     assert needed(name) in line
 
 
+@pytest.mark.parametrize(("related", "lines"), [(0.9999, 1), (0.5, 2)])
+def test_heads_whose_lever_arms_move_as_one_are_one_sentence(related, lines):
+    one = with_sigmas(lever_z=5.0)
+    columns = layout(2, 0, free=(), free_mount=MOUNT)
+    cov = np.kron(np.eye(2), one.cov)
+    first, second = columns.mount[:, MOUNT.index("lever_z")]
+    cov[first, second] = cov[second, first] = related * 25.0
+    heads = tuple(replace(one.cameras[0], name=name) for name in "AB")
+    found = not_determined(
+        replace(
+            one,
+            cameras=heads,
+            layout=columns,
+            cov=cov,
+            open_columns=np.zeros(columns.n_columns, dtype=bool),
+        )
+    )
+    assert len(found) == lines
+    together = "lever_z_m of A, B is not determined (sigma 5 m; correlation +1.00 with each other)"
+    assert found[0].startswith(together if lines == 1 else "A lever_z_m is not determined (sigma")
+
+
 def test_a_boresight_is_judged_by_the_attitudes_that_determine_it():
     rough = replace(with_sigmas(boresight_z=np.radians(1.2)), limit_boresight_deg=3.0)
     assert not_determined(rough) == []
