@@ -35,3 +35,49 @@ def test_a_cellar_is_entered_from_its_own_room_alone(cellar):
     name = ".".join(cellar.relative_to(SRC).parts)
     others = [path for path in MODULES if cellar.parent not in path.parents]
     assert not [named(path) for path in others if name in path.read_text("utf-8")]
+
+
+# --- names that docstrings refer to ----------------------------------------------------------
+
+REFERRED = re.compile(r"(?<!`)`(\w+)\.(\w+)`(?!`)")
+ELSEWHERE = {"os", "itertools", "Figure"}
+"""Of other libraries."""
+
+FILES = {"toml", "csv", "json", "md", "zip"}
+"""What follows the point in the name of a file."""
+
+
+def names_of(tree):
+    """Return the names that a module or a class has, and those of its imports."""
+    defined = (ast.FunctionDef, ast.ClassDef)
+    names = {node.name for node in tree.body if isinstance(node, defined)}
+    names |= {
+        name.id
+        for node in tree.body
+        if not isinstance(node, defined)
+        for name in ast.walk(node)
+        if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+    }
+    imports = [n for n in ast.walk(tree) if isinstance(n, ast.Import | ast.ImportFrom)]
+    return names | {alias.asname or alias.name for node in imports for alias in node.names}
+
+
+def test_what_a_docstring_names_exists():
+    known, trees = {}, {}
+    for path in (ROOT / "src").rglob("*.py"):
+        trees[path] = tree = ast.parse(path.read_text("utf-8"))
+        name, inside = path.stem, set()
+        if name == "__init__":
+            name, inside = path.parent.name, {other.stem for other in path.parent.iterdir()}
+        known.setdefault(name, set()).update(names_of(tree), inside)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                known.setdefault(node.name, set()).update(names_of(node))
+    stale = []
+    for path, tree in trees.items():
+        arguments = {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
+        local = arguments | ELSEWHERE | {"inverse"}
+        for of, name in REFERRED.findall(path.read_text("utf-8")):
+            if of not in local and name not in FILES and name not in known.get(of, ()):
+                stale.append(f"{path.relative_to(ROOT)}: {of}.{name}")
+    assert stale == []
