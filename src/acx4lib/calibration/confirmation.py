@@ -463,7 +463,8 @@ def by_course(bundle: Bundle) -> ByCourse | None:
         None where there are less than two courses of two exposures, or errors are declared as
         correlated.
     """
-    if bundle.network.observed.slow_attitudes is not None:
+    observed = bundle.network.observed
+    if observed.slow_attitudes is not None or not np.isfinite(observed.sigma_attitude).any():
         return None
     course, off = headings(bundle)
     course, off = course[np.isfinite(off)], off[np.isfinite(off)]
