@@ -365,10 +365,13 @@ def oriented_by_features(
     Raises
     ------
     FlightError
-        Where no two exposures are connected.
+        Where there is one exposure, or no two are connected.
     AdjustmentError
         Where the features cannot be adjusted.
     """
+    if len({*block.images.exposure_idx.tolist()}) < 2:
+        says = f"block {block.name}: all pictures are of one exposure, whose rays meet nowhere"
+        raise FlightError([f"{says}; acx4 run turns heads by their pictures alone"])
     small = [seen_at(view, _shrink(view)) for view in views]
     features, links = _connected(block, small, executor, tell)
     part = _parts(block, links)

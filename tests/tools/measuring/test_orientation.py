@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from acx4lib.errors import FlightError
+from acx4lib.flight import reader
+from acx4lib.flight.block import select_images
 from acx4tools.measuring.measure import measure_flight
+from acx4tools.measuring.orientation import oriented_by_features
 from support.pictures import measured
 
 OFF = {"C1-04": (4, -5, 10), "C2-04": (-5, 3, -9), "C4-04": (5, 4, 8)}
@@ -63,3 +66,10 @@ def test_pictures_without_anything_in_common_are_refused(whole, tmp_path):
         cv2.imwrite(str(path), noise, [cv2.IMWRITE_TIFF_COMPRESSION, 1])
     with pytest.raises(FlightError, match="features in common"):
         measure_flight(own, tmp_path / "out")
+
+
+def test_pictures_of_one_exposure_are_refused(whole):
+    block = reader.read(whole.measured).block("calibration")
+    one = select_images(block, block.images.exposure_idx == block.images.exposure_idx[0])
+    with pytest.raises(FlightError, match="of one exposure, whose rays meet nowhere"):
+        oriented_by_features(one, [], executor=None, tell=lambda *_: None)
