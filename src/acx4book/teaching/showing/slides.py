@@ -211,6 +211,21 @@ BLOCKS: tuple[tuple[Slide, ...], ...] = (
             figure="fig-mistakes",
         ),
         Slide(
+            title="Four real heads",
+            says=("No control points: tie points and positions alone put the bands in register.",),
+            chapter="13-four-real-heads",
+            figure="fig-real-registers",
+        ),
+        Slide(
+            title="A magnetometer in an aircraft",
+            says=(
+                "Its heading is off by another amount on another course.",
+                "Pictures of four courses find it; of one course, it goes into the boresight.",
+            ),
+            chapter="13-four-real-heads",
+            figure="fig-real-compass",
+        ),
+        Slide(
             title="Your turn",
             says=("Every student has another flight. Talk about the way, not about the numbers.",),
         ),
