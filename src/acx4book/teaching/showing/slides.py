@@ -212,7 +212,7 @@ BLOCKS: tuple[tuple[Slide, ...], ...] = (
         ),
         Slide(
             title="Four real heads",
-            says=("No control points: tie points and positions alone put the bands in register.",),
+            says=("No control points: tie points alone put the bands in register.",),
             chapter="13-four-real-heads",
             figure="fig-real-registers",
         ),
