@@ -6,14 +6,14 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4book.pages.benchmarks import speed
+from acx4book.pages.benchmarks import stored as read_by_the_book
 from benchmarks import harness
 
 
 def test_the_book_reads_what_is_written(tmp_path):
     points = pd.DataFrame({"name": ["A"], "x": [1 / 3]})
     harness.write(tmp_path, "runs", {"points": points}, {"cores": 2}, digits=4)
-    about, (found,) = speed.read(tmp_path, "runs", "points")
+    about, (found,) = read_by_the_book.read(tmp_path, "runs", "points")
     assert about["cores"] == 2
     assert "date" in about
     assert_allclose(found["x"], 0.3333, rtol=0)

@@ -21,7 +21,7 @@ from acx4book.chapters import flight
 from acx4book.notebook import ENDS
 from acx4book.notebooks import execute, runner
 from acx4book.pages import api, certificate, example, frames, release, reproducibility, study, words
-from acx4book.pages.benchmarks import sigma, speed, verdicts
+from acx4book.pages.benchmarks import imports, sigma, speed, verdicts
 from acx4book.pages.benchmarks.sigma import normalised_errors
 from acx4book.paper import printed, questions, scorecard
 from acx4book.report import material, page
@@ -127,7 +127,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb", note)
     pages = [f"_executed/{name}" for name in left_out]
     study.leave_out(book, pages if whole else [*pages, api.FOLDER])
-    timed, errors = speed.speed_read(BENCHMARKS), sigma.read(BENCHMARKS)
+    timed, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
         *_texts_of_run(flight_path, results_path, ideal_path),
         *_texts_of_front(results_path, executed, ideal_path),
@@ -380,7 +380,7 @@ def _texts_of_benchmarks(
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts: speed, what imports say, errors over standard deviations."""
     yield from speed.texts(timed)
-    yield from speed.imports_texts(BENCHMARKS)
+    yield from imports.texts(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
     yield "coverage-found.md", sigma.found(errors)
@@ -397,7 +397,7 @@ def _texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
     for name in RUN_PAGES:
         pieces = example.snippets((book / f"{name}.md").read_text(encoding="utf-8"))
         for number, said in enumerate(example.outputs(pieces), 1):
-            yield f"{name}-{number}.txt", speed.wrapped(said) if name in WRAPPED else said
+            yield f"{name}-{number}.txt", imports.wrapped(said) if name in WRAPPED else said
 
 
 def _texts_of_back_matter() -> Iterator[tuple[str, str]]:

@@ -19,7 +19,7 @@ import yaml
 from acx4book.chapters import synthetic_cost
 from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.pages.benchmarks import speed
+from acx4book.pages.benchmarks import stored
 from acx4book.paper import printed
 from acx4book.reference import data as reference
 from acx4book.typesetting.labels import LABELS, TITLES, UNITS, with_unit
@@ -232,7 +232,7 @@ def _of_chain(found: synthetic_cost.Study) -> Flights:
 
 def of_ideal(benchmarks: Path, method: str) -> Flights:
     """Return the flights whose synthetic images one ideal camera took."""
-    _, (points,) = speed.read(benchmarks, "coverage", "points", make="coverage")
+    _, (points,) = stored.read(benchmarks, "coverage", "points", make="coverage")
     rows = []
     for _, own in points[points["method"] == method].groupby("seed"):
         said = accuracy.from_differences(own[["d_east_m", "d_north_m", "d_height_m"]].to_numpy())
@@ -307,7 +307,7 @@ def _rms(entry: dict[str, Any]) -> tuple[float, float]:
 
 def slow_errors(benchmarks: Path) -> str:
     """Say what errors of the trajectory that change slowly do to the boresight."""
-    _, (errors,) = speed.read(benchmarks, "slow_errors", make="coverage")
+    _, (errors,) = stored.read(benchmarks, "slow_errors", make="coverage")
     own = errors[(errors["weights"] == "white") & errors["parameter"].isin(BORESIGHT_ANGLES)]
     ratio = ((own["error"] / own["sigma"]) ** 2).groupby(own["parameter"]).mean() ** 0.5
     return (

@@ -21,7 +21,7 @@ from acx4lib.expected import Raster
 from acx4lib.geometry.camera import Camera
 from acx4lib.opening import opened
 from acx4lib.production import picture_sizes
-from acx4lib.production import tiff as production_tiff
+from acx4lib.production import tiff as tiff_files
 
 BANDS = 4
 """Largest number of bands of an image."""
@@ -128,10 +128,10 @@ def image_from_file(path: Path, camera: Camera) -> ImageFile:
     with _readable(path):
         size = path.stat().st_size
         with opened(path) as file:
-            fault = production_tiff.fault(file, size, pages=PAGES)
+            fault = tiff_files.fault(file, size, pages=PAGES)
         if fault:
             raise FlightError([f"{path}: {fault}"])
-        with production_tiff.opened(path) as tiff:
+        with tiff_files.opened(path) as tiff:
             header = _header(tiff)
     k = _reduction(header, camera)
     problem = _kind_problem(header) or _size_problem(header, camera, k)
@@ -348,7 +348,7 @@ def _mapped(path: Path, header: _Header) -> Raster:
 
 def _decoded(path: Path, header: _Header) -> Raster:
     """Return the decoded image, with the bands of a pixel together."""
-    with _readable(path), production_tiff.opened(path) as tiff:
+    with _readable(path), tiff_files.opened(path) as tiff:
         image = tiff.pages.first.asarray(squeeze=False)
     planes = np.moveaxis(image[:, 0], 0, 2)  # rows, columns, planes, bands of a plane
     together = planes.reshape(header.height, header.width, header.bands)

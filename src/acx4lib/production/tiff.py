@@ -23,10 +23,9 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from acx4lib import expected
+from acx4lib import expected, opening
 from acx4lib.expected import Raster
 from acx4lib.least_squares import processors
-from acx4lib.opening import opened as opening_opened
 from acx4lib.results import whole_files
 
 MOST_BYTES = 20_000_000
@@ -385,7 +384,7 @@ def _stretched(image: Raster) -> NDArray[np.uint8]:
 
 def _to_disk(path: Path) -> None:
     """Wait until a file is on the disk and not only in memory."""
-    with opening_opened(path) as file:
+    with opening.opened(path) as file:
         os.fsync(file.fileno())
 
 

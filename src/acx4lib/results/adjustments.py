@@ -21,7 +21,7 @@ from acx4lib.bundle.variance_components import (
     sigma_tests,
     tests_as_json,
 )
-from acx4lib.calibration import confirmation, determination, stability, trajectory_errors
+from acx4lib.calibration import courses, determination, stability, trajectory_errors
 from acx4lib.calibration.confirmation import confirmations
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -307,7 +307,7 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"
         )
-    by_course = confirmation.by_course(bundle)
+    by_course = courses.by_course(bundle)
     if by_course is not None and by_course.differs:
         notes.append(by_course.sentence)
     return [*notes, *trajectory_errors.notes(bundle)]

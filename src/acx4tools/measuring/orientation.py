@@ -28,10 +28,9 @@ from acx4lib.geometry.camera import correct, mountings, xy_from_colrow
 from acx4lib.geometry.frames import Pose, exp, log, rph_from_rotation, transform
 from acx4lib.geometry.intersection import R_C_CV
 from acx4lib.tie_points.overlaps import grey
-from acx4tools.measuring import views as measuring_views
 from acx4tools.measuring.oriented import approximate, refined
 from acx4tools.measuring.points import WANTED, TieRays, chosen
-from acx4tools.measuring.views import Surface, View, pixels_of_view, seen_at
+from acx4tools.measuring.views import Surface, View, pixels_of_view, seen_at, through
 
 MOST = 2500
 """Features of a picture, the strongest ones."""
@@ -600,7 +599,7 @@ def _adjusted(
     x_m = found.bundle.state.x_m
     n_rays = np.bincount(np.unique(rays.point, return_inverse=True)[1][found.kept], None, len(x_m))
     checked = np.isfinite(x_m[:, 0]) & (n_rays >= WANTED)  # two rays meet wherever they are wrong
-    surface = measuring_views.through(x_m[checked]) if np.mean(checked) > _ENOUGH else found.surface
+    surface = through(x_m[checked]) if np.mean(checked) > _ENOUGH else found.surface
     return _with_poses(block, Pose(R=R, r=r)), found.views, surface
 
 

@@ -16,9 +16,8 @@ from acx4lib.expected import Mask
 from acx4lib.flight.block import NO_POINTS, Block, ImagePoints, Trajectory
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.parameters import Prior
-from acx4tools.measuring import views as measuring_views
 from acx4tools.measuring.points import TieRays
-from acx4tools.measuring.views import Surface, View, seen_at
+from acx4tools.measuring.views import Surface, View, seen_at, through
 
 LOOSE_POSITION, LOOSE_ATTITUDE = 0.005, float(np.radians(1.0))
 """Standard deviations of positions, in flying heights, and of attitudes as approximate values."""
@@ -114,7 +113,7 @@ def refined(block: Block, views: Sequence[View], rays: TieRays) -> Oriented:
     x_m = bundle.state.x_m[np.isfinite(bundle.state.x_m[:, 0])]
     return Oriented(
         views=tuple(moved),
-        surface=measuring_views.through(x_m),
+        surface=through(x_m),
         kept=kept,
         bundle=bundle,
         shared_px=(_shared(bundle, rays, own=True), _shared(bundle, rays, own=False)),

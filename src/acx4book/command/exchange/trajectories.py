@@ -165,7 +165,7 @@ def orientations(  # noqa: PLR0913 options of a command
     heights: bring.Heights = "",
 ) -> None:
     """Read a table of orientations with declared columns."""
-    from acx4tools.exchange.trajectories import orientations as trajectories_orientations  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientations as lists  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
@@ -178,14 +178,14 @@ def orientations(  # noqa: PLR0913 options of a command
         ellipsoidal=ellipsoidal,
         ground_m=scaled_above,
     )
-    options = trajectories_orientations.TableOptions(
+    options = lists.TableOptions(
         columns=columns,
         separator=separator or "",
         of=of,
         block=block,
         camera=camera,
     )
-    bring.place(trajectories_orientations.read(source, meaning, options), out)
+    bring.place(lists.read(source, meaning, options), out)
 
 
 def pospac_text(
@@ -198,10 +198,10 @@ def pospac_text(
     heights: bring.Heights = "",
 ) -> None:
     """Read a text export of POSPac."""
-    from acx4tools.exchange.trajectories import orientations as trajectories_orientations  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientations as lists  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = bring.system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system)
-    options = trajectories_orientations.TableOptions(block=block, camera=camera)
-    bring.place(trajectories_orientations.applanix_text_read(source, meaning, options), out)
+    options = lists.TableOptions(block=block, camera=camera)
+    bring.place(lists.read_applanix(source, meaning, options), out)

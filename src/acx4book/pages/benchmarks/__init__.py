@@ -1,5 +1,5 @@
-"""Pages on what long runs left in ``data/benchmarks``.
+"""Pages on what long runs left in ``data/benchmarks``, read by `stored`.
 
-`speed` of commands, adjustment and rendering, and what imports said of other programs' files;
-`sigma` and `verdicts`, whether errors keep to their standard deviations, and reports to theirs.
+`speed` of commands, adjustment and rendering; `imports`, what they said of other programs' files;
+`coverage`, whether errors keep to their standard deviations.
 """

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
-from acx4book.pages.benchmarks import speed
+from acx4book.pages.benchmarks import stored
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import at_commit, myst_table
@@ -103,7 +103,7 @@ def _wide(rows: pd.DataFrame, values: str) -> pd.DataFrame:
 
 def read(folder: Path) -> Errors:
     """Read what ``make coverage`` left in a folder."""
-    about, (parameters, points, heads) = speed.read(
+    about, (parameters, points, heads) = stored.read(
         folder, "coverage", "parameters", "points", "heads", make="coverage"
     )
     return Errors(parameters=pd.concat([parameters, heads]), points=points, about=about)
@@ -640,7 +640,7 @@ def bias_read(folder: Path) -> pd.DataFrame:
     DataFrame
         Columns seed, distortion_at, parameter, error (the mean of a pair), sigma (of one flight).
     """
-    _, (pairs,) = speed.read(folder, "coverage", "bias", make="coverage")
+    _, (pairs,) = stored.read(folder, "coverage", "bias", make="coverage")
     return pairs
 
 

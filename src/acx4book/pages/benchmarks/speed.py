@@ -1,9 +1,10 @@
-"""How fast commands, adjustment and rendering are, and what imports said: what long runs left."""
+"""How long commands, the adjustment and the rendering take, and others beside them: one page.
+
+The numbers are those of ``make bench``, which leaves them in ``data/benchmarks``.
+"""
 
 from __future__ import annotations
 
-import json
-import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,43 +14,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from acx4book.pages.benchmarks import stored
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import at_commit, myst_table, scientific
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
-
-
-def read(
-    folder: Path, name: str, *parts: str, make: str = "bench"
-) -> tuple[dict[str, Any], list[pd.DataFrame]]:
-    """Return what ``NAME.json`` says, and the tables.
-
-    Parameters
-    ----------
-    folder : Path
-    name : str
-    parts : str
-        The tables are ``NAME_PART.csv``; without parts the table is ``NAME.csv``.
-    make : str
-        The target of ``make`` that writes these files.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a file is missing: the message says how to make it.
-    """
-    tables = [folder / f"{name}_{part}.csv" for part in parts] or [folder / f"{name}.csv"]
-    about = folder / f"{name}.json"
-    if not all(path.is_file() for path in (about, *tables)):
-        msg = f"no benchmark of {name} in {folder}: make {make}"
-        raise FileNotFoundError(msg)
-    return json.loads(about.read_text(encoding="utf-8")), [pd.read_csv(path) for path in tables]
-
-
-# --- How long commands, the adjustment and the rendering take, and others beside them: one page
-#
-# The numbers are those of ``make bench``, which leaves them in ``data/benchmarks``.
-
 
 NAMES = ("commands", "many", "measuring", "adjustment", "rendering")
 """Of the benchmarks, as their files and the parts of the page are called."""
@@ -75,11 +44,11 @@ class Benchmark:
         return self.runs.groupby(list(by), sort=False).median(numeric_only=True)
 
 
-def speed_read(folder: Path) -> dict[str, Benchmark]:
+def read(folder: Path) -> dict[str, Benchmark]:
     """Read what ``make bench`` left in a folder, by the names of the benchmarks."""
     found = {}
     for name in NAMES:
-        about, (runs,) = read(folder, name)
+        about, (runs,) = stored.read(folder, name)
         found[name] = Benchmark(runs=runs, about=about)
     return found
 
@@ -468,48 +437,3 @@ def _by_files(medians: pd.DataFrame) -> str:
     formats = {"Seconds": ".1f", "CPU seconds": ".1f", "MB": ",.0f"}
     caption = "From the heads' files to the image's: whole commands, their start included"
     return _table(table, caption, "files", formats)
-
-
-# --- What ``acx4 import`` said of other programs' files, as a page of the book shows it
-#
-# ``make reference-results`` leaves it in ``data/benchmarks``.
-
-
-WIDTH = 76
-"""Longest line that is shown, characters; longer ones go on in the next."""
-
-
-def imports_texts(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield the name of a text and the text for each kind: the command and what it printed.
-
-    Parameters
-    ----------
-    folder : Path
-        With ``imports.csv``.
-
-    Raises
-    ------
-    FileNotFoundError
-        If it is not there.
-    """
-    about, (table,) = read(folder, "imports", make="reference-results")
-    for kind, rows in table.groupby("kind", sort=False):
-        lines = [f"$ {about['commands'][kind]}", *rows["line"]]
-        yield f"imports-{kind}.txt", wrapped("\n".join(lines) + "\n")
-
-
-def wrapped(text: str) -> str:
-    """Return a text whose long lines go on in the next, farther to the right."""
-    return "".join(f"{_wrapped(line)}\n" for line in text.splitlines())
-
-
-def _wrapped(line: str) -> str:
-    indent = " " * (len(line) - len(line.lstrip()))
-    return textwrap.fill(
-        line,
-        WIDTH,
-        subsequent_indent=f"{indent}    ",
-        break_long_words=False,
-        break_on_hyphens=False,
-        replace_whitespace=False,
-    )

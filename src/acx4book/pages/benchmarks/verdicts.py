@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.pages.benchmarks import sigma, speed
+from acx4book.pages.benchmarks import sigma, stored
 from acx4book.pages.benchmarks.sigma import Share
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.myst import at_commit, myst_table
@@ -104,7 +104,7 @@ class Verdicts:
 
 def read(folder: Path) -> Verdicts:
     """Read what ``make coverage`` left in a folder."""
-    about, (flights,) = speed.read(folder, "verdicts", make="coverage")
+    about, (flights,) = stored.read(folder, "verdicts", make="coverage")
     return Verdicts(flights=flights.fillna({"fault": ""}), about=about)
 
 
@@ -409,7 +409,7 @@ def slow_errors_read(folder: Path) -> pd.DataFrame:
         Columns seed, weights (a key of `HEADINGS`), parameter, error, sigma (a priori), and the
         error made independent of those of the other parameters and divided by its sigma.
     """
-    _, (errors,) = speed.read(folder, "slow_errors", make="coverage")
+    _, (errors,) = stored.read(folder, "slow_errors", make="coverage")
     return errors
 
 
@@ -441,7 +441,7 @@ def read_validated(folder: Path) -> pd.DataFrame:
         A row for each flight: fault, what is declared of the errors; size, the share of σ that
         changes slowly; holds, of the report as a whole; a column with the state of every question.
     """
-    _, (flights,) = speed.read(folder, "slow_validations", make="coverage")
+    _, (flights,) = stored.read(folder, "slow_validations", make="coverage")
     return flights
 
 

@@ -15,7 +15,7 @@ import tifffile
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import quoted
 from acx4lib.production import picture_sizes
-from acx4lib.production import tiff as production_tiff
+from acx4lib.production import tiff as tiff_files
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.xml_tree import Element, tree
@@ -143,7 +143,7 @@ def read(path: Path) -> Tags:
     source = opened.read(path)
     data = source.data
     try:
-        with production_tiff.in_silence():  # the EXIF of a JPEG is a TIFF without an image
+        with tiff_files.in_silence():  # the EXIF of a JPEG is a TIFF without an image
             of = _of_jpeg if data[:2] == b"\xff\xd8" else _of_tiff
             size, exif, packet = of(data)
     except _BROKEN as error:
@@ -166,7 +166,7 @@ def read(path: Path) -> Tags:
 def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
     """Return size, tags and XMP of a TIFF's first image."""
     with _opened(data) as tiff:
-        page, end = tiff.pages.first, production_tiff.end_of_pixels(tiff)
+        page, end = tiff.pages.first, tiff_files.end_of_pixels(tiff)
         if end > len(data):
             msg = f"is cut off: it has {len(data)} bytes of at least {end}"
             raise ValueError(msg)
@@ -179,10 +179,10 @@ def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
 
 def _opened(data: bytes) -> tifffile.TiffFile:
     """Return a TIFF, or the EXIF of a JPEG, whose tags take no more memory than it has bytes."""
-    fault = production_tiff.fault(io.BytesIO(data), len(data), below=True)
+    fault = tiff_files.fault(io.BytesIO(data), len(data), below=True)
     if fault:
         raise ValueError(fault)
-    return production_tiff.opened(io.BytesIO(data))
+    return tiff_files.opened(io.BytesIO(data))
 
 
 def _flat(page: Any) -> dict[str, Any]:

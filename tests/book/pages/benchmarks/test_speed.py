@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from acx4book.pages.benchmarks import speed
-from acx4book.pages.build import BENCHMARKS
 from support.helpers import ROOT
 
 ABOUT = {
@@ -173,22 +172,11 @@ def test_renderers_are_compared_by_the_time_of_a_sample():
 
 
 def test_what_is_stored_makes_a_page_and_what_is_missing_is_named(tmp_path):
-    stored = speed.speed_read(ROOT / "data" / "benchmarks")
+    stored = speed.read(ROOT / "data" / "benchmarks")
     texts = dict(speed.texts(stored))
     page = (ROOT / "book" / "speed.md").read_text(encoding="utf-8")
     assert sorted(texts) == sorted(set(re.findall(r"_generated/(speed-.*\.md)", page)))
     assert all(text.startswith("Measured on 20") for text in texts.values())
     assert "tab-speed-ties" in texts["speed-rendering.md"]
     with pytest.raises(FileNotFoundError, match="make bench"):
-        speed.speed_read(tmp_path)
-
-
-# --- What imports said is shown with its command, long lines broken
-
-
-def test_every_kind_has_its_text():
-    texts = dict(speed.imports_texts(ROOT / BENCHMARKS))
-    assert texts["imports-sbet.txt"].startswith("$ acx4 import sbet applanix_pdal/2-points.sbet")
-    for text in texts.values():
-        assert max(map(len, text.splitlines())) <= speed.WIDTH
-        assert "  found: " in text
+        speed.read(tmp_path)
