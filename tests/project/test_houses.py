@@ -58,7 +58,7 @@ def names_of(tree):
         for name in ast.walk(node)
         if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
     }
-    imports = [n for n in ast.walk(tree) if isinstance(n, ast.Import | ast.ImportFrom)]
+    imports = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
     return names | {alias.asname or alias.name for node in imports for alias in node.names}
 
 
@@ -70,14 +70,17 @@ def test_what_a_docstring_names_exists():
         if name == "__init__":
             name, inside = path.parent.name, {other.stem for other in path.parent.iterdir()}
         known.setdefault(name, set()).update(names_of(tree), inside)
-        for node in ast.walk(tree):
+        for node in tree.body:
             if isinstance(node, ast.ClassDef):
                 known.setdefault(node.name, set()).update(names_of(node))
     stale = []
     for path, tree in trees.items():
-        arguments = {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
-        local = arguments | ELSEWHERE | {"inverse"}
-        for of, name in REFERRED.findall(path.read_text("utf-8")):
-            if of not in local and name not in FILES and name not in known.get(of, ()):
-                stale.append(f"{path.relative_to(ROOT)}: {of}.{name}")
+        unknown = [
+            f"{of}.{name}"
+            for of, name in REFERRED.findall(path.read_text("utf-8"))
+            if of not in ELSEWHERE and name not in FILES and name not in known.get(of, ())
+        ]
+        nodes = ast.walk(tree) if unknown else ()
+        arguments = {node.arg for node in nodes if isinstance(node, ast.arg)} | {"inverse"}
+        stale += [f"{path}: {one}" for one in unknown if one.partition(".")[0] not in arguments]
     assert stale == []

@@ -296,6 +296,7 @@ def test_the_wheel_runs_a_flight_and_reports_on_it(whole):
 
 
 @pytest.mark.slow
+@pytest.mark.repeats
 def test_a_downloaded_notebook_runs_in_an_empty_folder(whole):
     """The one of the mounting calibration, which simulates its flight."""
     empty = whole / "empty"

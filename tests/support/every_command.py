@@ -73,6 +73,9 @@ def imports():
 
 ALL = TYPED | imports()
 
+OF_EACH_KIND = ("check", "simulate", "report", "plan", "import metashape", "import orientations")
+"""Commands of which each goes another way: those that read, write, compute, or import."""
+
 
 def names(group=None, name=""):
     """Yield the commands that the parser knows."""

@@ -22,7 +22,7 @@ from acx4tools.exchange.safe import opened
 from acx4tools.measuring import views
 from support import swelling
 from support.flights import written
-from support.helpers import ROOT
+from support.helpers import ROOT, repeats
 from support.limits import MEMORY, told
 
 SECONDS = 20
@@ -109,19 +109,25 @@ DOTTED = (".".join(["a"] * 400_000) + " = 1", f"[{'.'.join(['a'] * 400_000)}]")
 DEEP = "".join(f"[a{k}.b.c.d.e.f.g.h]\n" for k in range(40_000))
 
 
-@pytest.mark.parametrize("text", [*DOTTED, DEEP], ids=["keys", "a table", "tables"])
+READING = {
+    "check": ("check", "{}"),
+    "plan": ("plan", "{}/flight.toml"),
+    "import": ("import", "orientations", "{}/eo.csv", "--of", "camera", "--out", "{}"),
+}
+
+
 @pytest.mark.parametrize(
-    "command",
+    ("text", "command"),
     [
-        ("check", "{}"),
-        ("plan", "{}/flight.toml"),
-        ("import", "orientations", "{}/eo.csv", "--of", "camera", "--out", "{}"),
+        (text, name) if k == n else repeats(text, name)
+        for k, text in enumerate([*DOTTED, DEEP])
+        for n, name in enumerate(READING)
     ],
-    ids=lambda one: one[0] + str(len(one)),
+    ids=lambda one: one[:8],
 )
 def test_keys_joined_by_dots_take_no_memory(tmp_path, text, command):
     swelling.folder_with(tmp_path, {"flight.toml": text, "eo.csv": swelling.sources.ORIENTATIONS})
-    found = told(*(one.format(tmp_path) for one in command), memory=MEMORY)
+    found = told(*(one.format(tmp_path) for one in READING[command]), memory=MEMORY)
     assert found.status == 2
     assert "mistake" not in found.err
     assert found.memory < MEMORY

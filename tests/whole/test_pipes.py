@@ -13,8 +13,8 @@ from support.helpers import repeats
 @pytest.mark.parametrize(
     "typed",
     [
-        repeats(one) if n or one[0] in ("book", "compare", "render", "run") else one
-        for typed in every_command.ALL.values()
+        one if name in every_command.OF_EACH_KIND and not n else repeats(one)
+        for name, typed in every_command.ALL.items()
         for n, one in enumerate(typed)
         if "pictured" not in one[2:]
     ],

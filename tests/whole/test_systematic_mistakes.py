@@ -43,8 +43,8 @@ def declare(path, lines):
     ("design", "column", "component"),
     [
         ("single-head", "pitch_deg", "pitch"),
-        ("single-head", "roll_deg", "roll"),
-        ("acx4-ideal", "phi_deg", ""),
+        repeats("single-head", "roll_deg", "roll"),
+        repeats("acx4-ideal", "phi_deg", ""),
         ("acx4-ideal", "omega_deg", ""),
     ],
 )

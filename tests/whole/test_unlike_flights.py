@@ -42,7 +42,7 @@ SAYS = {
 
 
 OF_NAMES = [
-    repeats(name) if name in ("mounting held", "one height, three check points", "300 km") else name
+    name if name in ("parallel heads", "one strip, one check point") else repeats(name)
     for name in unlike.NAMES
 ]
 

@@ -18,7 +18,7 @@ from acx4lib.flight.reader import read
 from acx4lib.results.own_folder import MARK
 from acx4lib.results.whole_files import SCRATCH
 from support.flights import pictured as flights_pictured
-from support.helpers import hears_interrupts
+from support.helpers import hears_interrupts, repeats
 from support.pictures import measured
 
 
@@ -211,7 +211,7 @@ def test_a_full_disk_is_a_line_for_each_image_and_leaves_none(render_acx4, made,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("jobs", "number"), [("1", signal.SIGINT), ("2", signal.SIGTERM)])
+@pytest.mark.parametrize(("jobs", "number"), [repeats("1", signal.SIGINT), ("2", signal.SIGTERM)])
 def test_a_stopped_command_leaves_no_half_image(render_acx4, many, tmp_path, number, jobs):
     """Stopped as soon as an image is begun; what is whole stays, and is taken up again."""
     whole = [*COMMAND, "render", str(many[0]), *arguments(many, tmp_path / "out")]

@@ -309,7 +309,7 @@ def calibrated(flight):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_flights", [60, pytest.param(300, marks=pytest.mark.repeats)])
+@pytest.mark.parametrize("n_flights", [30, repeats(300)])
 def test_the_predicted_rms_and_sigma_are_those_of_many_flights(n_flights):
     """RMS of check points within the plan's tolerance and two sigma of the flights' mean."""
     whole = values(
@@ -365,7 +365,8 @@ def late_by_the_strips_speed(simulated):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("planted", ["by the simulator", repeats("by the speed of the strip")])
+@pytest.mark.parametrize("planted", ["by the simulator", "by the speed of the strip"])
+@pytest.mark.repeats
 def test_delays_of_strips_at_two_speeds_come_out_without_bias(planted):
     """Mean and scatter of 50 normalised errors: to 2.6 of their own sigma, 1 % each."""
     plan, z = delayed(70.0, 50.0, 70.0, 50.0), []

@@ -23,10 +23,13 @@ VARIANTS = list(product(sized.DESIGNS, ("small", "medium"), sized.FORMS))
 def cases():
     """Return every mistake in two of the variants, all variants in turn."""
     turn = cycle(VARIANTS)
-    for name, mistake in planted.MISTAKES.items():
+    for number, (name, mistake) in enumerate(planted.MISTAKES.items()):
+        usual = mistake.forms[number % len(mistake.forms)]
         for form in mistake.forms:
             design, size = next((d, s) for d, s, f in turn if f == form)
-            yield pytest.param(name, design, size, form, id=f"{name}, {design}, {size}, {form}")
+            case = f"{name}, {design}, {size}, {form}"
+            marks = () if form == usual else pytest.mark.repeats
+            yield pytest.param(name, design, size, form, id=case, marks=marks)
 
 
 def said(folder):

@@ -74,6 +74,7 @@ def test_the_same_pictures_give_the_same_bytes_whoever_matches(whole, tmp_path):
     assert (tmp_path / "again" / name).read_bytes() == (whole.measured / name).read_bytes()
 
 
+@pytest.mark.repeats
 def test_a_ground_at_a_wrong_height_does_no_harm(whole, tmp_path):
     measure_flight(whole.flight, tmp_path / "out", options=MeasureOptions(ground_m=-9000.0))
     assert measured.tie_errors(tmp_path / "out").rms < LARGEST
