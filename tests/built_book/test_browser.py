@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from acx4book.typesetting import style
+from support.helpers import repeats
 
 HEIGHT = 900
 DESKTOP, PHONE = 1280, 390
 """Widths of windows, px."""
+
+ALIKE = ("_generated/api/", "teaching/lab-")
+"""Begin of the names of pages that a program writes alike."""
 
 LETTERS = {DESKTOP: 11, PHONE: 9}
 """Of figures, px at least. A figure of the whole column is 504 points wide."""
@@ -108,10 +112,16 @@ def window(browser, html):
         opened.page.context.close()
 
 
-def test_every_page_is_drawn_whole_and_in_peace(window, dark, chapters):
-    """On a phone, when its window becomes as wide as a desktop's, and there in the dark."""
+@pytest.mark.parametrize("sampled", [True, repeats(False)])
+def test_every_page_is_drawn_whole_and_in_peace(window, dark, chapters, sampled):
+    """On a phone, when its window becomes as wide as a desktop's, and there in the dark.
+
+    Of pages that a program writes alike, of modules and labs, the usual tests look at every fifth.
+    """
     book = window()
-    for name in [*chapters, "search.html"]:
+    alike = [name for name in chapters if name.startswith(ALIKE)]
+    left_out = {name for n, name in enumerate(alike) if n % 5} if sampled else set()
+    for name in [*(name for name in chapters if name not in left_out), "search.html"]:
         book.widen(PHONE)
         book.open(name)
         drawn_whole(book, PHONE)
@@ -119,6 +129,9 @@ def test_every_page_is_drawn_whole_and_in_peace(window, dark, chapters):
             book.complain(cut)
         book.widen(DESKTOP)
         drawn_whole(book, DESKTOP)
+        for figure in book.page.locator("figure.acx4-explorer").all():
+            if not figure.locator("input[type=range]").count():
+                book.complain("an explorer without a slider")
         if name in chapters and chapters[name].select("div.drawing"):
             with dark(book.page):
                 light_on_the_dark(book)

@@ -186,6 +186,7 @@ def declared():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("way", [Functions, repeats(Notebooks)])
+@pytest.mark.repeats
 def test_heads_run_through_all_stages_and_the_report(flights, way):
     changes = {("synthetic", "measured_in"): "heads", ("stages", "heads", "estimate"): ["k1", "k2"]}
     changes |= {("cameras", NAME, "lever_x_m"): 0.1, ("cameras", NAME, "lever_sigma_m"): 0.5}

@@ -158,7 +158,7 @@ def test_heads_one_by_one_are_cleaned():
     assert sum(map(len, seen)) >= 1  # of a head that looks at the point from two heights
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, repeats(2), repeats(3)])
 @pytest.mark.parametrize("head", ["CAM1", "CAM2"])
 def test_a_head_with_errors_that_let_no_adjustment_converge_is_still_cleaned(head, seed):
     """2 % of the points 100 to 1000 px off; half of these heads diverge with all of them."""

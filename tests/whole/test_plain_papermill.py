@@ -100,7 +100,7 @@ def test_report_export_and_compare_take_the_results(ran, acx4, tmp_path):
         assert acx4("compare", results, tmp_path / "results2", "--out", tmp_path / "c")[0] in (0, 1)
 
 
-@pytest.mark.parametrize("name", ["04-validation", "02-synthetic-image"])
+@pytest.mark.parametrize("name", ["04-validation", repeats("02-synthetic-image")])
 def test_a_stage_alone_says_in_its_last_line_what_to_run_first(ran, name):
     kind, at, _ = ran
     if kind == "single" and name in WITHOUT_HEADS:
@@ -110,13 +110,8 @@ def test_a_stage_alone_says_in_its_last_line_what_to_run_first(ran, name):
     assert "run first: notebook 0" in str(caught.value).strip().splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(n, marks=[] if n.startswith("03") else [pytest.mark.repeats])
-        for n in NOTEBOOKS.values()
-    ],
-)
+@pytest.mark.repeats
+@pytest.mark.parametrize("name", NOTEBOOKS.values())
 def test_an_unknown_parameter_is_named_in_the_last_line(ran, name):
     kind, at, _ = ran
     if kind == "single":

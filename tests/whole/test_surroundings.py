@@ -198,6 +198,7 @@ def twice(folder, env):
 
 
 @pytest.mark.parametrize("shares", [(0.6,), repeats((0.0, 0.6))], ids=len)
+@pytest.mark.repeats
 def test_damaged_files_of_compiled_code_are_compiled_anew(tmp_path, shares):
     cache = tmp_path / "cache"
     env = {"NUMBA_CACHE_DIR": str(cache)}
@@ -231,6 +232,7 @@ def test_without_any_cache_it_compiles_and_can_say_so(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.repeats
 def test_a_run_without_any_cache_says_so_once(flight, tmp_path):
     env = {"NUMBA_CACHE_DIR": "", "HOME": NOWHERE, "XDG_CACHE_HOME": "", **bare_package(tmp_path)}
     for name in ("notebooks", "data"):
@@ -289,6 +291,7 @@ def kernel(folder, *before, env=None):
 
 
 @pytest.mark.slow
+@pytest.mark.repeats
 def test_a_kernel_needs_no_home_and_says_nothing_of_it(tmp_path):
     names = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_RUNTIME_DIR", "JUPYTER_RUNTIME_DIR")
     env = dict.fromkeys((*names, "IPYTHONDIR", "MPLCONFIGDIR", "TMPDIR"), NOWHERE)
@@ -307,6 +310,7 @@ def test_a_kernel_needs_no_network_not_even_the_machines_own(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.repeats
 def test_a_temporary_folder_with_a_long_name_is_no_matter_to_a_kernel(tmp_path):
     """Sockets of the file system have short names."""
     long = tmp_path / ("a" * 120)

@@ -41,10 +41,7 @@ SAYS = {
 """What is said of some flights, and where."""
 
 
-OF_NAMES = [
-    name if name in ("parallel heads", "one strip, one check point") else repeats(name)
-    for name in unlike.NAMES
-]
+OF_NAMES = [name if name == "parallel heads" else repeats(name) for name in unlike.NAMES]
 
 
 @pytest.fixture(scope="module", params=OF_NAMES)

@@ -43,6 +43,7 @@ def acx4(acx4):
     return run
 
 
+@pytest.mark.repeats
 def test_flights_are_lines_of_a_table_and_the_status_is_the_largest(acx4, flights, tmp_path):
     folder = tmp_path / "all"
     given = (*flights[:2], tmp_path / "nowhere", "--results", folder, "--jobs", 2)

@@ -21,7 +21,7 @@ from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.least_squares.gauss_markov import GaussMarkov
 from support import blocks
-from support.helpers import numeric_jacobian, rotation_angle
+from support.helpers import numeric_jacobian, repeats, rotation_angle
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
 SIDE = replace(
@@ -252,7 +252,7 @@ def estimates(calibration, true):
 
 
 @pytest.mark.parametrize(
-    "method", [mounting.single_step, mounting.two_step, mounting.two_step_gnss]
+    "method", [mounting.single_step, mounting.two_step, repeats(mounting.two_step_gnss)]
 )
 def test_covariances_carry_every_observation_to_the_parameters(method):
     """Each observation is moved by a share of its sigma and everything computed anew.

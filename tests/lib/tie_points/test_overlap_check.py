@@ -72,6 +72,7 @@ def test_two_and_two_exposures_are_named_as_pairs(images, others):
 
 
 @pytest.mark.parametrize(("a", "b"), [(0, 1), repeats(0, 3), repeats(1, 3)])
+@pytest.mark.repeats
 def test_exchanged_pictures_are_named(images, a, b):
     wrong = list(images)
     wrong[a], wrong[b] = images[b], images[a]
@@ -93,6 +94,7 @@ def water(image, rng):
     return np.rint(9000 + 47 * rng.standard_normal(image.shape)).astype(np.uint16)
 
 
+@pytest.mark.repeats
 def test_water_accuses_nobody(images):
     rng = np.random.default_rng(3)
     wet = [water(image, rng) for image in images]

@@ -15,6 +15,7 @@ from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.intersection import intersect
 from acx4tools.measuring.orientation import oriented_by_features
 from acx4tools.measuring.views import declared_views
+from support.helpers import repeats
 
 CAMERA = Camera(
     name="C", width_px=480, height_px=360, pixel_mm=0.01, interior=Interior(f=4.2, k1=-2e-3)
@@ -135,7 +136,7 @@ def errors_px(coarse, T):
     return np.linalg.norm(seen - colrow[many], axis=1)
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("dtype", [np.uint8, repeats(np.uint16)])
 def test_turned_scaled_and_darker_pictures_are_oriented_to_a_pixel(tmp_path, dtype):
     n = PART if dtype == np.uint8 else 8
     block, views, T = flown(tmp_path, dtype=dtype, n=n)

@@ -276,6 +276,7 @@ def test_two_processes_leave_the_bytes_of_one_and_one_that_is_killed_is_reported
 
 
 @pytest.mark.slow
+@pytest.mark.repeats
 def test_a_cluster_leaves_the_same_bytes_also_where_a_worker_is_killed(
     in_one_process, small_flights, one_by_one, settings, tmp_path, cluster, killing
 ):
