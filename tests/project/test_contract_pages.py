@@ -5,9 +5,10 @@ import re
 import pytest
 
 from acx4book.command.acx4 import app
-from acx4lib.flight.settings import CHOICES, KEYS
 from acx4lib.flight.tables import SCHEMAS
-from support.helpers import ROOT
+from support.helpers import ROOT, book_extension
+
+key_tables = book_extension("key_tables")
 
 
 def table_of(page, name):
@@ -16,19 +17,27 @@ def table_of(page, name):
     return text.partition(f":name: {name}\n")[2].partition("\n```")[0]
 
 
-@pytest.mark.parametrize("where", KEYS, ids=".".join)
-def test_every_key_of_flight_toml_is_explained(where):
-    explained = table_of("flight-toml", "tab-flight-toml")
-    for key in KEYS[where]:
-        as_table = "[" + ".".join((*where, key))
-        assert f"`{key}`" in explained or as_table in explained, key
+@pytest.mark.parametrize(
+    ("page", "name"), [("flight-toml", "flight"), ("planning", "plan"), ("planning", "target")]
+)
+def test_every_key_of_a_toml_file_is_explained(page, name):
+    text = table_of(page, f"tab-{name}-toml")
+    listed = [*key_tables.explained(text, key_tables.TABLES[name])]
+    assert all(meaning for *_, meaning in listed)
+    assert len(listed) == 1 + sum(line.startswith("`") for line in text.splitlines())
 
 
-@pytest.mark.parametrize("where", CHOICES, ids=".".join)
-def test_every_choice_of_a_key_is_on_the_page(where):
-    page = (ROOT / "book" / "flight-toml.md").read_text("utf-8")
-    for value in CHOICES[where]:
-        assert f'"{value}"' in page or f"`{value}`" in page, value
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("`minutes`\n: Time.", "not explained: sigma.f_mm"),
+        ("`hours`\n: Time.", "`hours`: no such key"),
+        ("`minutes`, `candidates`\n: Two.", "`minutes`, `candidates`: .* and strips by name"),
+    ],
+)
+def test_a_page_that_does_not_fit_the_declaration_is_refused(text, says):
+    with pytest.raises(ValueError, match=says):
+        list(key_tables.explained(text, key_tables.TABLES["target"]))
 
 
 @pytest.mark.parametrize("name", SCHEMAS)

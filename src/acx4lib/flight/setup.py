@@ -27,6 +27,11 @@ SIGMAS = ("lever_sigma_m", "mount_sigma_deg")
 LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
 ESTIMABLE = {"f_mm": "f", "xp_mm": "xp", "yp_mm": "yp", **{name: name for name in INTERIOR[3:]}}
 """Interior parameters that a stage may estimate, with the library's names for them."""
+ESTIMATED = {
+    "heads": ("xp_mm", "yp_mm", "k1", "p1", "p2"),
+    "mounting": tuple(name for name in ESTIMABLE if name not in ("b1", "b2")),
+}
+"""Those that a stage estimates where flight.toml says nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,9 +198,11 @@ class Setup:
 def setup_of(toml: Toml) -> Setup:
     """Return the content of a flight.toml in which no problem was found."""
     synthetic = toml.table("synthetic")
-    heads = toml.table("stages", "heads").get("estimate", ["xp_mm", "yp_mm", "k1", "p1", "p2"])
     mounting = toml.table("stages", "mounting")
-    everything = [name for name in ESTIMABLE if name not in ("b1", "b2")]
+    estimated = {
+        stage: tuple(ESTIMABLE[name] for name in toml.table("stages", stage).get("estimate", names))
+        for stage, names in ESTIMATED.items()
+    }
     grid, apriori = grid_of(toml), toml.table("apriori")
     unsaid = UNOBSERVED if grid.is_local else {}
     return Setup(
@@ -207,8 +214,8 @@ def setup_of(toml: Toml) -> Setup:
         synthetic=_synthetic_of(synthetic) if synthetic else None,
         apriori=Apriori(**unsaid | {key: float(value) for key, value in apriori.items()}),
         smallest_angle=_smallest_angle(toml),
-        estimate_heads=tuple(ESTIMABLE[name] for name in heads),
-        estimate_mounting=tuple(ESTIMABLE[name] for name in mounting.get("estimate", everything)),
+        estimate_heads=estimated["heads"],
+        estimate_mounting=estimated["mounting"],
         fix=tuple(mounting.get("fix", ())),
         gnss=(*mounting.get("gnss", ()), *mounting.get("attitude", ())),
         weights=mounting.get("weights", "given"),

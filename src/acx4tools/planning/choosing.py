@@ -26,8 +26,8 @@ from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index
 from acx4lib.flight.design import strip_of_exposure
 from acx4lib.flight.problems import POSITIVE, Problem, Range, lines_of, quoted
-from acx4lib.flight.settings import key_problems, number_problems
 from acx4lib.flight.toml_file import Toml, read_toml
+from acx4lib.flight.toml_keys import Keys, Table, Value, number
 from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.georeferencing.error_sources import ErrorSources
 from acx4lib.least_squares.covariance import propagate, sigmas
@@ -45,8 +45,6 @@ from acx4tools.planning.plan import TURN_S, Plan
 BLOCK = "calibration"
 """The block whose strips are chosen."""
 
-KEYS = ("minutes", "sigma", "check_points", "candidates")
-
 SIGMAS = (
     *(name for name, _ in REPORTED.values()),
     *(f"gnss_shift_{axis}_m" for axis in AXES),
@@ -62,7 +60,7 @@ ANY_SIZE = Range(1e-30, 1e6, "must be positive, at most 1e6")
 
 MOST_CANDIDATES = 200
 
-EXAMPLE = "{flying_height_m = [600, 900], course_deg = [0, 180], length_m = 600, overlap = 0.8}"
+_EXAMPLE = "{flying_height_m = [600, 900], course_deg = [0, 180], length_m = 600, overlap = 0.8}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,41 +117,48 @@ def _problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
     if toml.problems:
         yield from toml.problems
         return
-    yield from key_problems(toml, (), KEYS)
-    yield from number_problems(toml, (), {"minutes": POSITIVE})
-    for table, known, allowed in (
-        ("sigma", SIGMAS, ANY_SIZE),
-        ("check_points", CHECK_POINTS, POSITIVE),
-    ):
-        yield from key_problems(toml, (table,), known)
-        yield from number_problems(toml, (table,), dict.fromkeys(known, allowed))
-    if not (toml.table("sigma") or toml.table("check_points")):
-        example = "needs [sigma] with f_mm = 0.002, or [check_points] with height_m = 0.1"
-        yield toml.problem(("sigma",), "nothing is wanted", example)
+    yield from TARGET.problems(toml)
     if BLOCK not in plan.blocks:
         yield toml.problem((), f"a plan without block {BLOCK}", "strips of that block are chosen")
     if toml.table("check_points") and "validation" not in plan.blocks:
         cure = "the plan needs a block validation: what is mapped, and its check points"
         yield toml.problem(("check_points",), "a plan without block validation", cure)
-    yield from _candidate_problems(toml)
 
 
-def _candidate_problems(toml: Toml) -> Iterator[Problem]:
-    tables = toml.get("candidates")
-    if tables is not None and not isinstance(tables, dict):
-        yield toml.problem(("candidates",), quoted(tables), "must be a table of strips by name")
-    for name, table in toml.table("candidates").items():
-        keys = ("candidates", name)
+def _nothing_wanted(toml: Toml, _: Keys) -> Iterator[Problem]:
+    if not (toml.table("sigma") or toml.table("check_points")):
+        example = "needs [sigma] with f_mm = 0.002, or [check_points] with height_m = 0.1"
+        yield toml.problem(("sigma",), "nothing is wanted", example)
+
+
+def _candidate_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
+    """Yield lists that are too long; the strips themselves are checked as those of a plan."""
+    tables = toml.get(*keys)
+    if not isinstance(tables, dict):
+        yield toml.problem(keys, quoted(tables), "must be a table of strips by name")
+    for name, table in toml.table(*keys).items():
         if not isinstance(table, dict):
-            yield toml.problem(keys, quoted(table), f"must be a table, as {EXAMPLE}")
+            yield toml.problem((*keys, name), quoted(table), f"must be a table, as {_EXAMPLE}")
             continue
         for key, value in table.items():
             if isinstance(value, list) and not 0 < len(value) <= MOST_CANDIDATES:
                 cure = f"must be a value, or a list of 1 to {MOST_CANDIDATES}"
-                yield toml.problem((*keys, key), quoted(value), cure)
-    n = sum(_count(table) for table in toml.table("candidates").values())
+                yield toml.problem((*keys, name, key), quoted(value), cure)
+    n = sum(_count(table) for table in toml.table(*keys).values())
     if n > MOST_CANDIDATES:
-        yield toml.problem(("candidates",), f"{n} strips", f"must be at most {MOST_CANDIDATES}")
+        yield toml.problem(keys, f"{n} strips", f"must be at most {MOST_CANDIDATES}")
+
+
+TARGET = Table(
+    keys={
+        "minutes": number(POSITIVE),
+        "sigma": Table(keys=dict.fromkeys(SIGMAS, number(ANY_SIZE))),
+        "check_points": Table(keys=dict.fromkeys(CHECK_POINTS, number(POSITIVE))),
+        "candidates": Value("strips by name", _candidate_problems),
+    },
+    rules=[_nothing_wanted],
+)
+"""The keys of a target."""
 
 
 def _count(table: Any) -> int:

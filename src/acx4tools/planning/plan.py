@@ -25,14 +25,25 @@ from acx4lib.flight.problems import (
     RANGES,
     Problem,
     Range,
-    did_you_mean,
     lines_of,
     quoted,
 )
-from acx4lib.flight.settings import TOP, key_problems, number_problems, toml_problems
+from acx4lib.flight.settings import CAMERA, flight_table
 from acx4lib.flight.setup import Setup, camera_of, setup_of
-from acx4lib.flight.tables import name_fault
 from acx4lib.flight.toml_file import Toml, read_toml
+from acx4lib.flight.toml_keys import (
+    Entries,
+    Keys,
+    Table,
+    Tables,
+    Value,
+    choice,
+    defaults,
+    is_number,
+    name_problems,
+    number,
+    numbers,
+)
 from acx4lib.geometry.camera import Camera
 from acx4tools.exchange import written_toml
 
@@ -374,11 +385,10 @@ def from_values(values: Mapping[str, Any]) -> Plan:
 
 def checked(toml: Toml) -> Plan:
     """Return the plan of a document; FlightError as `read`."""
-    flight = replace(toml, values=settings(toml.values))
-    found = [*_problems(toml, flight)]
+    found = [*_problems(toml)]
     if found:
         raise FlightError(lines_of(found))
-    plan = _plan(toml, setup_of(flight))
+    plan = _plan(toml, setup_of(toml))
     found = [*_size_problems(toml, plan)]
     if found:
         raise FlightError(lines_of(found))
@@ -500,102 +510,26 @@ def written(values: Mapping[str, Any]) -> str:
     return written_toml.written(values, inline="strips")
 
 
-# --- What is wrong with the tables of a plan that flight.toml does not have
+# --- The keys of a plan that flight.toml does not have
 
-
-AREA = {
-    "east_m": METRES,
-    "north_m": METRES,
-    "course_deg": Range(-360.0, 360.0),
-}
-FIELD = {
-    **AREA,
-    "height_m": RANGES["height_m"],
-    "relief_m": Range(0.0, 3000.0),
-}
-FROM_MIDDLE = Range(-1e6, 1e6)
-"""Distances from the middle of a field, m; farther away grid coordinates have no place."""
-
-STRIP = {
-    "flying_height_m": Range(1.0, 30_000.0),
-    "course_deg": Range(-360.0, 360.0),
-    "length_m": Range(0.0, 1e6),
-    "base_m": Range(0.1, 1e5),
-    "overlap": Range(0.0, 0.99, "must be a share from 0 to 0.99"),
-    "forward_m": FROM_MIDDLE,
-    "left_m": FROM_MIDDLE,
-    "speed_m_s": Range(1.0, 1000.0),
-    "parallel": Range(1, 200, "must be a whole number from 1 to 200", whole=True),
-    "spacing_m": Range(1.0, 1e5),
-    "side_overlap": Range(0.0, 0.99, "must be a share from 0 to 0.99"),
-}
-TIE_POINTS = Range(0, 20_000, "must be a whole number up to 20000", whole=True)
-POINTS = ("layout", "number", "area_m", "play_m", "at_m", "sigma_m", "sigma_px")
-COUNT = Range(0, 500, "must be a whole number up to 500", whole=True)
-PLAN = ("field", "control", *BLOCKS, "truth")
-"""Tables of a plan that flight.toml does not have."""
 
 MOST_STRIPS = 500
 """Largest number of strips of a block."""
 
+EXAMPLE = "{flying_height_m = 600, course_deg = 0, length_m = 600, overlap = 0.8}"
 
-def settings(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the part of a plan that flight.toml has, too."""
-    return {key: value for key, value in values.items() if key not in PLAN}
+LAYOUTS = ("grid", "corners", "border", "at")
 
-
-def _problems(toml: Toml, flight: Toml) -> Iterator[Problem]:
-    """Yield everything that is wrong with a plan but what its strips and points amount to."""
-    if toml.problems:
-        yield from toml.problems
-        return
-    yield from key_problems(toml, (), (*TOP, *PLAN), ("field",))
-    known = {key: value for key, value in flight.values.items() if key in TOP}
-    yield from toml_problems(replace(flight, values=known))
-    if "field" in toml.values:
-        yield from key_problems(toml, ("field",), FIELD, ("east_m", "north_m", "height_m"))
-        yield from number_problems(toml, ("field",), FIELD)
-    if "control" in toml.values:
-        yield from _points_problems(toml, ("control",))
-    present = [name for name in BLOCKS if name in toml.values]
-    if not present:
-        yield toml.problem(("calibration",), "no block at all", f"needs one of {', '.join(BLOCKS)}")
-    for name in present:
-        yield from _block_problems(toml, name)
-    yield from _truth_problems(toml, flight)
+_COURSE = Range(-360.0, 360.0)
+_COUNT = Range(0, 500, "must be a whole number up to 500", whole=True)
+_FIRST = Range(0, 9, "must be a whole number up to 9 for corners", whole=True)
+_SHARE = Range(0.0, 0.99, "must be a share from 0 to 0.99")
+_FROM_MIDDLE = Range(-1e6, 1e6)
+"""Distances from the middle of a field, m; farther away grid coordinates have no place."""
 
 
-def _block_problems(toml: Toml, name: str) -> Iterator[Problem]:
-    own = ("tie_points", "tie_area_m", "strips")
-    elsewhere, check = (tuple(AREA), ("check",)) if name == "validation" else ((), ())
-    yield from key_problems(toml, (name,), (*elsewhere, *own, *check), ("strips", *check))
-    yield from number_problems(
-        toml,
-        (name,),
-        {key: (AREA | {"tie_points": TIE_POINTS})[key] for key in (*elsewhere, "tie_points")},
-    )
-    yield from _list_problems(toml, (name, "tie_area_m"), 2, POSITIVE)
-    if check and "check" in toml.table(name):
-        yield from _points_problems(toml, (name, "check"))
-    strips = toml.get(name, "strips")
-    if strips is not None and not (isinstance(strips, dict) and 0 < len(strips) <= MOST_STRIPS):
-        expected = f"must be a table of 1 to {MOST_STRIPS} strips by name"
-        yield toml.problem((name, "strips"), quoted(strips), expected)
-        return
-    for strip in toml.table(name, "strips"):
-        yield from _strip_problems(toml, (name, "strips", strip))
-
-
-def _strip_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
-    fault = name_fault(keys[-1]) if keys[-1] else ("is empty", "must be a name")
-    if fault:
-        yield toml.problem(keys, *fault)
-    if not isinstance(toml.get(*keys), dict):
-        example = "{flying_height_m = 600, course_deg = 0, length_m = 600, overlap = 0.8}"
-        yield toml.problem(keys, quoted(toml.get(*keys)), f"must be a table, as {example}")
-        return
-    yield from key_problems(toml, keys, STRIP, ("flying_height_m", "course_deg", "length_m"))
-    yield from number_problems(toml, keys, STRIP)
+def _spacing_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
+    """Yield a strip with both or neither of two keys that say the same."""
     given = toml.table(*keys)
     if ("base_m" in given) == ("overlap" in given):
         found = "both base_m and overlap" if "base_m" in given else "neither base_m nor overlap"
@@ -608,75 +542,156 @@ def _strip_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
         yield toml.problem((*keys, beside[0]), "a spacing of one strip", "needs parallel as well")
 
 
-def _points_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
-    yield from key_problems(toml, keys, POINTS)
-    if not isinstance(toml.get(*keys), dict):
-        return
-    yield from number_problems(toml, keys, {"play_m": NOT_NEGATIVE, "sigma_px": POSITIVE})
-    yield from _list_problems(toml, (*keys, "sigma_m"), 3, NOT_NEGATIVE)
-    layout = toml.table(*keys).get("layout", "grid")
-    if layout not in LAYOUTS:
-        hint = did_you_mean(layout, LAYOUTS) if isinstance(layout, str) else ""
-        expected = f"must be one of {', '.join(LAYOUTS)}"
-        yield toml.problem((*keys, "layout"), f"{quoted(layout)}{hint}", expected)
-        return
-    if layout == "at":
-        yield from _places_problems(toml, (*keys, "at_m"))
-        return
-    yield from key_problems(toml, keys, POINTS, ("number", "area_m"))
-    yield from _list_problems(toml, (*keys, "area_m"), 2, NOT_NEGATIVE)
-    number = toml.table(*keys).get("number")
-    if layout == "grid":
-        yield from _list_problems(toml, (*keys, "number"), 2, COUNT)
-    elif number is not None:
-        most = Range(0, 9, "must be a whole number up to 9 for corners", whole=True)
-        yield from number_problems(toml, keys, {"number": most if layout == "corners" else COUNT})
+def _strips_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
+    strips = toml.get(*keys)
+    if not (isinstance(strips, dict) and 0 < len(strips) <= MOST_STRIPS):
+        expected = f"must be a table of 1 to {MOST_STRIPS} strips by name"
+        yield toml.problem(keys, quoted(strips), expected)
 
 
-def _list_problems(toml: Toml, keys: tuple[str, ...], n: int, allowed: Range) -> Iterator[Problem]:
-    """Yield a problem where a value is given and no list of so many numbers in a range."""
+def _number_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
+    """Yield what is wrong with the number of points, which depends on their layout."""
+    layout = toml.table(*keys[:-1]).get("layout", "grid")
+    alone = number(_FIRST if layout == "corners" else _COUNT)
+    listed = layout == "grid" or (layout not in LAYOUTS[1:3] and isinstance(toml.get(*keys), list))
+    yield from (numbers(2, _COUNT) if listed else alone).problems(toml, keys)
+
+
+def _places_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     value = toml.get(*keys)
-    if value is None:
-        return
-    if not (isinstance(value, list) and len(value) == n and all(map(_is_number, value))):
-        yield toml.problem(keys, quoted(value), f"must be a list of {n} numbers")
-    elif not all(one in allowed for one in value):
-        yield toml.problem(keys, quoted(value), str(allowed))
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _places_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
-    value = toml.get(*keys)
-    pairs = isinstance(value, list) and len(value) <= int(COUNT.high)
+    pairs = isinstance(value, list) and len(value) <= int(_COUNT.high)
     if not pairs or not all(
-        isinstance(pair, list) and len(pair) == 2 and all(map(_is_number, pair)) for pair in value
+        isinstance(pair, list) and len(pair) == 2 and all(map(is_number, pair)) for pair in value
     ):
         expected = "must be a list of points [forward, left] in metres, 500 at most"
         yield toml.problem(keys, "missing" if value is None else quoted(value), expected)
-    elif not all(one in FROM_MIDDLE for pair in value for one in pair):
-        yield toml.problem(keys, quoted(value), str(FROM_MIDDLE))
+    elif not all(one in _FROM_MIDDLE for pair in value for one in pair):
+        yield toml.problem(keys, quoted(value), str(_FROM_MIDDLE))
 
 
-def _truth_problems(toml: Toml, flight: Toml) -> Iterator[Problem]:
+def _layout_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
+    """Yield keys that the layout of points needs."""
+    table = toml.table(*keys)
+    layout = table.get("layout", "grid")
+    if layout == "at" and "at_m" not in table:
+        yield from _places_problems(toml, (*keys, "at_m"))
+    elif layout in LAYOUTS and layout != "at":
+        for key in ("number", "area_m"):
+            if key not in table:
+                yield toml.problem((*keys, key), "missing", "required")
+
+
+def _block_problems(toml: Toml, _: Keys) -> Iterator[Problem]:
+    if not any(name in toml.values for name in BLOCKS):
+        yield toml.problem(("calibration",), "no block at all", f"needs one of {', '.join(BLOCKS)}")
+
+
+def _table_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
+    if not isinstance(toml.get(*keys), dict):
+        yield toml.problem(keys, quoted(toml.get(*keys)), "must be a table")
+
+
+def _truth_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     """Yield what is wrong with the true cameras, as with cameras of flight.toml."""
-    cameras = flight.table("cameras")
-    yield from key_problems(toml, ("truth",), cameras)
-    for name in toml.table("truth"):
-        if name not in cameras or not isinstance(cameras[name], dict):
-            continue
-        if not isinstance(toml.get("truth", name), dict):
-            yield toml.problem(("truth", name), quoted(toml.get("truth", name)), "must be a table")
-            continue
-        changed = {**cameras, name: {**cameras[name], **toml.table("truth", name)}}
-        own = replace(flight, values={**flight.values, "cameras": changed})
-        before = {(p.column, p.found) for p in toml_problems(flight)}
-        for problem in toml_problems(own):
-            if (problem.column, problem.found) not in before:
-                key = problem.column.rpartition(".")[2]
-                yield toml.problem(("truth", name, key), problem.found, problem.expected)
+    cameras = toml.table("cameras")
+    yield from Table(keys=dict.fromkeys(cameras, Value("table", _table_problems))).problems(
+        toml, keys
+    )
+    for name, table in toml.table(*keys).items():
+        if isinstance(cameras.get(name), dict) and isinstance(table, dict):
+            at, changed = ("cameras", name), {**cameras, name: {**cameras[name], **table}}
+            true = replace(toml, values={**toml.values, "cameras": changed})
+            before = {(p.column, p.found) for p in CAMERA.problems(toml, at)}
+            for problem in CAMERA.problems(true, at):
+                if (problem.column, problem.found) not in before:
+                    key = problem.column.rpartition(".")[2]
+                    yield toml.problem((*keys, name, key), problem.found, problem.expected)
+
+
+_AREA: Entries = {
+    "east_m": number(METRES),
+    "north_m": number(METRES),
+    "course_deg": number(_COURSE),
+}
+
+_STRIP = Table(
+    keys={
+        "flying_height_m": number(Range(1.0, 30_000.0)),
+        "course_deg": number(_COURSE),
+        "length_m": number(Range(0.0, 1e6)),
+        "base_m": number(Range(0.1, 1e5)),
+        "overlap": number(_SHARE),
+        "forward_m": number(_FROM_MIDDLE),
+        "left_m": number(_FROM_MIDDLE),
+        "speed_m_s": number(Range(1.0, 1000.0)),
+        "parallel": number(Range(1, 200, "must be a whole number from 1 to 200", whole=True)),
+        "spacing_m": number(Range(1.0, 1e5)),
+        "side_overlap": number(_SHARE),
+    },
+    required=("flying_height_m", "course_deg", "length_m"),
+    default=defaults(Strip),
+    rules=[_spacing_problems],
+    example=EXAMPLE,
+)
+
+_POINTS = Table(
+    keys={
+        "layout": choice(LAYOUTS, f"must be one of {', '.join(LAYOUTS)}"),
+        "number": Value("whole number up to 500, or for a grid a list of two", _number_problems),
+        "area_m": numbers(2, NOT_NEGATIVE),
+        "play_m": number(NOT_NEGATIVE),
+        "at_m": Value("list of up to 500 `[forward, left]`", _places_problems),
+        "sigma_m": numbers(3, NOT_NEGATIVE),
+        "sigma_px": number(POSITIVE),
+    },
+    default={key: value for key, value in defaults(Points).items() if key not in ("area_m")},
+    rules=[_layout_problems],
+)
+
+_BLOCK: Entries = {
+    "tie_points": number(Range(0, 20_000, "must be a whole number up to 20000", whole=True)),
+    "tie_area_m": numbers(2, POSITIVE),
+    "strips": Tables(of=_STRIP, whole=_strips_problems, named=name_problems),
+}
+_CALIBRATION = Table(keys=_BLOCK, required=("strips",), default={"tie_points": 0})
+
+PLAN: Entries = {
+    "field": Table(
+        keys={
+            **_AREA,
+            "height_m": number(RANGES["height_m"]),
+            "relief_m": number(Range(0.0, 3000.0)),
+        },
+        required=("east_m", "north_m", "height_m"),
+        default=defaults(Area) | defaults(Terrain),
+    ),
+    "control": _POINTS,
+    **dict.fromkeys(BLOCKS, _CALIBRATION),
+    "validation": Table(
+        keys={**_AREA, **_BLOCK, "check": _POINTS},
+        required=("strips", "check"),
+        default={"tie_points": 0},
+    ),
+    "truth": Value("keys of `[cameras.NAME]`", _truth_problems),
+}
+"""The tables of a plan that flight.toml does not have."""
+
+
+def settings(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the part of a plan that flight.toml has, too."""
+    return {key: value for key, value in values.items() if key not in PLAN}
+
+
+def _problems(toml: Toml) -> Iterator[Problem]:
+    """Yield everything that is wrong with a plan but what its strips and points amount to."""
+    flight = flight_table(toml)
+    table = replace(
+        flight,
+        keys={**flight.keys, **PLAN},
+        required=(*flight.required, "field"),
+        rules=(*flight.rules, _block_problems),
+    )
+    yield from toml.problems or table.problems(toml)
 
 
 # --- The ground of a plan: hills, and where points lie on it. The same in every run
@@ -700,8 +715,6 @@ METRES_PER_RAD = 6.37e6
 
 STEPS = np.array([0.7548776662, 0.5698402910])
 """Multiples of these, without their whole parts, fill a square evenly (the sequence R2)."""
-
-LAYOUTS = ("grid", "corners", "border", "at")
 
 _CORNERS = np.array(
     [[1, 1], [-1, -1], [1, -1], [-1, 1], [0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=float
