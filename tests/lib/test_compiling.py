@@ -126,6 +126,7 @@ def process(script, *, kept, cwd=None, **environment):
     )
 
 
+@pytest.mark.repeats
 def test_kept_code_is_loaded_without_all_that_numba_compiles_with(tmp_path):
     """Importing that takes longer than the adjustment of a small block."""
     script = (

@@ -39,6 +39,7 @@ def ended(flight, results):
     return list(outcome.not_determined)
 
 
+@pytest.mark.repeats
 def test_a_position_on_the_equator_stops_data_snooping_and_no_linear_algebra(good, tmp_path):
     """Variance components of the two-step method met points without coordinates."""
     row = ("calibration/trajectory.csv", 4, "lat_deg", "0")
