@@ -309,10 +309,11 @@ def _ground_panel(found: Held, settings: Sequence[Sequence[float]]) -> Panel:
         labels=("flying height over ground, m", "error on the ground, cm"),
     ) + plane.line([(0, 0), (highest, 0)])
     fixed += "".join(plane.line([(h, -end), (h, end)], dash="2 3") for h in found.heights_m)
+    above = end - 16 / plane.scale[1]  # 16 px over the drawing, beside the name of the axis
     for k, (axis, colour) in enumerate(AXES.items()):
-        there = 0.06 * highest + 0.11 * highest * k
-        fixed += plane.line([(there, 0.9 * end), (there + 0.04 * highest, 0.9 * end)], colour, 1.6)
-        fixed += plane.text((there + 0.055 * highest, 0.9 * end), axis, shift=(0, 4))
+        there = highest * (0.7 + 0.11 * k)
+        fixed += plane.line([(there, above), (there + 0.04 * highest, above)], colour, 1.6)
+        fixed += plane.text((there + 0.06 * highest, above), axis, shift=(0, 4))
     return Panel(
         title="the ground point",
         alt="Three straight lines over the flying height, which cross near the block's heights.",
