@@ -236,12 +236,11 @@ def explorer(found: Held) -> Explorer:
     return Explorer(
         name="explorer-held-lever-arm",
         caption=(
-            "What the two-step method makes of the lever arm that it holds, less what the single "
-            "step estimates. Left, the interior orientation. Right, the error of a ground point, "
-            "intersected from two images of a level strip, over the flying height; dashed lines "
-            "are the heights of this block. The table has the numbers along the axes of the body, "
-            "x forward, y to the left, z up, and those of the boresight about them; its first row "
-            "is the held lever arm less the estimated one."
+            "The two-step method with the held lever arm, less the single step. Left: the interior "
+            "orientation. Right: the error of a ground point, intersected from two images of a "
+            "level strip, over the flying height; dashed lines are the heights of this block. The "
+            "table has the numbers along the axes of the body, x forward, y to the left, z up, and "
+            "those of the boresight about these axes."
         ),
         sliders=sliders,
         presets=presets,

@@ -125,7 +125,7 @@ def joint_tests(found: Mapping[str, Sequence[tuple[GroupTest, float | Failed]]])
             "F": test.f_ratio,
             "F, adjusted without them": np.nan if isinstance(nested, Failed) else nested,
             "degrees of freedom": f"{len(test.keys)}; {test.redundancy:,}",
-            "p": test.p,
+            "p": max(test.p, np.finfo(float).tiny),  # one that is too small to be computed
         }
         for against, tests in found.items()
         for test, nested in tests
