@@ -457,7 +457,7 @@ def _matrix(related: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
         [title, *(_correlation(rho, i == j) for j, rho in enumerate(row))]
         for i, (title, row) in enumerate(zip(titles, values, strict=True))
     ]
-    return pd.DataFrame(rows, columns=["", *titles])
+    return pd.DataFrame(rows, columns=["parameter", *titles])
 
 
 def _correlation(rho: float, own: bool) -> str:
