@@ -93,7 +93,7 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
         )
         files.update(_block_tables(plan, name, tracks[name], seed, options))
         files[f"{name}/trajectory.csv"] = tables.trajectory(plan, recorded[name])
-    told = truth(plan, seed, options, tracks, points)
+    told = _truth(plan, seed, options, tracks, points)
     if options.gross_errors is not None:
         spoiled = spoil(plan, files, recorded, options.gross_errors, seed)
         files, told["gross_errors"] = dict(spoiled.tables), spoiled.mistakes
@@ -305,24 +305,14 @@ def _apriori(plan: Plan, options: Options) -> dict[str, float]:
     }
 
 
-def truth(
+def _truth(
     plan: Plan,
     seed: int,
     options: Options,
     tracks: Mapping[str, Track],
     points: Mapping[str, Array],
 ) -> dict[str, Any]:
-    """Return the true values, for JSON.
-
-    Parameters
-    ----------
-    plan, seed, options : Plan, int, Options
-        Plan, seed and options of the flight.
-    tracks : mapping of str to Track
-        True body frames by block.
-    points : mapping of str to ndarray, shape (3,)
-        True control points and natural targets.
-    """
+    """Return the true values, for JSON."""
     result: dict[str, Any] = {
         "made_by": MADE_BY,
         "name": plan.name,

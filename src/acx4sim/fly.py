@@ -135,11 +135,11 @@ def record(
         error += _strip_drift(track, np.array(options.gnss_strip_drift_m_per_min), slow)
     turn = Rotation.from_rotvec(sigma_deg * random_deg, degrees=True)
     there = _later(track, options.gnss_delay_s, options.attitude_delay_s)
-    shown = by_compass(there.R_enu_b, options.compass_deg)
+    shown = _by_compass(there.R_enu_b, options.compass_deg)
     return replace(track, x_g=there.x_g + error, R_enu_b=shown * turn)
 
 
-def by_compass(R_enu_b: Rotation, compass_deg: tuple[float, float]) -> Rotation:
+def _by_compass(R_enu_b: Rotation, compass_deg: tuple[float, float]) -> Rotation:
     """Return attitudes with the headings that a compass of these coefficients shows."""
     if not any(compass_deg):
         return R_enu_b

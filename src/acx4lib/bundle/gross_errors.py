@@ -125,7 +125,7 @@ def adjust_rejecting(
         msg = f"set_up: expected a function of a block, got {expected.given(set_up)}"
         raise ValueError(msg)
     network, absurd = _without_absurd_control(block, set_up)
-    observed = observations(network)
+    observed = _observations(network)
     test = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
     bundle, search = _first(network, _nothing_out(len(observed.kind)), test)
     verdict = test(bundle, search.out)
@@ -147,7 +147,7 @@ def adjust_rejecting(
 
 def _failed(test: Callable[[Bundle, Mask], Verdict], bundle: Bundle) -> set[tuple[str, int]]:
     """Return kinds and rows of the observations that fail their tests, with none rejected."""
-    observed = observations(bundle.network)
+    observed = _observations(bundle.network)
     failed = test(bundle, np.zeros(len(observed.kind), dtype=bool)).failed
     kinds = (KINDS[k] for k in observed.kind[failed])
     return set(zip(kinds, observed.row[failed].tolist(), strict=True))
@@ -225,7 +225,7 @@ def _misfits_after(bundle: Bundle, out: Mask) -> Array:
 
 
 def _shares_of_spread(groups: Sequence[tuple[Array, Array]]) -> Array:
-    return flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
+    return _flat([np.nan_to_num(sizes(*group)) / spread(*group) for group in groups])
 
 
 # --- rounds ----------------------------------------------------------------------------------
@@ -333,7 +333,7 @@ class Observations:
     pose: Index
 
 
-def observations(network: Network) -> Observations:
+def _observations(network: Network) -> Observations:
     """Return the tested observations of a network."""
     free = np.flatnonzero(~network.held_control)
     in_block = np.flatnonzero(np.isin(network.block.control.point_idx, network.control.point_idx))
@@ -367,7 +367,7 @@ def _by_group(network: Network, values: NDArray[T]) -> list[NDArray[T]]:
     return [image[:, None], control.reshape(-1, 3), *(part[:, None] for part in others)]
 
 
-def flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
+def _flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
     """Return one value per observation, the largest of its components."""
     largest = [np.max(value, axis=1) for value in values]
     return np.concatenate([largest[0], values[1].ravel(), *largest[2:]])
@@ -410,10 +410,10 @@ def _judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> Verdic
         for group, value in zip(groups, limits(groups, outs, critical), strict=True)
     ]
     return Verdict(
-        w=flat([w for w, _ in tested]),
-        limit=flat(limit),
-        controlled=flat([controlled for _, controlled in tested]),
-        largest=flat([_places_of_largest(w) for w, _ in tested]),
+        w=_flat([w for w, _ in tested]),
+        limit=_flat(limit),
+        controlled=_flat([controlled for _, controlled in tested]),
+        largest=_flat([_places_of_largest(w) for w, _ in tested]),
     )
 
 
@@ -482,7 +482,7 @@ def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
     none = np.zeros(0, dtype=np.intp)
     if not np.any(control_misfits(network, network.start) > DOUBTFUL):
         return none
-    doubted = unlike(_misfits_of_control(network, turned_alike(network)))
+    doubted = _unlike(_misfits_of_control(network, turned_alike(network)))
     if not doubted.any():
         return none
     surveyed = network.block.control.point_idx
@@ -499,14 +499,8 @@ def _misfits_of_control(network: Network, state: State) -> Array:
     return np.where((rays[network.control.point_idx] == 1) & (off < BESIDE), 0.0, off)
 
 
-def unlike(misfits: Array) -> Mask:
-    """Tell which few points miss their rays by far more than the others; none if there are many.
-
-    Parameters
-    ----------
-    misfits : ndarray, shape (k,)
-        Median angles between points and their rays, radians.
-    """
+def _unlike(misfits: Array) -> Mask:
+    """Tell which few points miss their rays by far more than the others; none if there are many."""
     if len(misfits) <= ENOUGH:
         return np.zeros(len(misfits), dtype=bool)
     out: Mask = misfits > max(DOUBTFUL, UNLIKE * float(np.median(misfits)))
@@ -550,7 +544,7 @@ def elsewhere(origins: Array, directions: Array, point_idx: Index, x_m: Array) -
     meets[point_idx[~(along > 0)]] = False
     off = np.linalg.norm(met_m - x_m, axis=1) / np.maximum(medians(along, point_idx, len(x_m)), 1)
     out = np.zeros(len(x_m), dtype=bool)
-    out[meets] = unlike(off[meets])
+    out[meets] = _unlike(off[meets])
     return out & miss
 
 

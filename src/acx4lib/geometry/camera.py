@@ -293,7 +293,7 @@ def reduced(interior: Interior, xy: Array) -> Array:
     return at - np.array([interior.xp, interior.yp])
 
 
-def unreduced(interior: Interior, bar: Array) -> Array:
+def _unreduced(interior: Interior, bar: Array) -> Array:
     """Return the measured points (..., 2) of reduced ones, mm; inverse of `reduced`."""
     return _unsheared(interior, bar + np.array([interior.xp, interior.yp]))
 
@@ -393,7 +393,7 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
     """
     ideal = expected.numbers("ideal", ideal, ("n", 2))
     expected.whole("steps", steps)
-    xy = unreduced(interior, ideal)
+    xy = _unreduced(interior, ideal)
     for _ in range(steps):
         step, error, valid = newton_step(interior, xy, ideal)
         misfit = np.abs(error).max(axis=-1, initial=0.0)

@@ -59,7 +59,7 @@ class Accuracy:
             raise ValueError(msg)
         expected.three("mean", self.mean)
         for name in ("std", "rms", "error_90"):
-            sizes(name, getattr(self, name))
+            _sizes(name, getattr(self, name))
 
     @property
     def plan_rms(self) -> float:
@@ -365,7 +365,7 @@ def _error_90(size: Array) -> Array:
     return found
 
 
-def sizes(name: str, values: Triple) -> None:
+def _sizes(name: str, values: Triple) -> None:
     """Raise where values are not three sizes of errors; NaN means unknown."""
     expected.three(name, values)
     expected.not_negative(name, np.nan_to_num(np.asarray(values, dtype=float), nan=0.0))
@@ -628,7 +628,7 @@ def asprs_2014(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     -------
     Asprs2014
     """
-    sizes("survey_sigma", survey_sigma)
+    _sizes("survey_sigma", survey_sigma)
     rms, mean = np.array(accuracy.rms), np.array(accuracy.mean)
     radius = np.sqrt(statistics.chi2_ppf(0.95, 2) / 2)
     return Asprs2014(
@@ -654,7 +654,7 @@ def asprs_2023(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     -------
     Asprs2023
     """
-    sizes("survey_sigma", survey_sigma)
+    _sizes("survey_sigma", survey_sigma)
     survey_h = float(np.hypot(survey_sigma[0], survey_sigma[1]))
     rmse_h = float(np.hypot(accuracy.plan_rms, survey_h))
     rmse_v = float(np.hypot(accuracy.rms[2], survey_sigma[2]))

@@ -288,8 +288,8 @@ def intersect_rays(
         if not np.any(np.abs(step) > 1e-9):
             break
     gain = -np.linalg.inv(normal)[selected.group] @ np.swapaxes(B, 1, 2) @ P
-    by_parameters = by_columns(block, georeferenced, selected, by_interior, by_pose)
-    sources = error_sources(
+    by_parameters = _by_columns(block, georeferenced, selected, by_interior, by_pose)
+    sources = _error_sources(
         block, georeferenced, selected, gain, by_parameters=by_parameters, by_pose=by_pose
     )
     cov_v = np.eye(2) * selected.sigma_px[:, None, None] ** 2
@@ -308,7 +308,7 @@ def intersect_rays(
     )
 
 
-def by_columns(
+def _by_columns(
     block: Block,
     georeferenced: Georeferenced,
     selected: Rays,
@@ -391,7 +391,7 @@ def _summed(values: Array, selected: Rays) -> Array:
     return out
 
 
-def error_sources(
+def _error_sources(
     block: Block,
     georeferenced: Georeferenced,
     selected: Rays,
@@ -512,12 +512,12 @@ def ground_points(
     _, by_interior, by_pose, by_point = image_derivatives(seen, lifted)
     axes = block.frame.grid_axes(x_m)
     by_residuals = np.linalg.inv(np.concatenate([by_point, axes[:, 2:]], axis=1))
-    sources = error_sources(
+    sources = _error_sources(
         block,
         georeferenced,
         pixels,
         -by_residuals[:, :, :2],
-        by_parameters=by_columns(block, georeferenced, pixels, by_interior, by_pose),
+        by_parameters=_by_columns(block, georeferenced, pixels, by_interior, by_pose),
         by_pose=by_pose,
     )
     along = by_residuals[:, :, 2:] * sigma_h[:, None, None]

@@ -297,7 +297,7 @@ def critical_tau(critical: float, redundancy: float) -> float:
     expected.positive_number("critical", critical)
     if redundancy <= 1:
         return np.inf
-    t = t_isf(norm_sf(critical), redundancy - 1)
+    t = _t_isf(norm_sf(critical), redundancy - 1)
     return t * float(np.sqrt(redundancy / (redundancy - 1 + t**2)))
 
 
@@ -383,7 +383,7 @@ def t_ppf(q: float, df: float) -> float:
     return float(special.stdtrit(df, q))
 
 
-def t_isf(q: float, df: float) -> float:
+def _t_isf(q: float, df: float) -> float:
     """Return what a value of Student's t is above with probability q."""
     return float(-special.stdtrit(df, q))
 

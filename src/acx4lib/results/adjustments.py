@@ -566,7 +566,7 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
         "iterations": 1,
         "converged": True,
         "n_rejected": len(validation.rejected),
-        "expected_rejections": expected_rejections(validation),
+        "expected_rejections": _expected_rejections(validation),
         **_stopped_entries(f"validation/{validation.method}", validation.stopped),
         **_exchanged_entries(f"validation/{validation.method}", validation.exchanged),
         "n_left_out": validation.n_left_out,
@@ -588,7 +588,7 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
     }
 
 
-def expected_rejections(validation: Validation) -> float:
+def _expected_rejections(validation: Validation) -> float:
     """Return how many measurements chance rejects: two components of rays of three or more."""
     n_images = validation.points.n_images
     return 2 * int(n_images[n_images > 2].sum()) * 2 * statistics.norm_sf(CRITICAL)

@@ -144,7 +144,7 @@ def claim(
     check_place(path, away_from=away_from, becomes_flight=becomes_flight)
     made = _made(path)
     try:
-        with locked(path):
+        with _locked(path):
             own = OwnFolder(path=path, command=command, files=_listed(path, command))
             _tidy(path)
             try:
@@ -225,7 +225,7 @@ def clear(path: Path) -> None:
     if not whose:
         msg = f"{path}: bears no mark of acx4; remove it yourself if it is not needed"
         raise OutputError(msg)
-    with locked(path):
+    with _locked(path):
         changed = changes(path, [name for name in files if (path / name).exists()])
         if changed:
             msg = f"{changed[0]}; move it away, or remove it yourself"
@@ -442,17 +442,8 @@ LOCK = ".acx4.lock"
 
 
 @contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder.
-
-    The system releases it when its process ends, however it does, so that one that was left
-    behind is taken over. Whether a process of another machine lives cannot be seen; its lock holds.
-
-    Raises
-    ------
-    OutputError
-        Where somebody else is writing, in one line with the process and the machine.
-    """
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder."""
     path = folder / LOCK
     with contextlib.closing(_taken(path)) as file:
         said = json.dumps({"process": os.getpid(), "host": socket.gethostname()}).encode()

@@ -230,7 +230,7 @@ def write(
         records = explained(records, flight, "calibration")
         single = mountings.methods.get("single_step")
         if single is not None and "calibration" in flight.carried:
-            told = {"sigma_of_heads": sigma_of_heads(flight, results_path, single.bundle)}
+            told = {"sigma_of_heads": _sigma_of_heads(flight, results_path, single.bundle)}
             records = [_with(record, "mounting/single_step", told) for record in records]
     adjustments.write(results_path, "mounting", records, flight=flight)
 
@@ -242,28 +242,8 @@ def _with(record: adjustments.Record, key: str, told: Mapping[str, object]) -> a
     return replace(record, summary={**record.summary, key: {**record.summary[key], **told}})
 
 
-def sigma_of_heads(flight: Flight, results_path: str | Path, bundle: Bundle) -> dict[str, float]:
-    """Return the standard deviations that errors of the heads' calibration add, by parameter.
-
-    Parameters
-    ----------
-    flight : Flight
-        Whose calibration block is measured in heads.
-    results_path : path
-        With the results of stage synthetic.
-    bundle : Bundle
-        Of the single step.
-
-    Returns
-    -------
-    dict of str to float
-        By ``camera/parameter``, in the units of results; empty where heads have no covariance.
-
-    Raises
-    ------
-    FlightError
-        As `measured`.
-    """
+def _sigma_of_heads(flight: Flight, results_path: str | Path, bundle: Bundle) -> dict[str, float]:
+    """Return the standard deviations that errors of the heads' calibration add, by parameter."""
     found = provenance.results_before(results_path, ["synthetic"], flight)
     source = next((name for name in ORIENTED if folder.has(found, name)), "")
     if not source:  # heads as declared, which have no covariance

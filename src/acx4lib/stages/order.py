@@ -70,15 +70,8 @@ def _unmeasured(flight: Flight, stage: str, block: str) -> str:
 # --- Where observations contradict each other: the reading of the flight that would explain it
 
 
-def reading(flight: Flight, block_name: str) -> str:
-    """Return a sentence on the reading of a block that fits much better; empty for none.
-
-    Parameters
-    ----------
-    flight : Flight
-    block_name : str
-        One of its blocks.
-    """
+def _reading(flight: Flight, block_name: str) -> str:
+    """Return a sentence on the reading of a block that fits much better; empty for none."""
     found = search.best_reading(flight, block_name)
     return found.sentence if found else ""
 
@@ -95,7 +88,7 @@ def explained(records: Sequence[Record], flight: Flight, block_name: str) -> lis
     """
     if not any(_unexplained(entry) for record in records for entry in record.summary.values()):
         return list(records)
-    said = reading(flight, block_name)
+    said = _reading(flight, block_name)
     return [_with(record, said) for record in records] if said else list(records)
 
 
@@ -128,7 +121,7 @@ def explaining(flight: Flight, block_name: str) -> Iterator[None]:
     try:
         yield
     except AdjustmentError as error:
-        said = reading(flight, block_name)
+        said = _reading(flight, block_name)
         if not said:
             raise
         raise AdjustmentError(f"{error}; {said}") from error

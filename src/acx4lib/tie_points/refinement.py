@@ -309,7 +309,7 @@ def refine_by_rotations(
 def _sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
     """Return the standard deviation of a difference in one coordinate, shape (n,)."""
     variance = np.zeros(len(ties))
-    for k, colrow, own, _ in sides(ties):
+    for k, colrow, own, _ in _sides(ties):
         for s in 0.5 * np.eye(2):
             ahead, behind = (synthetic_from_head(orientation, k, colrow + d) for d in (s, -s))
             # mean of the two directions of the synthetic image
@@ -382,7 +382,7 @@ def _settled(
     for _ in range(STEPS):
         d = tie_differences(orientation, ties)
         weight = factors(_in_spreads(d, sigma)) / sigma**2
-        N, h = normals(parts, d, weight, len(orientation.heads))
+        N, h = _normals(parts, d, weight, len(orientation.heads))
         system = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns])
         dx = np.zeros(len(h))
         dx[columns] = -system.solve(h[columns])
@@ -453,7 +453,7 @@ def _refined(
     """Return the result with its covariance, if the tie points determine it."""
     d, parts = tie_differences(now, ties[used]), list(_by_pair(now, ties[used]))
     weight = 1 / sigma[used] ** 2
-    N, _ = normals(parts, d, weight, len(now.heads))
+    N, _ = _normals(parts, d, weight, len(now.heads))
     inverse = Dense(N=N[np.ix_(columns, columns)], diagonal=np.diag(N)[columns]).inverse()
     redundancy = 2 * int(used.sum()) - len(columns)
     if inverse.defect or redundancy <= 0:
@@ -501,7 +501,7 @@ def _exposures(
         here = exposure_idx == exposure
         of_pair = [here[rows] for rows, _, _ in parts]
         own = [(r[i], at, J[i]) for (r, at, J), i in zip(parts, of_pair, strict=True) if i.any()]
-        N, h = normals(own, d, weight, n_heads)
+        N, h = _normals(own, d, weight, n_heads)
         yield OneExposure(N=N[np.ix_(columns, columns)], h=h[columns])
 
 
@@ -562,12 +562,12 @@ def tie_differences(orientation: RelativeOrientation, ties: TiePoints) -> Array:
         mm in the synthetic image, in the order of the tie points.
     """
     out = np.zeros((len(ties), 2))
-    for k, colrow, own, sign in sides(ties):
+    for k, colrow, own, sign in _sides(ties):
         out[own] += sign * synthetic_from_head(orientation, k, colrow)
     return out
 
 
-def sides(ties: TiePoints) -> Iterator[tuple[int, Array, Index, float]]:
+def _sides(ties: TiePoints) -> Iterator[tuple[int, Array, Index, float]]:
     """Yield each head, its pixels, the rows of its tie points, and its sign in the differences."""
     both = ((ties.head_a, ties.colrow_a, -1.0), (ties.head_b, ties.colrow_b, 1.0))
     for heads, colrow, sign in both:
@@ -617,21 +617,10 @@ def _by_pair(
         yield own, at, np.concatenate([-by_a, by_b], axis=2)
 
 
-def normals(
+def _normals(
     parts: Iterable[tuple[Index, Index, Array]], d: Array, weight: Array, n_heads: int
 ) -> tuple[Array, Array]:
-    """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each.
-
-    Parameters
-    ----------
-    parts : iterable
-        From `_by_pair`.
-    d : ndarray, shape (n, 2)
-        From `tie_differences`.
-    weight : ndarray, shape (n,)
-        Of a difference in one coordinate, mm^-2.
-    n_heads : int
-    """
+    """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each."""
     n = PER_HEAD * n_heads
     N, h = np.zeros((n, n)), np.zeros(n)
     for own, at, by_both in parts:

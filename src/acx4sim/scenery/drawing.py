@@ -202,10 +202,10 @@ def rectangles(middle: Array, length_m: ArrayLike, width_m: ArrayLike, angle: Ar
     """Return the corners of rectangles, (n, 4, 2); `angle` is that of the length from east, rad."""
     half = np.stack(np.broadcast_arrays(length_m, width_m), axis=-1)[..., None, :] / 2
     corners = np.broadcast_to(half * [[-1, -1], [1, -1], [1, 1], [-1, 1]], (len(middle), 4, 2))
-    return middle[:, None] + turned(corners, np.broadcast_to(angle, len(middle)))
+    return middle[:, None] + _turned(corners, np.broadcast_to(angle, len(middle)))
 
 
-def turned(x: Array, angle: Array) -> Array:
+def _turned(x: Array, angle: Array) -> Array:
     """Turn vectors (n, m, 2) by n angles."""
     c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
     return np.stack([c * x[..., 0] - s * x[..., 1], s * x[..., 0] + c * x[..., 1]], axis=-1)

@@ -29,24 +29,17 @@ def every(
     ground : Ground
     """
     return {
-        "campaigns": campaigns(comparison),
-        "tests": tests(comparison, found, ground),
+        "campaigns": _campaigns(comparison),
+        "tests": _tests(comparison, found, ground),
         "differences": differences(comparison, found, ground),
-        "pooled": pooled(comparison),
+        "pooled": _pooled(comparison),
         "trends": trends(comparison),
         "covariance": _covariances(comparison, found),
     }
 
 
-def campaigns(comparison: Comparison) -> pd.DataFrame:
-    """Return one row for each campaign, in the order of the comparison.
-
-    Returns
-    -------
-    DataFrame
-        campaign, date, temperature_c, method, flying_height_m, redundancy, sigma0_squared,
-        chi_square_p, sigma: ``a posteriori`` where covariances are multiplied by sigma0_squared.
-    """
+def _campaigns(comparison: Comparison) -> pd.DataFrame:
+    """Return one row for each campaign, in the order of the comparison."""
     scaled = "a priori" if comparison.apriori else "a posteriori"
     return pd.DataFrame(
         [
@@ -112,16 +105,8 @@ def _difference_rows(
         }
 
 
-def tests(comparison: Comparison, found: Sequence[Difference], ground: Ground) -> pd.DataFrame:
-    """Return the joint tests: stability, every difference whole and by parts, and trends.
-
-    Returns
-    -------
-    DataFrame
-        test (what is tested), camera, part, dof, chi_square, p, p_joint (Holm, over the rows of
-        the same kind of test: differences whole, or their parts), ground_rms_m and ground_sigma_m
-        (joint effect of the parameters, and its predicted size where nothing has changed).
-    """
+def _tests(comparison: Comparison, found: Sequence[Difference], ground: Ground) -> pd.DataFrame:
+    """Return the joint tests: stability, every difference whole and by parts, and trends."""
     rows = [_row(SAME, "", "all", compared.stability(comparison))]
     wholes, parts = [], []
     for one in found:
@@ -173,15 +158,8 @@ def _joint_effect(
     }
 
 
-def pooled(comparison: Comparison) -> pd.DataFrame:
-    """Return one row for each parameter: its value from all campaigns, and whether it is stable.
-
-    Returns
-    -------
-    DataFrame
-        camera, parameter, unit, value, sigma (by the joint covariance of all campaigns), dof,
-        chi_square (of this parameter alone), p, p_joint (Holm, over the rows).
-    """
+def _pooled(comparison: Comparison) -> pd.DataFrame:
+    """Return one row for each parameter: its value from all campaigns, and whether it is stable."""
     found = compared.pooled(comparison)
     sigma = sigmas(found.cov[0, :, 0])
     alone = compared.stable(comparison)

@@ -67,7 +67,7 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
     _require_inside(brought)
     with own_folder.claim(folder, command=COMMAND, becomes_flight=True) as own:
         edited = _is_edited(own)
-        texts = {name: table_text(table) for name, table in brought.tables.items()}
+        texts = {name: _table_text(table) for name, table in brought.tables.items()}
         texts[STATEMENT] = _read(folder / STATEMENT) + statement(brought, edited=edited)
         if brought.settings and not edited:
             texts[SETTINGS] = _settings(folder, brought.settings)
@@ -164,7 +164,7 @@ def begin(
         own.seal()
 
 
-def table_text(table: Columns) -> str:
+def _table_text(table: Columns) -> str:
     """Return a table as the text of a CSV file; a number has the digits that it needs."""
     names = list(table) if isinstance(table, Mapping) else list(table.columns)
     columns = [np.asarray(table[name], dtype=object).tolist() for name in names]

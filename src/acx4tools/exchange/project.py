@@ -570,13 +570,13 @@ def _said(images: Images, cameras: Mapping[str, Camera], proof: Proof) -> str:
     T_w_c = (images.T_w_c if proof.T_w_c is None else proof.T_w_c)[seen.image_idx]
     if measured.x_w is not None:
         apart = misfits(cameras, of, T_w_c, measured.x_w[seen.point_idx], seen.colrow)
-        return f"{whose} are reprojected by the cameras as imported to {said_of(apart)}"
-    x_w = intersected(cameras, of, T_w_c, seen, len(measured.points))[seen.point_idx]
+        return f"{whose} are reprojected by the cameras as imported to {_said_of(apart)}"
+    x_w = _intersected(cameras, of, T_w_c, seen, len(measured.points))[seen.point_idx]
     several = np.isfinite(x_w[:, 0])
     if not several.any():
         return ""
     apart = misfits(cameras, of, T_w_c, x_w, seen.colrow)[several]
-    return f"{whose} meet in a point to {said_of(apart)}, by the cameras as imported"
+    return f"{whose} meet in a point to {_said_of(apart)}, by the cameras as imported"
 
 
 def misfits(
@@ -609,7 +609,7 @@ def misfits(
     return apart
 
 
-def intersected(
+def _intersected(
     cameras: Mapping[str, Camera], names: Array, T_w_c: Pose, seen: Measured, n_points: int
 ) -> Array:
     """Return the points in which rays meet best, shape (n_points, 3); arrays as in `misfits`."""
@@ -621,7 +621,7 @@ def intersected(
     return middle + intersect(T_w_c.r - middle, along, seen.point_idx, n_points)
 
 
-def said_of(apart: Array) -> str:
+def _said_of(apart: Array) -> str:
     """Return the size of misfits as text: rms, median and largest, px."""
     known = apart[np.isfinite(apart)]
     if not len(known):

@@ -60,10 +60,10 @@ def grid_poses_of_ecef(grid: GridSystem, T_e_b: Pose) -> tuple[Array, Array]:
     """Return east, north, height (m) and omega, phi, kappa (rad) of poses in the ECEF frame."""
     lonlat = grid.geographic_from_ecef(T_e_b.r)[:, :2]
     frame = mean_origin(grid, lonlat)
-    return frame.pose_to_grid(in_frame(frame, T_e_b))
+    return frame.pose_to_grid(_in_frame(frame, T_e_b))
 
 
-def in_frame(frame: MappingFrame, T_e_b: Pose) -> Pose:
+def _in_frame(frame: MappingFrame, T_e_b: Pose) -> Pose:
     """Return poses in the ECEF frame as those in a mapping frame."""
     R_e_m = rotation_enu_to_ecef(np.asarray(frame.origin)[None])[0]
     x_m = frame.from_geographic(frame.grid.geographic_from_ecef(T_e_b.r))

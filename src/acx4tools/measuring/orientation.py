@@ -96,16 +96,8 @@ class TwoViews:
     depth: float
 
 
-def features_of(view: View) -> Features:
-    """Return the features of a picture (SIFT [1]_, descriptors by Hellinger's distance [2]_).
-
-    References
-    ----------
-    .. [1] D. G. Lowe, "Distinctive image features from scale-invariant keypoints", International
-       Journal of Computer Vision 60(2), 2004.
-    .. [2] R. Arandjelovic, A. Zisserman, "Three things everyone should know to improve object
-       retrieval", CVPR 2012.
-    """
+def _features_of(view: View) -> Features:
+    """Return the features of a picture (SIFT [1]_, descriptors by Hellinger's distance [2]_)."""
     even = cv2.createCLAHE(clipLimit=_CLIP, tileGridSize=_TILES).apply(_eight_bit(view))
     sift = cv2.SIFT.create(nfeatures=MOST, contrastThreshold=_CONTRAST)
     points, found = sift.detectAndCompute(even, None)
@@ -130,28 +122,9 @@ def _eight_bit(view: View) -> np.ndarray:
     return np.asarray(np.clip(bright, 0, 255).astype(np.uint8))
 
 
-def two_views(a: Features, b: Features, down: Array, fall: float) -> TwoViews | None:
-    """Return how two pictures lie to each other; None where too few features agree.
-
-    Similar features are mutually the most similar, clearly before the second. Those that agree
-    are found by MAGSAC [1]_, once over a plane, the more level one of two, once over any ground:
-    over a level one, the latter often finds an absurd second solution, whose base is steep. The
-    one on which more agree is taken; a point that is much nearer or farther than the others does
-    not.
-
-    Parameters
-    ----------
-    a, b : Features
-    down : ndarray, shape (3,)
-        Unit vector towards the ground, axes of the first camera; it may be off by twenty degrees.
-    fall : float
-        By how much the second camera is lower than the first, in bases, about.
-
-    References
-    ----------
-    .. [1] D. Barath et al., "MAGSAC++, a fast, reliable and accurate robust estimator", CVPR 2020.
-    """
-    i, j = similar(a, b)
+def _two_views(a: Features, b: Features, down: Array, fall: float) -> TwoViews | None:
+    """Return how two pictures lie to each other; None where too few features agree."""
+    i, j = _similar(a, b)
     if len(i) < LEAST:
         return None
     within = max(a.near, b.near)
@@ -263,7 +236,7 @@ def _depths(R_a_b: Array, base_a: Array, ray_a: Array, ray_b: Array) -> Array:
     return np.asarray(-ray_a[:, 2] * along)
 
 
-def similar(a: Features, b: Features) -> tuple[Index, Index]:
+def _similar(a: Features, b: Features) -> tuple[Index, Index]:
     """Return the numbers of features that are mutually the most similar."""
     none = np.zeros(0, np.intp)
     if min(len(a.colrow), len(b.colrow)) < 2:
@@ -424,10 +397,10 @@ def _connected(
         own = np.flatnonzero(camera == k).tolist()
         pairs = _near(views, own)
         n = len(own) + len(pairs)
-        seen = _each(executor, features_of, [(views[i],) for i in own], (0, n), tell)
+        seen = _each(executor, _features_of, [(views[i],) for i in own], (0, n), tell)
         features |= dict(zip(own, seen, strict=True))
         jobs = [(features[i], features[j], *_about(views[i], views[j])) for i, j in pairs]
-        found = _each(executor, two_views, jobs, (len(own), n), tell)
+        found = _each(executor, _two_views, jobs, (len(own), n), tell)
         links += [_Link(i=i, j=j, by=by) for (i, j), by in zip(pairs, found, strict=True) if by]
         if len(set(_parts(block, links)[block.images.exposure_idx].tolist())) == 1:
             break

@@ -76,7 +76,7 @@ def discs(grey: Array) -> list[Disc]:
     for one in sorted(_starts(grey), reverse=True):
         if len(starts) < MOST and not any(_same(one, other) for other in starts):
             starts.append(one)
-    found = (centred(grey, c, r, size, correlation=rho) for rho, size, c, r in starts)
+    found = (_centred(grey, c, r, size, correlation=rho) for rho, size, c, r in starts)
     return [disc for disc in found if disc is not None]
 
 
@@ -128,23 +128,10 @@ def _image(x: Array, y: Array, radius: float, blur: float) -> Array:
     return np.asarray(ndtr((radius - away) / blur).mean(axis=(-1, -2)))
 
 
-def centred(
+def _centred(
     grey: Array, col: float, row: float, radius: float, *, correlation: float
 ) -> Disc | None:
-    """Return the disc near a place, centred by least squares; None where there is none.
-
-    The unknowns are its middle, its radius, the blur of its edge, and two grey values. The pixels
-    are those within its own ring of ground, so that what lies beyond has no effect.
-
-    Parameters
-    ----------
-    grey : ndarray of float32, shape (rows, cols)
-    col, row : float
-    radius : float
-        Approximate, px.
-    correlation : float
-        Is passed on.
-    """
+    """Return the disc near a place, centred by least squares; None where there is none."""
     half = int(np.ceil(_reach(radius))) + 1
     rows, cols = grey.shape
     c, r = round(col), round(row)

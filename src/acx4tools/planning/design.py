@@ -134,7 +134,7 @@ def _in_one_wind(
         )
         for method, calibration in calibrations.items()
     }
-    return mountings, validations, outcome(mountings, validations, calibrations)
+    return mountings, validations, _outcome(mountings, validations, calibrations)
 
 
 def methods(plan: Plan) -> dict[str, str]:
@@ -278,20 +278,12 @@ class Outcome:
     shares: Mapping[str, Array]
 
 
-def outcome(
+def _outcome(
     mountings: Mapping[str, Mounting],
     validations: Mapping[str, Validation],
     calibrations: Mapping[str, Calibration],
 ) -> Outcome:
-    """Return what blocks in one wind determine.
-
-    Parameters
-    ----------
-    mountings, validations : mapping
-        By method.
-    calibrations : mapping
-        Those of the validations, by method.
-    """
+    """Return what blocks in one wind determine."""
     named = {method: _names(validation) for method, validation in validations.items()}
     budgets = {
         method: {

@@ -106,7 +106,7 @@ class Predicted:
         return correlation(self.cov)
 
 
-def predicted(design: Design, method: str) -> Predicted:
+def _predicted(design: Design, method: str) -> Predicted:
     """Return the wanted unknowns of a method."""
     bundle = design.mountings[method].bundle
     open_columns = [one.open[method] for one in design.outcomes]
@@ -132,7 +132,7 @@ def parameter_table(design: Design) -> pd.DataFrame:
         from flight to flight; `detectable_change` is `smallest_change`; `correlation` is the
         largest, and `correlated_with` the unknown that it is with.
     """
-    parts = [_parameters(method, predicted(design, method)) for method in design.mountings]
+    parts = [_parameters(method, _predicted(design, method)) for method in design.mountings]
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["parameters"], *ADDED])
 
 
@@ -175,7 +175,7 @@ def _matrices(design: Design, of: Callable[[Predicted], Array]) -> pd.DataFrame:
     """Return a matrix of the wanted unknowns of every method as rows."""
     parts = []
     for method in design.mountings:
-        found = predicted(design, method)
+        found = _predicted(design, method)
         tables = parameter_tables("mounting", method, found.listed, of(found))
         parts.append(tables["covariance"])
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["covariance"]])
@@ -245,7 +245,7 @@ def sentences(design: Design) -> list[str]:
     """Return one sentence per unknown that the design does not determine: why, and the cure."""
     out = []
     for method, mounting in design.mountings.items():
-        found, has = predicted(design, method), features(mounting.bundle.network.block)
+        found, has = _predicted(design, method), features(mounting.bundle.network.block)
         lines = not_determined(found.calibration, has)
         lines += trajectory_errors.not_determined(found.bundle, found.cov)
         out += [f"mounting/{method}: {line}" for line in lines]
@@ -283,7 +283,7 @@ def weak_sentences(design: Design) -> list[str]:
 
 def _weak(design: Design, method: str) -> list[Weak]:
     """Return what is weak, with sigma of the mean of winds."""
-    bundle, mean = design.mountings[method].bundle, predicted(design, method)
+    bundle, mean = design.mountings[method].bundle, _predicted(design, method)
     shares, of = planned_design.mean_shares(design.outcomes, method), weak.CHECK_POINTS
     if shares is None:
         shares = weak.shares_at_corners(mean.calibration, bundle.network.block)
@@ -337,7 +337,7 @@ def _adjusted(design: Design, method: str) -> dict[str, Any]:
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
         "redundancy": solution.redundancy,
-        **determination.as_json(bundle, predicted(design, method).calibration),
+        **determination.as_json(bundle, _predicted(design, method).calibration),
     }
 
 

@@ -70,7 +70,7 @@ def of_all(calibrated: Calibrated) -> dict[str, Brown]:
 
 def square(calibrated: Calibrated) -> dict[str, Brown]:
     """Return the lenses of all cameras with one focal length, as `skewed`."""
-    return _of_cameras(calibrated, one_focal_length, _squared)
+    return _of_cameras(calibrated, _one_focal_length, _squared)
 
 
 def _as_is(change: Array) -> Array:
@@ -143,7 +143,7 @@ def _two_focal_lengths(camera: Camera) -> Brown:
     return _of(*lens.without_skew(camera))
 
 
-def one_focal_length(camera: Camera) -> Brown:
+def _one_focal_length(camera: Camera) -> Brown:
     """Return the nearest lens with square pixels: where b1 or b2 is not zero, all is refitted."""
     hole = lens.pinhole_of(camera)
     coefficients, _ = lens.brown_of(camera)

@@ -143,28 +143,16 @@ def _calibration(found: folder.Results, method: str, flight: Flight) -> Calibrat
     names = folder.cameras(found, _key(method))
     if method in STAGE:
         related = read_relative_orientation(found, _key(method), flight.cameras)
-        return of_relative_orientation(related, flight.synthetic_camera)
+        return _of_relative_orientation(related, flight.synthetic_camera)
     cameras = [flight.cameras[name] for name in names]
     own = read_calibration(found, _key(method), cameras)
     return replace(own, cov=own.cov * own.sigma0_sq, sigma0_sq=1.0)
 
 
-def of_relative_orientation(
+def _of_relative_orientation(
     related: RelativeOrientation, synthetic: Camera | None = None
 ) -> Calibration:
-    """Return heads with their estimated rotations relative to each other as a calibration.
-
-    Parameters
-    ----------
-    related : RelativeOrientation
-    synthetic : Camera, optional
-        Its declared mounting is the frame in which the heads are oriented; else the body.
-
-    Returns
-    -------
-    Calibration
-        Lever arms as declared: the heads' positions are known at the scale of the image only.
-    """
+    """Return heads with their estimated rotations relative to each other as a calibration."""
     R_b_s = np.eye(3) if synthetic is None else synthetic.T_b_c.R
     n = len(related.heads)
     rotations = R_b_s @ rotation_from_opk(related.opk)

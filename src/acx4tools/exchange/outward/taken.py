@@ -97,7 +97,7 @@ def sentences(taken: Taken) -> tuple[str, ...]:
     )
 
 
-def statement(taken: Taken, *, title: str, origin: str) -> str:
+def _statement(taken: Taken, *, title: str, origin: str) -> str:
     """Return export.md: what was written, in which conventions, and what was left out."""
     parts = {
         "Lenses": sentences(taken),
@@ -128,7 +128,7 @@ def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
     OutputError
         Where the folder is somebody else's.
     """
-    texts = {**taken.files, STATEMENT: statement(taken, title=title, origin=origin)}
+    texts = {**taken.files, STATEMENT: _statement(taken, title=title, origin=origin)}
     with own_folder.claim(folder, command=COMMAND) as own:
         own.expect(texts)
         for name in texts:

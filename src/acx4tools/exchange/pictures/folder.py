@@ -344,7 +344,7 @@ def _settings(
     *,
     in_heads: bool,
 ) -> dict[str, Any]:
-    mounts = mountings(heads)
+    mounts = _mountings(heads)
     cameras = {name: _camera(lens.camera, mounts[name]) for name, lens in lenses.items()}
     places = np.array([_place(shot) for shot in shots])
     out: dict[str, Any] = {
@@ -828,7 +828,7 @@ def in_order(heads: Sequence[Head]) -> list[Head]:
     return [first, *(head for head in sorted_heads if head is not first)]
 
 
-def mountings(heads: Sequence[Head]) -> Mapping[str, Array]:
+def _mountings(heads: Sequence[Head]) -> Mapping[str, Array]:
     """Return R_b_c of every head: looking down, the top of the image ahead, by its angles."""
     turned = {
         head.name: DOWN @ rotation(head.relatives_deg) if head.relatives_deg else DOWN

@@ -73,21 +73,21 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
     model = tags.text("Camera:ModelType") or "perspective"
     if model not in ("perspective", "fisheye"):
         raise tags.wrong("Camera:ModelType", quoted(model), "must be perspective or fisheye")
-    if known_pixel_mm and pixel_mm(tags) is None:
+    if known_pixel_mm and _pixel_mm(tags) is None:
         known = {"FocalPlaneXResolution": 1 / known_pixel_mm, "FocalPlaneResolutionUnit": 4}
         tags = replace(tags, exif={**tags.exif, **known})
     if model == "fisheye":
         return _fisheye(tags, name)
     ways = {DEWARP: _dewarped, FOCAL: _calibrated, DESIGNED: _designed}
     stated = [element for element in ways if element in tags.xmp]
-    if {FOCAL, DESIGNED} <= set(stated) and pixel_mm(tags) is None:
+    if {FOCAL, DESIGNED} <= set(stated) and _pixel_mm(tags) is None:
         stated.remove(FOCAL)  # in mm, of pixels that nothing says
     if stated:
         return ways[stated[0]](tags, name)
     return _nominal(tags, name)
 
 
-def pixel_mm(tags: Tags) -> float | None:
+def _pixel_mm(tags: Tags) -> float | None:
     """Return the pixel size that EXIF's resolution of the focal plane means; None without it."""
     resolution = tags.number("FocalPlaneXResolution")
     unit = int(tags.number("FocalPlaneResolutionUnit") or 2)
@@ -155,7 +155,7 @@ def _wrong(tags: Tags) -> Wrong:
 
 
 def _pixel_needed(tags: Tags) -> float:
-    pixel = pixel_mm(tags)
+    pixel = _pixel_mm(tags)
     if pixel is None:
         raise tags.wrong("FocalPlaneXResolution", "missing", "gives the size of a pixel")
     return pixel
@@ -197,7 +197,7 @@ def _nominal(tags: Tags, name: str) -> Lens:
     f_mm, film, pixel = (
         tags.number("FocalLength"),
         tags.number("FocalLengthIn35mmFilm"),
-        pixel_mm(tags),
+        _pixel_mm(tags),
     )
     if f_mm and pixel:
         f, said = f_mm / pixel, "focal length and pixel size from EXIF, no distortion"
@@ -215,7 +215,7 @@ def _nominal(tags: Tags, name: str) -> Lens:
 
 def _any_pixel(tags: Tags, f_px: float | None = None) -> float:
     """Return the size of a pixel, mm; by the focal lengths, or 1 um where nothing says it."""
-    pixel, f_mm = pixel_mm(tags), tags.number("FocalLength")
+    pixel, f_mm = _pixel_mm(tags), tags.number("FocalLength")
     f_px = f_px or next(iter(tags.numbers(DESIGNED, 1)), 0.0)
     return pixel or (f_mm / f_px if f_mm and f_px else 1e-3)
 

@@ -61,8 +61,8 @@ def read_bingo(
 def read_patb(
     source: Path, *, unit: str, size: tuple[int, int], pixel_um: float, block: str | None = None
 ) -> Brought:
-    """Read a list of PAT-B; options as those of `patb` and `flight_of`."""
-    return flight_of(patb(source, unit=unit, size=size, pixel_um=pixel_um), block=block)
+    """Read a list of PAT-B; options as those of `_patb` and `flight_of`."""
+    return flight_of(_patb(source, unit=unit, size=size, pixel_um=pixel_um), block=block)
 
 
 def bingo(source: Path, *, size: tuple[int, int], pixel_um: float) -> Project:
@@ -104,24 +104,8 @@ def bingo(source: Path, *, size: tuple[int, int], pixel_um: float) -> Project:
     )
 
 
-def patb(source: Path, *, unit: str, size: tuple[int, int], pixel_um: float) -> Project:
-    """Return PAT-B's image coordinates.
-
-    Parameters
-    ----------
-    source : Path
-        A file .im.
-    unit : {"um", "mm"}
-        Of its coordinates; the file .pro states it.
-    size : tuple of int
-        Width and height of the images, px.
-    pixel_um : float
-
-    Raises
-    ------
-    FlightError
-        For another file, or another layout.
-    """
+def _patb(source: Path, *, unit: str, size: tuple[int, int], pixel_um: float) -> Project:
+    """Return PAT-B's image coordinates."""
     file = opened.read(source)
     if source.suffix.lower() in NOT_READ:
         found = f"{source.suffix} of PAT-B is not read: its layout is not known for certain"

@@ -54,19 +54,19 @@ SYNONYMS = {
 }
 
 
-def words_of(synonyms: Mapping[str, str]) -> dict[str, str]:
+def _words_of(synonyms: Mapping[str, str]) -> dict[str, str]:
     """Return the names of columns by the words for them."""
     return {word: name for name, words in synonyms.items() for word in words.split()}
 
 
-KNOWN = words_of(SYNONYMS)
+KNOWN = _words_of(SYNONYMS)
 """Words for the columns of orientations and events."""
 
 POINT = "point pointname point_name point_id pointid id name nom n pt gcp marker target label"
 SKIPPED = {SKIP: SYNONYMS[SKIP]}
 SHARED = ("east", "north", "height", "lat", "lon", *SIGMA_M)
 
-MEASURED = words_of(
+MEASURED = _words_of(
     {
         "point": POINT,
         "image": "image imagename image_name filename file photo photoid cliche",
@@ -78,7 +78,7 @@ MEASURED = words_of(
 )
 """Words for the columns of points measured in images."""
 
-SURVEYED = words_of(
+SURVEYED = _words_of(
     {"point": POINT, "role": "role", **{one: SYNONYMS[one] for one in SHARED}, **SKIPPED}
 )
 """Words for the columns of surveyed points."""
@@ -205,7 +205,7 @@ class Listed:
     def names(self, name: str) -> list[str]:
         """Return a column of names that a flight may use."""
         k = self.at(name)
-        return [checked_name(row, row.cell(k, name), name) for row in self.rows]
+        return [_checked_name(row, row.cell(k, name), name) for row in self.rows]
 
     def unique(self, name: str) -> list[str]:
         """Return a column of names that are all different."""
@@ -251,7 +251,7 @@ def _unread_heading(heading: Line, columns: Sequence[Column], known: Mapping[str
     return f"The heading in line {heading.number}, since the columns are declared{against}."
 
 
-def checked_name(row: Line, name: str, element: str) -> str:
+def _checked_name(row: Line, name: str, element: str) -> str:
     """Return a name, refused where a flight may not use it."""
     fault = name_fault(name) if name else ("is empty", "must be a name")
     if fault:

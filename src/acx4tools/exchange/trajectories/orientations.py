@@ -162,20 +162,14 @@ def trajectory(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, A
     else:
         rph = np.zeros((0, 3)) if found.rph is None else found.rph.copy()
         if found.north(meaning) == "grid":
-            grid = grid_system(listed.source, meaning, "a heading from grid north")
-            rph[:, 2] += grid.convergence(lonlat_of(listed, found, meaning))
+            grid = _grid_system(listed.source, meaning, "a heading from grid north")
+            rph[:, 2] += grid.convergence(_lonlat_of(listed, found, meaning))
         table = _geographic(listed, found, meaning, rph)
     return table | extras(listed, meaning)
 
 
-def grid_system(source: Opened, meaning: Meaning, needed_by: str) -> GridSystem:
-    """Return the CRS and the heights of the flight.
-
-    Raises
-    ------
-    FlightError
-        Where the CRS is not given, or cannot be used.
-    """
+def _grid_system(source: Opened, meaning: Meaning, needed_by: str) -> GridSystem:
+    """Return the CRS and the heights of the flight."""
     if not meaning.crs:
         raise source.wrong("--crs", "is not given", f"{needed_by} need it, such as EPSG:32633")
     try:
@@ -199,7 +193,7 @@ def in_flight(source: Opened, meaning: Meaning, lonlat: Array, ellipsoidal: Arra
     """
     if meaning.heights == "ellipsoidal":
         return ellipsoidal
-    undulation = grid_system(source, meaning, "ellipsoidal heights").undulation(lonlat)
+    undulation = _grid_system(source, meaning, "ellipsoidal heights").undulation(lonlat)
     if not np.isfinite(undulation).all():
         k = int(np.flatnonzero(~np.isfinite(undulation))[0])
         found = f"position {k + 1}, {lonlat[k, 1]:.5f} {lonlat[k, 0]:.5f},"
@@ -207,11 +201,11 @@ def in_flight(source: Opened, meaning: Meaning, lonlat: Array, ellipsoidal: Arra
     return ellipsoidal - undulation
 
 
-def lonlat_of(listed: Listed, found: Oriented, meaning: Meaning) -> Array:
+def _lonlat_of(listed: Listed, found: Oriented, meaning: Meaning) -> Array:
     """Return longitude and latitude, deg, shape (n, 2), of east and north if it has both."""
     if found.lonlat is not None and (found.east_north is None or not meaning.crs):
         return found.lonlat
-    grid = grid_system(listed.source, meaning, "east and north, and attitudes against true north")
+    grid = _grid_system(listed.source, meaning, "east and north, and attitudes against true north")
     return _reached(listed, grid.lonlat_from_grid(np.asarray(found.east_north)))
 
 
@@ -223,7 +217,7 @@ def apart(listed: Listed, found: Oriented, meaning: Meaning) -> float:
     FlightError
         Where it is more than the last digit of the geographic ones explains.
     """
-    grid = grid_system(listed.source, meaning, "positions in two forms")
+    grid = _grid_system(listed.source, meaning, "positions in two forms")
     off = grid.grid_from_lonlat(np.asarray(found.lonlat)) - np.asarray(found.east_north)
     far = np.hypot(*off.T)
     k_lat = listed.at("lat")
@@ -257,7 +251,7 @@ def in_grid(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Any]
     """
     east_north = found.east_north
     if east_north is None:
-        grid = grid_system(
+        grid = _grid_system(
             listed.source, meaning, "latitude and longitude that become east and north"
         )
         east_north = _reached(listed, grid.grid_from_lonlat(np.asarray(found.lonlat)))
@@ -266,7 +260,7 @@ def in_grid(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Any]
 
 
 def _geographic(listed: Listed, found: Oriented, meaning: Meaning, rph: Array) -> dict[str, Any]:
-    lon, lat = np.round(lonlat_of(listed, found, meaning), 11).T
+    lon, lat = np.round(_lonlat_of(listed, found, meaning), 11).T
     angles = np.degrees(rph)
     angles[:, 2] %= TURN_DEG
     names = ("roll_deg", "pitch_deg", "heading_deg")
@@ -278,11 +272,11 @@ def _height(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Arra
     """Return the heights in the system of the flight, unscaled."""
     height = found.height
     if meaning.ground_m is not None:
-        grid = grid_system(listed.source, meaning, "heights with the scale of the map")
-        scale = grid.scale(lonlat_of(listed, found, meaning))
+        grid = _grid_system(listed.source, meaning, "heights with the scale of the map")
+        scale = grid.scale(_lonlat_of(listed, found, meaning))
         height = meaning.ground_m + (height - meaning.ground_m) / scale
     if meaning.ellipsoidal and meaning.heights != "ellipsoidal":
-        height = in_flight(listed.source, meaning, lonlat_of(listed, found, meaning), height)
+        height = in_flight(listed.source, meaning, _lonlat_of(listed, found, meaning), height)
     return {"height_m": np.round(height, 5)}
 
 
@@ -422,10 +416,10 @@ def read(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
     """
     source = opened.of_windows(opened.read(path))
     listed = read_list(source, options.columns, separator=options.separator, numbers=NUMBERS)
-    return brought(listed, meaning, options, source="Table of orientations")
+    return _brought(listed, meaning, options, source="Table of orientations")
 
 
-def brought(
+def _brought(
     listed: Listed,
     meaning: Meaning,
     options: TableOptions,
@@ -622,7 +616,7 @@ def read_applanix(path: Path, meaning: Meaning, options: TableOptions) -> Brough
         meaning = replace(meaning, ellipsoidal=True)
     if not camera:  # a heading of POSPac is from true north
         meaning = replace(meaning, north="true")
-    return brought(
+    return _brought(
         _with_height(listed),
         meaning,
         replace(options, of="camera" if applied else "imu"),

@@ -120,7 +120,7 @@ def _opened(path: Path) -> opened.Opened:
 
 def _ahead(listed: Events, options: SbetOptions) -> float:
     """Return the seconds by which the trajectory's clock is ahead of that of the events."""
-    events_utc, track_utc = is_utc(options.time), is_utc(options.trajectory_time)
+    events_utc, track_utc = _is_utc(options.time), _is_utc(options.trajectory_time)
     if events_utc == track_utc:
         return 0.0
     if options.leap_seconds is None:
@@ -208,7 +208,7 @@ def _brought(
 
 def _assumed(listed: Events, options: SbetOptions) -> tuple[str, ...]:
     seconds, dated = options.leap_seconds, np.isfinite(listed.stamps.weeks).all()
-    shift = is_utc(options.time) != is_utc(options.trajectory_time)
+    shift = _is_utc(options.time) != _is_utc(options.trajectory_time)
     columns = " ".join(one.name for one in listed.listed.columns)
     weeks = "by their weeks" if dated and options.week is not None else "in the nearest week"
     heading = "" if listed.listed.heading is None else "; its first line is a heading"
@@ -451,13 +451,13 @@ def positions(track: Track, at: Between, *, by_velocity: bool) -> Array:
     s = at.share[:, None]
     x = first + s * step
     if by_velocity:
-        begin, end = (at.interval[:, None] * rates(track, at.before + k) for k in (0, 1))
+        begin, end = (at.interval[:, None] * _rates(track, at.before + k) for k in (0, 1))
         x += s * (1 - s) * ((1 - s) * (begin - step) - s * (end - step))
     x[:, 0] = (x[:, 0] + np.pi) % (2 * np.pi) - np.pi
     return np.column_stack([np.degrees(x[:, :2]), x[:, 2]])
 
 
-def rates(track: Track, rows: Index) -> Array:
+def _rates(track: Track, rows: Index) -> Array:
     """Return the rates of longitude, latitude (rad/s) and height (m/s) of records, shape (k, 3)."""
     _, lat, height = track.lonlath(rows).T
     north, east, down = track.velocity(rows).T
@@ -488,7 +488,7 @@ def velocity_misfit(track: Track, at: Between) -> tuple[float, float]:
     step = last - first
     step[:, 0] = (step[:, 0] + np.pi) % (2 * np.pi) - np.pi
     dt = (track.time[rows + 1] - track.time[rows])[:, None]
-    said = 0.5 * (rates(track, rows) + rates(track, rows + 1))
+    said = 0.5 * (_rates(track, rows) + _rates(track, rows + 1))
     across = np.column_stack([AXIS_M * np.cos(first[:, 1]), np.full((len(rows), 2), [AXIS_M, 1.0])])
     off = np.linalg.norm(across * (step / dt - said), axis=1)
     return float(np.median(off)), float(np.median(np.linalg.norm(across * said, axis=1)))
@@ -564,7 +564,7 @@ def _of_date(line: Line, base: str, cell: str) -> tuple[float, float]:
     return float(week), 86_400.0 * day + since.seconds + 1e-6 * since.microseconds
 
 
-def is_utc(base: str) -> bool:
+def _is_utc(base: str) -> bool:
     """Tell whether a base is UTC, and not GPS time."""
     return base in (UTC_SOW, ISO, ISO_UTC)
 
