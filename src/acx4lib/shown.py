@@ -151,21 +151,6 @@ def side_by_side(values: Mapping[str, Tabled]) -> pd.DataFrame:
     return pd.concat({name: value.table() for name, value in values.items()}, axis=1)
 
 
-def below_each_other(name: str, values: Mapping[str, Tabled]) -> pd.DataFrame:
-    """Return the tables of values below each other.
-
-    Parameters
-    ----------
-    name : str
-        What the keys are, which stand before the rows.
-    values : mapping
-    """
-    import pandas as pd  # noqa: PLC0415 it loads long, and few programs show tables
-
-    tables = {key: value.table() for key, value in values.items()}
-    return pd.concat(tables, names=[name]) if tables else pd.DataFrame()
-
-
 class ByName(dict[str, T]):
     """Values by their names, which show themselves in a line."""
 

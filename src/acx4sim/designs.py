@@ -6,8 +6,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 from acx4sim import optics
+from acx4sim.earth import chained_deg
 from acx4sim.files import SimulatedFlight, simulate_plan, write
-from acx4sim.optics import Camera
+from acx4sim.optics import HEADS, Camera
 from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, layout
 
 _FIELD = (671_000.0, 7_189_500.0)  # near Curitiba, Brazil
@@ -142,7 +143,7 @@ def acx4_ideal_plan() -> Plan:
 
 def _four_heads(name: str, title: str, *, mount_deg: tuple[float, float, float]) -> Plan:
     """Plan the flight of the four heads; the synthetic frame is turned by `mount_deg`."""
-    heads = {name: optics.mounted(name, mount_deg) for name in optics.HEADS}
+    heads = {name: _mounted(name, mount_deg) for name in optics.HEADS}
     return Plan(
         name=name,
         draws="acx4",
@@ -175,6 +176,12 @@ def _four_heads(name: str, title: str, *, mount_deg: tuple[float, float, float])
         heads=tuple(optics.HEADS),
         head_angles_deg={name: head.boresight_deg for name, head in optics.HEADS.items()},
     )
+
+
+def _mounted(name: str, mount_deg: tuple[float, float, float]) -> Camera:
+    """Return a head on the IMU."""
+    head = HEADS[name]
+    return replace(head, boresight_deg=chained_deg(mount_deg, head.boresight_deg))
 
 
 def _mount(angles_deg: tuple[float, float, float], decimals: int = 9) -> dict[str, float]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from acx4sim.earth import Array, BoolArray, Grid, axes_of_enu_in_ecef, terrain_height
 from acx4sim.fly import Track, poses_in_ecef
-from acx4sim.optics import bent, inside, project
+from acx4sim.optics import Camera, bent, project
 from acx4sim.plan import BlockPlan, Plan, grid_from_field
 
 _MARGIN_PX = 25.0  # nothing is measured nearer to the edge
@@ -57,8 +57,16 @@ def _look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Sight
         seen_along = bent(ray, up, x_g[:, 2]) if plan.refraction == "standard" else ray
         colrow[i] = project(camera, seen_along @ R_e_c)
         above = np.einsum("tpk,pk->tp", ray, up) < 0
-        seen[i] = inside(camera, colrow[i], _MARGIN_PX) & above
+        seen[i] = _inside(camera, colrow[i], _MARGIN_PX) & above
     return Sight(colrow=colrow, seen=seen)
+
+
+def _inside(camera: Camera, colrow: Array, margin_px: float) -> BoolArray:
+    """Tell which pixel coordinates lie on the sensor, at least `margin_px` from its edge."""
+    low = margin_px - 0.5
+    high = np.array([camera.width_px, camera.height_px]) - 0.5 - margin_px
+    on_sensor: BoolArray = np.all((colrow >= low) & (colrow <= high), axis=-1)
+    return on_sensor
 
 
 def measure(

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from acx4sim.earth import Array, BoolArray, chained_deg
+from acx4sim.earth import Array
 
 # --- The simulator's own cameras: from a point in the camera frame to a pixel
 #
@@ -139,14 +139,6 @@ def _colrow_from_image(camera: Camera, xy: Array) -> Array:
     )
 
 
-def inside(camera: Camera, colrow: Array, margin_px: float) -> BoolArray:
-    """Tell which pixel coordinates lie on the sensor, at least `margin_px` from its edge."""
-    low = margin_px - 0.5
-    high = np.array([camera.width_px, camera.height_px]) - 0.5 - margin_px
-    on_sensor: BoolArray = np.all((colrow >= low) & (colrow <= high), axis=-1)
-    return on_sensor
-
-
 def project(camera: Camera, x_c: Array) -> Array:
     """Project points of the camera frame.
 
@@ -240,20 +232,6 @@ HEADS: Mapping[str, Camera] = MappingProxyType(
     }
 )
 """The heads; their boresight_deg are omega, phi, kappa in the synthetic frame."""
-
-
-def mounted(name: str, mount_deg: tuple[float, float, float]) -> Camera:
-    """Return a head on the IMU.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    mount_deg : tuple of float
-        Omega, phi, kappa of the synthetic frame in the body frame, as flight.toml declares them.
-    """
-    head = HEADS[name]
-    return replace(head, boresight_deg=chained_deg(mount_deg, head.boresight_deg))
 
 
 # --- Rays through the air: the simulator's own refraction, by Snell's law in horizontal layers

@@ -11,7 +11,7 @@ import numpy as np
 
 from acx4lib import expected, shown
 from acx4lib.bundle.network import Network, camera_poses
-from acx4lib.bundle.observations import whole
+from acx4lib.bundle.observations import of_halves
 from acx4lib.bundle.rejections import Exchange, Rejection, Stopped
 from acx4lib.bundle.start import ASTRAY, far_off, suspects, with_estimates
 from acx4lib.bundle.unknowns import State
@@ -20,11 +20,13 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import mounted_jacobian
+from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.dense import held_at_zero
+from acx4lib.least_squares.statistics import Group
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -191,6 +193,18 @@ def _of(network: Network, state: State, solution: Solution) -> Bundle:
         solution,
         n_observations=solution.n_observations - n,
         n_unknowns=solution.n_unknowns - n,
-        groups=tuple(whole(group, network.distances) for group in solution.groups),
+        groups=tuple(_whole(group, network.distances) for group in solution.groups),
     )
     return Bundle(network=network, state=state, solution=whole_ones)
+
+
+def _whole(group: Group, distances: Distances) -> Group:
+    """Return a group of residuals in which distances are not in halves."""
+    if group.kind != "distance":
+        return group
+    return Group(
+        kind=group.kind,
+        v=of_halves(group.v),
+        sigma=distances.sigma_m[:, None],
+        redundancy=of_halves(group.redundancy),
+    )

@@ -23,7 +23,7 @@ from acx4lib.geometry.frames import Pose, exp, log, log_jacobian, transform
 from acx4lib.geometry.parameters import DELAYS
 from acx4lib.least_squares.gauss_markov import GaussMarkov
 from acx4lib.least_squares.normal_equations import Equations
-from acx4lib.least_squares.statistics import Correlation, Group, SlowErrors
+from acx4lib.least_squares.statistics import Correlation, SlowErrors
 
 # --- The strips of a block, and how the body moves along them
 
@@ -124,17 +124,6 @@ class PoseObservations:
             if correlation is not None:
                 found.append(np.stack([correlation.first, correlation.second], axis=1))
         return np.concatenate(found)
-
-
-def unobserved(T_m_b: Pose) -> PoseObservations:
-    """Return poses without any observation."""
-    open_sigma = np.full((len(T_m_b), 3), np.inf)
-    return PoseObservations(
-        T_m_b=T_m_b,
-        R_g_m=np.tile(np.eye(3), (len(T_m_b), 1, 1)),
-        sigma_position=open_sigma,
-        sigma_attitude=open_sigma,
-    )
 
 
 def slow_errors(
@@ -623,15 +612,3 @@ def of_halves(values: Array) -> Array:
     n = len(values) // 2
     total: Array = values[:n] + values[n:]
     return total
-
-
-def whole(group: Group, distances: Distances) -> Group:
-    """Return a group of residuals in which distances are not in halves."""
-    if group.kind != "distance":
-        return group
-    return Group(
-        kind=group.kind,
-        v=of_halves(group.v),
-        sigma=distances.sigma_m[:, None],
-        redundancy=of_halves(group.redundancy),
-    )

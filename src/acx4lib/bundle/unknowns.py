@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -247,12 +247,6 @@ def holding(columns: Layout, held: Index) -> Layout:
         deviation=new[columns.deviation],
         joint=new[columns.joint],
     )
-
-
-def joining(columns: Layout, n_distances: int) -> Layout:
-    """Return a layout that joins so many distances."""
-    without = replace(columns, joint=columns.joint[:0])
-    return replace(without, joint=without.n_columns + np.arange(n_distances))
 
 
 def free_mount(fix: Sequence[str]) -> tuple[str, ...]:

@@ -21,7 +21,6 @@ from acx4lib.bundle.observations import (
     motion_of,
     slow_errors,
     strips_of,
-    unobserved,
     usable,
 )
 from acx4lib.bundle.start import (
@@ -33,11 +32,11 @@ from acx4lib.bundle.start import (
     start_points,
     with_estimates,
 )
-from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, joining, layout
+from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
-from acx4lib.geometry.camera import mountings, require_millimetres
+from acx4lib.geometry.camera import SMALLEST_F_MM, Camera, mountings
 from acx4lib.geometry.collinearity import REFRACTION
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import ATTITUDE, DELAYS, MOUNT, TRAJECTORY
@@ -106,7 +105,7 @@ def free_orientation(
         block,
         poses=_Poses(names=block.images.names, idx=np.arange(n_images), T_m_b=T_m_c),
         columns=layout(len(block.cameras), n_images, free=free),
-        observed=positions or unobserved(T_m_c),
+        observed=positions or _unobserved(T_m_c),
         T_b_c=identity,
         refraction=refraction,
         better=replace(start, T_b_c=identity) if start else None,
@@ -116,6 +115,17 @@ def free_orientation(
     expected.names_of("held", held, block.images.names)
     which = np.array([block.images.names.index(name) for name in held])
     return with_held_poses(network, held, (T_m_c if start is None else start.T_m_b)[which])
+
+
+def _unobserved(T_m_b: Pose) -> PoseObservations:
+    """Return poses without any observation."""
+    open_sigma = np.full((len(T_m_b), 3), np.inf)
+    return PoseObservations(
+        T_m_b=T_m_b,
+        R_g_m=np.tile(np.eye(3), (len(T_m_b), 1, 1)),
+        sigma_position=open_sigma,
+        sigma_attitude=open_sigma,
+    )
 
 
 def mounted_orientation(
@@ -262,7 +272,7 @@ def _network(
     expected.finite("trajectory.T_m_b.R", poses.T_m_b.R)
     expected.finite("trajectory.T_m_b.r", poses.T_m_b.r)
     expected.finite("control.x_m", block.control.x_m)
-    require_millimetres(block.cameras)
+    _require_millimetres(block.cameras)
     if len(block.images) == 0:
         raise AdjustmentError(f"block {block.name!r} has no images: there is nothing to adjust")
     given = Network(
@@ -293,6 +303,15 @@ def _network(
         return network
     network = _chosen(given, recovered(network))
     return _chosen(given, _robust(network, network.start))
+
+
+def _require_millimetres(cameras: Sequence[Camera]) -> None:
+    """Raise a ValueError where a focal length, expected in mm, must be in metres."""
+    for camera in cameras:
+        if camera.interior.f < SMALLEST_F_MM:
+            f = camera.interior.f
+            msg = f"{camera.name}: expected a focal length in mm, got f={f} (metres?)"
+            raise ValueError(msg)
 
 
 def _beginning_near(network: Network, better: State) -> Network:
@@ -341,7 +360,13 @@ def _chosen(network: Network, state: State) -> Network:
         rows=rows,
         control=control,
         distances=distances,
-        layout=joining(network.layout, len(distances)),
+        layout=_joining(network.layout, len(distances)),
         start=replace(state, x_m=x_m),
         left_out={why: int(which.sum()) for why, which in reasons if which.any()},
     )
+
+
+def _joining(columns: Layout, n_distances: int) -> Layout:
+    """Return a layout that joins so many distances."""
+    without = replace(columns, joint=columns.joint[:0])
+    return replace(without, joint=without.n_columns + np.arange(n_distances))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from scipy import sparse
+from scipy import sparse, special
 
 from acx4lib import expected, shown
 from acx4lib.bundle.adjust import Bundle
@@ -103,7 +103,7 @@ class Component:
         """
         ratio = (self.factor / self.applied) ** 2
         above = statistics.chi2_sf(self.effective * ratio, self.effective)
-        below = statistics.norm_cdf((ratio - 1) * np.sqrt(self.effective / 2))
+        below = _norm_cdf((ratio - 1) * np.sqrt(self.effective / 2))
         return float(min(1.0, 2 * min(above, below)))
 
     @property
@@ -131,6 +131,11 @@ class Component:
         least, most = BOUNDS
         far = not least <= self.applied <= most
         return bool(far and replace(self, factor=self.applied, applied=1.0).p < ALPHA)
+
+
+def _norm_cdf(x: float) -> float:
+    """Return the probability of a standard normal value below x."""
+    return float(special.ndtr(x))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -516,23 +521,6 @@ def sentences(found: Sequence[Component]) -> list[str]:
             times = c.applied / max(c.factor, 1e-3)
             out.append(f"the sigma of {c.group} are {times:.1f} times too pessimistic")
     return out
-
-
-def beyond(found: Sequence[Component]) -> list[str]:
-    """Return one sentence for each group whose estimated sigma hide a mistake, rather than fit."""
-    least, most = BOUNDS
-    return [
-        f"the sigma of {c.group} were multiplied by {c.applied:.3g}, outside {least:.2g} to "
-        f"{most:g}: rather a mistake, in these observations or others, than another sigma; look "
-        'at the residuals with weights = "given", or state the sigma that you can justify'
-        for c in found
-        if c.is_beyond
-    ]
-
-
-def tests_as_json(found: Sequence[SigmaTest]) -> dict[str, dict[str, float]]:
-    """Return the tests by group, as values for JSON."""
-    return {test.group: {k: v for k, v in asdict(test).items() if k != "group"} for test in found}
 
 
 def as_json(found: Sequence[Component]) -> dict[str, dict[str, float | None]]:

@@ -16,7 +16,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.setup import Setup
-from acx4lib.flight.table_files import read_table
+from acx4lib.flight.table_files import read_columns
 from acx4lib.flight.tables import GEOGRAPHIC, SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
@@ -87,7 +87,7 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
     distances = folder / name / "distances.csv"
     needs = f"block {name}"
     images, image_points, trajectory = (
-        read_table(path, str(path), needed_by=needs)
+        _read_table(path, str(path), needed_by=needs)
         for path in (folder / name / f"{table}.csv" for table in TABLES)
     )
     return BlockTables(
@@ -96,9 +96,14 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
         images=images,
         image_points=image_points,
         trajectory=trajectory,
-        control=read_table(control, str(control), needed_by=f"{needs} without its own"),
-        distances=read_table(distances, str(distances)) if os.path.lexists(distances) else None,
+        control=_read_table(control, str(control), needed_by=f"{needs} without its own"),
+        distances=_read_table(distances, str(distances)) if os.path.lexists(distances) else None,
     )
+
+
+def _read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
+    """Return a table of a flight; what is wrong is in its `problems`."""
+    return read_columns(path, file, SCHEMAS[path.name], needed_by=needed_by)
 
 
 def without_points(tables: BlockTables, folder: Path) -> BlockTables:

@@ -39,7 +39,7 @@ from acx4lib.flight.checks import (
 )
 from acx4lib.flight.problems import SHOWN, Problem, did_you_mean, lines_of
 from acx4lib.flight.readings import fit_problems
-from acx4lib.flight.settings import toml_problems
+from acx4lib.flight.settings import flight_table
 from acx4lib.flight.setup import Setup, setup_of
 from acx4lib.flight.table_files import Columns, named_file, table_in_memory
 from acx4lib.flight.tables import SCHEMAS, Table
@@ -196,7 +196,7 @@ def checked(
     problems, notes : sequence
         What was found before, beside the tables' own.
     """
-    found = [*toml_problems(toml)]
+    found = [*_toml_problems(toml)]
     setup = None if found else setup_of(toml)
     found += problems
     for tables in blocks:
@@ -207,6 +207,11 @@ def checked(
         raise FlightError(lines_of(found))
     own = [note for tables in blocks for note in _notes(tables)]
     return _flight(toml, setup, blocks, [*notes, *own])
+
+
+def _toml_problems(toml: Toml) -> Iterator[Problem]:
+    """Yield what is wrong with flight.toml; if it could not be read, only that."""
+    yield from toml.problems or flight_table(toml).problems(toml)
 
 
 def read_kept(path: str | Path) -> Flight:
@@ -227,7 +232,7 @@ def read_kept(path: str | Path) -> Flight:
     folder = Path(path)
     toml = read_toml(folder / "flight.toml")
     blocks = _read_blocks(folder, folder)
-    problems = [*toml_problems(toml), *([] if blocks else [_no_block(folder)])]
+    problems = [*_toml_problems(toml), *([] if blocks else [_no_block(folder)])]
     for tables in blocks:
         problems += [*tables.problems, *name_problems(tables, toml)]
     if problems:

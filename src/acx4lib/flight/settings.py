@@ -65,11 +65,6 @@ MOST_REASON = 200
 """Largest number of characters of a message of PROJ that is repeated."""
 
 
-def toml_problems(toml: Toml) -> Iterator[Problem]:
-    """Yield what is wrong with flight.toml; if it could not be read, only that."""
-    yield from toml.problems or flight_table(toml).problems(toml)
-
-
 def flight_table(toml: Toml) -> Table:
     """Return `FLIGHT` for a document: on no map, heights may be left out."""
     if toml.values.get("crs") != LOCAL:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import stat
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,41 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acx4lib import system
-from acx4lib.expected import Array, given
-from acx4lib.flight.problems import NO_ROWS, Problem, counted, quoted
+from acx4lib.expected import Array, Index, Mask, given
+from acx4lib.flight.problems import NO_ROWS, SHOWN, Problem, Range, counted, did_you_mean, quoted
 from acx4lib.flight.tables import (
+    FORMS,
+    LONGEST_NUMBER,
     MOST_COLUMNS,
-    SCHEMAS,
     Rows,
     Schema,
     Table,
-    cell_problems,
-    extra_notes,
-    header_problems,
+    faulty,
     numbers_of,
     read_header,
     read_rows,
-    whole_rows,
-    width_problems,
 )
 from acx4lib.opening import opened
 
 NO_END = "the last line has no line end; was the file cut off?"
-
-
-def read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
-    """Return a table of a flight; what is wrong is in its `problems`.
-
-    Parameters
-    ----------
-    path : Path
-        Its name is one of `SCHEMAS`.
-    file : str
-        Its name in messages.
-    needed_by : str
-        For the message if the file is missing.
-    """
-    return read_columns(path, file, SCHEMAS[path.name], needed_by=needed_by)
 
 
 def read_columns(
@@ -80,7 +64,7 @@ def read_columns(
     problems = problems or _no_header(whole, header, file)
     if problems:
         return Table(file=file, problems=problems)
-    wrong = header_problems(file, header, schema)
+    wrong = _header_problems(file, header, schema)
     if wrong and not set(header) & set(schema.required):
         return Table(file=file, problems=wrong)
     if len(header) > MOST_COLUMNS:
@@ -96,11 +80,77 @@ def read_columns(
         sha256=sha256,
         problems=(*wrong, *_row_problems(table, rows, schema)),
         notes=(
-            *extra_notes(file, header, schema),
+            *_extra_notes(file, header, schema),
             *([f"{file}: {n_blank} blank line{'s' * (n_blank > 1)} at the end"] if n_blank else []),
             *([] if whole.endswith(("\n", "\r")) else [f"{file}: {NO_END}"]),
         ),
     )
+
+
+def _header_problems(file: str, header: Sequence[str], schema: Schema) -> tuple[Problem, ...]:
+    """Return what is wrong with the columns of a table."""
+    whole = _whole_problem(header, schema)
+    if whole:
+        found, expected = whole
+        return (Problem(file=file, line=1, column="header", found=found, expected=expected),)
+    return tuple(_column_problems(file, header, schema))
+
+
+def _whole_problem(header: Sequence[str], schema: Schema) -> tuple[str, str] | None:
+    """Return the problem of a header that is no list of columns at all, None if it is one."""
+    name, *others = header
+    if len(others) >= MOST_COLUMNS:
+        return f"has {len(header)} columns", f"must have at most {MOST_COLUMNS}"
+    separators = {";": "semicolons", "\t": "tabs"}
+    if set(name.split(" ")) & set(schema.known):
+        separators[" "] = "spaces"
+    called = [says for separator, says in separators.items() if separator in name]
+    if others or not called:
+        return None
+    return (
+        f"is separated by {called[0]}",
+        "must be separated by commas, numbers with decimal points",
+    )
+
+
+def _column_problems(file: str, header: Sequence[str], schema: Schema) -> Iterator[Problem]:
+    def wrong(column: str, found: str, expected: str) -> Problem:
+        return Problem(file=file, line=1, column=column, found=found, expected=expected)
+
+    for name, count in Counter(header).items():
+        if count > 1 and name in schema.known:
+            yield wrong(name, f"stands {count} times in the header", "every column once")
+    named = list(dict.fromkeys(header))
+    begun = [form for form in schema.forms if set(form) & set(named)]
+    if len(begun) > 1:
+        both = [", ".join(name for name in named if name in form) for form in begun]
+        yield wrong(both[0], f"beside {both[1]}", "one form of trajectory in one file")
+        return
+    form = begun[0] if begun else ()
+    if schema.forms and not begun:
+        either = " or ".join(", ".join(form) for form in schema.forms)
+        yield wrong("position and attitude", "missing in the header", f"must be {either}")
+    for name in (*schema.required, *form):
+        if name not in named:
+            hint = _hint(name, named, schema)
+            yield wrong(name, f"missing in the header{hint}", "required")
+
+
+def _hint(name: str, header: Sequence[str], schema: Schema) -> str:
+    unknown = [other for other in header if other not in schema.known]
+    lower = {other.lower(): other for other in unknown}
+    if name in lower:
+        return f" (is it {lower[name]!r}?)"
+    return did_you_mean(name, unknown).replace("did you mean", "is it")
+
+
+def _extra_notes(file: str, header: Sequence[str], schema: Schema) -> Iterator[str]:
+    """Yield a note on each column that is not read, up to `SHOWN`, and one on all others."""
+    extra = [name for name in header if name and name not in schema.known]
+    for name in extra[:SHOWN]:
+        yield f"{file}: column {quoted(name)} is not read{did_you_mean(name, schema.known)}"
+    if len(extra) > SHOWN:
+        yield f"{file}: {len(extra) - SHOWN} more columns are not read"
 
 
 def _no_header(text: str, header: list[str], file: str) -> tuple[Problem, ...]:
@@ -123,8 +173,135 @@ def _of_rows(file: str, rows: Rows, schema: Schema) -> Table:
 def _row_problems(table: Table, rows: Rows, schema: Schema) -> Iterator[Problem]:
     if schema.rows and not len(table) and not rows.blank:
         yield table.problem(0, "file", NO_ROWS, "at least one row under the header")
-    yield from width_problems(table.file, rows)
-    yield from cell_problems(table, schema, whole_rows(rows))
+    yield from _width_problems(table.file, rows)
+    yield from _cell_problems(table, schema, _whole_rows(rows))
+
+
+def _width_problems(file: str, rows: Rows) -> Iterator[Problem]:
+    """Yield blank lines between others, and rows of another width than the header."""
+    expected = f"as many as the header: {rows.width}"
+
+    def wrong(line: int, found: str) -> Problem:
+        return Problem(file=file, line=line, column="row", found=found, expected=expected)
+
+    def ragged(k: int) -> Problem:
+        row, n = rows.ragged[k], rows.n_cells[k]
+        hint = "cut off?" if n < rows.width else "a decimal comma?"
+        return wrong(rows.lines[row], f"has {n} cells ({hint})")
+
+    yield from counted(rows.blank, lambda line: wrong(line, "is blank"))
+    yield from counted(range(len(rows.ragged)), ragged)
+
+
+def _whole_rows(rows: Rows) -> Mask:
+    """Tell which rows were as wide as the header, shape (n,)."""
+    whole = np.ones(len(rows.lines), dtype=bool)
+    whole[np.array(rows.ragged, dtype=np.intp)] = False
+    return whole
+
+
+def _cell_problems(table: Table, schema: Schema, whole: Mask) -> Iterator[Problem]:
+    """Yield what is wrong with the cells of a table."""
+    for name, texts in table.text.items():
+        if name in schema.ranges:
+            yield from _number_problems(table, name, schema.ranges[name], whole)
+        else:
+            yield from _name_problems(table, name, texts, schema, whole)
+    for key in schema.keys:
+        yield from _repeated(table, key)
+
+
+def _number_problems(table: Table, name: str, allowed: Range, whole: Mask) -> Iterator[Problem]:
+    values, cells = table.numbers[name], table.text[name]
+    finite = np.isfinite(values)
+    good = finite & (values >= allowed.low) & (values <= allowed.high)
+
+    def outside(row: int) -> Problem:
+        found = _shortened(cells[row].strip()) + _range_hint(table, name, row)
+        return table.problem(row, name, found, str(allowed))
+
+    def none(row: int) -> Problem:
+        cell = cells[row]
+        hint = next((f" ({what}?)" for form, what in FORMS if re.fullmatch(form, cell)), "")
+        found = f"{quoted(cell)}{hint}" if cell.strip() else "is empty"
+        point = "" if table.in_memory else ", decimal point"
+        return table.problem(row, name, found, f"must be a finite number{point}")
+
+    yield from counted(np.flatnonzero(whole & finite & ~good), outside)
+    yield from counted(np.flatnonzero(whole & ~finite), none)
+    if not table.in_memory and max(map(len, cells), default=0) > LONGEST_NUMBER:
+        long = [row for row, cell in enumerate(cells) if len(cell) > LONGEST_NUMBER and good[row]]
+        expected = f"must be a number of at most {LONGEST_NUMBER} characters"
+        yield from counted(
+            long,
+            lambda row: table.problem(row, name, f"has {len(cells[row])} characters", expected),
+        )
+
+
+def _shortened(cell: str) -> str:
+    return cell if len(cell) <= LONGEST_NUMBER else f"{cell[:LONGEST_NUMBER]}…"
+
+
+def _range_hint(table: Table, name: str, row: int) -> str:
+    lon = table.numbers.get("lon_deg")
+    if name == "lat_deg" and lon is not None and abs(lon[row]) <= 90:
+        return " (latitude and longitude swapped?)"
+    return ""
+
+
+def _name_problems(
+    table: Table, name: str, texts: Sequence[str], schema: Schema, whole: Mask
+) -> Iterator[Problem]:
+    names = set(texts)
+    faults = faulty(names)
+    if name not in schema.may_be_empty:
+        faults |= {cell: ("is empty", "must be a name") for cell in names if not cell.strip()}
+    if not faults:
+        return
+    kinds: dict[str, list[int]] = {}
+    for row, cell in enumerate(texts):
+        if cell in faults and (cell or whole[row]):
+            kinds.setdefault(faults[cell][1], []).append(row)
+    for expected, rows in kinds.items():
+        yield from counted(rows, _faulty_name(table, name, faults, expected))
+
+
+def _faulty_name(
+    table: Table, name: str, faults: dict[str, tuple[str, str]], expected: str
+) -> Callable[[int], Problem]:
+    """Return a function that describes a row with a faulty name."""
+    return lambda row: table.problem(row, name, faults[table.text[name][row]][0], expected)
+
+
+def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
+    """Yield rows whose names occur in an earlier row."""
+    if not all(name in table.text for name in key):
+        return
+    columns = [table.text[name] for name in key]
+    first = _first_alike(columns)
+    again = first != np.arange(len(first))
+    if not again.any():
+        return
+    for cells in columns:
+        again &= np.fromiter(map(bool, cells), dtype=bool, count=len(cells))
+
+    def problem(row: int) -> Problem:
+        called = ", ".join(quoted(cells[row]) for cells in columns)
+        found = f"{called} stands in {table.counts} {table.lines[first[row]]} already"
+        return table.problem(row, ", ".join(key), found, f"every {' and '.join(key)} once")
+
+    yield from counted(np.flatnonzero(again), problem)
+
+
+def _first_alike(columns: Sequence[Sequence[str]]) -> Index:
+    """Return for every row the first row with the same names."""
+    code = np.zeros(len(columns[0]), dtype=np.int64)
+    for cells in columns:
+        index = {name: i for i, name in enumerate(dict.fromkeys(cells))}
+        own = np.fromiter(map(index.__getitem__, cells), dtype=np.int64, count=len(cells))
+        code = code * max(len(index), 1) + own
+    _, first, inverse = np.unique(code, return_index=True, return_inverse=True)
+    return first[inverse]
 
 
 # --- The bytes of a flight's files: opened once, checked, and read if they fit into memory
@@ -331,13 +508,13 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
     header = [str(column) for column in names] or [""]
     wrong = tuple(
         replace(problem, line=-1, in_memory=True)
-        for problem in header_problems(name, header, schema)
+        for problem in _header_problems(name, header, schema)
     )
     found = {c: _cells(columns[c]) for c in dict.fromkeys(names) if c in schema.known}
     misshapen = tuple(_shape_problems(name, found))
     if wrong or misshapen:
         return replace(table, problems=(*wrong, *misshapen))
-    notes = tuple(extra_notes(name, header, schema))
+    notes = tuple(_extra_notes(name, header, schema))
     return _checked(replace(table, notes=notes), found, schema)
 
 
@@ -383,7 +560,7 @@ def _checked(table: Table, columns: Mapping[str, NDArray[Any]], schema: Schema) 
     if no_names:
         return replace(table, problems=tuple(no_names))
     table = replace(table, text=text, numbers=numbers)
-    problems = list(cell_problems(_with_known(table), schema, np.ones(n, dtype=bool)))
+    problems = list(_cell_problems(_with_known(table), schema, np.ones(n, dtype=bool)))
     if schema.rows and not n:
         problems = [_whole(table.file, "table", NO_ROWS, "must have one at least")]
     return replace(table, problems=tuple(problems), sha256=_checksum(table))

@@ -198,15 +198,6 @@ def mountings(cameras: Sequence[Camera]) -> Pose:
     )
 
 
-def require_millimetres(cameras: Sequence[Camera]) -> None:
-    """Raise a ValueError where a focal length, expected in mm, must be in metres."""
-    for camera in cameras:
-        if camera.interior.f < SMALLEST_F_MM:
-            f = camera.interior.f
-            msg = f"{camera.name}: expected a focal length in mm, got f={f} (metres?)"
-            raise ValueError(msg)
-
-
 def xy_from_colrow(camera: Camera, colrow: Array) -> Array:
     """Convert pixel coordinates to image coordinates.
 

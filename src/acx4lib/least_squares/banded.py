@@ -97,21 +97,6 @@ class BorderedCovariance:
         return cls(P=P, C=cov[:m, m:], D=cov[:m, :m])
 
 
-def cut_off(part: BorderedCovariance, held: Mask) -> None:
-    """Set the rows and columns of poses that are held to zero, in place.
-
-    Parameters
-    ----------
-    part : BorderedCovariance
-    held : ndarray of bool, shape (6 n_poses,)
-    """
-    free = ~held.reshape(-1, 6)
-    for d in range(part.P.shape[1]):
-        i = slice(0, max(len(free) - d, 0))
-        part.P[i, d] *= free[i, :, None] & free[d:, None, :]
-    part.C[:, held] = 0.0
-
-
 class Banded:
     """A bordered system, factored: the band by Cholesky, the border by its Schur complement.
 

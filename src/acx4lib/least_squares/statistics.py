@@ -338,11 +338,6 @@ def holm(p: Array) -> Array:
 # longer than adjusting a small flight.
 
 
-def norm_cdf(x: float) -> float:
-    """Return the probability of a standard normal value below x."""
-    return float(special.ndtr(x))
-
-
 def norm_sf(x: float) -> float:
     """Return the probability of a standard normal value above x."""
     return float(special.ndtr(-x))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +14,13 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors import expected_failures
 from acx4lib.bundle.rejections import CRITICAL, Exchange, Stopped, sentence
 from acx4lib.bundle.variance_components import (
+    BOUNDS,
+    Component,
+    SigmaTest,
     as_json,
-    beyond,
     components,
     sentences,
     sigma_tests,
-    tests_as_json,
 )
 from acx4lib.calibration import courses, determination, stability, trajectory_errors
 from acx4lib.calibration.confirmation import confirmations
@@ -196,8 +197,8 @@ def of_bundle(
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(found),
-        "sigma_tests": tests_as_json(sigma_tests(bundle)),
-        "sigma_beyond": [f"{key}: {line}" for line in beyond(judged)],
+        "sigma_tests": _tests_as_json(sigma_tests(bundle)),
+        "sigma_beyond": [f"{key}: {line}" for line in _beyond(judged)],
         "height_scale_error": height_scale(bundle) - 1,
         "height_scale_sigma": _focal_sigma(said),
         "notes": [f"{key}: {line}" for line in (*_notes(method, bundle, said), *sentences(judged))],
@@ -208,6 +209,23 @@ def of_bundle(
         tables=bundle_tables(stage, method, bundle, said),
         summary={key: entry},
     )
+
+
+def _tests_as_json(found: Sequence[SigmaTest]) -> dict[str, dict[str, float]]:
+    """Return the tests by group, as values for JSON."""
+    return {test.group: {k: v for k, v in asdict(test).items() if k != "group"} for test in found}
+
+
+def _beyond(found: Sequence[Component]) -> list[str]:
+    """Return one sentence for each group whose estimated sigma hide a mistake, rather than fit."""
+    least, most = BOUNDS
+    return [
+        f"the sigma of {c.group} were multiplied by {c.applied:.3g}, outside {least:.2g} to "
+        f"{most:g}: rather a mistake, in these observations or others, than another sigma; look "
+        'at the residuals with weights = "given", or state the sigma that you can justify'
+        for c in found
+        if c.is_beyond
+    ]
 
 
 def _stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:

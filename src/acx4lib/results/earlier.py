@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.results import folder, provenance
-from acx4lib.results.adjustments import Record
 from acx4lib.results.own_folder import written
 from acx4lib.results.provenance import Run
 from acx4lib.results.read_back import (
@@ -130,25 +129,6 @@ def read(results_path: str | Path, flight: Flight) -> Earlier:
     if problems:
         raise FlightError(problems)
     return earlier
-
-
-def named(record: Record, earlier: Earlier, *, notes: Sequence[str] = ()) -> Record:
-    """Return the record of a validation that names the calibration of an earlier flight.
-
-    Parameters
-    ----------
-    record : Record
-    earlier : Earlier
-    notes : sequence of str
-        Further notes.
-    """
-    entries = {}
-    for key, entry in record.summary.items():
-        method = key.rpartition("/")[2]
-        said: dict[str, object] = {**earlier.told, "method": f"mounting/{method}"}
-        all_notes = [*folder.messages(entry, "notes"), *notes]
-        entries[key] = {**entry, "calibration": said, "notes": all_notes}
-    return Record(stage=record.stage, method=record.method, tables=record.tables, summary=entries)
 
 
 def _differences(earlier: Earlier, flight: Flight) -> Iterator[str]:

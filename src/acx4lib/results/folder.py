@@ -6,7 +6,9 @@ The results of a method have the name ``stage/method``, such as ``mounting/singl
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Mapping, Sequence
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
@@ -18,10 +20,17 @@ import pandas as pd
 from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Mask
-from acx4lib.flight.problems import Problem
+from acx4lib.flight.problems import Problem, Range, did_you_mean, quoted
 from acx4lib.results import table_files
-from acx4lib.results.summary_entries import read_summary, summary_text
-from acx4lib.results.table_files import COLUMNS, cell_problems, is_there
+from acx4lib.results.summary_entries import read_summary
+from acx4lib.results.table_files import (
+    COLUMNS,
+    FIRST,
+    SCHEMAS,
+    Schema,
+    is_there,
+    wrong_rows,
+)
 from acx4lib.results.whole_files import Drafts, together
 
 STAGES = table_files.STAGES
@@ -68,12 +77,75 @@ class Results:
     @cached_property
     def residuals(self) -> pd.DataFrame:
         """Of all observations."""
-        return table_files.read(self.folder / "residuals.csv", cell_problems)
+        return table_files.read(self.folder / "residuals.csv", _cell_problems)
 
     @cached_property
     def synthetic_points(self) -> pd.DataFrame:
         """Of all blocks that are measured in heads."""
-        return table_files.read(self.folder / "synthetic_points.csv", cell_problems)
+        return table_files.read(self.folder / "synthetic_points.csv", _cell_problems)
+
+
+def _cell_problems(file: str, frame: pd.DataFrame) -> Iterator[Problem]:
+    """Yield what is wrong with the cells of a table, row by row."""
+    schema = SCHEMAS[Path(file).stem]
+    for name, allowed in schema.ranges.items():
+        yield from _numbers(file, frame[name], allowed, needed=name in schema.needed)
+    for name, words in schema.words.items():
+        yield from _words(file, frame[name], words)
+    if schema.key:
+        yield from _repeated(file, frame, schema)
+
+
+def _numbers(file: str, column: pd.Series, allowed: Range, *, needed: bool) -> Iterator[Problem]:
+    values = column.to_numpy()
+    bad = ~((values >= allowed.low) & (values <= allowed.high))
+    if allowed.whole:
+        bad |= np.floor(values) != values
+    if not needed:
+        bad &= ~np.isnan(values)
+
+    def found(row: int) -> str:
+        return "is empty" if np.isnan(values[row]) else repr(float(values[row]))
+
+    yield from wrong_rows(file, str(column.name), bad, found, str(allowed))
+
+
+def _words(file: str, column: pd.Series, words: tuple[str, ...]) -> Iterator[Problem]:
+    """Yield cells with none of the known words."""
+    bad = ~column.isin(words).to_numpy()
+
+    def found(row: int) -> str:
+        cell = str(column.iloc[row])
+        return f"{quoted(cell)} is unknown{did_you_mean(cell, words)}"
+
+    yield from wrong_rows(file, str(column.name), bad, found, f"must be one of {', '.join(words)}")
+
+
+def _repeated(file: str, frame: pd.DataFrame, schema: Schema) -> Iterator[Problem]:
+    """Yield rows that stand above already."""
+    cells = frame[list(schema.key)]
+    again = np.array(cells.duplicated())
+    if again.any():
+        again &= ~_often(frame, schema)
+
+    def found(row: int) -> str:
+        alike = (cells == cells.iloc[row]).all(axis=1)
+        first = int(np.flatnonzero(alike)[0])
+        names = ", ".join(quoted(str(cell)) for cell in cells.iloc[row])
+        return f"{names} stands in line {first + FIRST} already"
+
+    yield from wrong_rows(file, "row", again, found, f"every {', '.join(schema.key)} once")
+
+
+def _often(frame: pd.DataFrame, schema: Schema) -> Mask:
+    """Tell which rows may repeat others."""
+    out = np.zeros(len(frame), dtype=bool)
+    for words in schema.often:
+        own = np.ones(len(frame), dtype=bool)
+        for name, some in words.items():
+            own &= frame[name].isin(some).to_numpy()
+        out |= own
+    return out
 
 
 SHORT = tuple(name for name in COLUMNS if name in Results.__annotations__)
@@ -101,7 +173,7 @@ def read(folder: str | Path) -> Results:
     tables: dict[str, pd.DataFrame] = {}
     for name in SHORT:
         try:
-            tables[name] = table_files.read(at / f"{name}.csv", cell_problems)
+            tables[name] = table_files.read(at / f"{name}.csv", _cell_problems)
         except FlightError as error:
             problems += error.problems
     found = read_summary(at / "summary.json", problems)
@@ -163,7 +235,25 @@ def replace(
         for name in COLUMNS:
             _write(name, at, new, parts.get(name, ()), stage_methods)
         with new.open(at / "summary.json") as file:
-            file.write(summary_text({**kept, **summary}).encode())
+            file.write(_summary_text({**kept, **summary}).encode())
+
+
+def _summary_text(summary: Mapping[str, Mapping[str, object]]) -> str:
+    """Return the text of summary.json; a number that is not finite becomes null."""
+    plain = _plain(summary)
+    return json.dumps(plain, indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def has(results: Results, stage_method: str) -> bool:
@@ -225,7 +315,7 @@ def _with(results: Results, table: str, stage_method: str) -> pd.DataFrame:
         found: pd.DataFrame = getattr(results, table)
         return found
     begin = table_files.begins(table, [stage_method])
-    return table_files.read_some(results.folder / f"{table}.csv", begin, cell_problems)
+    return table_files.read_some(results.folder / f"{table}.csv", begin, _cell_problems)
 
 
 def cameras(results: Results, stage_method: str) -> tuple[str, ...]:
@@ -304,13 +394,20 @@ def _check_names(
         raise ValueError(msg)
     for name, frames in tables.items():
         for frame in frames:
-            table_files.check_columns(name, frame.columns)
+            _check_columns(name, frame.columns)
             _, keys = table_files.keys(name, frame)
             strangers = [key for key in keys if not _belongs(key, stage_methods)]
             if strangers:
                 listed = ", ".join(sorted(strangers))
                 msg = f"{name}: {listed} is not of {', '.join(stage_methods)}"
                 raise ValueError(msg)
+
+
+def _check_columns(name: str, columns: Iterable[str]) -> None:
+    """Raise a ValueError where a table has not exactly the columns of `COLUMNS`, in any order."""
+    if sorted(columns) != sorted(COLUMNS[name]):
+        msg = f"{name} has columns {', '.join(COLUMNS[name])}, got {', '.join(columns)}"
+        raise ValueError(msg)
 
 
 def _write(

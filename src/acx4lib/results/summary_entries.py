@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import Problem, lines_of
-from acx4lib.results.table_files import STAGES, is_there, text_of
+from acx4lib.flight.table_files import read_text
+from acx4lib.results.table_files import MOST_BYTES, STAGES, is_there
 
 Test = Callable[[Any], bool]
 
@@ -249,7 +247,7 @@ def read_object(path: Path, what: str) -> dict[str, Any]:
     ------
     FlightError
     """
-    text = text_of(path)
+    text = _text_of(path)
 
     def wrong(line: int, found: str) -> FlightError:
         expected = f"must be {what}; remove it and run again"
@@ -267,6 +265,14 @@ def read_object(path: Path, what: str) -> dict[str, Any]:
     return found
 
 
+def _text_of(path: Path) -> str:
+    """Return the text of a file that is there."""
+    text, _, problems = read_text(path, str(path), needed_by="a report", most=MOST_BYTES)
+    if problems:
+        raise FlightError([f"{problem}; remove it and run again" for problem in problems])
+    return text
+
+
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
@@ -278,31 +284,13 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def problem_of(path: Path, keys: Sequence[str], found: str, expected: str) -> Problem:
     """Return a problem of a key in a JSON file, with its line as far as it is found there."""
-    text, at = text_of(path) if path.is_file() else "", 0
+    text, at = _text_of(path) if path.is_file() else "", 0
     for key in keys:
         place = text.find(f"{json.dumps(key, ensure_ascii=False)}:", at)
         at = place if place >= 0 else at
     line = text.count("\n", 0, at) + 1
     name = ": ".join(keys) or "file"
     return Problem(file=str(path), line=line, column=name, found=found, expected=expected)
-
-
-def summary_text(summary: Mapping[str, Mapping[str, object]]) -> str:
-    """Return the text of summary.json; a number that is not finite becomes null."""
-    plain = _plain(summary)
-    return json.dumps(plain, indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def _wrong_entries(summary: Mapping[str, object]) -> Iterator[Wrong]:

@@ -19,8 +19,7 @@ import pandas as pd
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Index, Mask
-from acx4lib.flight.problems import Problem, Range, counted, did_you_mean, lines_of, quoted
-from acx4lib.flight.table_files import read_text
+from acx4lib.flight.problems import Problem, Range, counted, lines_of, quoted
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.least_squares import processors
 from acx4lib.opening import opened
@@ -208,13 +207,6 @@ _SPECIAL = ',"\n\r'
 
 BYTES = 4_000_000
 """Number of bytes of old rows that are copied together."""
-
-
-def check_columns(name: str, columns: Iterable[str]) -> None:
-    """Raise a ValueError where a table has not exactly the columns of `COLUMNS`, in any order."""
-    if sorted(columns) != sorted(COLUMNS[name]):
-        msg = f"{name} has columns {', '.join(COLUMNS[name])}, got {', '.join(columns)}"
-        raise ValueError(msg)
 
 
 def keys(name: str, frame: pd.DataFrame) -> tuple[Index, list[str]]:
@@ -607,25 +599,6 @@ FIRST = 2
 """Line of the first row."""
 
 
-def cell_problems(file: str, frame: pd.DataFrame) -> Iterator[Problem]:
-    """Yield what is wrong with the cells of a table, row by row.
-
-    Parameters
-    ----------
-    file : str
-        Its path; the name is one of `SCHEMAS` with ``.csv``.
-    frame : DataFrame
-        With its columns, a row for every line after the first.
-    """
-    schema = SCHEMAS[Path(file).stem]
-    for name, allowed in schema.ranges.items():
-        yield from _numbers(file, frame[name], allowed, needed=name in schema.needed)
-    for name, words in schema.words.items():
-        yield from _words(file, frame[name], words)
-    if schema.key:
-        yield from _repeated(file, frame, schema)
-
-
 def wrong_rows(
     file: str, column: str, rows: Mask | Index, found: Callable[[int], str], expected: str
 ) -> Iterator[Problem]:
@@ -648,58 +621,6 @@ def wrong_rows(
         )
 
     yield from counted(idx, problem)
-
-
-def _numbers(file: str, column: pd.Series, allowed: Range, *, needed: bool) -> Iterator[Problem]:
-    values = column.to_numpy()
-    bad = ~((values >= allowed.low) & (values <= allowed.high))
-    if allowed.whole:
-        bad |= np.floor(values) != values
-    if not needed:
-        bad &= ~np.isnan(values)
-
-    def found(row: int) -> str:
-        return "is empty" if np.isnan(values[row]) else repr(float(values[row]))
-
-    yield from wrong_rows(file, str(column.name), bad, found, str(allowed))
-
-
-def _words(file: str, column: pd.Series, words: tuple[str, ...]) -> Iterator[Problem]:
-    """Yield cells with none of the known words."""
-    bad = ~column.isin(words).to_numpy()
-
-    def found(row: int) -> str:
-        cell = str(column.iloc[row])
-        return f"{quoted(cell)} is unknown{did_you_mean(cell, words)}"
-
-    yield from wrong_rows(file, str(column.name), bad, found, f"must be one of {', '.join(words)}")
-
-
-def _repeated(file: str, frame: pd.DataFrame, schema: Schema) -> Iterator[Problem]:
-    """Yield rows that stand above already."""
-    cells = frame[list(schema.key)]
-    again = np.array(cells.duplicated())
-    if again.any():
-        again &= ~_often(frame, schema)
-
-    def found(row: int) -> str:
-        alike = (cells == cells.iloc[row]).all(axis=1)
-        first = int(np.flatnonzero(alike)[0])
-        names = ", ".join(quoted(str(cell)) for cell in cells.iloc[row])
-        return f"{names} stands in line {first + FIRST} already"
-
-    yield from wrong_rows(file, "row", again, found, f"every {', '.join(schema.key)} once")
-
-
-def _often(frame: pd.DataFrame, schema: Schema) -> Mask:
-    """Tell which rows may repeat others."""
-    out = np.zeros(len(frame), dtype=bool)
-    for words in schema.often:
-        own = np.ones(len(frame), dtype=bool)
-        for name, some in words.items():
-            own &= frame[name].isin(some).to_numpy()
-        out |= own
-    return out
 
 
 # --- Files of a results folder: regular ones, which lie in the folder itself, links resolved
@@ -742,17 +663,3 @@ def _is_inside(path: Path, folder: Path) -> bool:
 def _wrong(path: Path, found: str) -> str:
     expected = "must be a file that a run wrote; remove it and run again"
     return str(Problem(file=str(path), line=1, column="file", found=found, expected=expected))
-
-
-def text_of(path: Path) -> str:
-    """Return the text of a file that is there.
-
-    Raises
-    ------
-    FlightError
-        Where it is no text, or too large.
-    """
-    text, _, problems = read_text(path, str(path), needed_by="a report", most=MOST_BYTES)
-    if problems:
-        raise FlightError([f"{problem}; remove it and run again" for problem in problems])
-    return text

@@ -14,9 +14,9 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing.validation import Validation, predict, validate
 from acx4lib.results import adjustments, earlier, folder, provenance, read_back
-from acx4lib.results.adjustments import mounted_block, of_validations
+from acx4lib.results.adjustments import Record, mounted_block, of_validations
 from acx4lib.results.earlier import Earlier
-from acx4lib.shown import ByName
+from acx4lib.shown import ByName, Tabled
 from acx4lib.stages.order import explained, solving
 from acx4lib.stages.rig import of_attitudes
 
@@ -60,7 +60,15 @@ class ValidationStage:
     def table(self) -> pd.DataFrame:
         """Return the differences of all methods."""
         found = {one.method: one for one in (*self.validations, *self.in_heads)}
-        return shown.below_each_other("method", found)
+        return _below_each_other("method", found)
+
+
+def _below_each_other(name: str, values: Mapping[str, Tabled]) -> pd.DataFrame:
+    """Return the tables of values below each other."""
+    import pandas as pd  # noqa: PLC0415 it loads long, and few programs show tables
+
+    tables = {key: value.table() for key, value in values.items()}
+    return pd.concat(tables, names=[name]) if tables else pd.DataFrame()
 
 
 def run(
@@ -264,6 +272,17 @@ def _write(
         told = before.told
         first, *others = records
         notes = [f"validation: {before.sentence}"]
-        records = [earlier.named(first, before, notes=notes)]
-        records += [earlier.named(record, before) for record in others]
+        records = [_named(first, before, notes=notes)]
+        records += [_named(record, before) for record in others]
     adjustments.write(results_path, "validation", records, flight=flight, calibration=told)
+
+
+def _named(record: Record, earlier: Earlier, *, notes: Sequence[str] = ()) -> Record:
+    """Return the record of a validation that names the calibration of an earlier flight."""
+    entries = {}
+    for key, entry in record.summary.items():
+        method = key.rpartition("/")[2]
+        said: dict[str, object] = {**earlier.told, "method": f"mounting/{method}"}
+        all_notes = [*folder.messages(entry, "notes"), *notes]
+        entries[key] = {**entry, "calibration": said, "notes": all_notes}
+    return Record(stage=record.stage, method=record.method, tables=record.tables, summary=entries)

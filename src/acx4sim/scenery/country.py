@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acx4sim.earth import Array
-from acx4sim.scenery.drawing import Shapes, rectangles, ribbons, scattered, shapes, thin
+from acx4sim.scenery.drawing import Shapes, rectangles, scattered, shapes
 
 PITCH = np.array([290.0, 210.0])  # of the net of lanes, m
 _TURN = np.radians(17.0)
@@ -245,14 +245,32 @@ def _paved(line: Array) -> list[Shapes]:
     fine = np.column_stack(
         [np.interp(np.linspace(0, 30, 121), np.arange(31), line[:, i]) for i in range(2)]
     )
-    dashes = ribbons(fine, -0.07, 0.07, overlap_m=0.0)[::4]
+    dashes = _ribbons(fine, -0.07, 0.07, overlap_m=0.0)[::4]
     return [
-        shapes(ribbons(line, -5.2, 5.2), _VERGE),
-        shapes(ribbons(line, -3.6, 3.6), _ASPHALT),
-        thin(ribbons(line, -3.32, -3.18), _WHITE, 0.14, _ASPHALT),
-        thin(ribbons(line, 3.18, 3.32), _WHITE, 0.14, _ASPHALT),
-        thin(dashes, _WHITE, 0.14, _ASPHALT),
+        shapes(_ribbons(line, -5.2, 5.2), _VERGE),
+        shapes(_ribbons(line, -3.6, 3.6), _ASPHALT),
+        _thin(_ribbons(line, -3.32, -3.18), _WHITE, 0.14, _ASPHALT),
+        _thin(_ribbons(line, 3.18, 3.32), _WHITE, 0.14, _ASPHALT),
+        _thin(dashes, _WHITE, 0.14, _ASPHALT),
     ]
+
+
+def _thin(
+    outlines: Array, colour: tuple[int, ...], width_m: float, under: tuple[int, int, int, int]
+) -> Shapes:
+    """Return narrow polygons as shapes."""
+    return replace(shapes(outlines, colour), width_m=width_m, under=under)
+
+
+def _ribbons(line: Array, from_m: float, to_m: float, overlap_m: float = 0.5) -> Array:
+    """Return the quadrangles of a band along a line, shape (n - 1, 4, 2)."""
+    along = np.gradient(line, axis=0)
+    left = np.column_stack([-along[:, 1], along[:, 0]])
+    left /= np.linalg.norm(left, axis=1, keepdims=True)
+    a, b = line + from_m * left, line + to_m * left
+    reach = np.diff(line, axis=0)
+    reach *= overlap_m / np.linalg.norm(reach, axis=1, keepdims=True)
+    return np.stack([a[:-1] - reach, a[1:] + reach, b[1:] + reach, b[:-1] - reach], axis=1)
 
 
 def bridge_shapes(country: Country, a: int, b: int) -> list[Shapes]:
@@ -265,19 +283,19 @@ def bridge_shapes(country: Country, a: int, b: int) -> list[Shapes]:
             continue
         span = np.flatnonzero(over)
         part = line[max(span[0] - 1, 0) : span[-1] + 2]
-        found.append(shapes(ribbons(part + 3.6 * SHADOW, -4.6, 4.6), (26, 34, 38, 8)))
-        found.append(shapes(ribbons(part, -4.6, 4.6), _CONCRETE))
-        found.append(shapes(ribbons(part, -3.6, 3.6), _ASPHALT))
-        found.append(thin(ribbons(part, -3.32, -3.18), _WHITE, 0.14, _ASPHALT))
-        found.append(thin(ribbons(part, 3.18, 3.32), _WHITE, 0.14, _ASPHALT))
+        found.append(shapes(_ribbons(part + 3.6 * SHADOW, -4.6, 4.6), (26, 34, 38, 8)))
+        found.append(shapes(_ribbons(part, -4.6, 4.6), _CONCRETE))
+        found.append(shapes(_ribbons(part, -3.6, 3.6), _ASPHALT))
+        found.append(_thin(_ribbons(part, -3.32, -3.18), _WHITE, 0.14, _ASPHALT))
+        found.append(_thin(_ribbons(part, 3.18, 3.32), _WHITE, 0.14, _ASPHALT))
     return found
 
 
 def _track(line: Array) -> list[Shapes]:
     return [
-        shapes(ribbons(line, -2.4, 2.4), _GRASS),
-        shapes(ribbons(line, -1.35, -0.55), _EARTH),
-        shapes(ribbons(line, 0.55, 1.35), _EARTH),
+        shapes(_ribbons(line, -2.4, 2.4), _GRASS),
+        shapes(_ribbons(line, -1.35, -0.55), _EARTH),
+        shapes(_ribbons(line, 0.55, 1.35), _EARTH),
     ]
 
 
@@ -412,8 +430,8 @@ def _streets(country: Country, corner: Array) -> list[Shapes]:
     lines.append(np.column_stack([np.full(24, PITCH[0] / 2), v]))
     drawn = [country.map_from_net(corner + line) for line in lines]
     return [
-        *(shapes(ribbons(line, -3.9, 3.9), _PAVEMENT) for line in drawn),
-        *(shapes(ribbons(line, -2.6, 2.6), _STREET) for line in drawn),
+        *(shapes(_ribbons(line, -3.9, 3.9), _PAVEMENT) for line in drawn),
+        *(shapes(_ribbons(line, -2.6, 2.6), _STREET) for line in drawn),
     ]
 
 

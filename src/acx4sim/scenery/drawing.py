@@ -5,7 +5,7 @@ the strength of the finest noise.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -121,13 +121,6 @@ class Shapes:
         )
 
 
-def thin(
-    outlines: Array, colour: tuple[int, ...], width_m: float, under: tuple[int, int, int, int]
-) -> Shapes:
-    """Return narrow polygons as shapes."""
-    return replace(shapes(outlines, colour), width_m=width_m, under=under)
-
-
 def shapes(outlines: Array, colours: ArrayLike) -> Shapes:
     """Return polygons in map coordinates, (n, m, 2), as shapes; all may have the same colour."""
     origin = outlines.reshape(-1, 2).mean(axis=0) if outlines.size else np.zeros(2)
@@ -209,27 +202,6 @@ def _turned(x: Array, angle: Array) -> Array:
     """Turn vectors (n, m, 2) by n angles."""
     c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
     return np.stack([c * x[..., 0] - s * x[..., 1], s * x[..., 0] + c * x[..., 1]], axis=-1)
-
-
-def ribbons(line: Array, from_m: float, to_m: float, overlap_m: float = 0.5) -> Array:
-    """Return the quadrangles of a band along a line, shape (n - 1, 4, 2).
-
-    Parameters
-    ----------
-    line : ndarray, shape (n, 2)
-        Corners of the line.
-    from_m, to_m : float
-        Edges of the band, to the left of the line.
-    overlap_m : float
-        Length by which each reaches beyond its ends, so that no seam is seen.
-    """
-    along = np.gradient(line, axis=0)
-    left = np.column_stack([-along[:, 1], along[:, 0]])
-    left /= np.linalg.norm(left, axis=1, keepdims=True)
-    a, b = line + from_m * left, line + to_m * left
-    reach = np.diff(line, axis=0)
-    reach *= overlap_m / np.linalg.norm(reach, axis=1, keepdims=True)
-    return np.stack([a[:-1] - reach, a[1:] + reach, b[1:] + reach, b[:-1] - reach], axis=1)
 
 
 # --- Random numbers of a position on the ground, the same in every picture of it

@@ -156,11 +156,6 @@ def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:
     return crs.to_2d()
 
 
-def is_engineers(text: str) -> bool:
-    """Tell whether a system is that of a test field or a building site, on no map."""
-    return bool(text) and bool(parsed(text).is_engineering)
-
-
 def is_north_first(crs: pyproj.CRS) -> bool:
     """Tell whether a CRS counts north, or latitude, before east."""
     return _horizontal(crs).axis_info[0].direction.lower() == "north"

@@ -311,13 +311,6 @@ def inverse(forward: Model, wanted: Array, start: Array) -> Array:
     return np.where(good[:, None], at, np.nan)
 
 
-def on_fisheye(ideal: Array) -> Array:
-    """Return points (n, 2) whose length is the angle from the axis, of ideal points."""
-    r = np.hypot(*ideal.T)
-    scale: Array = np.divide(np.arctan(r), r, out=np.ones_like(r), where=r > 0)
-    return ideal * scale[:, None]
-
-
 def off_fisheye(points: Array) -> Array:
     """Return the ideal points of points whose length is the angle; NaN from 90 degrees on."""
     angle = np.hypot(*points.T)

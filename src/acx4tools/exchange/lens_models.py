@@ -113,7 +113,7 @@ class Lens:
 
     def colrow(self, ideal: Array) -> Array:
         """Return the pixels of ideal points, shape (n, 2)."""
-        points = self.distortion(lens.on_fisheye(ideal) if self.is_fisheye else ideal)
+        points = self.distortion(_on_fisheye(ideal) if self.is_fisheye else ideal)
         return self.hole.colrow(points @ self._affine.T)
 
     @property
@@ -161,6 +161,13 @@ class Lens:
         camera, left = self.nearest(name, (self.pixel_um or pixel_um or NOMINAL_UM) / 1000)
         camera = replace(camera, T_b_c=self.mount)
         return Refitted(camera=camera, table=_table(camera), f_px=self.hole.fy, left=left)
+
+
+def _on_fisheye(ideal: Array) -> Array:
+    """Return points (n, 2) whose length is the angle from the axis, of ideal points."""
+    r = np.hypot(*ideal.T)
+    scale: Array = np.divide(np.arctan(r), r, out=np.ones_like(r), where=r > 0)
+    return ideal * scale[:, None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,7 +258,7 @@ def _radial_then_others(points: Array, values: Mapping[str, float]) -> Array:
 def _dual(points: Array, values: Mapping[str, float]) -> Array:
     """Return the effects of a lens between a perspective one and a fisheye."""
     weight = values["transition"]
-    between = weight * points + (1 - weight) * lens.on_fisheye(points)
+    between = weight * points + (1 - weight) * _on_fisheye(points)
     return between - points + lens.effects(between, values)
 
 

@@ -8,7 +8,7 @@ imported. Pixels, camera axes and units are the library's; the frame w is any Ca
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -439,7 +439,7 @@ def _tables(
     made: dict[str, Columns] = {}
     if rows and all(images.cameras):
         listed = ([of[i] for i in rows] for of in (images.names, images.cameras, images.exposures))
-        made[f"{folder}/images.csv"] = tables.images(*listed)
+        made[f"{folder}/images.csv"] = _images(*listed)
     if len(measured.colrow):
         made[f"{folder}/image_points.csv"] = tables.image_points(
             [images.names[i] for i in measured.image_idx],
@@ -451,6 +451,13 @@ def _tables(
     if flown.table is not None:
         made[f"{folder}/trajectory.csv"] = flown.table
     return made
+
+
+def _images(
+    names: Sequence[str], cameras: Sequence[str], exposures: Sequence[str]
+) -> dict[str, list[str]]:
+    """Return the table images.csv."""
+    return {"image": list(names), "camera": list(cameras), "exposure": list(exposures)}
 
 
 def _control_table(control: Control) -> dict[str, list[Any]]:

@@ -19,13 +19,6 @@ PIXELS, METRES, DEGREES = 4, 5, 9
 """Decimals of pixels, metres, degrees."""
 
 
-def images(
-    names: Sequence[str], cameras: Sequence[str], exposures: Sequence[str]
-) -> dict[str, list[str]]:
-    """Return the table images.csv."""
-    return {"image": list(names), "camera": list(cameras), "exposure": list(exposures)}
-
-
 def image_points(image: Sequence[str], point: Sequence[str], colrow: Array) -> Columns:
     """Return the table image_points.csv; `colrow`, shape (n, 2), in the library's pixels."""
     cols, rows = np.round(colrow, PIXELS).T.tolist() if len(colrow) else ([], [])

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import inside
 from acx4lib.tie_points.matching import response
 from acx4lib.tie_points.overlaps import grey
-from acx4tools.measuring.oriented import approximate, firm, refined
+from acx4tools.measuring.oriented import approximate, refined
 from acx4tools.measuring.pairs import Both, Matching, MatchOptions, PairJob
 from acx4tools.measuring.points import TieRays, chosen, joined
 from acx4tools.measuring.views import Surface, View, ground_of, pixels_of, pixels_of_view, seen_at
@@ -306,18 +306,6 @@ def beyond_search(block: Block, views: Sequence[View], surface: Surface, reduce:
         f"against each other at the first size, 1/{max(first)}, where {COARSE.search_px} px are "
         "searched: points may be missed"
     )
-
-
-def placed(block: Block, matched: Matched) -> Matched:
-    """Return a matched block moved to where its trajectory says that it is.
-
-    Its pictures agree with each other already; surveyed points need more.
-    """
-    try:
-        found = refined(firm(block), matched.views, matched.rays)
-    except AdjustmentError:
-        return matched
-    return replace(matched, views=found.views, surface=found.surface)
 
 
 def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:

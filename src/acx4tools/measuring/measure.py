@@ -10,14 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
+from acx4lib import shown
 from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, select_images
 from acx4lib.flight.reader import Flight, read
+from acx4lib.geometry.camera import mountings
+from acx4lib.geometry.frames import rph_from_rotation
 from acx4lib.results import own_folder
-from acx4tools.measuring import flights, orientation, views
+from acx4tools.measuring import flights, views
 from acx4tools.measuring.flights import Measured, Unmeasured
-from acx4tools.measuring.levels import Matched, MeasureOptions, beyond_search, match_block, placed
-from acx4tools.measuring.orientation import Coarse, oriented_by_features
+from acx4tools.measuring.levels import Matched, MeasureOptions, beyond_search, match_block
+from acx4tools.measuring.orientation import GAP_DEG, R_NED_M, Coarse, oriented_by_features
+from acx4tools.measuring.oriented import firm, refined
 from acx4tools.measuring.pairs import Matching
 from acx4tools.measuring.targets import Surveyed, find_surveyed
 from acx4tools.measuring.views import Surface, View, declared_views, seen_at, size_on_file
@@ -150,8 +155,8 @@ def _measured(
     surface = _ground(unmeasured, block, options)
     matched, coarse = _matched(block, views, surface, options, matching, tell)
     if len(control):
-        matched = placed(coarse.block if coarse else block, matched)
-    said = (*coarse.said, *orientation.told(block, matched.views)) if coarse else ()
+        matched = _placed(coarse.block if coarse else block, matched)
+    said = (*coarse.said, *_told(block, matched.views)) if coarse else ()
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
     surveyed = find_surveyed(matched.views, matched.surface, control.text["point"], x_m, given)
     return Outcome(
@@ -161,6 +166,58 @@ def _measured(
         options=options,
         coarse=said,
     )
+
+
+def _placed(block: Block, matched: Matched) -> Matched:
+    """Return a matched block moved to where its trajectory says that it is."""
+    try:
+        found = refined(firm(block), matched.views, matched.rays)
+    except AdjustmentError:
+        return matched
+    return replace(matched, views=found.views, surface=found.surface)
+
+
+def _told(block: Block, views: Sequence[View]) -> Iterator[str]:
+    """Yield a sentence on the attitudes of every strip, or of every course where none is named."""
+    at = [block.images.names.index(view.name) for view in views]
+    exposure, first = np.unique(block.images.exposure_idx[at], return_index=True)
+    R_c_b = np.swapaxes(mountings(block.cameras).R, 1, 2)[block.images.camera_idx[at]]
+    R_m_b = (np.array([view.T_m_c.R[0] for view in views]) @ R_c_b)[first]
+    by_pictures = np.degrees(rph_from_rotation(R_NED_M @ R_m_b))
+    given = np.degrees(rph_from_rotation(R_NED_M @ block.trajectory.T_m_b.R[exposure]))
+    off = (given - by_pictures + 180) % 360 - 180
+    strips = np.array(block.images.strips)[at][first]
+    named = bool(np.all(strips != ""))
+    group = np.unique(strips, return_inverse=True)[1] if named else _courses(by_pictures[:, 2])
+    for k in range(int(group.max()) + 1):
+        own = group == k
+        heading = _mean_deg(by_pictures[own, 2])
+        name = f"strip {strips[own][0]}, heading" if named else "heading"
+        yield (
+            f"{block.name}: {name} {heading:.0f}°, {shown.count(int(own.sum()), 'exposure')}: "
+            f"the trajectory's roll, pitch, heading are off by {_numbers(off[own].mean(axis=0))}°, "
+            f"each by {_numbers(np.sqrt(np.mean(np.square(off[own]), axis=0)), '')}° rms"
+        )
+
+
+def _courses(heading_deg: Array) -> Index:
+    """Return the number of the course of every exposure; courses are apart by `GAP_DEG`."""
+    order = np.argsort(heading_deg % 360)
+    sorted_deg = (heading_deg % 360)[order]
+    step = np.diff(sorted_deg, prepend=sorted_deg[-1] - 360) > GAP_DEG
+    number = np.cumsum(step) % max(int(step.sum()), 1)
+    out = np.zeros(len(order), dtype=np.intp)
+    out[order] = number
+    return out
+
+
+def _mean_deg(angles: Array) -> float:
+    turn = np.exp(1j * np.radians(angles)).mean()
+    return float(np.degrees(np.angle(turn)) % 360)
+
+
+def _numbers(values: Array, sign: str = "+") -> str:
+    return ", ".join(f"{value:{sign}.1f}" for value in values.tolist())
 
 
 def _matched(

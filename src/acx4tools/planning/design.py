@@ -25,7 +25,6 @@ from acx4lib.flight.block import Block
 from acx4lib.geometry.parameters import ATTITUDE
 from acx4lib.georeferencing import budget, weak
 from acx4lib.georeferencing.validation import Validation, validate
-from acx4lib.least_squares.covariance import sigmas as covariance_sigmas
 from acx4tools.planning import flown
 from acx4tools.planning.plan import Plan
 
@@ -328,26 +327,6 @@ def _names(validation: Validation) -> list[str]:
 # --- means -----------------------------------------------------------------------------------
 
 
-def mean_covariance(outcomes: Sequence[Outcome], method: str) -> Array:
-    """Return the mean covariance of the wanted unknowns, shape (n, n)."""
-    out: Array = np.mean([one.covariances[method] for one in outcomes], axis=0)
-    return out
-
-
-def spread(outcomes: Sequence[Outcome], method: str) -> Array:
-    """Return by what share sigma of the wanted unknowns differs from wind to wind, shape (n,)."""
-    found = np.array([covariance_sigmas(one.covariances[method]) for one in outcomes])
-    mean = found.mean(axis=0)
-    out: Array = found.std(axis=0, ddof=1) / mean if len(found) > 1 else np.full(len(mean), np.nan)
-    return out
-
-
-def mean_shares(outcomes: Sequence[Outcome], method: str) -> Array | None:
-    """Return the mean of `weak.shares`; None where there are no check points."""
-    found = [one.shares[method] for one in outcomes if method in one.shares]
-    return np.mean(found, axis=0) if found else None
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Expected:
     """The RMS of differences at check points that is to be expected.
@@ -384,17 +363,3 @@ class Expected:
         mean = self.of_winds.mean(axis=0)
         out: Array = 0.5 * self.of_winds.std(axis=0, ddof=1) / mean
         return out
-
-
-def expected_rms(outcomes: Sequence[Outcome], method: str) -> dict[str, Expected]:
-    """Return what is to be expected at check points, by `PARTS`."""
-    found = {}
-    for part in PARTS:
-        variances = np.array([one.variances[method][part] for one in outcomes])
-        known = variances[np.isfinite(variances).all(axis=(1, 2))]
-        found[part] = Expected(
-            n=float(np.mean([one.counts[method][part] for one in outcomes])),
-            variance=known.mean(axis=0) if len(known) else np.full(variances.shape[1:], np.nan),
-            of_winds=known.sum(axis=-1),
-        )
-    return found

@@ -28,12 +28,12 @@ from acx4lib.geometry.parameters import REPORTED
 from acx4lib.georeferencing import budget, weak
 from acx4lib.georeferencing.weak import Weak
 from acx4lib.least_squares.covariance import correlation
+from acx4lib.least_squares.covariance import sigmas as covariance_sigmas
 from acx4lib.least_squares.statistics import norm_ppf
 from acx4lib.results.rows import parameter_tables, unit_of
 from acx4lib.results.table_files import COLUMNS, COMPONENTS
-from acx4tools.planning import design as planned_design
 from acx4tools.planning import plan
-from acx4tools.planning.design import Design, Expected
+from acx4tools.planning.design import PARTS, Design, Expected, Outcome
 from acx4tools.planning.flown import flying_time_s
 from acx4tools.planning.plan import PlannedBlock
 
@@ -116,9 +116,23 @@ def _predicted(design: Design, method: str) -> Predicted:
         calibration=replace(
             from_bundle(bundle), cov=cov, open_columns=np.any(open_columns, axis=0)
         ),
-        cov=planned_design.mean_covariance(design.outcomes, method),
-        spread=planned_design.spread(design.outcomes, method),
+        cov=_mean_covariance(design.outcomes, method),
+        spread=_spread(design.outcomes, method),
     )
+
+
+def _spread(outcomes: Sequence[Outcome], method: str) -> Array:
+    """Return by what share sigma of the wanted unknowns differs from wind to wind, shape (n,)."""
+    found = np.array([covariance_sigmas(one.covariances[method]) for one in outcomes])
+    mean = found.mean(axis=0)
+    out: Array = found.std(axis=0, ddof=1) / mean if len(found) > 1 else np.full(len(mean), np.nan)
+    return out
+
+
+def _mean_covariance(outcomes: Sequence[Outcome], method: str) -> Array:
+    """Return the mean covariance of the wanted unknowns, shape (n, n)."""
+    out: Array = np.mean([one.covariances[method] for one in outcomes], axis=0)
+    return out
 
 
 def parameter_table(design: Design) -> pd.DataFrame:
@@ -238,7 +252,21 @@ def expected_rms(design: Design, method: str) -> dict[str, Expected]:
     dict of str to Expected
         ``points`` and ``pairs``.
     """
-    return planned_design.expected_rms(design.outcomes, method)
+    return _expected_rms(design.outcomes, method)
+
+
+def _expected_rms(outcomes: Sequence[Outcome], method: str) -> dict[str, Expected]:
+    """Return what is to be expected at check points, by `PARTS`."""
+    found = {}
+    for part in PARTS:
+        variances = np.array([one.variances[method][part] for one in outcomes])
+        known = variances[np.isfinite(variances).all(axis=(1, 2))]
+        found[part] = Expected(
+            n=float(np.mean([one.counts[method][part] for one in outcomes])),
+            variance=known.mean(axis=0) if len(known) else np.full(variances.shape[1:], np.nan),
+            of_winds=known.sum(axis=-1),
+        )
+    return found
 
 
 def sentences(design: Design) -> list[str]:
@@ -284,13 +312,19 @@ def weak_sentences(design: Design) -> list[str]:
 def _weak(design: Design, method: str) -> list[Weak]:
     """Return what is weak, with sigma of the mean of winds."""
     bundle, mean = design.mountings[method].bundle, _predicted(design, method)
-    shares, of = planned_design.mean_shares(design.outcomes, method), weak.CHECK_POINTS
+    shares, of = _mean_shares(design.outcomes, method), weak.CHECK_POINTS
     if shares is None:
         shares = weak.shares_at_corners(mean.calibration, bundle.network.block)
         of = weak.CORNERS
     found = [*weak.of_calibration(mean.calibration, shares, of=of), *weak.of_bundle(bundle)]
     named = {p.full_name: p for p in mean.listed}
     return [replace(w, parameter=named[w.parameter.full_name]) for w in weak.together(found)]
+
+
+def _mean_shares(outcomes: Sequence[Outcome], method: str) -> Array | None:
+    """Return the mean of `weak.shares`; None where there are no check points."""
+    found = [one.shares[method] for one in outcomes if method in one.shares]
+    return np.mean(found, axis=0) if found else None
 
 
 def summary(design: Design) -> dict[str, Any]:

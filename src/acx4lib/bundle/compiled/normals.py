@@ -26,7 +26,7 @@ from acx4lib.bundle.compiled.elimination import CameraNormals, Room, camera_norm
 from acx4lib.bundle.compiled.joined import Joined
 from acx4lib.bundle.compiled.packing import Packed
 from acx4lib.bundle.compiled.rays import Scene
-from acx4lib.expected import Array, Index
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.banded import (
     LARGEST_DENSE,
@@ -34,7 +34,6 @@ from acx4lib.least_squares.banded import (
     BandedInverse,
     Bordered,
     BorderedCovariance,
-    cut_off,
     too_large,
 )
 from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero, places
@@ -251,7 +250,7 @@ class NetworkNormals:
             dense = solver.inverse()
             part = BorderedCovariance.of(dense.dense, m, self._system.P.shape[1] // 6)
             inverse = dense.reordered(self._order)
-        cut_off(part, self._order[m:] < 0)
+        _cut_off(part, self._order[m:] < 0)
         cov = camera_covariances(_padded(part, self.border), self.hanging, packed.rays.pair)
         tests = Tests(
             cov_points=np.zeros((self.n_points, 3, 3)),
@@ -278,6 +277,15 @@ class NetworkNormals:
         np.multiply(tests.v, sigma, out=tests.v)
         np.negative(tests.v[:, 1], out=tests.v[:, 1])
         return Group(kind="image_point", v=tests.v, sigma=sigma, redundancy=tests.redundancy)
+
+
+def _cut_off(part: BorderedCovariance, held: Mask) -> None:
+    """Set the rows and columns of poses that are held to zero, in place."""
+    free = ~held.reshape(-1, 6)
+    for d in range(part.P.shape[1]):
+        i = slice(0, max(len(free) - d, 0))
+        part.P[i, d] *= free[i, :, None] & free[d:, None, :]
+    part.C[:, held] = 0.0
 
 
 def _add(system: Bordered, e: Equations, place: Index) -> None:

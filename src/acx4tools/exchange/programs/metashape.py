@@ -33,7 +33,7 @@ from acx4tools.exchange.axes import (
     stacked,
     turned,
 )
-from acx4tools.exchange.crs import Chosen
+from acx4tools.exchange.crs import Chosen, parsed
 from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.lens import WORST_PX, Pinhole
 from acx4tools.exchange.lens_models import METASHAPE as MODELS
@@ -223,10 +223,15 @@ def _system(
         ),
         None,
     )
-    if wanted is None and _told(whole, lambda: coordinates.is_engineers(text), element):
+    if wanted is None and _told(whole, lambda: _is_engineers(text), element):
         wanted = LOCAL
     found = _told(whole, lambda: coordinates.chosen(text, at, wanted), element)
     return found if found is None or heights is None else replace(found, heights=heights)
+
+
+def _is_engineers(text: str) -> bool:
+    """Tell whether a system is that of a test field or a building site, on no map."""
+    return bool(text) and bool(parsed(text).is_engineering)
 
 
 def _apriori(whole: Chunk) -> dict[str, float]:
