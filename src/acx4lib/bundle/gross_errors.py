@@ -145,7 +145,7 @@ def adjust_rejecting(
     return replace(best, rejected=kept, stopped=stopped, exchanged=mixed)
 
 
-def _failed(test: Callable[[Bundle, Mask], Verdict], bundle: Bundle) -> set[tuple[str, int]]:
+def _failed(test: Callable[[Bundle, Mask], _Verdict], bundle: Bundle) -> set[tuple[str, int]]:
     """Return kinds and rows of the observations that fail their tests, with none rejected."""
     observed = _observations(bundle.network)
     failed = test(bundle, np.zeros(len(observed.kind), dtype=bool)).failed
@@ -154,7 +154,7 @@ def _failed(test: Callable[[Bundle, Mask], Verdict], bundle: Bundle) -> set[tupl
 
 
 def _first(
-    network: Network, search: _Search, test: Callable[[Bundle, Mask], Verdict]
+    network: Network, search: _Search, test: Callable[[Bundle, Mask], _Verdict]
 ) -> tuple[Bundle, _Search]:
     """Adjust with all observations; where many fail, without those that misfit a robust state."""
     try:
@@ -254,7 +254,7 @@ def _nothing_out(n: int) -> _Search:
     return _Search(out=none, w=np.zeros(n), returned=none)
 
 
-def _next(search: _Search, observed: Observations, verdict: Verdict, fits: Mask) -> _Search:
+def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mask) -> _Search:
     """Reject observations that fail their test, put back those that pass; not both at one point.
 
     An observation that was only suspected, and that no other controls, returns where it fits.
@@ -270,7 +270,7 @@ def _next(search: _Search, observed: Observations, verdict: Verdict, fits: Mask)
     )
 
 
-def _to_take(observed: Observations, w: Array) -> Mask:
+def _to_take(observed: _Observations, w: Array) -> Mask:
     """Choose the candidates, w > 0, that no larger one near them explains."""
     of_point, of_pose = observed.point >= 0, observed.pose >= 0
     posed, tied = of_pose & ~of_point, of_pose & of_point
@@ -289,7 +289,9 @@ def _to_take(observed: Observations, w: Array) -> Mask:
     return (w > 0) & (w >= np.maximum(largest, SMEARED * wide))
 
 
-def _rejections(search: _Search, observed: Observations, verdict: Verdict) -> tuple[Rejection, ...]:
+def _rejections(
+    search: _Search, observed: _Observations, verdict: _Verdict
+) -> tuple[Rejection, ...]:
     """Return the rejections, the largest w first."""
     w = np.where(verdict.controlled & verdict.failed, verdict.w, search.w)
     rows = np.flatnonzero(search.out)
@@ -313,7 +315,7 @@ T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Observations:
+class _Observations:
     """The tested observations, in the order of `KINDS`; of control points each component.
 
     Attributes
@@ -333,7 +335,7 @@ class Observations:
     pose: Index
 
 
-def _observations(network: Network) -> Observations:
+def _observations(network: Network) -> _Observations:
     """Return the tested observations of a network."""
     free = np.flatnonzero(~network.held_control)
     in_block = np.flatnonzero(np.isin(network.block.control.point_idx, network.control.point_idx))
@@ -356,7 +358,7 @@ def _observations(network: Network) -> Observations:
     ]
     row, component, point, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     kind = np.repeat(np.arange(len(KINDS)), [len(part[0]) for part in parts])
-    return Observations(kind=kind, row=row, component=component, point=point, pose=pose)
+    return _Observations(kind=kind, row=row, component=component, point=point, pose=pose)
 
 
 def _by_group(network: Network, values: NDArray[T]) -> list[NDArray[T]]:
@@ -374,7 +376,7 @@ def _flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verdict:
+class _Verdict:
     """The test of every observation at one adjustment, the largest of its components.
 
     Attributes
@@ -401,7 +403,7 @@ class Verdict:
 Limits = Callable[[Sequence[Group], Sequence[Mask], float], list[float]]
 
 
-def _judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> Verdict:
+def _judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> _Verdict:
     """Test every observation, used or rejected."""
     groups, outs = bundle.solution.groups[: len(KINDS)], _by_group(bundle.network, out)
     tested = [statistics(group, mask) for group, mask in zip(groups, outs, strict=True)]
@@ -409,7 +411,7 @@ def _judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> Verdic
         np.full(group.v.shape, value)
         for group, value in zip(groups, limits(groups, outs, critical), strict=True)
     ]
-    return Verdict(
+    return _Verdict(
         w=_flat([w for w, _ in tested]),
         limit=_flat(limit),
         controlled=_flat([controlled for _, controlled in tested]),

@@ -156,7 +156,7 @@ def turned_alike(network: Network) -> State:
     return _turned_alike(seen, _with_surveyed(network, np.full_like(network.start.x_m, np.nan)))
 
 
-def _turned_alike(seen: Seen, surveyed: Array) -> State:
+def _turned_alike(seen: _Seen, surveyed: Array) -> State:
     network = seen.network
     pose_camera = np.zeros(len(network.pose_names), dtype=np.intp)
     pose_camera[seen.pose] = seen.camera
@@ -166,14 +166,14 @@ def _turned_alike(seen: Seen, surveyed: Array) -> State:
     return state
 
 
-def _intersected(seen: Seen, state: State, weights: Array) -> Array:
+def _intersected(seen: _Seen, state: State, weights: Array) -> Array:
     T_m_c = camera_poses(seen.network, state)[seen.points.image_idx]
     directions = transform(T_m_c.R, seen.ray_c)
     x_m = _met(T_m_c.r, directions, seen.points.point_idx, len(state.x_m), weights)
     return _with_surveyed(seen.network, x_m)
 
 
-def _turned(seen: Seen, state: State, x_m: Array, pose_group: Index) -> State:
+def _turned(seen: _Seen, state: State, x_m: Array, pose_group: Index) -> State:
     """Turn free mountings, and groups of poses whose attitude is neither observed nor held."""
     network = seen.network
     if np.all(network.layout.mount[:, 3:] >= 0):
@@ -592,7 +592,7 @@ def _wrong_rays(network: Network, off_deg: Array) -> str:
     return f"; {said} far off, most of all {listed}" if listed else ""
 
 
-def _angles(seen: Seen, state: State) -> Array:
+def _angles(seen: _Seen, state: State) -> Array:
     """Return angles between rays and directions to points, radians; NaN for unknown points."""
     return 2 * np.arcsin(np.minimum(_chords(seen, state, state.x_m) / 2, 1.0))
 
@@ -605,7 +605,7 @@ def _with_surveyed(network: Network, x_m: Array) -> Array:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
+class _Seen:
     """Measurements with their rays in camera axes, their cameras and their poses.
 
     Attributes
@@ -624,11 +624,11 @@ class Seen:
     pose: Index
 
 
-def _seen_by(network: Network, state: State, points: ImagePoints) -> Seen:
+def _seen_by(network: Network, state: State, points: ImagePoints) -> _Seen:
     """Return measurements with their rays through the cameras of a state."""
     cameras = with_estimates(network.block.cameras, state)
     camera = network.block.images.camera_idx[points.image_idx]
-    return Seen(
+    return _Seen(
         network=network,
         points=points,
         ray_c=_camera_rays(cameras, camera, points.colrow),
@@ -645,14 +645,14 @@ def with_estimates(cameras: Sequence[Camera], state: State) -> tuple[Camera, ...
     )
 
 
-def _towards(seen: Seen, state: State, x_m: Array) -> Array:
+def _towards(seen: _Seen, state: State, x_m: Array) -> Array:
     """Return unit vectors from the cameras to the points, in camera axes, shape (n, 3)."""
     T_m_c = camera_poses(seen.network, state)[seen.points.image_idx]
     ahead = np.einsum("nji,nj->ni", T_m_c.R, x_m[seen.points.point_idx] - T_m_c.r)
     return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
 
-def _chords(seen: Seen, state: State, x_m: Array) -> Array:
+def _chords(seen: _Seen, state: State, x_m: Array) -> Array:
     """Return the chords between the unit vectors of rays and of directions to points, (n,)."""
     return np.linalg.norm(_towards(seen, state, x_m) - seen.ray_c, axis=1)
 

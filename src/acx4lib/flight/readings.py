@@ -229,7 +229,7 @@ def _one_camera(
     return _at_mount(replace(problem, found=f"{problem.found}; {says}"), toml, name)
 
 
-def _best(candidates: Iterator[Mistake]) -> tuple[Mistake | None, str]:
+def _best(candidates: Iterator[_Mistake]) -> tuple[_Mistake | None, str]:
     """Return the mistake that explains nearly all misfits, if there is one, and a sentence."""
     best, least, left = None, 1.0 / ALIKE, ""
     for mistake in candidates:
@@ -294,7 +294,7 @@ QUARTERS = (90, 180, -90)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Mistake:
+class _Mistake:
     """A flight with one supposed mistake undone.
 
     Attributes
@@ -316,7 +316,7 @@ class Mistake:
     setup: Setup
 
 
-def _mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]:
+def _mistakes(tables: BlockTables, setup: Setup) -> Iterator[_Mistake]:
     """Yield a block with each of the usual mistakes undone."""
     for where in ("control", "trajectory"):
         yield from _position_mistakes(tables, setup, where)
@@ -329,11 +329,11 @@ def _swapped(table: Table, a: str, b: str) -> Table:
     return _changed(table, **{a: table.numbers[b], b: table.numbers[a]})
 
 
-def _position_mistakes(tables: BlockTables, setup: Setup, where: str) -> Iterator[Mistake]:
+def _position_mistakes(tables: BlockTables, setup: Setup, where: str) -> Iterator[_Mistake]:
     table: Table = getattr(tables, where)
 
-    def undone(column: str, says: str, changed: Table) -> Mistake:
-        return Mistake(
+    def undone(column: str, says: str, changed: Table) -> _Mistake:
+        return _Mistake(
             where=where,
             column=column,
             says=f"{says} in {table.file}",
@@ -380,7 +380,7 @@ def _other_zones(grid: GridSystem, east_north: Array) -> Iterator[tuple[str, Arr
                 yield f"{zone}{hemisphere}", grid.grid_from_lonlat(lonlat)
 
 
-def _trajectory_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]:
+def _trajectory_mistakes(tables: BlockTables, setup: Setup) -> Iterator[_Mistake]:
     table = tables.trajectory
     names = {*tables.images.text["camera"]}
     others = readings(table, setup.grid)
@@ -388,7 +388,7 @@ def _trajectory_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]
         of_camera = of_cameras(table, setup.cameras[names.pop()].T_b_c.R)
         others = chain(others, of_camera)
     for reading in others:
-        yield Mistake(
+        yield _Mistake(
             where="trajectory",
             column=reading.columns[-1] if table.has(reading.columns[-1]) else "exposure",
             says=f"{reading.says} in {table.file}",
@@ -397,7 +397,7 @@ def _trajectory_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]
         )
 
 
-def _measurement_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake]:
+def _measurement_mistakes(tables: BlockTables, setup: Setup) -> Iterator[_Mistake]:
     table = tables.image_points
     name_of = dict(zip(tables.images.text["image"], tables.images.text["camera"], strict=True))
     cameras = [setup.cameras[name_of[image]] for image in table.text["image"]]
@@ -406,7 +406,7 @@ def _measurement_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake
     others = pixel_readings(table.stack("col_px", "row_px"), size, pixel_mm)
     for columns, meaning, colrow in others:
         col, row = colrow.T
-        yield Mistake(
+        yield _Mistake(
             where="image_points",
             column="row_px",
             says=f"{columns} were {meaning} in {table.file}",
@@ -415,7 +415,7 @@ def _measurement_mistakes(tables: BlockTables, setup: Setup) -> Iterator[Mistake
         )
 
 
-def _mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> Iterator[Mistake]:
+def _mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> Iterator[_Mistake]:
     """Yield a block with other mountings: quarter turns, upside down, the inverse rotation."""
     present = set(tables.images.text["camera"])
     names = [name for name in setup.cameras if name == only or (not only and name in present)]
@@ -432,7 +432,7 @@ def _mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> 
             for name, camera in setup.cameras.items()
         }
         own = [cameras[name] for name in names]
-        yield Mistake(
+        yield _Mistake(
             where="mount",
             says=f"the camera axes were {says}: {_angles(own)}{_or_of_the_camera(own)}",
             tables=tables,

@@ -465,7 +465,7 @@ Columns = Mapping[str, Any] | Frame
 """A table in memory: arrays or lists by the names of their columns, or a DataFrame."""
 
 
-class Written(Sequence[str]):
+class _Written(Sequence[str]):
     """The cells of a numeric column as text, written when somebody asks."""
 
     def __init__(self, values: NDArray[Any]) -> None:
@@ -482,7 +482,7 @@ class Written(Sequence[str]):
     def __getitem__(self, row: int | slice) -> str | Sequence[str]:
         """Return a cell, or some of them."""
         if isinstance(row, slice):
-            return Written(self._values[row])
+            return _Written(self._values[row])
         value = self._values[row]
         return "" if _is_missing(value) else str(value)
 
@@ -553,7 +553,7 @@ def _checked(table: Table, columns: Mapping[str, NDArray[Any]], schema: Schema) 
     table = replace(table, lines=np.arange(n))
     for column, cells in columns.items():
         if column in schema.ranges:
-            numbers[column], text[column] = _numbers(cells), Written(cells)
+            numbers[column], text[column] = _numbers(cells), _Written(cells)
         else:
             text[column], wrong = _names(cells)
             no_names += counted(wrong, _no_name(table, column, cells))

@@ -38,7 +38,7 @@ class Motions:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DatumInverse:
+class _DatumInverse:
     """Covariance of the reduced unknowns in the datum of inner constraints: see `Inverse`.
 
     Attributes
@@ -150,7 +150,7 @@ def with_inner_constraints(
     G, R = motions.points, by_points @ to_motions
     crossed = R @ np.swapaxes(G, 1, 2)
     cov = solution.cov_points - crossed - np.swapaxes(crossed, 1, 2) + G @ W @ np.swapaxes(G, 1, 2)
-    inverse = DatumInverse(
+    inverse = _DatumInverse(
         minimal=solution.inverse,
         place=place,
         G=motions.columns,

@@ -392,8 +392,8 @@ def _sizes(form: Format) -> list[tuple[int, int]]:
     return level_sizes(form.height, form.width, TILE)
 
 
-def _overviews(folder: Path, form: Format) -> Pyramid:
-    return Pyramid(folder, _sizes(form), bands=form.bands, dtype=np.dtype(form.dtype))
+def _overviews(folder: Path, form: Format) -> _Pyramid:
+    return _Pyramid(folder, _sizes(form), bands=form.bands, dtype=np.dtype(form.dtype))
 
 
 def _checked(stripes: Iterable[Raster], form: Format) -> Iterator[Raster]:
@@ -411,7 +411,7 @@ def _checked(stripes: Iterable[Raster], form: Format) -> Iterator[Raster]:
         raise ValueError(msg)
 
 
-def _passed_on(stripes: Iterable[Raster], pyramid: Pyramid) -> Iterator[Raster]:
+def _passed_on(stripes: Iterable[Raster], pyramid: _Pyramid) -> Iterator[Raster]:
     for stripe in stripes:
         pyramid.add(stripe)
         yield stripe
@@ -526,7 +526,7 @@ def _mend(small: Raster, image: Raster) -> None:
     small[empty] = ((values.sum(axis=0) + count // 2) // count).astype(image.dtype)
 
 
-class Pyramid:
+class _Pyramid:
     """The overviews of one image, kept in a file without a name until they are used.
 
     Parameters

@@ -64,7 +64,7 @@ _DISC_M, _PAD_M, _ISLET_M = 0.3, 0.9, 6.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Cell:
+class _Cell:
     """The content of a cell of the net, in layers; later layers cover earlier ones."""
 
     fields: Fields
@@ -77,7 +77,7 @@ class Cell:
 
 
 @lru_cache(maxsize=600)
-def _cell(country: Country, a: int, b: int) -> Cell:
+def _cell(country: Country, a: int, b: int) -> _Cell:
     rng = country.rng(a, b, 7)
     ground, shadows, bodies, garden = _buildings(country, a, b, rng)
     places, radii = _planted(country, a, b, rng)
@@ -85,7 +85,7 @@ def _cell(country: Country, a: int, b: int) -> Cell:
     radii = np.concatenate([radii, rng.uniform(1.4, 3.4, len(garden))])
     wood = trees(places, radii, rng)
     tracks, roads = lane_shapes(country, a, b)
-    return Cell(
+    return _Cell(
         fields=fields(country, a, b),
         ground=[wood.floor, *ground],
         tracks=tracks,

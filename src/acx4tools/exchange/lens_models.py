@@ -42,7 +42,7 @@ Effects = Callable[[Array, Mapping[str, float]], Array]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Formula:
+class _Formula:
     """A lens model of a program.
 
     Attributes
@@ -310,10 +310,10 @@ def fisheye(
     )
 
 
-def _formula(row: str, own: Effects = lens.effects) -> Formula:
+def _formula(row: str, own: Effects = lens.effects) -> _Formula:
     """Return the model of a row: names, with `=role` where the role has another name."""
     cells = [cell.partition("=") for cell in row.split() if cell != FISHEYE]
-    return Formula(
+    return _Formula(
         names=tuple(name for name, _, _ in cells),
         roles=tuple(role or name for name, _, role in cells),
         is_fisheye=row.startswith(FISHEYE),

@@ -53,7 +53,7 @@ _STEEP, _SHORT = 0.5, 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Features:
+class _Features:
     """The features of a picture.
 
     Attributes
@@ -74,7 +74,7 @@ class Features:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TwoViews:
+class _TwoViews:
     """How two pictures lie to each other, by their features.
 
     Attributes
@@ -95,7 +95,7 @@ class TwoViews:
     depth: float
 
 
-def _features_of(view: View) -> Features:
+def _features_of(view: View) -> _Features:
     """Return the features of a picture (SIFT [1]_, descriptors by Hellinger's distance [2]_)."""
     even = cv2.createCLAHE(clipLimit=_CLIP, tileGridSize=_TILES).apply(_eight_bit(view))
     sift = cv2.SIFT.create(nfeatures=MOST, contrastThreshold=_CONTRAST)
@@ -105,7 +105,7 @@ def _features_of(view: View) -> Features:
     descriptor = np.zeros((0, 128)) if found is None else np.rint(_LENGTH * np.sqrt(found / total))
     camera = view.camera
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
-    return Features(
+    return _Features(
         colrow=colrow,
         ideal=ideal * np.diag(R_C_CV)[:2],
         descriptor=descriptor.astype(np.float32),
@@ -121,7 +121,7 @@ def _eight_bit(view: View) -> np.ndarray:
     return np.asarray(np.clip(bright, 0, 255).astype(np.uint8))
 
 
-def _two_views(a: Features, b: Features, down: Array, fall: float) -> TwoViews | None:
+def _two_views(a: _Features, b: _Features, down: Array, fall: float) -> _TwoViews | None:
     """Return how two pictures lie to each other; None where too few features agree."""
     i, j = _similar(a, b)
     if len(i) < LEAST:
@@ -135,7 +135,7 @@ def _two_views(a: Features, b: Features, down: Array, fall: float) -> TwoViews |
     best = max(found, key=lambda one: int(one.agree.sum()), default=None)
     if best is None or best.agree.sum() < LEAST:
         return None
-    return TwoViews(
+    return _TwoViews(
         which=np.column_stack([i, j])[best.agree],
         R_a_b=best.R_a_b,
         base_a=best.base_a,
@@ -235,7 +235,7 @@ def _depths(R_a_b: Array, base_a: Array, ray_a: Array, ray_b: Array) -> Array:
     return np.asarray(-ray_a[:, 2] * along)
 
 
-def _similar(a: Features, b: Features) -> tuple[Index, Index]:
+def _similar(a: _Features, b: _Features) -> tuple[Index, Index]:
     """Return the numbers of features that are mutually the most similar."""
     none = np.zeros(0, np.intp)
     if min(len(a.colrow), len(b.colrow)) < 2:
@@ -314,7 +314,7 @@ class _Link:
 
     i: int
     j: int
-    by: TwoViews
+    by: _TwoViews
 
 
 def oriented_by_features(
@@ -387,10 +387,10 @@ def _shrink(view: View) -> int:
 
 def _connected(
     block: Block, views: Sequence[View], executor: Executor | None, tell: Tell
-) -> tuple[dict[int, Features], list[_Link]]:
+) -> tuple[dict[int, _Features], list[_Link]]:
     """Return features and links; those of further cameras only while there are several parts."""
     camera = block.images.camera_idx
-    features: dict[int, Features] = {}
+    features: dict[int, _Features] = {}
     links: list[_Link] = []
     for k in np.argsort(-np.bincount(camera), kind="stable").tolist():
         own = np.flatnonzero(camera == k).tolist()
@@ -578,7 +578,7 @@ def _adjusted(
 _ENOUGH = 0.2  # of the points have three rays
 
 
-def _tracks(features: Mapping[int, Features], links: Sequence[_Link]) -> TieRays:
+def _tracks(features: Mapping[int, _Features], links: Sequence[_Link]) -> TieRays:
     """Return features that are one point, by all their links; none twice in a picture."""
     views = sorted(features)
     ends = np.cumsum([0, *(len(features[v].colrow) for v in views)])

@@ -69,7 +69,7 @@ def unknowns(bundle: Bundle) -> list[Parameter]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Predicted:
+class _Predicted:
     """The wanted unknowns of one method, on average over the winds.
 
     Attributes
@@ -106,12 +106,12 @@ class Predicted:
         return correlation(self.cov)
 
 
-def _predicted(design: Design, method: str) -> Predicted:
+def _predicted(design: Design, method: str) -> _Predicted:
     """Return the wanted unknowns of a method."""
     bundle = design.mountings[method].bundle
     open_columns = [one.open[method] for one in design.outcomes]
     cov = np.mean([one.calibrations[method] for one in design.outcomes], axis=0)
-    return Predicted(
+    return _Predicted(
         bundle=bundle,
         calibration=replace(
             from_bundle(bundle), cov=cov, open_columns=np.any(open_columns, axis=0)
@@ -150,7 +150,7 @@ def parameter_table(design: Design) -> pd.DataFrame:
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["parameters"], *ADDED])
 
 
-def _parameters(method: str, found: Predicted) -> pd.DataFrame:
+def _parameters(method: str, found: _Predicted) -> pd.DataFrame:
     listed = found.listed
     related = found.related.copy()
     np.fill_diagonal(related, 0.0)
@@ -185,7 +185,7 @@ def covariance_table(design: Design) -> pd.DataFrame:
     return _matrices(design, lambda found: found.cov)
 
 
-def _matrices(design: Design, of: Callable[[Predicted], Array]) -> pd.DataFrame:
+def _matrices(design: Design, of: Callable[[_Predicted], Array]) -> pd.DataFrame:
     """Return a matrix of the wanted unknowns of every method as rows."""
     parts = []
     for method in design.mountings:

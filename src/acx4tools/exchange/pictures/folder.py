@@ -40,7 +40,7 @@ _LEVEL = (10.0, 30.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Taken:
+class _Taken:
     """One picture: its metadata, its head, its file below the flight's block, its mark if any."""
 
     tags: Tags
@@ -50,11 +50,11 @@ class Taken:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shot:
+class _Shot:
     """The pictures of one exposure, and its name."""
 
     name: str
-    taken: tuple[Taken, ...]
+    taken: tuple[_Taken, ...]
 
 
 def bring(
@@ -146,7 +146,9 @@ NAVIGATION_M = 0.5
 """Positions of a larger sigma determine neither lenses nor lever arms."""
 
 
-def _blocks(shots: Sequence[Shot], is_rig: bool, hold_out: int | None) -> dict[str, Sequence[Shot]]:
+def _blocks(
+    shots: Sequence[_Shot], is_rig: bool, hold_out: int | None
+) -> dict[str, Sequence[_Shot]]:
     """Return the exposures of every block."""
     if hold_out is None:
         heads = {"heads": shots} if is_rig else {}
@@ -165,11 +167,11 @@ _HELD: dict[str, Any] = {"stages": {"mounting": {"estimate": [], "fix": ["lever_
 """What the mounting stage of heads estimates where a navigation receiver gives positions."""
 
 
-def _is_navigation(shots: Sequence[Shot]) -> bool:
+def _is_navigation(shots: Sequence[_Shot]) -> bool:
     return float(np.median([_sigma(shot) for shot in shots])) > NAVIGATION_M
 
 
-def _on_blocks(shots: Sequence[Shot], hold_out: int | None, *, in_heads: bool) -> Iterator[str]:
+def _on_blocks(shots: Sequence[_Shot], hold_out: int | None, *, in_heads: bool) -> Iterator[str]:
     """Yield what is held out, and what is held."""
     if hold_out is not None:
         n = len(shots[hold_out - 1 :: hold_out])
@@ -189,7 +191,7 @@ def _on_blocks(shots: Sequence[Shot], hold_out: int | None, *, in_heads: bool) -
 # --- which pictures --------------------------------------------------------------------------
 
 
-def _read_all(source: Path) -> list[Taken]:
+def _read_all(source: Path) -> list[_Taken]:
     """Return all pictures of a folder."""
     if not source.is_dir():
         raise refusal(str(source), 1, "folder", "is no folder", "must be one with pictures")
@@ -197,13 +199,13 @@ def _read_all(source: Path) -> list[Taken]:
     if not 0 < len(paths) <= MOST:
         found = f"holds {len(paths)} pictures ({', '.join(SUFFIXES)})"
         raise refusal(str(source), 1, "folder", found, f"must hold 1 to {MOST}")
-    taken: list[Taken] = []
+    taken: list[_Taken] = []
     problems: list[str] = []
     for path in paths:
         try:
             tags = read(path)
             file = f"images/{path.relative_to(source).as_posix()}"
-            taken.append(Taken(tags=tags, head=head_of(tags), file=file))
+            taken.append(_Taken(tags=tags, head=head_of(tags), file=file))
         except FlightError as error:
             problems += error.problems
     if problems:
@@ -211,7 +213,7 @@ def _read_all(source: Path) -> list[Taken]:
     return taken
 
 
-def _marked(taken: Sequence[Taken]) -> tuple[list[Taken], dict[str, str]]:
+def _marked(taken: Sequence[_Taken]) -> tuple[list[_Taken], dict[str, str]]:
     """Return the pictures with the marks of files beside them, and the checksums of these."""
     folders = {one.tags.path.parent for one in taken}
     found = {folder: marks.marks_of(folder) for folder in sorted(folders)}
@@ -223,11 +225,11 @@ def _marked(taken: Sequence[Taken]) -> tuple[list[Taken], dict[str, str]]:
     ], sums
 
 
-def _marks(shots: Sequence[Shot]) -> list[Mark]:
+def _marks(shots: Sequence[_Shot]) -> list[Mark]:
     return [mark for shot in shots if (mark := shot.taken[0].mark) is not None]
 
 
-def _cut(taken: Sequence[Taken]) -> Iterator[str]:
+def _cut(taken: Sequence[_Taken]) -> Iterator[str]:
     """Yield a warning where EXIF says that pictures were larger when they were taken."""
     pairs = Counter(
         (one.tags.width_px, one.tags.height_px, width, height)
@@ -244,7 +246,7 @@ def _cut(taken: Sequence[Taken]) -> Iterator[str]:
         )
 
 
-def _turned(shots: Sequence[Shot]) -> Iterator[str]:
+def _turned(shots: Sequence[_Shot]) -> Iterator[str]:
     """Yield a warning where gimbal and aircraft of one exposure look in different directions."""
     both = [
         (float(gimbal), float(aircraft))
@@ -264,7 +266,7 @@ def _turned(shots: Sequence[Shot]) -> Iterator[str]:
         )
 
 
-def _alike(taken: Sequence[Taken]) -> tuple[list[Taken], list[str]]:
+def _alike(taken: Sequence[_Taken]) -> tuple[list[_Taken], list[str]]:
     """Return the pictures of the size and kind that most have, and what is said of the others."""
     kinds = Counter(_kind(one) for one in taken)
     usual = max(kinds, key=lambda kind: (kinds[kind], kind))
@@ -279,11 +281,11 @@ def _alike(taken: Sequence[Taken]) -> tuple[list[Taken], list[str]]:
     return [one for one in taken if _kind(one) == usual], said
 
 
-def _kind(one: Taken) -> tuple[int, int, int, int]:
+def _kind(one: _Taken) -> tuple[int, int, int, int]:
     return one.tags.width_px, one.tags.height_px, one.tags.samples, one.tags.bits
 
 
-def _shots(taken: Sequence[Taken]) -> list[Shot]:
+def _shots(taken: Sequence[_Taken]) -> list[_Shot]:
     """Return the exposures in the order of time; a head has one picture of each."""
     ordered = sorted(taken, key=lambda one: key(one.tags))
     groups = [tuple(g) for _, g in groupby(ordered, key=lambda one: key(one.tags))]
@@ -303,7 +305,7 @@ def _shots(taken: Sequence[Taken]) -> list[Shot]:
     ]
     if len(set(unique)) < len(unique):
         unique = [f"{k}/{name}" for k, name in enumerate(names, start=1)]
-    return [Shot(name=n, taken=group) for n, group in zip(unique, groups, strict=True)]
+    return [_Shot(name=n, taken=group) for n, group in zip(unique, groups, strict=True)]
 
 
 def _when(tags: Tags) -> float:
@@ -311,7 +313,7 @@ def _when(tags: Tags) -> float:
     return 0.0 if time is None else time.timestamp()
 
 
-def _placed(shots: Sequence[Shot]) -> tuple[list[Shot], list[str]]:
+def _placed(shots: Sequence[_Shot]) -> tuple[list[_Shot], list[str]]:
     """Return the exposures that have a position, and what is said of the others."""
     known = [_found_place(shot) is not None for shot in shots]
     placed = [shot for shot, there in zip(shots, known, strict=True) if there]
@@ -327,7 +329,7 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:SAID]) + (", …" if len(names) > SAID else "")
 
 
-def _maker(taken: Sequence[Taken]) -> str:
+def _maker(taken: Sequence[_Taken]) -> str:
     makes = (f"{t.tags.text('Make')} {t.tags.text('Model')}".strip() for t in taken)
     return ", ".join(dict.fromkeys(make or "an unnamed camera" for make in makes))
 
@@ -337,7 +339,7 @@ def _maker(taken: Sequence[Taken]) -> str:
 
 def _settings(
     source: Path,
-    shots: Sequence[Shot],
+    shots: Sequence[_Shot],
     heads: Sequence[Head],
     lenses: Mapping[str, Lens],
     crs: str,
@@ -386,7 +388,7 @@ def _utm(lat: float, lon: float) -> str:
 # --- tables ----------------------------------------------------------------------------------
 
 
-def _tables(shots: Sequence[Shot]) -> dict[str, dict[str, list[Any]]]:
+def _tables(shots: Sequence[_Shot]) -> dict[str, dict[str, list[Any]]]:
     rows = [(shot, one) for shot in shots for one in shot.taken]
     images = {
         "image": [f"{shot.name} {one.head.name}" for shot, one in rows],
@@ -398,7 +400,7 @@ def _tables(shots: Sequence[Shot]) -> dict[str, dict[str, list[Any]]]:
     return {"images.csv": images, "image_points.csv": points, "trajectory.csv": _trajectory(shots)}
 
 
-def _trajectory(shots: Sequence[Shot]) -> dict[str, list[Any]]:
+def _trajectory(shots: Sequence[_Shot]) -> dict[str, list[Any]]:
     places = [_place(shot) for shot in shots]
     held = [_attitude(shot, way) for shot, way in zip(shots, course(places), strict=True)]
     table: dict[str, list[Any]] = {
@@ -423,11 +425,11 @@ def _trajectory(shots: Sequence[Shot]) -> dict[str, list[Any]]:
     return table
 
 
-def _place(shot: Shot) -> tuple[float, float, float]:
+def _place(shot: _Shot) -> tuple[float, float, float]:
     return _found_place(shot) or (np.nan, np.nan, np.nan)
 
 
-def _found_place(shot: Shot) -> tuple[float, float, float] | None:
+def _found_place(shot: _Shot) -> tuple[float, float, float] | None:
     """Return latitude, longitude, height of an exposure: by its mark, else by its metadata."""
     first = shot.taken[0]
     if first.mark is not None:
@@ -435,7 +437,7 @@ def _found_place(shot: Shot) -> tuple[float, float, float] | None:
     return place_of(first.tags)
 
 
-def _sigma(shot: Shot) -> tuple[float, float, float]:
+def _sigma(shot: _Shot) -> tuple[float, float, float]:
     """Return sigma of a position; of a navigation receiver where no picture says it."""
     if (mark := shot.taken[0].mark) is not None and min(mark.sigma_m) > 0:
         return mark.sigma_m
@@ -443,7 +445,7 @@ def _sigma(shot: Shot) -> tuple[float, float, float]:
     return next((sigma for sigma in known if sigma is not None), (3.0, 3.0, 6.0))
 
 
-def _attitude(shot: Shot, heading: float) -> Attitude:
+def _attitude(shot: _Shot, heading: float) -> Attitude:
     found = attitude_of(shot.taken[0].tags)
     tilt, turn = _LEVEL
     return found or Attitude(
@@ -459,7 +461,7 @@ def _attitude(shot: Shot, heading: float) -> Attitude:
 # --- what is said ----------------------------------------------------------------------------
 
 
-def _assumed(shots: Sequence[Shot], heads: Sequence[Head]) -> list[str]:
+def _assumed(shots: Sequence[_Shot], heads: Sequence[Head]) -> list[str]:
     ways = dict.fromkeys(_attitude(shot, 0.0).said for shot in shots)
     said = [
         *_whose_positions(shots),
@@ -471,7 +473,7 @@ def _assumed(shots: Sequence[Shot], heads: Sequence[Head]) -> list[str]:
     return [*said, *([sentence(heads)] if len(heads) > 1 else [])]
 
 
-def _whose_positions(shots: Sequence[Shot]) -> Iterator[str]:
+def _whose_positions(shots: Sequence[_Shot]) -> Iterator[str]:
     """Yield whose positions and heights these are."""
     own = [shot for shot in shots if shot.taken[0].mark is None]
     ellipsoidal = [shot for shot in own if _ellipsoidal(shot.taken[0].tags) is not None]
@@ -492,7 +494,7 @@ def _whose_positions(shots: Sequence[Shot]) -> Iterator[str]:
             yield f"{number_of(len(own), 'exposures')} without a mark have EXIF's heights: {names}"
 
 
-def _beside(shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
+def _beside(shots: Sequence[_Shot]) -> dict[str, tuple[float, float]]:
     """Return how far the positions of the pictures' own metadata lie from the marks, medians, m."""
     both = [
         (mark, place)
@@ -514,7 +516,7 @@ def _beside(shots: Sequence[Shot]) -> dict[str, tuple[float, float]]:
     return {"those of EXIF": (float(plane), float(height))}
 
 
-def _clock(shots: Sequence[Shot]) -> Iterator[str]:
+def _clock(shots: Sequence[_Shot]) -> Iterator[str]:
     """Yield by how much the clock of EXIF is off the time of the receiver, zones of it aside."""
     off = []
     for shot in shots:
@@ -535,7 +537,7 @@ def _clock(shots: Sequence[Shot]) -> Iterator[str]:
 
 
 def _found(
-    shots: Sequence[Shot],
+    shots: Sequence[_Shot],
     heads: Sequence[Head],
     lenses: Mapping[str, Lens],
     first: Mapping[str, Tags],
@@ -559,7 +561,7 @@ def _found(
     ]
 
 
-def _take_off(shots: Sequence[Shot]) -> list[str]:
+def _take_off(shots: Sequence[_Shot]) -> list[str]:
     """Return the height of the ground at take-off, by heights above it, and what it is for."""
     above = ((shot, shot.taken[0].tags.number(ABOVE_TAKE_OFF)) for shot in shots)
     ground = [_place(shot)[2] - height for shot, height in above if height is not None]

@@ -54,7 +54,7 @@ ASSUMED = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Bundle:
+class _Bundle:
     """What is in bundle.out.
 
     `lenses` are f (px), k1, k2 of each image, f is 0 where it was not oriented; `xy` are px from
@@ -151,7 +151,7 @@ def _lens(file: Opened, values: tuple[float, ...], size: tuple[int, int]) -> Len
     )
 
 
-def _bundle(file: Opened) -> Bundle:
+def _bundle(file: Opened) -> _Bundle:
     first = file.text().split("\n", 1)[0].strip()
     if first not in VERSIONS:
         raise file.wrong("version", quoted(first), f"must be {quoted(VERSIONS[0])}")
@@ -168,7 +168,7 @@ def _bundle(file: Opened) -> Bundle:
         seen += [(image, point, x, y) for image, (x, y) in views.items()]
         again += rows.views - len(views)
     table = np.array(seen, dtype=float).reshape(-1, 4)
-    return Bundle(
+    return _Bundle(
         lenses=cameras[:, :3],
         T_w_c=Pose(R=R_c_w, r=t).inverse,
         x_w=np.array(x_w).reshape(-1, 3),

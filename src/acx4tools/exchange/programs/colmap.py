@@ -67,7 +67,7 @@ ASSUMED = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Image:
+class _Image:
     """An image: its pose is the world's in the camera's axes, `points` are those of `xy`."""
 
     number: int
@@ -80,7 +80,7 @@ class Image:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rig:
+class _Rig:
     """The camera whose axes are a rig's, and the rig in the others' axes; None if not known."""
 
     reference: int
@@ -88,14 +88,14 @@ class Rig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Model:
+class _Model:
     """What is in the files: lenses, images, numbers and places of points, rigs, image to frame."""
 
     sources: tuple[Opened, ...]
     cameras: Mapping[int, Lens]
-    images: tuple[Image, ...]
+    images: tuple[_Image, ...]
     points: tuple[Index, Array]
-    rigs: tuple[Rig, ...]
+    rigs: tuple[_Rig, ...]
     frames: Mapping[int, int]
 
 
@@ -175,7 +175,7 @@ def project(source: Path, *, crs: str | None = None) -> Project:
     )
 
 
-def _model(source: Path) -> Model:
+def _model(source: Path) -> _Model:
     """Return the model of a folder, or of that of a file."""
     folder = source.parent if source.is_file() else source
     for ending, readers in READERS.items():
@@ -191,7 +191,7 @@ def _model(source: Path) -> Model:
             if name not in MAYBE or path.exists():
                 found[name] = opened.read(path)
         none = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        return Model(
+        return _Model(
             sources=tuple(found.values()),
             points=readers["points3D"](found["points3D"]) if "points3D" in found else none,
             cameras=readers["cameras"](found["cameras"]),
@@ -206,9 +206,9 @@ def _model(source: Path) -> Model:
     raise refusal(str(source), 1, "folder", found_none, expected)
 
 
-def _require(model: Model) -> None:
+def _require(model: _Model) -> None:
     """Raise where images do not fit to cameras, to each other or to names of a flight."""
-    places: dict[str, Image] = {}
+    places: dict[str, _Image] = {}
     seen: set[tuple[int, int]] = set()
     for image in model.images:
         if image.camera not in model.cameras:
@@ -231,7 +231,7 @@ def _named(camera: int) -> str:
     return f"camera {camera}"
 
 
-def _lenses(model: Model, *, is_metric: bool) -> dict[str, Lens]:
+def _lenses(model: _Model, *, is_metric: bool) -> dict[str, Lens]:
     """Return cameras with their mountings in rigs; lever arms only where the unit is metres."""
     mounts: dict[int, Pose] = {}
     for rig in model.rigs:
@@ -243,10 +243,10 @@ def _lenses(model: Model, *, is_metric: bool) -> dict[str, Lens]:
     return {_named(i): replace(one, mount=mounts.get(i, AHEAD)) for i, one in model.cameras.items()}
 
 
-def _exposures(model: Model) -> list[str]:
+def _exposures(model: _Model) -> list[str]:
     """Return the exposure of each image: the first image of its frame, of the rig's own camera."""
     references = {rig.reference for rig in model.rigs}
-    leaders: dict[int, Image] = {}
+    leaders: dict[int, _Image] = {}
     for image in model.images:
         frame = model.frames.get(image.number)
         if frame is not None and (frame not in leaders or image.camera in references):
@@ -256,7 +256,7 @@ def _exposures(model: Model) -> list[str]:
     return [leaders[frame].name if frame in leaders else image.name for image, frame in pairs]
 
 
-def _measured(model: Model) -> tuple[Measured, dict[str, int]]:
+def _measured(model: _Model) -> tuple[Measured, dict[str, int]]:
     """Return measurements that belong to points, a point once in each image, and the others."""
     ids, x_w = model.points
     image = np.repeat(np.arange(len(model.images)), [len(one.points) for one in model.images])
@@ -390,7 +390,7 @@ def _text_cameras(source: Opened) -> dict[int, Lens]:
     return found
 
 
-def _text_images(source: Opened) -> Iterator[Image]:
+def _text_images(source: Opened) -> Iterator[_Image]:
     """Yield images: a line of each, and one with its measurements, which may be blank."""
     lines = _lines(source, cells=9)
     for line in lines:
@@ -400,7 +400,7 @@ def _text_images(source: Opened) -> Iterator[Image]:
         values = line.numbers(1, 8, "QW, QX, QY, QZ, TX, TY, TZ")
         below = next(lines, Line(file=line.file, number=line.number + 1, cells=()))
         xy, points = _text_measurements(below)
-        yield Image(
+        yield _Image(
             number=line.whole_at(0, "IMAGE_ID"),
             name=line.cell(9, "NAME"),
             camera=line.whole_at(8, "CAMERA_ID"),
@@ -432,7 +432,7 @@ def _text_points(source: Opened) -> tuple[Index, Array]:
     return np.array(ids, dtype=np.int64), np.array(xyz, dtype=float).reshape(-1, 3)
 
 
-def _text_rigs(source: Opened) -> Iterator[Rig]:
+def _text_rigs(source: Opened) -> Iterator[_Rig]:
     """Yield rigs: number, count, reference sensor, then type, number and pose of each other."""
     for line in _lines(source):
         if not line.cells or line.whole_at(1, "NUM_SENSORS") < 1:
@@ -451,7 +451,7 @@ def _text_rigs(source: Opened) -> Iterator[Rig]:
             k += 10 if has_pose else 3
         if line.cell(2, "REF_SENSOR_TYPE") != "CAMERA":
             raise line.wrong("REF_SENSOR_TYPE", quoted(line.cells[2]), "must be CAMERA")
-        yield Rig(reference=line.whole_at(3, "REF_SENSOR_ID"), others=others)
+        yield _Rig(reference=line.whole_at(3, "REF_SENSOR_ID"), others=others)
 
 
 def _text_frames(source: Opened) -> dict[int, int]:
@@ -507,7 +507,7 @@ def _binary_cameras(source: Opened) -> dict[int, Lens]:
     return found
 
 
-def _binary_images(source: Opened) -> Iterator[Image]:
+def _binary_images(source: Opened) -> Iterator[_Image]:
     cursor, n = _entries(source, "image", 73)
     for k in range(n):
         element = f"image {k + 1}"
@@ -517,7 +517,7 @@ def _binary_images(source: Opened) -> Iterator[Image]:
         measured = cursor.array(_MEASUREMENT, count, element)
         wrong = partial(source.wrong, element)
         _require_size(measured["xy"], wrong)
-        yield Image(
+        yield _Image(
             number=number,
             name=name,
             camera=camera,
@@ -540,7 +540,7 @@ def _binary_points(source: Opened) -> tuple[Index, Array]:
     return ids, xyz
 
 
-def _binary_rigs(source: Opened) -> Iterator[Rig]:
+def _binary_rigs(source: Opened) -> Iterator[_Rig]:
     cursor, n = _entries(source, "rig", 8)
     for _ in range(n):
         number, count = cursor.take("<II", "rig")
@@ -557,7 +557,7 @@ def _binary_rigs(source: Opened) -> Iterator[Rig]:
                 others[sensor] = there
         if kind != _CAMERA:
             raise source.wrong(element, f"reference sensor of type {kind}", "must be a camera, 0")
-        yield Rig(reference=reference, others=others)
+        yield _Rig(reference=reference, others=others)
 
 
 def _binary_frames(source: Opened) -> dict[int, int]:

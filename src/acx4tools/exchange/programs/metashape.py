@@ -189,7 +189,7 @@ def project(
     )
 
 
-def _cameras_alone(whole: Chunk, wanted: str) -> Project:
+def _cameras_alone(whole: _Chunk, wanted: str) -> Project:
     """Return a calibration that Metashape saved, or the sensors of a chunk without images."""
     if whole.root.tag == CALIBRATION:
         lenses = {Path(whole.sources[0].file).stem: _lens(whole.root)}
@@ -199,7 +199,7 @@ def _cameras_alone(whole: Chunk, wanted: str) -> Project:
     return Project(source="Metashape's cameras", sources=whole.sources, lenses=lenses)
 
 
-def _require_some(whole: Chunk, shots: Mapping[str, Shot], orientations: str) -> None:
+def _require_some(whole: _Chunk, shots: Mapping[str, _Shot], orientations: str) -> None:
     """Raise where no image can be part of the flight."""
     adjusted = orientations == "adjusted"
     if not any(one.enabled and (one.T_c or not adjusted) for one in shots.values()):
@@ -208,7 +208,7 @@ def _require_some(whole: Chunk, shots: Mapping[str, Shot], orientations: str) ->
 
 
 def _system(
-    whole: Chunk, shots: Mapping[str, Shot], *, wanted: str | None, heights: str | float | None
+    whole: _Chunk, shots: Mapping[str, _Shot], *, wanted: str | None, heights: str | float | None
 ) -> Chosen | None:
     """Return the flight's coordinate system; None where the chunk has none."""
     element = whole.root.maybe("reference")
@@ -234,19 +234,19 @@ def _is_engineers(text: str) -> bool:
     return bool(text) and bool(parsed(text).is_engineering)
 
 
-def _apriori(whole: Chunk) -> dict[str, float]:
+def _apriori(whole: _Chunk) -> dict[str, float]:
     found = {key: _setting(whole, name) for key, name in APRIORI.items()}
     return {key: value for key, value in found.items() if value}
 
 
-def _version(whole: Chunk) -> str:
+def _version(whole: _Chunk) -> str:
     for one in whole.root.each("meta", "property"):
         if one.attributes.get("name") == "Info/LastSavedSoftwareVersion":
             return f"Metashape {one.attribute('value')}"
     return "Metashape"
 
 
-def _slaves(sensors: Mapping[str, Sensor]) -> tuple[str, ...]:
+def _slaves(sensors: Mapping[str, _Sensor]) -> tuple[str, ...]:
     n = sum(one.master != i for i, one in sensors.items())
     said = f"{n} sensors are slaves of a rig; their mountings are relative to the master"
     return (said,) if n else ()
@@ -268,7 +268,7 @@ def _odd(root: Element) -> dict[str, int]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Chunk:
+class _Chunk:
     """A chunk's XML, that of its first frame, the files, and the labels of the other chunks."""
 
     root: Element
@@ -277,7 +277,7 @@ class Chunk:
     others: tuple[str, ...] = ()
 
 
-def _chunk(source: Path, *, label: str | None = None) -> Chunk:
+def _chunk(source: Path, *, label: str | None = None) -> _Chunk:
     """Return the active chunk, or that of a label."""
     files = Together()
     file = files.read(source)
@@ -287,7 +287,7 @@ def _chunk(source: Path, *, label: str | None = None) -> Chunk:
     if root.tag == "document" and "path" in root.attributes:
         return _of_project(file, root, label, files)
     if root.tag == CALIBRATION:
-        return Chunk(root=root, frame=None, sources=(file,))
+        return _Chunk(root=root, frame=None, sources=(file,))
     if root.tag == "chunk":
         return _whole(root, (file,), files)
     if root.tag != "document":
@@ -299,7 +299,7 @@ def _chunk(source: Path, *, label: str | None = None) -> Chunk:
     return _whole(found[k], (file,), files, others=others)
 
 
-def _setting(chunk: Chunk, name: str) -> float | None:
+def _setting(chunk: _Chunk, name: str) -> float | None:
     """Return a positive number of the chunk's settings; None where there is none."""
     for one in chunk.root.each("settings", "property"):
         if one.attributes.get("name") == name and (value := one.number("value")) > 0:
@@ -307,7 +307,7 @@ def _setting(chunk: Chunk, name: str) -> float | None:
     return None
 
 
-def _told(whole: Chunk, work: Callable[[], T], element: Element | None = None) -> T:
+def _told(whole: _Chunk, work: Callable[[], T], element: Element | None = None) -> T:
     """Return what a work makes; its ValueError becomes a problem at an element of the chunk."""
     try:
         return work()
@@ -316,7 +316,7 @@ def _told(whole: Chunk, work: Callable[[], T], element: Element | None = None) -
         raise (element or whole.root).wrong(found, "must be what a flight can have") from None
 
 
-def _of_project(file: Opened, root: Element, label: str | None, files: Together) -> Chunk:
+def _of_project(file: Opened, root: Element, label: str | None, files: Together) -> _Chunk:
     """Return a chunk of a .psx, which names an archive, which names the chunks' archives."""
     folder = Path(file.file).parent
     name = root.attribute("path").replace("{projectname}", Path(file.file).stem)
@@ -328,7 +328,7 @@ def _of_project(file: Opened, root: Element, label: str | None, files: Together)
     ids = [one.attributes.get("id") for one in listed]
     wanted = ids.index(active) if active in ids else 0
     labels: list[str] = []
-    kept: dict[str, Chunk] = {}
+    kept: dict[str, _Chunk] = {}
     for k, one in enumerate(listed):  # of chunks that are not wanted the label alone is kept
         chunk = _in_archive(files.read(_inside(one, within, one.attribute("path"))), files)
         labels.append(chunk.root.attributes.get("label", ""))
@@ -336,7 +336,7 @@ def _of_project(file: Opened, root: Element, label: str | None, files: Together)
             kept.setdefault(labels[-1], chunk)
     k = _place(document, labels, label, wanted)
     found = kept[labels[k]]
-    return Chunk(
+    return _Chunk(
         root=found.root,
         frame=found.frame,
         sources=(file, project, *found.sources),
@@ -344,7 +344,7 @@ def _of_project(file: Opened, root: Element, label: str | None, files: Together)
     )
 
 
-def _in_archive(file: Opened, files: Together) -> Chunk:
+def _in_archive(file: Opened, files: Together) -> _Chunk:
     document = _member(file, files)
     root = xml_tree.tree(document)
     if root.tag != "chunk":
@@ -354,7 +354,7 @@ def _in_archive(file: Opened, files: Together) -> Chunk:
 
 def _whole(
     root: Element, sources: tuple[Opened, ...], files: Together, *, others: tuple[str, ...] = ()
-) -> Chunk:
+) -> _Chunk:
     """Return a chunk with its first frame, which may lie in an archive of its own."""
     frame = root.maybe("frames", "frame")
     if frame is not None and "path" in frame.attributes:
@@ -363,7 +363,7 @@ def _whole(
         place = _inside(frame, folder, frame.attribute("path"))
         document = _member(files.read(place), files)
         frame, sources = xml_tree.tree(document), (*sources, document)
-    return Chunk(root=root, frame=frame, sources=sources, others=others)
+    return _Chunk(root=root, frame=frame, sources=sources, others=others)
 
 
 def _member(file: Opened, files: Together) -> Opened:
@@ -393,7 +393,7 @@ def _place(root: Element, labels: list[str], wanted: str | None, active: int) ->
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor:
+class _Sensor:
     """A sensor: its label, its lens, and the sensor whose slave it is, or its own number."""
 
     name: str
@@ -401,7 +401,7 @@ class Sensor:
     master: str
 
 
-def _sensors(root: Element, *, wanted: str) -> dict[str, Sensor]:
+def _sensors(root: Element, *, wanted: str) -> dict[str, _Sensor]:
     """Return the sensors of a chunk's images by numbers; all, where it has no image."""
     elements = list(root.each("sensors", "sensor"))
     if not elements:
@@ -427,11 +427,11 @@ def _sensors(root: Element, *, wanted: str) -> dict[str, Sensor]:
     return found
 
 
-def _sensor(element: Element, name: str, master: str, *, wanted: str, is_slave: bool) -> Sensor:
+def _sensor(element: Element, name: str, master: str, *, wanted: str, is_slave: bool) -> _Sensor:
     pixel_um = 1000 * (_property(element, "pixel_width") or 0.0)
     mount = Pose(R=TOP_AHEAD @ _mount_rotation(element, is_slave=is_slave), r=np.zeros(3))
     lens = replace(_chosen(element, wanted), pixel_um=pixel_um, mount=mount)
-    return Sensor(name=name, lens=lens, master=master)
+    return _Sensor(name=name, lens=lens, master=master)
 
 
 def _mount_rotation(element: Element, *, is_slave: bool) -> Array:
@@ -533,19 +533,19 @@ def _property(element: Element, name: str) -> float | None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shot:
+class _Shot:
     """An image: its pose in the chunk, what was measured of a master, the component it is in."""
 
     name: str
     exposure: str
-    sensor: Sensor
+    sensor: _Sensor
     enabled: bool
     T_c: Pose | None
     reference: Element | None
     component: str
 
 
-def _shots(root: Element, sensors: Mapping[str, Sensor]) -> tuple[dict[str, Shot], int]:
+def _shots(root: Element, sensors: Mapping[str, _Sensor]) -> tuple[dict[str, _Shot], int]:
     """Return the images of a chunk by their numbers, and how many labels stand twice."""
     elements = {}
     for element in root.one("cameras").everywhere("camera"):
@@ -570,15 +570,15 @@ def _shot(
     element: Element,
     elements: Mapping[str, Element],
     named: Mapping[str, str],
-    sensors: Mapping[str, Sensor],
-) -> Shot:
+    sensors: Mapping[str, _Sensor],
+) -> _Shot:
     i = element.attribute("id")
     leader = element.attributes.get("master_id", i)
     if leader not in elements:
         raise element.wrong(quoted(leader), "must be a camera's id", attribute="master_id")
     master = elements[leader]
     sensor = sensors[element.attribute("sensor_id")]
-    return Shot(
+    return _Shot(
         name=named[i],
         exposure=named[leader],
         sensor=sensor,
@@ -589,7 +589,7 @@ def _shot(
     )
 
 
-def _pose(master: Element, sensor: Sensor, of_master: Sensor) -> Pose | None:
+def _pose(master: Element, sensor: _Sensor, of_master: _Sensor) -> Pose | None:
     """Return a camera's pose in the chunk."""
     transform = master.maybe("transform")
     if transform is None:
@@ -654,7 +654,7 @@ def _is_on(element: Element, switch: str = "enabled") -> bool:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Similarity:
+class _Similarity:
     """The chunk's coordinates in the ECEF frame of its coordinate system: x_e = s R x + r.
 
     Where that is local, it has no such frame, and x_e are its own coordinates.
@@ -669,7 +669,7 @@ class Similarity:
         return Pose(R=self.R @ T_c.R, r=self.r + self.scale * transform(self.R, T_c.r))
 
 
-def _places(whole: Chunk) -> dict[str, Similarity]:
+def _places(whole: _Chunk) -> dict[str, _Similarity]:
     """Return the transformations of a chunk's components by their numbers; its own is ""."""
     found = {"": whole.root.maybe("transform")}
     for component in whole.root.each("components", "component"):
@@ -677,7 +677,7 @@ def _places(whole: Chunk) -> dict[str, Similarity]:
     return {i: _similarity(element) for i, element in found.items() if element is not None}
 
 
-def _similarity(element: Element) -> Similarity:
+def _similarity(element: Element) -> _Similarity:
     rotation = element.one("rotation")
     R = rotation.numbers(9).reshape(3, 3)
     if not is_rotation(R):
@@ -690,11 +690,14 @@ def _similarity(element: Element) -> Similarity:
     r = place.numbers(3)
     if np.abs(r).max() > LARGEST:
         raise place.wrong("is too large", f"must be at most {LARGEST:g} either way")
-    return Similarity(R=nearest_rotation(R), r=r, scale=size)
+    return _Similarity(R=nearest_rotation(R), r=r, scale=size)
 
 
 def _images(
-    whole: Chunk, shots: Mapping[str, Shot], places: Mapping[str, Similarity], system: Chosen | None
+    whole: _Chunk,
+    shots: Mapping[str, _Shot],
+    places: Mapping[str, _Similarity],
+    system: Chosen | None,
 ) -> tuple[Images, InGrid]:
     """Return all images, in the ECEF frame where any has a place there, and how they lie in it."""
     poses = []
@@ -724,11 +727,11 @@ def _images(
     return images, lambda T: tables.grid_poses_of_ecef(_told(whole, system.grid, element), T)
 
 
-def _no_place(whole: Chunk) -> tuple[Array, Array]:
+def _no_place(whole: _Chunk) -> tuple[Array, Array]:
     raise whole.root.wrong("<transform> is missing", "required")
 
 
-def _measured(whole: Chunk, shots: Mapping[str, Shot], system: Chosen | None) -> Trajectory:
+def _measured(whole: _Chunk, shots: Mapping[str, _Shot], system: Chosen | None) -> Trajectory:
     """Return the references that have position and angles, neither of which is switched off."""
     used = [one for one in shots.values() if one.enabled]
     leaders = {one.exposure: one for one in used}
@@ -791,7 +794,7 @@ _YAW = (
 )
 
 
-def _switched_off(leaders: Mapping[str, Shot]) -> tuple[str, ...]:
+def _switched_off(leaders: Mapping[str, _Shot]) -> tuple[str, ...]:
     """Return how many measured positions, and angles, Metashape was told not to use."""
     of = [one.reference for one in leaders.values() if one.reference is not None]
     places = sum(_location(one) is not None and _measured_place(one) is None for one in of)
@@ -820,7 +823,7 @@ def _whose_accuracy(references: tuple[Element, ...]) -> tuple[str, ...]:
     )
 
 
-def _sigmas(whole: Chunk, references: tuple[Element, ...]) -> dict[str, list[float]]:
+def _sigmas(whole: _Chunk, references: tuple[Element, ...]) -> dict[str, list[float]]:
     """Return the columns of accuracies that any reference has; the chunk's for those that lack one.
 
     Raises
@@ -849,7 +852,7 @@ def _sigmas(whole: Chunk, references: tuple[Element, ...]) -> dict[str, list[flo
     return columns
 
 
-def _geographic(whole: Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple[str, ...]]:
+def _geographic(whole: _Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple[str, ...]]:
     """Return longitude, latitude, height of references, and what is assumed of them."""
     source = system.source
     are_degrees = (np.abs(xyh[:, 0]) <= 180).all() and (np.abs(xyh[:, 1]) <= 90).all()
@@ -875,7 +878,7 @@ def _geographic(whole: Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple[
 # markers
 
 
-def _located(whole: Chunk, cameras: list[str]) -> tuple[Measured, Mask, int]:
+def _located(whole: _Chunk, cameras: list[str]) -> tuple[Measured, Mask, int]:
     """Return where markers are in images, which of it was measured, and how many lie elsewhere."""
     names = _markers(whole.root)
     labels, number = list(names.values()), {i: k for k, i in enumerate(names)}
@@ -926,7 +929,7 @@ def _markers(root: Element) -> dict[str, str]:
     return found
 
 
-def _control(whole: Chunk, system: Chosen | None) -> Control:
+def _control(whole: _Chunk, system: Chosen | None) -> Control:
     """Return the markers with coordinates, in the flight's system or, without one, their own."""
     references = {
         marker.attribute("label").strip(): (reference, place)
@@ -952,7 +955,7 @@ def _control(whole: Chunk, system: Chosen | None) -> Control:
 
 
 def _proofs(
-    whole: Chunk, located: Measured, pinned: Mask, control: Control, system: Chosen | None
+    whole: _Chunk, located: Measured, pinned: Mask, control: Control, system: Chosen | None
 ) -> tuple[Proof, ...]:
     """Return what Metashape computed, what was measured, and the latter with surveyed places."""
     proofs = [
@@ -974,7 +977,7 @@ def _proofs(
 
 
 def _ecef(system: Chosen, enh: Array) -> Array:
-    """Return places in the flight's system in the frame of `Similarity`, shape (n, 3)."""
+    """Return places in the flight's system in the frame of `_Similarity`, shape (n, 3)."""
     if system.source is None:
         return enh
     grid = system.grid()

@@ -156,7 +156,7 @@ def project(source: Path, *, crs: str | None = None) -> Project:
     )
 
 
-def _images(found: Files) -> tuple[Images, Measured, Surveyed]:
+def _images(found: _Files) -> tuple[Images, Measured, Surveyed]:
     """Return images with their measurements, and surveyed points."""
     measured, surveyed = list(_micmac_measured(found.measures)), Surveyed()
     for element, name, x_w, sigma in _surveyed(found.surveyed):
@@ -194,7 +194,7 @@ def _control(surveyed: Surveyed) -> Control:
     return Control(names=tuple(surveyed), enh=xyz, sigma=sigma)
 
 
-def _own(found: Files) -> Measured:
+def _own(found: _Files) -> Measured:
     """Return what MicMac itself computed of images, each point once."""
     own = [_own_points(one) for one in found.orientations.values()]
     n = sum(len(colrow) for _, colrow in own)
@@ -211,7 +211,7 @@ def _camera(file: str) -> str:
     return file.removesuffix(".xml").removeprefix("AutoCal_")
 
 
-def _camera_of(found: Files, image: str) -> str:
+def _camera_of(found: _Files, image: str) -> str:
     """Return the camera of an image: that of its orientation, or the only one."""
     orientation = found.orientations.get(image)
     if orientation is None:
@@ -229,7 +229,7 @@ def _camera_of(found: Files, image: str) -> str:
 
 
 @dataclass(kw_only=True)
-class Files:
+class _Files:
     """The XML files of a folder and of the folders Ori-* in it, by what they hold.
 
     `orientations` are by image, `calibrations` by the name of the file, `interior` names that of
@@ -288,9 +288,9 @@ def _content(element: Element) -> Content:
     return element.text, tuple((one.tag, _content(one)) for one in element.below)
 
 
-def _files_of(source: Path) -> Files:
+def _files_of(source: Path) -> _Files:
     """Return MicMac's files at a path: a folder, or one file."""
-    found = Files()
+    found = _Files()
     for path in _paths(source):
         found.add(path)
     if not found.read:

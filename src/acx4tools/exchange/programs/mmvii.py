@@ -60,7 +60,7 @@ ASSUMED = (
 
 
 @dataclass(kw_only=True)
-class Files:
+class _Files:
     """The XML files of a folder by what they hold."""
 
     read: list[Opened] = field(default_factory=list)
@@ -115,7 +115,7 @@ def project(source: Path, *, crs: str | None = None) -> Project:
     FlightError
         For files that are not MicMac's, other projections or terms of distortion that are not read.
     """
-    found = Files()
+    found = _Files()
     for path in _paths(source):
         found.add(path)
     if not found.read:
@@ -210,7 +210,7 @@ def _camera(name: str) -> str:
     return name.removeprefix(CALIBRATION)
 
 
-def _camera_of(found: Files, image: str) -> str:
+def _camera_of(found: _Files, image: str) -> str:
     """Return the camera of an image: that of its orientation, or the only one."""
     pose = found.poses.get(image)
     if pose is None:
@@ -248,7 +248,7 @@ Place = tuple[Element, str, str, Array]
 """The element, image, point and pixel of a measurement."""
 
 
-def _points(found: Files) -> tuple[list[Place], Control]:
+def _points(found: _Files) -> tuple[list[Place], Control]:
     """Return all measurements, and surveyed points."""
     measured, seen = list(_measured(found.measures)), set[tuple[str, str]]()
     for element, image, name, _ in measured:

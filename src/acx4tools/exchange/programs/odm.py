@@ -32,7 +32,7 @@ _EXPECTED = "must be WGS84 UTM 17N, EPSG:n, WGS84, or a PROJ string"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
+class _Seen:
     """A line of the list: two coordinates where the height is not known, maybe no name."""
 
     line: Line
@@ -132,13 +132,13 @@ def _chosen(first: Line, file: Opened, xyz: Array, crs: str | None) -> coordinat
     return found
 
 
-def _seen(row: Line) -> Seen:
+def _seen(row: Line) -> _Seen:
     x, y = (row.number_at(k, name, METRES) for k, name in ((0, "x"), (1, "y")))
     z = float("nan")
     if row.cell(2, "z").lower() != "nan":
         z = row.number_at(2, "z", RANGES["height_m"])
     colrow = tuple(row.number_at(k, name, RANGES["col_px"]) for k, name in ((3, "col"), (4, "row")))
-    return Seen(
+    return _Seen(
         line=row,
         name=row.cells[6] if len(row) > 6 else "",
         xyz=(x, y) if np.isnan(z) else (x, y, z),  # no two NaN are equal
@@ -147,7 +147,7 @@ def _seen(row: Line) -> Seen:
     )
 
 
-def _names(seen: list[Seen]) -> dict[tuple[float, ...], str]:
+def _names(seen: list[_Seen]) -> dict[tuple[float, ...], str]:
     """Return names by coordinates; points without one are numbered in the order of the file."""
     names: dict[tuple[float, ...], str] = {}
     for one in seen:
@@ -163,7 +163,7 @@ def _names(seen: list[Seen]) -> dict[tuple[float, ...], str]:
     return names
 
 
-def _require_once(seen: list[Seen], names: dict[tuple[float, ...], str]) -> None:
+def _require_once(seen: list[_Seen], names: dict[tuple[float, ...], str]) -> None:
     before: set[tuple[str, str]] = set()
     for one in seen:
         key = (one.image, names[one.xyz])

@@ -177,7 +177,7 @@ def project(
     )
 
 
-def _cameras_alone(files: Files) -> Project:
+def _cameras_alone(files: _Files) -> Project:
     """Return the cameras of a project in which nothing is oriented yet."""
     node = files.tree(*CAMERAS)
     if node is None:
@@ -192,7 +192,7 @@ def _cameras_alone(files: Files) -> Project:
     )
 
 
-def _lenses(files: Files, root: Node, shots: Shots, camera: str) -> dict[str, Lens]:
+def _lenses(files: _Files, root: Node, shots: _Shots, camera: str) -> dict[str, Lens]:
     """Return the cameras, or the heads of rigs, with their places in the rig."""
     models = files.tree(*CAMERAS) if camera == "initial" else root.one("cameras")
     if models is None:
@@ -206,7 +206,7 @@ def _lenses(files: Files, root: Node, shots: Shots, camera: str) -> dict[str, Le
     return lenses
 
 
-def _of_control(marks: Measured, T_w_c: Pose, place: Place | None) -> tuple[Proof, ...]:
+def _of_control(marks: Measured, T_w_c: Pose, place: _Place | None) -> tuple[Proof, ...]:
     """Return the proof by control points, in the flight's mapping frame."""
     if place is None or not len(marks.colrow):
         return ()
@@ -214,7 +214,7 @@ def _of_control(marks: Measured, T_w_c: Pose, place: Place | None) -> tuple[Proo
     return (Proof(whose=whose, measured=marks, T_w_c=place.in_frame(T_w_c)),)
 
 
-def _in_grid(root: Node, place: Place | None) -> InGrid:
+def _in_grid(root: Node, place: _Place | None) -> InGrid:
     if place is None:
         found = "has no measured position: the adjusted orientations are nowhere on the Earth"
         expected = "must have gps_position, with reference_lla"
@@ -222,7 +222,7 @@ def _in_grid(root: Node, place: Place | None) -> InGrid:
     return lambda T: place.frame.pose_to_grid(place.in_frame(T))
 
 
-def _ties(files: Files, root: Node, shots: Shots, lenses: Mapping[str, Lens]) -> Measured:
+def _ties(files: _Files, root: Node, shots: _Shots, lenses: Mapping[str, Lens]) -> Measured:
     """Return the tracks in images of the reconstruction, with the points that it has of them."""
     known, source = root.maybe("points"), files.maybe(TRACKS)
     x_w = {} if known is None else _points(known)
@@ -259,7 +259,7 @@ def _renamed(ties: Measured, taken: set[str]) -> Measured:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Files:
+class _Files:
     """A folder with files of OpenSfM: other names that they have, and what was opened so far."""
 
     folder: Path
@@ -282,13 +282,13 @@ class Files:
         return None if source is None else json_tree.tree(source)
 
 
-def _files_of(source: Path) -> Files:
+def _files_of(source: Path) -> _Files:
     """Return the files at a path: a folder, an ODM project's folder, or one file."""
     if not source.is_dir():
         kind = CAMERAS[0] if _is_cameras(source) else RECONSTRUCTION
-        return Files(folder=source.parent, names={kind: source.name} | _none_but(kind))
+        return _Files(folder=source.parent, names={kind: source.name} | _none_but(kind))
     for folder in (source, source / OPENSFM):
-        known = Files(folder=folder)
+        known = _Files(folder=folder)
         if any((folder / name).exists() for name in (RECONSTRUCTION, TRACKS, *CAMERAS)):
             return known
     wanted = f"must hold {RECONSTRUCTION}, {TRACKS} or {CAMERAS[0]}, as OpenSfM writes them"
@@ -307,7 +307,7 @@ def _none_but(kind: str) -> dict[str, str]:
     return dict.fromkeys(others, "\0")
 
 
-def _reconstruction(files: Files) -> tuple[Node | None, tuple[str, ...]]:
+def _reconstruction(files: _Files) -> tuple[Node | None, tuple[str, ...]]:
     """Return the reconstruction with the most shots, and a sentence on the others."""
     tree = files.tree(RECONSTRUCTION)
     if tree is None:
@@ -330,7 +330,7 @@ def _reconstruction(files: Files) -> tuple[Node | None, tuple[str, ...]]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shots:
+class _Shots:
     """The shots of a reconstruction, one for each image.
 
     `instances` and `heads` are the rig instance that took an image, and as which of its cameras;
@@ -346,7 +346,7 @@ class Shots:
     gps: Array
 
 
-def _shots(root: Node, rigs: Node | None) -> Shots:
+def _shots(root: Node, rigs: Node | None) -> _Shots:
     """Return the shots; `rigs` is rig_assignments.json, for files that say nothing of rigs."""
     found = list(root.one("shots").items())
     if not found:
@@ -358,7 +358,7 @@ def _shots(root: Node, rigs: Node | None) -> Shots:
     t = np.array([shot.one("translation").numbers(3, allowed=METRES) for _, shot in found])
     alone = zip(names, names, models, strict=True)
     rows = {name: of_rig.get(name, (instance, model)) for name, instance, model in alone}
-    return Shots(
+    return _Shots(
         names=names,
         models=models,
         instances=tuple(instance for instance, _ in rows.values()),
@@ -479,7 +479,7 @@ def _kind(node: Node) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Place:
+class _Place:
     """Where the frame w of a project is.
 
     `frame` is the flight's mapping frame with its origin below that of the project, `altitude`
@@ -505,7 +505,7 @@ class Place:
         return self.utm.pose_from_grid(T_w.r + np.append(self.offset, 0.0), T_w.opk)
 
 
-def _place_of(found: Files, root: Node, shots: Shots, crs: str | None) -> Place | None:
+def _place_of(found: _Files, root: Node, shots: _Shots, crs: str | None) -> _Place | None:
     """Return where a project is; None without measured positions: then it is nowhere."""
     node = root.maybe("reference_lla") or found.tree("reference_lla.json")
     if node is None or not np.isfinite(shots.gps).any():
@@ -524,7 +524,7 @@ def _place_of(found: Files, root: Node, shots: Shots, crs: str | None) -> Place 
         )
     except ValueError as error:
         raise FlightError([f"--crs:1: crs: {error}; must be projected and in metres"]) from None
-    place = Place(
+    place = _Place(
         frame=own,
         altitude=altitude,
         offset=offset,
@@ -533,7 +533,7 @@ def _place_of(found: Files, root: Node, shots: Shots, crs: str | None) -> Place 
     return _in_utm_if_better(place, utm, shots)
 
 
-def _zone_and_offset(found: Files, lon: float, lat: float) -> tuple[str, Array]:
+def _zone_and_offset(found: _Files, lon: float, lat: float) -> tuple[str, Array]:
     """Return the UTM zone as an EPSG code, and the origin of a reconstruction by ODM in it."""
     source = found.maybe(COORDS)
     rows = [] if source is None else list(text_lines.lines(source))[:2]
@@ -549,7 +549,7 @@ def _code(zone: int, north: bool) -> str:
     return f"EPSG:{(32600 if north else 32700) + zone}"
 
 
-def _in_utm_if_better(place: Place, utm: MappingFrame, shots: Shots) -> Place:
+def _in_utm_if_better(place: _Place, utm: MappingFrame, shots: _Shots) -> _Place:
     """Return the place in which the camera centres fit the measured positions."""
     known = np.isfinite(shots.gps).all(axis=1)
     centres, gps = shots.T_w_v.r[known, :2], shots.gps[known]
@@ -573,7 +573,7 @@ def _rms(off: Array) -> float:
 
 
 def _marks(
-    file: Opened, shots: Shots, lenses: Mapping[str, Lens], place: Place
+    file: Opened, shots: _Shots, lenses: Mapping[str, Lens], place: _Place
 ) -> tuple[Measured, Control, dict[str, int]]:
     """Return measurements of control points, the points with an altitude, and what is lost."""
     size = {

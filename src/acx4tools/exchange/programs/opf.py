@@ -186,7 +186,7 @@ def project(
 
 
 @dataclass(kw_only=True)
-class Documents:
+class _Documents:
     """The documents of a project: the first of each format of `READ`, the tie points' glTF file.
 
     `others` are formats that are not read, and second documents; `files` all that were read.
@@ -201,7 +201,7 @@ class Documents:
     files: Together = field(default_factory=Together)
 
 
-def _documents_of(source: Path) -> Documents:
+def _documents_of(source: Path) -> _Documents:
     """Return the documents of a file .opf, of a folder, or of one JSON file of OPF."""
     if source.is_dir():
         listed = sorted(source.glob("*.opf"))
@@ -218,7 +218,7 @@ def _documents_of(source: Path) -> Documents:
     return _of_items(source, root, files)
 
 
-def _gathered(folder: Path) -> Documents:
+def _gathered(folder: Path) -> _Documents:
     """Return the documents of a folder without a project."""
     files = Together()
     roots = [json_tree.tree(files.read(path)) for path in sorted(folder.glob("*.json"))]
@@ -229,7 +229,7 @@ def _gathered(folder: Path) -> Documents:
     return _documents(folder.resolve().name, "OPF", roots, files)
 
 
-def _of_items(path: Path, root: Node, files: Together) -> Documents:
+def _of_items(path: Path, root: Node, files: Together) -> _Documents:
     _require_version(root)
     roots: dict[Path, Node] = {}
     others, tracks = [], None
@@ -270,7 +270,7 @@ def _resources(root: Node) -> Iterator[tuple[str, Node]]:
             yield item.one("type").text(), resource
 
 
-def _documents(name: str, program: str, roots: list[Node], files: Together) -> Documents:
+def _documents(name: str, program: str, roots: list[Node], files: Together) -> _Documents:
     documents: dict[str, Node] = {}
     others = []
     for root in roots:
@@ -283,7 +283,7 @@ def _documents(name: str, program: str, roots: list[Node], files: Together) -> D
     if not documents:
         found = f"{quoted(others[0])} is none that is read"
         raise roots[0].one("format").wrong(found, f"must be one of {', '.join(READ)}")
-    return Documents(
+    return _Documents(
         name=name,
         program=program,
         by_format=documents,
@@ -323,14 +323,14 @@ def _inside(uri: Node, folder: Path) -> Path:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor:
+class _Sensor:
     """A sensor: its name and its lens."""
 
     name: str
     lens: Lens
 
 
-def _sensors(project: Documents, *, wanted: str) -> dict[str, Sensor]:
+def _sensors(project: _Documents, *, wanted: str) -> dict[str, _Sensor]:
     """Return the sensors by their numbers, with adjusted internals where they are wanted."""
     given = project.by_format.get("input-cameras")
     if given is None:
@@ -365,7 +365,7 @@ def _bands(node: Node) -> str:
     return "+".join(one.text() for one in listed if one is not None)
 
 
-def _sensor(name: str, given: Node, after: Node | None) -> Sensor:
+def _sensor(name: str, given: Node, after: Node | None) -> _Sensor:
     source = given if after is None else after
     width, height = (given.one("image_size_px").numbers(2)).tolist()
     for side in (width, height):
@@ -373,7 +373,7 @@ def _sensor(name: str, given: Node, after: Node | None) -> Sensor:
             raise given.one("image_size_px").wrong(f"{side:g}", str(PIXELS))
     pixel = given.maybe("pixel_size_um")
     lens = _lens(source.one("internals"), int(width), int(height))
-    return Sensor(
+    return _Sensor(
         name=name,
         lens=replace(
             lens,
@@ -452,17 +452,17 @@ def _floats(node: Node, key: str, n: int) -> list[float]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shot:
+class _Shot:
     """An image; `capture` is that of a reference camera: what was measured."""
 
     number: str
     name: str
     exposure: str
-    sensor: Sensor
+    sensor: _Sensor
     capture: Node | None
 
 
-def _shots(project: Documents, of: Mapping[str, Sensor]) -> list[Shot]:
+def _shots(project: _Documents, of: Mapping[str, _Sensor]) -> list[_Shot]:
     """Return the images: those of captures, else those of calibrated cameras."""
     captures = list(project.by_format["input-cameras"].one("captures").each())
     pairs: list[tuple[Node, Node | None]] = [
@@ -485,15 +485,15 @@ def _shots(project: Documents, of: Mapping[str, Sensor]) -> list[Shot]:
 
 
 def _shot(
-    camera: Node, capture: Node | None, named: Mapping[str, str], of: Mapping[str, Sensor]
-) -> Shot:
+    camera: Node, capture: Node | None, named: Mapping[str, str], of: Mapping[str, _Sensor]
+) -> _Shot:
     number, sensor = camera.one("id").text(), camera.one("sensor_id")
     if sensor.text() not in of:
         raise sensor.wrong(quoted(sensor.text()), "must be the id of a sensor")
     leader = number if capture is None else capture.one("reference_camera_id").text()
     if capture is not None and leader not in named:
         raise capture.one("reference_camera_id").wrong(quoted(leader), "must be a camera's id")
-    return Shot(
+    return _Shot(
         number=number,
         name=named[number],
         exposure=named[leader],
@@ -502,7 +502,7 @@ def _shot(
     )
 
 
-def _labels(project: Documents) -> dict[str, str]:
+def _labels(project: _Documents) -> dict[str, str]:
     """Return the names of images by camera numbers: the last part of their addresses."""
     listed = project.by_format.get("camera-list")
     if listed is None:
@@ -513,7 +513,7 @@ def _labels(project: Documents) -> dict[str, str]:
     }
 
 
-def _captured(shots: list[Shot]) -> list[Place]:
+def _captured(shots: list[_Shot]) -> list[_Place]:
     """Return the place of the first capture that has one."""
     for one in shots:
         if one.capture is not None and (node := one.capture.maybe("geolocation")) is not None:
@@ -521,7 +521,7 @@ def _captured(shots: list[Shot]) -> list[Place]:
     return []
 
 
-def _calibrated(project: Documents) -> dict[str, Pose]:
+def _calibrated(project: _Documents) -> dict[str, Pose]:
     """Return the poses of calibrated cameras in the processing system, by camera numbers."""
     document = project.by_format.get("calibrated-cameras")
     if document is None:
@@ -535,7 +535,7 @@ def _calibrated(project: Documents) -> dict[str, Pose]:
     return found
 
 
-def _in_grid(project: Documents, system: Chosen | None) -> InGrid:
+def _in_grid(project: _Documents, system: Chosen | None) -> InGrid:
     """Return how the processing system lies in the flight's grid."""
     frame = project.by_format.get("scene-reference-frame")
     if frame is None or system is None:
@@ -573,7 +573,7 @@ def _swaps(turn: Node) -> bool:
     return swap is not None and swap.value is True
 
 
-def _measured(shots: list[Shot], system: Chosen | None) -> Trajectory:
+def _measured(shots: list[_Shot], system: Chosen | None) -> Trajectory:
     """Return the trajectory of what was measured of captures."""
     rows = [
         (one, one.capture.one("geolocation"), one.capture.one("orientation"))
@@ -648,7 +648,7 @@ def _meridians(node: Node, lonlat: Array, grid: GridSystem) -> Array:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Place:
+class _Place:
     """A node ``geolocation``: east or longitude first, sigma 0 where it is not given.
 
     `text` is the definition of its coordinate system, `heights` as the key of flight.toml.
@@ -661,7 +661,7 @@ class Place:
     heights: str | float
 
 
-def _place(node: Node) -> Place:
+def _place(node: Node) -> _Place:
     """Return what a node ``geolocation`` says."""
     definition = node.one("crs", "definition")
     text = definition.text()
@@ -673,7 +673,7 @@ def _place(node: Node) -> Place:
     order = [1, 0, 2] if swap else [0, 1, 2]
     sigma = node.maybe("sigmas")
     undulation = node.maybe("crs", "geoid_height")
-    return Place(
+    return _Place(
         node=node,
         xyh=node.one("coordinates").numbers(3, allowed=METRES)[order],
         sigma=np.zeros(3) if sigma is None else np.maximum(sigma.numbers(3), 0.0)[order],
@@ -683,7 +683,7 @@ def _place(node: Node) -> Place:
 
 
 def _system(
-    project: Documents, captured: list[Place], surveyed: list[Place], wanted: str | None
+    project: _Documents, captured: list[_Place], surveyed: list[_Place], wanted: str | None
 ) -> Chosen | None:
     """Return the flight's coordinate system; None where the project has none on the Earth.
 
@@ -717,7 +717,7 @@ def _with_heights(found: Chosen, heights: str | float) -> Chosen:
     return replace(found, heights=heights, assumed=(*found.assumed[:1], f"Heights are {said}"))
 
 
-def _enh(system: Chosen, one: Place) -> Array:
+def _enh(system: Chosen, one: _Place) -> Array:
     """Return east, north, height of a place in the flight's system, shape (3,)."""
     try:
         of_place = replace(system, source=coordinates.parsed(one.text))
@@ -731,9 +731,9 @@ def _enh(system: Chosen, one: Place) -> Array:
     return np.asarray(there[0])
 
 
-def _surveyed(control: Node) -> dict[str, tuple[Place, bool]]:
+def _surveyed(control: Node) -> dict[str, tuple[_Place, bool]]:
     """Return the places of control points, and whether they are check points."""
-    found: dict[str, tuple[Place, bool]] = {}
+    found: dict[str, tuple[_Place, bool]] = {}
     for one in control.one("gcps").each():
         name = one.one("id").text()
         if name in found:
@@ -746,7 +746,7 @@ def _surveyed(control: Node) -> dict[str, tuple[Place, bool]]:
 
 
 def _control(
-    gcps: Mapping[str, tuple[Place, bool]], system: Chosen | None
+    gcps: Mapping[str, tuple[_Place, bool]], system: Chosen | None
 ) -> tuple[Control | None, tuple[str, ...]]:
     """Return the control points, and sentences on those that are left out."""
     if system is None:
@@ -772,7 +772,7 @@ def _control(
 # measurements
 
 
-def _marks(project: Documents, rows: Mapping[str, int]) -> tuple[Measured, int]:
+def _marks(project: _Documents, rows: Mapping[str, int]) -> tuple[Measured, int]:
     """Return the marks of control points and of manual tie points, and how many lie elsewhere."""
     control = project.by_format.get("input-control-points")
     if control is None:
@@ -814,7 +814,7 @@ def _marks_of(point: Node) -> list[tuple[str, str, Array]]:
     return found
 
 
-def _calibrated_points(project: Documents) -> dict[str, Array]:
+def _calibrated_points(project: _Documents) -> dict[str, Array]:
     document = project.by_format.get("calibrated-control-points")
     if document is None:
         return {}
@@ -847,7 +847,7 @@ COUNT_BITS = 40
 
 
 @dataclass(kw_only=True, eq=False)
-class Scene:
+class _Scene:
     """A glTF file, the buffers that were read, and the bytes of all arrays taken from them."""
 
     root: Node
@@ -884,7 +884,7 @@ class Scene:
 
 def _ties(root: Node, rows: Mapping[str, int], files: Together) -> tuple[Measured, int]:
     """Return the measurements of tie points, a point once in each image, and how many are left."""
-    scene, parts, first, lost = Scene(root=root, files=files), [], 0, 0
+    scene, parts, first, lost = _Scene(root=root, files=files), [], 0, 0
     for node in root.one("nodes").each():
         mesh = node.maybe("mesh")
         if mesh is None:
@@ -900,7 +900,7 @@ def _ties(root: Node, rows: Mapping[str, int], files: Together) -> tuple[Measure
     return joined(*parts), lost
 
 
-def _positions(scene: Scene, node: Node, primitive: Node) -> Array:
+def _positions(scene: _Scene, node: Node, primitive: Node) -> Array:
     """Return the points of a mesh in the processing system, shape (n, 3)."""
     xyz = scene.array(primitive.one("attributes", "POSITION"), width=3, kind="f").astype(float)
     matrix = node.maybe("matrix")
@@ -910,7 +910,7 @@ def _positions(scene: Scene, node: Node, primitive: Node) -> Array:
 
 
 def _matched(
-    scene: Scene, matches: Node, xyz: Array, rows: Mapping[str, int]
+    scene: _Scene, matches: Node, xyz: Array, rows: Mapping[str, int]
 ) -> tuple[Measured, int]:
     """Return the measurements of the points of one mesh, and how many are left out."""
     numbers = [one.text() for one in matches.one("cameraUids").each()]
@@ -938,7 +938,7 @@ def _matched(
 
 
 def _ranges(
-    scene: Scene, accessor: Node, n_points: int, n_matches: int
+    scene: _Scene, accessor: Node, n_points: int, n_matches: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the point and the place of every match that belongs to a point."""
     pairs = scene.array(accessor, width=2, kind="u").astype(np.uint64)

@@ -133,7 +133,7 @@ def _patb(source: Path, *, unit: str, size: tuple[int, int], pixel_um: float) ->
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
+class _Seen:
     """A measured point; `xy` is in the list's unit, from the middle of the image, y up."""
 
     line: Line
@@ -143,9 +143,9 @@ class Seen:
     xy: tuple[float, float]
 
 
-def _read(file: Opened, camera: str = "") -> list[Seen]:
+def _read(file: Opened, camera: str = "") -> list[_Seen]:
     """Return all measurements of a list; a camera is that of all images, else the header's."""
-    found: list[Seen] = []
+    found: list[_Seen] = []
     before: set[tuple[str, str]] = set()
     for header, rows in _blocks(file):
         image = header.cell(0, "image")
@@ -157,7 +157,7 @@ def _read(file: Opened, camera: str = "") -> list[Seen]:
                 raise row.wrong("point", what, "must stand once")
             before.add((image, point))
             xy = (row.number_at(1, "x", IMAGE), row.number_at(2, "y", IMAGE))
-            found.append(Seen(line=row, image=image, camera=of, point=point, xy=xy))
+            found.append(_Seen(line=row, image=image, camera=of, point=point, xy=xy))
     if not found:
         raise file.wrong("file", "has no measurement", "must have blocks: image camera; point x y")
     return found
@@ -187,7 +187,7 @@ def _blocks(file: Opened) -> Iterator[tuple[Line, list[Line]]]:
 
 
 def _project(
-    seen: Sequence[Seen],
+    seen: Sequence[_Seen],
     *,
     size: tuple[int, int],
     pixel_um: float,

@@ -83,7 +83,7 @@ ASSUMED = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shot:
+class _Shot:
     """An image: the line of its name, K, coefficients, position without the offset, R_v_w."""
 
     line: Line
@@ -101,7 +101,7 @@ class Shot:
 
 
 @dataclass(kw_only=True, eq=False)
-class Folder:
+class _Folder:
     """The files of a folder that are read, by the ends of their names."""
 
     path: Path
@@ -153,7 +153,7 @@ def project(source: Path, *, crs: str | None = None, heights: str | float | None
     FlightError
         For files that are not Pix4D's, of a fisheye, or of different projects.
     """
-    folder = Folder(path=_folder(source))
+    folder = _Folder(path=_folder(source))
     parameters = folder.maybe(PARAMETERS)
     if parameters is None:
         expected = f"must hold *_{PARAMETERS} of Pix4D"
@@ -206,7 +206,7 @@ def _ends(name: str, end: str) -> bool:
 # images
 
 
-def _shots(source: Opened) -> Iterator[Shot]:
+def _shots(source: Opened) -> Iterator[_Shot]:
     """Yield the images of the parameters."""
     rows = list(text_lines.lines(source))
     for row, known in zip(rows, HEAD, strict=False):
@@ -224,7 +224,7 @@ def _shots(source: Opened) -> Iterator[Shot]:
         yield _shot(block)
 
 
-def _shot(rows: list[Line]) -> Shot:
+def _shot(rows: list[Line]) -> _Shot:
     first = rows[0]
     if len(first) < 3:
         raise first.wrong("image", f"{len(first)} cells", "must be name, width, height")
@@ -240,7 +240,7 @@ def _shot(rows: list[Line]) -> Shot:
         raise rows[7].wrong("R", "three rows are no rotation", "must be one")
     k1, k2, k3 = rows[4].numbers(0, 3, "radial distortion", COEFFICIENT).tolist()
     p1, p2 = rows[5].numbers(0, 2, "tangential distortion", COEFFICIENT).tolist()
-    return Shot(
+    return _Shot(
         line=first,
         name=" ".join(first.cells[:n]),
         size=(width, height),
@@ -251,7 +251,7 @@ def _shot(rows: list[Line]) -> Shot:
     )
 
 
-def _names(shots: list[Shot]) -> tuple[str, ...]:
+def _names(shots: list[_Shot]) -> tuple[str, ...]:
     seen: set[str] = set()
     for one in shots:
         if one.name in seen:
@@ -260,7 +260,7 @@ def _names(shots: list[Shot]) -> tuple[str, ...]:
     return tuple(one.name for one in shots)
 
 
-def _pose(shot: Shot, offset: Array) -> Pose:
+def _pose(shot: _Shot, offset: Array) -> Pose:
     return Pose(R=shot.R.T @ FLIP, r=shot.t + offset)
 
 
@@ -274,7 +274,7 @@ def _offset(source: Opened | None) -> Array | None:
 
 
 def _lenses(
-    source: Opened, shots: list[Shot], internal: Opened | None
+    source: Opened, shots: list[_Shot], internal: Opened | None
 ) -> tuple[Mapping[tuple[float, ...], str], dict[str, Lens]]:
     """Return the names of cameras by their numbers, and the lenses."""
     called = numbered(one.lens for one in shots)
@@ -283,7 +283,7 @@ def _lenses(
     return called, {name: _lens(source, first[name], wide_mm) for name in called.values()}
 
 
-def _lens(source: Opened, shot: Shot, wide_mm: float) -> Lens:
+def _lens(source: Opened, shot: _Shot, wide_mm: float) -> Lens:
     (fx, skew, cx), (_, fy, cy) = shot.K[:2].tolist()
     pixel_um = 1000 * wide_mm / shot.size[0]
     return Lens(
@@ -306,7 +306,7 @@ def _sensor_mm(internal: Opened | None) -> float:
 
 
 def _external(
-    source: Opened | None, shots: list[Shot], T_w_c: Pose, *, placed: bool
+    source: Opened | None, shots: list[_Shot], T_w_c: Pose, *, placed: bool
 ) -> tuple[str, ...]:
     """Compare positions, omega, phi, kappa with those of the parameters; return what is found."""
     if source is None:
@@ -333,7 +333,7 @@ def _external(
     return (f"Omega, Phi, Kappa and positions of *_{EXTERNAL} are those of R and t to {said}",)
 
 
-def _matrices(source: Opened | None, shots: list[Shot]) -> dict[int, Array]:
+def _matrices(source: Opened | None, shots: list[_Shot]) -> dict[int, Array]:
     """Return the matrices of images by their numbers; each must be K [R | -R t]."""
     if source is None:
         return {}
@@ -350,7 +350,7 @@ def _matrices(source: Opened | None, shots: list[Shot]) -> dict[int, Array]:
     return found
 
 
-def _compared(shots: list[Shot], matrices: Mapping[int, Array]) -> tuple[str, ...]:
+def _compared(shots: list[_Shot], matrices: Mapping[int, Array]) -> tuple[str, ...]:
     if not matrices:
         return ()
     worst = max(_apart(shots[k], P) for k, P in matrices.items())
@@ -358,7 +358,7 @@ def _compared(shots: list[Shot], matrices: Mapping[int, Array]) -> tuple[str, ..
     return (f"{of} of *_{MATRICES} are K [R | -R t], to {worst:.2g} px in the images",)
 
 
-def _rays(shot: Shot) -> tuple[Array, Array]:
+def _rays(shot: _Shot) -> tuple[Array, Array]:
     """Return pixels all over an image, shape (9, 2), and places in their rays without the lens."""
     width, height = shot.size
     cols, rows = np.meshgrid(np.array([0.1, 0.5, 0.9]) * width, np.array([0.1, 0.5, 0.9]) * height)
@@ -374,14 +374,14 @@ def _seen(P: Array, x_w: Array) -> Array:
         return np.stack([u / w, v / w], axis=1)
 
 
-def _apart(shot: Shot, P: Array) -> float:
+def _apart(shot: _Shot, P: Array) -> float:
     """Return how far a matrix takes places from the pixels in whose rays they are, px."""
     pixels, x_w = _rays(shot)
     return float(np.hypot(*(_seen(P, x_w) - pixels).T).max())
 
 
 def _shown(
-    shots: list[Shot], lenses: list[Lens], matrices: Mapping[int, Array], T_w_c: Pose
+    shots: list[_Shot], lenses: list[Lens], matrices: Mapping[int, Array], T_w_c: Pose
 ) -> Measured:
     """Return places and the pixels where the matrices and Pix4D's lens show them."""
     parts = []

@@ -53,7 +53,7 @@ ASSUMED = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Camera:
+class _Camera:
     """An image: the line that has it, its file, f and r, and its pose."""
 
     line: Line
@@ -173,7 +173,7 @@ def _centre(rows: _Rows, size: tuple[int, int]) -> Array:
     return np.array([cx, cy]) - 0.5
 
 
-def _camera(row: Line) -> Camera:
+def _camera(row: Line) -> _Camera:
     n = len(row) - 10
     if n < 1:
         expected = "must be file, f, quaternion, centre, r and 0"
@@ -191,7 +191,7 @@ def _camera(row: Line) -> Camera:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
-    return Camera(
+    return _Camera(
         line=row,
         file=" ".join(row.cells[:n]).replace("\\", "/"),
         lens=(f, row.number_at(n + 8, "radial distortion", COEFFICIENT)),
@@ -199,7 +199,7 @@ def _camera(row: Line) -> Camera:
     )
 
 
-def _names(cameras: list[Camera]) -> tuple[str, ...]:
+def _names(cameras: list[_Camera]) -> tuple[str, ...]:
     """Return names of files without folders, or with them where some are the same."""
     whole = [one.file for one in cameras]
     for k, name in enumerate(whole):
@@ -244,7 +244,7 @@ def _further(rows: _Rows) -> int:
     return max(0, row.whole_at(0, "number of cameras")) if row is not None and len(row) == 1 else 0
 
 
-def _lens(file: Opened, camera: Camera, size: tuple[int, int], centre: Array) -> Lens:
+def _lens(file: Opened, camera: _Camera, size: tuple[int, int], centre: Array) -> Lens:
     f, r = camera.lens
     cx, cy = centre.tolist()
 
