@@ -41,6 +41,7 @@ from acx4lib.flight.toml_keys import (
     choices,
     date,
     defaults,
+    is_number,
     is_text,
     name_problems,
     no_problems,
@@ -76,15 +77,15 @@ def _crs_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     """Yield what is wrong with the text of a CRS: WKT may have several lines."""
     value = toml.get(*keys)
     if not is_text(value):
-        yield toml.problem(keys, quoted(value), "must be text")
+        yield toml.problem(keys, quoted(value), "must be text, such as EPSG:32633")
     elif unseen := UNSEEN.search(re.sub(r"[\n\r\t]", " ", value)):
         found = f"holds the character U+{ord(unseen[0]):04X}"
         yield toml.problem(keys, found, "must be text without control characters")
 
 
 def _height_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    constant = isinstance(toml.get(*keys), int | float)
-    yield from (number(_UNDULATION) if constant else text()).problems(toml, keys)
+    value = number(_UNDULATION) if is_number(toml.get(*keys)) else text(_HEIGHTS)
+    yield from value.problems(toml, keys)
 
 
 def _format_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
@@ -217,11 +218,9 @@ def _device_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
         yield toml.problem((*keys, "cameras", name), found, "must be one of [cameras.…]")
 
 
-_UNDULATION = Range(
-    -LARGEST_UNDULATION_M,
-    LARGEST_UNDULATION_M,
-    f"must be an undulation in metres, at most {LARGEST_UNDULATION_M:g} either way",
-)
+_METRES = f"an undulation in metres, at most {LARGEST_UNDULATION_M:g} either way"
+_HEIGHTS = f"must be text, or {_METRES}"
+_UNDULATION = Range(-LARGEST_UNDULATION_M, LARGEST_UNDULATION_M, f"must be {_METRES}")
 _SHARES = dict.fromkeys(("gnss_correlated_share", "attitude_correlated_share"), Range(0.0, 1.0))
 _APRIORI = dict.fromkeys(defaults(Apriori), POSITIVE) | _SHARES
 _QUOTED = text("must be text in quotes")

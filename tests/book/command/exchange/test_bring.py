@@ -25,7 +25,7 @@ def test_crs_and_heights_are_those_of_the_flight_unless_they_are_given(tmp_path)
     ("text", "says"),
     [
         ("heights = [1]\n", "flight.toml:1: heights: [1]; must be text, or an undulation"),
-        ("name = 'a'\nheights = nan\n", "flight.toml:2: heights: nan; must be text"),
+        ("name = 'a'\nheights = nan\n", "flight.toml:2: heights: nan; must be an undulation"),
         ("heights = true\n", "flight.toml:1: heights: True; must be text"),
         ("crs = 5\n", "flight.toml:1: crs: 5; must be text, such as EPSG:32633"),
     ],
