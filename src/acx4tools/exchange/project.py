@@ -320,16 +320,20 @@ def as_they_are(T: Pose) -> tuple[Array, Array]:
     return T.r, T.opk
 
 
-def on_no_map(file: Opened, crs: str | None, program: str) -> None:
-    """Raise where a program whose coordinates are in no CRS is given one.
+def on_no_map(file: Opened, crs: str | None, program: str) -> tuple[dict[str, Any], InGrid | None]:
+    """Return settings and place of a frame that is in no CRS: as they are where `crs` is local.
 
     Raises
     ------
     FlightError
+        Where any other is given.
     """
-    if crs not in (None, LOCAL):
+    if crs is None:
+        return {}, None
+    if crs != LOCAL:
         expected = f"must be {LOCAL!r}: {program}'s coordinates are in no CRS"
         raise file.wrong("--crs", quoted(crs), expected)
+    return {"crs": crs, "heights": "ellipsoidal"}, as_they_are
 
 
 def numbered(lenses: Iterable[Hashable]) -> dict[Any, str]:

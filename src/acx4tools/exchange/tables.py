@@ -111,3 +111,10 @@ def without_doubles(names: Sequence[str], ids: Sequence[object]) -> tuple[list[s
         seen[name] = seen.get(name, 0) + 1
     new = [f"{name}#{i}" if seen[name] > 1 else name for name, i in zip(names, ids, strict=True)]
     return new, sum(n for n in seen.values() if n > 1)
+
+
+def without_folders(paths: Sequence[str]) -> tuple[str, ...]:
+    """Return names of files without their folders; with them where two would be the same."""
+    whole = [path.replace("\\", "/") for path in paths]
+    short = [path.rpartition("/")[2] for path in whole]
+    return tuple(short if len(set(short)) == len(short) else whole)

@@ -6,7 +6,6 @@ the middle of the image, y up: https://www.cs.cornell.edu/~snavely/bundler/bundl
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -27,14 +26,13 @@ from acx4tools.exchange.project import (
     Measured,
     Project,
     Proof,
-    as_they_are,
     flight_of,
     numbered,
     on_no_map,
 )
 from acx4tools.exchange.safe import opened, text_lines
 from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.safe.text_lines import Line
+from acx4tools.exchange.safe.text_lines import COORDINATE, Line, Rows, first_views
 
 VERSIONS = ("# Bundle file v0.3", "# Bundle file v0.4")
 """First lines; 0.4 has the same layout."""
@@ -45,7 +43,6 @@ SKEW = 1e-4
 FOCAL = Range(0.0, 1e7, "must be a focal length in pixels, 0 for an image without orientation")
 
 ENTRY = Range(-2.0, 2.0, "must be an entry of a rotation")
-LENGTH = Range(-1e9, 1e9)
 COEFFICIENT = Range(-1e6, 1e6)
 
 ASSUMED = (
@@ -102,7 +99,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         For a file that is no bundle.out.
     """
     file = opened.read(source)
-    on_no_map(file, crs, "Bundler")
+    settings, in_grid = on_no_map(file, crs, "Bundler")
     bundle = _bundle(file)
     listed, names = _names(source, len(bundle.lenses), file)
     good = np.flatnonzero(bundle.lenses[:, 0] > 0)
@@ -130,8 +127,8 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         images=Images(names=images, cameras=cameras, exposures=images, T_w_c=bundle.T_w_c[good]),
         measured=measured,
         proofs=(Proof(whose="the program's own points", measured=measured),),
-        settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
-        in_grid=None if crs is None else as_they_are,
+        settings=settings,
+        in_grid=in_grid,
         lost={
             "images that Bundler did not orient": len(bundle.lenses) - len(good),
             "second measurements of a point in one image": bundle.again,
@@ -155,18 +152,19 @@ def _bundle(file: Opened) -> _Bundle:
     first = file.text().split("\n", 1)[0].strip()
     if first not in VERSIONS:
         raise file.wrong("version", quoted(first), f"must be {quoted(VERSIONS[0])}")
-    rows = _Rows(file)
+    rows = Rows(file)
     head = rows.next("counts")
     n_cameras, n_points = (_count(head, k) for k in (0, 1))
     cameras = np.array([_camera(rows) for _ in range(n_cameras)]).reshape(-1, 15)
     R_c_w, t = cameras[:, 3:12].reshape(-1, 3, 3), cameras[:, 12:]
     x_w, seen, again = [], [], 0
     for point in range(n_points):
-        x_w.append(rows.next("point").numbers(0, 3, "point", LENGTH))
+        x_w.append(rows.next("point").numbers(0, 3, "point", COORDINATE))
         rows.next("color")
-        views = _views(rows, n_cameras)
+        row = rows.next("views")
+        n, views = row.whole_at(0, "views"), _views(row, n_cameras)
         seen += [(image, point, x, y) for image, (x, y) in views.items()]
-        again += rows.views - len(views)
+        again += n - len(views)
     table = np.array(seen, dtype=float).reshape(-1, 4)
     return _Bundle(
         lenses=cameras[:, :3],
@@ -179,23 +177,6 @@ def _bundle(file: Opened) -> _Bundle:
     )
 
 
-class _Rows:
-    """The lines of the file, one after another."""
-
-    def __init__(self, file: Opened) -> None:
-        self._file = file
-        self._rows: Iterator[Line] = text_lines.lines(file, comment="#")
-        self.views = 0
-
-    def next(self, what: str) -> Line:
-        row = next(self._rows, None)
-        if row is None:
-            end = self._file.data.count(b"\n") + 1
-            found = f"{what} is missing at the end of the file"
-            raise self._file.wrong(what, found, "must be complete; is the file cut off?", line=end)
-        return row
-
-
 def _count(head: Line, k: int) -> int:
     value = head.whole_at(k, "counts")
     if value < 0:
@@ -203,7 +184,7 @@ def _count(head: Line, k: int) -> int:
     return value
 
 
-def _camera(rows: _Rows) -> Array:
+def _camera(rows: Rows) -> Array:
     """Return f, k1, k2, the rotation and the translation of a camera, shape (15,)."""
     first = rows.next("camera")
     f = first.number_at(0, "focal length", FOCAL)
@@ -212,29 +193,20 @@ def _camera(rows: _Rows) -> Array:
     R = np.stack([row.numbers(0, 3, "rotation", ENTRY) for row in below])
     if f > 0 and not is_rotation(R, SKEW):
         raise second.wrong("rotation", "three rows are no rotation", "must be one")
-    t = rows.next("translation").numbers(0, 3, "translation", LENGTH)
+    t = rows.next("translation").numbers(0, 3, "translation", COORDINATE)
     k = first.numbers(1, 3, "k1, k2", COEFFICIENT)
     return np.concatenate([[f], k, (nearest_rotation(R) if f > 0 else np.eye(3)).ravel(), t])
 
 
-def _views(rows: _Rows, n_cameras: int) -> dict[int, tuple[float, float]]:
+def _views(row: Line, n_cameras: int) -> dict[float, tuple[float, float]]:
     """Return the measurements of a point by image, the first of each."""
-    row = rows.next("views")
-    n = row.whole_at(0, "views")
-    if not 0 <= n == (len(row) - 1) / 4:
-        found = f"{len(row) - 1} cells after the number {n}"
+    if not 0 <= row.whole_at(0, "views") == (len(row) - 1) / 4:
+        found = f"{len(row) - 1} cells after the number {row.whole_at(0, 'views')}"
         raise row.wrong("views", found, "must be four for each view: camera, key, x, y")
-    values = row.numbers(1, None, "views", LENGTH).reshape(-1, 4)
-    rows.views = n
-    views: dict[int, tuple[float, float]] = {}
-    for camera, _, x, y in values.tolist():
-        if not (0 <= camera < n_cameras and camera.is_integer()):
-            raise row.wrong("views", f"camera {camera:g}", f"must be one of {n_cameras}, from 0")
-        views.setdefault(int(camera), (x, y))
-    return views
+    return first_views(row, 1, n_cameras, "camera")
 
 
-def _names(source: Path, n: int, file: Opened) -> tuple[list[Opened], list[str]]:
+def _names(source: Path, n: int, file: Opened) -> tuple[list[Opened], tuple[str, ...]]:
     """Return list.txt, if it is there, and the names of the images."""
     for folder in (source.parent, source.parent.parent):
         path = folder / "list.txt"
@@ -244,7 +216,5 @@ def _names(source: Path, n: int, file: Opened) -> tuple[list[Opened], list[str]]
             if len(rows) != n:
                 found = f"has {len(rows)} images"
                 raise listed.wrong("file", found, f"must have {n}, as {file.name}")
-            paths = [row.cell(0, "image").replace("\\", "/") for row in rows]
-            short = [one.rpartition("/")[2] for one in paths]
-            return [listed], short if len(set(short)) == n else paths
-    return [], [f"image{k:04d}" for k in range(n)]
+            return [listed], tables.without_folders([row.cell(0, "image") for row in rows])
+    return [], tuple(f"image{k:04d}" for k in range(n))

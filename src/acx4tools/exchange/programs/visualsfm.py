@@ -28,19 +28,17 @@ from acx4tools.exchange.project import (
     Measured,
     Project,
     Proof,
-    as_they_are,
     flight_of,
     numbered,
     on_no_map,
 )
-from acx4tools.exchange.safe import opened, text_lines
+from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.safe.text_lines import Line
+from acx4tools.exchange.safe.text_lines import COORDINATE, Line, Rows, first_views
 
 VERSION, FIXED = "NVM_V3", "FixedK"
 """First cell of the file, and what follows it where one calibration was given for all images."""
 
-LENGTH = Range(-1e9, 1e9)
 FOCAL = Range(1.0, 1e7, "must be a focal length in pixels")
 COEFFICIENT = Range(-100.0, 100.0)
 ENTRY = Range(-1e3, 1e3)
@@ -93,10 +91,10 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         For a file that is no NVM_V3.
     """
     file = opened.read(source)
-    on_no_map(file, crs, "VisualSFM")
-    rows = _Rows(file)
+    settings, in_grid = on_no_map(file, crs, "VisualSFM")
+    rows = Rows(file)
     centre = _centre(rows, size)
-    cameras = [_camera(row) for row in rows.counted("camera")]
+    cameras = [_camera(row) for row in _counted(rows, "camera")]
     if not cameras:
         raise file.wrong("cameras", "there is none", "must have one")
     images = _names(cameras)
@@ -122,8 +120,8 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
             T_w_c=stacked([one.T_w_c for one in cameras]),
         ),
         measured=measured,
-        settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
-        in_grid=None if crs is None else as_they_are,
+        settings=settings,
+        in_grid=in_grid,
         proofs=(Proof(whose="the program's own points", measured=measured),),
         lost={
             "second measurements of a point in one image": again,
@@ -133,33 +131,14 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
     )
 
 
-class _Rows:
-    """The lines of the file, one after another."""
-
-    def __init__(self, file: Opened) -> None:
-        self._file = file
-        self._rows: Iterator[Line] = text_lines.lines(file, comment="#")
-
-    def maybe(self) -> Line | None:
-        return next(self._rows, None)
-
-    def next(self, what: str) -> Line:
-        row = self.maybe()
-        if row is None:
-            end = self._file.data.count(b"\n") + 1
-            found = f"{what} is missing at the end of the file"
-            raise self._file.wrong(what, found, "must be complete; is the file cut off?", line=end)
-        return row
-
-    def counted(self, what: str) -> Iterator[Line]:
-        """Yield as many lines as a line with their number says."""
-        head = self.next(f"number of {what}s")
-        n = int(head.number_at(0, f"number of {what}s", MOST))
-        for _ in range(n):
-            yield self.next(what)
+def _counted(rows: Rows, what: str) -> Iterator[Line]:
+    """Yield as many lines as a line with their number says."""
+    head = rows.next(f"number of {what}s")
+    for _ in range(int(head.number_at(0, f"number of {what}s", MOST))):
+        yield rows.next(what)
 
 
-def _centre(rows: _Rows, size: tuple[int, int]) -> Array:
+def _centre(rows: Rows, size: tuple[int, int]) -> Array:
     """Return from where measurements count, the library's pixels, by the first line."""
     first = rows.next("version")
     if first.cell(0, "version") != VERSION:
@@ -195,7 +174,7 @@ def _camera(row: Line) -> _Camera:
         line=row,
         file=" ".join(row.cells[:n]).replace("\\", "/"),
         lens=(f, row.number_at(n + 8, "radial distortion", COEFFICIENT)),
-        T_w_c=Pose(R=R_v_w.T @ FLIP, r=row.numbers(n + 5, n + 8, "centre", LENGTH)),
+        T_w_c=Pose(R=R_v_w.T @ FLIP, r=row.numbers(n + 5, n + 8, "centre", COORDINATE)),
     )
 
 
@@ -205,8 +184,7 @@ def _names(cameras: list[_Camera]) -> tuple[str, ...]:
     for k, name in enumerate(whole):
         if name in whole[:k]:
             raise cameras[k].line.wrong("image", f"{quoted(name)} is there twice", "must be once")
-    short = [one.rpartition("/")[2] for one in whole]
-    return tuple(short if len(set(short)) == len(short) else whole)
+    return tables.without_folders(whole)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,28 +195,23 @@ class _Points:
     views: Array
 
 
-def _points(rows: _Rows, n_cameras: int, centre: Array) -> tuple[_Points, int]:
+def _points(rows: Rows, n_cameras: int, centre: Array) -> tuple[_Points, int]:
     """Return the points, and how often an image has one of them again."""
     x_w, views, again = [], [], 0
-    for point, row in enumerate(rows.counted("point")):
-        x_w.append(row.numbers(0, 3, "point", LENGTH))
+    for point, row in enumerate(_counted(rows, "point")):
+        x_w.append(row.numbers(0, 3, "point", COORDINATE))
         n = row.whole_at(6, "views")
         if not 0 <= n == (len(row) - 7) / 4:
             found = f"{len(row) - 7} cells after the number {n}"
             raise row.wrong("views", found, "must be four for each: image, feature, x, y")
-        seen: dict[int, tuple[float, float]] = {}
-        for image, _, x, y in row.numbers(7, None, "views", LENGTH).reshape(-1, 4).tolist():
-            if not (0 <= image < n_cameras and image.is_integer()):
-                expected = f"must be one of {n_cameras}, from 0"
-                raise row.wrong("views", f"image {image:g}", expected)
-            seen.setdefault(int(image), (x + centre[0], y + centre[1]))
-        views += [(image, point, *at) for image, at in seen.items()]
+        seen = first_views(row, 7, n_cameras)
+        views += [(k, point, x + centre[0], y + centre[1]) for k, (x, y) in seen.items()]
         again += n - len(seen)
     table = np.array(views, dtype=float).reshape(-1, 4)
     return _Points(x_w=np.array(x_w).reshape(-1, 3), views=table), again
 
 
-def _further(rows: _Rows) -> int:
+def _further(rows: Rows) -> int:
     """Return how many cameras a further model of the file has; 0 where there is none."""
     row = rows.maybe()
     return max(0, row.whole_at(0, "number of cameras")) if row is not None and len(row) == 1 else 0

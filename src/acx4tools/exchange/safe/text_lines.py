@@ -25,6 +25,9 @@ _CELL = re.compile(r'"([^"]*+)"|\'([^\']*+)\'|(\S++)')
 
 _SPACES = re.compile(r"\s*+")
 
+COORDINATE = Range(-1e9, 1e9)
+"""Of places in a program's own frame, and in images."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Line:
@@ -158,6 +161,48 @@ def records(source: Opened, layout: np.dtype[Any]) -> NDArray[Any]:
         expected = f"must be a multiple of {layout.itemsize}, one record; is it cut off?"
         raise source.wrong("file", f"has {size} bytes", expected)
     return np.frombuffer(source.data, dtype=layout)
+
+
+class Rows:
+    """The lines of a text, one after another; those that begin with # are left out."""
+
+    def __init__(self, file: Opened) -> None:
+        self._file = file
+        self._rows = lines(file, comment="#")
+
+    def maybe(self) -> Line | None:
+        """Return the next line, None at the end."""
+        return next(self._rows, None)
+
+    def next(self, what: str) -> Line:
+        """Return the next line; `what` is what a message calls it where the text ends before."""
+        row = self.maybe()
+        if row is None:
+            end = self._file.data.count(b"\n") + 1
+            found = f"{what} is missing at the end of the file"
+            raise self._file.wrong(what, found, "must be complete; is the file cut off?", line=end)
+        return row
+
+
+def first_views(
+    row: Line, start: int, n_images: int, image: str = "image"
+) -> dict[float, tuple[float, float]]:
+    """Return where images see a point, the first time that each does.
+
+    Parameters
+    ----------
+    row : Line
+        From its cell `start` on four numbers for each view: image, feature, x, y.
+    start, n_images : int
+    image : str
+        What a message calls an image.
+    """
+    views: dict[float, tuple[float, float]] = {}
+    for k, _, x, y in row.numbers(start, None, "views", COORDINATE).reshape(-1, 4).tolist():
+        if not (0 <= k < n_images and k.is_integer()):
+            raise row.wrong("views", f"{image} {k:g}", f"must be one of {n_images}, from 0")
+        views.setdefault(k, (x, y))
+    return views
 
 
 @dataclass(kw_only=True)
