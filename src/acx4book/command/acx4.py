@@ -19,9 +19,19 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from acx4book.command import book, compare, pictures, planning, run, teaching, terminal
+from acx4book.command import (
+    book,
+    compare,
+    export,
+    importing,
+    new,
+    pictures,
+    planning,
+    run,
+    teaching,
+    terminal,
+)
 from acx4book.command.endings import TERMINATED, status_of
-from acx4book.command.exchange import export, importing, new
 from acx4book.command.surroundings import shut_out
 
 # The commands import the modules that compute themselves, so that `acx4 --help` is quick.
@@ -140,14 +150,9 @@ Examples:
 """
 )
 def report(
-    results: Annotated[
-        Path, typer.Argument(metavar="RESULTS", show_default=False, help="Folder of a run.")
-    ],
+    results: Annotated[Path, terminal.argument("RESULTS", "Folder of a run.")],
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.html", show_default=False, help="The file; else report.html in RESULTS."
-        ),
+        Path | None, terminal.option("FILE.html", "The file; else report.html in RESULTS.")
     ] = None,
     pdf: Annotated[bool, typer.Option("--pdf", help="Write it as PDF/A, too.")] = False,
 ) -> None:

@@ -25,15 +25,8 @@ Examples:
 
 
 def book(
-    flight: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FLIGHT", show_default=False, help="Folder of a flight, or of its results."
-        ),
-    ],
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", show_default=False, help="Folder for the pages.")
-    ],
+    flight: Annotated[Path, terminal.argument("FLIGHT", "Folder of a flight, or of its results.")],
+    out: Annotated[Path, terminal.option("DIR", "Folder for the pages.")],
     strict: Annotated[
         bool, typer.Option("--strict", help="Fail on warnings about the pages.")
     ] = False,

@@ -27,20 +27,13 @@ Examples:
 
 
 def compare(
-    results: Annotated[
-        list[Path],
-        typer.Argument(metavar="RESULTS...", show_default=False, help="Folders of runs."),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(metavar="FOLDER", show_default=False, help="Folder for page and tables."),
-    ],
+    results: Annotated[list[Path], terminal.argument("RESULTS...", "Folders of runs.")],
+    out: Annotated[Path, terminal.option("FOLDER", "Folder for page and tables.")],
     method: Annotated[
         str,
-        typer.Option(
-            metavar="NAME[,NAME...]",
-            show_default=False,
-            help="single_step, rig, ...: one for all, or one for each; else the best of each.",
+        terminal.option(
+            "NAME[,NAME...]",
+            "single_step, rig, ...: one for all, or one for each; else the best of each.",
         ),
     ] = "",
     against: Annotated[
@@ -48,11 +41,8 @@ def compare(
     ] = "previous",
     height: Annotated[
         float | None,
-        typer.Option(
-            metavar="M",
-            min=1.0,
-            show_default=False,
-            help="Height above ground for effects there; else that of the first flight.",
+        terminal.option(
+            "M", "Height above ground for effects there; else that of the first flight.", min=1.0
         ),
     ] = None,
     level: Annotated[

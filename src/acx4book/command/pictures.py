@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from acx4book.command import terminal
 from acx4book.command.many import Where
 from acx4book.command.terminal import (
     Flight,
@@ -42,39 +43,27 @@ Examples:
 
 def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     flight: Flight,
-    out: Annotated[
-        Path, typer.Option(metavar="MEASURED", show_default=False, help="Folder for the flight.")
-    ],
+    out: Annotated[Path, terminal.option("MEASURED", "Folder for the flight.")],
     points: Annotated[
         int | None,
-        typer.Option(
-            metavar="N",
-            min=20,
-            show_default=False,
-            help="Corners of a picture, about: 200, and 700 where features orient them.",
+        terminal.option(
+            "N", "Corners of a picture, about: 200, and 700 where features orient them.", min=20
         ),
     ] = None,
     reduce: Annotated[
         int, typer.Option(metavar="K", min=1, help="Measure at 1/K of the size: poor pictures.")
     ] = 1,
     ground: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HEIGHT", show_default=False, help="Of the mean ground, if nothing tells it."
-        ),
+        float | None, terminal.option("HEIGHT", "Of the mean ground, if nothing tells it.")
     ] = None,
     show_in: Annotated[
-        Path | None,
-        typer.Option(
-            "--show", metavar="FOLDER", show_default=False, help="New folder for pictures of them."
-        ),
+        Path | None, terminal.option("FOLDER", "New folder for pictures of them.", "--show")
     ] = None,
     jobs: Annotated[
         int, typer.Option(metavar="N", min=1, help="Pairs at a time, a process each.")
     ] = 1,
     cluster: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", show_default=False, help="Dask scheduler to match on."),
+        str | None, terminal.option("ADDRESS", "Dask scheduler to match on.")
     ] = None,
 ) -> None:
     """Measure the pictures of a flight."""
@@ -121,15 +110,10 @@ Examples:
 
 def render(  # noqa: PLR0913, PLR0917 every option is an argument
     flight: Flight,
-    results: Annotated[
-        Path, typer.Option(metavar="DIR", show_default=False, help="Folder of a run.")
-    ],
-    out: Annotated[
-        Path, typer.Option(metavar="FOLDER", show_default=False, help="Folder for the images.")
-    ],
+    results: Annotated[Path, terminal.option("DIR", "Folder of a run.")],
+    out: Annotated[Path, terminal.option("FOLDER", "Folder for the images.")],
     exposures: Annotated[
-        str | None,
-        typer.Option(metavar="A,B", show_default=False, help="Only these, or block/A; else all."),
+        str | None, terminal.option("A,B", "Only these, or block/A; else all.")
     ] = None,
     blend: Annotated[
         str,
@@ -150,8 +134,7 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
         ),
     ] = "flight",
     refine: Annotated[
-        str,
-        typer.Option(metavar="flight|image", help="Heads as in DIR, or by each image's ties."),
+        str, typer.Option(metavar="flight|image", help="Heads as in DIR, or by each image's ties.")
     ] = "flight",
     compression: Annotated[
         str, typer.Option(metavar="none|deflate|zstd|lzw", help="Of the TIFF, without loss.")
@@ -160,8 +143,7 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
         int, typer.Option(metavar="N", min=1, help="Images at a time, a process each.")
     ] = 1,
     cluster: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", show_default=False, help="Dask scheduler to render on."),
+        str | None, terminal.option("ADDRESS", "Dask scheduler to render on.")
     ] = None,
 ) -> None:
     """Render the synthetic images of a flight."""

@@ -70,18 +70,12 @@ FILES = ("parameters", "covariance", "correlations", "reliability", "check_point
 
 
 def plan(
-    file: Annotated[Path, typer.Argument(metavar="FILE", show_default=False, help="A plan, TOML.")],
+    file: Annotated[Path, terminal.argument("FILE", "A plan, TOML.")],
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", show_default=False, help="Folder for tables, summary and picture."
-        ),
+        Path | None, terminal.option("FOLDER", "Folder for tables, summary and picture.")
     ] = None,
     target: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="TARGET", show_default=False, help="What is wanted, TOML: choose the strips."
-        ),
+        Path | None, terminal.option("TARGET", "What is wanted, TOML: choose the strips.")
     ] = None,
 ) -> None:
     """Predict what a flight will determine."""
@@ -268,16 +262,10 @@ Examples:
 
 
 def simulate(  # noqa: PLR0913, PLR0917 one for every option
-    name: Annotated[str, typer.Argument(metavar="NAME", show_default=False)],
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FLIGHT", show_default=False, help="New folder for the flight."),
-    ] = None,
+    name: Annotated[str, terminal.argument("NAME")],
+    out: Annotated[Path | None, terminal.option("FLIGHT", "New folder for the flight.")] = None,
     plan: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", show_default=False, help="New file for the design's plan; no flight."
-        ),
+        Path | None, terminal.option("FILE", "New file for the design's plan; no flight.")
     ] = None,
     seed: Annotated[
         int, typer.Option(metavar="N", min=0, help="The same seed gives the same flight.")
@@ -291,18 +279,14 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     refraction: Annotated[
         bool, typer.Option("--refraction", help="Rays bent by the standard atmosphere.")
     ] = False,
-    images: Annotated[
-        str, typer.Option(metavar="A,B", help="Exposures that get pictures.", show_default=False)
-    ] = "",
+    images: Annotated[str, terminal.option("A,B", "Exposures that get pictures.")] = "",
     reduce: Annotated[
         int, typer.Option(metavar="K", min=1, help="Pictures at 1/K of the size.")
     ] = 1,
     ground: Annotated[
         Path | None,
-        typer.Option(
-            metavar="PHOTO",
-            show_default=False,
-            help="A picture to lie on the ground, a pixel every 12.5 cm; else a landscape.",
+        terminal.option(
+            "PHOTO", "A picture to lie on the ground, a pixel every 12.5 cm; else a landscape."
         ),
     ] = None,
 ) -> None:

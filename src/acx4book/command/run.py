@@ -47,25 +47,17 @@ Examples:
 def run(  # noqa: PLR0913, PLR0917 every option is an argument
     flights: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="FLIGHT",
-            show_default=False,
-            help="Folders with flight.toml; with --seeds, designs or PLAN.toml.",
+        terminal.argument(
+            "FLIGHT", "Folders with flight.toml; with --seeds, designs or PLAN.toml."
         ),
     ],
-    results: Annotated[
-        Path, typer.Option(metavar="DIR", show_default=False, help="Folder for the results.")
-    ],
+    results: Annotated[Path, terminal.option("DIR", "Folder for the results.")],
     stages: Annotated[
         str, typer.Option(metavar="A,B", help="Stages to run, in the order of the paper.")
     ] = "heads,synthetic,mounting,validation",
     calibration: Annotated[
         Path | None,
-        typer.Option(
-            metavar="RESULTS",
-            show_default=False,
-            help="Validate with the calibration of an earlier flight.",
-        ),
+        terminal.option("RESULTS", "Validate with the calibration of an earlier flight."),
     ] = None,
     notebooks: Annotated[
         Path | None,
@@ -83,22 +75,12 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
     ] = None,
     seeds: Annotated[
         str | None,
-        typer.Option(
-            metavar="A-B",
-            show_default=False,
-            help="Simulate each FLIGHT, a design or a plan, with these seeds.",
-        ),
+        terminal.option("A-B", "Simulate each FLIGHT, a design or a plan, with these seeds."),
     ] = None,
     jobs: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N", min=1, show_default=False, help="How many flights run at a time."
-        ),
+        int | None, terminal.option("N", "How many flights run at a time.", min=1)
     ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", show_default=False, help="Dask scheduler to run on."),
-    ] = None,
+    cluster: Annotated[str | None, terminal.option("ADDRESS", "Dask scheduler to run on.")] = None,
 ) -> None:
     """Run the stages of a flight, or of many."""
     are_many = len(flights) > 1 or (seeds, jobs, cluster) != (None, None, None)

@@ -39,26 +39,18 @@ Example:
   acx4 grade handed_in --key key.txt --out marks.csv --totals totals.csv
 """
 
-Key = Annotated[
-    Path, typer.Option(metavar="FILE", show_default=False, help="The lecturer's key file.")
-]
+Key = Annotated[Path, terminal.option("FILE", "The lecturer's key file.")]
 
 
 def lab(
-    sheet: Annotated[str, typer.Argument(metavar="SHEET", show_default=False)],
-    student: Annotated[
-        str, typer.Option(metavar="NAME", show_default=False, help="Name of the student.")
-    ],
+    sheet: Annotated[str, terminal.argument("SHEET")],
+    student: Annotated[str, terminal.option("NAME", "Name of the student.")],
     key: Key,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", show_default=False, help="New folder; else lab-N-name, here."
-        ),
+        Path | None, terminal.option("FOLDER", "New folder; else lab-N-name, here.")
     ] = None,
     quiz: Annotated[
-        bool,
-        typer.Option("--quiz", help="Write question banks, GIFT and QTI, into quiz-N-name."),
+        bool, typer.Option("--quiz", help="Write question banks, GIFT and QTI, into quiz-N-name.")
     ] = False,
 ) -> None:
     """Write the simulated flight of one student, or the questions on it."""
@@ -83,20 +75,11 @@ def lab(
 
 def grade(
     handed_in: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="HANDED_IN...", show_default=False, help="Answers, results, or their folders."
-        ),
+        list[Path], terminal.argument("HANDED_IN...", "Answers, results, or their folders.")
     ],
     key: Key,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="TABLE.csv", show_default=False, help="A row for every answer."),
-    ] = None,
-    totals: Annotated[
-        Path | None,
-        typer.Option(metavar="TABLE.csv", show_default=False, help="A row for every student."),
-    ] = None,
+    out: Annotated[Path | None, terminal.option("TABLE.csv", "A row for every answer.")] = None,
+    totals: Annotated[Path | None, terminal.option("TABLE.csv", "A row for every student.")] = None,
 ) -> None:
     """Mark what students handed in."""
     from acx4book.teaching import class_table, flights  # noqa: PLC0415 quick help

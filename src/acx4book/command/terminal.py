@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, NoReturn
+from typing import IO, TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -23,9 +23,27 @@ if TYPE_CHECKING:
     from acx4book.notebooks.runner import Tell
 
 
-Flight = Annotated[
-    Path, typer.Argument(metavar="FLIGHT", show_default=False, help="Folder with flight.toml.")
-]
+def option(metavar: str, said: str, *names: str, **more: Any) -> Any:
+    """Return an option of a command whose default is not shown.
+
+    Parameters
+    ----------
+    metavar, said : str
+        What stands for its value, and its line of help.
+    *names : str
+        Where it is not called as the parameter is.
+    **more
+        As `typer.Option` takes them.
+    """
+    return typer.Option(*names, metavar=metavar, show_default=False, help=said, **more)
+
+
+def argument(metavar: str, said: str | None = None) -> Any:
+    """Return an argument of a command."""
+    return typer.Argument(metavar=metavar, show_default=False, help=said)
+
+
+Flight = Annotated[Path, argument("FLIGHT", "Folder with flight.toml.")]
 """The first argument of most commands."""
 
 

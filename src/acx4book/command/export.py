@@ -50,34 +50,23 @@ Examples:
 
 
 def export(
-    results: Annotated[
-        Path, typer.Argument(metavar="RESULTS", show_default=False, help="Folder of a run.")
-    ],
-    to: Annotated[str, typer.Option("--to", metavar="KIND", show_default=False, help="See above.")],
-    out: Annotated[
-        Path, typer.Option(metavar="FOLDER", show_default=False, help="Folder for the files.")
-    ],
+    results: Annotated[Path, terminal.argument("RESULTS", "Folder of a run.")],
+    to: Annotated[str, terminal.option("KIND", "See above.", "--to")],
+    out: Annotated[Path, terminal.option("FOLDER", "Folder for the files.")],
     method: Annotated[
         str,
-        typer.Option(
-            metavar="NAME",
-            show_default=False,
-            help="single_step, rig, refined, ...: which calibration; else the best.",
+        terminal.option(
+            "NAME", "single_step, rig, refined, ...: which calibration; else the best."
         ),
     ] = "",
     orientations: Annotated[
         str,
-        typer.Option(
-            metavar="BLOCK",
-            show_default=False,
-            help="heads, calibration or validation: export its images' orientations, too.",
+        terminal.option(
+            "BLOCK", "heads, calibration or validation: export its images' orientations, too."
         ),
     ] = "",
     flight: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FLIGHT", show_default=False, help="Orient images of this flight instead."
-        ),
+        Path | None, terminal.option("FLIGHT", "Orient images of this flight instead.")
     ] = None,
     allow: Annotated[
         float,

@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from acx4book.command import terminal
-from acx4book.command.exchange import bring
+from acx4book.command import importing, terminal
 
 HELP = """Write a new flight to be filled in: a flight.toml with remarks, tables with their headers.
 
@@ -35,22 +34,14 @@ QUESTIONS = {
 
 
 def new(
-    folder: Annotated[
-        Path,
-        typer.Argument(metavar="FLIGHT", show_default=False, help="New folder for the flight."),
-    ],
+    folder: Annotated[Path, terminal.argument("FLIGHT", "New folder for the flight.")],
     *,
-    cameras: Annotated[
-        str,
-        typer.Option(metavar="A,B", show_default=False, help="One camera, or the heads of a rig."),
-    ] = "",
-    crs: bring.Crs = "",
+    cameras: Annotated[str, terminal.option("A,B", "One camera, or the heads of a rig.")] = "",
+    crs: importing.Crs = "",
     heights: Annotated[
         str,
-        typer.Option(
-            metavar="SYSTEM",
-            show_default=False,
-            help="ellipsoidal, a vertical CRS, a geoid grid file, or an undulation in m.",
+        terminal.option(
+            "SYSTEM", "ellipsoidal, a vertical CRS, a geoid grid file, or an undulation in m."
         ),
     ] = "",
 ) -> None:
@@ -73,10 +64,10 @@ def new(
         _ = grid_system(answers["crs"])
     except ValueError as error:
         terminal.refuse(f"--crs: {error}; must be a projected CRS in metres")
-    system = Meaning(crs=answers["crs"], heights=bring.heights_of(answers["heights"]))
+    system = Meaning(crs=answers["crs"], heights=importing.heights_of(answers["heights"]))
     texts = flight_folder.files(name, cameras=heads, **orientations.settings(system))
     flight_folder.begin(folder, texts, orientations.grid_file(system))
-    for line in bring.missing(folder):
+    for line in importing.missing(folder):
         terminal.show(f"  {line}")
     terminal.show(folder)
 

@@ -1,0 +1,925 @@
+"""The command ``acx4 import``: a command for every kind of files."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from typer.core import TyperGroup
+
+from acx4book.command import terminal
+
+if TYPE_CHECKING:
+    from acx4tools.exchange.flight_folder import Brought
+
+HELP = """Read other programs' files, and write a flight, or what they know of one.
+
+Every kind says on the screen, and in import.md of the flight, which conventions it assumed, what it
+found, and what it left out. A flight may come from several sources: each import adds its tables to
+the folder. What is still missing is named at the end.
+
+\b
+Examples:
+  acx4 import metashape project.xml --out my_flight
+  acx4 import sbet a.out --events log.csv --time gps-sow --out my_flight
+"""
+
+KINDS = {
+    "Where images were taken, and in which attitude": ("sbet", "pospac-text", "orientations"),
+    "Points measured in images, and surveyed": ("image-points", "control-points"),
+    "Pictures alone": ("pictures",),
+    "Projects": ("metashape", "colmap", "opf", "pix4d"),
+    "Blocks and adjustments": (
+        *("opensfm", "micmac", "bundler", "visualsfm", "bingo", "patb", "odm-control"),
+    ),
+}
+"""The kinds by what they bring, in the order in which they are listed."""
+
+
+class _Grouped(TyperGroup):
+    """Kinds that are listed by what they bring."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a list for each group of kinds."""
+        for title, names in KINDS.items():
+            found = {name: self.get_command(ctx, name) for name in names}
+            rows = [(name, one.get_short_help_str(limit=150)) for name, one in found.items() if one]
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
+
+app = typer.Typer(cls=_Grouped, no_args_is_help=True, rich_markup_mode=None, help=HELP)
+
+# --- what all kinds have in common: options, the flight written, what is said
+
+Out = Annotated[
+    Path,
+    terminal.option(
+        "FLIGHT", "The flight: a new folder, or one that an import began, to which this is added."
+    ),
+]
+BLOCKS = ("heads", "calibration", "validation")
+
+
+def _known_block(name: str | None) -> str | None:
+    """Return the name of a block of a flight, or none, or end the command."""
+    if name not in {*BLOCKS, None}:
+        terminal.refuse(f"--block: {name!r}: must be one of {', '.join(BLOCKS)}")
+    return name
+
+
+Block = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        callback=_known_block,
+        help="heads, calibration or validation: where it belongs.",
+    ),
+]
+Crs = Annotated[
+    str,
+    terminal.option(
+        "EPSG:N", "Projected CRS of the flight, in metres; else that in its flight.toml."
+    ),
+]
+Heights = Annotated[
+    str,
+    terminal.option(
+        "SYSTEM",
+        "Of the flight: ellipsoidal, a vertical CRS, a geoid grid file or an undulation in m; "
+        "else those in its flight.toml, or ellipsoidal.",
+    ),
+]
+
+PixelUm = Annotated[
+    float | None,
+    terminal.option(
+        "UM",
+        "Pixel size, where the files do not have it; by default 5, and only millimetres "
+        "depend on it.",
+        "--pixel-um",
+        min=0.1,
+        max=1000,
+    ),
+]
+
+Allow = Annotated[
+    float,
+    typer.Option(
+        "--allow",
+        metavar="PX",
+        min=0.0,
+        help="Largest difference of a lens that is refitted as a camera of a flight.",
+    ),
+]
+
+LARGEST_UNDULATION_M = 200.0
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_undulation(value: object) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and abs(value) <= LARGEST_UNDULATION_M  # type: ignore[arg-type] # a number
+
+
+SYSTEM = (
+    ("crs", _is_text, "must be text, such as EPSG:32633"),
+    (
+        "heights",
+        lambda value: _is_text(value) or _is_undulation(value),
+        f"must be text, or an undulation in metres, at most {LARGEST_UNDULATION_M:g} either way",
+    ),
+)
+"""Keys of flight.toml that an import takes, each with its test, and what it must be."""
+
+TO_DO = 8
+"""Lines on what a flight still lacks that are shown."""
+
+
+def heights_of(text: str) -> str | float:
+    """Return the heights of a flight by the text of an option: a number is an undulation."""
+    try:
+        undulation = float(text)
+    except ValueError:
+        file = Path(text)  # PROJ finds a grid by its whole path alone
+        return str(file.absolute()) if file.is_file() else text
+    if not abs(undulation) <= LARGEST_UNDULATION_M:
+        terminal.refuse(f"--heights: {text}: must be at most {LARGEST_UNDULATION_M:g} m either way")
+    return undulation
+
+
+def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
+    """Return CRS and heights of a flight: what the options say, else its flight.toml."""
+    from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
+    from acx4lib.flight.problems import lines_of, quoted  # noqa: PLC0415 quick help
+    from acx4lib.flight.toml_file import read_toml  # noqa: PLC0415 quick help
+
+    path = out / "flight.toml"
+    toml = read_toml(path)
+    known = toml.values
+    problems = [one for one in toml.problems if one.column == "file" and path.exists()]
+    for key, test, expected in SYSTEM:
+        if key in known and not test(known[key]):
+            problems.append(toml.problem((key,), quoted(known[key]), expected))
+    if problems:
+        raise FlightError(lines_of(problems))
+    named = known.get("heights", "ellipsoidal")
+    if isinstance(named, str) and (out / named).is_file():
+        named = str((out / named).absolute())
+    return crs or str(known.get("crs", "")), heights_of(heights) if heights else named
+
+
+def _program(
+    name: str, module: str, said: str, *, of_flight: Sequence[str] = (), reader: str = "read"
+) -> Callable[[Callable[..., None]], None]:
+    """Make a command of a declaration of options, which are those of a reader.
+
+    The reader, below `acx4tools.exchange.programs`, is imported when the command is called, so that
+    help is quick. What a flight that was begun says stands for the options `of_flight`.
+    """
+
+    def add(declared: Callable[..., None]) -> None:
+        @functools.wraps(declared)
+        def command(source: Path, out: Path, **options: Any) -> None:
+            begun, heights = system_of(out, "", "")
+            if begun:
+                known = {"crs": options.get("crs") or begun, "heights": heights}
+                options |= {name: known[name] for name in of_flight}
+            found = importlib.import_module(f"acx4tools.exchange.programs.{module}")
+            _place(getattr(found, reader)(source, **options), out)
+
+        app.command(name, help=said)(command)
+
+    return add
+
+
+def _place(brought: Brought, out: Path) -> None:
+    """Write what was brought, and say what was assumed, found and left out, and what is missing."""
+    from acx4tools.exchange import flight_folder  # noqa: PLC0415 quick help
+
+    if brought.settings and not (out / flight_folder.SETTINGS).is_file():
+        named = {"name": out.resolve().name} | dict(brought.settings)
+        brought = replace(brought, settings=named)
+    brought = flight_folder.with_no_control(flight_folder.with_synthetic(brought), out)
+    remarks = flight_folder.write(brought, out)
+    terminal.show(brought.source)
+    for title, sentences in (
+        ("warning", brought.warnings),
+        ("assumed", brought.assumed),
+        ("found", (*brought.found, *remarks)),
+        ("left out", brought.left_out),
+    ):
+        for sentence in sentences:
+            terminal.show(f"  {title}: {sentence}")
+    for line in missing(out):
+        terminal.show(f"  {line}")
+    terminal.show(out)
+
+
+def missing(flight: Path) -> list[str]:
+    """Return what a folder still lacks to be a flight, or what the readings of a flight say."""
+    from acx4lib.conventions.search import notes  # noqa: PLC0415 quick help
+    from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
+    from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
+
+    try:
+        found = read(flight)
+    except FlightError as error:
+        lines = [f"still to do: {line}" for line in error.problems]
+        more = [f"still to do: {len(lines) - TO_DO} more: acx4 check"] * (len(lines) > TO_DO)
+        return lines[:TO_DO] + more
+    return [f"check: {note}" for note in (*found.notes, *notes(found))]
+
+
+# --- where images were taken, and in which attitude
+
+
+Clock = Literal["gps-sow", "utc-sow"]
+"""Of an SBET."""
+
+Columns = Annotated[
+    str,
+    terminal.option(
+        "WORDS", "Columns in their order, such as 'image time skip'; else its heading names them."
+    ),
+]
+Cells = Annotated[
+    Literal["comma", "semicolon", "tab", "space"] | None,
+    typer.Option(show_default=False, help="Between the cells; else found from the first line."),
+]
+Camera = Annotated[
+    str,
+    terminal.option("NAME", "Also write images.csv: one image of this camera for each exposure."),
+]
+
+
+@app.command(
+    "sbet",
+    help="""Read an SBET trajectory of POSPac at the times of events.
+
+EVENTS is a text with a row for each exposure: a name and a time. Its columns are named by its
+heading, or by --columns. --time says on which clock the times are; where the trajectory counts GPS
+time and the events UTC, or the reverse, --leap-seconds is needed: 18 since 2017.
+
+\b
+Examples:
+  acx4 import sbet sbet.out --events events.csv --time gps-sow --smrmsg smrmsg.out --out flight
+  acx4 import sbet sbet.out --events log.txt --columns "skip image time" --time iso-8601
+      --leap-seconds 18 --out flight
+""",
+)
+def _sbet(  # noqa: PLR0913 options of a command
+    source: Annotated[Path, terminal.argument("SBET")],
+    *,
+    events: Annotated[Path, terminal.option("FILE", "Names and times of exposures.")],
+    time: Annotated[
+        Literal["gps-sow", "utc-sow", "gps-week-sow", "iso-8601", "iso-8601-utc", "iso-8601-gps"],
+        typer.Option(show_default=False, help="Clock of the events."),
+    ],
+    out: Out,
+    smrmsg: Annotated[Path | None, terminal.option("FILE", "Standard deviations (SMRMSG).")] = None,
+    trajectory_time: Annotated[Clock, typer.Option(help="Clock of the SBET.")] = "gps-sow",
+    leap_seconds: Annotated[
+        float | None, terminal.option("S", "GPS time minus UTC; 18 since 2017.")
+    ] = None,
+    week: Annotated[
+        int | None, terminal.option("N", "GPS week in which the SBET begins; it says none.")
+    ] = None,
+    gap: Annotated[
+        float, typer.Option(metavar="S", help="Largest interval that is interpolated.")
+    ] = 0.1,
+    columns: Columns = "",
+    separator: Cells = None,
+    block: Block = "calibration",
+    camera: Camera = "",
+    crs: Crs = "",
+    heights: Heights = "",
+) -> None:
+    """Read an SBET at the times of events."""
+    from acx4tools.exchange.trajectories import sbet as trajectories_sbet  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+
+    crs, system = system_of(out, crs, heights)
+    options = trajectories_sbet.SbetOptions(
+        time=time,
+        columns=columns,
+        separator=separator or "",
+        trajectory_time=trajectory_time,
+        leap_seconds=leap_seconds,
+        week=week,
+        gap_s=gap,
+        block=block,
+        camera=camera,
+        meaning=Meaning(crs=crs, heights=system),
+    )
+    _place(trajectories_sbet.read(source, events, smrmsg, options), out)
+
+
+@app.command(
+    "orientations",
+    help="""Read a table with a row for each image: its position and its attitude.
+
+The columns are those of its heading, or of --columns: image, east, north, height or lat, lon,
+height; omega, phi, kappa or roll, pitch, heading; camera, time, week, sigma_east, skip. An angle
+may have its unit, as kappa_gon; else it is in --angles.
+
+\b
+Examples:
+  acx4 import orientations eo.csv --crs EPSG:32633 --of camera --out flight
+  acx4 import orientations ins.txt --columns "image lat lon height roll pitch heading" --out flight
+""",
+)
+def _orientations(  # noqa: PLR0913 options of a command
+    source: Annotated[Path, terminal.argument("TABLE")],
+    *,
+    out: Out,
+    columns: Columns = "",
+    separator: Cells = None,
+    angles: Annotated[
+        Literal["deg", "gon", "rad"], typer.Option(help="Unit of angles that do not say it.")
+    ] = "deg",
+    order: Annotated[
+        Literal["opk", "pok"], typer.Option(help="First rotation: omega (opk) or phi (pok).")
+    ] = "opk",
+    north: Annotated[
+        Literal["grid", "true"] | None,
+        typer.Option(show_default=False, help="Else kappa is from the grid, a heading from true."),
+    ] = None,
+    of: Annotated[
+        Literal["imu", "camera"], typer.Option(help="Whose positions and attitudes they are.")
+    ] = "imu",
+    ellipsoidal: Annotated[
+        bool, typer.Option("--ellipsoidal", help="Its heights are, whatever the flight's are.")
+    ] = False,
+    scaled_above: Annotated[
+        float | None,
+        terminal.option("M", "Heights above M have the map's scale, as IGN's; it is taken out."),
+    ] = None,
+    block: Block = "calibration",
+    camera: Camera = "",
+    crs: Crs = "",
+    heights: Heights = "",
+) -> None:
+    """Read a table of orientations with declared columns."""
+    from acx4tools.exchange.trajectories import orientations as lists  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+
+    crs, system = system_of(out, crs, heights)
+    meaning = Meaning(
+        crs=crs,
+        angle=angles,
+        order=order,
+        north=north or "",
+        heights=system,
+        ellipsoidal=ellipsoidal,
+        ground_m=scaled_above,
+    )
+    options = lists.TableOptions(
+        columns=columns,
+        separator=separator or "",
+        of=of,
+        block=block,
+        camera=camera,
+    )
+    _place(lists.read(source, meaning, options), out)
+
+
+@app.command(
+    "pospac-text",
+    help="""Read a text export of POSPac: exterior orientations, or the trajectory at events.
+
+Columns and units are those of its heading. Omega, phi and kappa are the camera's: another
+program's boresight is in them, and the flight has the camera in the place of the IMU. Roll, pitch
+and heading are the IMU's: what a calibration needs.
+
+\b
+Example:
+  acx4 import pospac-text event1.txt --crs EPSG:31982 --out flight
+""",
+)
+def _pospac_text(
+    source: Annotated[Path, terminal.argument("TEXT")],
+    *,
+    out: Out,
+    block: Block = "calibration",
+    camera: Camera = "",
+    crs: Crs = "",
+    heights: Heights = "",
+) -> None:
+    """Read a text export of POSPac."""
+    from acx4tools.exchange.trajectories import orientations as lists  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+
+    crs, system = system_of(out, crs, heights)
+    meaning = Meaning(crs=crs, heights=system)
+    options = lists.TableOptions(block=block, camera=camera)
+    _place(lists.read_applanix(source, meaning, options), out)
+
+
+# --- points measured in images, and surveyed
+
+
+@app.command(
+    "image-points",
+    help="""Read tables with a row for each point measured in an image, such as IGN's .mes.
+
+The columns are those of its heading, or of --columns, in any order: point, image, col, row; sigma,
+skip. They are pixels; --first says what the table calls the middle of the first pixel. Lines before
+a heading are not read. What several tables have is put together.
+
+\b
+Examples:
+  acx4 import image-points points.csv --first 0.5 --out flight
+  acx4 import image-points ties.mes control.mes --columns "point image col row" --out flight
+""",
+)
+def _image_points(
+    sources: Annotated[list[Path], terminal.argument("TABLE...")],
+    *,
+    out: Out,
+    columns: Columns = "",
+    separator: Cells = None,
+    first: Annotated[
+        Literal["0", "0.5", "1"],
+        typer.Option(help="Column and row that it gives the middle of the first pixel."),
+    ] = "0",
+    block: Block = "calibration",
+    camera: Camera = "",
+) -> None:
+    """Read a table of measurements with declared columns."""
+    from acx4tools.exchange.trajectories import point_tables  # noqa: PLC0415 quick help
+
+    options = point_tables.MeasuredOptions(
+        columns=columns,
+        separator=separator or "",
+        first=float(first),
+        block=block,
+        camera=camera,
+    )
+    _place(point_tables.measured(sources, options), out)
+
+
+@app.command(
+    "control-points",
+    help="""Read a table with a row for each surveyed point, such as IGN's .app.
+
+The columns are those of its heading, or of --columns, in any order: point, east, north, height or
+lat, lon, height; sigma_east, sigma_north, sigma_height, role (control or check), skip.
+
+\b
+Examples:
+  acx4 import control-points control.csv --crs EPSG:32633 --out flight
+  acx4 import control-points block.app --columns "point skip x y z" --role check --out flight
+""",
+)
+def _control_points(  # noqa: PLR0913 options of a command
+    source: Annotated[Path, terminal.argument("TABLE")],
+    *,
+    out: Out,
+    columns: Columns = "",
+    separator: Cells = None,
+    role: Annotated[
+        Literal["control", "check"] | None,
+        typer.Option(show_default=False, help="Of points whose role no column says; else control."),
+    ] = None,
+    ellipsoidal: Annotated[
+        bool, typer.Option("--ellipsoidal", help="Its heights are, whatever the flight's are.")
+    ] = False,
+    crs: Crs = "",
+    heights: Heights = "",
+) -> None:
+    """Read a table of surveyed points with declared columns."""
+    from acx4tools.exchange.trajectories import point_tables  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+
+    crs, system = system_of(out, crs, heights)
+    meaning = Meaning(crs=crs, heights=system, ellipsoidal=ellipsoidal)
+    brought = point_tables.surveyed(
+        source, meaning, columns=columns, separator=separator or "", role=role or ""
+    )
+    _place(brought, out)
+
+
+# --- pictures alone
+
+
+@app.command(
+    "pictures",
+    help="""\
+Make a flight of a folder of pictures: what their EXIF and XMP say, no point is measured.
+
+TIFF or JPEG of MicaSense, DJI and others: cameras with their factory's calibration, how the heads
+are turned to each other, exposures, positions, attitudes, times. The pictures are linked into the
+flight, or copied to another disk. Of several heads, `acx4 run --stages synthetic` finds tie points
+in the pictures, and `acx4 render --blend stack` lays their bands over each other.
+
+\b
+Examples:
+  acx4 import pictures my_pictures --out my_flight
+  acx4 import pictures my_pictures --hold-out 2 --out my_flight
+""",
+)
+def _pictures(
+    source: Annotated[Path, terminal.argument("FOLDER", "Folder of the pictures.")],
+    out: Out,
+    crs: Crs = "",
+    pixel_um: Annotated[
+        float | None, terminal.option("UM", "Size of a pixel, if unsaid.", min=0.1, max=100.0)
+    ] = None,
+    allow: Allow = 2.0,
+    hold_out: Annotated[
+        int | None,
+        terminal.option(
+            "N",
+            "Every N exposures one is held out as block validation; the others are heads and "
+            "calibration.",
+            min=2,
+        ),
+    ] = None,
+) -> None:
+    """Make a flight of a folder of pictures."""
+    from acx4tools.exchange.pictures import folder  # noqa: PLC0415 quick help
+
+    crs, _ = system_of(out, crs, "")
+    brought = folder.bring(source, crs=crs, pixel_um=pixel_um, allow=allow, hold_out=hold_out)
+    _place(brought, out)
+
+
+# --- projects
+
+
+Source = Annotated[Path, terminal.argument("SOURCE", "What the program wrote.")]
+ProjectBlock = Annotated[
+    str | None,
+    terminal.option(
+        "NAME",
+        "heads, calibration or validation; by default heads for a rig, else calibration.",
+        callback=_known_block,
+    ),
+]
+ProjectCrs = Annotated[
+    str | None,
+    terminal.option(
+        "EPSG:N",
+        "Projected CRS of the flight, in metres; by default that of its flight.toml, else the "
+        "project's own.",
+    ),
+]
+OwnCrs = Annotated[
+    str | None,
+    terminal.option(
+        "EPSG:N",
+        "Projected CRS, in metres, of the files' coordinates, which they do not say; local: "
+        "as they are, on no map.",
+    ),
+]
+WhichCamera = Annotated[
+    Literal["adjusted", "initial"],
+    typer.Option(help="Which calibration is taken where the project has both."),
+]
+Orientations = Annotated[
+    Literal["initial", "adjusted", "none"],
+    typer.Option(help="Trajectory: what was measured of the cameras, what was adjusted, or none."),
+]
+
+
+@_program(
+    "metashape",
+    "metashape",
+    """Read a project of Metashape: cameras, images, markers, control, orientations.
+
+SOURCE is an XML file that Metashape exported (File > Export > Export Cameras, or Export Markers),
+a calibration that it saved, a project's .psx with its folder .files beside it, or a chunk.zip of
+that folder.
+
+Only marker locations that were measured are taken, not those that Metashape computed itself. Tie
+points are not in these files. The trajectory is what was measured of the cameras, where position
+and angles are there; with --orientations adjusted it is Metashape's own adjustment, and then a
+boresight means nothing.
+
+\b
+Examples:
+  acx4 import metashape cameras.xml --out my_flight
+  acx4 import metashape survey.psx --orientations adjusted --out my_flight
+""",
+    of_flight=("crs", "heights"),
+)
+def _metashape(  # noqa: PLR0913, PLR0917 options of a command
+    source: Source,
+    out: Out,
+    block: ProjectBlock = None,
+    crs: ProjectCrs = None,
+    camera: WhichCamera = "adjusted",
+    orientations: Orientations = "initial",
+    chunk: Annotated[
+        str | None, terminal.option("LABEL", "Which chunk; by default the active one.")
+    ] = None,
+    pixel_um: PixelUm = None,
+    allow: Allow = 2.0,
+) -> None:
+    """Write what a project of Metashape has of a flight."""
+
+
+@_program(
+    "colmap",
+    "colmap",
+    """Read a model of COLMAP: cameras, rigs, images and tie points, text or binary.
+
+SOURCE is the folder of a model, often sparse/0, with cameras, images and points3D as .bin or .txt;
+rigs and frames of COLMAP 3.12 and later are read, too. Measurements that belong to no point are
+left out. A model has no coordinate system: with --crs its x, y, z are east, north and height of
+that system, or its earth-centred coordinates, and --orientations adjusted makes a trajectory of
+its poses, on which a boresight means nothing. With --crs local they are taken as they are, and
+`acx4 run` calibrates the cameras in a free network; a distances.csv gives it metres.
+
+\b
+Examples:
+  acx4 import colmap sparse/0 --out my_flight
+  acx4 import colmap sparse/0 --crs local --out my_flight
+  acx4 import colmap aligned --crs EPSG:31982 --orientations adjusted --out my_flight
+""",
+)
+def _colmap(
+    source: Source,
+    out: Out,
+    block: ProjectBlock = None,
+    crs: OwnCrs = None,
+    orientations: Annotated[
+        Literal["adjusted", "none"], typer.Option(help="Trajectory: what was adjusted, or none.")
+    ] = "none",
+    pixel_um: PixelUm = None,
+    allow: Allow = 2.0,
+) -> None:
+    """Write what a model of COLMAP has of a flight."""
+
+
+@_program(
+    "opf",
+    "opf",
+    """Read a project in Pix4D's open photogrammetry format (OPF).
+
+SOURCE is a file .opf, or a folder with it or with JSON files of OPF. Sensors with rig relatives,
+images, tie points, control points with their marks and the measured orientations are taken; with
+--orientations adjusted the trajectory is the calibrated cameras, and then a boresight means
+nothing.
+
+\b
+Example:
+  acx4 import opf project.opf --out my_flight
+""",
+    of_flight=("crs", "heights"),
+)
+def _opf(  # noqa: PLR0913, PLR0917 options of a command
+    source: Source,
+    out: Out,
+    block: ProjectBlock = None,
+    crs: ProjectCrs = None,
+    camera: WhichCamera = "adjusted",
+    orientations: Orientations = "initial",
+    pixel_um: PixelUm = None,
+    allow: Allow = 2.0,
+) -> None:
+    """Write what a project of OPF has of a flight."""
+
+
+@_program(
+    "pix4d",
+    "pix4d",
+    """Read the folder params of Pix4Dmapper: lenses, and the adjusted orientations.
+
+SOURCE is that folder (1_initial/params), or the project's folder. From its files
+*_calibrated_camera_parameters.txt and *_offset.xyz come lenses and poses, from *_wkt.prj the CRS.
+*_pmatrix.txt and *_calibrated_external_camera_parameters.txt must agree with them: the differences
+are told. A boresight on this trajectory means nothing. Tie points: acx4 import bingo.
+
+\b
+Example:
+  acx4 import pix4d my_project/1_initial/params --out my_flight
+""",
+    of_flight=("crs", "heights"),
+)
+def _pix4d(
+    source: Source,
+    out: Out,
+    block: ProjectBlock = None,
+    crs: ProjectCrs = None,
+    orientations: Annotated[
+        Literal["adjusted", "none"], typer.Option(help="Trajectory: what was adjusted, or none.")
+    ] = "adjusted",
+    pixel_um: PixelUm = None,
+    allow: Allow = 2.0,
+) -> None:
+    """Write what a folder of Pix4D has of a flight."""
+
+
+# --- blocks and adjustments
+
+
+NeededPixelUm = Annotated[float, terminal.option("UM", "Pixel size.", min=0.1, max=1000.0)]
+
+
+def _width_height(text: str) -> tuple[int, int]:
+    """Return the two numbers of a size, or end the command."""
+    found = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text.strip(), re.ASCII | re.I)
+    if found is None or "0" in (found[1].lstrip("0") or "0", found[2].lstrip("0") or "0"):
+        terminal.refuse(f"--size {text}: must be width x height in pixels, such as 4000x3000")
+    return int(found[1]), int(found[2])
+
+
+Size = Annotated[
+    str, terminal.option("WxH", "Size of the pictures: 4000x3000.", callback=_width_height)
+]
+
+
+@_program(
+    "opensfm",
+    "opensfm",
+    """Read a project of OpenSfM, ODM or WebODM: cameras, images, tracks, rigs, control.
+
+SOURCE is the folder with reconstruction.json and tracks.csv, the folder of an ODM project, or one
+file reconstruction.json, camera_models.json or cameras.json. Where a reconstruction by ODM has the
+axes of UTM, the measured positions tell.
+
+\b
+Examples:
+  acx4 import opensfm my_project --out my_flight
+  acx4 import opensfm my_project --orientations adjusted --crs EPSG:25833 --out my_flight
+""",
+    of_flight=("crs",),
+)
+def _opensfm(  # noqa: PLR0913, PLR0917 options of a command
+    source: Source,
+    out: Out,
+    block: ProjectBlock = None,
+    crs: ProjectCrs = None,
+    camera: WhichCamera = "adjusted",
+    orientations: Orientations = "initial",
+    pixel_um: PixelUm = None,
+    allow: Allow = 2.0,
+) -> None:
+    """Write what a project of OpenSfM has of a flight."""
+
+
+LocalCrs = Annotated[
+    Literal["local"] | None,
+    typer.Option(help="local takes its coordinates as they are.", show_default=False),
+]
+
+
+@_program(
+    "micmac",
+    "micmac",
+    """Read MicMac's XML, version 1 or 2: calibration, orientations, measured, surveyed points.
+
+SOURCE is the folder that holds Ori-* and the points (SetOfMesureAppuisFlottants,
+DicoAppuisFlottant), one of several Ori-* in it, or one of these files. Distortion models ModRad,
+ModPhgrStd, ModNoDist and the three fisheyes are read; others are refused by name. Of version 2
+(MMVII) it is the folder with MMVII-PhgrProj, or one of Ori/* in that.
+
+\b
+Examples:
+  acx4 import micmac my_project --out my_flight
+  acx4 import micmac my_project/Ori-Ground --orientations adjusted --crs EPSG:2154 --out my_flight
+""",
+)
+def _micmac(
+    source: Source,
+    out: Out,
+    block: ProjectBlock = None,
+    crs: OwnCrs = None,
+    orientations: Orientations = "initial",
+    pixel_um: PixelUm = None,
+    allow: Allow = 2.0,
+) -> None:
+    """Write what a folder of MicMac has of a flight."""
+
+
+@_program(
+    "bundler",
+    "bundler",
+    """Read Bundler's bundle.out (v0.3): images, lenses, tie points; many programs write it.
+
+Names come from list.txt beside it. Its coordinates are in no CRS: without --crs local its
+orientations are left out.
+
+\b
+Example:
+  acx4 import bundler bundle.out --size 4000x3000 --crs local --out my_flight
+""",
+)
+def _bundler(
+    source: Source,
+    size: Size,
+    out: Out,
+    block: ProjectBlock = None,
+    crs: LocalCrs = None,
+    pixel_um: PixelUm = None,
+    allow: Allow = 2.0,
+) -> None:
+    """Write what bundle.out has of a flight."""
+
+
+@_program(
+    "visualsfm",
+    "visualsfm",
+    """Read VisualSFM's .nvm (NVM_V3): images, lenses, tie points.
+
+Its coordinates are in no CRS: without --crs local its orientations are left out. The formulas are
+those of its documentation; it is untried on a file that VisualSFM wrote.
+
+\b
+Example:
+  acx4 import visualsfm model.nvm --size 4000x3000 --crs local --out my_flight
+""",
+)
+def _visualsfm(
+    source: Source,
+    size: Size,
+    out: Out,
+    block: ProjectBlock = None,
+    crs: LocalCrs = None,
+    pixel_um: PixelUm = None,
+    allow: Allow = 2.0,
+) -> None:
+    """Write what a model of VisualSFM has of a flight."""
+
+
+@_program(
+    "bingo",
+    "photo_lists",
+    """Read BINGO's image.dat, or *_bingo.txt of Pix4D; control points of geoin.dat beside it.
+
+Image coordinates are in mm from the middle of the image. The layout is that which Pix4D documents;
+it is untried on files that BINGO itself wrote.
+
+\b
+Example:
+  acx4 import bingo image.dat --size 4000x3000 --pixel-um 6 --out my_flight
+""",
+    reader="read_bingo",
+)
+def _bingo(
+    source: Source, size: Size, pixel_um: NeededPixelUm, out: Out, block: ProjectBlock = None
+) -> None:
+    """Write what a list of BINGO has of a flight."""
+
+
+@_program(
+    "patb",
+    "photo_lists",
+    """Read PAT-B's image coordinates, .im: untried on a file that PAT-B wrote.
+
+Blocks of an image, its points and -99. Control and orientations of PAT-B are not read.
+
+\b
+Example:
+  acx4 import patb my_block.im --unit um --size 4000x3000 --pixel-um 6 --out my_flight
+""",
+    reader="read_patb",
+)
+def _patb(
+    source: Source,
+    unit: Annotated[Literal["um", "mm"], typer.Option(show_default=False, help="Of x and y.")],
+    size: Size,
+    pixel_um: NeededPixelUm,
+    out: Out,
+    block: ProjectBlock = None,
+) -> None:
+    """Write what a list of PAT-B has of a flight."""
+
+
+@_program(
+    "odm-control",
+    "odm",
+    """Read ODM's gcp_list.txt: surveyed points and their places in the pictures.
+
+The first line is the CRS; a height NaN makes a tie point of a point. Longitudes and latitudes are
+written in the UTM zone where they lie, or in --crs.
+
+\b
+Examples:
+  acx4 import odm-control gcp_list.txt --out my_flight
+  acx4 import odm-control gcp_list.txt --camera CAM --crs EPSG:25833 --out my_flight
+""",
+    of_flight=("crs",),
+)
+def _odm_control(
+    source: Source,
+    out: Out,
+    block: ProjectBlock = None,
+    crs: ProjectCrs = None,
+    camera: Annotated[
+        str | None,
+        terminal.option("NAME", "Camera of all pictures: then images.csv is written, too."),
+    ] = None,
+) -> None:
+    """Write the control points of ODM and their measurements."""
