@@ -1,5 +1,5 @@
 /* A scene in space that the reader turns, drawn on a canvas. The data stand in the page, in the form
-   that the module acx4book.typesetting.moving.scene describes. */
+   that the module acx4book.typesetting.moving describes. */
 "use strict";
 
 (() => {

@@ -1,5 +1,5 @@
 /* Figures that follow sliders. The data stand in the page, in the form that the module
-   acx4book.typesetting.moving.explorer describes; here they are only multiplied and drawn. */
+   acx4book.typesetting.moving describes; here they are only multiplied and drawn. */
 "use strict";
 
 (() => {

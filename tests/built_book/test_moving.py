@@ -12,7 +12,7 @@ from acx4book.chapters.mounting import held
 from acx4book.chapters.synthetic_image import turned_head
 from acx4book.foundations import explorers
 from acx4book.notebooks import simulated
-from acx4book.typesetting.moving import plane, shown
+from acx4book.typesetting import moving
 from acx4lib.calibration.mounting import single_step, two_step_gnss
 from acx4lib.georeferencing.mapping_flight import like
 from support.helpers import ROOT
@@ -81,7 +81,7 @@ def opened(browser, tmp_path):
 
     def opened(explorer):
         path, script = tmp_path / "page.html", f'<script src="{SCRIPT.as_uri()}"></script>'
-        text = f"<!doctype html><meta charset=utf-8>{shown.html(explorer)}{script}"
+        text = f"<!doctype html><meta charset=utf-8>{moving.explorer(explorer).html}{script}"
         path.write_text(text, encoding="utf-8")
         page = browser.new_page()
         page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -121,7 +121,7 @@ def test_at_the_stops_it_draws_and_says_what_the_library_computes(opened, explor
         assert seen["values"] == pytest.approx(values, abs=1e-9)
         for panel, paths in zip(explorer.panels, seen["paths"], strict=True):
             for mark, d in zip(panel.marks, paths, strict=True):
-                expected = numbers(plane.path(mark, values))
+                expected = numbers(moving.path(mark, values))
                 assert numbers(d) == pytest.approx(expected, abs=0.02, rel=1e-4)
         for said, expected in zip(seen["cells"], explorer.readings(values), strict=True):
             for cell, number, column in zip(said, expected, explorer.columns, strict=False):

@@ -13,9 +13,18 @@ from matplotlib.ticker import MaxNLocator
 from acx4book.notebooks import simulated
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
-from acx4book.typesetting.moving.explorer import Column, Explorer, Mark, Panel, Slider, Stops
-from acx4book.typesetting.moving.plane import Plane
-from acx4book.typesetting.moving.rows import along, dots, logarithms
+from acx4book.typesetting.moving import (
+    Column,
+    Explorer,
+    Mark,
+    Panel,
+    Plane,
+    Slider,
+    Stops,
+    along,
+    dots,
+    logarithms,
+)
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4sim.designs import acx4_ideal_plan

@@ -14,12 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acx4book.paper import printed
+from acx4book.typesetting import moving as html
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import TITLES, inside
-from acx4book.typesetting.moving import shown as html
-from acx4book.typesetting.moving.explorer import Column, Explorer, Roots, Slider
-from acx4book.typesetting.moving.rows import along, bars
-from acx4book.typesetting.moving.shown import Shown
+from acx4book.typesetting.moving import Column, Explorer, Roots, Shown, Slider, along, bars
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array

@@ -33,7 +33,7 @@ def option(metavar: str, said: str, *names: str, **more: Any) -> Any:
     *names : str
         Where it is not called as the parameter is.
     **more
-        As `typer.Option` takes them.
+        As an option of typer takes them.
     """
     return typer.Option(*names, metavar=metavar, show_default=False, help=said, **more)
 

@@ -13,17 +13,19 @@ from acx4book.foundations import example
 from acx4book.foundations.designs import covariance, lines, planned
 from acx4book.foundations.drawings.distortion import UM, balance, border, grid
 from acx4book.paper import printed
-from acx4book.typesetting.moving.explorer import (
+from acx4book.typesetting.moving import (
     Column,
     Explorer,
     Linear,
     Mark,
     Panel,
+    Plane,
     Slider,
     Stops,
+    along,
+    dots,
+    logarithms,
 )
-from acx4book.typesetting.moving.plane import Plane
-from acx4book.typesetting.moving.rows import along, dots, logarithms
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Interior, colrow_from_xy, distortion
 from acx4lib.geometry.collinearity import Measurement, image_derivatives, mounted_jacobian, rays

@@ -12,10 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from acx4book.typesetting import maps, style
-from acx4book.typesetting.moving import scene
-from acx4book.typesetting.moving.scene import Layer, Scene
-from acx4book.typesetting.moving.shown import Shown
+from acx4book.typesetting import maps, moving, style
+from acx4book.typesetting.moving import Layer, Scene, Shown
 from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.style import round_length
 from acx4lib.attempts import Failed
@@ -330,7 +328,7 @@ def view(mounting: Mounting) -> Shown:
     if len(ties):
         layers += [_ties(bundle, ties), _rays(bundle, ties), _ellipsoids(bundle, ties)]
     layers.append(_control(bundle))
-    return scene.view(
+    return moving.view(
         Scene(
             name="block-in-space",
             alt=(

@@ -13,10 +13,18 @@ from itertools import product
 
 import numpy as np
 
-from acx4book.typesetting.moving import shown
-from acx4book.typesetting.moving.explorer import Column, Explorer, Linear, Mark, Panel, Slider
-from acx4book.typesetting.moving.plane import Plane
-from acx4book.typesetting.moving.rows import along, bars
+from acx4book.typesetting import moving
+from acx4book.typesetting.moving import (
+    Column,
+    Explorer,
+    Linear,
+    Mark,
+    Panel,
+    Plane,
+    Slider,
+    along,
+    bars,
+)
 from acx4book.typesetting.style import round_length
 from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration.determination import ABSORBING
@@ -187,7 +195,7 @@ def view(
     free: Sequence[str],
     fix: Sequence[str] = (),
     refraction: str = "none",
-) -> shown.Shown | None:
+) -> moving.Shown | None:
     """Return the explorer; None for several cameras, one that looks aside, or without outcomes.
 
     Parameters
@@ -198,7 +206,7 @@ def view(
     if len(block.cameras) > 1 or not looks_down(single.calibration.cameras[0]):
         return None
     found = held(block, two, single, free=free, fix=fix, refraction=refraction)
-    return None if found is None else shown.explorer(explorer(found))
+    return None if found is None else moving.explorer(explorer(found))
 
 
 def explorer(found: Held) -> Explorer:

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4book.typesetting.moving import shown
-from acx4book.typesetting.moving.explorer import Column, Explorer, Linear, Mark, Panel, Slider
-from acx4book.typesetting.moving.plane import Plane
+from acx4book.typesetting import moving
+from acx4book.typesetting.moving import Column, Explorer, Linear, Mark, Panel, Plane, Slider
 from acx4book.typesetting.plain_text import shown as in_text
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
@@ -115,7 +114,7 @@ def by_turns(orientation: RelativeOrientation, head: int, xy: Array) -> Array:
     return np.stack(moved, axis=-1) / STEP_DEG
 
 
-def view(refinement: Refinement, synthetic: Camera, *, head: int = 1) -> shown.Shown | None:
+def view(refinement: Refinement, synthetic: Camera, *, head: int = 1) -> moving.Shown | None:
     """Return the explorer; None for a head that shares no ground with another.
 
     Parameters
@@ -128,7 +127,7 @@ def view(refinement: Refinement, synthetic: Camera, *, head: int = 1) -> shown.S
     if head >= len(refinement.orientation.heads):
         return None
     found = seams(refinement.orientation, synthetic, head)
-    return shown.explorer(explorer(refinement, synthetic, found, head)) if found else None
+    return moving.explorer(explorer(refinement, synthetic, found, head)) if found else None
 
 
 def explorer(

@@ -3,8 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from acx4book.typesetting.moving import explorer
-from acx4book.typesetting.moving.explorer import Linear, Mark, Roots, Slider, Stops
+from acx4book.typesetting.moving import Column, Explorer, Linear, Mark, Roots, Slider, Stops
 
 SLIDER = Slider(name="a", unit="m", low=-0.5, high=0.5, step=0.25)
 
@@ -52,17 +51,27 @@ def test_places_are_scaled_from_where_a_mark_stands():
     assert mark.places([4.0]) == pytest.approx(np.array([[18.0, -4.0]]))
 
 
+def read(numbers, digits):
+    """Return a constant response as the table of an explorer shows it."""
+    constant = Linear(matrix=np.zeros((len(numbers), 1)), constant=np.array(numbers))
+    parts = {"name": "a", "caption": "", "sliders": [SLIDER], "panels": [], "presets": {"": [0.0]}}
+    explorer = Explorer(
+        **parts, columns=[Column(title="", digits=digits)], rows={"row": [constant]}
+    )
+    return explorer.readings([0.0])[0][0]
+
+
 @pytest.mark.parametrize(
     ("number", "digits", "expected"),
     [(-0.04, 1, "0.0"), (-0.06, 1, "−0.1"), (2.5, 0, "2"), (-12.0, 0, "−12")],
 )
 def test_zero_has_no_sign(number, digits, expected):
-    assert explorer.shown(number, digits) == expected
+    assert read([number], digits) == expected
 
 
 def test_a_reading_of_two_numbers_is_their_length():
-    assert explorer.reading(np.array([-3.0])) == -3.0
-    assert explorer.reading(np.array([3.0, -4.0])) == 5.0
+    assert read([-3.0], 1) == "−3.0"
+    assert read([3.0, -4.0], 1) == "5.0"
 
 
 def test_data_are_plain_and_short():

@@ -3,10 +3,8 @@ import re
 import numpy as np
 import pytest
 
-from acx4book.typesetting import style
-from acx4book.typesetting.moving import plane
-from acx4book.typesetting.moving.explorer import Linear, Mark
-from acx4book.typesetting.moving.plane import Plane
+from acx4book.typesetting import moving, style
+from acx4book.typesetting.moving import Linear, Mark, Plane
 
 PLANE = Plane(x=(-10.0, 10.0), y=(0.0, 5.0), size=(120.0, 90.0), margin=(10.0, 10.0, 20.0, 20.0))
 
@@ -24,29 +22,29 @@ def test_corners_of_the_plane_are_at_the_margins_and_y_counts_upwards():
 
 
 def test_an_arrow_ends_at_its_place_with_a_head_no_longer_than_half_of_it():
-    d = plane.path(mark("arrows", 30.0, 40.0), [1.0])
+    d = moving.path(mark("arrows", 30.0, 40.0), [1.0])
     points = np.array(re.findall(r"-?[\d.]+", d), dtype=float).reshape(-1, 2)
     assert points[[0, 1]] == pytest.approx(np.array([[10.0, 20.0], [40.0, 60.0]]))
-    short = plane.path(mark("arrows", 3.0, 4.0), [1.0])
+    short = moving.path(mark("arrows", 3.0, 4.0), [1.0])
     back = np.array(re.findall(r"-?[\d.]+", short), dtype=float).reshape(-1, 2)[2] - [13.0, 24.0]
     assert np.hypot(*back) == pytest.approx(2.5, abs=0.05)
 
 
 def test_an_arrow_without_length_is_none():
-    assert plane.path(mark("arrows", 30.0, 40.0), [0.0]) == ""
+    assert moving.path(mark("arrows", 30.0, 40.0), [0.0]) == ""
 
 
 def test_a_bar_ends_at_its_place():
-    assert plane.path(mark("bars", 25.0, 0.0), [1.0]) == "M10.00 14.00H35.00v12.00H10.00z"
+    assert moving.path(mark("bars", 25.0, 0.0), [1.0]) == "M10.00 14.00H35.00v12.00H10.00z"
 
 
 def test_a_dot_lies_around_its_place():
-    d = plane.path(mark("dots", 25.0, 0.0), [1.0])
+    d = moving.path(mark("dots", 25.0, 0.0), [1.0])
     assert d == "M29.00 20.00a6.00 6.00 0 1 0 12.00 0a6.00 6.00 0 1 0 -12.00 0z"
 
 
 def test_a_curve_goes_through_its_places():
-    assert plane.path(mark("curve", 1.0, 2.0, 3.0, 4.0), [1.0]) == "M11.00 22.00L13.00 24.00"
+    assert moving.path(mark("curve", 1.0, 2.0, 3.0, 4.0), [1.0]) == "M11.00 22.00L13.00 24.00"
 
 
 def test_text_is_escaped_and_colours_are_those_of_the_page_or_of_the_figures():

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from bs4 import BeautifulSoup
 
-from acx4book.typesetting import maps
-from acx4book.typesetting.moving import scene
-from acx4book.typesetting.moving.scene import Layer, Scene
+from acx4book.typesetting import maps, moving
+from acx4book.typesetting.moving import Layer, Scene
 
 AXES = np.array([[[20.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 50.0]]])
 
@@ -38,7 +37,7 @@ def test_the_eye_is_where_the_drawing_is_seen_from(made):
     """It has no place on the drawing but its middle."""
     eye = np.array(made.data()["from"])
     assert np.linalg.norm(eye) == pytest.approx(1.0, abs=1e-3)
-    turn = maps.view(scene.FROM_DEG, scene.ABOVE_DEG)
+    turn = maps.view(moving.FROM_DEG, moving.ABOVE_DEG)
     assert turn.apply(eye) == pytest.approx([0.0, 0.0, 1.0], abs=1e-3)
 
 
@@ -48,25 +47,25 @@ def test_the_outline_of_an_ellipsoid_is_where_its_rays_touch_it():
     axes = rng.normal(size=(3, 3))
     unit = rng.normal(size=(20_000, 3))
     surface = unit / np.linalg.norm(unit, axis=1, keepdims=True) @ axes
-    (seen,) = scene.outline(axes[None, :, :2])
+    (seen,) = moving.outline(axes[None, :, :2])
     for direction in np.array([[1.0, 0.0], [0.0, 1.0], [0.6, 0.8]]):
         farthest = (surface[:, :2] @ direction).max()
         assert (seen @ direction).max() == pytest.approx(farthest, rel=0.02)
 
 
 def test_the_drawing_is_inside_its_frame_and_in_proportion(made):
-    text = scene.drawing(made)
+    text = moving.view(made).html
     first = re.search(r'd="M(\S+) (\S+)L(\S+) (\S+)"', text)
     x0, y0, x1, y1 = map(float, first.groups())
-    turn = maps.view(scene.FROM_DEG, scene.ABOVE_DEG)
+    turn = maps.view(moving.FROM_DEG, moving.ABOVE_DEG)
     along = turn.apply([100.0, 0.0, 0.0])[:2]
     assert (y0 - y1) / (x1 - x0) == pytest.approx(along[1] / along[0], abs=0.01)
     points = np.array([[x0, y0], [x1, y1]])
-    assert np.all((points >= 0) & (points <= scene.SIZE))
+    assert np.all((points >= 0) & (points <= moving.SIZE))
 
 
 def test_names_are_text_in_the_page(made):
-    page = BeautifulSoup(scene.html(made), "html.parser")
+    page = BeautifulSoup(moving.view(made).html, "html.parser")
     assert [item.get_text().strip() for item in page.select("li")] == ["line", "<b>", "e"]
     assert page.select_one("svg text").get_text() == "<i>"
     assert page.select_one("svg")["aria-label"] == made.alt

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from bs4 import BeautifulSoup
 
-from acx4book.typesetting.moving import plane, shown
-from acx4book.typesetting.moving.explorer import Column, Explorer, Linear, Mark, Panel, Slider
+from acx4book.typesetting import moving
+from acx4book.typesetting.moving import Column, Explorer, Linear, Mark, Panel, Slider
 
 
 @pytest.fixture
@@ -29,22 +29,22 @@ def made():
 
 
 def test_without_a_script_it_shows_the_start(made):
-    page = BeautifulSoup(shown.html(made), "html.parser")
+    page = BeautifulSoup(moving.explorer(made).html, "html.parser")
     assert page.select_one("li").get_text() == "</script><b> = −0.5\N{NO-BREAK SPACE}m"
     assert page.select_one("tbody td").get_text() == "−50.0"
-    assert page.select_one(".marks path")["d"] == plane.path(made.panels[0].marks[0], [-0.5])
+    assert page.select_one(".marks path")["d"] == moving.path(made.panels[0].marks[0], [-0.5])
     assert page.select_one("svg")["aria-label"] == "seen"
     assert page.select_one("figcaption").get_text() == made.caption
 
 
 def test_data_come_out_of_the_page_as_they_went_in(made):
-    text = shown.html(made)
+    text = moving.explorer(made).html
     assert text.count("<script") == text.count("</script") == 1
     element = BeautifulSoup(text, "html.parser").select_one("script")
     assert json.loads(element.string) == json.loads(json.dumps(made.data()))
 
 
 def test_a_notebook_shows_the_html_and_a_terminal_the_caption(made):
-    output = shown.explorer(made)
-    assert output._repr_html_() == shown.html(made)
+    output = moving.explorer(made)
+    assert output._repr_html_() == moving.explorer(made).html
     assert repr(output) == made.caption
