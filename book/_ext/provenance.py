@@ -15,7 +15,7 @@ MADE_FROM = Path("_generated", "made_from.json")
 """The commit, and the names of the flights by page; in the folder of the book."""
 
 OTHER_PAGES = {
-    "certificate": "acx4book.pages.certificate.page",
+    "certificate": "acx4book.pages.build.certificate_page",
     "scorecard": "acx4book.paper.scorecard.texts",
     "speed": "acx4book.pages.benchmarks.speed.texts",
     "coverage": "acx4book.pages.benchmarks.sigma.page",

@@ -22,7 +22,7 @@ import pandas as pd
 
 import acx4sim
 from acx4book.chapters import weights
-from acx4book.command.batch.processes import on_processes
+from acx4book.command.processes import on_processes
 from acx4book.notebooks.simulated import fly_and_read
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.gross_errors import adjust_rejecting

@@ -106,10 +106,11 @@ OTHERS = {
         "TEXT.read_text": "a text of the library",
     },
     "acx4book/report/typeset.py": {"STYLE.read_bytes": "a style of the library"},
-    "acx4book/teaching/showing/slides.py": {
-        "Path(__file__).with_name('slides.html').read_text": "a page of the library"
+    "acx4book/teaching/showing.py": {
+        "SLIDES.read_text": "a page of the library",
+        "SLIDES.with_suffix('.md').read_text": "slides of the library",
+        "zipfile.ZipFile": "in memory",
     },
-    "acx4book/teaching/showing/figure_pack.py": {"zipfile.ZipFile": "in memory"},
     "acx4book/teaching/quiz.py": {"zipfile.ZipFile": "in memory"},
     "acx4book/pages/release.py": {
         "zipfile.ZipFile": "into the draft that is open",

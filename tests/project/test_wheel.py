@@ -139,7 +139,7 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     expected |= {f"{house}/py.typed" for house in HOUSES}
     expected.add("acx4book/report/campaigns/campaigns.css")
     expected |= {f"acx4book/report/report.{kind}" for kind in ("css", "md", "typ")}
-    expected.add("acx4book/teaching/showing/slides.html")
+    expected |= {f"acx4book/teaching/slides.{kind}" for kind in ("html", "md")}
     for place, files in (
         ("acx4book/chapters/stored", "data/benchmarks/measured_flights*"),
         ("acx4book/chapters/stored", "data/benchmarks/closed_chain*"),

@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acx4book.reference import data
-from acx4book.reference.dbat import comparison, statements
+from acx4book.reference import data, dbat_files, dbat_statements
 from acx4lib.bundle import uses
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
@@ -60,7 +59,7 @@ def flight(folder, project, rng):
     camera["focal_mm"] = lens.interior.f
     text = written_toml.written({**SETTINGS, "cameras": {"RMK": camera}})
     (folder / "flight.toml").write_text(text)
-    rough = statements.exterior(project)[0][list(PHOTOGRAPHS)]
+    rough = dbat_statements.exterior(project)[0][list(PHOTOGRAPHS)]
     rough = rough + rng.normal(size=(3, 6)) * ([2.0] * 3 + [0.2] * 3)
     trajectory = pd.DataFrame(rough.round(2), columns=POSITION + ANGLES)
     trajectory.insert(0, "exposure", names)
@@ -107,7 +106,7 @@ def network(project, rows):
             for point, c in zip(given.point, project.is_check, strict=True)
         ]
     )
-    rough = statements.exterior(project)[0][list(PHOTOGRAPHS)]
+    rough = dbat_statements.exterior(project)[0][list(PHOTOGRAPHS)]
     T_m_c = Pose(R=rotation_from_opk(np.radians(rough[:, 3:])), r=rough[:, :3] - project.origin)
     return Block(
         cameras=project.bundle.network.block.cameras,
@@ -133,7 +132,7 @@ def network(project, rows):
 @needs("sxb-photos")
 @needs("dbat-sxb")
 def test_tie_points_of_real_photographs_give_the_published_orientation(tmp_path, rng):
-    project = comparison.sxb()
+    project = dbat_files.sxb()
     flight(tmp_path / "flight", project, rng)
     measure_flight(tmp_path / "flight", tmp_path / "measured")
     table = tmp_path / "measured" / "calibration" / "image_points.csv"
@@ -145,7 +144,7 @@ def test_tie_points_of_real_photographs_give_the_published_orientation(tmp_path,
     block = network(project, rows[tie | given])
     found = adjust_rejecting(block, lambda block: uses.free_orientation(block, free=()))
     assert len(found.rejected) < 0.05 * len(block.image_points)
-    values, cov = statements.exterior(replace(project, bundle=found))
-    wanted, cov_wanted = (part[list(PHOTOGRAPHS)] for part in statements.exterior(project))
+    values, cov = dbat_statements.exterior(replace(project, bundle=found))
+    wanted, cov_wanted = (part[list(PHOTOGRAPHS)] for part in dbat_statements.exterior(project))
     sigma = np.sqrt(np.diagonal(cov + cov_wanted, axis1=1, axis2=2))
     assert np.abs((values - wanted) / sigma).max() < 3

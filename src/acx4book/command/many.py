@@ -15,8 +15,7 @@ from acx4book.command import terminal
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from acx4book.command.batch.jobs import Job, Settings
-    from acx4book.command.batch.runs import Outcome
+    from acx4book.command.runs import Job, Outcome, Settings
 
 HEADER = ("flight", "σ0²", "f_mm", "σ", "RMS east", "north", "height m", "status")
 """Of the table on the screen."""
@@ -48,7 +47,7 @@ class Where:
 
     def executor(self) -> AbstractContextManager[Executor]:
         """Return what runs them, as a context."""
-        from acx4book.command.batch import processes  # noqa: PLC0415 quick help
+        from acx4book.command import processes  # noqa: PLC0415 quick help
 
         if self.cluster is not None:
             return processes.on_cluster(self.cluster)
@@ -76,8 +75,8 @@ def run_many(
     flights: Sequence[Path], results: Path, *, seeds: str | None, where: Where, settings: Settings
 ) -> None:
     """Run many flights, or many seeds of designs and plans, and show a line for each."""
-    from acx4book.command.batch import runs  # noqa: PLC0415 quick help
-    from acx4book.command.batch.jobs import TABLE  # noqa: PLC0415 quick help
+    from acx4book.command import runs  # noqa: PLC0415 quick help
+    from acx4book.command.runs import TABLE  # noqa: PLC0415 quick help
 
     jobs = _jobs(flights, results, seeds, settings)
     with where.executor() as executor, terminal.counting_bar("flights") as tell:
@@ -97,25 +96,25 @@ def run_many(
 def _jobs(
     flights: Sequence[Path], results: Path, seeds: str | None, settings: Settings
 ) -> list[Job]:
-    from acx4book.command.batch import jobs  # noqa: PLC0415 quick help
+    from acx4book.command import runs  # noqa: PLC0415 quick help
 
     try:
         if seeds is None:
-            return jobs.of_flights(flights, results, settings)
-        chosen = jobs.seeds_of(seeds)
-        return jobs.of_seeds([_simulated(f) for f in flights], chosen, results, settings)
+            return runs.of_flights(flights, results, settings)
+        chosen = runs.seeds_of(seeds)
+        return runs.of_seeds([_simulated(f) for f in flights], chosen, results, settings)
     except ValueError as error:
         terminal.refuse(str(error) if seeds is None else f"--seeds: {error}")
 
 
 def _simulated(flight: Path) -> str:
     """Return the name of a design, or the path of a plan from the root; refuse all others."""
-    from acx4book.command.batch import jobs  # noqa: PLC0415 quick help
+    from acx4book.command import runs  # noqa: PLC0415 quick help
     from acx4book.notebooks import simulated  # noqa: PLC0415 quick help
 
     name = str(flight)
     simulated.check(name)
-    return str(jobs.absolute(flight)) if simulated.is_plan(name) else name
+    return str(runs.absolute(flight)) if simulated.is_plan(name) else name
 
 
 def table_of(outcomes: Mapping[str, Outcome]) -> list[str]:

@@ -10,7 +10,7 @@ import typer
 from acx4book.command import many, terminal
 
 if TYPE_CHECKING:
-    from acx4book.command.batch.jobs import Settings
+    from acx4book.command.runs import Settings
 
 HELP = """Run the stages on a flight and keep their results.
 
@@ -105,7 +105,7 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
 def run_one(flight: Path, results: Path, settings: Settings) -> None:
     """Run the stages of a flight, and say what deserves notice."""
     from acx4book.notebooks import runner  # noqa: PLC0415 quick help
-    from acx4book.notebooks.ways import way_of  # noqa: PLC0415 quick help
+    from acx4book.notebooks.functions import way_of  # noqa: PLC0415 quick help
     from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
 
     numbers_only = settings.notebooks is None
@@ -133,7 +133,7 @@ def _settings(
     stages: str, notebooks: Path | None, calibration: Path | None, *, numbers_only: bool
 ) -> Settings:
     """Return what is run, or refuse it."""
-    from acx4book.command.batch.jobs import Settings, absolute  # noqa: PLC0415 quick help
+    from acx4book.command.runs import Settings, absolute  # noqa: PLC0415 quick help
     from acx4book.notebooks.runner import NOTEBOOKS_PATH  # noqa: PLC0415 quick help
     from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from acx4book.notebooks import runner
-from acx4book.notebooks.runner import Step
+from acx4book.notebooks.runner import Step, Way
 from acx4lib.flight.reader import Flight
 from acx4lib.stages import heads, mounting, rig, validation
 from acx4sim import designs, files
@@ -112,3 +112,18 @@ def prepare(
         files.write(pictured, flight_path)
     if stages and not Path(results_path).exists():
         runner.run(flight_path, results_path, way=Functions(), stages=stages)
+
+
+def way_of(notebooks: Path | None) -> Way:
+    """Return the way of the notebooks in a folder, or that of the functions for None.
+
+    Raises
+    ------
+    ImportError
+        The extra ``book`` is not installed, which notebooks need.
+    """
+    if notebooks is None:
+        return Functions()
+    from acx4book.notebooks.execute import Notebooks  # noqa: PLC0415 needs the extra book
+
+    return Notebooks(path=notebooks)

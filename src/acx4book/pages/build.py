@@ -8,11 +8,20 @@ What the other pages include is written: texts and figures.
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import os
+import pkgutil
 import re
-from collections.abc import Iterator, Mapping
+import shlex
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import nbformat
 from matplotlib.figure import Figure
@@ -20,14 +29,14 @@ from matplotlib.figure import Figure
 from acx4book.chapters import flight
 from acx4book.notebook import ENDS
 from acx4book.notebooks import execute, runner
-from acx4book.pages import api, certificate, example, frames, release, reproducibility, study, words
-from acx4book.pages.benchmarks import imports, sigma, speed, verdicts
+from acx4book.pages import frames, release, reproducibility, study, words
+from acx4book.pages.benchmarks import sigma, speed, verdicts
 from acx4book.pages.benchmarks.sigma import normalised_errors
 from acx4book.paper import printed, questions, scorecard
-from acx4book.report import material, page
-from acx4book.teaching.showing import figure_pack, slides
-from acx4book.teaching.showing import tables as lab_tables
-from acx4book.typesetting.myst import numbered
+from acx4book.report import material, page, verdict
+from acx4book.report.material import Material
+from acx4book.teaching import showing
+from acx4book.typesetting.myst import myst_table, numbered
 from acx4book.typesetting.svg import vector
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.results import agreement, own_folder, whole_files
@@ -126,15 +135,15 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         note = IDEAL if name in study.OF_IDEAL else ""
         fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb", note)
     pages = [f"_executed/{name}" for name in left_out]
-    study.leave_out(book, pages if whole else [*pages, api.FOLDER])
+    study.leave_out(book, pages if whole else [*pages, API])
     timed, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
         *_texts_of_run(flight_path, results_path, ideal_path),
         *_texts_of_front(results_path, executed, ideal_path),
         *_texts_of_benchmarks(timed, errors),
         *_texts_of_examples(book),
-        *lab_tables.texts(),
-        *slides.texts(),
+        *showing.texts(),
+        *showing.links(),
         *_texts_of_back_matter(),
     ):
         whole_files.write(generated / name, text)
@@ -143,13 +152,13 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     told = _made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
     whole_files.write(generated / "made_from.json", json.dumps(told, indent=1))
     frames.draw(generated)
-    drawn = [*figure_pack.figures(executed)]
-    whole_files.write(generated / "figures.zip", figure_pack.archive(drawn))
+    drawn = [*showing.figures(executed)]
+    whole_files.write(generated / "figures.zip", showing.archive(drawn))
     release.write(generated / release.FOLDER)
-    whole_files.write(generated / SLIDES, slides.page(drawn))
+    whole_files.write(generated / SLIDES, showing.slides(drawn))
     page.write(results_path, generated / REPORT)
     whole_files.write(generated / "program.md", release.offered(generated, UNDATED))
-    api.write(book)
+    write_api(book)
 
 
 # --- notebooks -------------------------------------------------------------------------------
@@ -331,7 +340,7 @@ def _texts_of_run(
     truth = json.loads(true.read_text("utf-8")) if true.is_file() else None
     simulated = truth is not None
     yield from scorecard.texts(found, flown, simulated=simulated, ideal=ideal).items()
-    yield "certificate.md", certificate.page(material.read(results_path), REPORT.as_posix())
+    yield "certificate.md", certificate_page(material.read(results_path), REPORT.as_posix())
     yield "simulation.md", study.simulation_page(flown, truth)
     yield "geometry.md", study.geometry_page()
     yield "provenance.md", reproducibility.page(flight_path, results_path)
@@ -380,7 +389,7 @@ def _texts_of_benchmarks(
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts: speed, what imports say, errors over standard deviations."""
     yield from speed.texts(timed)
-    yield from imports.texts(BENCHMARKS)
+    yield from speed.of_imports(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
     yield "coverage-found.md", sigma.found(errors)
@@ -395,9 +404,9 @@ def _texts_of_benchmarks(
 def _texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
     """Yield the names and the outputs of the code on the pages whose code is run."""
     for name in RUN_PAGES:
-        pieces = example.snippets((book / f"{name}.md").read_text(encoding="utf-8"))
-        for number, said in enumerate(example.outputs(pieces), 1):
-            yield f"{name}-{number}.txt", imports.wrapped(said) if name in WRAPPED else said
+        pieces = snippets((book / f"{name}.md").read_text(encoding="utf-8"))
+        for number, said in enumerate(outputs(pieces), 1):
+            yield f"{name}-{number}.txt", speed.wrapped(said) if name in WRAPPED else said
 
 
 def _texts_of_back_matter() -> Iterator[tuple[str, str]]:
@@ -414,3 +423,146 @@ def _figures_of_benchmarks(
     yield "speed.svg", speed.seconds_by_points(timed["adjustment"])
     own = [table[table["method"] == sigma.MAIN] for table in (errors.parameters, errors.points)]
     yield "coverage.svg", normalised_errors(*own)
+
+
+# --- the page on the certificate of a run, which leads to the report itself
+
+
+def certificate_page(run: Material, report: str) -> str:
+    """Return the statement, the report's address and the findings, as MyST text below the title.
+
+    Parameters
+    ----------
+    run : Material
+    report : str
+        Address of the report beside the page; the same as JSON has the ending .json.
+    """
+    found = verdict.findings(run)
+    json = f"{report.removesuffix('.html')}.json"
+    return "\n\n".join(
+        [
+            "*Can this calibration be used?*",
+            verdict.statement(found),
+            f'<a href="{report}">Open the report</a>, one file to print and to keep. Beside it '
+            f'lies the same as <a href="{json}">JSON</a>.',
+            myst_table(verdict.verdict_table(found), "Findings", name="tab-findings"),
+            "",
+        ]
+    )
+
+
+# --- the code of a page, run from top to bottom, and what it prints
+
+
+FENCE = re.compile(r"^```(python|shell)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
+
+ACX4 = (sys.executable, "-c", "from acx4book.command.acx4 import main; main()")
+"""The command of this installation, whatever the path of programs has."""
+
+COLUMNS = "78"
+"""Width of the terminal on which a page shows commands, so that its lines fit on the page."""
+
+
+class Piece(NamedTuple):
+    """A piece of code on a page: its language, python or shell, and its lines."""
+
+    language: str
+    code: str
+
+
+def snippets(page: str) -> list[Piece]:
+    """Return the code of a page that is run, piece by piece; fences of ``bash`` are not."""
+    return [Piece(*found) for found in FENCE.findall(page)]
+
+
+def outputs(pieces: Iterable[Piece]) -> Iterator[str]:
+    """Run pieces of code one after the other, in an empty folder; yield what each prints."""
+    names: dict[str, object] = {"__name__": "example"}
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        for number, (language, code) in enumerate(pieces, 1):
+            if language == "shell":
+                yield "".join(_printed(line) for line in code.splitlines())
+                continue
+            said = io.StringIO()
+            with contextlib.redirect_stdout(said):
+                exec(compile(code, f"<piece {number} of the page>", "exec"), names)
+            yield said.getvalue()
+
+
+def _printed(line: str) -> str:
+    """Return what a command prints that begins with ``acx4``."""
+    arguments = shlex.split(line)[1:]
+    narrow = os.environ | {"COLUMNS": COLUMNS}
+    done = subprocess.run(
+        [*ACX4, *arguments], capture_output=True, text=True, check=True, env=narrow
+    )
+    return done.stdout
+
+
+# --- the pages of the programming interface: one for each house, and one for each of its rooms
+
+
+API = "_generated/api"
+"""Where the pages are in the book."""
+
+CELLAR = "compiled"
+"""Name of the folders that no page shows."""
+
+EXCHANGE = ("outward", "pictures", "programs", "safe", "trajectories")
+BY_MODULE = tuple(f"acx4tools.exchange.{part}." for part in EXCHANGE)
+"""Where modules are listed with what they are for: their functions serve one kind of files, and no
+user's program calls them."""
+
+
+def write_api(book: Path) -> None:
+    """Write the pages that the contents of the book list, in their order."""
+    folder = book / API
+    contents = (book / "_generated" / "_toc.yml").read_text("utf-8")
+    listed = re.findall(rf"{API}/([\w/]+)", contents)
+    for file in listed:
+        path = folder / f"{file}.md"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        rooms = [other.replace("/", ".") for other in listed if other.startswith(f"{file}/")]
+        whole_files.write(path, "\n".join(_api_page(file.replace("/", "."), rooms)))
+
+
+def _api_page(name: str, rooms: Sequence[str] = ()) -> Iterator[str]:
+    """Yield the parts of the page of a house or a room, in MyST; rooms have pages of their own."""
+    yield f"# {name.rpartition('.')[2]}\n"
+    yield _directive("automodule", name, ":no-members:")
+    inside = [other for other in _contents(name) if other not in rooms]
+    yield _summary(name, [*rooms, *inside])
+    for other in inside:
+        yield from _section(other, 2)
+
+
+def _contents(package: str) -> list[str]:
+    """Return the modules and rooms in a package, in the order in which its docstring names them."""
+    about = import_module(package)
+    named = re.findall(r"`([\w.]+)`", about.__doc__ or "")
+    found = [m.name for m in pkgutil.iter_modules(about.__path__)]
+    shown = [name for name in found if name != CELLAR and not name.startswith("_")]
+    shown.sort(key=lambda name: named.index(name) if name in named else len(named))
+    return [f"{package}.{name}" for name in shown]
+
+
+def _section(name: str, level: int) -> Iterator[str]:
+    yield f"{'#' * level} {name.rpartition('.')[2]}\n"
+    if not hasattr(import_module(name), "__path__"):
+        yield _directive("automodule", name, *[":no-members:"] * name.startswith(BY_MODULE))
+        return
+    yield _directive("automodule", name, ":no-members:")
+    yield _summary(name, _contents(name))
+    for other in _contents(name):
+        yield from _section(other, level + 1)
+
+
+def _summary(package: str, names: Sequence[str]) -> str:
+    """Return a table of what is in a package, with the first sentences of docstrings."""
+    inside = (name.removeprefix(f"{package}.") for name in names)
+    return _directive("autosummary", "", "", *inside)
+
+
+def _directive(directive: str, argument: str, *lines: str) -> str:
+    body = "".join(f"   {line}\n" for line in lines)
+    return f"```{{eval-rst}}\n.. {directive}:: {argument}\n{body}```\n"

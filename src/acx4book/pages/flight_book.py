@@ -25,7 +25,7 @@ import pandas as pd
 import yaml
 
 from acx4book.notebooks.runner import NOTEBOOKS_PATH, Tell
-from acx4book.pages import build, certificate, frames
+from acx4book.pages import build, frames
 from acx4book.report import material, page
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import code, shown
@@ -193,7 +193,7 @@ def _gather(results_path: Path, source: Path, tell: Tell) -> str:
     chapters = list(_chapters(results_path, executed, simulated=run.flight.simulated, tell=tell))
     texts = {
         "index.md": _front(run),
-        "certificate.md": f"# Certificate\n\n{certificate.page(run, 'report.html')}",
+        "certificate.md": f"# Certificate\n\n{build.certificate_page(run, 'report.html')}",
     }
     _write_settings(source, run.flight.name, chapters, texts, OF_CODE)
     return run.flight.name

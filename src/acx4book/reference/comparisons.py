@@ -13,9 +13,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from pandas.api.types import is_numeric_dtype
 
-from acx4book.reference import data, heads, ign, noaa
+from acx4book.reference import data, dbat_files, dbat_statements, heads, ign, noaa
 from acx4book.reference import nist as reference_nist
-from acx4book.reference.dbat import comparison, statements
 from acx4book.reference.heads import FIVE, TEN
 from acx4book.typesetting import myst, style
 from acx4book.typesetting.plain_text import Markup
@@ -116,8 +115,8 @@ def _write(table: pd.DataFrame, name: str) -> None:
 
 
 COMPARISONS: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
-    "camcal": ("dbat-camcal", lambda: statements.results(comparison.camcal())),
-    "sxb": ("dbat-sxb", lambda: statements.results(comparison.sxb())),
+    "camcal": ("dbat-camcal", lambda: dbat_statements.results(dbat_files.camcal())),
+    "sxb": ("dbat-sxb", lambda: dbat_statements.results(dbat_files.sxb())),
     "nist": ("nist-strd", reference_nist.results),
     "noaa": ("noaa-dss-dg", noaa.results),
     "ign": ("ign-uce-m3", ign.results),
@@ -207,7 +206,7 @@ def store() -> None:
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
     """Return numbers of agreeing values and the largest differences for a report."""
-    return comparison.summary(table)
+    return dbat_files.summary(table)
 
 
 def nist_summary(table: pd.DataFrame) -> pd.DataFrame:

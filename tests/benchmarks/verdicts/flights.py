@@ -29,9 +29,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.command.batch.processes import on_processes
+from acx4book.command.processes import on_processes
 from acx4book.notebooks import runner
-from acx4book.notebooks.ways import way_of
+from acx4book.notebooks.functions import way_of
 from acx4book.report import material, page, verdict
 from acx4lib.errors import Acx4Error
 from acx4lib.least_squares.processors import as_finished

@@ -12,9 +12,8 @@ import pandas as pd
 import pytest
 
 import acx4sim
-from acx4book.command import many
-from acx4book.command.batch import runs, standing
-from acx4book.command.batch.runs import Outcome
+from acx4book.command import many, runs
+from acx4book.command.runs import Outcome
 from acx4book.notebooks import runner
 from acx4lib.results.runs import EXECUTED
 from support.flights import sized
@@ -162,7 +161,7 @@ def test_an_interrupt_ends_the_processes_and_leaves_whole_what_is_finished(acx4,
     assert (run.returncode, out, err) == (130, "flight1: done\n", "interrupted\n")
     with pytest.raises(ProcessLookupError):
         os.kill(owner, 0)
-    assert list(standing.read(folder / runs.TABLE)) == ["flight1"]
+    assert list(runs.read(folder / runs.TABLE)) == ["flight1"]
     status, said, err = acx4(*flights, "--results", folder, "--jobs", "1")
     assert (status, err) == (0, [])
     assert said[-1].startswith("3 flights: 1 there already, 0 failed")

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from acx4book.chapters import synthetic_cost
-from acx4book.pages import api, study
+from acx4book.pages import build, study
 from acx4book.pages.study import geometry_page, geometry_table
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS
@@ -226,13 +226,13 @@ def test_what_is_left_out_is_in_no_contents_and_has_its_title_for_links(tmp_path
     generated = tmp_path / "_generated"
     generated.mkdir()
     shutil.copy(ROOT / "book" / "_toc.yml", tmp_path)
-    study.leave_out(tmp_path, ["_executed/14-failure-clinic", api.FOLDER])
-    left = [page for page in contents(ROOT / "book") if not page.startswith(api.FOLDER)]
+    study.leave_out(tmp_path, ["_executed/14-failure-clinic", build.API])
+    left = [page for page in contents(ROOT / "book") if not page.startswith(build.API)]
     left.remove("_executed/14-failure-clinic")
     assert contents(generated) == left
     assert json.loads((generated / "left_out.json").read_text("utf-8")) == {
         "_executed/14-failure-clinic": "Failure clinic: mistakes in the residuals",
-        api.FOLDER: "",
+        build.API: "",
     }
     study.leave_out(tmp_path, [])
     assert yaml.safe_load((generated / "_toc.yml").read_text("utf-8")) == yaml.safe_load(

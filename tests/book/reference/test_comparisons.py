@@ -10,8 +10,7 @@ import pytest
 
 from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.reference import comparisons, nist
-from acx4book.reference.dbat import comparison
+from acx4book.reference import comparisons, dbat_files, nist
 from acx4book.reference.heads import FIVE, TEN
 from support.reference_files import needs
 
@@ -87,17 +86,17 @@ def test_figures_have_a_dot_for_every_number(nowhere):
 
 
 def test_angles_agree_after_full_turns():
-    printed = {("Kappa",): comparison.Line(path=("Kappa",), statement="{} deg", numbers=("182.6",))}
-    ours = {("Kappa",): comparison.say("{} deg", comparison.Angle(-177.4))}
-    assert comparison.compare(printed, ours)["agrees"].all()
-    ours = {("Kappa",): comparison.say("{} deg", -177.4)}
-    assert not comparison.compare(printed, ours)["agrees"].any()
+    printed = {("Kappa",): dbat_files.Line(path=("Kappa",), statement="{} deg", numbers=("182.6",))}
+    ours = {("Kappa",): dbat_files.say("{} deg", dbat_files.Angle(-177.4))}
+    assert dbat_files.compare(printed, ours)["agrees"].all()
+    ours = {("Kappa",): dbat_files.say("{} deg", -177.4)}
+    assert not dbat_files.compare(printed, ours)["agrees"].any()
 
 
 def test_counts_and_names_agree_exactly():
-    printed = {("a",): comparison.Line(path=("a",), statement="OP {}", numbers=("65",))}
-    assert comparison.compare(printed, {("a",): comparison.say("OP {}", 65)})["agrees"].all()
-    assert not comparison.compare(printed, {("a",): comparison.say("OP {}", 66)})["agrees"].any()
+    printed = {("a",): dbat_files.Line(path=("a",), statement="OP {}", numbers=("65",))}
+    assert dbat_files.compare(printed, {("a",): dbat_files.say("OP {}", 65)})["agrees"].all()
+    assert not dbat_files.compare(printed, {("a",): dbat_files.say("OP {}", 66)})["agrees"].any()
 
 
 @pytest.mark.slow

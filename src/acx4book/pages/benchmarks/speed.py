@@ -5,6 +5,7 @@ The numbers are those of ``make bench``, which leaves them in ``data/benchmarks`
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -437,3 +438,46 @@ def _by_files(medians: pd.DataFrame) -> str:
     formats = {"Seconds": ".1f", "CPU seconds": ".1f", "MB": ",.0f"}
     caption = "From the heads' files to the image's: whole commands, their start included"
     return _table(table, caption, "files", formats)
+
+
+# --- what was tried of reading files of other programs
+
+
+WIDTH = 76
+"""Longest line that is shown, characters; longer ones go on in the next."""
+
+
+def of_imports(folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield the name of a text and the text for each kind: the command and what it printed.
+
+    Parameters
+    ----------
+    folder : Path
+        With ``imports.csv``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is not there.
+    """
+    about, (table,) = stored.read(folder, "imports", make="reference-results")
+    for kind, rows in table.groupby("kind", sort=False):
+        lines = [f"$ {about['commands'][kind]}", *rows["line"]]
+        yield f"imports-{kind}.txt", wrapped("\n".join(lines) + "\n")
+
+
+def wrapped(text: str) -> str:
+    """Return a text whose long lines go on in the next, farther to the right."""
+    return "".join(f"{_wrapped(line)}\n" for line in text.splitlines())
+
+
+def _wrapped(line: str) -> str:
+    indent = " " * (len(line) - len(line.lstrip()))
+    return textwrap.fill(
+        line,
+        WIDTH,
+        subsequent_indent=f"{indent}    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+        replace_whitespace=False,
+    )

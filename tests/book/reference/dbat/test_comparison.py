@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from acx4book.reference import data
-from acx4book.reference.dbat import comparison, files, statements
-from acx4book.reference.dbat.statements import results
+from acx4book.reference import data, dbat_files, dbat_statements
+from acx4book.reference.dbat_statements import results
 from acx4lib.bundle import adjust, uses
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.flight.block import select_images
@@ -23,8 +22,8 @@ from acx4tools.campaigns.campaign import Campaign
 from support.reference_files import needs
 
 PROJECTS = [
-    pytest.param(comparison.camcal, id="camcal", marks=needs("dbat-camcal")),
-    pytest.param(comparison.sxb, id="sxb", marks=needs("dbat-sxb")),
+    pytest.param(dbat_files.camcal, id="camcal", marks=needs("dbat-camcal")),
+    pytest.param(dbat_files.sxb, id="sxb", marks=needs("dbat-sxb")),
 ]
 
 
@@ -50,8 +49,8 @@ def test_no_decimal_number_of_the_report_is_left_out(project, table):
     left_out = in_text - Counter(table["printed"])
     course = [  # of the other program's computation
         number
-        for place, line in files.read(project.report).items()
-        if not statements.is_result(place)
+        for place, line in dbat_files.read(project.report).items()
+        if not dbat_statements.is_result(place)
         for number in line.numbers
     ]
     assert left_out == Counter(number for number in course if "." in number)
@@ -103,7 +102,7 @@ def test_the_start_values_are_not_the_results(project):
     ("printed", "unit"), [("1.6148", 1e-4), ("-3.40", 0.01), ("2.21e-05", 1e-7), ("21", 1.0)]
 )
 def test_unit_of_the_last_digit(printed, unit):
-    assert comparison.last_digit(printed) == pytest.approx(unit)
+    assert dbat_files.last_digit(printed) == pytest.approx(unit)
 
 
 def test_conventions_are_converted_as_the_reference_states_them():
@@ -117,7 +116,7 @@ def test_conventions_are_converted_as_the_reference_states_them():
             f=7.4, xp=0.1, yp=-0.2, k1=4e-3, k2=-4e-5, k3=-2e-6, p1=6e-5, p2=4e-5, b1=4e-4
         ),
     )
-    values, _ = files.interior_to_dbat(camera, np.zeros((10, 10)))
+    values, _ = dbat_files.interior_to_dbat(camera, np.zeros((10, 10)))
     _, px, py, aspect, k1, k2, k3, p1, p2 = values
     xy_px = np.array([[12.0, 1500.0], [1100.0, 30.5], [2200.0, 900.0]])
     x = (xy_px[:, 0] * 0.0032 - px) * (1 + aspect)
@@ -126,7 +125,7 @@ def test_conventions_are_converted_as_the_reference_states_them():
     radial = k1 * r2 + k2 * r2**2 + k3 * r2**3
     x_c = x + x * radial + p1 * (r2 + 2 * x**2) + 2 * p2 * x * y
     y_c = y + y * radial + p2 * (r2 + 2 * y**2) + 2 * p1 * x * y
-    read = files.Measurements(
+    read = dbat_files.Measurements(
         image=np.ones(3, dtype=int), point=np.arange(3), xy_px=xy_px, sigma_px=np.ones(3)
     )
     ours = correct(camera.interior, xy_from_colrow(camera, read.colrow))
@@ -142,7 +141,7 @@ def test_covariance_of_the_converted_interior_is_propagated():
         interior=Interior(f=7.4, xp=0.8, b1=0.1),
     )
     cov = np.diag([0.0, 4e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9e-6])
-    _, got = files.interior_to_dbat(camera, cov)
+    _, got = dbat_files.interior_to_dbat(camera, cov)
     # the principal point is xp over one plus b1, and a constant
     assert got[1, 1] == pytest.approx(4e-6 / 1.1**2 + 9e-6 * 0.8**2 / 1.1**4)
     assert got[1, 3] == pytest.approx(-9e-6 * 0.8 / 1.1**2)
@@ -157,28 +156,28 @@ def test_image_points_without_sigma_are_told(tmp_path):
     with pytest.raises(
         ValueError, match=r"points\.txt: row 1 has 4 of 5 columns .* expected sigma"
     ):
-        files.read_image_points(file)
+        dbat_files.read_image_points(file)
 
 
 def test_marked_points_with_a_column_too_many_are_told(tmp_path):
     file = tmp_path / "points.txt"
     file.write_text("2, 1, 1429.1, 1456.4\n3, 1, 1429.1, 1456.4, 0.1\n")
     with pytest.raises(ValueError, match=r"row 2 has 5 of 4 columns .* expected only 4 columns"):
-        files.read_marked_points(file, sigma_px=1.0)
+        dbat_files.read_marked_points(file, sigma_px=1.0)
 
 
 def of_model(tmp_path, name, model):
     text = data.path(f"{name}/reference_report.txt").read_text()
     report = tmp_path / "report.txt"
     report.write_text(text.replace("Backward (Photogrammetry) model 3", model))
-    return files.read(report)
+    return dbat_files.read(report)
 
 
 @needs("dbat-sxb")
 @pytest.mark.parametrize("model", "12345")
 def test_every_backward_model_is_ours_without_an_aspect(tmp_path, model):
     name = f"Backward (Photogrammetry) model {model}"
-    assert statements.lens_model(of_model(tmp_path, "dbat-sxb", name)) == name
+    assert dbat_statements.lens_model(of_model(tmp_path, "dbat-sxb", name)) == name
 
 
 @needs("dbat-camcal")
@@ -188,7 +187,7 @@ def test_every_backward_model_is_ours_without_an_aspect(tmp_path, model):
 def test_another_lens_than_ours_is_told(tmp_path, name):
     """The project camcal estimates an aspect, which model 4 applies after the lens."""
     with pytest.raises(ValueError, match=f"^lens distortion model {re.escape(name)}: expected a"):
-        statements.lens_model(of_model(tmp_path, "dbat-camcal", name))
+        dbat_statements.lens_model(of_model(tmp_path, "dbat-camcal", name))
 
 
 # --- Half of the photographs of `camcal` against the other half, as two campaigns
@@ -204,7 +203,7 @@ LEVEL, TURNED = np.arange(0, 16, 2), np.arange(1, 16, 2)
 
 @pytest.fixture(scope="module")
 def adjusted():
-    return comparison.camcal().bundle
+    return dbat_files.camcal().bundle
 
 
 @pytest.fixture(scope="module")
@@ -214,7 +213,7 @@ def block(adjusted):
 
 def campaign(block, images):
     part = select_images(block, np.isin(np.arange(len(block.images)), images))
-    network = replace(uses.free_orientation(part, free=comparison.FREE), distortion_at="measured")
+    network = replace(uses.free_orientation(part, free=dbat_files.FREE), distortion_at="measured")
     bundle = adjust.adjust(network)
     return Campaign(
         name=part.images.names[0],

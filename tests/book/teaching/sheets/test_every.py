@@ -5,7 +5,7 @@ import re
 import pytest
 
 from acx4book.notebooks import runner
-from acx4book.notebooks.ways import way_of
+from acx4book.notebooks.functions import way_of
 from acx4book.teaching import handed_in
 from acx4book.teaching.sheets.every import SHEETS, sheet_of
 from acx4lib.results import folder

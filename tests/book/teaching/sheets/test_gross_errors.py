@@ -1,7 +1,7 @@
 import pytest
 
 from acx4book.notebooks import runner
-from acx4book.notebooks.ways import way_of
+from acx4book.notebooks.functions import way_of
 from acx4book.teaching import handed_in
 from acx4book.teaching.sheets import gross_errors
 from acx4book.teaching.sheets.every import SHEETS

@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from acx4book.notebooks import runner
-from acx4book.notebooks.ways import way_of
+from acx4book.notebooks.functions import way_of
 from acx4book.teaching import grading, handed_in
 from acx4book.teaching.sheets import mounting
 from acx4book.teaching.sheets.every import SHEETS

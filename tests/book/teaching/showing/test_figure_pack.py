@@ -5,7 +5,7 @@ import zipfile
 import nbformat
 import pytest
 
-from acx4book.teaching.showing import figure_pack
+from acx4book.teaching import showing
 
 PIXEL = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNkYPhfDwAChwGA60e6kgAAAABJRU5ErkJggg=="
@@ -35,9 +35,9 @@ def executed(tmp_path):
 
 
 def test_the_archive_has_every_named_figure_once_with_its_caption(executed):
-    found = [*figure_pack.figures(executed)]
-    content = figure_pack.archive(found)
-    assert content == figure_pack.archive([*figure_pack.figures(executed)])
+    found = [*showing.figures(executed)]
+    content = showing.archive(found)
+    assert content == showing.archive([*showing.figures(executed)])
     with zipfile.ZipFile(io.BytesIO(content)) as pack:
         assert pack.namelist() == [
             "figures.txt",

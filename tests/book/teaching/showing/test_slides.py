@@ -3,13 +3,13 @@ import json
 import re
 
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.teaching.showing import slides
-from acx4book.teaching.showing.figure_pack import Figure
+from acx4book.teaching import showing
+from acx4book.teaching.showing import Figure
 from acx4book.typesetting import style
 
 
 def test_every_figure_of_the_lecture_is_in_the_book():
-    for slide in slides.LECTURE:
+    for slide in showing.LECTURE:
         if slide.figure:
             text = (NOTEBOOKS_PATH / f"{slide.chapter}.ipynb").read_text(encoding="utf-8")
             named = [
@@ -28,10 +28,10 @@ DRAWN = (
 def test_the_page_has_all_slides_and_asks_for_no_other_file():
     figure = Figure(chapter="c", name="f", caption="", alt='a "b" <c>', kind="svg", content=DRAWN)
     told = (
-        slides.Slide(title="1 < 2", says=("a", "b"), chapter="c", figure="f"),
-        slides.Slide(title="Two", says=("c",), chapter="c", figure="not there"),
+        showing.Slide(title="1 < 2", says=("a", "b"), chapter="c", figure="f"),
+        showing.Slide(title="Two", says=("c",), chapter="c", figure="not there"),
     )
-    page = slides.page([figure], told)
+    page = showing.slides([figure], told)
     html.parser.HTMLParser().feed(page)
     assert page.count("<section>") == 2
     assert "1 &lt; 2" in page
@@ -42,8 +42,8 @@ def test_the_page_has_all_slides_and_asks_for_no_other_file():
 
 
 def test_every_slide_is_linked_once_by_its_number():
-    text = "".join(text for _, text in slides.texts())
+    text = "".join(text for _, text in showing.links())
     assert re.findall(r"slides\.html#slide-(\d+)", text) == [
-        str(number) for number in range(1, len(slides.LECTURE) + 1)
+        str(number) for number in range(1, len(showing.LECTURE) + 1)
     ]
-    assert [name for name, _ in slides.texts()] == [f"block-{k}-slides.md" for k in range(1, 6)]
+    assert [name for name, _ in showing.links()] == [f"block-{k}-slides.md" for k in range(1, 6)]

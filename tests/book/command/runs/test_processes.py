@@ -10,8 +10,8 @@ import time
 
 import pytest
 
-from acx4book.command.batch import processes
-from acx4book.command.batch.processes import ProcessDiedError, Processes
+from acx4book.command import processes
+from acx4book.command.processes import ProcessDiedError, Processes
 from acx4lib.errors import FlightError
 
 
@@ -68,7 +68,7 @@ if "--multiprocessing-fork" in sys.orig_argv:
 """
 
 ONE_CALL = """
-from acx4book.command.batch.processes import Processes
+from acx4book.command.processes import Processes
 if __name__ == "__main__":
     with Processes(1) as pool:
         print(pool.submit(pow, 2, 5).result())
@@ -130,7 +130,7 @@ def test_what_is_no_address_is_refused_at_once(address):
 def test_a_client_that_was_never_connected_says_nothing_later():
     """Dask closed it when Python ended, for 20 s, and showed a traceback."""
     script = (
-        "from acx4book.command.batch import processes as executors\n"
+        "from acx4book.command import processes as executors\n"
         "from acx4lib.errors import FlightError\n"
         "try:\n"
         "    with executors.on_cluster('tls://127.0.0.1:9'):\n"

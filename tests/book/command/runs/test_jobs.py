@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from acx4book.command.batch import jobs
+from acx4book.command import runs
 
-SETTINGS = jobs.Settings(stages=("mounting",))
+SETTINGS = runs.Settings(stages=("mounting",))
 
 
 def named(*paths):
-    return [job.name for job in jobs.of_flights([Path(p) for p in paths], Path("out"), SETTINGS)]
+    return [job.name for job in runs.of_flights([Path(p) for p in paths], Path("out"), SETTINGS)]
 
 
 def test_names_are_those_of_the_folders_and_longer_only_where_they_clash():
@@ -27,7 +27,7 @@ def test_a_name_is_that_of_the_folder_however_it_is_called(tmp_path, monkeypatch
     (tmp_path / "link").symlink_to(flight)
     monkeypatch.chdir(flight)
     assert named(".", "../link", "../other/") == ["real", "link", "other"]
-    (job, *_) = jobs.of_flights([Path()], Path("../out"), SETTINGS)
+    (job, *_) = runs.of_flights([Path()], Path("../out"), SETTINGS)
     assert (job.flight, job.results) == (flight, tmp_path / "out" / "real")
 
 
@@ -49,7 +49,7 @@ def test_flights_that_cannot_be_named_are_refused(paths, says):
 
 
 def test_seeds_are_of_every_design_and_have_places_for_their_flights(tmp_path):
-    found = jobs.of_seeds(["acx4", "single-head", "acx4"], [2, 5], tmp_path, SETTINGS)
+    found = runs.of_seeds(["acx4", "single-head", "acx4"], [2, 5], tmp_path, SETTINGS)
     assert [job.name for job in found] == ["acx4-2", "acx4-5", "single-head-2", "single-head-5"]
     assert (found[3].design, found[3].seed) == ("single-head", 5)
     assert found[3].flight == tmp_path / "simulated" / "single-head-5"
@@ -58,15 +58,15 @@ def test_seeds_are_of_every_design_and_have_places_for_their_flights(tmp_path):
 
 def test_plans_that_would_have_one_name_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"/a/p\.toml: another flight would be called p-1, too"):
-        jobs.of_seeds(["/a/p.toml", "/b/p.toml"], [1], tmp_path, SETTINGS)
+        runs.of_seeds(["/a/p.toml", "/b/p.toml"], [1], tmp_path, SETTINGS)
 
 
 def test_seeds_are_ranges_and_numbers_each_once():
-    assert jobs.seeds_of("1-3") == [1, 2, 3]
-    assert jobs.seeds_of("7, 1-3,2,0") == [7, 1, 2, 3, 0]
+    assert runs.seeds_of("1-3") == [1, 2, 3]
+    assert runs.seeds_of("7, 1-3,2,0") == [7, 1, 2, 3, 0]
 
 
 @pytest.mark.parametrize("text", ["", "1-", "-1", "3-1", "1.5", "1,,2", "a", "²", "1-2-3"])
 def test_what_names_no_seeds_is_refused(text):
     with pytest.raises(ValueError, match="names no seeds; give whole numbers, as in 1-200"):
-        jobs.seeds_of(text)
+        runs.seeds_of(text)

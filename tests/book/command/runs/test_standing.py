@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from acx4book.command.batch import standing
+from acx4book.command import runs
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.flight import reader
@@ -29,37 +29,37 @@ def left(small_flights, tmp_path):
 
 
 def test_results_of_the_flight_as_it_is_are_whole(flight, left, settings, tmp_path):
-    assert standing.is_whole(flight, left, settings)
-    assert standing.stages_of(left) == ["mounting"]
-    assert not standing.is_whole(flight, tmp_path / "nowhere", settings)
-    assert standing.stages_of(tmp_path / "nowhere") == []
+    assert runs.is_whole(flight, left, settings)
+    assert runs.stages_of(left) == ["mounting"]
+    assert not runs.is_whole(flight, tmp_path / "nowhere", settings)
+    assert runs.stages_of(tmp_path / "nowhere") == []
 
 
 def test_results_of_another_flight_are_not(small_flights, left, settings):
-    assert not standing.is_whole(reader.read(small_flights[1]), left, settings)
+    assert not runs.is_whole(reader.read(small_flights[1]), left, settings)
 
 
 @pytest.mark.parametrize("name", ["parameters.csv", "summary.json", "flight/flight.toml"])
 def test_results_that_were_changed_are_not(flight, left, settings, name):
     with (left / name).open("a") as file:
         file.write(" ")
-    assert not standing.is_whole(flight, left, settings)
+    assert not runs.is_whole(flight, left, settings)
 
 
 def test_results_of_another_version_are_not(flight, left, settings, monkeypatch):
     before = provenance.versions()
     monkeypatch.setattr(provenance, "versions", lambda: before | {"numpy": "0.1"})
-    assert not standing.is_whole(flight, left, settings)
+    assert not runs.is_whole(flight, left, settings)
 
 
 def test_a_stage_that_is_missing_counts(tmp_path, settings):
     path = written.write_flight(tmp_path / "flight", blocks=("heads",))
     flight, results = reader.read(path), tmp_path / "results"
     runner.run(path, results, way=Functions(), stages=["heads"])
-    assert standing.is_whole(flight, results, replace(settings, stages=("heads",)))
-    assert not standing.is_whole(flight, results, settings)
+    assert runs.is_whole(flight, results, replace(settings, stages=("heads",)))
+    assert not runs.is_whole(flight, results, settings)
     runner.run(path, results, way=Functions())
-    assert standing.is_whole(flight, results, settings)
+    assert runs.is_whole(flight, results, settings)
     (results / ".acx4.json").unlink()
     summary = json.loads((results / "summary.json").read_text())
     del summary["mounting/rig"]  # as of a run that was killed before its last part
@@ -69,7 +69,7 @@ def test_a_stage_that_is_missing_counts(tmp_path, settings):
         own.expect(str(p.relative_to(tmp_path / "killed")) for p in files(tmp_path / "killed"))
         shutil.copytree(tmp_path / "killed", results, dirs_exist_ok=True)
         own.seal()
-    assert not standing.is_whole(flight, results, settings)
+    assert not runs.is_whole(flight, results, settings)
 
 
 def files(folder):
@@ -83,14 +83,14 @@ def test_notebooks_that_are_wanted_must_be_there_with_the_cells_that_they_have(
         for part in ("flight", "mounting"):
             write_notebook(place / f"{runner.NOTEBOOKS[part]}.ipynb", f"seed = 1\n{more}", "seed")
     wanted = replace(settings, notebooks=tmp_path / "notebooks")
-    assert standing.is_whole(flight, left, wanted)
+    assert runs.is_whole(flight, left, wanted)
     write_notebook(
         tmp_path / "notebooks" / f"{runner.NOTEBOOKS['mounting']}.ipynb", "seed = 1", "seed + 1"
     )
-    assert not standing.is_whole(flight, left, wanted)
+    assert not runs.is_whole(flight, left, wanted)
     (left / EXECUTED / f"{runner.NOTEBOOKS['flight']}.ipynb").unlink()
-    assert not standing.is_whole(flight, left, wanted)
-    assert standing.is_whole(flight, left, settings)
+    assert not runs.is_whole(flight, left, wanted)
+    assert runs.is_whole(flight, left, settings)
 
 
 # --- The table of many flights, beside what the results of each say
@@ -104,7 +104,7 @@ def table_left(small_flights, tmp_path_factory):
 
 
 def test_a_row_has_the_single_step_as_it_is_written(table_left):
-    row = standing.row_of(table_left, ["mounting", "validation"])
+    row = runs.row_of(table_left, ["mounting", "validation"])
     found = folder.read(table_left)
     parameters = folder.parameters(found, "mounting/single_step", row["camera"])
     assert len(parameters) >= 12
@@ -115,17 +115,17 @@ def test_a_row_has_the_single_step_as_it_is_written(table_left):
     assert float(row["sigma0_squared"]) == entry["sigma0_squared"]
     assert int(row["redundancy"]) == entry["redundancy"]
     assert "n_check_points" not in row  # there is no such block
-    assert set(row) <= set(standing.COLUMNS)
+    assert set(row) <= set(runs.COLUMNS)
 
 
 def test_a_stage_of_an_earlier_run_has_no_part_in_it(table_left):
-    assert standing.row_of(table_left, ["validation"]) == {}
+    assert runs.row_of(table_left, ["validation"]) == {}
 
 
 def test_check_points_are_those_of_the_validation(tmp_path):
     flight = written.write_flight(tmp_path / "flight", blocks=("validation",))
     runner.run(flight, tmp_path / "results", way=Functions())
-    row = standing.row_of(tmp_path / "results", ["validation"])
+    row = runs.row_of(tmp_path / "results", ["validation"])
     entry = folder.read(tmp_path / "results").summary["validation/given"]
     assert int(row["n_check_points"]) == entry["n_points"]
     keys = ("rms_east_m", "rms_north_m", "rms_height_m")
@@ -136,12 +136,12 @@ def test_check_points_are_those_of_the_validation(tmp_path):
 
 def test_tables_are_read_as_they_were_written(tmp_path):
     rows = [{"flight": 'a,"b"', "seconds": "1.5"}, {"flight": "c", "other": "left out"}]
-    standing.write(tmp_path / "times.csv", standing.TIME_COLUMNS, rows)
-    found = standing.read(tmp_path / "times.csv")
+    runs._write_rows(tmp_path / "times.csv", runs.TIME_COLUMNS, rows)
+    found = runs.read(tmp_path / "times.csv")
     assert list(found) == ['a,"b"', "c"]
     assert found['a,"b"']["seconds"] == "1.5"
-    assert found["c"] == dict.fromkeys(standing.TIME_COLUMNS, "") | {"flight": "c"}
-    assert standing.read(tmp_path / "nowhere.csv") == {}
+    assert found["c"] == dict.fromkeys(runs.TIME_COLUMNS, "") | {"flight": "c"}
+    assert runs.read(tmp_path / "nowhere.csv") == {}
     with (tmp_path / "times.csv").open(newline="") as file:
-        assert tuple(next(csv.reader(file))) == standing.TIME_COLUMNS
+        assert tuple(next(csv.reader(file))) == runs.TIME_COLUMNS
     assert [path.name for path in tmp_path.iterdir()] == ["times.csv"]

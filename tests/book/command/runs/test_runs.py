@@ -13,8 +13,8 @@ import distributed
 import pytest
 
 import acx4sim
-from acx4book.command.batch import jobs, processes, runs, standing
-from acx4book.command.batch.processes import ProcessDiedError
+from acx4book.command import processes, runs
+from acx4book.command.processes import ProcessDiedError
 from acx4book.notebooks import functions, runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.errors import AdjustmentError, OutputError
@@ -28,7 +28,7 @@ from support.flights.spoilt import change
 @pytest.fixture
 def job(small_flights, settings, tmp_path):
     shutil.copytree(small_flights[0], tmp_path / "flight")
-    (one,) = jobs.of_flights([tmp_path / "flight"], tmp_path / "all", settings)
+    (one,) = runs.of_flights([tmp_path / "flight"], tmp_path / "all", settings)
     return one
 
 
@@ -99,7 +99,7 @@ def test_any_error_is_a_line(job, monkeypatch, error, status, reason):
 
 
 def test_a_seed_is_simulated_once_and_run_as_the_two_commands_would(tmp_path, settings):
-    (job,) = jobs.of_seeds(["single-head"], [3], tmp_path / "all", settings)
+    (job,) = runs.of_seeds(["single-head"], [3], tmp_path / "all", settings)
     found = runs.run(job)
     assert (found.status, found.reason) == (0, "")
     assert (tmp_path / "all" / "simulated" / "single-head-3.truth.json").is_file()
@@ -115,7 +115,7 @@ def test_a_seed_is_simulated_once_and_run_as_the_two_commands_would(tmp_path, se
 def test_a_plan_is_flown_by_its_seeds_and_its_flights_are_not_those_of_another(tmp_path, settings):
     plan = tmp_path / "village.toml"
     plan.write_text(plans.written(values()))
-    job, other = jobs.of_seeds([str(plan)], [1, 2], tmp_path / "all", settings)
+    job, other = runs.of_seeds([str(plan)], [1, 2], tmp_path / "all", settings)
     assert [job.name, other.name] == ["village-1", "village-2"]
     found = runs.run(job)
     assert (found.status, found.reason, found.kept) == (0, "", False)
@@ -130,9 +130,9 @@ def test_a_plan_is_flown_by_its_seeds_and_its_flights_are_not_those_of_another(t
 
 
 def test_a_worker_that_died_is_a_line():
-    gone = runs.lost(FileNotFoundError(errno.ENOENT, "the current folder is no more"))
+    gone = runs._lost(FileNotFoundError(errno.ENOENT, "the current folder is no more"))
     assert (gone.status, gone.reason) == (2, "the current folder is no more")
-    found = runs.lost(ProcessDiedError("its process was ended\nby signal SIGKILL"))
+    found = runs._lost(ProcessDiedError("its process was ended\nby signal SIGKILL"))
     assert found.status == 1
     assert found.reason.startswith("its process was ended by signal SIGKILL; short of memory?")
 
@@ -200,7 +200,7 @@ def contents(folder):
 
 def run_in(executor, flights, folder, settings):
     with executor as pool:
-        return runs.run_all(jobs.of_flights(flights, folder, settings), folder, pool)
+        return runs.run_all(runs.of_flights(flights, folder, settings), folder, pool)
 
 
 def test_a_second_call_runs_only_what_is_missing_or_was_changed(
@@ -210,11 +210,11 @@ def test_a_second_call_runs_only_what_is_missing_or_was_changed(
     said = []
     run_here(own[:2], tmp_path / "all")
     change(own[1], "control_points.csv", lambda t: t.assign(height_m=t["height_m"] + 0.01))
-    times = standing.read(tmp_path / "all" / runs.TIMES)
+    times = runs.read(tmp_path / "all" / runs.TIMES)
     found = run_here(own, tmp_path / "all", tell=lambda *now: said.append(now))
     assert [one.kept for one in found.values()] == [True, False, False]
     assert sorted(said) == sorted((p.name, done, 1) for p in own for done in (0, 1))
-    again = standing.read(tmp_path / "all" / runs.TIMES)
+    again = runs.read(tmp_path / "all" / runs.TIMES)
     assert again["flight1"] == times["flight1"]  # what it took when it was run
     assert again["flight2"] != times["flight2"]
     left = contents(tmp_path / "all")
@@ -230,7 +230,7 @@ def test_a_flight_that_fails_stops_no_other(run_here, small_flights, one_by_one,
     found = run_here(flights, tmp_path / "all")
     assert [one.status for one in found.values()] == [0, 2, 2, 0, 0]
     assert contents(tmp_path / "all") == one_by_one
-    rows = standing.read(tmp_path / "all" / runs.TABLE)
+    rows = runs.read(tmp_path / "all" / runs.TABLE)
     assert list(rows) == ["flight1", "bad", "nowhere", "flight2", "flight3"]
     assert rows["bad"]["reason"].startswith("control_points.csv:2: sigma_east_m: -1")
     assert rows["bad"]["f_mm"] == ""
@@ -254,7 +254,7 @@ def test_an_interrupt_leaves_the_table_of_what_is_finished(run_here, small_fligh
 
     with pytest.raises(KeyboardInterrupt):
         run_here(small_flights, tmp_path / "all", tell=interrupt)
-    assert list(standing.read(tmp_path / "all" / runs.TABLE)) == ["flight1"]
+    assert list(runs.read(tmp_path / "all" / runs.TABLE)) == ["flight1"]
     found = run_here(small_flights, tmp_path / "all")
     assert found["flight1"].kept
     assert [one.status for one in found.values()] == [0, 0, 0]

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import acx4sim
-from acx4book.command.batch import jobs, runs
+from acx4book.command import runs
 from acx4lib.results import folder as results
 from support.flights import sized
 
@@ -23,7 +23,7 @@ def small_flights(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def settings():
-    return jobs.Settings(stages=results.STAGES)
+    return runs.Settings(stages=results.STAGES)
 
 
 @pytest.fixture(scope="session")
@@ -32,6 +32,6 @@ def run_here(settings):
 
     def run(flights, folder, tell=lambda *_: None):
         with ThreadPoolExecutor(1) as pool:
-            return runs.run_all(jobs.of_flights(flights, folder, settings), folder, pool, tell)
+            return runs.run_all(runs.of_flights(flights, folder, settings), folder, pool, tell)
 
     return run

@@ -10,9 +10,8 @@ import pandas as pd
 from scipy import stats
 from scipy.spatial import ConvexHull
 
-from acx4book.reference.dbat import comparison, files
-from acx4book.reference.dbat.comparison import Angle, Project, Statements, say
-from acx4book.reference.dbat.files import Line
+from acx4book.reference import dbat_files
+from acx4book.reference.dbat_files import Angle, Line, Project, Statements, say
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import reduced, xy_from_colrow
 from acx4lib.geometry.frames import opk_jacobian
@@ -62,7 +61,7 @@ def interior(project: Project) -> tuple[Array, Array]:
     columns = adjusted.network.layout.interior[0]
     padded = np.pad(adjusted.solution.cov, (0, 1))  # the column of a held parameter is -1
     cov = padded[np.ix_(columns, columns)]
-    return files.interior_to_dbat(adjusted.cameras[0], cov * adjusted.solution.sigma0_sq)
+    return dbat_files.interior_to_dbat(adjusted.cameras[0], cov * adjusted.solution.sigma0_sq)
 
 
 def exterior(project: Project) -> tuple[Array, Array]:
@@ -121,7 +120,7 @@ def _status(project: Project) -> Statements:
     n_points = 3 * int(network.free_points.sum())
     problems = ("Problems and suggestions",)
     is_open = bool(solution.undetermined.any())
-    high_interior = bool(_high(interior(project)[1], files.INTERIOR_NAMES))
+    high_interior = bool(_high(interior(project)[1], dbat_files.INTERIOR_NAMES))
     high_exterior = any(_high(cov, EXTERIOR) for cov in exterior(project)[1])
     related = (*problems, "Problems related to the processing")
     out: Statements = {
@@ -196,17 +195,17 @@ def lens_model(lines: Mapping[tuple[str, ...], Line]) -> str:
 
 def _camera(project: Project) -> Statements:
     values, cov = interior(project)
-    model = lens_model(files.read(project.report))
+    model = lens_model(dbat_files.read(project.report))
     camera = (LAST, "Cameras", "Camera1 (simple)")
-    names = " ".join(files.INTERIOR_NAMES)
+    names = " ".join(dbat_files.INTERIOR_NAMES)
     out: Statements = {
         (LAST, "Lens distortion models", model): say(""),
         (LAST, "Cameras", "Calibration"): say(f"yes ({names})" if project.free else "no"),
         (*camera, "Lens distortion model", model): say(""),
         (*camera, "sk - skew", "Value"): say("{}", 0.0),
     }
-    high = _high(cov, files.INTERIOR_NAMES)
-    for k, name in enumerate(files.INTERIOR_NAMES):
+    high = _high(cov, dbat_files.INTERIOR_NAMES)
+    for k, name in enumerate(dbat_files.INTERIOR_NAMES):
         heading, unit = HEADINGS[name]
         path = (*camera, heading)
         out[(*path, "Value")] = say("{}" + unit, values[k])
@@ -220,13 +219,13 @@ def _significance(values: Array, cov: Array, camera: tuple[str, ...]) -> Stateme
     """Return the chi-square probabilities that a coefficient is not zero."""
     out: Statements = {}
     for name in ("K1", "K2", "K3", "as"):
-        k = files.INTERIOR_NAMES.index(name)
+        k = dbat_files.INTERIOR_NAMES.index(name)
         if cov[k, k] > 0:
             p = float(stats.chi2.cdf(values[k] ** 2 / cov[k, k], 1))
             out[(*camera, HEADINGS[name][0], "Significance")] = say("p={}", p)
             if name != "as":
                 out[(*camera, HEADINGS[name][0], "Cumulative significance")] = say("p={}", p)
-    both = [files.INTERIOR_NAMES.index(name) for name in ("P1", "P2")]
+    both = [dbat_files.INTERIOR_NAMES.index(name) for name in ("P1", "P2")]
     if np.all(np.diag(cov)[both] > 0):
         tangential = values[both]
         statistic = tangential @ np.linalg.solve(cov[np.ix_(both, both)], tangential)
@@ -237,12 +236,12 @@ def _significance(values: Array, cov: Array, camera: tuple[str, ...]) -> Stateme
 
 def _sensor(project: Project, path: tuple[str, ...]) -> Statements:
     camera = project.bundle.cameras[0]
-    size_mm = files.sensor_size_mm(camera)
+    size_mm = dbat_files.sensor_size_mm(camera)
     size_px = np.array([camera.width_px, camera.height_px])
     rated_mm = camera.pixel_mm * size_px
     diagonal_mm = float(np.hypot(*rated_mm))
     view = 2 * np.degrees(np.arctan(np.append(rated_mm, diagonal_mm) / 2 / camera.interior.f))
-    distortion_mm = files.largest_distortion_mm(camera)
+    distortion_mm = dbat_files.largest_distortion_mm(camera)
     out: Statements = {}
     for k, (side, axis) in enumerate((("width", "X"), ("height", "Y"))):
         out[(*path, f"Format {side}", "Value")] = say("{} mm", size_mm[k])
@@ -579,13 +578,13 @@ def results(project: Project) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        As `comparison.compare` returns it.
+        As `dbat_files.compare` returns it.
     """
-    lines = files.read(project.report)
+    lines = dbat_files.read(project.report)
     printed = {place: line for place, line in lines.items() if is_result(place)}
     ours = {
         **statements(project),
         **_misfit_statements(project),
         **_statements(project),
     }
-    return comparison.compare(printed, ours)
+    return dbat_files.compare(printed, ours)
