@@ -10,8 +10,8 @@ import pandas as pd
 
 import acx4sim
 from acx4book.notebooks import runner
+from acx4book.report.findings import findings
 from acx4book.report.material import Material, read
-from acx4book.report.verdict import findings
 from acx4lib import flight
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration import mounting

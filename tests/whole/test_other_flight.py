@@ -17,7 +17,7 @@ from acx4book.notebooks.execute import Notebooks, execute
 from acx4book.notebooks.functions import Functions
 from acx4book.pages import release
 from acx4book.report import material
-from acx4book.report.verdict import findings
+from acx4book.report.findings import findings
 from acx4lib.errors import FlightError
 from acx4lib.flight import reader
 from acx4lib.georeferencing.validation import validate

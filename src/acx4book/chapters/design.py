@@ -193,7 +193,7 @@ def explorer(plan: Plan) -> Explorer:
     plan : Plan
         Whose camera is flown; its own strips are not.
     """
-    found = sigma(plan)
+    found = _sigma(plan)
     rows = {
         f"σ of {name}": [Stops(sliders=SLIDERS, table=found[..., [k]])]
         for k, (name, _) in enumerate(SHOWN.values())
@@ -231,11 +231,8 @@ def explorer(plan: Plan) -> Explorer:
     )
 
 
-def sigma(plan: Plan) -> Array:
-    """Return σ in the units of `SHOWN`, shape (n_ratios, n_turns, n_controls, n_shown).
-
-    Two strips at the lower height and two at the upper one; the second of each is turned.
-    """
+def _sigma(plan: Plan) -> Array:
+    """Return σ in the units of `SHOWN`, shape (n_ratios, n_turns, n_controls, n_shown)."""
     found = [
         [[_shown(plan, ratio, turn, int(n)) for n in CONTROL.stops] for turn in TURN.stops]
         for ratio in RATIO.stops

@@ -189,7 +189,7 @@ def unit_flight(height_m: float) -> MappingFlight:
     )
 
 
-def sliders(values: Sequence[float]) -> list[Slider]:
+def _sliders(values: Sequence[float]) -> list[Slider]:
     """Return the sliders between whose ends values lie: those of `SLIDERS`, or scaled."""
     return [_around(slider, value) for slider, value in zip(SLIDERS, values, strict=True)]
 
@@ -228,7 +228,7 @@ def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
     """
     tilt, _, heading = np.degrees(flown.sigma_attitude)
     values = (flown.height_m, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
-    own = sliders([float(value) for value in values])
+    own = _sliders([float(value) for value in values])
     size = _effects(calibration, own[0])
     table = np.zeros((*size.shape[:2], len(ROWS) + 1, len(own)))
     for k, (slider, _) in enumerate(ROWS.values()):

@@ -203,7 +203,7 @@ def _percent_larger(first: Array, second: Array) -> dict[str, float]:
     return {"percent": 100 * (root - 1), "sigma_percent": float(100 * error / (2 * root))}
 
 
-def exact(sweep: pd.DataFrame, camera: str, parameter: str) -> pd.DataFrame:
+def _exact(sweep: pd.DataFrame, camera: str, parameter: str) -> pd.DataFrame:
     """Return a parameter over the focal length of head 1: a column for each kind of heads."""
     own = sweep[(sweep["camera"] == camera) & (sweep["parameter"] == parameter)]
     return own.pivot_table(index="f_1_mm", columns="heads", values="value")
@@ -326,12 +326,12 @@ def largest_px(found: pd.DataFrame) -> float:
 
 def largest_step_px(found: pd.DataFrame) -> float:
     """Return the largest step between neighbouring nodes of different heads, px."""
-    head = grid(found, "head")
-    d = np.stack([grid(found, name).astype(float) for name in D], axis=-1)
+    head = _grid(found, "head")
+    d = np.stack([_grid(found, name).astype(float) for name in D], axis=-1)
     return float(max(_steps(head, d), _steps(head.T, np.swapaxes(d, 0, 1))))
 
 
-def grid(found: pd.DataFrame, name: str) -> Array:
+def _grid(found: pd.DataFrame, name: str) -> Array:
     """Return a column of a pattern as rows and columns of the image; None where no head sees it."""
     return found.pivot_table(
         index="row_px", columns="col_px", values=name, aggfunc="first"
@@ -386,7 +386,7 @@ def printed_with_sigma() -> tuple[Array, Array]:
 def in_sigma(found: Study) -> dict[str, pd.DataFrame]:
     """Return k1-k3 of exact data less Table 3's over its sigma, by kind of heads: rows are f_1."""
     each = zip(RADIAL, *printed_with_sigma(), strict=True)
-    wide = {name: (exact(found.sweep, "SYN", name) - v) / s for name, v, s in each}
+    wide = {name: (_exact(found.sweep, "SYN", name) - v) / s for name, v, s in each}
     return {
         heads: pd.DataFrame({name: own[heads] for name, own in wide.items()}) for heads in HEADS
     }
@@ -541,7 +541,7 @@ def centre_misfit(found: Study) -> pd.DataFrame:
 
 def _squares_from_print(found: Study, name: str) -> pd.Series:
     each = [
-        (exact(found.sweep, head, name)["calibrated"] - printed.value(1, name, head)) ** 2
+        (_exact(found.sweep, head, name)["calibrated"] - printed.value(1, name, head)) ** 2
         for head in printed.HEADS
     ]
     return sum(each[1:], each[0]) / len(each)
@@ -599,7 +599,7 @@ def _draw_vectors(ax: Axes, own: pd.DataFrame, names: list[str], key: float) -> 
 
 def _draw_seams(ax: Axes, own: pd.DataFrame, names: list[str]) -> None:
     """Draw where the head changes from which a pixel is taken."""
-    head = grid(own, "head")
+    head = _grid(own, "head")
     rows, cols = (np.unique(own[name]) for name in AT)
     for name in names:
         inside = (head == name).astype(float)

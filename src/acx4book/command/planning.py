@@ -86,18 +86,18 @@ def plan(
     if out is not None:
         terminal.need_book("plan --out")
     planned = plans.read(file)
-    chosen = None if target is None else choose(planned, target)
+    chosen = None if target is None else _choose(planned, target)
     flown = planned if chosen is None else chosen.plan
     found = design.of(flown, winds=design.usual_winds(flown))
     terminal.show("\n".join(tables.lines(found)))
     if out is not None:
         source = text_of(file) if chosen is None else plans.written(chosen.plan.values)
-        write(found, source, out, chosen)
+        _write(found, source, out, chosen)
     if tables.sentences(found) or (chosen is not None and not chosen.met):
         raise typer.Exit(NOT_DETERMINED)
 
 
-def write(design: Design, source: str, out: Path, chosen: Chosen | None = None) -> None:
+def _write(design: Design, source: str, out: Path, chosen: Chosen | None = None) -> None:
     """Write the tables, the summary, the picture and the plan itself into a folder."""
     from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
     from acx4book.typesetting.svg import vector  # noqa: PLC0415 quick help
@@ -137,11 +137,8 @@ MISSED = 1
 """Exit status where the target is not met."""
 
 
-def choose(plan: Plan, target: Path) -> Chosen:
-    """Return the strips chosen for a target, and show them.
-
-    Where no choice can meet it, this is said; what comes nearest in a limited time is still chosen.
-    """
+def _choose(plan: Plan, target: Path) -> Chosen:
+    """Return the strips chosen for a target, and show them."""
     import numpy as np  # noqa: PLC0415 quick help
 
     from acx4tools.planning import choosing  # noqa: PLC0415 quick help
@@ -149,21 +146,21 @@ def choose(plan: Plan, target: Path) -> Chosen:
     wanted = choosing.read(target, plan)
     all_strips = choosing.of(wanted)
     if all_strips.failing:
-        terminal.say(*(unreachable(one, len(all_strips.seconds)) for one in all_strips.failing))
+        terminal.say(*(_unreachable(one, len(all_strips.seconds)) for one in all_strips.failing))
         if not np.isfinite(wanted.minutes):
             raise typer.Exit(MISSED)
     found = choosing.choose(all_strips, minutes=wanted.minutes)
-    terminal.show("\n".join(lines(found, len(all_strips.seconds))))
+    terminal.show("\n".join(_lines(found, len(all_strips.seconds))))
     if not found.met and not all_strips.failing:
         enough = choosing.choose(all_strips)
         terminal.say(
-            *(missed(one, float(x), wanted.minutes) for one, x in _missing(found)),
+            *(_missed(one, float(x), wanted.minutes) for one, x in _missing(found)),
             f"{enough.minutes:.0f} min reach the target: {', '.join(enough.strips)}",
         )
     return found
 
 
-def unreachable(one: Wanted, n: int) -> str:
+def _unreachable(one: Wanted, n: int) -> str:
     """Say that no choice of the candidates gives what is wanted, and what would."""
     return (
         f"{_named(one)}: no choice of strips gives {one.limit:g}; with all {n} candidates it is "
@@ -172,7 +169,7 @@ def unreachable(one: Wanted, n: int) -> str:
     )
 
 
-def missed(one: Wanted, given: float, minutes: float) -> str:
+def _missed(one: Wanted, given: float, minutes: float) -> str:
     """Say what a choice misses that must not take longer."""
     return (
         f"{_named(one)}: {given:.3g}, {given / one.limit:.2g} times the {one.limit:g} that is "
@@ -186,15 +183,8 @@ def _missing(found: Chosen) -> Iterator[tuple[Wanted, float]]:
             yield one, float(given)
 
 
-def lines(found: Chosen, n: int) -> list[str]:
-    """Return what is shown of a choice: what it gives, then what each strip buys.
-
-    Parameters
-    ----------
-    found : Chosen
-    n : int
-        Number of candidates.
-    """
+def _lines(found: Chosen, n: int) -> list[str]:
+    """Return what is shown of a choice: what it gives, then what each strip buys."""
     names = [_named(one) for one in found.wanted]
     limits = [one.limit for one in found.wanted]
     rows = [

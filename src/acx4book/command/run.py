@@ -99,10 +99,10 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
         where = many.Where(jobs=jobs or 1, cluster=cluster)
         many.run_many(flights, results, seeds=seeds, where=where, settings=settings)
     else:
-        run_one(flights[0], results, settings)
+        _run_one(flights[0], results, settings)
 
 
-def run_one(flight: Path, results: Path, settings: Settings) -> None:
+def _run_one(flight: Path, results: Path, settings: Settings) -> None:
     """Run the stages of a flight, and say what deserves notice."""
     from acx4book.notebooks import runner  # noqa: PLC0415 quick help
     from acx4book.notebooks.functions import way_of  # noqa: PLC0415 quick help

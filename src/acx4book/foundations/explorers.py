@@ -56,7 +56,7 @@ EXAGGERATED = 60.0
 """How many times too long arrows are drawn."""
 
 
-def lens(values: Array) -> Interior:
+def _lens(values: Array) -> Interior:
     """Return the lens that the sliders describe; the change of f is none of it."""
     named = {key: unit * v for (key, unit), v in zip(KEYS.items(), values, strict=False)}
     return Interior(f=printed.interior(1, HEAD).f, **named)
@@ -78,7 +78,7 @@ def moved(values: Array, xy_mm: Array) -> Array:
     -------
     ndarray, shape (n, 2)
     """
-    described = lens(values)
+    described = _lens(values)
     larger = values[-1] / UM / described.f
     change: Array = distortion(described, xy_mm) - larger * xy_mm
     return change

@@ -33,7 +33,7 @@ from acx4book.pages import frames, release, reproducibility, study, words
 from acx4book.pages.benchmarks import sigma, speed, verdicts
 from acx4book.pages.benchmarks.sigma import normalised_errors
 from acx4book.paper import printed, questions, scorecard
-from acx4book.report import material, page, verdict
+from acx4book.report import findings, material, page
 from acx4book.report.material import Material
 from acx4book.teaching import showing
 from acx4book.typesetting.myst import myst_table, numbered
@@ -437,15 +437,15 @@ def certificate_page(run: Material, report: str) -> str:
     report : str
         Address of the report beside the page; the same as JSON has the ending .json.
     """
-    found = verdict.findings(run)
+    found = findings.findings(run)
     json = f"{report.removesuffix('.html')}.json"
     return "\n\n".join(
         [
             "*Can this calibration be used?*",
-            verdict.statement(found),
+            findings.statement(found),
             f'<a href="{report}">Open the report</a>, one file to print and to keep. Beside it '
             f'lies the same as <a href="{json}">JSON</a>.',
-            myst_table(verdict.verdict_table(found), "Findings", name="tab-findings"),
+            myst_table(findings.verdict_table(found), "Findings", name="tab-findings"),
             "",
         ]
     )

@@ -34,7 +34,7 @@ VIEW = view(24, 20)
 """From the south-south-east, 20 degrees above the horizon."""
 
 
-def seen(points: Vector) -> Vector:
+def _seen(points: Vector) -> Vector:
     """Project points of the mapping frame on the paper: right and up."""
     return VIEW.apply(points)[..., :2]
 
@@ -53,9 +53,9 @@ def _on_ground(points: Vector) -> Vector:
 def _draw_ground(ax: Axes) -> None:
     """Draw the ground and the mapping frame on it."""
     corners = np.array([[-1.4, -2.4, 0], [12.2, -2.4, 0], [12.2, 8.4, 0], [-1.4, 8.4, 0]])
-    ax.add_patch(Polygon(seen(corners), fc=LAND, ec=LAND_EDGE, lw=1, zorder=0))
+    ax.add_patch(Polygon(_seen(corners), fc=LAND, ec=LAND_EDGE, lw=1, zorder=0))
     triad(ax, VIEW, np.zeros(3), 2.2 * np.eye(3), ["east", "north", "up"], MAPPING)
-    note(ax, seen(np.zeros(3)), "mapping frame $m$", MAPPING, shift=(-2, -18))
+    note(ax, _seen(np.zeros(3)), "mapping frame $m$", MAPPING, shift=(-2, -18))
 
 
 def _draw_image_in_space(ax: Axes) -> None:
@@ -63,34 +63,34 @@ def _draw_image_in_space(ax: Axes) -> None:
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     corners = np.column_stack([signs * HALF, np.full(4, -FOCAL)])
     footprint = _on_ground(corners)
-    ax.add_patch(Polygon(seen(footprint), fc=LAND, ec=TEAL, lw=0.8, zorder=1))
+    ax.add_patch(Polygon(_seen(footprint), fc=LAND, ec=TEAL, lw=0.8, zorder=1))
     for corner in footprint:
-        ax.plot(*seen(np.array([CAMERA_AT, corner])).T, color=EDGE, lw=0.7, zorder=1)
-    ax.add_patch(Polygon(seen(_from_camera(corners)), fc=SHEET, ec=CAMERA, lw=1.2, zorder=2))
+        ax.plot(*_seen(np.array([CAMERA_AT, corner])).T, color=EDGE, lw=0.7, zorder=1)
+    ax.add_patch(Polygon(_seen(_from_camera(corners)), fc=SHEET, ec=CAMERA, lw=1.2, zorder=2))
     foot = _from_camera(np.array([0.0, 0.0, -FOCAL]))
-    line = seen(np.array([CAMERA_AT, foot]))
+    line = _seen(np.array([CAMERA_AT, foot]))
     ax.plot(*line.T, color=CAMERA, lw=1.2, ls=(0, (2, 1.5)), zorder=3)
-    ax.plot(*seen(foot), "+", color=CAMERA, ms=8, mew=1.4, zorder=5)
-    note(ax, seen(foot), "$p$", CAMERA, shift=(10, -3))
+    ax.plot(*_seen(foot), "+", color=CAMERA, ms=8, mew=1.4, zorder=5)
+    note(ax, _seen(foot), "$p$", CAMERA, shift=(10, -3))
     note(ax, line.mean(axis=0), "$f$", CAMERA, shift=(8, 0))
     a, ground = _from_camera(IMAGE_POINT), _on_ground(IMAGE_POINT)
-    ax.plot(*seen(np.array([CAMERA_AT, ground])).T, color=RAY, lw=1.4, zorder=3)
+    ax.plot(*_seen(np.array([CAMERA_AT, ground])).T, color=RAY, lw=1.4, zorder=3)
     for point, name in ((a, "$a$"), (ground, "$A$")):
-        ax.plot(*seen(point), "o", color=RAY, ms=5, zorder=5)
-        note(ax, seen(point), name, RAY, shift=(-10, -4))
+        ax.plot(*_seen(point), "o", color=RAY, ms=5, zorder=5)
+        note(ax, _seen(point), name, RAY, shift=(-10, -4))
     corner = np.array([-HALF[0], HALF[1], -FOCAL])
     for step, name in (([1.2, 0, 0], "col"), ([0, -1.2, 0], "row")):
-        tip = seen(_from_camera(corner + np.array(step)))
-        arrow(ax, seen(_from_camera(corner)), tip, INK, width=1.2)
+        tip = _seen(_from_camera(corner + np.array(step)))
+        arrow(ax, _seen(_from_camera(corner)), tip, INK, width=1.2)
         note(ax, tip, name, INK, shift=(-6, 10) if name == "col" else (-13, -6))
 
 
 def _draw_space(ax: Axes) -> None:
     """Draw the flight: frames, lever arm, boresight, image and ray."""
     _draw_ground(ax)
-    body, camera = seen(BODY_AT), seen(CAMERA_AT)
-    arrow(ax, seen(np.zeros(3)), body, SOFT, width=1.2)
-    note(ax, seen(BODY_AT * 0.45), r"$r_b^m(t)$", SOFT, shift=(-20, 6))
+    body, camera = _seen(BODY_AT), _seen(CAMERA_AT)
+    arrow(ax, _seen(np.zeros(3)), body, SOFT, width=1.2)
+    note(ax, _seen(BODY_AT * 0.45), r"$r_b^m(t)$", SOFT, shift=(-20, 6))
     arrow(ax, body, camera, INK, width=2.4)
     note(ax, 0.6 * body + 0.4 * camera, "lever arm $r_c^b$", INK, shift=(-34, -16))
     body_axes = R_B_M.apply(2.4 * np.eye(3))
@@ -100,7 +100,7 @@ def _draw_space(ax: Axes) -> None:
     camera_axes = R_B_M.apply(R_C_B.apply(2.2 * np.eye(3)))
     triad(ax, VIEW, CAMERA_AT, camera_axes, ["$x$", "$y$", "$z$"], CAMERA)
     for axis in R_B_M.apply(1.9 * np.eye(3)):
-        ax.plot(*seen(np.array([CAMERA_AT, CAMERA_AT + axis])).T, color=BODY, lw=1, ls="--")
+        ax.plot(*_seen(np.array([CAMERA_AT, CAMERA_AT + axis])).T, color=BODY, lw=1, ls="--")
     note(ax, camera, "camera frame $c$\nwith boresight $R_c^b$", CAMERA, shift=(104, -20))
     ax.set_aspect("equal")
     ax.set_xlim(-2.8, 14.6)

@@ -43,14 +43,8 @@ class ReleaseError(Acx4Error):
     """Something is missing for a release."""
 
 
-def git(*arguments: str) -> bytes:
-    """Return what git says in the current folder.
-
-    Raises
-    ------
-    ReleaseError
-        If it fails.
-    """
+def _git(*arguments: str) -> bytes:
+    """Return what git says in the current folder."""
     try:
         done = subprocess.run(["git", *arguments], capture_output=True, check=False)
     except OSError as error:
@@ -89,23 +83,10 @@ def problems(changelog: str, version: str) -> list[str]:
     return found
 
 
-def wheel(folder: Path, seconds: int) -> None:
-    """Build the wheel of the last commit.
-
-    Parameters
-    ----------
-    folder : Path
-        Where it goes.
-    seconds : int
-        The date of its files, since 1970.
-
-    Raises
-    ------
-    ReleaseError
-        If pip fails.
-    """
+def _wheel(folder: Path, seconds: int) -> None:
+    """Build the wheel of the last commit."""
     with tempfile.TemporaryDirectory() as scratch:
-        with tarfile.open(fileobj=BytesIO(git("archive", "HEAD"))) as sources:
+        with tarfile.open(fileobj=BytesIO(_git("archive", "HEAD"))) as sources:
             sources.extractall(scratch, filter="data")
         command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps"]
         done = subprocess.run(
@@ -180,7 +161,7 @@ def _listed() -> list[str]:
     """Name the files of the working copy."""
     if LIST.is_file():
         return LIST.read_text("utf-8").splitlines()
-    return sorted(git("ls-files", "-z").decode().split("\0")[:-1])
+    return sorted(_git("ls-files", "-z").decode().split("\0")[:-1])
 
 
 @contextmanager
@@ -215,19 +196,19 @@ def make(html: Path, folder: Path) -> list[str]:
     ReleaseError
         Where files differ from the last commit, or the wheel cannot be built.
     """
-    if changed := git("status", "--porcelain").decode().splitlines():
+    if changed := _git("status", "--porcelain").decode().splitlines():
         msg = f"{len(changed)} files differ from the last commit; commit them, and release then"
         raise ReleaseError(msg)
     version = reproducibility.footer(Path("CITATION.cff"))["version"]
-    seconds = int(git("log", "-1", "--format=%ct"))
+    seconds = int(_git("log", "-1", "--format=%ct"))
     folder.mkdir(parents=True, exist_ok=True)
     for old in [*folder.glob("acx4lib-*.whl"), *folder.glob("acx4lib-book-*.zip")]:
         old.unlink()
-    wheel(folder, seconds)
+    _wheel(folder, seconds)
     pack(html, folder / f"acx4lib-book-{version}.zip", seconds)
     sums = (f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p}" for p in sorted(folder.iterdir()))
     said = problems(Path("CHANGELOG.md").read_text(encoding="utf-8"), version)
-    return [f"acx4lib {version}, commit {git('rev-parse', 'HEAD').decode().strip()}", *sums, *said]
+    return [f"acx4lib {version}, commit {_git('rev-parse', 'HEAD').decode().strip()}", *sums, *said]
 
 
 # --- The notebooks as readers download them: without outputs, and such that they run where

@@ -45,7 +45,7 @@ def short(commit: str) -> str:
     return f"{name[:10]}{' with changes' if changed else ''}" if " " not in name else name
 
 
-def table(name: str, caption: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def _table(name: str, caption: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Compose a numbered table in MyST."""
     lines = [header, ["---"] * len(header), *rows]
     body = "\n".join("| " + " | ".join(line) + " |" for line in lines)
@@ -59,7 +59,7 @@ def _packages() -> list[tuple[str, str]]:
     return [(name, version(name)) for name in names]
 
 
-def files(name: str, folder: Path) -> list[tuple[str, str, str]]:
+def _files(name: str, folder: Path) -> list[tuple[str, str, str]]:
     """List the data files under a folder with size and SHA-256."""
     names = (path.relative_to(folder) for path in folder.rglob("*"))
     kept = (name for name in names if name.parts[0] != KEPT)  # results keep the flight's tables
@@ -84,10 +84,12 @@ def page(flight: Path, results: Path) -> str:
     ]
     environment, of_files = "The packages that environment.txt names.", ("file", "bytes", "SHA-256")
     parts = [
-        table("tab-sources", "The sources and the machine.", ("what", "value"), sources),
-        table("tab-packages", environment, ("package", "version"), _packages()),
-        table("tab-flight-files", "The flight that was read.", of_files, files("flight", flight)),
-        table("tab-result-files", "The results that it gave.", of_files, files("results", results)),
+        _table("tab-sources", "The sources and the machine.", ("what", "value"), sources),
+        _table("tab-packages", environment, ("package", "version"), _packages()),
+        _table("tab-flight-files", "The flight that was read.", of_files, _files("flight", flight)),
+        _table(
+            "tab-result-files", "The results that it gave.", of_files, _files("results", results)
+        ),
     ]
     return "\n".join(parts)
 
@@ -183,13 +185,13 @@ def licences_page() -> str:
     carried = ((w.what, w.licence, f"{w.brought_by} {version(w.brought_by)}") for w in WORKS)
     return "\n".join(
         [
-            table(
+            _table(
                 "tab-of-others",
                 "Works of others in the folder of this book.",
                 ("what", "licence", "brought by"),
                 carried,
             ),
-            table(
+            _table(
                 "tab-compared",
                 "Measurements and results of others that the book was compared with.",
                 ("repository", "files", "licence"),

@@ -36,7 +36,7 @@ OPTIONS = re.compile(r"^:[\w-]+:.*\n?", re.MULTILINE)
 ROLE = re.compile(r"\{[\w:]+\}`(?:([^`<]+?) *<[^`>]*>|([^`]*))`|\]\([^)]*\)|\$[^$]*\$")
 
 
-def words(text: str) -> int:
+def _words(text: str) -> int:
     """Count the words of prose of MyST text."""
     counted, table = 0, 0
     for token in MARKDOWN.parse(
@@ -44,7 +44,7 @@ def words(text: str) -> int:
     ):
         table += {"table_open": 1, "table_close": -1}.get(token.type, 0)
         if token.type == "fence":
-            counted += words(_inside(token.info.strip(), token.content))
+            counted += _words(_inside(token.info.strip(), token.content))
         elif token.type == "inline" and not table:
             plain = ROLE.sub(lambda found: f" {found[1] or found[2] or ''} ", token.content)
             counted += len(re.findall(r"[^\W\d_][\w'’-]*", plain))
@@ -77,7 +77,7 @@ def _prose(page: str) -> str:
     return SOLUTION.sub("", "\n\n".join(parts))
 
 
-def pages(contents: Path = BOOK / "_toc.yml") -> Iterator[str]:
+def _pages(contents: Path = BOOK / "_toc.yml") -> Iterator[str]:
     """Yield the pages that are read, in the order of the table of contents."""
     told = yaml.safe_load(contents.read_text("utf-8"))
     yield told["root"]
@@ -89,15 +89,15 @@ def pages(contents: Path = BOOK / "_toc.yml") -> Iterator[str]:
 
 def minutes(*parts: str) -> int:
     """Return how long the pages are read whose names begin so, in minutes, in fives."""
-    read = sum(words(_prose(page)) for page in pages() if page.startswith(parts))
+    read = sum(_words(_prose(page)) for page in _pages() if page.startswith(parts))
     return max(5 * round(read / A_MINUTE / 5), 5)
 
 
-def main() -> None:
+def _main() -> None:
     """Print the words of each page, and of the foundations and the rest."""
     sums = {"foundations": 0, "the rest": 0}
-    for page in pages():
-        n = words(_prose(page))
+    for page in _pages():
+        n = _words(_prose(page))
         sums["foundations" if "foundations/" in page else "the rest"] += n
         sys.stdout.write(f"{n:6d}  {page.removeprefix('_executed/')}\n")
     for name, n in sums.items():
@@ -105,4 +105,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    _main()

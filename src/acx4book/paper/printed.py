@@ -423,7 +423,7 @@ def sentence(card: pd.DataFrame) -> str:
     Parameters
     ----------
     card : DataFrame
-        As `scorecard.scorecard` returns it.
+        As `scorecard._scorecard` returns it.
     """
     n = card["role"].value_counts()
     independent = card[card["role"] == "independent"]

@@ -43,26 +43,10 @@ class Ours:
     sharing: float = 1.0
 
 
-def scorecard(
+def _scorecard(
     found: folder.Results, flight: Flight, *, tables: Collection[int] = (1, 2, 3, 4)
 ) -> pd.DataFrame:
-    """Return one row per printed number.
-
-    Parameters
-    ----------
-    found : Results
-        Results of the stages behind the tables.
-    flight : Flight
-        A flight of the paper's design.
-    tables : collection of int
-        Which of the paper's.
-
-    Returns
-    -------
-    DataFrame
-        table, quantity, column, printed, as_printed (the digits of the print), ours, sigma, unit,
-        role (of `printed.ROLES`), deviation (in combined standard deviations), verdict, reason.
-    """
+    """Return one row per printed number."""
     rows = []
     for number, find in ((1, _table_1), (2, _table_2), (3, _table_3), (4, _table_4)):
         if number not in tables:
@@ -429,9 +413,9 @@ def texts(
             "standing-out.md": "\n",
             "scorecard.md": _own_parameters(found),
         }
-    card, judged = scorecard(found, flight), (found, flight)
+    card, judged = _scorecard(found, flight), (found, flight)
     if ideal is not None:
-        card, judged = beside_chain(card, scorecard(*ideal, tables=(3, 4))), ideal
+        card, judged = beside_chain(card, _scorecard(*ideal, tables=(3, 4))), ideal
     return {
         "roles.md": f"{WHY} {paper.sentence(card)}\n",
         "standing-out.md": _standing_out(card, *judged),
@@ -445,7 +429,7 @@ def beside_chain(card: pd.DataFrame, ideal: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     card, ideal : DataFrame
-        As `scorecard` returns them: the closed chain's with all tables, and some of the ideal
+        As `_scorecard` returns them: the closed chain's with all tables, and some of the ideal
         camera's, which replace the former.
 
     Returns

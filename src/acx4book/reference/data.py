@@ -240,7 +240,7 @@ def _retrieve(url: str, target: Path, known_hash: str | None) -> None:
     pooch.retrieve(url, known_hash=known_hash, fname=target.name, path=target.parent)
 
 
-def main() -> int:
+def _main() -> int:
     """Fetch the reference data; the exit status is 1 if a file could not be fetched."""
     if working_copy() is None and not os.environ.get(VARIABLE):
         sys.stderr.write(f"let {VARIABLE} name a folder for the files: this is no working copy\n")
@@ -253,4 +253,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(_main())

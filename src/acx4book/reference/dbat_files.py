@@ -160,21 +160,10 @@ def _read_images(path: Path) -> tuple[str, ...]:
 # --- conventions -----------------------------------------------------------------------------
 
 
-def camera_from_dbat(
+def _camera_from_dbat(
     *, cc: float, pp: tuple[float, float] | None, size_px: tuple[int, int], pixel_mm: float
 ) -> Camera:
-    """Return a camera without distortion from DBAT's values.
-
-    Parameters
-    ----------
-    cc : float
-        Camera constant, mm.
-    pp : tuple of float, optional
-        px and py, mm; by default the middle of the image.
-    size_px : tuple of int
-        Width and height.
-    pixel_mm : float
-    """
+    """Return a camera without distortion from DBAT's values."""
     middle = 0.5 * pixel_mm * np.array(size_px)
     xp, yp = (np.array(pp) - middle) * [1, -1] if pp is not None else (0.0, 0.0)
     return Camera(
@@ -539,7 +528,7 @@ def camcal() -> Project:
     """Calibrate the camera of `camcal`: 21 images of a flat sheet, four points without error."""
     measured = read_image_points(data.path("dbat-camcal/image_points.txt"))
     # the height of the format is given in mm
-    camera = camera_from_dbat(cc=7.3, pp=None, size_px=(2272, 1704), pixel_mm=5.43764 / 1704)
+    camera = _camera_from_dbat(cc=7.3, pp=None, size_px=(2272, 1704), pixel_mm=5.43764 / 1704)
     return _adjusted("dbat-camcal", camera, measured, free=FREE)
 
 
@@ -555,7 +544,7 @@ def sxb() -> Project:
             for file, sigma_px in files
         )
     )
-    camera = camera_from_dbat(
+    camera = _camera_from_dbat(
         cc=123.9392, pp=(26.577, 38.811), size_px=(8858, 12996), pixel_mm=0.006
     )
     return _adjusted("dbat-sxb", camera, measured, free=())

@@ -55,7 +55,7 @@ def statements(project: Project) -> Statements:
 # --- covariances -----------------------------------------------------------------------------
 
 
-def interior(project: Project) -> tuple[Array, Array]:
+def _interior(project: Project) -> tuple[Array, Array]:
     """Return DBAT's nine interior values and their a posteriori covariance."""
     adjusted = project.bundle
     columns = adjusted.network.layout.interior[0]
@@ -84,7 +84,7 @@ def exterior(project: Project) -> tuple[Array, Array]:
     return np.column_stack([poses.r + project.origin, np.degrees(poses.opk)]), cov
 
 
-def correlations(cov: Array) -> Array:
+def _correlations(cov: Array) -> Array:
     """Return the correlations below the diagonal of a covariance; zero for a variance of zero."""
     sigma = np.sqrt(np.diag(cov))
     sigma = np.where(sigma > 0, sigma, np.inf)
@@ -93,7 +93,7 @@ def correlations(cov: Array) -> Array:
 
 def _high(cov: Array, names: tuple[str, ...]) -> dict[str, list[tuple[str, float]]]:
     """Return for every parameter the others with high correlations, and these in percent."""
-    lower = correlations(cov)
+    lower = _correlations(cov)
     found: dict[str, list[tuple[str, float]]] = {}
     for i, j in np.argwhere(np.abs(lower) > HIGH):
         found.setdefault(names[i], []).append((names[j], 100 * lower[i, j]))
@@ -120,7 +120,7 @@ def _status(project: Project) -> Statements:
     n_points = 3 * int(network.free_points.sum())
     problems = ("Problems and suggestions",)
     is_open = bool(solution.undetermined.any())
-    high_interior = bool(_high(interior(project)[1], dbat_files.INTERIOR_NAMES))
+    high_interior = bool(_high(_interior(project)[1], dbat_files.INTERIOR_NAMES))
     high_exterior = any(_high(cov, EXTERIOR) for cov in exterior(project)[1])
     related = (*problems, "Problems related to the processing")
     out: Statements = {
@@ -194,7 +194,7 @@ def lens_model(lines: Mapping[tuple[str, ...], Line]) -> str:
 
 
 def _camera(project: Project) -> Statements:
-    values, cov = interior(project)
+    values, cov = _interior(project)
     model = lens_model(dbat_files.read(project.report))
     camera = (LAST, "Cameras", "Camera1 (simple)")
     names = " ".join(dbat_files.INTERIOR_NAMES)
@@ -293,7 +293,7 @@ def _misfit_statements(project: Project) -> Statements:
     }
 
 
-def numbers(project: Project) -> Index:
+def _numbers(project: Project) -> Index:
     """Return the numbers of the block's points in DBAT."""
     return np.array([int(name) for name in project.bundle.network.block.points])
 
@@ -383,7 +383,7 @@ def _ray_counts(project: Project) -> Statements:
 def _residuals(project: Project) -> Statements:
     points = project.bundle.network.image_points
     squared = np.sum(project.bundle.solution.group("image_point").v ** 2, axis=1)
-    number = numbers(project)
+    number = _numbers(project)
     path = (QUALITY, "Point Marking Residuals")
     worst = int(squared.argmax())
     out: Statements = {
@@ -418,7 +418,7 @@ def _point_covariances(project: Project) -> Array:
 
 
 def _precision(project: Project) -> Statements:
-    number, cov = numbers(project), _point_covariances(project)
+    number, cov = _numbers(project), _point_covariances(project)
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     sigma[~project.bundle.network.free_points] = np.nan
     total = np.sqrt(np.sum(sigma**2, axis=1))
@@ -431,7 +431,7 @@ def _precision(project: Project) -> Statements:
         at = np.nanargmax(sigma[:, k])
         label = f"Maximum {axis} standard deviation"
         out[(*path, label)] = say("{} (OP {})", sigma[at, k], int(number[at]))
-    lower = np.array([correlations(own) for own in cov])
+    lower = np.array([_correlations(own) for own in cov])
     for percent in (95, 99):
         label = f"Points with correlation above {percent}%"
         above = int(np.sum(np.abs(lower) > percent / 100))
@@ -457,7 +457,7 @@ def angles(project: Project) -> Array:
 
 
 def _angles(project: Project) -> Statements:
-    angle, number, kind = angles(project), numbers(project), _kinds(project)
+    angle, number, kind = angles(project), _numbers(project), _kinds(project)
     surveyed = project.surveyed
     labels = {
         int(point): f", label {label}"
@@ -519,7 +519,7 @@ def _table(project: Project, name: str, rows: Index) -> Statements:
     if len(rows) == 0:
         return {(*path, "none"): say("")}
     given = project.surveyed
-    at = np.searchsorted(numbers(project), given.point)
+    at = np.searchsorted(_numbers(project), given.point)
     x = project.bundle.state.x_m[at] + project.origin
     sigma = np.sqrt(np.diagonal(_point_covariances(project)[at], axis1=1, axis2=2))
     rays = project.bundle.network.block.rays[at]

@@ -137,17 +137,11 @@ def store() -> None:
         brought = folder.bring(data.folder() / FILES)
         flight_folder.write(brought, Path(temporary) / "flight")
         measure_flight(Path(temporary) / "flight", Path(temporary) / "measured")
-        store_measured(Path(temporary) / "measured")
+        _store_measured(Path(temporary) / "measured")
 
 
-def store_measured(measured: Path) -> None:
-    """Store a measured flight, thinned, what all of it gives, and its pictures.
-
-    Parameters
-    ----------
-    measured : Path
-        Of the pictures of `FILES`.
-    """
+def _store_measured(measured: Path) -> None:
+    """Store a measured flight, thinned, what all of it gives, and its pictures."""
     flight = reader.read(measured)
     FLIGHT.mkdir(exist_ok=True)
     whole_files.copy(measured / "flight.toml", FLIGHT / "flight.toml")

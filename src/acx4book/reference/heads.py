@@ -301,7 +301,7 @@ def pairs(files: str) -> pd.DataFrame:
     """
     found = solved(files)
     chain = {(one.head_a, one.head_b) for one in strongest_chain(found.found.overlaps)}
-    left = {(one.head_a, one.head_b): one for one in differences(found)}
+    left = {(one.head_a, one.head_b): one for one in _differences(found)}
     rows = []
     for one in found.found.overlaps:
         pair = one.head_a, one.head_b
@@ -321,7 +321,7 @@ def pairs(files: str) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def differences(found: Solved) -> list[Overlap]:
+def _differences(found: Solved) -> list[Overlap]:
     """Return the differences of all pairs after the refinement by rotations."""
     fit = found.fits["rotations"]
     return overlaps(found.found.ties[~fit.rejected], fit.orientation)
@@ -334,7 +334,7 @@ def _pair_sigma_deg(found: Solved) -> Array:
     the pairs contradict each other by; neighbouring ties share errors, which their number hides.
     """
     f = found.factory.heads[0].interior.f
-    left = np.array([_turn(one, f) for one in differences(found)])
+    left = np.array([_turn(one, f) for one in _differences(found)])
     redundancy = max(len(left) - len(found.heads) + 1, 1)
     return np.asarray(np.degrees(np.sqrt(np.sum(left**2, axis=0) / redundancy)))
 

@@ -59,17 +59,8 @@ class Dataset:
     predictors: np.ndarray
 
 
-def read(path: Path) -> Dataset:
-    """Read a file of the collection.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    Dataset
-    """
+def _read(path: Path) -> Dataset:
+    """Read a file of the collection."""
     lines = path.read_text(encoding="ascii").splitlines()
     text = "\n".join(lines)
     first, last = (int(number) for number in _LINES.findall(text)[-1])
@@ -98,7 +89,7 @@ def _after(text: str, pattern: str) -> str:
 # --- models ----------------------------------------------------------------------------------
 
 
-def rise(b: Any, x: Any) -> Any:
+def _rise(b: Any, x: Any) -> Any:
     """Exponential rise: BoxBOD, Misra1a."""
     return b[0] * (1 - np.exp(-b[1] * x[0]))
 
@@ -127,7 +118,7 @@ def _kirby(b: Any, x: Any) -> Any:
     return (b[0] + b[1] * x[0] + b[2] * x[0] ** 2) / (1 + b[3] * x[0] + b[4] * x[0] ** 2)
 
 
-def lanczos(b: Any, x: Any) -> Any:
+def _lanczos(b: Any, x: Any) -> Any:
     """Three exponential decays."""
     return sum(b[k] * np.exp(-b[k + 1] * x[0]) for k in (0, 2, 4))
 
@@ -178,7 +169,7 @@ def _roszman(b: Any, x: Any) -> Any:
 
 
 MODELS: Mapping[str, Model] = {
-    "BoxBOD": rise,
+    "BoxBOD": _rise,
     "Chwirut1": _chwirut,
     "Chwirut2": _chwirut,
     "DanWood": _dan_wood,
@@ -186,11 +177,11 @@ MODELS: Mapping[str, Model] = {
     "Gauss2": _gauss,
     "Gauss3": _gauss,
     "Kirby2": _kirby,
-    "Lanczos1": lanczos,
-    "Lanczos3": lanczos,
+    "Lanczos1": _lanczos,
+    "Lanczos3": _lanczos,
     "MGH10": _mgh10,
     "MGH17": _mgh17,
-    "Misra1a": rise,
+    "Misra1a": _rise,
     "Misra1b": _misra1b,
     "Misra1c": _misra1c,
     "Misra1d": _misra1d,
@@ -310,7 +301,7 @@ def results() -> pd.DataFrame:
         or the reason why there is no result.
     """
     tables = [
-        _compared(read(reference.path(f"nist-strd/{name}.dat")), start)
+        _compared(_read(reference.path(f"nist-strd/{name}.dat")), start)
         for name in MODELS
         for start in (1, 2)
     ]

@@ -1,7 +1,4 @@
-"""What holds and what does not.
-
-Each question of the verdict with its test, answer and consequence.
-"""
+"""What holds and what does not: each question with its test and answer, and the statement."""
 
 from __future__ import annotations
 
@@ -13,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from acx4book.report.adjustment import CONTROLLED, decisive_qualities
-from acx4book.report.estimates import STRONG, strong_pairs
 from acx4book.report.material import (
     Material,
     checked_points,
@@ -22,7 +18,18 @@ from acx4book.report.material import (
     validated,
 )
 from acx4book.report.mounting import turns_of
-from acx4book.report.words import adjustment_title, begun, listed, pair_texts, plural
+from acx4book.report.parameters import STRONG, strong_pairs
+from acx4book.report.words import (
+    Text,
+    adjustment_title,
+    begun,
+    listed,
+    pair_texts,
+    plural,
+    show,
+    table,
+)
+from acx4book.typesetting.labels import p_value
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.bundle.rejections import CRITICAL, NAMES, too_many
 from acx4lib.calibration.estimates import LIMIT_SCALE, SIGMAS_OF_SCALE
@@ -165,7 +172,7 @@ DECLARED = ("declared lever arm", "declared boresight")
 """Groups of observations that the question on the declared mounting tests."""
 
 
-def one_flight(material: Material) -> Iterator[Finding]:
+def _one_flight(material: Material) -> Iterator[Finding]:
     """Tell whether all stages saw the same files."""
     stages = material.provenance.stages
     stale = [name for name, said in stages.items() if said["flight"] != material.provenance.digest]
@@ -181,7 +188,7 @@ def one_flight(material: Material) -> Iterator[Finding]:
     yield Finding(question=question, state=HOLDS, answer=answer)
 
 
-def converged(material: Material) -> Iterator[Finding]:
+def _converged(material: Material) -> Iterator[Finding]:
     """Tell whether every adjustment has a solution."""
     failed = [
         name
@@ -197,7 +204,7 @@ def converged(material: Material) -> Iterator[Finding]:
         yield Finding(question="Convergence", state=HOLDS, answer=answer)
 
 
-def contradictions(material: Material) -> Iterator[Finding]:
+def _contradictions(material: Material) -> Iterator[Finding]:
     """Tell whether a part of a group that is too large contradicts the others."""
     lines = _stopped(material, _tested_on(material))
     for name in material.decisive:
@@ -237,7 +244,7 @@ def _names(table: pd.DataFrame, kind: str) -> set[tuple[str, str]]:
     return set(zip(own["image_or_exposure"].astype(str), own["point"].astype(str), strict=True))
 
 
-def determined(material: Material) -> Iterator[Finding]:
+def _determined(material: Material) -> Iterator[Finding]:
     """Tell whether every parameter of the certified adjustments is determined."""
     lines = [line for name in material.decisive for line in _open(material, name)]
     question = "All parameters determined"
@@ -260,7 +267,20 @@ def _open(material: Material, name: str) -> list[str]:
     return messages(material.found.summary[name], "not_determined")
 
 
-def other_methods(material: Material) -> Iterator[Finding]:
+def _weak(material: Material) -> Iterator[Finding]:
+    """Name the weak parameters of the calibration: why, and what would determine them."""
+    names = (*material.decisive, validated(material))
+    found = [
+        line.partition(": ")[2]
+        for line in sentences(material, "weak")
+        if line.startswith(tuple(f"{name}: " for name in names))
+    ]
+    if found:
+        answer = "; ".join(dict.fromkeys(found)) + "."
+        yield Finding(question="Weak parameters", state=NOTE, answer=answer)
+
+
+def _other_methods(material: Material) -> Iterator[Finding]:
     """Say what methods leave open that are not certified."""
     own = _tested_on(material)
     others = [name for name in material.found.summary if name not in own]
@@ -275,7 +295,7 @@ def other_methods(material: Material) -> Iterator[Finding]:
         yield Finding(question="Other methods", state=NOTE, answer=answer)
 
 
-def global_test(material: Material) -> Iterator[Finding]:
+def _global_test(material: Material) -> Iterator[Finding]:
     """Test the variance of unit weight of the decisive adjustments."""
     entries = {name: material.found.summary[name] for name in material.decisive}
     entries = {name: e for name, e in entries.items() if int(str(e["redundancy"])) > 0}
@@ -306,7 +326,7 @@ def _sigma0(entry: Mapping[str, object]) -> float:
     return float(str(entry["sigma0_squared"]))
 
 
-def weights(material: Material) -> Iterator[Finding]:
+def _weights(material: Material) -> Iterator[Finding]:
     """Test the a priori standard deviations of every group of observations."""
     groups = [g for g in decisive_qualities(material) if g.group not in DECLARED]
     tests = [
@@ -329,7 +349,7 @@ def weights(material: Material) -> Iterator[Finding]:
         )
 
 
-def estimated_weights(material: Material) -> Iterator[Finding]:
+def _estimated_weights(material: Material) -> Iterator[Finding]:
     """Tell whether σ that were estimated from the residuals are within their bounds."""
     entries = [material.found.summary[name] for name in material.decisive]
     factors = [said for entry in entries for said in _factors(entry).values()]
@@ -360,7 +380,7 @@ def _factor(ratio: float) -> str:
     return f"σ is {1 / max(ratio, 1e-9):.3g} times too large"
 
 
-def apart(material: Material) -> Iterator[Finding]:
+def _apart(material: Material) -> Iterator[Finding]:
     """Tell which parameters are only determined together."""
     if not material.calibration:
         return
@@ -378,7 +398,7 @@ def apart(material: Material) -> Iterator[Finding]:
     yield Finding(question=question, state=NOTE, answer=answer)
 
 
-def gross_errors(material: Material) -> Iterator[Finding]:
+def _gross_errors(material: Material) -> Iterator[Finding]:
     """Compare number and size of the rejected observations with what chance rejects."""
     question = "Gross errors"
     entries = [material.found.summary[name] for name in _tested_on(material)]
@@ -453,7 +473,7 @@ def largest_p(w: float, chance: float) -> float:
     return float(-np.expm1(n * np.log1p(-each))) if each < 1 else 1.0
 
 
-def controlled(material: Material) -> Iterator[Finding]:
+def _controlled(material: Material) -> Iterator[Finding]:
     """Count the observations that the others hardly control."""
     if not material.decisive:
         return
@@ -472,7 +492,7 @@ def controlled(material: Material) -> Iterator[Finding]:
     yield Finding(question="Observations controlled", state=state, answer=begun(answer))
 
 
-def stable(material: Material) -> Iterator[Finding]:
+def _stable(material: Material) -> Iterator[Finding]:
     """Test the boresight for a drift and for steps between strips."""
     if not material.certified:
         return
@@ -508,12 +528,8 @@ FEWEST = 2
 """Number of check points from which something can be said of them."""
 
 
-def mountings(material: Material) -> Iterator[Finding]:
-    """Tell whether the estimated mountings are those that were declared.
-
-    A value with sigma is tested; one without is an approximation, of which only a known mistake
-    fails.
-    """
+def _mountings(material: Material) -> Iterator[Finding]:
+    """Tell whether the estimated mountings are those that were declared."""
     question = "Declared mounting confirmed"
     parts = [part for name in material.decisive for part in _parts(material, name)]
     lines = [part.mistaken for part in parts if part.mistaken]
@@ -577,7 +593,7 @@ def _not_compared(material: Material) -> str:
     return "Not compared: what flight.toml declares is held, or not determined."
 
 
-def earlier(material: Material) -> Iterator[Finding]:
+def _earlier(material: Material) -> Iterator[Finding]:
     """Tell of which earlier flight the calibration is that was validated, if it was asked for."""
     told = earlier_calibrations(material)
     if not told:
@@ -592,7 +608,7 @@ def earlier(material: Material) -> Iterator[Finding]:
     yield Finding(question="Calibration of an earlier flight", state=NOTE, answer=answer)
 
 
-def heights(material: Material) -> Iterator[Finding]:
+def _heights(material: Material) -> Iterator[Finding]:
     """Tell whether control, trajectory and check points have heights of one system."""
     question = "Heights of one system"
     offsets = {
@@ -630,7 +646,7 @@ def _predicted(entry: Mapping[str, Any]) -> str:
     )
 
 
-def check_points(material: Material) -> Iterator[Finding]:
+def _check_points(material: Material) -> Iterator[Finding]:
     """Test the differences at check points, those of the validation with their full covariance."""
     entry: Mapping[str, Any] = material.found.summary.get(validated(material), {})
     single = _of_adjustment(material)
@@ -744,7 +760,7 @@ def _spreads(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
         )
 
 
-def said(material: Material) -> Iterator[Finding]:
+def _said(material: Material) -> Iterator[Finding]:
     """Repeat what the run said: methods left out, notes of stages and of the flight."""
     lines = [*sentences(material, "left_out"), *sentences(material, "notes")]
     lines += list(material.flight.notes)
@@ -834,7 +850,96 @@ CONSEQUENCES: Mapping[str, Consequence] = {
 UNKNOWN = Consequence("the results must not be used before the cause is known", "see below")
 
 
-def by_gravity(questions: Iterable[str]) -> list[str]:
+def _by_gravity(questions: Iterable[str]) -> list[str]:
     """Return questions that fail, the gravest first; those not known are the gravest."""
     order = list(CONSEQUENCES)
     return sorted(questions, key=lambda q: order.index(q) if q in order else -1)
+
+
+# --- The questions in their order; the statement in one sentence, and as a table
+
+
+QUESTIONS = (
+    *(_one_flight, _converged, _contradictions, _determined, _weak, _global_test, _weights),
+    *(_estimated_weights, _apart, _gross_errors, _controlled, _stable, _earlier, _mountings),
+    *(_heights, _check_points, _other_methods, _said),
+)
+
+STATES = {"holds": "✓ holds", "fails": "✗ fails", "note": "• note"}
+
+
+def findings(material: Material) -> list[Finding]:
+    """Return the answers to all questions that the results can answer, all tests at one level."""
+    return judged(finding for question in QUESTIONS for finding in question(material))
+
+
+NOT_EXAMINED = (
+    "sharpness and resolving power (MTF)",
+    "radiometry: linearity, noise, vignetting, colour",
+    "defective pixels, smear, and the readout of a rolling shutter",
+    "the camera at temperatures, pressures and focus settings other than those of the flight",
+    "the stability of the camera after the flight",
+)
+"""What certificates of mapping cameras may contain, and no flight over control points shows."""
+
+
+def section(found: Sequence[Finding]) -> Text:
+    """Return the section with the verdict and all answers."""
+    answers = table(
+        verdict_table(found), "What holds and what does not", name="tab-report-verdict",
+        obtained=OBTAINED,
+    )  # fmt: skip
+    rest = "; ".join(NOT_EXAMINED)
+    return show(
+        statement(found),
+        answers,
+        "**What was not examined.** A flight over control points shows the geometry of the images "
+        f"alone. This calibration says nothing of: {rest}.",
+    )
+
+
+OBTAINED = (
+    "tests of the results, each as its explanation says; p is the smallest probability of a test "
+    "by itself, p joint the same among all tests of this report, by Holm"
+)
+
+
+def statement(found: Sequence[Finding]) -> str:
+    """Return the verdict, as Markdown: what fails, what that means, and what to do."""
+    failed = [f.question for f in found if f.state == FAILS]
+    if not failed and not all_tests(found):
+        return (
+            "**Nothing was tested.** These results hold nothing that could be compared with what "
+            "is expected of it, so this report neither confirms nor refutes them."
+        )
+    if not failed:
+        return f"**The results hold.** {_level(found)}"
+    gravest, *rest = _by_gravity(failed)
+    means, cure = CONSEQUENCES.get(gravest, UNKNOWN)
+    whole = f"**Not everything holds. “{gravest}” fails: {means}; {cure}.**"
+    others = "\n".join(f"- “{q}” fails, too: {CONSEQUENCES.get(q, UNKNOWN).cure}." for q in rest)
+    return "\n\n".join(part for part in (whole, others, _level(found)) if part)
+
+
+def _level(found: Sequence[Finding]) -> str:
+    """Say how many tests were made, and with which probability right results fail any."""
+    tests = all_tests(found)
+    n = sum(test.fails for test in tests)
+    if not tests:
+        return "No statistical test was made."
+    return (
+        f"{n or 'None'} of {plural(len(tests), 'test')} {'fails' if n < 2 else 'fail'}. "
+        f"The tests share an error probability of {100 * LEVEL:g} % (Holm): of right results with "
+        f"right standard deviations, at most {100 * LEVEL:g} % fail any of them."
+    )
+
+
+def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
+    """Return the table of findings; those that fail come first."""
+    order = sorted(found, key=lambda f: f.state != FAILS)
+    rows = [(f.question, STATES[f.state], _p(f.p), _p(f.p_joint), f.answer) for f in order]
+    return pd.DataFrame(rows, columns=["Question", "Result", "p", "p joint", "Explanation"])
+
+
+def _p(p: float) -> str:
+    return "" if np.isnan(p) else p_value(p)

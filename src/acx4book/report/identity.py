@@ -7,10 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from acx4book.report.findings import Finding
+from acx4book.report.findings import Finding, statement
 from acx4book.report.material import Material
 from acx4book.report.parameters import balanced, head_table, lenses
-from acx4book.report.verdict import statement
 from acx4book.report.words import Text, heading, listed, parameter_title, show, table
 from acx4book.typesetting.labels import LABELS, with_unit
 from acx4book.typesetting.myst import scientific
@@ -47,7 +46,7 @@ def first_page(material: Material, found: Sequence[Finding]) -> Text:
         missing_sentence(material) or stated,
         stated if missing_sentence(material) else "",
         statement(found),
-        table(value_table(material), VALUES, name="tab-report-values", obtained=origin(material)),
+        table(value_table(material), VALUES, name="tab-report-values", obtained=_origin(material)),
         "" if heads.empty else table(heads, HEADS, name="tab-report-heads", obtained=ALONE),
     )
 
@@ -172,7 +171,7 @@ def _digits(value: float, sigma: float) -> str:
     return f"{value:.{max(0, -last)}f}"
 
 
-def origin(material: Material) -> str:
+def _origin(material: Material) -> str:
     """Return how the calibrated values were obtained, in one or two sentences."""
     if not material.calibration:
         return "Nothing was calibrated: the cameras were validated as flight.toml gives them."
@@ -195,7 +194,7 @@ def identity(material: Material) -> Text:
     """Return the section on the flight, its files and the software."""
     return show(
         table(identification(material), "Identification", name="tab-report-identification"),
-        table(files(material), "Files of the flight", name="tab-report-files", obtained=READ),
+        table(_files(material), "Files of the flight", name="tab-report-files", obtained=READ),
     )
 
 
@@ -257,7 +256,7 @@ def _software(material: Material) -> str:
     return "; ".join(sorted(texts))
 
 
-def files(material: Material) -> pd.DataFrame:
+def _files(material: Material) -> pd.DataFrame:
     """Return every table of the flight with its checksum."""
     return pd.DataFrame(
         [(code(name), code(sha256)) for name, sha256 in material.provenance.files.items()],

@@ -22,21 +22,19 @@ from threadpoolctl import threadpool_limits
 
 from acx4book.report import (
     adjustment,
+    findings,
     ground,
     identity,
     mounting,
     parameters,
     typeset,
-    verdict,
     words,
 )
 from acx4book.report.adjustment import decisive_qualities
-from acx4book.report.estimates import correlations
-from acx4book.report.findings import FAILS, LEVEL, Finding
+from acx4book.report.findings import FAILS, LEVEL, NOT_EXAMINED, Finding
 from acx4book.report.markdown import Document, number_labels, table_labels, to_html
 from acx4book.report.material import Material, checked_points, read, validated
-from acx4book.report.parameters import Lens, balanced, corners, lenses, profile
-from acx4book.report.verdict import NOT_EXAMINED
+from acx4book.report.parameters import Lens, balanced, corners, correlations, lenses, profile
 from acx4book.report.words import Text
 from acx4book.typesetting import maps, matrix
 from acx4book.typesetting.plain_text import shown
@@ -277,7 +275,7 @@ def write(
     out = Path(out)
     _check_places(out)
     run = read(folder)
-    found = verdict.findings(run)
+    found = findings.findings(run)
     shown = parts(TEXT.read_text(encoding="utf-8"), computed(run, found), on_part)
     texts = page([*shown], run), text(run, found)
     _check_places(out)  # again, as some seconds have passed
@@ -413,7 +411,7 @@ def computed(run: Material, found: Sequence[Finding]) -> dict[str, Callable[[], 
     mapped = cache(lambda: ground.mapped(run))
     return {
         "certificate": lambda: identity.first_page(run, found),
-        "statement": lambda: verdict.section(found),
+        "statement": lambda: findings.section(found),
         "identity": lambda: identity.identity(run),
         "method": lambda: identity.method_and_data(run),
         "blocks": lambda: maps.block_maps(*identity.mapped(run)),

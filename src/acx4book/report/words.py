@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from acx4book.report.estimates import Pair, correlations
 from acx4book.report.material import Material, image_residuals
+from acx4book.report.parameters import Pair, correlations
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import Markup, shown

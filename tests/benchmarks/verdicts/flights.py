@@ -32,7 +32,7 @@ import pandas as pd
 from acx4book.command.processes import on_processes
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import way_of
-from acx4book.report import material, page, verdict
+from acx4book.report import findings, material, page
 from acx4lib.errors import Acx4Error
 from acx4lib.least_squares.processors import as_finished
 from acx4lib.results import folder as results
@@ -202,14 +202,13 @@ def memory() -> str | None:
 
 def said(whole: material.Material, *, tests: bool) -> Row:
     """Return what the record of a report says, on request with every test."""
-    statement = page.record(whole, verdict.findings(whole))["statement"]
-    findings = statement["findings"]
-    each = [(f["question"], test) for f in findings for test in f["tests"]]
+    statement = page.record(whole, findings.findings(whole))["statement"]
+    each = [(f["question"], test) for f in statement["findings"] for test in f["tests"]]
     return {
         "holds": int(statement["holds"]),
         "n_tests": len(each),
         "p_joint": min((test["p_joint"] for _, test in each), default=np.nan),
-        **{finding["question"]: finding["state"] for finding in findings},
+        **{finding["question"]: finding["state"] for finding in statement["findings"]},
         **({f"p: {question}: {t['name']}": t["p"] for question, t in each} if tests else {}),
     }
 

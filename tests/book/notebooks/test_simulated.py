@@ -9,8 +9,8 @@ import pytest
 
 from acx4book.notebooks import functions, runner
 from acx4book.notebooks import simulated as notebooks_simulated
+from acx4book.report.findings import findings
 from acx4book.report.material import read as read_results
-from acx4book.report.verdict import findings
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.trajectory_errors import parameters as gnss_parameters

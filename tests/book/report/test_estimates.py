@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4book.report import estimates
+from acx4book.report import parameters
 from acx4book.report.material import read
 from acx4book.report.parameters import correlation_sentence, joint_table, parameter_table
 from acx4book.report.words import pair_texts
@@ -16,7 +16,7 @@ from support.run_results import SINGLE
 
 
 def test_significance_is_against_zero_or_what_was_declared(run):
-    found = {p.parameter: p for p in estimates.estimates(run, SINGLE)}
+    found = {p.parameter: p for p in parameters.estimates(run, SINGLE)}
     camera = run.flight.cameras["CAM"]
     assert found["f_mm"].reference == camera.interior.f
     assert found["boresight_kappa_deg"].reference == pytest.approx(90.0)
@@ -31,7 +31,7 @@ def test_significance_is_against_zero_or_what_was_declared(run):
 
 def test_of_what_is_declared_the_verdict_alone_says_whether_it_differs(run):
     """Beside "confirmed" stood "t = -6.5, significant"."""
-    found = {p.parameter: p.significant for p in estimates.estimates(run, SINGLE)}
+    found = {p.parameter: p.significant for p in parameters.estimates(run, SINGLE)}
     declared = {name for name, significant in found.items() if significant is None}
     assert declared == {n for n in found if n.startswith(("f_", "lever", "boresight"))}
     shown = parameter_table(run).set_index("Parameter")["Significant"]
@@ -51,7 +51,7 @@ def test_an_angle_on_the_other_side_of_180_degrees_is_near(folder):
     parameters.loc[kappa, "value"] = -179.9
     parameters.loc[kappa, "sigma"] = 0.1
     found = replace(material.found, parameters=parameters)
-    listed = estimates.estimates(replace(material, flight=flight, found=found), SINGLE)
+    listed = parameters.estimates(replace(material, flight=flight, found=found), SINGLE)
     assert_allclose(next(p.t for p in listed if p.parameter.endswith("kappa_deg")), 1.0, atol=1e-9)
 
 
@@ -70,7 +70,7 @@ def test_strong_pairs_are_those_of_the_covariance(folder):
     )
     whole = read(folder)
     material = replace(whole, found=replace(whole.found, covariance=table))
-    pairs = estimates.strong_pairs(material, SINGLE)
+    pairs = parameters.strong_pairs(material, SINGLE)
     assert [(p.one, p.other) for p in pairs] == [tuple(names[:2]), tuple(names[1:])]
     assert_allclose([p.rho for p in pairs], [0.95, -0.91])
     assert correlation_sentence(material) == (
@@ -86,8 +86,8 @@ def test_strong_pairs_are_those_of_the_covariance(folder):
 def test_joint_tests_are_those_of_the_parameters_and_their_covariance(run):
     rows = results.parameters(run.found, SINGLE, "CAM")["value"]
     cov = results.covariance(run.found, SINGLE)
-    found = {test.keys: test for test in estimates.joint_tests(run, SINGLE)}
-    listed = {p.parameter: p for p in estimates.estimates(run, SINGLE)}
+    found = {test.keys: test for test in parameters.joint_tests(run, SINGLE)}
+    listed = {p.parameter: p for p in parameters.estimates(run, SINGLE)}
     for keys in (("k1", "k2", "k3"), ("p1", "p2")):
         names = [f"CAM/{key}" for key in keys]
         sigma = np.sqrt(np.diag(cov.loc[names, names]))

@@ -11,8 +11,8 @@ from scipy import stats
 
 from acx4book.report import adjustment
 from acx4book.report import findings as report_findings
+from acx4book.report.findings import findings
 from acx4book.report.material import Material, read
-from acx4book.report.verdict import findings
 from acx4lib.geometry.parameters import AXES, Prior
 from acx4lib.results import folder as results
 from support.run_results import SINGLE, edit, edit_summary, state

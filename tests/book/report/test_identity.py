@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from acx4book.report import identity, verdict
+from acx4book.report import findings, identity
 from acx4book.report.identity import identification
 from acx4book.report.markdown import Document, to_html
 from acx4lib.flight.setup import Certificate, Device, Session
@@ -44,7 +44,7 @@ def test_only_what_is_stated_stands_there(stated):
 
 
 def test_text_of_strangers_is_shown_and_not_interpreted(stated):
-    page = identity.first_page(stated, verdict.findings(stated)).markdown
+    page = identity.first_page(stated, findings.findings(stated)).markdown
     text = to_html(page, Document())
     assert "<script" not in text
     assert "&lt;script&gt;alert(1)&lt;/script&gt; | $x$ `y` {eq}`1` [a](b)" in text

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from pypdf import PdfReader
 
-from acx4book.report import page, verdict
+from acx4book.report import findings, page
 from acx4book.report.material import image_residuals, read
 from acx4book.report.page import DIRECTIVE, PAGE_MARK, TEXT, Part, computed, parts
 from acx4book.report.words import Text
@@ -25,7 +25,7 @@ from support.run_results import SINGLE, edit
 
 @pytest.fixture(scope="module")
 def told(run):
-    text = page.text(run, verdict.findings(run))
+    text = page.text(run, findings.findings(run))
     assert page.MARK in text.encode()[:4096]
     return json.loads(text, parse_constant=pytest.fail)
 
@@ -45,7 +45,7 @@ def test_parameters_and_covariance_are_those_of_the_results(run, told):
 
 
 def test_the_statement_is_that_of_the_page(run, told):
-    found = verdict.findings(run)
+    found = findings.findings(run)
     assert [f["question"] for f in told["statement"]["findings"]] == [f.question for f in found]
     assert told["statement"]["holds"] is True
     assert (told["statement"]["level"], told["statement"]["procedure"]) == (0.05, "Holm")

@@ -7,7 +7,7 @@ from bs4 import BeautifulSoup
 from pypdf import PdfReader
 
 from acx4book.report import page, typeset
-from acx4book.report.verdict import findings
+from acx4book.report.findings import findings
 
 PAGE = """<html><head><meta name="dcterms.date" content="2026-02-03"><title>no</title></head>
 <body>{}</body></html>"""

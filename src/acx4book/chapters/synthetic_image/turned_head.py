@@ -90,21 +90,8 @@ def _spread(places: Array) -> Array:
     return places[np.unique(np.linspace(0, len(places) - 1, MOST).astype(np.intp))]
 
 
-def by_turns(orientation: RelativeOrientation, head: int, xy: Array) -> Array:
-    """Return how places of a head move in the synthetic image where it is turned.
-
-    Parameters
-    ----------
-    orientation : RelativeOrientation
-    head : int
-    xy : ndarray, shape (n, 2)
-        Synthetic image, mm.
-
-    Returns
-    -------
-    ndarray, shape (n, 2, 3)
-        mm per degree of ω, φ and κ.
-    """
+def _by_turns(orientation: RelativeOrientation, head: int, xy: Array) -> Array:
+    """Return how places of a head move in the synthetic image where it is turned."""
     colrow = head_from_synthetic(orientation, head, xy)
     moved = []
     for angle in range(3):
@@ -153,7 +140,7 @@ def explorer(
         float(np.clip(round(step * round(v / step), 4), low, high))
         for v, (low, high) in zip(changed, limits, strict=True)
     ]
-    moved = [by_turns(orientation, head, seam.xy) / synthetic.pixel_mm for seam in found]
+    moved = [_by_turns(orientation, head, seam.xy) / synthetic.pixel_mm for seam in found]
     mean = np.concatenate(moved).mean(axis=0)
     everywhere = dict(zip((f"with {names[seam.head]}" for seam in found), moved, strict=True))
     everywhere["all overlaps"] = np.concatenate(moved)
@@ -235,7 +222,7 @@ def _lines(orientation: RelativeOrientation, synthetic: Camera, seam: Seam, head
     places, axes = seam.line()
     middle = np.nanmean(footprint(orientation, head)[:4], axis=0)
     side = HALF_PX if axes[0] @ (middle - seam.xy.mean(axis=0)) > 0 else -HALF_PX
-    turns = by_turns(orientation, head, places) / synthetic.pixel_mm
+    turns = _by_turns(orientation, head, places) / synthetic.pixel_mm
     moved = np.einsum("ij,njk->nik", axes, turns)  # across the seam, along it
     known = np.isfinite(moved).all(axis=(1, 2))
     high = APART_PX * (LINES - 1) / 2 + 0.7 * HALF_PX

@@ -59,7 +59,7 @@ def texts(benchmarks: Mapping[str, Benchmark]) -> Iterator[tuple[str, str]]:
     parts = {
         "commands": commands,
         "many": many,
-        "measuring": measuring,
+        "measuring": _measuring,
         "adjustment": adjustment,
         "rendering": rendering,
     }
@@ -168,7 +168,7 @@ def many(benchmark: Benchmark) -> Iterator[str]:
     yield _table(table, caption, "many", {**formats, "MB of a worker": ".0f"})
 
 
-def measuring(benchmark: Benchmark) -> Iterator[str]:
+def _measuring(benchmark: Benchmark) -> Iterator[str]:
     """Yield the table of what `acx4 measure` takes, measured and computed."""
     found = computed(benchmark.runs)
     shown = found[found["pictures"] > 0]

@@ -53,7 +53,7 @@ def focal_lengths_of_heads() -> Array:
     return f
 
 
-def focal_length() -> tuple[str, str, str]:
+def _focal_length() -> tuple[str, str, str]:
     """Item 7: two nominal focal lengths."""
     nominal, fixed = paper.statement("head_f_nominal_mm"), paper.statement("head_f_fixed_mm")
     given = np.array([paper.statement(f"block_1_{level}_gsd_m") for level in ("high", "low")])
@@ -93,7 +93,7 @@ def total_distortion_px() -> Array:
     return px
 
 
-def border_distortion() -> tuple[str, str, str]:
+def _border_distortion() -> tuple[str, str, str]:
     """Item 10: the distortion at the border of the heads."""
     radial, total = border_distortion_px(), total_distortion_px()
     return (
@@ -108,7 +108,7 @@ def border_distortion() -> tuple[str, str, str]:
     )
 
 
-def missing_digit() -> tuple[str, str, str]:
+def _missing_digit() -> tuple[str, str, str]:
     """Item 8: a principal point without its first digit."""
     cam3, cam4 = (paper.value(1, "xp_mm", head) for head in ("CAM3", "CAM4"))
     pixel = paper.pixel_mm("CAM3")
@@ -159,7 +159,7 @@ def _mean_phi_deg() -> float:
     return float(np.mean([paper.value(1, "phi_deg", head) for head in paper.HEADS]))
 
 
-def reference_camera() -> tuple[str, str, str]:
+def _reference_camera() -> tuple[str, str, str]:
     """Item 16: the reference camera is not aligned with itself."""
     phi = [paper.value(1, "phi_deg", head) for head in paper.HEADS]
     omega = paper.value(1, "omega_deg", "CAM1")
@@ -239,7 +239,7 @@ def uncovered() -> tuple[float, float]:
     return float(1 - as_read.mean()), float(1 - transposed.mean())
 
 
-def coverage() -> tuple[str, str, str]:
+def _coverage() -> tuple[str, str, str]:
     """Item 17: do the heads cover the synthetic image, and why is its pixel smaller."""
     feet = np.concatenate([footprint(head) for head in paper.HEADS])
     low, high = feet.min(axis=0), feet.max(axis=0)
@@ -322,22 +322,22 @@ def _checks(run: Run) -> dict[int, tuple[str, str, Check]]:
         1: (MISPRINT, "eq. (2)", _y_equation),
         2: (MISPRINT, "before eq. (14)", _equation_number),
         3: (MISPRINT, "Table 3", mounting.exponents),
-        4: (MISPRINT, "Tables 1 and 3", units),
+        4: (MISPRINT, "Tables 1 and 3", _units),
         5: (CONTRADICTION, "Table 4", validation.rms_and_sigma),
         6: (CONTRADICTION, "Table 4", validation.small_errors),
-        7: (CONTRADICTION, "2.1, 3.1, Tables 1 and 3", focal_length),
-        8: (MISPRINT, "Table 1", missing_digit),
+        7: (CONTRADICTION, "2.1, 3.1, Tables 1 and 3", _focal_length),
+        8: (MISPRINT, "Table 1", _missing_digit),
         9: (CONTRADICTION, "4.1, Table 3", mounting.synthetic_distortion),
-        10: (CONSISTENT, "4.1, Table 1", border_distortion),
+        10: (CONSISTENT, "4.1, Table 1", _border_distortion),
         11: (OPEN, "4.1", partial(correlations, run.correlations)),
         12: (OPEN, "Table 3", mounting.angle_sigmas),
         13: (OPEN, "Tables 1 and 3", mounting.variance_factors),
         14: (CONSISTENT, "Table 3", partial(mounting.lever_arm, run.absorbed)),
         15: (OPEN, "Table 3", mounting.phi_difference),
-        16: (OPEN, "Table 1", reference_camera),
-        17: (CONSISTENT, "Tables 1 and 2", coverage),
+        16: (OPEN, "Table 1", _reference_camera),
+        17: (CONSISTENT, "Tables 1 and 2", _coverage),
         18: (CONTRADICTION, "abstract, Table 4", validation.headline),
-        19: (OPEN, "2.2, 3.2", one_direction),
+        19: (OPEN, "2.2, 3.2", _one_direction),
         20: (OPEN, "4.3", validation.map_scales),
         21: (OPEN, "3.1, Table 4", partial(validation.error_budget, run.predicted_m)),
         22: (MISPRINT, "throughout", _wording),
@@ -368,15 +368,15 @@ def errata(findings: Sequence[Finding]) -> pd.DataFrame:
     """Return what is misprinted, contradictory or open: a table of the findings, kind by kind."""
     kinds = (CONTRADICTION, OPEN, MISPRINT)
     wrong = [finding for finding in findings if finding.kind in kinds]
-    return table(sorted(wrong, key=lambda finding: kinds.index(finding.kind)))
+    return _table(sorted(wrong, key=lambda finding: kinds.index(finding.kind)))
 
 
 def consistent(findings: Sequence[Finding]) -> pd.DataFrame:
     """Return the findings that the paper's numbers agree, as a table."""
-    return table([finding for finding in findings if finding.kind == CONSISTENT])
+    return _table([finding for finding in findings if finding.kind == CONSISTENT])
 
 
-def table(findings: Sequence[Finding]) -> pd.DataFrame:
+def _table(findings: Sequence[Finding]) -> pd.DataFrame:
     """Return findings as a table: number, kind, place, paper, computed, verdict."""
     columns = [*Finding.__dataclass_fields__]
     found = pd.DataFrame([asdict(finding) for finding in findings], columns=columns)
@@ -473,7 +473,7 @@ def _images_of_blocks() -> Agreement:
     )
 
 
-def megapixels() -> Agreement:
+def _megapixels() -> Agreement:
     """Multiply the sides of a head's image."""
     width, height = paper.statement("head_width_px"), paper.statement("head_height_px")
     return (
@@ -508,7 +508,7 @@ def _synthetic_ground_pixels() -> Agreement:
     )
 
 
-def residuals() -> Agreement:
+def _residuals() -> Agreement:
     """Express the synthetic image's residuals in its pixels."""
     um = paper.statement("synthetic_quality_um")
     return (
@@ -529,7 +529,7 @@ def _share_of_small_errors() -> Agreement:
     )
 
 
-def rotation() -> Agreement:
+def _rotation() -> Agreement:
     """Test that eq. (6) is a rotation, at Table 1's angles."""
     rotations = rotation_from_opk(np.array([paper.opk(head) for head in paper.HEADS]))
     error = np.abs(rotations @ np.swapaxes(rotations, 1, 2) - np.eye(3)).max()
@@ -540,12 +540,12 @@ def rotation() -> Agreement:
 
 CHECKS = (
     _images_of_blocks,
-    megapixels,
+    _megapixels,
     _synthetic_size,
     _synthetic_ground_pixels,
-    residuals,
+    _residuals,
     _share_of_small_errors,
-    rotation,
+    _rotation,
 )
 
 
@@ -583,7 +583,7 @@ def _equation_number() -> tuple[str, str, str]:
     )
 
 
-def units() -> tuple[str, str, str]:
+def _units() -> tuple[str, str, str]:
     """Item 4: the decentring coefficients have another unit."""
     rows = [
         (number, row)
@@ -603,7 +603,7 @@ def units() -> tuple[str, str, str]:
     )
 
 
-def one_direction() -> tuple[str, str, str]:
+def _one_direction() -> tuple[str, str, str]:
     """Item 19: the first block lacks the opposite directions that section 2.2 asks for."""
     directions = paper.statement("block_1_low_directions")
     heads = [paper.sigma(1, name, c) for name in ("xp_mm", "yp_mm") for c in paper.HEADS]

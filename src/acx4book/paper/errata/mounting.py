@@ -86,7 +86,7 @@ def decentring_px(interior: Interior) -> tuple[float, float]:
     return float(np.abs(dxy).max()), float(np.hypot(*dxy.T).max())
 
 
-def significance(parameter: str, method: str) -> float:
+def _significance(parameter: str, method: str) -> float:
     """Return a value of Table 3 divided by its standard deviation."""
     return abs(printed.value(3, parameter, method)) / printed.sigma(3, parameter, method)
 
@@ -97,7 +97,7 @@ def synthetic_distortion() -> tuple[str, str, str]:
     edge, corner = float(printed.corners("SYN")[0, 1]), corner_radius()
     edge_px, corner_px = (radial_mm(interior, r) / printed.pixel_mm("SYN") for r in (edge, corner))
     component, length = decentring_px(interior)
-    p1, p2 = (significance(name, "two_step") for name in ("p1", "p2"))
+    p1, p2 = (_significance(name, "two_step") for name in ("p1", "p2"))
     return (
         "decentring not significant, radial distortion at the border close to"
         f" {printed.statement('synthetic_border_distortion_px'):.0f} px (4.1)",

@@ -52,12 +52,12 @@ QUESTIONS = (
 )
 
 
-def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly the whole block."""
     return flights.fly(errors, title, flights.drawn_camera(truth), flights.WHOLE)
 
 
-def given(case: Case) -> Sequence[str]:
+def _given(case: Case) -> Sequence[str]:
     """Return how many strips there are."""
     return [f"The block has {len({*case.block.images.strips})} strips; images.csv names them."]
 
@@ -71,7 +71,7 @@ def _covariance(case: Case, strips: Sequence[str]) -> Array:
     return tables.covariance(calibration).loc[names, names].to_numpy()
 
 
-def solve(case: Case) -> Rights:
+def _solve(case: Case) -> Rights:
     """Adjust the block with the strips of each design."""
     found = {design: _covariance(case, strips) for design, strips in DESIGNS.items()}
     right = {
@@ -123,9 +123,9 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
 SHEET = Sheet(
     name="lab-8",
     title="What the flight does not determine",
-    fly=fly,
+    fly=_fly,
     questions=QUESTIONS,
-    given=given,
-    solve=solve,
+    given=_given,
+    solve=_solve,
     mistakes=_mistakes,
 )

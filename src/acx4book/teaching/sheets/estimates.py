@@ -82,13 +82,13 @@ QUESTIONS = (
 )
 
 
-def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly the whole block, and an independent one."""
     camera = flights.drawn_camera(truth)
     return flights.fly(errors, title, camera, flights.WHOLE, proof=flights.PROOF)
 
 
-def given(case: Case) -> Sequence[str]:
+def _given(case: Case) -> Sequence[str]:
     """Return how many check points there are."""
     return [f"{len(case.flight.block('validation').check)} check points are in the images."]
 
@@ -112,7 +112,7 @@ def statistics(d: Array, *, ddof: int = 1) -> dict[str, float]:
     }
 
 
-def solve(case: Case) -> Rights:
+def _solve(case: Case) -> Rights:
     """Calibrate, and compare the check points."""
     found = statistics(_validation(case).points.d)
     digits = {question.name: question.digits for question in QUESTIONS}
@@ -157,9 +157,9 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
 SHEET = Sheet(
     name="lab-7",
     title="Proof on an independent block",
-    fly=fly,
+    fly=_fly,
     questions=QUESTIONS,
-    given=given,
-    solve=solve,
+    given=_given,
+    solve=_solve,
     mistakes=_mistakes,
 )

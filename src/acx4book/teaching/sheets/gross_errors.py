@@ -59,7 +59,7 @@ QUESTIONS = (
 )
 
 
-def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly the whole block, with one wrong target, one wrong position and one wrong heading."""
     rng = np.random.default_rng([truth, *b"gross errors"])
     planted = GrossErrors(
@@ -73,7 +73,7 @@ def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     return flights.fly(errors, title, flights.drawn_camera(truth), flights.WHOLE, options=options)
 
 
-def given(case: Case) -> Sequence[str]:
+def _given(case: Case) -> Sequence[str]:
     """Return how many errors of which kind there are."""
     return [
         "One control point, the position of one exposure and the attitude of another are wrong, "
@@ -90,7 +90,7 @@ def number(name: str) -> float:
     return float("".join(c for c in name if c.isdigit()))
 
 
-def solve(case: Case) -> Rights:
+def _solve(case: Case) -> Rights:
     """Look for gross errors as the command does."""
     bundle = calibrate(case.flight).mountings["single_step"].bundle
     count = sum(rejection.kind == "image_point" for rejection in bundle.rejected)
@@ -137,9 +137,9 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
 SHEET = Sheet(
     name="lab-5",
     title="Residuals and gross errors",
-    fly=fly,
+    fly=_fly,
     questions=QUESTIONS,
-    given=given,
-    solve=solve,
+    given=_given,
+    solve=_solve,
     mistakes=_mistakes,
 )

@@ -43,7 +43,7 @@ QUESTIONS = (
 )
 
 
-def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly one strip with a camera that is known; the first usable target is not surveyed."""
     camera = flights.drawn_camera(truth)
     known = flights.certificate(camera)
@@ -66,7 +66,7 @@ def _unknown(case: Case) -> tuple[str, Index]:
     return name, rows[[0, -1]]
 
 
-def given(case: Case) -> Sequence[str]:
+def _given(case: Case) -> Sequence[str]:
     """Return the student's point and images."""
     name, rows = _unknown(case)
     first, last = (case.block.images.names[i] for i in case.block.image_points.image_idx[rows])
@@ -97,7 +97,7 @@ def _intersected(case: Case, block: Block) -> tuple[Array, direct.Intersections,
     return block.frame.to_grid(found.x_m)[0], found, angle
 
 
-def solve(case: Case) -> Rights:
+def _solve(case: Case) -> Rights:
     """Intersect the two rays."""
     enh, found, angle = _intersected(case, case.block)
     axes = case.block.frame.grid_axes(found.x_m)
@@ -209,9 +209,9 @@ def _lever_on_map(case: Case) -> Block:
 SHEET = Sheet(
     name="lab-3",
     title="A point from two images",
-    fly=fly,
+    fly=_fly,
     questions=QUESTIONS,
-    given=given,
-    solve=solve,
+    given=_given,
+    solve=_solve,
     mistakes=_mistakes,
 )

@@ -54,12 +54,12 @@ QUESTIONS = (
 )
 
 
-def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly two heights, crossing and opposite strips."""
     return flights.fly(errors, title, flights.drawn_camera(truth), flights.WHOLE)
 
 
-def given(case: Case) -> Sequence[str]:
+def _given(case: Case) -> Sequence[str]:
     """Return what the sheet needs to say of a flight: the half diagonal of its images."""
     camera = case.block.cameras[0]
     corner = camera.pixel_mm / 2 * np.hypot(camera.width_px, camera.height_px)
@@ -93,7 +93,7 @@ def _calibration(case: Case) -> Calibration:
     return calibrate(case.flight).mountings["single_step"].calibration
 
 
-def solve(case: Case) -> Rights:
+def _solve(case: Case) -> Rights:
     """Calibrate, and propagate the covariance of the lens."""
     calibration = _calibration(case)
     J = _jacobian()
@@ -149,9 +149,9 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
 SHEET = Sheet(
     name="lab-4",
     title="The lens",
-    fly=fly,
+    fly=_fly,
     questions=QUESTIONS,
-    given=given,
-    solve=solve,
+    given=_given,
+    solve=_solve,
     mistakes=_mistakes,
 )

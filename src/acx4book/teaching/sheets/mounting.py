@@ -62,17 +62,17 @@ QUESTIONS = (
 )
 
 
-def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly two heights, crossing and opposite strips."""
     return flights.fly(errors, title, flights.drawn_camera(truth), flights.WHOLE)
 
 
-def given(case: Case) -> Sequence[str]:
+def _given(case: Case) -> Sequence[str]:
     """Return the student's image."""
     return [f"Your image is `{case.block.images.names[IMAGE]}`."]
 
 
-def solve(case: Case) -> Rights:
+def _solve(case: Case) -> Rights:
     """Calibrate by both methods."""
     methods = calibrate(case.flight).mountings
     single, two = _by_method(case, methods)
@@ -180,9 +180,9 @@ def _convergence(case: Case, R_g_b: Array, R_b_c: Array) -> Iterator[Mistake]:
 SHEET = Sheet(
     name="lab-6",
     title="Boresight and lever arm",
-    fly=fly,
+    fly=_fly,
     questions=QUESTIONS,
-    given=given,
-    solve=solve,
+    given=_given,
+    solve=_solve,
     mistakes=_mistakes,
 )

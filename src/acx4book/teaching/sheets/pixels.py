@@ -40,7 +40,7 @@ QUESTIONS = tuple(
 )
 
 
-def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly one strip."""
     return flights.fly(errors, title, flights.drawn_camera(truth), flights.WHOLE[:1])
 
@@ -51,7 +51,7 @@ def _row(case: Case) -> int:
     return int(np.flatnonzero(np.isin(points.point_idx, case.block.control.point_idx))[0])
 
 
-def given(case: Case) -> Sequence[str]:
+def _given(case: Case) -> Sequence[str]:
     """Return the student's image and point."""
     points, row = case.block.image_points, _row(case)
     image = case.block.images.names[points.image_idx[row]]
@@ -87,7 +87,7 @@ def _off_axis(case: Case, xy: Array) -> float:
     return float(np.degrees(np.arctan2(np.hypot(*xy), case.block.cameras[0].interior.f)))
 
 
-def solve(case: Case) -> Rights:
+def _solve(case: Case) -> Rights:
     """Compute everything from the tables of the flight."""
     digits = {question.name: question.digits for question in QUESTIONS}
     xy = xy_from_colrow(case.block.cameras[0], _measured(case)[None])[0]
@@ -162,9 +162,9 @@ def _of_heights(case: Case, right: Rights) -> Iterator[Mistake]:
 SHEET = Sheet(
     name="lab-1",
     title="Pixels, directions and scale",
-    fly=fly,
+    fly=_fly,
     questions=QUESTIONS,
-    given=given,
-    solve=solve,
+    given=_given,
+    solve=_solve,
     mistakes=_mistakes,
 )

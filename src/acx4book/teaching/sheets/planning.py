@@ -52,7 +52,7 @@ SEED, PLAN, TARGET = "lab_seed", "lab_plan", "lab_target"
 """Entries of the truth of a flight of this sheet."""
 
 
-def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly the cheapest strips that reach the student's target, with the student's seed."""
     plan, seed = _plan(truth, title), errors % 1_000_000
     cheap = _cheap(truth, plan)
@@ -128,7 +128,7 @@ def _candidates(plan: Plan, wanted: Mapping[str, Any]) -> Candidates:
     return choosing.of(choosing.from_values(wanted, plan))
 
 
-def given(case: Case) -> Sequence[str]:
+def _given(case: Case) -> Sequence[str]:
     """Return the student's seed."""
     return [
         "`plan.toml` has the strips that you may fly, `target.toml` what is wanted and the longest",
@@ -149,7 +149,7 @@ def _values(case: Case) -> dict[str, Any]:
     return {**case.truth[PLAN], "name": case.flight.name}
 
 
-def solve(case: Case) -> Rights:
+def _solve(case: Case) -> Rights:
     """Predict the strips that were flown, which are the cheapest, and adjust their flight."""
     plan = plans.from_values(_values(case))
     flown = {*case.block.images.strips}
@@ -209,10 +209,10 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
 SHEET = Sheet(
     name="lab-9",
     title="Plan a flight, and fly it",
-    fly=fly,
+    fly=_fly,
     questions=QUESTIONS,
-    given=given,
-    solve=solve,
+    given=_given,
+    solve=_solve,
     mistakes=_mistakes,
     hand_out=_hand_out,
 )

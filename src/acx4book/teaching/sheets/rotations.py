@@ -50,14 +50,14 @@ QUESTIONS = (
 )
 
 
-def fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly one strip with a camera that is known."""
     camera = flights.drawn_camera(truth)
     known = flights.certificate(camera)
     return flights.fly(errors, title, camera, flights.WHOLE[:1], known=known)
 
 
-def given(case: Case) -> Sequence[str]:
+def _given(case: Case) -> Sequence[str]:
     """Return the student's exposure."""
     return [
         f"Your exposure is `{case.block.images.names[IMAGE]}`. The boresight is known: the "
@@ -95,7 +95,7 @@ def _opk_deg(R: Array) -> Array:
     return np.degrees(opk_from_rotation(R))
 
 
-def solve(case: Case) -> Rights:
+def _solve(case: Case) -> Rights:
     """Turn the body's attitude, then the camera's."""
     block = case.block
     R_g_m = block.trajectory.R_g_m[block.images.exposure_idx[IMAGE]]
@@ -179,9 +179,9 @@ def _wrong_cameras(right: Rights, R_b_c: Array) -> Iterator[Mistake]:
 SHEET = Sheet(
     name="lab-2",
     title="Rotations: the attitude of one exposure",
-    fly=fly,
+    fly=_fly,
     questions=QUESTIONS,
-    given=given,
-    solve=solve,
+    given=_given,
+    solve=_solve,
     mistakes=_mistakes,
 )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from acx4book.command import endings
 from acx4book.notebooks import functions, runner
-from acx4book.report import material, page, verdict
+from acx4book.report import findings, material, page
 from acx4lib.errors import UNSEEN
 from acx4tools.exchange.outward.kinds import KINDS as EXPORTS
 from support.flights import pictured, written
@@ -111,4 +111,4 @@ def _said(command: str, good: Path, folder: Path, case: int) -> tuple[int, str, 
 def _record(folder: Path) -> None:
     """Make the report for machines, which needs no figures."""
     read = material.read(folder)
-    page.text(read, verdict.findings(read))
+    page.text(read, findings.findings(read))

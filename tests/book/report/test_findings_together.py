@@ -13,11 +13,13 @@ from acx4book.report.findings import (
     ChanceTest,
     Finding,
     all_tests,
+    findings,
     judged,
     matters,
+    statement,
+    verdict_table,
 )
 from acx4book.report.material import read
-from acx4book.report.verdict import findings, statement, verdict_table
 
 
 def asked(question, *p, passed="It is right."):
