@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.paper import absorbed
+from acx4book.paper import errata
 from acx4book.paper import printed as paper
-from acx4book.paper.errata import mounting
 from acx4book.paper.printed import ROLES
 from acx4book.typesetting.labels import LABELS, TITLES, value_and_sigma, with_unit
 from acx4book.typesetting.myst import myst_table, scientific
@@ -464,7 +463,9 @@ def _tables(card: pd.DataFrame) -> str:
 def _standing_out(card: pd.DataFrame, found: folder.Results, flight: Flight) -> str:
     """Return what stands out, as a list."""
     lines = (
-        _shift_of_methods(card, mounting.lever_arm_in_interior(absorbed.of_run(flight, found))),
+        _shift_of_methods(
+            card, errata.lever_arm_in_interior(errata.absorbed_of_run(flight, found))
+        ),
         _sigma_of_table_3(card, flight),
         _rms_of_table_4(card, found),
     )

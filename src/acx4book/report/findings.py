@@ -18,13 +18,12 @@ from acx4book.report.material import (
     validated,
 )
 from acx4book.report.mounting import turns_of
-from acx4book.report.parameters import STRONG, strong_pairs
+from acx4book.report.parameters import STRONG, pair_texts, strong_pairs
 from acx4book.report.words import (
     Text,
     adjustment_title,
     begun,
     listed,
-    pair_texts,
     plural,
     show,
     table,

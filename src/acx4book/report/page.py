@@ -33,7 +33,7 @@ from acx4book.report import (
 from acx4book.report.adjustment import decisive_qualities
 from acx4book.report.findings import FAILS, LEVEL, NOT_EXAMINED, Finding
 from acx4book.report.markdown import Document, number_labels, table_labels, to_html
-from acx4book.report.material import Material, checked_points, read, validated
+from acx4book.report.material import Material, checked_points, image_residuals, read, validated
 from acx4book.report.parameters import Lens, balanced, corners, correlations, lenses, profile
 from acx4book.report.words import Text
 from acx4book.typesetting import maps, matrix
@@ -407,7 +407,7 @@ def computed(run: Material, found: Sequence[Finding]) -> dict[str, Callable[[], 
     found : sequence of Finding
         Of this run.
     """
-    planes = cache(lambda: {**words.planes(run, "mounting"), **words.planes(run, "heads")})
+    planes = cache(lambda: {**_planes(run, "mounting"), **_planes(run, "heads")})
     mapped = cache(lambda: ground.mapped(run))
     return {
         "certificate": lambda: identity.first_page(run, found),
@@ -417,7 +417,7 @@ def computed(run: Material, found: Sequence[Finding]) -> dict[str, Callable[[], 
         "blocks": lambda: maps.block_maps(*identity.mapped(run)),
         "adjustment": lambda: adjustment.section(run),
         "parameters": lambda: parameters.section(run),
-        "correlations": lambda: matrix.correlation_matrix(words.correlation_picture(run)),
+        "correlations": lambda: matrix.correlation_matrix(parameters.correlation_picture(run)),
         "image": lambda: parameters.image_figure(run),
         "distortion": lambda: parameters.image_section(run),
         "plane": lambda: adjustment.residual_plane(planes(), run.flight.cameras),
@@ -429,6 +429,12 @@ def computed(run: Material, found: Sequence[Finding]) -> dict[str, Callable[[], 
         "budget": lambda: ground.section(mapped()),
         "format": lambda: ground.over_format(mapped()),
     }
+
+
+def _planes(material: Material, stage: str) -> dict[str, pd.DataFrame]:
+    """Return the image residuals of a stage's decisive adjustments, by their titles."""
+    names = [name for name in material.decisive if name.startswith(f"{stage}/")]
+    return {words.heading(name): image_residuals(material, name) for name in names}
 
 
 def parts(

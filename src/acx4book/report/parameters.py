@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from acx4book.report.material import Material
-from acx4book.report.words import Text, heading, listed, pair_texts, parameter_title, show, table
+from acx4book.report.words import Text, heading, listed, parameter_title, show, table
 from acx4book.typesetting import maps, style
-from acx4book.typesetting.labels import group_label, p_value, value_and_sigma, with_unit
+from acx4book.typesetting.labels import LABELS, group_label, p_value, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration.estimates import METHODS
 from acx4lib.calibration.joint_tests import GroupTest, group_tests, undistorted
@@ -195,6 +195,34 @@ def strong_pairs(material: Material, stage_method: str) -> list[Pair]:
         if abs(values[i, j]) > STRONG
     ]
     return sorted(found, key=lambda pair: -abs(pair.rho))
+
+
+def pair_texts(pairs: Sequence[Pair]) -> list[Markup]:
+    """Return pairs of parameters with their correlations, and their camera where several occur."""
+    cameras = {name.rpartition("/")[0] for pair in pairs for name in (pair.one, pair.other)}
+    return [_pair_text(pair, whose=len(cameras) > 1) for pair in pairs]
+
+
+def _pair_text(pair: Pair, *, whose: bool) -> Markup:
+    one, other = (shown(parameter_title(name)) for name in (pair.one, pair.other))
+    first, last = (name.rpartition("/")[0] for name in (pair.one, pair.other))
+    if whose and last:
+        other = Markup(f"{other} of {shown(last)}")
+    if whose and first and first != last:
+        one = Markup(f"{one} of {shown(first)}")
+    return Markup(f"{one} and {other} ({pair.rho:+.2f})")
+
+
+def correlation_picture(material: Material) -> pd.DataFrame:
+    """Return the correlations of the calibration, for `matrix.correlation_matrix`."""
+    if not material.calibration:
+        return pd.DataFrame()
+    related = correlations(material, material.calibration)
+    names = [str(name) for name in related.index]
+    parts = [name.rpartition("/") for name in names]  # a parameter has no slash, a strip may have
+    if len({camera for camera, _, _ in parts}) == 1 and all(name in LABELS for *_, name in parts):
+        names = [name for *_, name in parts]
+    return pd.DataFrame(related.to_numpy(), index=names, columns=names)
 
 
 # --- sections

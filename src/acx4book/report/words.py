@@ -8,11 +8,8 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from acx4book.report.material import Material, image_residuals
-from acx4book.report.parameters import Pair, correlations
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import myst_table
-from acx4book.typesetting.plain_text import Markup, shown
 
 STAGES = {"heads": "head", "mounting": "", "validation": "validation,", "synthetic": "synthetic"}
 
@@ -43,22 +40,6 @@ def parameter_title(name: str) -> str:
     if drift := _DRIFT.fullmatch(name):
         return f"GNSS drift of strip {drift[1]}, {drift[2]}"
     return LABELS.get(name.rpartition("/")[2], name)
-
-
-def pair_texts(pairs: Sequence[Pair]) -> list[Markup]:
-    """Return pairs of parameters with their correlations, and their camera where several occur."""
-    cameras = {name.rpartition("/")[0] for pair in pairs for name in (pair.one, pair.other)}
-    return [_pair_text(pair, whose=len(cameras) > 1) for pair in pairs]
-
-
-def _pair_text(pair: Pair, *, whose: bool) -> Markup:
-    one, other = (shown(parameter_title(name)) for name in (pair.one, pair.other))
-    first, last = (name.rpartition("/")[0] for name in (pair.one, pair.other))
-    if whose and last:
-        other = Markup(f"{other} of {shown(last)}")
-    if whose and first and first != last:
-        one = Markup(f"{one} of {shown(first)}")
-    return Markup(f"{one} and {other} ({pair.rho:+.2f})")
 
 
 def listed(names: Sequence[str]) -> str:
@@ -136,28 +117,3 @@ def table(frame: pd.DataFrame, caption: str, *, name: str, obtained: str = "") -
 def show(*parts: str) -> Text:
     """Return sentences and tables as the output of a cell."""
     return Text("\n\n".join(part for part in parts if part))
-
-
-def planes(material: Material, stage: str) -> dict[str, pd.DataFrame]:
-    """Return the image residuals of a stage's decisive adjustments, by their titles.
-
-    Parameters
-    ----------
-    material : Material
-    stage : str
-        ``mounting`` or ``heads``.
-    """
-    names = [name for name in material.decisive if name.startswith(f"{stage}/")]
-    return {heading(name): image_residuals(material, name) for name in names}
-
-
-def correlation_picture(material: Material) -> pd.DataFrame:
-    """Return the correlations of the calibration, for `matrix.correlation_matrix`."""
-    if not material.calibration:
-        return pd.DataFrame()
-    related = correlations(material, material.calibration)
-    names = [str(name) for name in related.index]
-    parts = [name.rpartition("/") for name in names]  # a parameter has no slash, a strip may have
-    if len({camera for camera, _, _ in parts}) == 1 and all(name in LABELS for *_, name in parts):
-        names = [name for *_, name in parts]
-    return pd.DataFrame(related.to_numpy(), index=names, columns=names)

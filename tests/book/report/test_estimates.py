@@ -9,8 +9,12 @@ from numpy.testing import assert_allclose
 
 from acx4book.report import parameters
 from acx4book.report.material import read
-from acx4book.report.parameters import correlation_sentence, joint_table, parameter_table
-from acx4book.report.words import pair_texts
+from acx4book.report.parameters import (
+    correlation_sentence,
+    joint_table,
+    pair_texts,
+    parameter_table,
+)
 from acx4lib.results import folder as results
 from support.run_results import SINGLE
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4book.paper.errata import audit
+from acx4book.paper import errata
 from acx4lib.calibration.heads import Heads, relative_orientation
 from acx4lib.errors import AdjustmentError
 from acx4lib.results import adjustments
@@ -29,11 +29,11 @@ def test_the_stage_leaves_every_head_its_orientation_and_its_correlations(folder
     keys = {f"heads/bundle/{name}" for name in HEADS} | {"heads/relative_orientation"}
     assert set(found.summary) == keys
     assert results.cameras(found, "heads/relative_orientation") == HEADS
-    run = audit.read_run(folder)
+    run = errata.read_run(folder)
     largest = run.correlations
     assert {name.split()[0] for name in largest} == set(HEADS)
     assert all(0.1 < value <= 1 for value in largest.values())
-    assert "Cannot be the maximum" in audit.audit(run)[10].verdict
+    assert "Cannot be the maximum" in errata.audit(run)[10].verdict
 
 
 def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
