@@ -114,7 +114,7 @@ Example:
   acx4 check my_flight
 """
 )
-def _check(flight: terminal.Flight) -> None:
+def check(flight: terminal.Flight) -> None:
     """Read a flight and print a summary."""
     from acx4lib.conventions.search import notes  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
@@ -149,7 +149,7 @@ Examples:
   acx4 report my_results --out my_report.html --pdf
 """
 )
-def _report(
+def report(
     results: Annotated[Path, terminal.argument("RESULTS", "Folder of a run.")],
     out: Annotated[
         Path | None, terminal.option("FILE.html", "The file; else report.html in RESULTS.")
