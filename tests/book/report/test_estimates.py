@@ -50,11 +50,11 @@ def test_an_angle_on_the_other_side_of_180_degrees_is_near(folder):
     turned = np.diag([-1.0, -1.0, 1.0])
     mount = replace(camera, T_b_c=replace(camera.T_b_c, R=turned))
     flight = replace(material.flight, cameras={"CAM": mount})
-    parameters = material.found.parameters.copy()
-    kappa = parameters["parameter"] == "boresight_kappa_deg"
-    parameters.loc[kappa, "value"] = -179.9
-    parameters.loc[kappa, "sigma"] = 0.1
-    found = replace(material.found, parameters=parameters)
+    moved = material.found.parameters.copy()
+    kappa = moved["parameter"] == "boresight_kappa_deg"
+    moved.loc[kappa, "value"] = -179.9
+    moved.loc[kappa, "sigma"] = 0.1
+    found = replace(material.found, parameters=moved)
     listed = parameters.estimates(replace(material, flight=flight, found=found), SINGLE)
     assert_allclose(next(p.t for p in listed if p.parameter.endswith("kappa_deg")), 1.0, atol=1e-9)
 
