@@ -140,7 +140,7 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     expected.add("acx4book/report/campaigns/campaigns.css")
     expected.add("acx4book/paper/errata.md")
     expected |= {f"acx4book/report/report.{kind}" for kind in ("css", "md", "typ")}
-    expected.add("acx4book/report/consequences.md")
+    expected |= {f"acx4book/report/{name}.md" for name in ("consequences", "method")}
     expected |= {f"acx4book/teaching/slides.{kind}" for kind in ("html", "md")}
     for place, files in (
         ("acx4book/chapters/stored", "data/benchmarks/measured_flights*"),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from acx4book.report.words import Text, heading, listed, parameter_title, show, 
 from acx4book.typesetting.labels import LABELS, with_unit
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup, code
+from acx4book.typesetting.sentences import say
 from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.calibration.estimates import TWO_STEP
 from acx4lib.flight.block import Block
@@ -266,68 +268,31 @@ def _files(material: Material) -> pd.DataFrame:
 
 # --- method ----------------------------------------------------------------------------------
 
-METHODS: Mapping[str, str] = {
-    "heads": (
-        "**Heads.** Every camera head was calibrated by itself, in a bundle adjustment with "
-        "self-calibration: the collinearity equations {eq}`eq-1` to {eq}`eq-6`, with the "
-        "distortion of Brown's model, {eq}`eq-7` to {eq}`eq-11`, subtracted from the measured "
-        "point. Exterior orientations are free; control points are observations with their "
-        "standard deviations. Estimated: %s. From them follows the orientation of the heads in "
-        "the frame of the synthetic image."
-    ),
-    "single_step": (
-        "**Calibration.** One adjustment estimates the interior orientation, the boresight and "
-        "the lever arm, equation {eq}`eq-14` in place of free exterior orientations. "
-        "Observations are image points, control points, and position and attitude of every "
-        "exposure from GNSS and INS. Estimated of the interior orientation: %s."
-    ),
-    "two_step": (
-        "**Calibration.** A bundle adjustment with self-calibration on control points, then the "
-        "mean boresight and lever arm of all exposures, equations {eq}`eq-12` and {eq}`eq-13`, "
-        "weighted by their covariance matrices. Estimated of the interior orientation: %s."
-    ),
-    "given": "**Calibration.** None; the cameras are validated as the flight declares them.",
-}
-
-CARRIED = (
-    "**Synthetic images.** Points were measured in the images of the heads. Their rays, corrected "
-    "by the calibrated heads, were carried into the synthetic image of each exposure, and the "
-    "calibration and the validation of its camera use these. Their standard deviations are those "
-    "of the measurements; errors of the heads' calibration are not part of them."
-)
-
-ESTIMATION = (
-    "**Estimation.** Least squares with the a priori standard deviations as weights, iterated to "
-    "convergence. Standard deviations follow from the full covariance matrix, multiplied by the "
-    "root of the variance of unit weight. Gross errors were looked for by w-tests with the "
-    f"critical value {CRITICAL:g}, and taken out."
-)
+METHOD = Path(__file__).with_name("method.md")
+"""Its paragraphs, of which those are left out that say nothing of a flight."""
 
 
 def method(material: Material) -> str:
     """Return what was computed, with the numbers of the equations, as Markdown."""
-    flight, parts = material.flight, []
-    if any(name.startswith("heads/bundle") for name in material.adjustments):
-        parts.append(METHODS["heads"] % _names(flight.estimate_heads))
-    chosen = material.calibration.partition("/")[2]
-    key = "two_step" if chosen in TWO_STEP else chosen or "given"
-    text = METHODS[key]
-    parts.append(text % _names(flight.estimate_mounting) if "%s" in text else text)
-    if flight.carried:
-        parts.insert(-1, CARRIED)
-    if flight.fix:
-        parts[-1] += f" Held: {listed([name.replace('_', ' ') for name in flight.fix])}."
-    if flight.gnss and chosen == "single_step":
-        named = [name.replace("_", " ") for name in flight.gnss]
-        parts[-1] += f" Estimated errors of the trajectory: {listed(named)}."
-    if material.adjustments:
-        parts.append(ESTIMATION)
-    if flight.validation is not None:
-        parts.append(
-            "**Validation.** Check points of an independent block, intersected from the "
-            "trajectory and the calibrated camera alone; no coordinate on the ground took part."
-        )
-    return "\n\n".join(parts)
+    flight, chosen = material.flight, material.calibration.partition("/")[2]
+    values = {
+        "heads": any(name.startswith("heads/bundle") for name in material.adjustments),
+        "of_heads": Markup(_names(flight.estimate_heads)),
+        "carried": bool(flight.carried),
+        "method": "two_step" if chosen in TWO_STEP else chosen,
+        "estimated": Markup(_names(flight.estimate_mounting)),
+        "held": _spelled(flight.fix),
+        "gnss": _spelled(flight.gnss) if chosen == "single_step" else "",
+        "adjusted": bool(material.adjustments),
+        "critical": CRITICAL,
+        "validated": flight.validation is not None,
+    }
+    parts = METHOD.read_text("utf-8").split("\n\n")
+    return "\n\n".join(filter(None, (say(part, **values).text for part in parts)))
+
+
+def _spelled(names: Iterable[str]) -> Markup:
+    return Markup(listed([name.replace("_", " ") for name in names]))
 
 
 def _names(keys: tuple[str, ...]) -> str:
