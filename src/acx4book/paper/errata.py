@@ -116,7 +116,7 @@ def _texts() -> list[str]:
 def _finding(text: str, run: Run) -> Finding:
     heading, *parts = filter(None, text.splitlines())
     number, kind, place = re.fullmatch(r"(\d+) (\w+): (.*)", heading).groups()  # type: ignore[union-attr] # of our own text
-    values = NUMBERS[int(number)](run)
+    values = numbers(int(number), run)
     printed, computed, verdict = (say(part, **values).text for part in parts)
     return Finding(
         number=int(number),
@@ -252,7 +252,7 @@ def _whole(value: float) -> int:
     return round(value)
 
 
-def radial_mix_up_px() -> float:
+def _radial_mix_up_px() -> float:
     """Compute the largest shift of y at the heads' corners if eq. (2) is used as printed, px."""
     heads = [paper.interior(1, head) for head in paper.HEADS]
     radial = [replace(head, p1=0.0, p2=0.0) for head in heads]
@@ -285,11 +285,11 @@ def _exponents() -> Values:
     """Item 3: the exponents of Table 3 lost their minus signs."""
     cells = [paper.printed(3, name, "two_step") for name in ("k1", "k2", "k3")]
     k1, _, k3 = (literal(cell) for cell in cells)
-    r = corner_radius()
+    r = _corner_radius()
     return {
         "coefficients": Markup(", ".join(cell.split(" ")[0] for cell in cells)),
         "of_head": Markup(paper.printed(1, "k1", "CAM1").split(" ")[0]),
-        "negative_um": 1e3 * radial_mm(paper.interior(3, "two_step"), r),
+        "negative_um": 1e3 * _radial_mm(paper.interior(3, "two_step"), r),
         "k1_m": 1e-3 * k1 * r**3,
         "k3_m": 1e-3 * k3 * r**7,
     }
@@ -315,14 +315,8 @@ ROUNDING_M = 0.005
 """Half a unit of Table 4's last digit."""
 
 
-def printed_accuracy(method: str) -> Accuracy:
-    """Return the accuracy in a column of Table 4.
-
-    Parameters
-    ----------
-    method : str
-        One of `printed.METHODS`.
-    """
+def _printed_accuracy(method: str) -> Accuracy:
+    """Return the accuracy in a column of Table 4."""
     return from_summary(
         int(paper.value(4, "n_points", method)),
         mean=triple([paper.value(4, f"mean_{axis}_m", method) for axis in AXES]),
@@ -331,7 +325,7 @@ def printed_accuracy(method: str) -> Accuracy:
     )
 
 
-def least_rms(accuracy: Accuracy) -> Triple:
+def _least_rms(accuracy: Accuracy) -> Triple:
     """Compute the RMS that belongs to a mean and a standard deviation (n - 1), m."""
     mean, std = np.array(accuracy.mean), np.array(accuracy.std)
     return triple(np.sqrt(mean**2 + (1 - 1 / accuracy.n) * std**2))
@@ -346,18 +340,11 @@ def sample_size(mean: float, std: float, rms: float) -> float:
     return 1 / rest if rest > 0 else np.inf
 
 
-def implied_sample_sizes() -> pd.DataFrame:
-    """Compute for every axis of Table 4 the number of errors that its three numbers imply.
-
-    Returns
-    -------
-    DataFrame
-        method, axis, n, n_low, n_high; the limits follow from the rounding of the printed
-        numbers.
-    """
+def _implied_sample_sizes() -> pd.DataFrame:
+    """Compute for every axis of Table 4 the number of errors that its three numbers imply."""
     rows = []
     for method in paper.METHODS:
-        printed = printed_accuracy(method)
+        printed = _printed_accuracy(method)
         for axis, mean, std, rms in zip(AXES, printed.mean, printed.std, printed.rms, strict=True):
             near, far = abs(mean) - ROUNDING_M, abs(mean) + ROUNDING_M
             rows.append(
@@ -372,40 +359,33 @@ def implied_sample_sizes() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def matching_sizes(largest: int) -> list[int]:
+def _matching_sizes(largest: int) -> list[int]:
     """Return the numbers of errors for which every printed RMS comes out to its last digit."""
-    columns = [printed_accuracy(method) for method in paper.METHODS]
+    columns = [_printed_accuracy(method) for method in paper.METHODS]
     return [
         n
         for n in range(2, largest + 1)
-        if all(np.allclose(np.round(least_rms(replace(c, n=n)), 2), c.rms) for c in columns)
+        if all(np.allclose(np.round(_least_rms(replace(c, n=n)), 2), c.rms) for c in columns)
     ]
 
 
 def _rms_and_sigma() -> Values:
     """Item 5: RMS smaller than the standard deviation."""
-    printed, sizes = printed_accuracy("two_step"), implied_sample_sizes()
+    printed, sizes = _printed_accuracy("two_step"), _implied_sample_sizes()
     return {
         **{name: getattr(printed, name)[0] for name in ("mean", "std", "rms")},
         "n": printed.n,
-        "least": least_rms(printed),
+        "least": _least_rms(printed),
         "sizes": sizes["n"],
-        "allowed": [sizes["n_low"].min(), sizes["n_high"].max()],
+        "least_sizes": sizes["n_low"],
+        "largest_sizes": sizes["n_high"],
         "n_axes": len(sizes),
-        "matching": ", ".join(map(str, matching_sizes(printed.n))),
+        "matching": ", ".join(map(str, _matching_sizes(printed.n))),
     }
 
 
-def within_probability(rms: float, *, axes: int = 3) -> float:
-    """Compute the share of normal errors below the counted limit (3 ground pixels).
-
-    Parameters
-    ----------
-    rms : float
-        RMS of each axis, m.
-    axes : int
-        Number of axes of the resultant.
-    """
+def _within_probability(rms: float, *, axes: int = 3) -> float:
+    """Compute the share of normal errors below the counted limit (3 ground pixels)."""
     return float(stats.chi2.cdf((_limit_m() / rms) ** 2, axes))
 
 
@@ -413,7 +393,7 @@ def count_probability(rms: float) -> float:
     """Compute the probability of the printed count, or a larger one, for normal errors."""
     count = paper.value(4, "n_within_3_gsd", "two_step")
     n = paper.value(4, "n_points", "two_step")
-    return float(stats.binom.sf(count - 1, n, within_probability(rms)))
+    return float(stats.binom.sf(count - 1, n, _within_probability(rms)))
 
 
 def rms_of_count() -> float:
@@ -430,7 +410,7 @@ def _small_errors() -> Values:
     """Item 6: too many small discrepancies."""
     rms = paper.value(4, "rms_east_m", "two_step")
     n = paper.value(4, "n_points", "two_step")
-    share, in_plan, on_axis = (100 * within_probability(rms, axes=axes) for axes in (3, 2, 1))
+    share, in_plan, on_axis = (100 * _within_probability(rms, axes=axes) for axes in (3, 2, 1))
     return {
         "count": _whole(paper.value(4, "n_within_3_gsd", "two_step")),
         "n": _whole(n),
@@ -452,13 +432,8 @@ def _ground_pixels_m(f: float) -> tuple[float, float]:
     return pixel * high / f, pixel * low / f
 
 
-def focal_lengths_of_heads() -> Array:
-    """Compute the heads' focal lengths that Table 3's f and Table 1's Z_c mean, shape (4,), mm.
-
-    The heads were held at one focal length F, and the frame of the synthetic image has camera 1
-    at Z_c = F. A head that is longer than F by a factor comes to lie lower by it, and a frame
-    with a camera 1 that is longer has a longer f: f_1 = f, f_k = f F / Z_c.
-    """
+def _focal_lengths_of_heads() -> Array:
+    """Compute the heads' focal lengths that Table 3's f and Table 1's Z_c mean, shape (4,), mm."""
     fixed = paper.statement("head_f_fixed_mm")
     z = np.array([paper.value(1, "Zc_mm", head) for head in paper.HEADS])
     f: Array = paper.value(3, "f_mm", "single_step") * fixed / z
@@ -476,7 +451,7 @@ def _focal_length() -> Values:
         "given": given,
         "pixels": list(pixels.items()),
         "synthetic": paper.value(3, "f_mm", "single_step"),
-        "heads": focal_lengths_of_heads(),
+        "heads": _focal_lengths_of_heads(),
         "missed": [np.abs(both - given).max() for both in pixels.values()],
     }
 
@@ -492,29 +467,19 @@ def _missing_digit() -> Values:
     }
 
 
-def corner_radius() -> float:
+def _corner_radius() -> float:
     """Return the distance of the synthetic image's corners from its middle, mm."""
     return float(np.hypot(*paper.corners("SYN")[0]))
 
 
-def radial_mm(interior: Interior, r: float) -> float:
+def _radial_mm(interior: Interior, r: float) -> float:
     """Compute the radial distortion at a distance from the principal point, mm."""
     radial = replace(interior, xp=0.0, yp=0.0, p1=0.0, p2=0.0)
     return float(distortion(radial, np.array([r, 0.0]))[0])
 
 
-def decentring_px(interior: Interior) -> tuple[float, float]:
-    """Compute the decentring distortion at the worst corner, px.
-
-    Parameters
-    ----------
-    interior : Interior
-
-    Returns
-    -------
-    component, length : float
-        Largest component, and length of the vector.
-    """
+def _decentring_px(interior: Interior) -> tuple[float, float]:
+    """Compute the decentring distortion at the worst corner, px."""
     only = Interior(f=interior.f, p1=interior.p1, p2=interior.p2)
     dxy = distortion(only, paper.corners("SYN")) / paper.pixel_mm("SYN")
     return float(np.abs(dxy).max()), float(np.hypot(*dxy.T).max())
@@ -528,9 +493,9 @@ def _significance(parameter: str, method: str) -> float:
 def _synthetic_distortion() -> Values:
     """Item 9: distortion that is left in the synthetic image."""
     interior = paper.interior(3, "two_step")
-    edge, corner = float(paper.corners("SYN")[0, 1]), corner_radius()
-    edge_px, corner_px = (radial_mm(interior, r) / paper.pixel_mm("SYN") for r in (edge, corner))
-    component, length = decentring_px(interior)
+    edge, corner = float(paper.corners("SYN")[0, 1]), _corner_radius()
+    edge_px, corner_px = (_radial_mm(interior, r) / paper.pixel_mm("SYN") for r in (edge, corner))
+    component, length = _decentring_px(interior)
     return {
         "border": _whole(paper.statement("synthetic_border_distortion_px")),
         **{name: _significance(name, "two_step") for name in ("p1", "p2")},
@@ -542,14 +507,14 @@ def _synthetic_distortion() -> Values:
     }
 
 
-def border_distortion_px() -> Array:
+def _border_distortion_px() -> Array:
     """Compute k1 r^3 at the corner of each head, shape (4,), px."""
     k1 = np.array([paper.value(1, "k1", head) for head in paper.HEADS])
     px: Array = k1 * np.hypot(*paper.corners("CAM1")[0]) ** 3 / paper.pixel_mm("CAM1")
     return px
 
 
-def total_distortion_px() -> Array:
+def _total_distortion_px() -> Array:
     """Compute each head's distortion at its worst corner with all of Table 1, shape (4,), px."""
     dxy = [distortion(paper.interior(1, head), paper.corners(head)) for head in paper.HEADS]
     px: Array = np.linalg.norm(dxy, axis=-1).max(axis=1) / paper.pixel_mm("CAM1")
@@ -559,7 +524,7 @@ def total_distortion_px() -> Array:
 def _border_distortion() -> Values:
     """Item 10: the distortion at the border of the heads."""
     border = _whole(paper.statement("head_border_distortion_px"))
-    return {"border": border, "radial": border_distortion_px(), "total": total_distortion_px()}
+    return {"border": border, "radial": _border_distortion_px(), "total": _total_distortion_px()}
 
 
 def _correlations(run: Run) -> Values:
@@ -589,7 +554,7 @@ def _boresight_sigmas() -> list[list[float]]:
     return [[paper.sigma(3, name, m) for name in BORESIGHT_ANGLES] for m in paper.METHODS]
 
 
-def scatter_ratios() -> tuple[float, float, float]:
+def _scatter_ratios() -> tuple[float, float, float]:
     """Compute ratios of boresight standard deviations: two-step over single-step."""
     two, one = _boresight_sigmas()
     omega, phi, kappa = (a / b for a, b in zip(two, one, strict=True))
@@ -599,7 +564,7 @@ def scatter_ratios() -> tuple[float, float, float]:
 def _angle_sigmas() -> Values:
     """Item 12: two kinds of standard deviations of the boresight."""
     n = paper.statement("block_2_images")
-    values = {"n": _whole(n), "root": np.sqrt(n), "ratios": scatter_ratios()}
+    values = {"n": _whole(n), "root": np.sqrt(n), "ratios": _scatter_ratios()}
     return values | dict(zip(("two_step", "single_step"), _boresight_sigmas(), strict=True))
 
 
@@ -816,15 +781,8 @@ def sees(head: str, xy: Array, R_s_h: Array) -> Mask:
     return on_sensor
 
 
-def uncovered() -> tuple[float, float]:
-    """Compute the share of the synthetic image that no head sees.
-
-    Returns
-    -------
-    as_read, transposed : float
-        With the angles of Table 1 from the synthetic axes to the head's, and in the other
-        direction.
-    """
+def _uncovered() -> tuple[float, float]:
+    """Compute the share of the synthetic image that no head sees."""
     half = paper.corners("SYN")[0]
     x, y = (np.linspace(-side, side, 121) for side in half)
     xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -838,7 +796,7 @@ def _coverage() -> Values:
     """Item 17: do the heads cover the synthetic image, and why is its pixel smaller."""
     feet = np.concatenate([footprint(head) for head in paper.HEADS])
     x, y = ((low, high) for low, high in zip(feet.min(axis=0), feet.max(axis=0), strict=True))
-    as_read, transposed = uncovered()
+    as_read, transposed = _uncovered()
     return {
         "size": 2 * paper.corners("SYN")[0],
         "synthetic_um": paper.value(2, "pixel_um", "SYN"),
@@ -874,7 +832,7 @@ def _one_direction() -> Values:
 def _map_scale_classes(scales: Sequence[int] = (1000, 2000, 5000, 10000)) -> pd.DataFrame:
     """Classify Table 4 under PEC-PCD."""
     rows = [
-        {"method": method, **asdict(accuracy.pec_pcd(printed_accuracy(method), scale))}
+        {"method": method, **asdict(accuracy.pec_pcd(_printed_accuracy(method), scale))}
         for scale in scales
         for method in paper.METHODS
     ]
@@ -898,7 +856,7 @@ def _map_scales() -> Values:
         f" {' or '.join(both['height'].unique())} in height"
         for scale, both in _map_scale_classes((large, small)).groupby("scale")
     ]
-    printed = printed_accuracy("two_step")
+    printed = _printed_accuracy("two_step")
     sigma = from_summary(printed.n, mean=printed.mean, std=printed.std, rms=printed.std)
     by_std = accuracy.pec_pcd(sigma, large).height
     return {
@@ -909,19 +867,8 @@ def _map_scales() -> Values:
     }
 
 
-def attitude_budget_m(side: str) -> tuple[float, float, float]:
-    """Compute the errors that the attitude noise alone causes in block 3.
-
-    Parameters
-    ----------
-    side : {"width_mm", "height_mm"}
-        Side of the synthetic image along the flight.
-
-    Returns
-    -------
-    plan, base_to_height, height : float
-        Planimetric error of one ray, m; base-to-height ratio; height error of a pair, m.
-    """
+def _attitude_budget_m(side: str) -> tuple[float, float, float]:
+    """Compute the errors that the attitude noise alone causes in block 3."""
     flying_height, f = paper.statement("block_3_m"), paper.value(3, "f_mm", "single_step")
     plan = flying_height * np.tan(np.radians(paper.statement("roll_pitch_deg")))
     advance = 1 - paper.statement("block_3_forward_overlap") / 100
@@ -932,7 +879,7 @@ def attitude_budget_m(side: str) -> tuple[float, float, float]:
 def _error_budget(run: Run) -> Values:
     """Item 21: errors predicted from the accuracy of the trajectory, and those of a run."""
     sides = ("width_mm", "height_mm")
-    found = {side: attitude_budget_m(side) for side in sides}
+    found = {side: _attitude_budget_m(side) for side in sides}
     plan = found["width_mm"][0]
     east, up = (paper.value(4, f"rms_{axis}_m", "two_step") for axis in ("east", "height"))
     gnss = np.array([paper.statement("gnss_best_m"), paper.statement("gnss_worst_m")])
@@ -963,7 +910,7 @@ def _error_budget(run: Run) -> Values:
     return values
 
 
-def images_per_point() -> float:
+def _images_per_point() -> float:
     """Compute the number of images per check point from the number of pairs."""
     pairs = paper.value(4, "n_pairs", "two_step") / paper.value(4, "n_points", "two_step")
     return float((1 + np.sqrt(1 + 8 * pairs)) / 2)
@@ -977,12 +924,17 @@ def _wording() -> Values:
         "n_pairs": _whole(pairs),
         "n_points": _whole(points),
         "per_point": pairs / points,
-        "images": images_per_point(),
+        "images": _images_per_point(),
     }
 
 
-NUMBERS: Mapping[int, Callable[[Run], Values]] = {
-    1: lambda _: {"moved_px": radial_mix_up_px()},
+def numbers(number: int, run: Run = Run()) -> Values:
+    """Return what is computed for a finding, by its number: values by their names in the text."""
+    return _NUMBERS[number](run)
+
+
+_NUMBERS: Mapping[int, Callable[[Run], Values]] = {
+    1: lambda _: {"moved_px": _radial_mix_up_px()},
     2: lambda _: _equations(),
     3: lambda _: _exponents(),
     4: lambda _: _units(),
@@ -1132,7 +1084,7 @@ def sample_sizes() -> Figure:
     Figure
         Bars: numbers that rounding allows. Line: the number of points given by the paper.
     """
-    sizes = implied_sample_sizes()
+    sizes = _implied_sample_sizes()
     n_points = paper.value(4, "n_points", "two_step")
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 2.7))

@@ -103,7 +103,7 @@ def test_printed_numbers_are_those_of_the_paper(findings, number, numbers):
 
 def test_heads_are_as_long_as_table_3_and_their_z_say():
     """A trial with a closed chain found 74.440, 74.169, 74.292, 74.370 mm."""
-    assert_allclose(errata.focal_lengths_of_heads(), (74.440, 74.169, 74.292, 74.370), atol=0.006)
+    assert_allclose(errata.numbers(7)["heads"], (74.440, 74.169, 74.292, 74.370), atol=0.006)
 
 
 def test_neither_nominal_focal_length_is_proved_by_rounded_ground_pixels(findings):
@@ -115,17 +115,17 @@ def test_neither_nominal_focal_length_is_proved_by_rounded_ground_pixels(finding
 
 
 def test_rms_of_36_errors_is_at_least_half_a_metre():
-    least = errata.least_rms(errata.printed_accuracy("two_step"))
-    assert_allclose(least, (0.505, 0.497, 0.487), atol=5e-4)
+    assert_allclose(errata.numbers(5)["least"], (0.505, 0.497, 0.487), atol=5e-4)
 
 
 def test_implied_sample_sizes_are_about_four():
-    sizes = errata.implied_sample_sizes()
-    assert len(sizes) == 6
-    assert_allclose(sizes["n"], (3.77, 4.17, 4.08, 3.82, 3.85, 3.78), atol=0.005)
-    assert (sizes["n_low"] < sizes["n"]).all()
-    assert (sizes["n"] < sizes["n_high"]).all()
-    assert sizes["n_high"].max() < 5
+    found = errata.numbers(5)
+    sizes = found["sizes"]
+    assert found["n_axes"] == 6
+    assert_allclose(sizes, (3.77, 4.17, 4.08, 3.82, 3.85, 3.78), atol=0.005)
+    assert (found["least_sizes"] < sizes).all()
+    assert (sizes < found["largest_sizes"]).all()
+    assert found["largest_sizes"].max() < 5
 
 
 @pytest.mark.parametrize("n", [2, 5, 36])
@@ -138,11 +138,11 @@ def test_sample_size_of_a_sample_is_its_size(n):
 
 def test_every_printed_rms_is_that_of_four_errors():
     """sqrt(mean^2 + 3/4 std^2), by hand: 0.4445, 0.4371, 0.4285; 0.4435, 0.4629, 0.4543."""
-    assert errata.matching_sizes(36) == [4]
+    assert errata.numbers(5)["matching"] == "4"
 
 
 def test_fourteen_small_errors_of_36_do_not_happen_by_chance():
-    assert errata.within_probability(0.44) == pytest.approx(0.073, abs=5e-4)
+    assert errata.numbers(6)["share"] == pytest.approx(7.3, abs=0.05)
     assert errata.count_probability(0.44) == pytest.approx(1e-7, rel=0.5)
     assert errata.rms_of_count() == pytest.approx(0.22, abs=0.005)
 
@@ -160,14 +160,15 @@ def test_count_probability_against_simulation():
 
 
 def test_border_distortion_of_the_heads():
-    assert_allclose(errata.border_distortion_px(), (14.5, 13.2, 12.5, 13.7), atol=0.05)
-    assert np.all(errata.total_distortion_px() > errata.border_distortion_px())
+    found = errata.numbers(10)
+    assert_allclose(found["radial"], (14.5, 13.2, 12.5, 13.7), atol=0.05)
+    assert np.all(found["total"] > found["radial"])
 
 
 def test_coverage_tells_which_way_the_angles_turn():
-    as_read, transposed = errata.uncovered()
-    assert as_read == 0.0
-    assert transposed == pytest.approx(0.47, abs=0.01)
+    found = errata.numbers(17)
+    assert found["as_read"] == 0.0
+    assert found["transposed"] == pytest.approx(47, abs=1)
 
 
 def test_footprints_reach_beyond_the_synthetic_image():
@@ -265,17 +266,16 @@ def test_item_21_sets_the_runs_prediction_beside_attitude_alone():
 
 
 def test_distortion_left_in_the_synthetic_image():
-    interior = printed.interior(3, "two_step")
-    pixel = 0.0056
-    assert errata.radial_mm(interior, 45.4) / pixel == pytest.approx(2.33, abs=0.005)
-    corner = np.hypot(67.20, 90.72) / 2
-    assert errata.corner_radius() == pytest.approx(corner)
-    assert errata.radial_mm(interior, corner) / pixel == pytest.approx(5.05, abs=0.005)
+    """At the middle of the short sides, and at the corner."""
+    found = errata.numbers(9)
+    assert found["edge"] == pytest.approx(90.72 / 2)
+    assert found["edge_px"] == pytest.approx(2.33, abs=0.005)
+    assert found["corner_px"] == pytest.approx(5.05, abs=0.005)
 
 
 def test_decentring_at_the_corner():
     """1.8 px in x; the vector is longer."""
-    component, length = errata.decentring_px(printed.interior(3, "two_step"))
+    component, length = (errata.numbers(9)[name] for name in ("component", "length"))
     assert component == pytest.approx(1.8, abs=0.05)
     x, y, p1, p2 = 33.6, 45.36, 1.73e-6, 2.46e-7
     dx, dy = 3 * p1 * x**2 + p1 * y**2 + 2 * p2 * x * y, 3 * p2 * y**2 + p2 * x**2 + 2 * p1 * x * y
@@ -283,7 +283,7 @@ def test_decentring_at_the_corner():
 
 
 def test_scatter_and_parameter_sigmas():
-    assert_allclose(errata.scatter_ratios(), (7.0, 12.6, 3.6), atol=0.05)
+    assert_allclose(errata.numbers(12)["ratios"], (7.0, 12.6, 3.6), atol=0.05)
 
 
 def test_literal_exponents():
@@ -300,21 +300,24 @@ def test_literal_exponents():
 def test_eq_2_as_printed_would_be_seen():
     """At the corners, k1 r^2 (|x| + |y|) of CAM1, its principal point included."""
     x, y = 26.952 + 0.0465, 20.196 + 0.0813  # mm from the principal point, worst corner
-    assert errata.radial_mix_up_px() >= 2.27e-6 * 33.679**2 * (26.952 + 20.196) / 0.006
-    assert errata.radial_mix_up_px() == pytest.approx(
-        2.27e-6 * (x**2 + y**2) * (x + y) / 0.006, rel=0.01
-    )
+    moved = errata.numbers(1)["moved_px"]
+    assert moved >= 2.27e-6 * 33.679**2 * (26.952 + 20.196) / 0.006
+    assert moved == pytest.approx(2.27e-6 * (x**2 + y**2) * (x + y) / 0.006, rel=0.01)
 
 
 def test_pairs_per_point():
-    m = errata.images_per_point()
+    m = errata.numbers(22)["images"]
     assert m * (m - 1) / 2 == pytest.approx(262 / 36)
 
 
+SIDES = ("by_width", "by_height")
+
+
 def test_error_budget():
-    plan, ratio, height = errata.attitude_budget_m("width_mm")
-    assert_allclose((plan, ratio, height), (0.113, 0.361, 0.44), atol=0.005)
-    assert_allclose(errata.attitude_budget_m("height_mm")[1:], (0.487, 0.33), atol=0.005)
+    found = errata.numbers(21)
+    along, across = ([found[side][key] for key in ("ratio", "m")] for side in SIDES)
+    assert_allclose((found["plan"], *along), (0.113, 0.361, 0.44), atol=0.005)
+    assert_allclose(across, (0.487, 0.33), atol=0.005)
 
 
 def test_what_agrees():
