@@ -56,20 +56,24 @@ def read(folder: Path) -> dict[str, Benchmark]:
 
 def texts(benchmarks: Mapping[str, Benchmark]) -> Iterator[tuple[str, str]]:
     """Yield the names of the parts of the page, and each as MyST text: machine and tables."""
+    for name in NAMES:
+        yield f"speed-{name}.md", text(name, benchmarks[name])
+
+
+def text(name: str, benchmark: Benchmark) -> str:
+    """Return the part of the page on a benchmark, as MyST text: machine and tables."""
     parts = {
-        "commands": commands,
-        "many": many,
+        "commands": _commands,
+        "many": _many,
         "measuring": _measuring,
-        "adjustment": adjustment,
-        "rendering": rendering,
+        "adjustment": _adjustment,
+        "rendering": _rendering,
     }
-    for name, part in parts.items():
-        benchmark = benchmarks[name]
-        shown = [measured(benchmark.about), *part(benchmark)]
-        yield f"speed-{name}.md", "\n\n".join(text for text in shown if text) + "\n"
+    shown = [_measured(benchmark.about), *parts[name](benchmark)]
+    return "\n\n".join(part for part in shown if part) + "\n"
 
 
-def measured(about: Mapping[str, Any]) -> str:
+def _measured(about: Mapping[str, Any]) -> str:
     """Say when, at what commit, and on what machine it was measured."""
     versions = about.get("versions", {})
     names = ("python", "numpy", "numba", "ceres", "pycolmap", "distributed", "nona", "enblend")
@@ -93,14 +97,8 @@ IMPORTS, GROWTH = "imports", "run --numbers-only"
 the number of images is told."""
 
 
-def commands(benchmark: Benchmark) -> Iterator[str]:
-    """Yield the table of whole commands, and how one of them grows.
-
-    Parameters
-    ----------
-    benchmark : Benchmark
-        `flight`, `command`, `images`, `measurements`, `wall_s`, `cpu_s`, `tree_mb`.
-    """
+def _commands(benchmark: Benchmark) -> Iterator[str]:
+    """Yield the table of whole commands, and how one of them grows."""
     medians = benchmark.medians("flight", "command").reset_index()
     alone = medians[medians["command"] == IMPORTS].set_index("flight")["cpu_s"]
     own = medians[medians["command"] != IMPORTS]
@@ -140,14 +138,8 @@ def _of_two_sizes(runs: pd.DataFrame) -> str:
     )
 
 
-def many(benchmark: Benchmark) -> Iterator[str]:
-    """Yield the table of many flights: in one process, in two, and on a cluster.
-
-    Parameters
-    ----------
-    benchmark : Benchmark
-        `way`, `workers`, `flights`, `wall_s`, `cpu_s`, `worker_mb`; the first is compared with.
-    """
+def _many(benchmark: Benchmark) -> Iterator[str]:
+    """Yield the table of many flights: in one process, in two, and on a cluster."""
     runs = benchmark.runs
     table = pd.DataFrame(
         {
@@ -240,15 +232,8 @@ SIZES = {"images": "Images", "points": "Points", "observations": "Observations"}
 KEYS = ("problem", "solver")
 
 
-def adjustment(benchmark: Benchmark) -> Iterator[str]:
-    """Yield tables of the adjustment beside Ceres and pycolmap, growth, and agreement.
-
-    Parameters
-    ----------
-    benchmark : Benchmark
-        `problem`, `solver`, `images`, `points`, `image_points`, `observations`, `wall_s`, `cpu_s`,
-        `peak_mb`, `cost`. Of the ways to solve with Ceres the fastest counts.
-    """
+def _adjustment(benchmark: Benchmark) -> Iterator[str]:
+    """Yield tables of the adjustment beside Ceres and pycolmap, growth, and agreement."""
     medians = benchmark.medians(*KEYS).reset_index()
     alone = medians[~medians["problem"].str.startswith((SWEEP, FREE))]
     yield _beside_ceres(alone)
@@ -384,15 +369,8 @@ FILES = {
 TIES = {"method": "Way", "points": "Points", "rms_px": "rms (px)", "cpu_s": "CPU s"}
 
 
-def rendering(benchmark: Benchmark) -> Iterator[str]:
-    """Yield tables of renderers in memory, of commands, and of ways to find tie points.
-
-    Parameters
-    ----------
-    benchmark : Benchmark
-        `what`, `reduction`, `width_px`, `height_px`, `pixels`, `samples`, `wall_s`, `cpu_s`,
-        `peak_mb`, `rms_dn`.
-    """
+def _rendering(benchmark: Benchmark) -> Iterator[str]:
+    """Yield tables of renderers in memory, of commands, and of ways to find tie points."""
     about, medians = benchmark.about, benchmark.medians("what", "reduction")
     own = medians.xs(about["reduction"], level="reduction")
     own = own.reindex([name for name in RENDERERS if name in own.index])

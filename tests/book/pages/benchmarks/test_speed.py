@@ -30,14 +30,14 @@ def lines(text, name):
     return [[cell.strip() for cell in row] for row in rows[2:]]
 
 
-def text_of(part, rows, **about):
-    return "\n\n".join(part(benchmark(rows, **about)))
+def text_of(name, rows, **about):
+    return speed.text(name, benchmark(rows, **about))
 
 
 def test_it_says_when_and_on_what_it_was_measured():
-    assert speed.measured(ABOUT) == (
+    assert text_of("adjustment", COMPARED).startswith(
         "Measured on 2026-01-02 at commit `0123456`: P, 2 cores, 4 GB of memory; numpy 2.0, "
-        "ceres 2.1."
+        "ceres 2.1.\n\n"
     )
 
 
@@ -49,7 +49,7 @@ def command(flight, name, images, cpu_s, run=1):
 def test_commands_are_medians_without_what_every_run_imports():
     rows = [command("a", "imports", 5, 0.5), command("a", "check", 5, 0.3)]
     rows += [command("a", "run --numbers-only", 5, cpu, run) for run, cpu in enumerate((1, 9, 2))]
-    text = text_of(speed.commands, rows, imports="numpy")
+    text = text_of("commands", rows, imports="numpy")
     check, run = lines(text, "commands")
     assert check == ["a", "`acx4 check`", "5", "50", "0.6", "0.3", "–", "50"]
     assert run[3:] == ["50", "4.0", "2.0", "1.5", "50"]
@@ -59,7 +59,7 @@ def test_commands_are_medians_without_what_every_run_imports():
 def test_growth_is_that_of_the_two_largest_flights():
     name = "run --numbers-only"
     rows = [command(n, name, n_images, cpu) for n, n_images, cpu in (("a", 1, 9), ("b", 10, 2))]
-    text = text_of(speed.commands, [*rows, command("c", name, 40, 16)], imports="numpy")
+    text = text_of("commands", [*rows, command("c", name, 40, 16)], imports="numpy")
     assert "With 4.0 times the images" in text
     assert "8.0 times the CPU time, the power 1.50 of their number, and 1.0 times" in text
 
@@ -67,7 +67,7 @@ def test_growth_is_that_of_the_two_largest_flights():
 def test_many_flights_are_compared_with_one_process():
     row = {"workers": 1, "flights": 10, "cpu_s": 20.0, "worker_mb": 250.0}
     rows = [{"way": "one", "wall_s": 30.0, **row}, {"way": "two", "wall_s": 20.0, **row}]
-    found = lines(text_of(speed.many, rows, design="d"), "many")
+    found = lines(text_of("many", rows, design="d"), "many")
     assert [one[3:6] for one in found] == [["30", "1.00", "2.00"], ["20", "1.50", "2.00"]]
 
 
@@ -102,21 +102,21 @@ COMPARED = [
 
 
 def test_the_adjustment_stands_beside_the_fastest_way_of_each_kind():
-    text = text_of(speed.adjustment, COMPARED)
+    text = text_of("adjustment", COMPARED)
     ours, theirs = ["0.200", "0.100", "200"], ["1.000", "1,000", "0.500", "500"]
     assert lines(text, "adjustment") == [["52", "556", "13,868", *ours, *theirs]]
     assert "pycolmap" not in text
 
 
 def test_a_problem_that_only_we_have_solved_has_no_numbers_of_others():
-    text = text_of(speed.adjustment, [*COMPARED, run("ours", 0.4, problem="b")])
+    text = text_of("adjustment", [*COMPARED, run("ours", 0.4, problem="b")])
     assert lines(text, "adjustment")[1][6:] == ["–"] * 4
 
 
 def test_pycolmap_has_a_table_of_the_problems_that_it_can_state():
     rows = [run("ours", 0.1, "free-a"), run("pycolmap_tuned", 0.4, "free-a")]
     rows += [run("pycolmap_covariance", 0.5, "free-a"), run("pycolmap_default", 2.0, "free-a")]
-    text = text_of(speed.adjustment, [*COMPARED, *rows])
+    text = text_of("adjustment", [*COMPARED, *rows])
     size = ["52", "556", "13,868"]
     assert lines(text, "pycolmap") == [[*size, "0.100", "0.400", "0.500", "2.000"]]
     assert len(lines(text, "adjustment")) == 1
@@ -130,7 +130,7 @@ def test_growth_with_the_number_of_points_is_told_and_drawn(power):
         for solver, factor in (("ours", 1e-3), ("ceres_automatic_dense_1", 1e-2))
     ]
     swept = benchmark([*COMPARED, *rows])
-    text = "\n\n".join(speed.adjustment(swept))
+    text = speed.text("adjustment", swept)
     assert (
         f"From 2,000 to 4,000 points on the same images our time grows with the power {power:.2f}"
         in text
@@ -144,7 +144,7 @@ def test_growth_with_the_number_of_points_is_told_and_drawn(power):
 
 def test_agreement_is_the_largest_of_all_problems():
     rows = [{"cost": -2e-9, "parameters_sigma": 1e-7}, {"cost": 1e-9, "parameters_sigma": 3e-7}]
-    text = text_of(speed.adjustment, COMPARED, agreement=rows, ceres_exact_tolerance=1e-14)
+    text = text_of("adjustment", COMPARED, agreement=rows, ceres_exact_tolerance=1e-14)
     assert "costs agree to 2·10⁻⁹, and the 14 parameters to 3·10⁻⁷ of their" in text
 
 
@@ -158,7 +158,7 @@ def test_renderers_are_compared_by_the_time_of_a_sample():
     rows = [rendered("remap_linear", 2e-4, rms_dn=0.5), rendered("ours_1", 1e-4, rms_dn=0.25)]
     rows += [rendered("nona", 60.0), rendered("acx4_render", 4.0, 4), rendered("acx4_render", 9.0)]
     about = {"reduction": 1, "width_px": 100, "height_px": 80, "ties": []}
-    text = text_of(speed.rendering, rows, **about)
+    text = text_of("rendering", rows, **about)
     assert lines(text, "rendering") == [
         ["acx4lib, one thread", "10.0", "5.0", "0.25"],
         ["OpenCV remap, linear", "20.0", "10.0", "0.50"],
