@@ -105,7 +105,6 @@ OTHERS = {
         "STYLE.read_text": "a style of the library",
         "TEXT.read_text": "a text of the library",
     },
-    "acx4book/report/findings.py": {"TEXT.read_text": "a text of the library"},
     "acx4book/report/identity.py": {"METHOD.read_text": "a text of the library"},
     "acx4book/report/typeset.py": {"STYLE.read_bytes": "a style of the library"},
     "acx4book/teaching/showing.py": {

@@ -24,7 +24,8 @@ from acx4book.paper import printed
 from acx4book.reference import data as reference
 from acx4book.typesetting.labels import LABELS, TITLES, UNITS, with_unit
 from acx4book.typesetting.myst import myst_table
-from acx4book.typesetting.plain_text import Markup, shown
+from acx4book.typesetting.plain_text import Markup
+from acx4book.typesetting.sentences import say, sections
 from acx4lib.calibration.estimates import LIMIT_BORESIGHT_DEG, LIMIT_INTERIOR, LIMIT_LEVER_M, needed
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
@@ -35,18 +36,19 @@ from acx4lib.results import folder, whole_files
 from acx4lib.results.provenance import KEPT as FLIGHT
 from acx4sim.designs import acx4_plan
 
+TEXTS = sections(Path(__file__).with_suffix(".md"))
+"""Sentences with places for numbers."""
+
+
+def _say(name: str, /, **values: Any) -> str:
+    return say(TEXTS[name], **values).text
+
+
 # --- What was chosen for the simulated flight, since the paper does not tell it
 
 
 Row = tuple[str, str, str]
 """What was chosen, its value here, and what the paper says or what comes out by it."""
-
-BEFORE = (
-    "The noise of attitude and survey, the blocks, their strips and flying heights are the paper's "
-    "(sections 3.1, 3.2 and 4.3). {numref}`tab-chosen` has everything else that a number of the "
-    "paper can depend on. What is marked *chosen* was set so that printed numbers come out. "
-    "Their agreement is therefore no evidence. The rest are guesses or plain defaults, not tuned."
-)
 
 
 def chosen_page(flight: Flight, truth: Mapping[str, Any]) -> str:
@@ -65,7 +67,7 @@ def chosen_page(flight: Flight, truth: Mapping[str, Any]) -> str:
     ]
     columns = ["Kind", "What", "This book", "Paper, and what comes out by it"]
     table = pd.DataFrame(rows, columns=columns)
-    return f"{BEFORE}\n\n{myst_table(table, 'What was chosen', name='tab-chosen')}"
+    return f"{_say('chosen')}\n\n{myst_table(table, 'What was chosen', name='tab-chosen')}"
 
 
 def _for_printed_numbers(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
@@ -214,12 +216,7 @@ def page(benchmarks: Path) -> str:
     found |= {f"ideal camera, {TITLES[m]}": of_ideal(benchmarks, m) for m in METHODS}
     table = pd.DataFrame([_row(title, flights) for title, flights in found.items()])
     caption = "RMS at the check points of many simulated flights, and how many reach class A"
-    return (
-        "One flight is one draw. {numref}`tab-front-accuracy` has the accuracy of many flights of "
-        "the same design: the median of the RMS over the check points, between which values nine "
-        "of ten flights lie, and the share of flights that reach class A of the Brazilian standard "
-        "PEC-PCD.\n\n" + myst_table(table, caption, name="tab-front-accuracy") + "\n"
-    )
+    return f"{_say('accuracy')}\n\n{myst_table(table, caption, name='tab-front-accuracy')}\n"
 
 
 def _of_chain(found: synthetic_cost.Study) -> Flights:
@@ -283,20 +280,14 @@ def methods_page(found: folder.Results, camera: str, benchmarks: Path) -> str:
     two, single = (folder.parameters(found, f"mounting/{m}", camera) for m in names)
     ratios = {name: two["sigma"][name] / single["sigma"][name] for name in COMPARED}
     rms = [_rms(found.summary[f"validation/{m}"]) for m in names]
-    return (
-        "## Does the single step beat the two-step method?\n\n"
-        "In what it determines, yes; in maps from the heights at which it was calibrated, hardly. "
-        f"Its {LABELS['f_mm']} has a standard deviation {ratios['f_mm']:.0f} times smaller, its "
-        f"{LABELS['lever_z_m']} {ratios['lever_z_m']:.0f} times, and its boresight about the same "
-        f"({ratios['boresight_omega_deg']:.1f} times for {LABELS['boresight_omega_deg']}). At the "
-        f"check points of this one flight the RMS is {rms[1][0]:.2f} m in plan and "
-        f"{rms[1][1]:.2f} m in height with the single step, {rms[0][0]:.2f} and {rms[0][1]:.2f} m "
-        "with the two-step method. What "
-        "the two-step method leaves undetermined compensates itself near the flying heights of "
-        "the calibration. Farther away it does not: {doc}`_executed/16-error-budget` has its share "
-        "in the variance on the ground by flying height.\n\n"
-        f"{slow_errors(benchmarks)}"
-    )
+    values: dict[str, Any] = dict(zip(names, rms, strict=True))
+    values |= {"f": LABELS["f_mm"], "f_ratio": ratios["f_mm"]}
+    values |= {"lever": LABELS["lever_z_m"], "lever_ratio": ratios["lever_z_m"]}
+    values |= {
+        key: of["boresight_omega_deg"] for key, of in (("omega", LABELS), ("omega_ratio", ratios))
+    }
+    heading = "## Does the single step beat the two-step method?"
+    return f"{heading}\n\n{_say('methods', **values)}\n\n{slow_errors(benchmarks)}"
 
 
 def _rms(entry: dict[str, Any]) -> tuple[float, float]:
@@ -310,13 +301,7 @@ def slow_errors(benchmarks: Path) -> str:
     _, (errors,) = stored.read(benchmarks, "slow_errors", make="coverage")
     own = errors[(errors["weights"] == "white") & errors["parameter"].isin(BORESIGHT_ANGLES)]
     ratio = ((own["error"] / own["sigma"]) ** 2).groupby(own["parameter"]).mean() ** 0.5
-    return (
-        "All these standard deviations hold where the errors of the trajectory are independent "
-        f"from image to image. Over {own['seed'].nunique()} flights with errors that change "
-        f"slowly, the boresight was off by {ratio.min():.1f} to {ratio.max():.1f} times its "
-        "standard deviation by axis (RMS), if they are taken for independent "
-        "({doc}`coverage`, {doc}`_executed/09-weights`)."
-    )
+    return _say("slow errors", n=own["seed"].nunique(), ratio=ratio)
 
 
 # --- What a simulated flight was given, as a page of the book
@@ -341,15 +326,9 @@ def simulation_page(flight: Flight, truth: Truth | None) -> str:
         None for a flight that was not simulated.
     """
     if truth is None:
-        return (
-            f"The flight *{shown(flight.name)}* has no truth beside it: it was measured, or comes "
-            "from elsewhere. Nothing is known of it but its tables.\n"
-        )
+        return f"{_say('measured', name=flight.name)}\n"
     parts = [
-        f"The flight *{shown(flight.name)}* was made by the simulator with the seed "
-        f"{truth['seed']}: exact geometry on the ellipsoid, over ground with relief, by code that "
-        "shares nothing with the estimator. Its true values lie beside it in a file that no "
-        "estimation reads.",
+        _say("simulated", name=flight.name, seed=truth["seed"]),
         myst_table(_cameras(truth), "True values of the cameras", name="tab-truth"),
         _of_the_paper(flight, truth) if printed.applies(flight) else "",
         myst_table(_noise(flight), "Noise of the measurements", name="tab-noise"),
@@ -370,42 +349,19 @@ def _cameras(truth: Truth) -> pd.DataFrame:
 
 
 def _of_the_paper(flight: Flight, truth: Truth) -> str:
-    """Say which true values are the paper's, and which are not."""
+    """Say where the synthetic camera comes from, which values are the paper's, and which not."""
     levers = np.array([[truth["cameras"][h][name] for name in MOUNT] for h in printed.HEADS])
-    apart = np.ptp(levers, axis=0).max()
-    held, first = flight.cameras["CAM1"].interior.f, truth["cameras"]["CAM1"]["f_mm"]
-    return (
-        f"{_synthetic_camera(flight, truth)} The paper's Table 1 does not print the true values of "
-        f"the heads, but the results of adjustments that hold the focal length at {held:g} mm. The "
-        "true angles and interior orientation are therefore such that exact data, adjusted in that "
-        "way, give the paper's $\\omega$, $\\varphi$, $\\kappa$, $x_p$, $y_p$, $k_1$, $p_1$, $p_2$ "
-        "and $Z_c$. $Z_c$ tells the ratios of the focal lengths only; that of the first head, "
-        f"{first:.4f} mm, follows from the paper's Table 3: the calibration block, measured in "
-        "these heads, carried into the synthetic image and adjusted in a single step, gives the "
-        "$f$ printed there. The paper's $X_c$ and $Y_c$ would put the heads a metre apart and "
-        "were not given: "
-        f"here the heads sit in a square of {apart:.2f} m around the synthetic camera."
-    )
-
-
-def _synthetic_camera(flight: Flight, truth: Truth) -> str:
-    """Say where the synthetic camera comes from."""
-    if "SYN" not in truth["cameras"]:
-        angles = np.degrees(flight.cameras["SYN"].T_b_c.opk)
-        mount = [printed.value(3, name, "single_step") for name in BORESIGHT]
-        same = "is" if np.allclose(angles, mount, atol=1e-9) else "is not"
-        return (
-            "The synthetic camera is made of the heads and has no true values of its own; the "
-            f"mount that flight.toml declares for it {same} the boresight of the paper's Table 3."
-        )
-    given = [
-        name
-        for name, value in truth["cameras"]["SYN"].items()
-        if value == printed.value(3, name, "single_step")
-    ]
-    return (
-        f"The synthetic camera's {len(given)} values are those that the paper's Table 3 prints for "
-        "the single-step method; it is ideal, and not made of the heads."
+    angles = np.degrees(flight.cameras["SYN"].T_b_c.opk)
+    mount = [printed.value(3, name, "single_step") for name in BORESIGHT]
+    synthetic = truth["cameras"].get("SYN", {})
+    given = [name for name, x in synthetic.items() if x == printed.value(3, name, "single_step")]
+    return _say(
+        "of the paper",
+        given=len(given) if synthetic else None,
+        same=np.allclose(angles, mount, atol=1e-9),
+        held=flight.cameras["CAM1"].interior.f,
+        first=truth["cameras"]["CAM1"]["f_mm"],
+        apart=np.ptp(levers, axis=0).max(),
     )
 
 

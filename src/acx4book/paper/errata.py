@@ -10,7 +10,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS, TITLES
 from acx4book.typesetting.myst import marked
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4book.typesetting.sentences import say
+from acx4book.typesetting.sentences import say, sections
 from acx4lib.calibration.determination import Absorption, absorption
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
@@ -104,20 +103,13 @@ def audit(run: Run = Run()) -> list[Finding]:
     list of Finding
         In the order of their numbers.
     """
-    return [_finding(text, run) for text in _texts()]
+    return [_finding(heading, text, run) for heading, text in sections(TEXT).items()]
 
 
-@cache
-def _texts() -> list[str]:
-    """Return the text of each finding."""
-    return TEXT.read_text("utf-8").split("\n## ")[1:]
-
-
-def _finding(text: str, run: Run) -> Finding:
-    heading, *parts = filter(None, text.splitlines())
+def _finding(heading: str, text: str, run: Run) -> Finding:
     number, kind, place = re.fullmatch(r"(\d+) (\w+): (.*)", heading).groups()  # type: ignore[union-attr] # of our own text
     values = numbers(int(number), run)
-    printed, computed, verdict = (say(part, **values).text for part in parts)
+    printed, computed, verdict = (say(part, **values).text for part in text.split("\n\n"))
     return Finding(
         number=int(number),
         kind=kind,

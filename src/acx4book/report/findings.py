@@ -31,6 +31,7 @@ from acx4book.report.words import (
 )
 from acx4book.typesetting.labels import p_value
 from acx4book.typesetting.plain_text import Markup
+from acx4book.typesetting.sentences import sections
 from acx4lib.bundle.rejections import CRITICAL, NAMES, too_many
 from acx4lib.calibration.estimates import LIMIT_SCALE, SIGMAS_OF_SCALE
 from acx4lib.expected import Array
@@ -782,14 +783,9 @@ class Consequence(NamedTuple):
 
 TEXT = Path(__file__).with_name("consequences.md")
 
-
-def _consequences(text: str) -> dict[str, Consequence]:
-    """Return what findings mean by their questions, the gravest first, from Markdown."""
-    sections = [section.split("\n\n") for section in text.strip().split("\n## ")[1:]]
-    return {question: Consequence(means, cure) for question, means, cure in sections}
-
-
-CONSEQUENCES = _consequences(TEXT.read_text("utf-8").replace("\n\n## ", "\n## "))
+CONSEQUENCES = {
+    question: Consequence(*text.split("\n\n")) for question, text in sections(TEXT).items()
+}
 """By the question of a finding, the gravest first: what it means holds for those behind it, too."""
 
 UNKNOWN = Consequence("the results must not be used before the cause is known", "see below")

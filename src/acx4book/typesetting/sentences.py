@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
@@ -56,6 +57,12 @@ def say(template: str, **values: Any) -> Sentence:
     """
     lines = [line.strip() for line in _jinja().from_string(template).render(values).splitlines()]
     return Sentence("\n".join(lines).strip())
+
+
+def sections(path: Path) -> dict[str, str]:
+    """Return the text below each heading of the second level of a Markdown file, by the heading."""
+    parts = [part.partition("\n") for part in path.read_text("utf-8").split("\n## ")[1:]]
+    return {heading: text.strip() for heading, _, text in parts}
 
 
 @cache
