@@ -20,13 +20,12 @@ from typing import Annotated, NoReturn
 import typer
 
 from acx4book.command import (
-    book,
-    compare,
     export,
     importing,
     new,
     pictures,
     planning,
+    results,
     run,
     teaching,
     terminal,
@@ -171,8 +170,8 @@ def report(
         terminal.show(page.write_pdf(path))
 
 
-app.command(help=book.HELP)(book.book)
-app.command(help=compare.HELP)(compare.compare)
+app.command(help=results.BOOK_HELP)(results.book)
+app.command(help=results.COMPARE_HELP)(results.compare)
 app.add_typer(importing.app, name="import")
 app.command(help=new.HELP)(new.new)
 app.command(help=export.HELP)(export.export)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from acx4book.command import terminal
-from acx4book.command.many import Where
+from acx4book.command.run import Where
 from acx4book.command.terminal import (
     Flight,
     counting_bar,

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +17,7 @@ from acx4book.typesetting.style import BLACK, PAPER, SOFT
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Raster
 from acx4lib.geometry.camera import Camera, xy_from_colrow
-from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
+from acx4lib.synthetic_image.frame import synthetic_from_head
 
 DPI = 150
 """Pixels of a figure per inch."""
@@ -58,11 +57,6 @@ def smaller(image: Raster | Array, k: int) -> Array:
     return out
 
 
-def factor_for(size_px: int, inches: float) -> int:
-    """Return the factor of reduction with which an image has about the pixels of a figure."""
-    return max(1, round(size_px / (DPI * inches)))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
     """The grey values that are shown as black and as white."""
@@ -98,11 +92,6 @@ def displayed(image: Array | Raster, stretch: Stretch, *, levels: int = LEVELS) 
     return out
 
 
-def greyed(image: Array) -> Array:
-    """Return the mean of the bands, shape (rows, cols, 1)."""
-    return image[..., :3].mean(axis=-1, keepdims=True)
-
-
 # --- axes ------------------------------------------------------------------------------------
 
 
@@ -121,41 +110,7 @@ def extent_mm(synthetic: Camera, window: Window | None = None) -> tuple[float, .
     return float(x0), float(x1), float(y0), float(y1)
 
 
-def in_mm(ax: Axes, image: Array, synthetic: Camera, window: Window | None = None) -> Any:
-    """Draw a displayed part of the synthetic image at its position, mm."""
-    extent: Any = extent_mm(synthetic, window)
-    return ax.imshow(image, extent=extent, origin="upper", interpolation="nearest", zorder=1)
-
-
 # --- heads -----------------------------------------------------------------------------------
-
-
-def border_distances(orientation: RelativeOrientation, xy: Array) -> Array:
-    """Return the distances of points from the borders of the heads, shape (n_heads, n), px.
-
-    Parameters
-    ----------
-    orientation : RelativeOrientation
-    xy : ndarray, shape (n, 2)
-        Points of the synthetic image, mm.
-
-    Returns
-    -------
-    ndarray
-        Negative outside, minus infinity outside the lens model.
-    """
-    out = np.empty((len(orientation.heads), len(xy)))
-    for k, camera in enumerate(orientation.heads):
-        colrow = head_from_synthetic(orientation, k, xy) + 0.5
-        size = np.array([camera.width_px, camera.height_px])
-        out[k] = np.minimum(colrow, size - colrow).min(axis=1)
-    return np.nan_to_num(out, nan=-np.inf)
-
-
-def window_xy(synthetic: Camera, window: Window) -> Array:
-    """Return the positions of a synthetic image part's pixels, shape (rows, cols, 2), mm."""
-    cols, rows = np.arange(window[2], window[3]), np.arange(window[0], window[1])
-    return xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).astype(float))
 
 
 def middle_xy(orientation: RelativeOrientation, k: int) -> Array:

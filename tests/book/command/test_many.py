@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 import acx4sim
-from acx4book.command import many, runs
+from acx4book.command import run, runs
 from acx4book.command.runs import Outcome
 from acx4book.notebooks import runner
 from acx4lib.results.runs import EXECUTED
@@ -75,7 +75,7 @@ def test_flights_are_lines_of_a_table_and_the_status_is_the_largest(acx4, flight
 
 def test_the_table_on_the_screen_rounds_what_the_file_has_in_full():
     row = {"sigma0_squared": "1.02153", "f_mm": "50.12667", "sigma_f_mm": "0.00153"}
-    lines = many.table_of({"a": Outcome(row=row), "b": Outcome(status=1)})
+    lines = run.table_of({"a": Outcome(row=row), "b": Outcome(status=1)})
     assert lines[1].split() == ["a", "1.022", "50.1267", "0.0015", "-", "-", "-", "0"]
     assert lines[2].split() == ["b", *"------", "1"]
     assert len({len(line) for line in lines}) == 1

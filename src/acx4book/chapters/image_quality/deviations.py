@@ -32,7 +32,7 @@ from acx4lib.geometry.camera import (
     xy_from_colrow,
 )
 from acx4lib.geometry.frames import Pose, exp, opk_from_rotation, rotation_from_opk
-from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
+from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.synthetic_image.frame import (
     head_from_synthetic,
     reduced_camera,
@@ -659,19 +659,6 @@ def seen_ground(known: KnownExposure, colrow: Array) -> Array:
     """Return the ground that the ideal camera sees, east, north, height (m), shape (n, 3)."""
     places = np.asarray(colrow, dtype=np.float64)
     return ground_from_pixels(known.at, simulated(known.synthetic), places)
-
-
-def known_ground(known: KnownExposure, colrow: Array) -> KnownGround:
-    """Return that ground in a mapping frame under the aircraft, and the true camera over it."""
-    grid, track = GridSystem(crs=known.at.plan.crs), known.at.track
-    frame = mean_origin(grid, grid.lonlat_from_grid(track.x_g[:, :2]))
-    # under the aircraft the mapping axes are east, north and up
-    T_m_b = Pose(R=track.R_enu_b.as_matrix()[0], r=frame.from_grid(track.x_g)[0])
-    return KnownGround(
-        frame=frame,
-        T_m_c=T_m_b @ known.synthetic.T_b_c,
-        x_m=frame.from_grid(seen_ground(known, colrow)),
-    )
 
 
 # --- rendered and measured -------------------------------------------------------------------

@@ -13,13 +13,14 @@ from acx4book.chapters.image_quality.deviations import (
     LENS,
     Deviations,
     KnownExposure,
+    KnownGround,
     Windows,
     deviations,
     every_refinement,
-    known_ground,
     one_image_block,
     predicted,
     residuals_px,
+    seen_ground,
     self_calibrate,
     simulated,
     simulated_ties,
@@ -32,6 +33,8 @@ from acx4lib.calibration.heads import RelativeOrientation, corner_radius, radial
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import colrow_from_xy, inside, xy_from_colrow
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import GridSystem, mean_origin
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.response import Response
 from acx4lib.tie_points.refinement import frame_differences
@@ -149,8 +152,21 @@ def self_calibrations(known: KnownExposure, found: Deviations) -> dict[str, Bund
 
 def known_block(known: KnownExposure, found: Deviations) -> Block:
     """Return the synthetic image as a block of one image, every point known on the ground."""
-    ground = known_ground(known, found.ideal)
+    ground = _known_ground(known, found.ideal)
     return one_image_block(known.synthetic, ground, found.ideal + found.d_px, found.sigma_px)
+
+
+def _known_ground(known: KnownExposure, colrow: Array) -> KnownGround:
+    """Return that ground in a mapping frame under the aircraft, and the true camera over it."""
+    grid, track = GridSystem(crs=known.at.plan.crs), known.at.track
+    frame = mean_origin(grid, grid.lonlat_from_grid(track.x_g[:, :2]))
+    # under the aircraft the mapping axes are east, north and up
+    T_m_b = Pose(R=track.R_enu_b.as_matrix()[0], r=frame.from_grid(track.x_g)[0])
+    return KnownGround(
+        frame=frame,
+        T_m_c=T_m_b @ known.synthetic.T_b_c,
+        x_m=frame.from_grid(seen_ground(known, colrow)),
+    )
 
 
 def frame_deviations(orientation: RelativeOrientation, known: KnownExposure) -> Deviations:

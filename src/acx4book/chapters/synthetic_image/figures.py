@@ -22,13 +22,11 @@ from acx4book.typesetting.pictures import (
     ALL_LEVELS,
     NO_PICTURES,
     Window,
-    border_distances,
     common_stretch,
     displayed,
     extent_mm,
     frameless,
     smaller,
-    window_xy,
 )
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask, Raster
@@ -551,10 +549,26 @@ def _searched(
         np.log(np.maximum(_rendered(less, small_heads, small, whole, fit, 0.0), 1.0))
         for fit in (None, response)
     )
-    xy = window_xy(small, whole)
-    distance = border_distances(small_heads, xy.reshape(-1, 2)).reshape(-1, *xy.shape[:2])
+    xy = _window_xy(small, whole)
+    distance = _border_distances(small_heads, xy.reshape(-1, 2)).reshape(-1, *xy.shape[:2])
     grey = equal.mean(axis=2)
     return _Seams(xy=xy, distance=distance, grey=grey, step=_step(taken - equal, grey))
+
+
+def _window_xy(synthetic: Camera, window: Window) -> Array:
+    """Return the positions of a synthetic image part's pixels, shape (rows, cols, 2), mm."""
+    cols, rows = np.arange(window[2], window[3]), np.arange(window[0], window[1])
+    return xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).astype(float))
+
+
+def _border_distances(orientation: RelativeOrientation, xy: Array) -> Array:
+    """Return the distances of points from the borders of the heads, shape (n_heads, n), px."""
+    out = np.empty((len(orientation.heads), len(xy)))
+    for k, camera in enumerate(orientation.heads):
+        colrow = head_from_synthetic(orientation, k, xy) + 0.5
+        size = np.array([camera.width_px, camera.height_px])
+        out[k] = np.minimum(colrow, size - colrow).min(axis=1)
+    return np.nan_to_num(out, nan=-np.inf)
 
 
 def _step(response: Array, grey: Array) -> Array:
@@ -620,7 +634,7 @@ def _finer(xy: Array, heads: RelativeOrientation) -> Array:
     """Return the point near a coarse one where heads meet, mm."""
     steps = np.linspace(-1, 1, 81) * SIDE_PX * heads.heads[0].pixel_mm
     grid = xy + np.stack(np.meshgrid(steps, steps), axis=-1)
-    distance = border_distances(heads, grid.reshape(-1, 2)).reshape(-1, *grid.shape[:2])
+    distance = _border_distances(heads, grid.reshape(-1, 2)).reshape(-1, *grid.shape[:2])
     out: Array = grid[_meeting(distance)]
     return out
 
@@ -640,8 +654,8 @@ def _window(xy: Array, synthetic: Camera) -> Window:
 
 def _mark_seam(ax: Axes, heads: RelativeOrientation, synthetic: Camera, window: Window) -> None:
     """Draw at the margins of a crop where the head that is used changes."""
-    xy = window_xy(synthetic, window)
-    first = np.argmax(border_distances(heads, xy.reshape(-1, 2)), axis=0).reshape(xy.shape[:2])
+    xy = _window_xy(synthetic, window)
+    first = np.argmax(_border_distances(heads, xy.reshape(-1, 2)), axis=0).reshape(xy.shape[:2])
     last = first.shape[0] - 0.5, first.shape[1] - 0.5
     dash: dict[str, Any] = {"color": style.BRICK, "lw": 1.1, "clip_on": False, "zorder": 6}
     out = 0.045 * first.shape[0]

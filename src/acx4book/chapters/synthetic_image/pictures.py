@@ -14,6 +14,7 @@ from matplotlib.patches import Rectangle
 from acx4book.typesetting import style
 from acx4book.typesetting.pictures import (
     ALL_LEVELS,
+    DPI,
     HALO,
     NO_PICTURES,
     OUTLINED,
@@ -22,10 +23,7 @@ from acx4book.typesetting.pictures import (
     common_stretch,
     displayed,
     extent_mm,
-    factor_for,
     frameless,
-    greyed,
-    in_mm,
     middle_xy,
     middles_apart,
     smaller,
@@ -93,7 +91,7 @@ def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -
     grid = _places(orientation)
     n_rows, n_cols = grid.shape
     wide = FRAMES_WIDTH / n_cols - 0.2
-    small = [smaller(image, factor_for(image.shape[1], wide)) for image in one.images]
+    small = [smaller(image, _factor_for(image.shape[1], wide)) for image in one.images]
     stretch = common_stretch(small)
     first = orientation.heads[0]
     tall = n_rows * (wide * first.height_px / first.width_px + 0.3) + 0.1
@@ -108,6 +106,11 @@ def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -
             _draw_directions(ax, orientation, k, pictures.synthetic)
         _draw_scheme(fig.add_subplot(cells[:, -1]), orientation, pictures.synthetic)
     return fig
+
+
+def _factor_for(size_px: int, inches: float) -> int:
+    """Return the factor of reduction with which an image has about the pixels of a figure."""
+    return max(1, round(size_px / (DPI * inches)))
 
 
 def _places(orientation: RelativeOrientation) -> Index:
@@ -229,7 +232,7 @@ def synthetic_picture(
     if image is None or pictures is None:
         return style.nothing(NO_PICTURES)
     synthetic, wide = pictures.synthetic, IMAGE_WIDTH
-    k = factor_for(image.shape[1], wide)
+    k = _factor_for(image.shape[1], wide)
     small = smaller(image, k)
     stretch = common_stretch([small])
     places = _busiest(image)
@@ -238,7 +241,7 @@ def synthetic_picture(
         fig = style.figure(figsize=(style.WIDTH, tall + 0.45))
         grid = fig.add_gridspec(len(places), 2, width_ratios=[wide, tall / len(places)])
         ax = fig.add_subplot(grid[:, 0])
-        in_mm(ax, displayed(small, stretch), reduced_camera(synthetic, k))
+        _in_mm(ax, displayed(small, stretch), reduced_camera(synthetic, k))
         _draw_heads(ax, orientation, synthetic)
         left, right, bottom, top = extent_mm(synthetic)
         ax.set(xlim=(left, right), ylim=(bottom, top))
@@ -252,6 +255,12 @@ def synthetic_picture(
         )
         style.heading(ax, "synthetic image", size)
     return fig
+
+
+def _in_mm(ax: Axes, image: Array, synthetic: Camera, window: Window | None = None) -> Any:
+    """Draw a displayed part of the synthetic image at its position, mm."""
+    extent: Any = extent_mm(synthetic, window)
+    return ax.imshow(image, extent=extent, origin="upper", interpolation="nearest", zorder=1)
 
 
 def stack(pictures: Pictures | None, refined: Refinement) -> Figure:
@@ -278,7 +287,7 @@ def stack(pictures: Pictures | None, refined: Refinement) -> Figure:
     )
     whole = _stacked(images, after, synthetic, (0, synthetic.height_px, 0, synthetic.width_px))
     stretches = [common_stretch([whole[..., [band]]]) for band in range(whole.shape[2])]
-    k = factor_for(whole.shape[1], IMAGE_WIDTH)
+    k = _factor_for(whole.shape[1], IMAGE_WIDTH)
     places = _busiest(whole, side=STACK_PX)
     tall = IMAGE_WIDTH * synthetic.height_px / synthetic.width_px
     with style.applied():
@@ -286,7 +295,7 @@ def stack(pictures: Pictures | None, refined: Refinement) -> Figure:
         side = (style.WIDTH - IMAGE_WIDTH) / 2
         grid = fig.add_gridspec(len(places), 3, width_ratios=[IMAGE_WIDTH, side, side])
         ax = fig.add_subplot(grid[:, 0])
-        in_mm(ax, _coloured(smaller(whole, k), stretches), reduced_camera(synthetic, k))
+        _in_mm(ax, _coloured(smaller(whole, k), stretches), reduced_camera(synthetic, k))
         names = [style.plain(head.name) for head in after.heads[:3]]
         shown = ", ".join(
             f"{name} as {colour}" for name, colour in zip(names[::-1], COLOURS, strict=False)
@@ -311,9 +320,14 @@ def _stacked(
 ) -> Array:
     """Return a part of the synthetic image with a band for every head."""
     bands = [
-        greyed(resample(image, heads, k, synthetic, window)[0]) for k, image in enumerate(images)
+        _greyed(resample(image, heads, k, synthetic, window)[0]) for k, image in enumerate(images)
     ]
     return np.concatenate(bands, axis=-1)
+
+
+def _greyed(image: Array) -> Array:
+    """Return the mean of the bands, shape (rows, cols, 1)."""
+    return image[..., :3].mean(axis=-1, keepdims=True)
 
 
 def _coloured(bands: Array, stretches: Sequence[Stretch]) -> Array:
@@ -524,7 +538,7 @@ def _draw_overlap(
         shared.window[1] - shared.window[0],
         shared.window[3] - shared.window[2],
     )
-    k = factor_for(max(rows, cols), style.WIDTH - 0.5)
+    k = _factor_for(max(rows, cols), style.WIDTH - 0.5)
     synthetic = reduced_camera(pictures.synthetic, k)
     heads = reduced_heads(orientation, pictures.reduction * k)
     first, last, left, right = (n // k for n in shared.window)
@@ -533,10 +547,10 @@ def _draw_overlap(
     image, seen = resample(
         _whole(smaller(one.images[head], k), one.images[head]), heads, head, synthetic, window
     )
-    grey = greyed(image)
+    grey = _greyed(image)
     stretch = common_stretch([grey])
     light = 0.42 + 0.5 * displayed(grey, stretch)
-    in_mm(ax, np.dstack([light, seen]), synthetic, window)  # nothing, by day and by night
+    _in_mm(ax, np.dstack([light, seen]), synthetic, window)  # nothing, by day and by night
     frameless(ax)
 
 
