@@ -315,7 +315,7 @@ def read(path: Path) -> dict[str, dict[str, str]]:
     return {row["flight"]: row for row in csv.DictReader(lines) if row.get("flight")}
 
 
-def _write_rows(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
+def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
     """Replace a table by another, whole or not at all; what a row does not have is empty."""
     table = io.StringIO(newline="")
     writer = csv.DictWriter(table, columns, extrasaction="ignore", lineterminator="\n")
@@ -403,7 +403,7 @@ def run(job: Job) -> Outcome:
     return Outcome(status=status, reason=_reason(job, lines), row=row, times=_times(start))
 
 
-def _lost(error: BaseException) -> Outcome:
+def lost(error: BaseException) -> Outcome:
     """Return the outcome for a flight whose worker did not live to tell."""
     if isinstance(error, FileNotFoundError):
         return Outcome(status=2, reason=visible(error.strerror or str(error)))
@@ -569,7 +569,7 @@ def _outcome(call: Future[Outcome]) -> Outcome:
     try:
         return call.result()
     except Exception as error:  # of the executor: `run` raises none
-        return _lost(error)
+        return lost(error)
 
 
 def _write_tables(folder: Path, outcomes: Mapping[str, Outcome]) -> None:
@@ -579,9 +579,9 @@ def _write_tables(folder: Path, outcomes: Mapping[str, Outcome]) -> None:
         for name, one in outcomes.items()
     }
     times = {name: before.get(name, {}) if o.kept else o.times for name, o in outcomes.items()}
-    _write_rows(
+    write_rows(
         folder / TABLE,
         COLUMNS,
         [{**one.row, **said[name]} for name, one in outcomes.items()],
     )
-    _write_rows(folder / TIMES, TIME_COLUMNS, [{**t, "flight": n} for n, t in times.items()])
+    write_rows(folder / TIMES, TIME_COLUMNS, [{**t, "flight": n} for n, t in times.items()])

@@ -130,9 +130,9 @@ def test_a_plan_is_flown_by_its_seeds_and_its_flights_are_not_those_of_another(t
 
 
 def test_a_worker_that_died_is_a_line():
-    gone = runs._lost(FileNotFoundError(errno.ENOENT, "the current folder is no more"))
+    gone = runs.lost(FileNotFoundError(errno.ENOENT, "the current folder is no more"))
     assert (gone.status, gone.reason) == (2, "the current folder is no more")
-    found = runs._lost(ProcessDiedError("its process was ended\nby signal SIGKILL"))
+    found = runs.lost(ProcessDiedError("its process was ended\nby signal SIGKILL"))
     assert found.status == 1
     assert found.reason.startswith("its process was ended by signal SIGKILL; short of memory?")
 

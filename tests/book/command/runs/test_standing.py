@@ -136,7 +136,7 @@ def test_check_points_are_those_of_the_validation(tmp_path):
 
 def test_tables_are_read_as_they_were_written(tmp_path):
     rows = [{"flight": 'a,"b"', "seconds": "1.5"}, {"flight": "c", "other": "left out"}]
-    runs._write_rows(tmp_path / "times.csv", runs.TIME_COLUMNS, rows)
+    runs.write_rows(tmp_path / "times.csv", runs.TIME_COLUMNS, rows)
     found = runs.read(tmp_path / "times.csv")
     assert list(found) == ['a,"b"', "c"]
     assert found['a,"b"']["seconds"] == "1.5"
