@@ -122,25 +122,6 @@ Allow = Annotated[
 LARGEST_UNDULATION_M = 200.0
 
 
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
-
-
-def _is_undulation(value: object) -> bool:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and abs(value) <= LARGEST_UNDULATION_M  # type: ignore[arg-type] # a number
-
-
-SYSTEM = (
-    ("crs", _is_text, "must be text, such as EPSG:32633"),
-    (
-        "heights",
-        lambda value: _is_text(value) or _is_undulation(value),
-        f"must be text, or an undulation in metres, at most {LARGEST_UNDULATION_M:g} either way",
-    ),
-)
-"""Keys of flight.toml that an import takes, each with its test, and what it must be."""
-
 TO_DO = 8
 """Lines on what a flight still lacks that are shown."""
 
@@ -160,16 +141,17 @@ def heights_of(text: str) -> str | float:
 def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
     """Return CRS and heights of a flight: what the options say, else its flight.toml."""
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
-    from acx4lib.flight.problems import lines_of, quoted  # noqa: PLC0415 quick help
+    from acx4lib.flight.problems import lines_of  # noqa: PLC0415 quick help
+    from acx4lib.flight.settings import FLIGHT  # noqa: PLC0415 quick help
     from acx4lib.flight.toml_file import read_toml  # noqa: PLC0415 quick help
 
     path = out / "flight.toml"
     toml = read_toml(path)
     known = toml.values
     problems = [one for one in toml.problems if one.column == "file" and path.exists()]
-    for key, test, expected in SYSTEM:
-        if key in known and not test(known[key]):
-            problems.append(toml.problem((key,), quoted(known[key]), expected))
+    for key in ("crs", "heights"):
+        if known.get(key, "") != "":
+            problems += FLIGHT.keys[key].problems(toml, (key,))
     if problems:
         raise FlightError(lines_of(problems))
     named = known.get("heights", "ellipsoidal")
