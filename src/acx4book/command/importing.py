@@ -404,7 +404,7 @@ def _pospac_text(
     crs, system = system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system)
     options = lists.TableOptions(block=block, camera=camera)
-    _place(lists.read_applanix(source, meaning, options), out)
+    _place(lists.read_pospac(source, meaning, options), out)
 
 
 # --- points measured in images, and surveyed

@@ -280,11 +280,8 @@ def sentences(design: Design) -> list[str]:
     return out
 
 
-def notes(design: Design) -> list[str]:
-    """Return a sentence on each block that is not where its CRS is meant for, or misses points.
-
-    Surveyed points that no image shows, and that so determine nothing.
-    """
+def _notes(design: Design) -> list[str]:
+    """Return a sentence on each block that is not where its CRS is meant for, or misses points."""
     out = [*area_notes(design.plan.setup.grid, dict(design.blocks))]
     for name, planned in design.plan.blocks.items():
         block, n = design.blocks[name], len(plan.places(planned.points))
@@ -344,7 +341,7 @@ def summary(design: Design) -> dict[str, Any]:
             for name in design.validations
         },
         "not_determined": sentences(design),
-        "notes": notes(design),
+        "notes": _notes(design),
         "weak": weak_sentences(design),
     }
 
@@ -404,7 +401,7 @@ def lines(design: Design) -> Iterator[str]:
         yield from _reliability_lines(reliability[reliability["method"] == method])
     yield from _validation_lines(design)
     for title, found in (
-        ("notes", notes(design)),
+        ("notes", _notes(design)),
         ("not determined", sentences(design)),
         ("weak", weak_sentences(design)),
     ):

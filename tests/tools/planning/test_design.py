@@ -165,12 +165,14 @@ def test_the_lines_name_every_unknown_and_every_group_of_observations():
 def test_control_points_in_no_image_and_places_far_from_the_maps_are_said():
     far = {"layout": "corners", "number": 5, "area_m": [45_000.0, 45_000.0]}
     planned = design.of(plans.from_values(values(control=far)))
-    assert "calibration: 4 of 5 planned control points are in no image" in tables.notes(planned)
-    assert tables.summary(planned)["notes"] == tables.notes(planned)
+    assert (
+        "calibration: 4 of 5 planned control points are in no image"
+        in tables.summary(planned)["notes"]
+    )
     assert "  calibration: 4 of 5 planned control points are in no image" in tables.lines(planned)
-    assert tables.notes(design.of(plans.from_values(values()))) == []
+    assert tables.summary(design.of(plans.from_values(values())))["notes"] == []
     elsewhere = design.of(plans.from_values(values(crs="EPSG:2193")))
-    (said, *_) = tables.notes(elsewhere)
+    (said, *_) = tables.summary(elsewhere)["notes"]
     assert said.startswith("calibration: the exposures are at ")
     assert "is it the right CRS?" in said
 

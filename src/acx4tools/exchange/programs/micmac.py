@@ -158,7 +158,7 @@ def project(source: Path, *, crs: str | None = None) -> Project:
 
 def _images(found: _Files) -> tuple[Images, Measured, Surveyed]:
     """Return images with their measurements, and surveyed points."""
-    measured, surveyed = list(_micmac_measured(found.measures)), Surveyed()
+    measured, surveyed = list(_measurements(found.measures)), Surveyed()
     for element, name, x_w, sigma in _surveyed(found.surveyed):
         if name in surveyed:
             raise element.wrong(f"point {quoted(name)} stands twice", "must stand once")
@@ -360,7 +360,7 @@ def _own_points(orientation: Element) -> tuple[Array, Array]:
     return x_w.reshape(-1, 3), colrow.reshape(-1, 2)
 
 
-def _micmac_measured(sets: Iterable[Element]) -> Iterator[tuple[Element, str, str, Array]]:
+def _measurements(sets: Iterable[Element]) -> Iterator[tuple[Element, str, str, Array]]:
     """Yield the element, image, point and pixel of every measurement."""
     for one in sets:
         for image in one.each("MesureAppuiFlottant1Im"):

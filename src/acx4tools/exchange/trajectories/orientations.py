@@ -580,7 +580,7 @@ MOST_PREAMBLE = 60
 """Lines of the preamble that are kept."""
 
 
-def read_applanix(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
+def read_pospac(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
     """Return the orientations of a text export of POSPac.
 
     Parameters

@@ -190,10 +190,10 @@ PLACE = f"{LAT:.7f} {LON:.7f}"
 """Of the row's east and north."""
 
 
-def read_applanix(tmp_path, text, **meaning):
+def read_pospac(tmp_path, text, **meaning):
     (tmp_path / "eo.txt").write_text(text)
     given = Meaning(**{"crs": "EPSG:32617", **meaning})
-    return orientations.read_applanix(tmp_path / "eo.txt", given, TableOptions())
+    return orientations.read_pospac(tmp_path / "eo.txt", given, TableOptions())
 
 
 def rows(*cells):
@@ -221,7 +221,7 @@ def test_exterior_orientations(tmp_path, heading, begin, name):
     row = f"{begin} 564155.65 {body}"
     if begin.startswith("\t"):
         row = f"\t3\t564155.65\t{body}".replace(" ", "\t")
-    brought = read_applanix(tmp_path, f"{PREAMBLE}\n {heading}\n\n{row}\n")
+    brought = read_pospac(tmp_path, f"{PREAMBLE}\n {heading}\n\n{row}\n")
     table = brought.tables["calibration/trajectory.csv"]
     assert table["exposure"] == [name]
     assert table["time_s"][0] == 564155.65
@@ -234,7 +234,7 @@ def test_a_preamble_of_windows(tmp_path):
     row = f"7 3 1.5 {' '.join(ROW.split()[:6])} {PLACE}"
     text = f"Vol d'été\n{PREAMBLE}{HEADING}\n{row}\n"
     (tmp_path / "eo.txt").write_bytes(text.encode("cp1252"))
-    brought = orientations.read_applanix(
+    brought = orientations.read_pospac(
         tmp_path / "eo.txt", Meaning(crs="EPSG:32617"), TableOptions()
     )
     assert "Vol d'été" in brought.found[-1]
@@ -243,10 +243,10 @@ def test_a_preamble_of_windows(tmp_path):
 
 def test_positions_in_two_forms_say_whether_the_crs_is_right(tmp_path):
     text = f"{PREAMBLE}{HEADING}\n7 3 1.5 {' '.join(ROW.split()[:6])} {PLACE}\n"
-    brought = read_applanix(tmp_path, text)
+    brought = read_pospac(tmp_path, text)
     assert any("differ by at most" in line for line in brought.found)
     with pytest.raises(FlightError, match=r"eo.txt:6: east, north: .* is --crs right\?"):
-        read_applanix(tmp_path, text, crs="EPSG:32618")
+        read_pospac(tmp_path, text, crs="EPSG:32618")
 
 
 def test_the_units_may_stand_below_the_heading(tmp_path):
@@ -254,7 +254,7 @@ def test_the_units_may_stand_below_the_heading(tmp_path):
     units = UNITS.replace("Degrees", "Grads")
     row = f"3 564155.65 {' '.join(ROW.split()[:6])}"
     heading = HEADING.replace(", LAT, LONG", "")
-    brought = read_applanix(tmp_path, f"*****\n POSPac\n {heading}\n\n {units} \n\n{row}\n")
+    brought = read_pospac(tmp_path, f"*****\n POSPac\n {heading}\n\n {units} \n\n{row}\n")
     table = brought.tables["calibration/trajectory.csv"]
     assert table["exposure"] == ["3"]
     assert table["omega_deg"][0] == pytest.approx(-1.05 * 0.9)
@@ -263,7 +263,7 @@ def test_the_units_may_stand_below_the_heading(tmp_path):
 @pytest.mark.parametrize(("axes", "order"), [("xyz", "Rx(omega) Ry"), ("yxz", "Ry(phi) Rx")])
 def test_the_sequence_of_rotations_is_the_preambles(tmp_path, axes, order):
     row = f"7 3 1.5 {' '.join(ROW.split()[:6])} {PLACE}"
-    brought = read_applanix(tmp_path, f"{PREAMBLE}{sequence(axes)}{HEADING}\n{row}\n")
+    brought = read_pospac(tmp_path, f"{PREAMBLE}{sequence(axes)}{HEADING}\n{row}\n")
     assert f"R = {order}" in brought.assumed[1]
 
 
@@ -275,7 +275,7 @@ def test_the_trajectory_at_events_is_the_imus(tmp_path):
         "EAST SD, NORTH SD, HEIGHT SD, ROLL SD, PITCH SD, HEADING SD"
     )
     row = f"5.25 100 365324.63 3096141.49 88.5 {PLACE} 88.5 1 2 3 4 5 6 .05 .06 .07 .002 .003 .004"
-    brought = read_applanix(tmp_path, f"{units}\n{heading}\n{row}\n", heights=-25.0)
+    brought = read_pospac(tmp_path, f"{units}\n{heading}\n{row}\n", heights=-25.0)
     table = brought.tables["calibration/trajectory.csv"]
     assert (table["exposure"], table["height_m"][0]) == (["1"], 113.5)
     assert table["lat_deg"][0] == pytest.approx(LAT, abs=1e-9)
@@ -283,8 +283,8 @@ def test_the_trajectory_at_events_is_the_imus(tmp_path):
     assert table["sigma_heading_deg"][0] == pytest.approx(0.004)
     assert "those of the IMU" in brought.assumed[2]
     zero = f"Boresight values: tx = 0.0000 arc min\n{units}\n{heading}\n{row}\n"
-    assert "those of the IMU" in read_applanix(tmp_path, zero).assumed[2]
-    applied = read_applanix(tmp_path, zero.replace("0.0000", "0.0100"))
+    assert "those of the IMU" in read_pospac(tmp_path, zero).assumed[2]
+    applied = read_pospac(tmp_path, zero.replace("0.0000", "0.0100"))
     assert "those of the camera" in applied.assumed[2]
 
 
@@ -310,14 +310,14 @@ def test_the_trajectory_at_events_is_the_imus(tmp_path):
 )
 def test_other_texts_are_refused(tmp_path, text, says):
     with pytest.raises(FlightError) as raised:
-        read_applanix(tmp_path, text)
+        read_pospac(tmp_path, text)
     assert says in str(raised.value)
 
 
 def test_grads_are_read_where_the_text_says_so(tmp_path):
     text = f"{PREAMBLE.replace('orientation in Degrees', 'orientation in Grads')}{HEADING}\n"
     body = "365324.63 3096141.49 2088.37 10 20 100"
-    brought = read_applanix(tmp_path, f"{text}7 3 1.5 {body} {PLACE}\n")
+    brought = read_pospac(tmp_path, f"{text}7 3 1.5 {body} {PLACE}\n")
     assert brought.tables["calibration/trajectory.csv"]["kappa_deg"][0] == pytest.approx(90.0)
 
 
@@ -335,7 +335,7 @@ def test_orientations_of_a_real_flight_by_applanix(tmp_path, name):
     angles = " ".join(said[key] for key in ("omega", "phi", "kappa"))
     row = f"{name} 1 2.5 {east} {north} {height} {angles} {float(lat):.8f} {float(lon):.8f}"
     crs = f"EPSG:326{int(said['utm_zone']):02d}"
-    brought = read_applanix(tmp_path, f"{PREAMBLE}{HEADING}\n{row}\n", crs=crs)
+    brought = read_pospac(tmp_path, f"{PREAMBLE}{HEADING}\n{row}\n", crs=crs)
     table = brought.tables["calibration/trajectory.csv"]
     assert table["exposure"] == [name]
     assert table["omega_deg"][0] == float(said["omega"])
