@@ -60,7 +60,6 @@ OTHERS = {
         "read_text": "of the one place that reads",
     },
     "acx4lib/flight/toml_file.py": {"read_text": "of the one place that reads"},
-    "acx4lib/flight/block_from_tables.py": {"read_table": "of the one place that reads"},
     "acx4book/report/material.py": {"pd.read_csv": "of a file that is open"},
     "acx4book/teaching/flights.py": {"read_bytes": "of the one place that reads"},
     "acx4lib/results/own_folder.py": {
@@ -77,10 +76,8 @@ OTHERS = {
         "np.savez": "into the draft that is open",
         "np.load": "of a file that is open",
     },
-    "acx4lib/results/table_files.py": {
-        "read_text": "of the one place that reads",
-        "pd.read_csv": "after is_there, or of memory",
-    },
+    "acx4lib/results/summary_entries.py": {"read_text": "of the one place that reads"},
+    "acx4lib/results/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
     "acx4tools/exchange/safe/opened.py": {
         "zipfile.ZipFile": "of bytes",
         "archive.open": "of bytes",
