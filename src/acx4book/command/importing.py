@@ -18,7 +18,7 @@ from acx4book.command import terminal
 if TYPE_CHECKING:
     from acx4tools.exchange.flight_folder import Brought
 
-HELP = """Read other programs' files, and write a flight, or what they know of one.
+HELP = """Read other programs' files, and write a flight, or a part of one.
 
 Every kind says on the screen, and in import.md of the flight, which conventions it assumed, what it
 found, and what it left out. A flight may come from several sources: each import adds its tables to
