@@ -121,10 +121,10 @@ def good(verdicts: Verdicts) -> str:
     return "\n\n".join(
         [
             _made(verdicts),
-            good_verdict(verdicts),
+            _good_verdict(verdicts),
             _table(good_table(verdicts), "Reports of clean flights, by plan", "clean"),
             _table(question_table(verdicts), "Answers of reports on clean flights", "questions"),
-            level_verdict(levels(verdicts)),
+            _level_verdict(levels(verdicts)),
             _table(_level_table(levels(verdicts)), LEVELS, "levels"),
         ]
     )
@@ -149,7 +149,7 @@ def _made(verdicts: Verdicts) -> str:
     )
 
 
-def good_verdict(verdicts: Verdicts) -> str:
+def _good_verdict(verdicts: Verdicts) -> str:
     """Say how many reports of clean flights do not hold, and whether these are too many."""
     clean = verdicts.of("clean")
     n_failed = int(fails(clean).sum())
@@ -225,7 +225,7 @@ def levels(verdicts: Verdicts) -> pd.DataFrame:
     return table.assign(joint_p=holm(table["p"].to_numpy(dtype=float)))
 
 
-def level_verdict(levels: pd.DataFrame) -> str:
+def _level_verdict(levels: pd.DataFrame) -> str:
     """Say which single tests fail more often than their level."""
     many = levels[levels["joint_p"] < ALPHA]
     if many.empty:
@@ -262,7 +262,7 @@ def spoilt(verdicts: Verdicts) -> str:
     thirds = verdicts.of("third")
     return "\n\n".join(
         [
-            spoilt_verdict(verdicts),
+            _spoilt_verdict(verdicts),
             _table(size_table(verdicts), SIZES, "sizes"),
             _table(finder_table(verdicts), FINDERS, "finders"),
             _table(_share_table(thirds), THIRDS, "thirds"),
@@ -296,7 +296,7 @@ def shares(verdicts: Verdicts) -> pd.DataFrame:
     return table.assign(is_hidden=(table["p"] < ALPHA) & as_without)
 
 
-def spoilt_verdict(verdicts: Verdicts) -> str:
+def _spoilt_verdict(verdicts: Verdicts) -> str:
     """Say at how many sizes the predicted share was found or more, and where it was not."""
     found = shares(verdicts)
     hidden, seen = found[found["is_hidden"]], found[~found["is_hidden"]]
@@ -429,7 +429,7 @@ def chi_square(errors: pd.DataFrame, weights: str) -> tuple[float, int]:
 def page(errors: pd.DataFrame) -> str:
     """Return verdict and table as MyST text."""
     caption = "RMS of the errors of the single step over their σ, slow errors of the trajectory"
-    return f"{verdict(errors)}\n\n{myst_table(table(errors), caption, name='tab-coverage-slow')}\n"
+    return f"{_verdict(errors)}\n\n{myst_table(table(errors), caption, name='tab-coverage-slow')}\n"
 
 
 def read_validated(folder: Path) -> pd.DataFrame:
@@ -474,7 +474,7 @@ def _counts(flights: pd.DataFrame) -> tuple[int, int, int]:
     return int(failed), len(flights), int((flights["holds"] != 1).sum())
 
 
-def verdict(errors: pd.DataFrame) -> str:
+def _verdict(errors: pd.DataFrame) -> str:
     """Say what chi-square says of all parameters together, for both weights."""
     value, n = chi_square(errors, "correlated")
     white, _ = chi_square(errors, "white")

@@ -47,11 +47,11 @@ def of_levels(k, n=200):
 
 
 def test_the_share_of_failing_reports_is_told_with_its_interval_and_the_goal():
-    text = verdicts.good_verdict(told(rows("clean", "flat", 200, 10)))
+    text = verdicts.good(told(rows("clean", "flat", 200, 10)))
     low, high = stats.beta.ppf([0.025, 0.975], [10, 11], [191, 190])  # Clopper and Pearson
     assert f"5.0 % ({100 * low:.1f} to {100 * high:.1f} %)" in text
     assert "is reached" in text
-    assert "not reached" in verdicts.good_verdict(told(rows("clean", "flat", 200, 15)))
+    assert "not reached" in verdicts.good(told(rows("clean", "flat", 200, 15)))
 
 
 def test_the_page_says_how_many_of_the_planned_flights_there_are():
@@ -87,11 +87,11 @@ def test_a_test_that_fails_more_often_than_its_level_is_named(k, said):
         *("A priori standard deviations", "heading"),
         *(200, k),
     ]
-    assert said in verdicts.level_verdict(found)
+    assert said in verdicts.good(of_levels(k))
 
 
 def test_sizes_that_are_found_too_rarely_or_never_are_named():
-    text = verdicts.spoilt_verdict(
+    text = verdicts.spoilt(
         told(
             rows("spoilt", "flat", 60, 48, fault="step", size=0.012),
             rows("spoilt", "one-height", 60, 20, fault="step", size=0.013),
@@ -142,7 +142,7 @@ def test_reports_of_the_stored_clean_flights_hold(stored):
 
 
 def test_single_tests_keep_their_level_on_the_stored_clean_flights(stored):
-    assert "None of the" in verdicts.level_verdict(verdicts.levels(stored))
+    assert "None of the" in verdicts.good(stored)
 
 
 def test_faults_of_the_predicted_size_are_found_on_the_stored_flights(stored):
@@ -155,7 +155,7 @@ def test_faults_of_the_predicted_size_are_found_on_the_stored_flights(stored):
     assert not hidden["plan"].isin(["flat", "oblique-heads"]).any()  # they declare their lever arms
     seen = found[~found["is_hidden"]]
     assert 0.77 < seen["k"].sum() / seen["n"].sum() < 0.85
-    assert "More rarely found" not in verdicts.spoilt_verdict(stored)
+    assert "More rarely found" not in verdicts.spoilt(stored)
 
 
 # --- The part of the page on coverage that shows errors which change slowly
@@ -181,7 +181,7 @@ def test_chi_square_sums_up_all_parameters_and_flights():
 
 @pytest.mark.parametrize(("correlated", "said"), [(1.0, "within"), (1.5, "outside")])
 def test_the_verdict_says_whether_the_weights_are_right(correlated, said):
-    text = verdicts.verdict(flights(correlated))
+    text = verdicts.page(flights(correlated))
     assert text.startswith("Over 50 flights")
     assert f"{said} its two-sided bounds of 99 %" in text
 
@@ -198,7 +198,7 @@ def test_correlated_weights_keep_the_promise_on_the_stored_flights():
     """The goal: normalised errors of 200 flights within the 99 % bounds of chi-square."""
     errors = verdicts.slow_errors_read(BENCHMARKS)
     assert errors["seed"].nunique() == 200
-    assert "within its two-sided bounds" in verdicts.verdict(errors)
+    assert "within its two-sided bounds" in verdicts.page(errors)
     boresight = verdicts.ratios(errors, "white").filter(like="boresight")
     assert (boresight > 2).all()
 
