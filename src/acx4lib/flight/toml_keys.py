@@ -61,7 +61,8 @@ def number(allowed: Range) -> Value:
         elif value not in allowed:
             yield toml.problem(keys, f"{quoted(value)}{_unit_hint(keys[-1], value)}", str(allowed))
 
-    return Value(re.sub(r"^must (be|lie) (a )?", "", str(allowed)), problems)
+    says = re.sub(r"^must (be|lie) (a )?", "", str(allowed))
+    return Value(re.sub(r"e\+0*", "e", says.replace(" -", " −")), problems)
 
 
 def numbers(n: int, allowed: Range, expected: str = "", *, alone: bool = False) -> Value:
