@@ -38,7 +38,7 @@ from acx4lib.geometry.frames import (
     transform,
 )
 from acx4lib.least_squares import adjustment, statistics
-from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 from acx4lib.least_squares.dense import Dense
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
@@ -171,6 +171,13 @@ def covariance(exposures: Sequence[OneExposure], axis: Index, variance: Array) -
 FREE = {"rotations": (3, 4, 5), "six": (0, 1, 2, 3, 4, 5)}
 """Unknowns of a head among Xc, Yc, Zc and the rotation about its axes."""
 
+BLOCKS = (4, 3)
+"""Blocks along columns and rows of a frame, where there is one exposure."""
+
+MOST_TIMES = 10.0
+"""Sigma of an unknown from a block alone, over that from an even share of the tie points, above
+which it takes no part in the variance of blocks: heads that see other ground share only borders."""
+
 STEPS, NEARLY_MM = 100, 5e-6
 """Largest number of steps with one loss, and a step in the image that ends it (1e-3 px)."""
 
@@ -204,8 +211,12 @@ class Refined:
         Whether the weights, which follow from the differences, stopped changing within `STEPS`.
     by_exposure : tuple of float
         Standard deviations, beyond the noise of tie points, by which a head is off at a single
-        exposure: of its unknowns, about or along its axes, rad or mm. Part of the covariance. Empty
-        where there is one exposure.
+        exposure: of its unknowns, about or along its axes, rad or mm. Part of the covariance. Where
+        there is one exposure, those by which it is off in a block of the frame (`BLOCKS`).
+    halves_p : float or None
+        Where there is one exposure, the probability of such a difference, or a larger one, of the
+        estimates from two halves of its frame, which are alternating blocks; NaN where a half does
+        not determine them.
     """
 
     orientation: RelativeOrientation
@@ -216,6 +227,7 @@ class Refined:
     unreached: tuple[str, ...]
     settled: bool = True
     by_exposure: tuple[float, ...] = ()
+    halves_p: float | None = None
 
     def __repr__(self) -> str:
         """Say in a line how the tie points fit."""
@@ -236,16 +248,25 @@ class Refined:
     @property
     def _between_exposures(self) -> str:
         """What is known of heads that turn from exposure to exposure."""
-        if not self.by_exposure:
-            return "tie points are of one exposure: how heads scatter between exposures is not seen"
         turns = np.degrees(self.by_exposure[-3:])
+        listed = ", ".join(f"{turn:.4f}" for turn in turns)
+        counted = "degrees about its x, y, z ({}); standard deviations count it"
+        if self.halves_p is not None:
+            said = "tie points are of one exposure: how heads scatter between exposures is not seen"
+            if np.any(turns):
+                why = counted.format("parallax, what lenses leave")
+                said += f"; what blocks of the frame say of a head differs by {listed} {why}"
+            halves = f"; halves of alternating blocks agree with p = {self.halves_p:.2f}"
+            return said + halves * bool(np.isfinite(self.halves_p))
         if not np.any(turns):
             return ""
-        listed = ", ".join(f"{turn:.4f}" for turn in turns)
+        why = counted.format(
+            "parallax of other flying heights, shutters that open at other times, a mount that "
+            "gives"
+        )
         return (
             f"beyond the noise of tie points, what exposures say of a head differs by {listed} "
-            "degrees about its x, y, z (parallax of other flying heights, shutters that open at "
-            "other times, a mount that gives); standard deviations count it"
+            f"{why}"
         )
 
     @property
@@ -466,11 +487,18 @@ def _refined(
         raise AdjustmentError(msg)
     u = d / sigma[used, None]
     sigma0_sq = float(np.sum(u**2)) / redundancy
-    exposures = list(_exposures(parts, d, weight, ties[used].exposure_idx, columns))
+    of, is_one = ties[used].exposure_idx, len(np.unique(ties[used].exposure_idx)) == 1
+    if is_one:
+        of = _block(now, ties[used])
+    exposures = list(_exposures(parts, d, weight, of, columns))
     axis, noise = columns % PER_HEAD, sigma0_sq * inverse.dense
-    variance = components(exposures, axis, sigma0_sq)
+    telling = _telling(exposures, inverse.dense.diagonal()) if is_one else exposures
+    variance = components(telling, axis, sigma0_sq)
     if np.any(variance):
         noise = noise + covariance(exposures, axis, variance)
+    halves_p = None if not is_one else np.nan
+    if is_one and telling:
+        halves_p = _agreement(exposures, np.unique(of) % 2, axis, variance, sigma0_sq)
     cov, cov_change = _covariances(start, now, N, columns, noise)
     tied = _tied(start, ties[used])
     others = np.setdiff1d(np.arange(len(start.heads)), tied)
@@ -481,10 +509,42 @@ def _refined(
         turn_sigma=sigmas(cov_change)[: 6 * len(start.heads)].reshape(-1, 6)[:, 3:],
         held=start.heads[tied[0]].name,
         unreached=tuple(start.heads[k].name for k in others),
-        by_exposure=tuple(np.sqrt(variance[np.unique(axis, return_index=True)[1]]).tolist())
-        if len(exposures) > 1
-        else (),
+        by_exposure=tuple(np.sqrt(variance[np.unique(axis, return_index=True)[1]]).tolist()),
+        halves_p=halves_p,
     )
+
+
+def _block(orientation: RelativeOrientation, ties: TiePoints) -> Index:
+    """Return the block of the frame of every tie point; even and odd ones alternate."""
+    size = np.array([[camera.width_px, camera.height_px] for camera in orientation.heads])
+    at = (ties.colrow_a + 0.5) / size[ties.head_a] * BLOCKS
+    col, row = np.clip(at.astype(int), 0, np.array(BLOCKS) - 1).T
+    odd: Index = (col + row) % 2
+    return 2 * (row * BLOCKS[0] + col) + odd
+
+
+def _telling(blocks: Sequence[OneExposure], variance: Array) -> Sequence[OneExposure]:
+    """Return the blocks that alone determine all unknowns; none if they are not half of a frame."""
+    least = 1 / (MOST_TIMES**2 * len(blocks) * variance)
+    whole = [one for one in blocks if np.linalg.matrix_rank(one.N, hermitian=True) == len(least)]
+    found = [one for one in whole if np.all(1 / np.linalg.inv(one.N).diagonal() >= least)]
+    return found if 2 * len(found) >= np.prod(BLOCKS) else []
+
+
+def _agreement(
+    blocks: Sequence[OneExposure], half: Index, axis: Index, variance: Array, sigma0_sq: float
+) -> float:
+    """Return the probability of such a difference of two halves or a larger one, or NaN."""
+    found, cov = [], np.zeros((len(axis), len(axis)))
+    for k in (0, 1):
+        own = [one for one, of in zip(blocks, half, strict=True) if of == k]
+        N = np.sum([np.zeros_like(cov), *(one.N for one in own)], axis=0)
+        if np.linalg.matrix_rank(N, hermitian=True) < len(axis):
+            return np.nan
+        found.append(np.linalg.solve(N, np.sum([one.h for one in own], axis=0)))
+        cov += sigma0_sq * np.linalg.inv(N) + covariance(own, axis, variance)
+    z = (found[1] - found[0]) / sigmas(cov)
+    return statistics.chi2_sf(float(z @ np.linalg.solve(correlation(cov), z)), len(axis))
 
 
 def _exposures(
