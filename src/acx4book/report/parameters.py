@@ -14,7 +14,14 @@ from matplotlib.patches import Rectangle
 from acx4book.report.material import Material
 from acx4book.report.words import Text, heading, listed, parameter_title, show, table
 from acx4book.typesetting import maps, style
-from acx4book.typesetting.labels import LABELS, group_label, p_value, value_and_sigma, with_unit
+from acx4book.typesetting.labels import (
+    LABELS,
+    group_label,
+    lacking,
+    p_value,
+    value_and_sigma,
+    with_unit,
+)
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration.estimates import METHODS
 from acx4lib.calibration.joint_tests import GroupTest, group_tests, undistorted
@@ -746,9 +753,13 @@ def method_table(material: Material) -> pd.DataFrame:
     names.sort(key=lambda name: name != material.calibration)
     if len(names) < 2:
         return pd.DataFrame()
-    return _side_by_side(
+    table = _side_by_side(
         {heading(name): folder.rows(material.found, "parameters", name) for name in names}
     )
+    for name in (f"mounting/{method}" for method in METHODS):
+        if reasons := folder.messages(material.found.summary.get(name, {}), "left_out"):
+            table[heading(name)] = lacking(reasons[0])
+    return table
 
 
 def head_table(material: Material, stage_method: str) -> pd.DataFrame:

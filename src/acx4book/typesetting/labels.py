@@ -129,3 +129,8 @@ def with_unit(label: str, unit: str) -> Markup:
         return Markup(text)
     known = UNITS.get(unit, unit) if UNIT.fullmatch(unit) else shown(unit)
     return Markup(f"{text} ({known})")
+
+
+def lacking(reason: str) -> str:
+    """Return what stands in a method's column where it has no outcome for this reason."""
+    return "needs control points" if "control points" in reason else "no outcome"

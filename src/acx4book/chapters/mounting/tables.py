@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.typesetting.labels import LABELS, UNITS, group_label, value_and_sigma
+from acx4book.typesetting.labels import LABELS, UNITS, group_label, lacking, value_and_sigma
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4book.typesetting.tables import SYMBOLS
@@ -58,6 +58,22 @@ PARAMETERS = {
     **{f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"},
 }
 """Names of the unknowns that every image shares."""
+
+
+def beside(outcomes: Mapping[str, Mounting | Failed]) -> pd.DataFrame:
+    """Return the parameters of methods beside each other; one without outcome says what it lacks.
+
+    Parameters
+    ----------
+    outcomes : mapping of str to Mounting or Failed
+        By the words that stand above their columns.
+    """
+    found = {words: one.table() for words, one in outcomes.items() if one}
+    table = pd.concat(found, axis=1)
+    for words, one in outcomes.items():
+        if isinstance(one, Failed):
+            table[words, "value"] = lacking(one.reason)
+    return table
 
 
 def _formatted(table: pd.DataFrame, formats: Mapping[str, str]) -> pd.DataFrame:
