@@ -280,6 +280,44 @@ def residuals(found: Mapping[str, Bundle], head: str) -> Figure:
     return field_figure(fields)
 
 
+DISTANCES = (0, 10, 20, 40, 80, 160, 320, 640, 1600)
+"""Limits of the classes of distances between two points of a picture, px."""
+
+
+def alike(found: Bundle) -> Array:
+    """Return the correlation of residuals of two points of a picture, by `DISTANCES`.
+
+    They are mean products of normalised residuals of all pairs, over their mean square.
+    """
+    points, group = found.network.image_points, found.solution.group("image_point")
+    v = group.v / group.sigma
+    n = len(DISTANCES) - 1
+    product, pairs = np.zeros(n), np.zeros(n)
+    for image in np.unique(points.image_idx):
+        own = np.flatnonzero(points.image_idx == image)
+        a, b = (own[idx] for idx in np.triu_indices(len(own), 1))
+        apart = np.linalg.norm(points.colrow[a] - points.colrow[b], axis=1)
+        of = np.digitize(apart, DISTANCES[1:-1])
+        product += np.bincount(of, np.mean(v[a] * v[b], axis=1), n)
+        pairs += np.bincount(of, minlength=n)
+    return product / pairs / np.mean(v**2)
+
+
+def by_distance(found: Mapping[str, Array]) -> Figure:
+    """Draw what `alike` returns, by the words that name it, over the distance."""
+    middle = np.sqrt(np.maximum(DISTANCES[:-1], 5) * np.array(DISTANCES[1:]))
+    with style.applied():
+        fig, ax = style.subplots(figsize=(0.75 * style.WIDTH, 2.6))
+        for (words, values), marker in zip(found.items(), "os^D", strict=False):
+            ax.plot(middle, values, marker=marker, ms=4, label=words)
+        ax.axhline(0, color=style.SOFT, lw=1)
+        ax.set_xscale("log")
+        ax.set_xlabel("distance of two points of a picture (px)")
+        ax.set_ylabel("correlation of residuals")
+        style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=3)
+    return fig
+
+
 ZERO = 30.0
 """Degrees of deviation from the middle of the plot to its circle of zero."""
 

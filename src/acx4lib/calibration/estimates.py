@@ -68,6 +68,9 @@ class Calibration:
         Columns that the observations leave open altogether.
     limit_boresight_deg : float
         Standard deviation above which a boresight angle is not determined.
+    enlarged : tuple of float
+        Factors by which `jackknife` enlarged sigma: of interior orientations, and of heads against
+        the first one.
     """
 
     cameras: tuple[Camera, ...]
@@ -76,6 +79,7 @@ class Calibration:
     sigma0_sq: float
     open_columns: Mask
     limit_boresight_deg: float = LIMIT_BORESIGHT_DEG
+    enlarged: tuple[float, float] = (1.0, 1.0)
 
     def __post_init__(self) -> None:
         expected.sequence("cameras", self.cameras, Camera)

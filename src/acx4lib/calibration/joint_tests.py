@@ -87,13 +87,13 @@ def _group_tests(
     calibration: Calibration, against: Sequence[Camera], redundancy: int
 ) -> Iterator[GroupTest]:
     for k, (camera, other) in enumerate(zip(calibration.cameras, against, strict=True)):
-        difference = _difference(camera, other)
+        off = difference(camera, other)
         for group in GROUPS:
             own, columns = estimated(calibration.layout, k, group)
             if len(own) < 2 or calibration.open_columns[columns].any():
                 continue
             cov = calibration.sigma0_sq * calibration.cov[np.ix_(columns, columns)]
-            z = difference[own] / sigmas(cov)
+            z = off[own] / sigmas(cov)
             yield GroupTest(
                 camera=camera.name,
                 keys=tuple(KEYS[i] for i in own),
@@ -123,8 +123,11 @@ def estimated(columns: Layout, k: int, keys: Sequence[str]) -> tuple[Index, Inde
     return own, all_columns[own]
 
 
-def _difference(camera: Camera, other: Camera) -> Array:
-    """Return all parameters less another camera's, the boresight about the camera's axes."""
+def difference(camera: Camera, other: Camera) -> Array:
+    """Return all parameters less another camera's, in the order of `KEYS`.
+
+    The boresight's are about the other camera's axes, radians.
+    """
     return np.concatenate(
         [
             camera.interior.to_array() - other.interior.to_array(),

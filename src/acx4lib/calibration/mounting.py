@@ -26,6 +26,7 @@ from acx4lib.calibration.estimates import (
     require_control,
     saying_what_lacks,
 )
+from acx4lib.calibration.jackknife import enlarged
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
@@ -241,7 +242,8 @@ def single_step(
         return Mounting(method="single_step", calibration=from_bundle(adjusted), bundle=adjusted)
     with saying_what_lacks(block, (*free, *free_mount(fix))):
         bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
-    return Mounting(method="single_step", calibration=from_bundle(bundle), bundle=bundle)
+    calibration = enlarged(from_bundle(bundle), bundle)
+    return Mounting(method="single_step", calibration=calibration, bundle=bundle)
 
 
 def _is_free(block: Block, fix: Sequence[str]) -> bool:
@@ -338,7 +340,8 @@ def two_step_gnss(
         cleaned, free=free, positions=positions, refraction=refraction, start=start
     )
     bundle = replace(adjust(network), rejected=rejected)
-    return _two_step("two_step_gnss", bundle, free=free, estimated=estimated)
+    found = _two_step("two_step_gnss", bundle, free=free, estimated=estimated)
+    return replace(found, calibration=enlarged(found.calibration, bundle))
 
 
 def _taken_over(

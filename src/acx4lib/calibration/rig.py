@@ -16,8 +16,16 @@ import numpy as np
 from acx4lib import expected
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.calibration.estimates import features, not_determined
+from acx4lib.bundle.unknowns import holding
+from acx4lib.calibration.estimates import (
+    LIMIT_BORESIGHT_DEG,
+    LIMIT_LEVER_M,
+    Calibration,
+    features,
+    not_determined,
+)
 from acx4lib.calibration.heads import RelativeOrientation, ground_scale
+from acx4lib.calibration.jackknife import between_heads
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
@@ -26,7 +34,7 @@ from acx4lib.geometry.camera import INTERIOR, Camera, mountings
 from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import MOUNT
-from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.covariance import propagate, sigmas
 
 Step = Callable[..., Mounting]
 """Takes a block, `free` and `fix`, as `mounting.single_step` does."""
@@ -235,14 +243,14 @@ def relative_orientation(
     Raises
     ------
     AdjustmentError
-        Where there is no synthetic camera, the rig is not determined, or the heads share no
-        exposure.
+        Where there is no synthetic camera, the heads are not determined, the first one's mounting
+        apart, or they share no exposure.
     """
     if synthetic is None:
         raise AdjustmentError("flight.toml has no table [synthetic]")
     expected.instance("synthetic", synthetic, Camera)
     calibration = rig.calibration
-    if not weak and (said := not_determined(calibration)):
+    if not weak and (said := _open(calibration)):
         others = f"; so are {len(said) - 1} others" if len(said) > 1 else ""
         raise AdjustmentError(f"{said[0]}{others}")
     heads, n = calibration.cameras, len(calibration.cameras)
@@ -267,6 +275,23 @@ def relative_orientation(
         cov_joint=calibration.sigma0_sq * propagate(J, cov),
         n_exposures=len(_first_images(rig.bundle)),
     )
+
+
+def _open(calibration: Calibration) -> list[str]:
+    """Return what is not determined of heads, but for what the mountings of all have in common."""
+    said, columns = not_determined(calibration), calibration.layout
+    _, between, T = between_heads(calibration, columns)
+    if not said or not len(between) or calibration.open_columns.any():
+        return said
+    sigma = np.sqrt(calibration.sigma0_sq) * sigmas(propagate(T[between], calibration.cov))
+    turns = np.isin(between, columns.mount[:, 3:])
+    if np.any(sigma > np.where(turns, np.radians(LIMIT_BORESIGHT_DEG), LIMIT_LEVER_M)):
+        return said
+    mounted = columns.mount[columns.mount >= 0]
+    rest = np.setdiff1d(np.arange(len(T)), mounted)
+    of_lenses = calibration.cov[np.ix_(rest, rest)]
+    layout, is_open = holding(columns, mounted), calibration.open_columns[rest]
+    return not_determined(replace(calibration, layout=layout, cov=of_lenses, open_columns=is_open))
 
 
 def image_scale(rig: Mounting) -> float:

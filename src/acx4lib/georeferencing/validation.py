@@ -6,7 +6,7 @@ Points, differences, tests of rays.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -19,13 +19,13 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors import adjust_rejecting, elsewhere, pairs_of
 from acx4lib.bundle.observations import SharedErrors
 from acx4lib.bundle.rejections import CRITICAL, Exchange, Rejection, Stopped, within_limits
+from acx4lib.bundle.unknowns import Layout
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration.estimates import Calibration
-from acx4lib.errors import unsolvable
+from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight import checks
 from acx4lib.flight.block import Block, SurveyedPoints
-from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
 from acx4lib.geometry.frames import transform
 from acx4lib.geometry.intersection import intersect, largest_angles
@@ -33,9 +33,9 @@ from acx4lib.geometry.parameters import AXES, Prior
 from acx4lib.georeferencing import accuracy, direct, error_sources
 from acx4lib.georeferencing.direct import Georeferenced, Intersections, Rays
 from acx4lib.georeferencing.error_sources import ErrorSources, block_matrix, turned
-from acx4lib.least_squares import processors
+from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.adjustment import two_sided_p
-from acx4lib.least_squares.covariance import half, propagate
+from acx4lib.least_squares.covariance import half, propagate, sigmas
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -687,10 +687,19 @@ class Prediction:
     method : str
     bundle : Bundle
         Poses and tie points are its unknowns, positions and attitudes its observations.
+    squares : float
+        Weighted sum of squared residuals, where the cameras are observations with the calibration's
+        covariance.
+    effective : float
+        Degrees of freedom of the chi-square distribution, times a factor, that scatters as these
+        sums of single exposures do: at most the redundancy, less where points of an exposure share
+        errors.
     """
 
     method: str
     bundle: Bundle
+    squares: float
+    effective: float
 
     def __repr__(self) -> str:
         """Say in a line how it fits."""
@@ -726,9 +735,15 @@ class Prediction:
         return tuple(np.sqrt(np.mean(off**2, axis=0)).tolist())
 
     @property
+    def sigma0_sq(self) -> float:
+        """Variance of unit weight."""
+        redundancy = self.bundle.solution.redundancy
+        return self.squares / redundancy if redundancy > 0 else 1.0
+
+    @property
     def chi_square_p(self) -> float:
         """Two-sided probability of such a weighted sum of squared residuals or a more extreme."""
-        return self.bundle.solution.chi_square_p
+        return two_sided_p(self.effective * self.sigma0_sq, self.effective)
 
     @property
     def sentence(self) -> str:
@@ -739,13 +754,13 @@ class Prediction:
             f"there are no check points; {shown.count(n, 'exposure')} that took no part in the "
             f"calibration: rays meet within {self.rays_rms_px:.2f} px, positions are off by {off} "
             f"m (east, north, height; RMS), variance of unit weight "
-            f"{self.bundle.solution.sigma0_sq:.3f} (p of chi-square {self.chi_square_p:.3f})"
+            f"{self.sigma0_sq:.3f} (p of chi-square {self.chi_square_p:.3f})"
         )
 
 
 def predict(
     block: Block,
-    cameras: Sequence[Camera],
+    calibration: Calibration,
     *,
     method: str,
     refraction: str = "none",
@@ -760,8 +775,8 @@ def predict(
     ----------
     block : Block
         That took no part in the calibration, with tie points.
-    cameras : sequence of Camera
-        Calibrated, in the order of the block's cameras.
+    calibration : Calibration
+        Its cameras in the order of the block's.
     method : str
         Name of the calibration in the results; it has no other effect.
     refraction : str
@@ -778,13 +793,54 @@ def predict(
 
     Notes
     -----
-    The calibration's own errors have no part in sigma. Those of m parameters, calibrated on as
-    many exposures, add about m to a sum of squares that scatters by the root of twice the
-    redundancy, which is more.
+    Where the cameras that fit the block best are d from the calibration, with the covariance C of
+    the block alone and that of the calibration, K, the sum of squares with cameras held is larger
+    by d^T C^-1 d, and with the calibration as observations by d^T (C + K)^-1 d. Every camera's
+    parameter is then an unknown and an observation: the redundancy is the same.
     """
     expected.instance("block", block, Block)
-    expected.sequence("cameras", cameras, Camera)
-    expected.many("cameras", cameras, len(block.cameras), "cameras")
-    held = tuple(replace(camera, prior=Prior()) for camera in cameras)
+    expected.instance("calibration", calibration, Calibration)
+    expected.many("calibration.cameras", calibration.cameras, len(block.cameras), "cameras")
+    held = tuple(replace(camera, prior=Prior()) for camera in calibration.cameras)
     network = partial(mounted_orientation, free=(), free_mount=(), refraction=refraction, gnss=gnss)
-    return Prediction(method=method, bundle=adjust_rejecting(replace(block, cameras=held), network))
+    bundle = adjust_rejecting(replace(block, cameras=held), network)
+    return Prediction(
+        method=method,
+        bundle=bundle,
+        squares=bundle.solution.cost - _by_cameras(bundle, calibration),
+        effective=_effective_redundancy(bundle),
+    )
+
+
+def _by_cameras(bundle: Bundle, calibration: Calibration) -> float:
+    """Return what the calibration's errors explain of a sum of squares with its cameras held."""
+    n = calibration.n_columns
+    held = {one.name: getattr(bundle.network.layout, one.name) for one in fields(Layout)}
+    later = {name: np.where(columns < 0, columns, columns + n) for name, columns in held.items()}
+    own = {"interior": calibration.layout.interior, "mount": calibration.layout.mount}
+    network = replace(bundle.network, layout=Layout(**(later | own)))
+    cameras = np.arange(n)
+    try:
+        cov = adjustment.covariance(network, bundle.state, cameras)
+        scale = 1 / sigmas(cov)
+        z = scale * adjustment.normals(network, bundle.state).step()[0][:n]
+        alone, both = (
+            c * scale[:, None] * scale for c in (cov, cov + calibration.sigma0_sq * calibration.cov)
+        )
+        return float(z @ (np.linalg.solve(alone, z) - np.linalg.solve(both, z)))
+    except (AdjustmentError, np.linalg.LinAlgError):  # the block alone leaves cameras open
+        return 0.0
+
+
+def _effective_redundancy(bundle: Bundle) -> float:
+    """Return the redundancy that the scatter of single exposures' sums of squares has."""
+    network, group = bundle.network, bundle.solution.group("image_point")
+    pose = network.pose_idx[network.image_points.image_idx]
+    squares, redundancy = (
+        np.bincount(pose, np.nansum(values, axis=1))
+        for values in ((group.v / group.sigma) ** 2, group.redundancy)
+    )
+    mean, n = squares.sum() / redundancy.sum(), int((redundancy > 0).sum())
+    off = np.sum((squares - mean * redundancy) ** 2) * n / max(n - 1, 1)
+    whole = float(bundle.solution.redundancy)
+    return min(whole, 2 * float(squares.sum()) ** 2 / off) if n > 1 and off > 0 else whole

@@ -127,7 +127,7 @@ class Solution:
         return next(g for g in self.groups if g.kind == kind)
 
 
-def two_sided_p(cost: float, redundancy: int) -> float:
+def two_sided_p(cost: float, redundancy: float) -> float:
     """Return the two-sided probability of a chi-square value; one without redundancy."""
     if redundancy <= 0:
         return 1.0

@@ -22,7 +22,13 @@ from acx4lib.bundle.variance_components import (
     sentences,
     sigma_tests,
 )
-from acx4lib.calibration import courses, determination, stability, trajectory_errors
+from acx4lib.calibration import (
+    courses,
+    determination,
+    jackknife,
+    stability,
+    trajectory_errors,
+)
 from acx4lib.calibration.confirmation import confirmations
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -313,7 +319,8 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     """Return sentences on what a user should know of an adjustment."""
     left_out = bundle.network.left_out.items()
     notes = [f"{n} tie point{'s' * (n > 1)} {why} left out" for why, n in left_out]
-    notes += filter(None, (determination.beyond_precision(bundle), rough_boresights(calibration)))
+    of_sigma = rough_boresights(calibration), jackknife.sentence(calibration)
+    notes += filter(None, (determination.beyond_precision(bundle), *of_sigma))
     n_measured = len(bundle.network.block.image_points)
     n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
     # the two-step methods take over what the single step rejected, and this was said of it
@@ -547,7 +554,7 @@ def _prediction_summary(found: Prediction) -> dict[str, object]:
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
         "redundancy": solution.redundancy,
-        "sigma0_squared": solution.sigma0_sq,
+        "sigma0_squared": found.sigma0_sq,
         "chi_square_p": found.chi_square_p,
         "n_rejected": len(found.bundle.rejected),
     }

@@ -84,7 +84,11 @@ def _with_gnss(
     told = np.concatenate([is_determined(calibration), trajectory_errors.is_determined(bundle)])
     everything = [*parameters(calibration), *trajectory_errors.parameters(bundle)]
     keep = np.flatnonzero(told)
-    cov = trajectory_errors.reported_covariance(bundle)[np.ix_(keep, keep)]
+    cov = trajectory_errors.reported_covariance(bundle)
+    if max(calibration.enlarged) > 1:
+        n = calibration.n_columns
+        cov[:n, :n] = reported_covariance(calibration)
+    cov = cov[np.ix_(keep, keep)]
     return parameter_tables(stage, method, [everything[i] for i in keep], cov)
 
 

@@ -239,12 +239,15 @@ def _records(
         )
         if found:
             told = zip(records, found, strict=True)
-            records = [_with_prediction(flight, record, one) for record, one in told]
+            records = [
+                _with_prediction(flight, record, one, calibrations[one.method])
+                for record, one in told
+            ]
         return explained(records, flight, "validation")
 
 
 def _with_prediction(
-    flight: Flight, record: adjustments.Record, found: Validation
+    flight: Flight, record: adjustments.Record, found: Validation, calibration: Calibration
 ) -> adjustments.Record:
     """Return the record with how well the exposures of a block without check points fit."""
     if len(found.block.check) or not len(found.block.image_points):
@@ -252,7 +255,7 @@ def _with_prediction(
     told = attempt(
         predict,
         found.block,
-        found.georeferenced.cameras,
+        calibration,
         method=found.method,
         refraction=flight.refraction,
         gnss=of_attitudes(flight.gnss),

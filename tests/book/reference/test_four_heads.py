@@ -8,7 +8,9 @@ import pytest
 
 from acx4book.reference import four_heads
 from acx4lib.calibration import courses
+from acx4lib.calibration.estimates import not_determined
 from acx4lib.calibration.mounting import single_step
+from acx4lib.calibration.rig import relative_orientation
 from acx4lib.flight import reader
 from acx4lib.flight.block import select_images
 from acx4lib.georeferencing.validation import predict
@@ -89,10 +91,11 @@ def test_self_calibrated_heads_predict_pictures_that_the_factorys_do_not(flight,
     rest, held_out = select_images(block, ~out), select_images(block, out)
     found = {}
     for free in ((), ("f", *flight.estimate_heads)):
-        cameras = single_step(rest, free=free, fix=("lever_arm",)).calibration.cameras
-        found[free] = predict(held_out, cameras, method="rig")
+        calibration = single_step(rest, free=free, fix=("lever_arm",)).calibration
+        found[free] = predict(held_out, calibration, method="rig")
     factory, own = found.values()
     assert own.chi_square_p > 0.01
+    assert own.effective < 0.1 * own.bundle.solution.redundancy  # pictures share errors
     assert factory.chi_square_p < 1e-6
     assert own.rays_rms_px < 0.9 * factory.rays_rms_px
 
@@ -105,6 +108,15 @@ def test_headings_are_what_the_test_by_course_compares(rig):
     for one in test.courses:
         near = np.cos(course - np.radians(one.course_deg)) > 0.9
         assert np.degrees(np.nanmean(off[near])) == pytest.approx(one.off_deg)
+
+
+def test_what_the_heads_have_in_common_may_be_open_if_their_differences_are_not(flight, block):
+    free = ("f", *flight.estimate_heads)
+    levers = single_step(block, free=free, gnss=("deviation",))
+    (open_,) = not_determined(levers.calibration)
+    assert open_.startswith("lever_z_m of 1 Green, 2 Red, 3 Red edge, 4 NIR is not determined")
+    oriented = relative_orientation(levers, flight.synthetic_camera)
+    assert np.all(np.abs(oriented.xyz_mm[:, :2]) < 0.02)
 
 
 # --- Figures

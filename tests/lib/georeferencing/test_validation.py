@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 import acx4sim
-from acx4lib.calibration.estimates import from_bundle
+from acx4lib.calibration.estimates import from_bundle, given
 from acx4lib.calibration.mounting import single_step
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight import reader
@@ -486,14 +486,13 @@ def flight(folder):
 
 
 @pytest.fixture(scope="module")
-def prediction_cameras(flight):
-    calibration = flight.block("calibration")
-    return single_step(calibration, free=flight.estimate_mounting).calibration.cameras
+def calibrated(flight):
+    return single_step(flight.block("calibration"), free=flight.estimate_mounting).calibration
 
 
-def test_a_right_calibration_predicts_the_other_exposures(flight, prediction_cameras):
+def test_a_right_calibration_predicts_the_other_exposures(flight, calibrated):
     block = flight.block("validation")
-    found = predict(block, prediction_cameras, method="single_step")
+    found = predict(block, calibrated, method="single_step")
     assert 0.01 < found.chi_square_p < 0.99
     solution, sigma = found.bundle.solution, block.image_points.sigma_px.mean()
     left = sigma * np.sqrt(solution.redundancy / solution.n_observations)
@@ -503,10 +502,10 @@ def test_a_right_calibration_predicts_the_other_exposures(flight, prediction_cam
 
 
 @pytest.mark.parametrize("wrong", [{"p1": 5e-5}, {"k1": 2e-5}])
-def test_a_wrong_one_does_not(flight, prediction_cameras, wrong):
-    (camera,) = prediction_cameras
+def test_a_wrong_one_does_not(flight, calibrated, wrong):
+    (camera,) = calibrated.cameras
     off = camera.with_interior(replace(camera.interior, **wrong))
-    found = predict(flight.block("validation"), [off], method="single_step")
+    found = predict(flight.block("validation"), given([off]), method="single_step")
     assert found.chi_square_p < 1e-6
 
 
@@ -522,13 +521,11 @@ def test_the_summary_has_it_where_there_are_no_check_points(flight, tmp_path):
     assert any(f"rays meet within {entry['rays_rms_px']:.2f} px" in n for n in entry["notes"])
 
 
-def test_exposures_of_which_nothing_is_measured_do_not_make_the_others_better(
-    flight, prediction_cameras
-):
+def test_exposures_of_which_nothing_is_measured_do_not_make_the_others_better(flight, calibrated):
     block = flight.block("validation")
     keep = block.images.exposure_idx % 3 > 0
     part = select_images(block, keep)
-    found = predict(part, prediction_cameras, method="single_step")
+    found = predict(part, calibrated, method="single_step")
     n = len(np.unique(part.images.exposure_idx))
     assert f"{n} exposures that took no part" in found.sentence
     observed, r = found.bundle.network.observed, found.bundle.state.T_m_b.r
