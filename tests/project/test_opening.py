@@ -71,6 +71,7 @@ OTHERS = {
         "tifffile.TiffFile": "of bytes, after a look, or an image that a command wrote",
         "TemporaryFile": "has no name, and is gone in the end",
     },
+    "acx4tools/exchange/pictures/headings.py": {"tifffile.imread": "of bytes, after a look"},
     "acx4tools/measuring/views.py": {"cv2.imread": "looks first"},
     "acx4tools/measuring/pairs.py": {
         "np.savez": "into the draft that is open",

@@ -51,10 +51,11 @@ class _Taken:
 
 @dataclass(frozen=True, kw_only=True)
 class _Shot:
-    """The pictures of one exposure, and its name."""
+    """The pictures of one exposure, its name, and its heading where the pictures decided it."""
 
     name: str
     taken: tuple[_Taken, ...]
+    heading: float | None = None
 
 
 def bring(
@@ -94,6 +95,7 @@ def bring(
     taken, others = _alike(_read_all(source))
     taken, sums = _marked(taken)
     shots, without = _placed(_shots(taken))
+    shots, decided = _decided(shots)
     heads = in_order(list({one.head.name: one.head for s in shots for one in s.taken}.values()))
     first = {one.head.name: one.tags for shot in reversed(shots) for one in shot.taken}
     known = None if pixel_um is None else pixel_um / 1000
@@ -127,7 +129,7 @@ def bring(
         warnings=(
             *(marks.warnings_of(_marks(shots))),
             *_cut(taken),
-            *_turned(shots),
+            *decided,
             *(
                 f"the lens of {name} differs from that of its metadata by {lens.fitted}"
                 for name, lens in lenses.items()
@@ -246,24 +248,72 @@ def _cut(taken: Sequence[_Taken]) -> Iterator[str]:
         )
 
 
-def _turned(shots: Sequence[_Shot]) -> Iterator[str]:
-    """Yield a warning where gimbal and aircraft of one exposure look in different directions."""
-    both = [
-        (float(gimbal), float(aircraft))
-        for shot in shots
-        if (gimbal := shot.taken[0].tags.number(GIMBAL[2])) is not None
-        and (aircraft := shot.taken[0].tags.number(FLIGHT_YAW)) is not None
-    ]
-    if not both:
-        return
-    gimbal, aircraft = np.array(both).T
-    apart = np.abs((gimbal - aircraft + 180.0) % 360.0 - 180.0)
-    if n := int((apart > ANOTHER_COURSE_DEG).sum()):
-        yield (
-            f"at {n} of {number_of(len(both), 'exposures')} the yaw of the gimbal and that of the "
-            f"aircraft differ by {np.median(apart[apart > ANOTHER_COURSE_DEG]):.0f}° (median): "
-            "the gimbal's is taken, and acx4 measure says whether the pictures agree"
-        )
+def _decided(shots: Sequence[_Shot]) -> tuple[list[_Shot], list[str]]:
+    """Let the pictures decide where gimbal and aircraft of an exposure look in other directions.
+
+    Returns
+    -------
+    list of _Shot, list of str
+        The exposures, with the aircraft's heading where the pictures agree with that, and what is
+        said of it.
+    """
+    both = {}
+    for k, shot in enumerate(shots):
+        tags = shot.taken[0].tags
+        aircraft = tags.number(FLIGHT_YAW)
+        if aircraft is not None and all(tags.number(name) is not None for name in GIMBAL):
+            both[k] = (_attitude(shot, 0.0).heading, float(aircraft) % 360.0)
+    other = [k for k, two in both.items() if _apart(*two) > ANOTHER_COURSE_DEG]
+    if not other:
+        return list(shots), []
+    begin = (
+        f"at {len(other)} of {number_of(len(both), 'exposures')} the yaw of the gimbal and that of "
+        f"the aircraft differ by {np.median([_apart(*both[k]) for k in other]):.0f}° (median): "
+    )
+    votes = _votes(shots, both, other)
+    if 3 * max(votes) < 2 * sum(votes) or not any(votes):
+        return list(shots), [
+            f"{begin}the pictures do not say which is right, and the gimbal's is taken"
+        ]
+    which = int(votes[1] > votes[0])
+    said = (
+        f"{begin}{votes[which]} of {number_of(sum(votes), 'pairs')} of pictures agree with the "
+        f"{('gimbal', 'aircraft')[which]}'s, which is taken"
+    )
+    if which == 0:
+        return list(shots), [said]
+    turned = {k: replace(shots[k], heading=both[k][1]) for k in other}
+    return [turned.get(k, shot) for k, shot in enumerate(shots)], [said]
+
+
+def _votes(
+    shots: Sequence[_Shot], both: Mapping[int, tuple[float, float]], other: Sequence[int]
+) -> tuple[int, int]:
+    """Count pairs of neighbours whose pictures agree with the gimbal, and with the aircraft."""
+    from acx4tools.exchange.pictures.headings import heading_by  # noqa: PLC0415 loads OpenCV
+
+    pairs = [k for k in other if k + 1 in other and _is_straight(both[k], both[k + 1])]
+    votes = [0, 0]
+    for k in pairs[:: max(len(pairs) // PAIRS, 1)][:PAIRS]:
+        a, b = (shot.taken[0].tags for shot in shots[k : k + 2])
+        (lat, lon, _), (next_lat, next_lon, _) = (_place(shot) for shot in shots[k : k + 2])
+        step = next_lat - lat, (next_lon - lon) * np.cos(np.radians(lat))
+        found = heading_by(a.path, b.path, step, (a.width_px, a.height_px))
+        if found is not None:
+            apart = [_apart(found, heading) for heading in both[k]]
+            if min(apart) < ANOTHER_COURSE_DEG:
+                votes[int(apart[1] < apart[0])] += 1
+    return votes[0], votes[1]
+
+
+def _is_straight(first: tuple[float, float], second: tuple[float, float]) -> bool:
+    """Return whether gimbal and aircraft kept their headings from one exposure to the next."""
+    return max(_apart(a, b) for a, b in zip(first, second, strict=True)) < ANOTHER_COURSE_DEG / 2
+
+
+def _apart(a: float, b: float) -> float:
+    """Return the angle between two headings, degrees."""
+    return abs((a - b + 180.0) % 360.0 - 180.0)
 
 
 def _alike(taken: Sequence[_Taken]) -> tuple[list[_Taken], list[str]]:
@@ -447,6 +497,8 @@ def _sigma(shot: _Shot) -> tuple[float, float, float]:
 
 def _attitude(shot: _Shot, heading: float) -> Attitude:
     found = attitude_of(shot.taken[0].tags)
+    if found is not None and shot.heading is not None:
+        return replace(found, heading=shot.heading)
     tilt, turn = _LEVEL
     return found or Attitude(
         roll=0.0,
@@ -584,7 +636,9 @@ CAMERA = tuple(f"Camera:{name}" for name in ("Roll", "Pitch", "Yaw"))
 LIGHT = tuple(f"DLS:{name}" for name in ("Roll", "Pitch", "Yaw"))
 FLIGHT_YAW = "drone-dji:FlightYawDegree"
 SENSEFLY = ("senseFly:Roll", "senseFly:Pitch", "senseFly:Heading")
-ANOTHER_COURSE_DEG = 45.0
+ANOTHER_COURSE_DEG, PAIRS = 45.0, 7
+"""Headings that are farther apart are two; pairs of pictures that decide between them at most."""
+
 ZONES_S, CLOCK_S = 900, 2.0
 """Zones of time differ by quarters of an hour; a clock that is off by more is told."""
 
@@ -719,6 +773,12 @@ def attitude_of(tags: Tags) -> Attitude | None:
         values = [tags.number(name) for name in names]
         if all(value is not None for value in values):
             roll, pitch, yaw = (float(unit) * float(value or 0.0) for value in values)
+            if abs(roll) > 90.0:  # the same attitude by its other three angles
+                roll, pitch, yaw = (
+                    roll - np.copysign(180.0, roll),
+                    -pitch % 360.0 - 180.0,
+                    yaw + 180.0,
+                )
             return Attitude(
                 roll=roll,
                 pitch=pitch + level,

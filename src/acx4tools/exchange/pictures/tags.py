@@ -36,7 +36,8 @@ READ = frozenset(
 _XMP_TAG = 700
 _EXIF_HEADER, _XMP_HEADER = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"
 _APP1 = 0xE1
-_BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, RuntimeError, struct.error, OSError)
+BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, RuntimeError, struct.error, OSError)
+"""What reading a damaged picture may raise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +147,7 @@ def read(path: Path) -> Tags:
         with tiff_files.in_silence():  # the EXIF of a JPEG is a TIFF without an image
             of = _of_jpeg if data[:2] == b"\xff\xd8" else _of_tiff
             size, exif, packet = of(data)
-    except _BROKEN as error:
+    except BROKEN as error:
         said = str(error) if isinstance(error, ValueError) else "its bytes contradict its header"
         expected = "must be a TIFF or a JPEG that is whole"
         raise source.wrong("file", " ".join(said.split()), expected) from None

@@ -14,6 +14,7 @@ from acx4tools.exchange.pictures.folder import bring
 from acx4tools.exchange.pictures.tags import read
 from acx4tools.measuring.flights import read_unmeasured
 from support.pictures import tagged
+from support.pictures.taken import texture
 
 ANGLES = ((0, 0, 0), (0.2, -0.3, 0.5))
 
@@ -318,21 +319,60 @@ def test_a_cropped_picture_is_warned_of(tmp_path):
     assert "320 x 240 px, and 4000 x 3000 px by their EXIF: cropped or reduced" in said
 
 
-def test_a_gimbal_that_is_turned_against_its_aircraft_is_told(tmp_path):
-    for k, yaw in enumerate((10.0, 190.0)):
-        said = {
-            "drone-dji:CalibratedFocalLength": 300,
-            "drone-dji:GimbalRollDegree": 0.0,
-            "drone-dji:GimbalPitchDegree": -90.0,
-            "drone-dji:GimbalYawDegree": yaw,
-            "drone-dji:FlightYawDegree": 12.0,
-        }
+# --- gimbal and aircraft that look in other directions
+
+
+def strip_of(at, gimbal, aircraft, *, top=30.0, ground=None):
+    """Write three pictures of a flight to the north whose tops look `top` degrees east of it."""
+    if ground is None:
+        ground = np.rint(texture(900, np.random.default_rng(1), finest=0.1)).astype(np.uint16)
+    width, height = tagged.SIZE
+    way = 60 * np.array([np.sin(np.radians(-top)), -np.cos(np.radians(-top))])  # columns, rows
+    for k, (held, flown) in enumerate(zip(gimbal, aircraft, strict=True)):
+        col, row = np.rint([400, 450] + k * way).astype(int)
+        angles = dict(zip(folder.GIMBAL, (0.0, -90.0, held), strict=True))
+        said = {"drone-dji:CalibratedFocalLength": 300, "drone-dji:FlightYawDegree": flown}
         exif = tagged.metadata(lat=47.5 + 1e-4 * k, time=f"2024:05:01 10:20:3{k}")
-        tagged.write(tmp_path / f"DJI_000{k}.JPG", said, exif=exif)
-    brought = bring(tmp_path)
+        pixels = np.ascontiguousarray(ground[row : row + height, col : col + width])
+        tagged.write(at / f"DJI_000{k}.tif", said | angles, exif=exif, pixels=pixels)
+    return bring(at)
+
+
+@pytest.mark.parametrize(("gimbal", "aircraft"), [(205.0, 28.0), (28.0, 205.0)])
+def test_pictures_decide_between_the_yaw_of_the_gimbal_and_of_the_aircraft(
+    tmp_path, gimbal, aircraft
+):
+    """Whichever is near the 30 degrees at which the pictures were taken."""
+    brought = strip_of(tmp_path, [gimbal] * 3, [aircraft] * 3)
+    which = "gimbal" if gimbal == 28.0 else "aircraft"
+    assert brought.warnings == (
+        "at 3 of 3 exposures the yaw of the gimbal and that of the aircraft differ by 177° "
+        f"(median): 2 of 2 pairs of pictures agree with the {which}'s, which is taken",
+    )
+    assert brought.tables["calibration/trajectory.csv"]["heading_deg"] == [28.0] * 3
+
+
+def test_pictures_that_show_nothing_leave_the_yaw_of_the_gimbal(tmp_path):
+    grey = np.full((900, 900), 20000, np.uint16)
+    brought = strip_of(tmp_path, [10.0, 190.0, 10.0], [12.0] * 3, ground=grey)
     (said,) = brought.warnings
-    assert said.startswith("at 1 of 2 exposures the yaw of the gimbal and that of the aircraft")
-    assert brought.tables["calibration/trajectory.csv"]["heading_deg"] == [10.0, 190.0]
+    assert said.startswith("at 1 of 3 exposures the yaw of the gimbal and that of the aircraft")
+    assert said.endswith("the pictures do not say which is right, and the gimbal's is taken")
+    assert brought.tables["calibration/trajectory.csv"]["heading_deg"] == [10.0, 190.0, 10.0]
+
+
+def test_a_gimbal_that_is_turned_over_looks_down_with_its_top_behind(tmp_path):
+    """Its angles and those without a half turn are of one attitude."""
+    angles = dict(zip(folder.GIMBAL, ("+180.00", "-89.90", "-132.00"), strict=True))
+    held = folder.attitude_of(tags_of(tmp_path, angles))
+    level = [Rotation.from_euler("Y", 90, degrees=True), Rotation.identity()]
+    turns = ((-132, -89.9, 180), (held.heading, held.pitch, held.roll))
+    given, found = (
+        Rotation.from_euler("ZYX", one, degrees=True) * by
+        for one, by in zip(turns, level, strict=True)
+    )
+    assert (given.inv() * found).magnitude() < 1e-9
+    assert held.heading == pytest.approx(48.0)
 
 
 # --- exposures that are held out
