@@ -44,6 +44,19 @@ class NotConverged(AdjustmentError):
     """An adjustment does not converge, and no observation stands out that would explain it."""
 
 
+def not_installed(what: str, module: str, extra: str) -> ModuleNotFoundError:
+    """Return the error in the place of a package that an extra of this distribution installs.
+
+    Parameters
+    ----------
+    what : str
+        What needs it.
+    module, extra : str
+    """
+    msg = f"{what} needs {module}, not installed here: pip install 'acx4lib[{extra}]'"
+    return ModuleNotFoundError(msg, name=module)
+
+
 def unsolvable(reason: str, where: str = "") -> AdjustmentError:
     """Return the error in the place of a failure of linear algebra, with what to look at.
 

@@ -32,7 +32,7 @@ ROOMS = {
     "10": ["chapters.image_quality", "paper"],
     "11": ["reference"],
     "12": ["chapters.synthetic_cost", "paper"],
-    "13": ["reference"],
+    "13": ["reference", "chapters.mounting.tables"],
     "14": ["chapters.failures"],
     "15": ["chapters.design"],
     "18": ["chapters.stability", "report.campaigns"],

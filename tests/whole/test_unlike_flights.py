@@ -34,8 +34,8 @@ SAYS = {
     "mounting held": ("09-weights", "3 check points of this block are compared"),
     "no check point": ("09-weights", "no check point is measured in this one"),
     "one strip, one check point": ("04-validation", "1 check point cannot show a distribution"),
-    "parallel heads": ("02-synthetic-image", "is no mosaic"),
-    "heads without control": ("02-synthetic-image", "is no mosaic"),
+    "parallel heads": ("02-synthetic-image", "make no mosaic"),
+    "heads without control": ("02-synthetic-image", "make no mosaic"),
     "300 km": ("00-flight", "opposite directions"),
 }
 """What is said of some flights, and where."""

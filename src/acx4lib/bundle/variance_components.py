@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from scipy import sparse, special
+from scipy import sparse
 
 from acx4lib import expected, shown
 from acx4lib.bundle.adjust import Bundle
@@ -103,7 +103,7 @@ class Component:
         """
         ratio = (self.factor / self.applied) ** 2
         above = statistics.chi2_sf(self.effective * ratio, self.effective)
-        below = _norm_cdf((ratio - 1) * np.sqrt(self.effective / 2))
+        below = statistics.norm_cdf((ratio - 1) * np.sqrt(self.effective / 2))
         return float(min(1.0, 2 * min(above, below)))
 
     @property
@@ -131,11 +131,6 @@ class Component:
         least, most = BOUNDS
         far = not least <= self.applied <= most
         return bool(far and replace(self, factor=self.applied, applied=1.0).p < ALPHA)
-
-
-def _norm_cdf(x: float) -> float:
-    """Return the probability of a standard normal value below x."""
-    return float(special.ndtr(x))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.errors import not_installed
 from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera, correct, xy_from_colrow
 from acx4lib.geometry.frames import Pose
@@ -144,7 +145,7 @@ def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
     try:
         import cv2  # noqa: PLC0415 few flights need a resection, and it loads long
     except ModuleNotFoundError:
-        raise _not_installed("a resection", "cv2", "images") from None
+        raise not_installed("a resection", "cv2", "images") from None
 
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
     centre = x_m.mean(axis=0)
@@ -156,9 +157,3 @@ def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
         raise ValueError(msg)
     R_m_cv: Array = cv2.Rodrigues(rvec)[0].T.astype(float)
     return Pose(R=R_m_cv @ R_C_CV, r=centre - R_m_cv @ tvec[:, 0])
-
-
-def _not_installed(what: str, module: str, extra: str) -> ModuleNotFoundError:
-    """Return the error in the place of a package that an extra of this distribution installs."""
-    msg = f"{what} needs {module}, not installed here: pip install 'acx4lib[{extra}]'"
-    return ModuleNotFoundError(msg, name=module)

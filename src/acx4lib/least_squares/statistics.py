@@ -297,7 +297,7 @@ def critical_tau(critical: float, redundancy: float) -> float:
     expected.positive_number("critical", critical)
     if redundancy <= 1:
         return np.inf
-    t = _t_isf(norm_sf(critical), redundancy - 1)
+    t = t_isf(norm_sf(critical), redundancy - 1)
     return t * float(np.sqrt(redundancy / (redundancy - 1 + t**2)))
 
 
@@ -336,6 +336,11 @@ def holm(p: Array) -> Array:
 #
 # The values are those of that package to the last bit. It is not imported, since loading it takes
 # longer than adjusting a small flight.
+
+
+def norm_cdf(x: float) -> float:
+    """Return the probability of a standard normal value below x."""
+    return float(special.ndtr(x))
 
 
 def norm_sf(x: float) -> float:
@@ -378,7 +383,7 @@ def t_ppf(q: float, df: float) -> float:
     return float(special.stdtrit(df, q))
 
 
-def _t_isf(q: float, df: float) -> float:
+def t_isf(q: float, df: float) -> float:
     """Return what a value of Student's t is above with probability q."""
     return float(-special.stdtrit(df, q))
 
