@@ -20,11 +20,6 @@ settings.load_profile("same")
 gc.disable()  # while modules are imported and tests collected, all of which stay
 
 
-def pytest_collection_modifyitems(items):
-    """Leave the pages of the book to the end: it may still be built."""
-    items.sort(key=lambda item: "built_book" in item.path.parts)
-
-
 def pytest_collection_finish():
     gc.freeze()  # so that no test has them looked through
     gc.enable()

@@ -1,16 +1,13 @@
 """The built book, and what its tests need; where it is missing they are skipped and say why.
 
-`.ci/run` sets ACX4_REQUIRE_BOOK and ACX4_REQUIRE_BROWSER: there, what is missing is an error. It
-builds the book meanwhile, and names in ACX4_BOOK_IS_DONE the file that it writes in the end.
+`.ci/run` sets ACX4_REQUIRE_BOOK and ACX4_REQUIRE_BROWSER: there, what is missing is an error.
 """
 
 import gc
 import os
 import shutil
-import time
 from contextlib import contextmanager
 from importlib import resources
-from pathlib import Path
 
 import pytest
 from bs4 import BeautifulSoup
@@ -28,15 +25,9 @@ def give_up(reason, variable):
     pytest.skip(reason)
 
 
-PATIENCE_S = 1800
-
-
 @pytest.fixture(scope="session")
 def html():
     """The folder of the built book."""
-    done, end = os.environ.get("ACX4_BOOK_IS_DONE"), time.monotonic() + PATIENCE_S
-    while done and not Path(done).exists() and time.monotonic() < end:
-        time.sleep(1)
     if not (HTML / "index.html").is_file():
         give_up("the book is not built: make book", "ACX4_REQUIRE_BOOK")
     return HTML

@@ -112,8 +112,9 @@ def window(browser, html):
         opened.page.context.close()
 
 
+@pytest.mark.parametrize("half", [0, 1])
 @pytest.mark.parametrize("sampled", [True, repeats(False)])
-def test_every_page_is_drawn_whole_and_in_peace(window, dark, chapters, sampled):
+def test_every_page_is_drawn_whole_and_in_peace(window, dark, chapters, sampled, half):
     """On a phone, when its window becomes as wide as a desktop's, and there in the dark.
 
     Of pages that a program writes alike, of modules and labs, the usual tests look at every fifth.
@@ -121,7 +122,8 @@ def test_every_page_is_drawn_whole_and_in_peace(window, dark, chapters, sampled)
     book = window()
     alike = [name for name in chapters if name.startswith(ALIKE)]
     left_out = {name for n, name in enumerate(alike) if n % 5} if sampled else set()
-    for name in [*(name for name in chapters if name not in left_out), "search.html"]:
+    names = [*(name for name in chapters if name not in left_out), "search.html"]
+    for name in names[half::2]:
         book.widen(PHONE)
         book.open(name)
         drawn_whole(book, PHONE)

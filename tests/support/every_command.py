@@ -73,7 +73,7 @@ def imports():
 
 ALL = TYPED | imports()
 
-OF_EACH_KIND = ("check", "simulate", "report", "plan", "import metashape", "import orientations")
+OF_EACH_KIND = ("check", "simulate", "report", "import metashape")
 """Commands of which each goes another way: those that read, write, compute, or import."""
 
 
