@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -127,9 +128,12 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     executed, generated = book / "_executed", book / "_generated"
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
-    _write_notebooks(results_path, executed, ideal_path, pictures_path=flight_path)
+    with ProcessPoolExecutor(1) as meanwhile:
+        running = meanwhile.submit(_texts_of_examples, book)
+        _write_notebooks(results_path, executed, ideal_path, pictures_path=flight_path)
+        left_out = study.bring(executed, ideal_path)
+        examples = running.result()
     whole = ideal_path is not None
-    left_out = study.bring(executed, ideal_path)
     # The code of part I is part of what it teaches.
     for name in study.CHAPTERS.keys() - {*left_out, *study.FOUNDATIONS}:
         note = IDEAL if name in study.OF_IDEAL else ""
@@ -141,7 +145,7 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         *_texts_of_run(flight_path, results_path, ideal_path),
         *_texts_of_front(results_path, executed, ideal_path),
         *_texts_of_benchmarks(timed, errors),
-        *_texts_of_examples(book),
+        *examples,
         *showing.texts(),
         *showing.links(),
         *_texts_of_back_matter(),
@@ -401,12 +405,15 @@ def _texts_of_benchmarks(
     yield "coverage-spoilt.md", verdicts.spoilt(said)
 
 
-def _texts_of_examples(book: Path) -> Iterator[tuple[str, str]]:
-    """Yield the names and the outputs of the code on the pages whose code is run."""
+def _texts_of_examples(book: Path) -> list[tuple[str, str]]:
+    """Return the names and the outputs of the code on the pages whose code is run."""
+    texts = []
     for name in RUN_PAGES:
         pieces = snippets((book / f"{name}.md").read_text(encoding="utf-8"))
         for number, said in enumerate(outputs(pieces), 1):
-            yield f"{name}-{number}.txt", speed.wrapped(said) if name in WRAPPED else said
+            text = speed.wrapped(said) if name in WRAPPED else said
+            texts.append((f"{name}-{number}.txt", text))
+    return texts
 
 
 def _texts_of_back_matter() -> Iterator[tuple[str, str]]:
