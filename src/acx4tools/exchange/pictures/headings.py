@@ -73,7 +73,8 @@ def heading_by(
 def _grey(path: Path, size: tuple[int, int]) -> Array | None:
     """Return a picture in 8 bit, at most `SIDE` px long; None where it cannot be unpacked."""
     data = opened.read(path).data
-    if picture_sizes.fault(8 * size[0] * size[1], len(data)):
+    n = size[0] * size[1]
+    if picture_sizes.fault(n, len(data), 8 * n):
         return None
     try:
         picture = _pixels(data)
