@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from inspect import Signature, signature
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,22 @@ class Measured:
     image_idx: Index = field(default_factory=lambda: np.zeros(0, dtype=int))
     point_idx: Index = field(default_factory=lambda: np.zeros(0, dtype=int))
     colrow: Array = field(default_factory=lambda: np.zeros((0, 2)))
+
+    @classmethod
+    def of(
+        cls, seen: Sequence[tuple[int, str, Any]], places: Mapping[str, Array] | None = None
+    ) -> Measured:
+        """Return measurements from image, point and pixel of each, and places of points, if any."""
+        points, point_idx = tables.first_use([point for _, point, _ in seen])
+        unknown = np.full(3, np.nan)
+        x_w = None if places is None else [places.get(point, unknown) for point in points]
+        return cls(
+            points=tuple(points),
+            x_w=None if x_w is None else np.array(x_w, dtype=float).reshape(-1, 3),
+            image_idx=np.array([image for image, _, _ in seen], dtype=int),
+            point_idx=point_idx,
+            colrow=np.array([at for _, _, at in seen], dtype=float).reshape(-1, 2),
+        )
 
     def where(self, rows: Mask | Index) -> Measured:
         """Return some of the measurements."""
@@ -304,6 +321,38 @@ def flight_of(
             *flown.left_out,
         ),
     )
+
+
+def reading(project: Callable[..., Project], **orientations: str) -> Callable[..., Brought]:
+    """Return what reads a program's files as a part of a flight, by its `project`.
+
+    Parameters
+    ----------
+    project : callable
+        From a source and options to a project.
+    **orientations : str
+        ``orientations``, where `project` has no such option: its value by default.
+
+    Returns
+    -------
+    callable
+        Its options are those of `project` and of `flight_of`.
+    """
+    own, common = (dict(signature(one).parameters) for one in (project, flight_of))
+    del common["project"]
+    if "orientations" not in {**own, **orientations}:
+        del common["orientations"]
+    common |= {name: common[name].replace(default=one) for name, one in orientations.items()}
+    of_both = Signature(sorted((common | own).values(), key=lambda one: one.kind))
+
+    def read(*source: Path, **given: Any) -> Brought:
+        bound = of_both.bind(*source, **given)
+        bound.apply_defaults()
+        found = project(**{name: bound.arguments[name] for name in own})
+        return flight_of(found, **{name: bound.arguments[name] for name in common})
+
+    read.__signature__ = of_both  # type: ignore[attr-defined] # what `signature` looks at
+    return read
 
 
 def nowhere(error: FlightError) -> InGrid:

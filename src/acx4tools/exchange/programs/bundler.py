@@ -17,18 +17,17 @@ from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import is_rotation, nearest_rotation
-from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.lens import FLIP as FLIP_Y
-from acx4tools.exchange.lens import WORST_PX, Pinhole
+from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import BUNDLER, Lens
 from acx4tools.exchange.project import (
     Images,
     Measured,
     Project,
     Proof,
-    flight_of,
     numbered,
     on_no_map,
+    reading,
 )
 from acx4tools.exchange.safe import opened, text_lines
 from acx4tools.exchange.safe.opened import Opened
@@ -65,20 +64,6 @@ class _Bundle:
     point_idx: Index
     xy: Array
     again: int
-
-
-def read(
-    source: Path,
-    *,
-    size: tuple[int, int],
-    crs: str | None = None,
-    block: str | None = None,
-    pixel_um: float | None = None,
-    allow: float = WORST_PX,
-) -> Brought:
-    """Read bundle.out as a part of a flight; options as those of `project` and `flight_of`."""
-    found = project(source, size=size, crs=crs)
-    return flight_of(found, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> Project:
@@ -135,6 +120,9 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         },
         assumed=ASSUMED,
     )
+
+
+read = reading(project)
 
 
 def _lens(file: Opened, values: tuple[float, ...], size: tuple[int, int]) -> Lens:

@@ -21,8 +21,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import LOCAL, GridSystem
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import AHEAD, FLIP, stacked, turned
-from acx4tools.exchange.flight_folder import Brought
-from acx4tools.exchange.lens import WORST_PX, Pinhole
+from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import COLMAP as MODELS
 from acx4tools.exchange.lens_models import Lens, Wrong
 from acx4tools.exchange.project import (
@@ -32,8 +31,8 @@ from acx4tools.exchange.project import (
     Project,
     Proof,
     as_they_are,
-    flight_of,
     nowhere,
+    reading,
 )
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened, refusal
@@ -99,20 +98,6 @@ class _Model:
     frames: Mapping[int, int]
 
 
-def read(
-    source: Path,
-    *,
-    orientations: str = "none",
-    block: str | None = None,
-    crs: str | None = None,
-    pixel_um: float | None = None,
-    allow: float = WORST_PX,
-) -> Brought:
-    """Read a model as a part of a flight; options as those of `project` and `flight_of`."""
-    found = project(source, crs=crs)
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
-
-
 def project(source: Path, *, crs: str | None = None) -> Project:
     """Return a model.
 
@@ -173,6 +158,9 @@ def project(source: Path, *, crs: str | None = None) -> Project:
         },
         assumed=ASSUMED,
     )
+
+
+read = reading(project, orientations="none")
 
 
 def _model(source: Path) -> _Model:

@@ -34,8 +34,7 @@ from acx4tools.exchange.axes import (
     turned,
 )
 from acx4tools.exchange.crs import Chosen, parsed
-from acx4tools.exchange.flight_folder import Brought
-from acx4tools.exchange.lens import WORST_PX, Pinhole
+from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import METASHAPE as MODELS
 from acx4tools.exchange.lens_models import Lens
 from acx4tools.exchange.project import (
@@ -47,8 +46,8 @@ from acx4tools.exchange.project import (
     Proof,
     Trajectory,
     as_they_are,
-    flight_of,
     nowhere,
+    reading,
 )
 from acx4tools.exchange.safe import opened, xml_tree
 from acx4tools.exchange.safe.opened import Opened, Together
@@ -97,25 +96,6 @@ ASSUMED = (
     "The body's x axis is towards the top of the master camera's images: there Metashape's yaw, "
     "pitch and roll are zero for a camera that looks down with its top to the north",
 )
-
-
-def read(  # noqa: PLR0913 one for every option
-    source: Path,
-    *,
-    camera: str = "adjusted",
-    orientations: str = "initial",
-    block: str | None = None,
-    crs: str | None = None,
-    heights: str | float | None = None,
-    chunk: str | None = None,
-    pixel_um: float | None = None,
-    allow: float = WORST_PX,
-) -> Brought:
-    """Read a chunk as a part of a flight; options as those of `project` and `flight_of`."""
-    found = project(
-        source, camera=camera, orientations=orientations, crs=crs, heights=heights, chunk=chunk
-    )
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(
@@ -187,6 +167,9 @@ def project(
         found=_slaves(sensors),
         left_out=("tie points, which the XML does not have",),
     )
+
+
+read = reading(project)
 
 
 def _cameras_alone(whole: _Chunk, wanted: str) -> Project:

@@ -1,15 +1,20 @@
-"""MicMac's XML of version 1: orientations, calibrations, points. Version 2 is `mmvii`.
+"""MicMac's XML of versions 1 and 2 (MMVII): orientations, calibrations, measured, surveyed points.
 
-Pixels count from the centre of the top-left one; cameras have x right, y down, z ahead. Focal
-length, principal point and distortion are in pixels. With `eConvApero_DistM2C` the distortion takes
-the ideal pixel to the measured one; the points under `Verif` in MicMac's own orientations confirm
-this to 1e-9 px.
+Pixels count from the centre of the top-left one; cameras have x right, y down, z ahead. In version
+1 focal length, principal point and distortion are in pixels. With `eConvApero_DistM2C` the
+distortion takes the ideal pixel to the measured one; the points under `Verif` in MicMac's own
+orientations confirm this to 1e-9 px.
+
+Of version 2 the formulas are as its source has them: a direction is projected, plane or as a
+fisheye, to a point p in units of F; with r² = x² + y² the distortion is p (1 + K1 r² + K2 r⁴ + ...)
++ p1 (3x² + y², 2xy) + p2 (2xy, x² + 3y²) + (b1 x + b2 y, 0); the pixel is PP + F p. AxeI, AxeJ,
+AxeK are the camera's axes in the world.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,38 +25,51 @@ from acx4lib.expected import Array
 from acx4lib.flight.problems import METRES, RANGES, Range, quoted
 from acx4lib.geometry.frames import Pose
 from acx4tools.exchange import lens, tables
-from acx4tools.exchange.axes import FLIP, UNKNOWN, is_rotation, stacked
-from acx4tools.exchange.flight_folder import Brought
-from acx4tools.exchange.lens import WORST_PX, Model, Pinhole
+from acx4tools.exchange.axes import FLIP, UNKNOWN, is_rotation, nearest_rotation, stacked
+from acx4tools.exchange.lens import Model, Pinhole
 from acx4tools.exchange.lens_models import Lens
-from acx4tools.exchange.programs import mmvii
-from acx4tools.exchange.programs.mmvii import PROJECTIONS
-from acx4tools.exchange.project import Control, Images, Measured, Project, Proof, flight_of, in_crs
+from acx4tools.exchange.project import Control, Images, Measured, Project, Proof, in_crs, reading
 from acx4tools.exchange.safe import opened, xml_tree
 from acx4tools.exchange.safe.opened import Opened, Together
 from acx4tools.exchange.safe.xml_tree import Element
 
 KNOWN = "eConvApero_DistM2C"
-"""The convention of all files that MicMac writes itself."""
+"""The convention of all files that version 1 writes itself."""
 
 MODELS = ("ModNoDist", "ModRad", "ModPhgrStd")
-"""Distortion models that are read; others are refused by name."""
+"""Distortion models of version 1 that are read; others are refused by name."""
+
+ORIENTATION, CALIBRATION = "Ori-PerspCentral-", "Calib-PerspCentral-"
+"""Beginnings of the names of files of version 2."""
+
+KINDS = {"CameraPose": "NameImage", "InternalCalibration": "PerfectProj", "SetMesIm": "NameIm"}
+KINDS |= {"SetGCP": "NameSet"}
+"""Elements with the content of a file of version 2, and what each holds: early files lack them."""
+
+PROJECTIONS = {
+    "Stenope": None,
+    "FE_EquiDist": lambda angle: angle,
+    "FE_EquiSolid": lambda angle: 2 * np.sin(angle / 2),
+    "StereroGraphik": lambda angle: 2 * np.tan(angle / 2),
+}
+"""Distances from the middle of the angles from the axis, by the names in files; None is plane."""
 
 MOST = 100_000
 """Largest number of XML files of a folder."""
 
 FOCAL = Range(1.0, 1e7, "must be a focal length in pixels")
 
-COEFFICIENT = Range(-0.5, 0.5)
-"""P1 and P2 per pixel, b1 and b2 without a unit."""
+PER_PIXEL = Range(-0.5, 0.5)
+"""P1 and P2 of version 1, per pixel, b1 and b2 without a unit."""
 
+COEFFICIENT = Range(-1e6, 1e6)
 ENTRY = Range(-2.0, 2.0, "must be an entry of a rotation")
 
 SKEW = 1e-6
 """Largest difference of a matrix from a rotation."""
 
 AROUND = ("ExportAPERO", "Global")
-"""Outermost elements that hold others."""
+"""Outermost elements of version 1 that hold others."""
 
 CAMERA = "CAM"
 """Name of the camera where no orientation names a calibration."""
@@ -59,34 +77,16 @@ CAMERA = "CAM"
 SHOWN = 5
 """Number of names that a sentence has at most."""
 
-ASSUMED = (
-    f"{KNOWN}: the matrix takes camera to object axes, x right, y down, z ahead; the "
-    "distortion takes ideal pixels to measured ones",
-    "pixel 0, 0 is taken as the centre of the top-left one: no file says it",
-)
+PIXEL = "pixel 0, 0 is taken as the centre of the top-left one: no file says it"
 
 Content = tuple[Any, ...]
 """Text of an element, and tags and contents of those below it."""
 
-Surveyed = dict[str, tuple[Array, Array]]
-"""Coordinates and sigma of surveyed points, sigma NaN where it is not given."""
+Ray = tuple[Element, str, str, Array]
+"""The element, image, point and pixel of a measurement."""
 
-
-def read(
-    source: Path,
-    *,
-    orientations: str = "initial",
-    block: str | None = None,
-    crs: str | None = None,
-    pixel_um: float | None = None,
-    allow: float = WORST_PX,
-) -> Brought:
-    """Read a folder as a part of a flight; options as those of `project` and `flight_of`.
-
-    The files have no orientations but adjusted ones: "initial" is no trajectory.
-    """
-    found = project(source, crs=crs)
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
+Place = tuple[Element, str, Array, Array]
+"""The element, name, coordinates and sigma of a surveyed point, sigma NaN where not given."""
 
 
 def project(source: Path, *, crs: str | None = None) -> Project:
@@ -95,145 +95,121 @@ def project(source: Path, *, crs: str | None = None) -> Project:
     Parameters
     ----------
     source : Path
-        A folder with one Ori-*, or an Ori-* in it, measures and surveyed points in XML; or one
-        such file.
+        Of version 1 a folder with one Ori-*, or an Ori-* in it, measures and surveyed points in
+        XML; of version 2 a folder of orientations, its project's folder MMVII-PhgrProj or the one
+        around that, with the points of the project; or one such file.
     crs : str, optional
         Of the flight and of MicMac's coordinates, which do not say it.
 
     Raises
     ------
     FlightError
-        For files that are not MicMac's, other conventions or other distortion models.
+        For files that are not MicMac's, other conventions, projections or distortion models.
     """
-    if mmvii.is_there(source):
-        return mmvii.project(source, crs=crs)
-    found = _files_of(source)
-    lenses = {_camera(name): _lens(root) for name, root in found.calibrations.items()}
-    images, measured, surveyed = _images(found)
-    tables.require_all_names(
-        {
-            "image": images.names,
-            "camera": images.cameras,
-            "exposure": images.exposures,
-            "point": measured.points,
-        },
-        found.read[0].wrong,
-    )
-    control = _control(surveyed)
-    unknown = [name for name in measured.points if name not in surveyed] if surveyed else []
-    seen = set(measured.points)
-    unmeasured = [name for name in surveyed if name not in seen]
-    ties = (
-        "measured points are tie points, since their coordinates are not there: "
-        f"{', '.join(unknown[:SHOWN])}"
-    )
-    return Project(
-        source="MicMac",
-        sources=found.read,
-        lenses=lenses,
-        images=images,
-        measured=measured,
-        proofs=(
-            Proof(whose="surveyed points", measured=measured),
-            Proof(whose="points that MicMac projected itself (Verif)", measured=_own(found)),
-        ),
-        control=control,
-        settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
-        in_grid=in_crs(source, crs),
-        lost={
-            "other XML files": found.others,
-            ties: len(unknown),
-            f"surveyed points are measured in no image: {', '.join(unmeasured[:SHOWN])}": len(
-                unmeasured
-            ),
-        },
-        assumed=(
-            *ASSUMED,
-            *mmvii.of_control(
-                crs, control, "Incertitude of a surveyed point is its standard deviation in metres"
-            ),
-        ),
-    )
-
-
-def _images(found: _Files) -> tuple[Images, Measured, Surveyed]:
-    """Return images with their measurements, and surveyed points."""
-    measured, surveyed = list(_measurements(found.measures)), Surveyed()
-    for element, name, x_w, sigma in _surveyed(found.surveyed):
+    version = _SECOND if _is_second(source) else _FIRST
+    found = _files_of(source, version)
+    lenses = {_camera(name): version.lens(one) for name, one in found.calibrations.items()}
+    measured = _once(version.measured(found.measures))
+    surveyed: dict[str, tuple[Array, Array]] = {}
+    for element, name, x_w, sigma in version.surveyed(found.surveyed):
         if name in surveyed:
             raise element.wrong(f"point {quoted(name)} stands twice", "must stand once")
         surveyed[name] = (x_w, sigma)
-    seen: set[tuple[str, str]] = set()
+    poses = {image: version.pose(one) for image, one in found.orientations.items()}
+    names = tuple(dict.fromkeys([*poses, *(image for _, image, _, _ in measured)]))
+    row_of = {image: row for row, image in enumerate(names)}
+    images = Images(
+        names=names,
+        cameras=tuple(_camera_of(found, image, version) for image in names),
+        exposures=names,
+        T_w_c=stacked([poses.get(name, UNKNOWN) for name in names]),
+    )
+    rays = Measured.of(
+        [(row_of[image], point, at) for _, image, point, at in measured],
+        {name: x_w for name, (x_w, _) in surveyed.items()},
+    )
+    named = {"image": names, "camera": images.cameras, "point": rays.points}
+    tables.require_all_names(named, found.read[0].wrong)
+    xyz, sigma = (np.array([one[k] for one in surveyed.values()]).reshape(-1, 3) for k in (0, 1))
+    return Project(
+        source=version.name,
+        sources=found.read,
+        lenses=lenses,
+        images=images,
+        measured=rays,
+        proofs=(Proof(whose="surveyed points", measured=rays), *version.proofs(found)),
+        control=Control(names=tuple(surveyed), enh=xyz, sigma=sigma),
+        settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
+        in_grid=in_crs(source, crs),
+        lost={"other XML files": found.others, **version.lost(rays.points, surveyed)},
+        assumed=(
+            *(version.assumed, PIXEL),
+            *(_of_control(crs, version.precision) if surveyed else ()),
+        ),
+    )
+
+
+read = reading(project, orientations="initial")  # which is none: all that MicMac has is adjusted
+
+
+def _of_control(crs: str | None, precision: str) -> tuple[str, str]:
+    """Return what is assumed of surveyed points, in both versions."""
+    where = "the flight's CRS" if crs is None else crs
+    said = f"MicMac's coordinates are east, north, height in {where}: its files do not say it"
+    return said, precision
+
+
+def _once(rays: Iterable[Ray]) -> list[Ray]:
+    """Return measurements, no point twice in an image."""
+    measured, seen = list(rays), set[tuple[str, str]]()
     for element, image, name, _ in measured:
         if (image, name) in seen:
             raise element.wrong(f"{quoted(name)} stands twice in {quoted(image)}", "must once")
         seen.add((image, name))
-    names = list(dict.fromkeys([*found.orientations, *(image for _, image, _, _ in measured)]))
-    row_of = {image: row for row, image in enumerate(names)}
-    oriented = found.orientations
-    images = Images(
-        names=tuple(names),
-        cameras=tuple(_camera_of(found, image) for image in names),
-        exposures=tuple(names),
-        T_w_c=stacked([_pose(oriented[n]) if n in oriented else UNKNOWN for n in names]),
-    )
-    points, point_idx = tables.first_use([name for _, _, name, _ in measured])
-    places = [surveyed[name][0] if name in surveyed else np.full(3, np.nan) for name in points]
-    rays = Measured(
-        points=tuple(points),
-        x_w=np.array(places).reshape(-1, 3),
-        image_idx=np.array([row_of[image] for _, image, _, _ in measured], dtype=int),
-        point_idx=point_idx,
-        colrow=np.array([at for _, _, _, at in measured]).reshape(-1, 2),
-    )
-    return images, rays, surveyed
+    return measured
 
 
-def _control(surveyed: Surveyed) -> Control:
-    xyz, sigma = (np.array([one[k] for one in surveyed.values()]).reshape(-1, 3) for k in (0, 1))
-    return Control(names=tuple(surveyed), enh=xyz, sigma=sigma)
+def _camera(calibration: str) -> str:
+    name = calibration.removesuffix(".xml").removeprefix("AutoCal_")
+    return name.removeprefix(CALIBRATION)
 
 
-def _own(found: _Files) -> Measured:
-    """Return what MicMac itself computed of images, each point once."""
-    own = [_own_points(one) for one in found.orientations.values()]
-    n = sum(len(colrow) for _, colrow in own)
-    return Measured(
-        points=tuple(map(str, range(n))),
-        x_w=np.concatenate([x_w for x_w, _ in own]) if own else np.zeros((0, 3)),
-        image_idx=np.repeat(np.arange(len(own)), [len(colrow) for _, colrow in own]),
-        point_idx=np.arange(n),
-        colrow=np.concatenate([colrow for _, colrow in own]) if own else np.zeros((0, 2)),
-    )
-
-
-def _camera(file: str) -> str:
-    return file.removesuffix(".xml").removeprefix("AutoCal_")
-
-
-def _camera_of(found: _Files, image: str) -> str:
+def _camera_of(found: _Files, image: str, version: _Version) -> str:
     """Return the camera of an image: that of its orientation, or the only one."""
     orientation = found.orientations.get(image)
     if orientation is None:
         return next(iter(map(_camera, found.calibrations)), CAMERA)
     if image in found.interior:
         return _camera(found.interior[image])
-    element = orientation.one("FileInterne")
-    name = element.text.replace("\\", "/").rpartition("/")[2]
+    element, name = version.calibration(orientation)
     if name not in found.calibrations:
         raise element.wrong(f"{quoted(name)} is not there", "must be beside the orientations")
     return _camera(name)
 
 
-# files
+def _three(element: Element, allowed: Range = METRES) -> Array:
+    return _within(element, element.numbers(3), allowed)
+
+
+def _pixel(element: Element) -> Array:
+    return _within(element, element.numbers(2), METRES)
+
+
+def _within(element: Element, values: Array, allowed: Range) -> Array:
+    if not all(value in allowed for value in values):
+        raise element.wrong(quoted(element.text), str(allowed))
+    return values
+
+
+# --- The files of both versions
 
 
 @dataclass(kw_only=True)
 class _Files:
-    """The XML files of a folder and of the folders Ori-* in it, by what they hold.
+    """The XML files of a folder, of version 1 also of the folders Ori-* in it, by what they hold.
 
-    `orientations` are by image, `calibrations` by the name of the file, `interior` names that of
-    each image whose orientation holds it itself, `others` counts files of another content.
+    `orientations` are by image, `calibrations` by their names, `interior` names that of each image
+    whose orientation holds it itself, `others` counts files of another content.
     """
 
     read: list[Opened] = field(default_factory=list)
@@ -243,82 +219,110 @@ class _Files:
     measures: list[Element] = field(default_factory=list)
     surveyed: list[Element] = field(default_factory=list)
     others: int = 0
-    files: Together = field(default_factory=Together)
-    _by_content: dict[Content, str] = field(default_factory=dict)
+    by_content: dict[Content, str] = field(default_factory=dict)
 
-    def add(self, path: Path) -> None:
-        """Read a file, and put what is in it where it belongs."""
-        source = self.files.read(path)
-        root = xml_tree.tree(source)
-        known = [
-            self._is_known(one, path) for one in (root.below if root.tag in AROUND else [root])
-        ]
-        if any(known):
-            self.read.append(source)
+
+@dataclass(frozen=True, kw_only=True)
+class _Version:
+    """What the files of a version are called and hold.
+
+    `keep` puts what is in a file where it belongs in `_Files`, and tells whether it belongs
+    anywhere; `calibration` is the element that names the calibration of an orientation, and the
+    name; `proofs` and `lost` are what only this version has or counts.
+    """
+
+    name: str
+    wanted: str
+    assumed: str
+    precision: str
+    paths: Callable[[Path], Iterable[Path]]
+    keep: Callable[[_Files, Path, Element], bool]
+    pose: Callable[[Element], Pose]
+    calibration: Callable[[Element], tuple[Element, str]]
+    lens: Callable[[Element], Lens]
+    measured: Callable[[Iterable[Element]], Iterator[Ray]]
+    surveyed: Callable[[Iterable[Element]], Iterator[Place]]
+    proofs: Callable[[_Files], tuple[Proof, ...]] = lambda _: ()
+    lost: Callable[[Iterable[str], Iterable[str]], Mapping[str, int]] = lambda *_: {}
+
+
+def _files_of(source: Path, version: _Version) -> _Files:
+    """Return MicMac's files at a path: a folder, or one file."""
+    found, files = _Files(), Together()
+    paths = list(version.paths(source)) if source.is_dir() else [source]
+    if len(paths) > MOST:
+        many = f"has {len(paths)} XML files"
+        raise opened.refusal(str(source), 1, "folder", many, f"must have at most {MOST}")
+    for path in paths:
+        file = files.read(path)
+        if version.keep(found, path, xml_tree.tree(file)):
+            found.read.append(file)
         else:
-            self.others += 1
+            found.others += 1
+    if not found.read:
+        expected = f"must hold {version.wanted}"
+        raise opened.refusal(str(source), 1, "file", "has no XML of MicMac", expected)
+    return found
 
-    def _is_known(self, content: Element, path: Path) -> bool:
-        """Put an element where it belongs; tell whether it belongs anywhere."""
-        image = re.fullmatch(r"Orientation-(.+)\.xml", path.name)
-        if content.tag == "OrientationConique" and image:
-            self.orientations[image[1]] = content
-            if (interior := content.maybe("Interne")) is not None:
-                self.interior[image[1]] = self._named(interior)
-        elif content.tag == "CalibrationInternConique" and path.name not in self.calibrations:
-            self.calibrations[path.name] = content
-            self._by_content.setdefault(_content(content), path.name)
-        elif content.tag == "SetOfMesureAppuisFlottants":
-            self.measures.append(content)
-        elif content.tag == "DicoAppuisFlottant":
-            self.surveyed.append(content)
-        else:
-            return False
-        return True
 
-    def _named(self, interior: Element) -> str:
-        """Return the name of a calibration that an orientation holds; equal ones are one."""
-        new = f"CAM{len(self.calibrations) + 1}.xml"
-        name = self._by_content.setdefault(_content(interior), new)
-        self.calibrations.setdefault(name, interior)
-        return name
+def _require_one(source: Path, names: list[str]) -> None:
+    """Raise where there are orientations in several folders."""
+    if len(names) > 1:
+        found = f"has orientations in {', '.join(names)}"
+        raise opened.refusal(str(source), 1, "folder", found, "give one of these folders")
+
+
+# --- Version 1
+
+
+def _first_paths(source: Path) -> Iterable[Path]:
+    """Return the XML files of a folder and of its Ori-*, or of an Ori-* and the folder around."""
+    inside = [one for one in sorted(source.glob("Ori-*")) if one.is_dir()]
+    oriented = [one for one in inside if next(one.glob("Orientation-*.xml"), None)]
+    _require_one(source, [one.name for one in oriented])
+    around = [source.parent] if source.name.startswith("Ori-") else []
+    folders = [source, *oriented, *(one for one in inside if one not in oriented), *around]
+    return [path for folder in folders for path in sorted(folder.glob("*.xml"))]
+
+
+def _first_keep(found: _Files, path: Path, root: Element) -> bool:
+    contents = root.below if root.tag in AROUND else [root]
+    known = [_is_known(found, path, one) for one in contents]
+    return any(known)
+
+
+def _is_known(found: _Files, path: Path, content: Element) -> bool:
+    """Put an element where it belongs; tell whether it belongs anywhere."""
+    image = re.fullmatch(r"Orientation-(.+)\.xml", path.name)
+    if content.tag == "OrientationConique" and image:
+        found.orientations[image[1]] = content
+        if (interior := content.maybe("Interne")) is not None:
+            found.interior[image[1]] = _named(found, interior)
+    elif content.tag == "CalibrationInternConique" and path.name not in found.calibrations:
+        found.calibrations[path.name] = content
+        found.by_content.setdefault(_content(content), path.name)
+    elif content.tag == "SetOfMesureAppuisFlottants":
+        found.measures.append(content)
+    elif content.tag == "DicoAppuisFlottant":
+        found.surveyed.append(content)
+    else:
+        return False
+    return True
+
+
+def _named(found: _Files, interior: Element) -> str:
+    """Return the name of a calibration that an orientation holds; equal ones are one."""
+    new = f"CAM{len(found.calibrations) + 1}.xml"
+    name = found.by_content.setdefault(_content(interior), new)
+    found.calibrations.setdefault(name, interior)
+    return name
 
 
 def _content(element: Element) -> Content:
     return element.text, tuple((one.tag, _content(one)) for one in element.below)
 
 
-def _files_of(source: Path) -> _Files:
-    """Return MicMac's files at a path: a folder, or one file."""
-    found = _Files()
-    for path in _paths(source):
-        found.add(path)
-    if not found.read:
-        wanted = "must hold Ori-*/Orientation-*.xml, measures or surveyed points of MicMac"
-        raise opened.refusal(str(source), 1, "file", "has no XML of MicMac", wanted)
-    return found
-
-
-def _paths(source: Path) -> Iterable[Path]:
-    """Return the XML files of a folder and of its Ori-*, or of an Ori-* and the folder around."""
-    if not source.is_dir():
-        return [source]
-    inside = [one for one in sorted(source.glob("Ori-*")) if one.is_dir()]
-    oriented = [one for one in inside if next(one.glob("Orientation-*.xml"), None)]
-    if len(oriented) > 1:
-        names = ", ".join(one.name for one in oriented)
-        found = f"has orientations in {names}"
-        raise opened.refusal(str(source), 1, "folder", found, "give one of these folders")
-    around = [source.parent] if source.name.startswith("Ori-") else []
-    folders = [source, *oriented, *(one for one in inside if one not in oriented), *around]
-    paths = [path for folder in folders for path in sorted(folder.glob("*.xml"))]
-    if len(paths) > MOST:
-        found = f"has {len(paths)} XML files"
-        raise opened.refusal(str(source), 1, "folder", found, f"must have at most {MOST}")
-    return paths
-
-
-def _pose(orientation: Element) -> Pose:
+def _first_pose(orientation: Element) -> Pose:
     """Return T_w_c of an ``OrientationConique`` in the library's camera axes."""
     for place in (("Externe", "KnownConv"), ("ConvOri", "KnownConv")):
         known = orientation.maybe(*place)
@@ -333,35 +337,15 @@ def _pose(orientation: Element) -> Pose:
     R_w_v = np.stack([_three(rotation.one(f"L{k}"), ENTRY) for k in (1, 2, 3)])
     if not is_rotation(R_w_v, SKEW):
         raise rotation.wrong("L1, L2, L3 are no rotation", "must be the rows of one")
-    return Pose(R=R_w_v @ FLIP, r=_three(orientation.one("Externe", "Centre"), METRES))
+    return Pose(R=R_w_v @ FLIP, r=_three(orientation.one("Externe", "Centre")))
 
 
-def _three(element: Element, allowed: Range) -> Array:
-    return _within(element, element.numbers(3), allowed)
+def _first_calibration(orientation: Element) -> tuple[Element, str]:
+    element = orientation.one("FileInterne")
+    return element, element.text.replace("\\", "/").rpartition("/")[2]
 
 
-def _pixel(element: Element) -> Array:
-    return _within(element, element.numbers(2), METRES)
-
-
-def _within(element: Element, values: Array, allowed: Range) -> Array:
-    if not all(value in allowed for value in values):
-        raise element.wrong(quoted(element.text), str(allowed))
-    return values
-
-
-def _own_points(orientation: Element) -> tuple[Array, Array]:
-    """Return what MicMac itself computed of an image: object points (n, 3), and pixels (n, 2)."""
-    pairs = [
-        (_three(one.one("Ter"), METRES), _pixel(one.one("Im")))
-        for one in orientation.each("Verif", "Appuis")
-    ]
-    x_w, colrow = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
-    return x_w.reshape(-1, 3), colrow.reshape(-1, 2)
-
-
-def _measurements(sets: Iterable[Element]) -> Iterator[tuple[Element, str, str, Array]]:
-    """Yield the element, image, point and pixel of every measurement."""
+def _first_measured(sets: Iterable[Element]) -> Iterator[Ray]:
     for one in sets:
         for image in one.each("MesureAppuiFlottant1Im"):
             name = image.one("NameIm").text
@@ -369,19 +353,44 @@ def _measurements(sets: Iterable[Element]) -> Iterator[tuple[Element, str, str, 
                 yield point, name, point.one("NamePt").text, _pixel(point.one("PtIm"))
 
 
-def _surveyed(dictionaries: Iterable[Element]) -> Iterator[tuple[Element, str, Array, Array]]:
-    """Yield the element, name, coordinates and sigma of every surveyed point."""
+def _first_surveyed(dictionaries: Iterable[Element]) -> Iterator[Place]:
     for one in dictionaries:
         for point in one.each("OneAppuisDAF"):
             sigma = point.maybe("Incertitude")
-            values = np.full(3, np.nan) if sigma is None else _three(sigma, METRES)
-            yield point, point.one("NamePt").text, _three(point.one("Pt"), METRES), values
+            values = np.full(3, np.nan) if sigma is None else _three(sigma)
+            yield point, point.one("NamePt").text, _three(point.one("Pt")), values
+
+
+def _verified(found: _Files) -> tuple[Proof]:
+    """Return the proof by what MicMac itself computed of images, each point once."""
+    pairs = [
+        (image, _three(one.one("Ter")), _pixel(one.one("Im")))
+        for image, orientation in enumerate(found.orientations.values())
+        for one in orientation.each("Verif", "Appuis")
+    ]
+    own = Measured.of(
+        [(image, str(k), colrow) for k, (image, _, colrow) in enumerate(pairs)],
+        {str(k): x_w for k, (_, x_w, _) in enumerate(pairs)},
+    )
+    return (Proof(whose="points that MicMac projected itself (Verif)", measured=own),)
+
+
+def _alone(measured: Iterable[str], surveyed: Iterable[str]) -> dict[str, int]:
+    """Return the points that are measured or surveyed alone, in words, and how many."""
+    given, seen = set(surveyed), set(measured)
+    unknown = [name for name in measured if name not in given] if given else []
+    unseen = [name for name in surveyed if name not in seen]
+    ties = "measured points are tie points, since their coordinates are not there"
+    return {
+        f"{ties}: {', '.join(unknown[:SHOWN])}": len(unknown),
+        f"surveyed points are measured in no image: {', '.join(unseen[:SHOWN])}": len(unseen),
+    }
 
 
 # lenses
 
 
-def _lens(root: Element) -> Lens:
+def _first_lens(root: Element) -> Lens:
     """Return the camera of an AutoCal*.xml."""
     known = root.maybe("KnownConv")
     if known is not None and known.text != KNOWN:
@@ -491,16 +500,13 @@ def _shift(element: Element) -> Callable[[Array], Array]:
 
 def _optional(element: Element, tag: str) -> float:
     found = element.maybe(tag)
-    return 0.0 if found is None else found.number(allowed=COEFFICIENT)
+    return 0.0 if found is None else found.number(allowed=PER_PIXEL)
 
 
-# --- Fisheyes of MicMac's version 1: ModUnif with 10 radial, 5 decentring terms,
-# polynomials to x⁵
-#
-# As its source has them: an ideal pixel, seen from the centre of distortion c in units of the
-# state s, is moved along its direction to the fisheye's distance; with r² of that point p the
-# measured one is c + s (p (1 + sum of K_i r^2i) + decentring + polynomials).
-
+# Fisheyes, ModUnif: 10 radial, 5 decentring terms, polynomials to x⁵. As its source has them: an
+# ideal pixel, seen from the centre of distortion c in units of the state s, is moved along its
+# direction to the fisheye's distance; with r² of that point p the measured one is
+# c + s (p (1 + sum of K_i r^2i) + decentring + polynomials).
 
 _MODELS = {
     "eModele_FishEye_10_5_5": "FE_EquiDist",
@@ -573,3 +579,187 @@ def _terms() -> Iterator[tuple[int, int, int]]:
                 yield 0, n, k
             if n % 2 or k != n:
                 yield 1, n, k
+
+
+_FIRST = _Version(
+    name="MicMac",
+    wanted="Ori-*/Orientation-*.xml, measures or surveyed points of MicMac",
+    assumed=f"{KNOWN}: the matrix takes camera to object axes, x right, y down, z ahead; the "
+    "distortion takes ideal pixels to measured ones",
+    precision="Incertitude of a surveyed point is its standard deviation in metres",
+    paths=_first_paths,
+    keep=_first_keep,
+    pose=_first_pose,
+    calibration=_first_calibration,
+    lens=_first_lens,
+    measured=_first_measured,
+    surveyed=_first_surveyed,
+    proofs=_verified,
+    lost=_alone,
+)
+
+
+# --- Version 2
+
+
+def _is_second(source: Path) -> bool:
+    """Tell whether a path is of version 2: one of its files, or a folder around them."""
+    if not source.is_dir():
+        return source.name.startswith((ORIENTATION, CALIBRATION))
+    wanted = (f"{ORIENTATION}*.xml", f"{CALIBRATION}*.xml")
+    inside = (source.glob(pattern) for pattern in wanted)
+    around = ("MMVII-PhgrProj", "Ori")
+    return any(next(one, None) for one in inside) or any((source / n).is_dir() for n in around)
+
+
+def _second_paths(source: Path) -> Iterable[Path]:
+    """Return the XML files of one folder of orientations, and of the points of its project."""
+    oriented = sorted({path.parent for path in source.rglob(f"{ORIENTATION}*.xml")})
+    _require_one(source, [str(one.relative_to(source)) for one in oriented])
+    folder = oriented[0] if oriented else source
+    paths = sorted(folder.glob("*.xml"))
+    if folder.parent.name == "Ori":
+        rest = (one for one in sorted(folder.parent.parent.iterdir()) if one.name != "Ori")
+        paths += [path for one in rest for path in sorted(one.rglob("Mes*.xml"))]
+    return paths
+
+
+def _second_keep(found: _Files, _: Path, root: Element) -> bool:
+    kind, content = _kind(root)
+    if kind == "CameraPose":
+        found.orientations[_text(content.one("NameImage"))] = content
+    elif kind == "InternalCalibration":
+        found.calibrations[_text(content.one("Name"))] = content
+    elif kind:
+        (found.measures if kind == "SetMesIm" else found.surveyed).append(content)
+    return bool(kind)
+
+
+def _kind(root: Element) -> tuple[str, Element]:
+    """Return what kind of file this is, and the element with its content."""
+    data = root.maybe("Data") or root
+    for kind, inside in KINDS.items():
+        within = data.maybe(kind) or data
+        if within.maybe(inside) is not None:
+            return kind, within
+    return "", root
+
+
+def _text(element: Element) -> str:
+    """Return a text without the quotation marks that version 2 writes around it."""
+    text = element.text
+    return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
+
+
+def _second_pose(element: Element) -> Pose:
+    """Return T_w_c of an orientation in the library's camera axes."""
+    matrix = element.one("RotMatrix")
+    axes = [_three(matrix.one(f"Axe{axis}"), ENTRY) for axis in "IJK"]
+    R_w_v = np.stack(axes, axis=1)
+    if not is_rotation(R_w_v, SKEW):
+        raise matrix.wrong("AxeI, AxeJ, AxeK are no rotation", "must be the columns of one")
+    return Pose(R=nearest_rotation(R_w_v) @ FLIP, r=_three(element.one("Center")))
+
+
+def _second_calibration(pose: Element) -> tuple[Element, str]:
+    element = pose.one("NameInternalCalib")
+    return element, _text(element)
+
+
+def _second_measured(sets: Iterable[Element]) -> Iterator[Ray]:
+    for one in sets:
+        image = _text(one.one("NameIm"))
+        for point in one.each("Measures", "el"):
+            yield point, image, _text(point.one("Name")), _pixel(point.one("Pt"))
+
+
+def _second_surveyed(sets: Iterable[Element]) -> Iterator[Place]:
+    for one in sets:
+        for point in one.each("Measures", "el"):
+            yield point, _text(point.one("Name")), _three(point.one("Pt")), _sigma(point)
+
+
+def _sigma(point: Element) -> Array:
+    """Return standard deviations of a surveyed point, m; NaN where the file has none."""
+    element = next((one for one in point.below if one.tag.endswith("Sigma2")), None)
+    if element is None:
+        return np.full(3, np.nan)
+    variances = element.numbers(6)[[0, 3, 5]]
+    if (variances < 0).any():
+        raise element.wrong(quoted(element.text), "must have variances xx xy xz yy yz zz")
+    return np.sqrt(variances)
+
+
+def _second_lens(root: Element) -> Lens:
+    """Return the camera of a calibration."""
+    kind = _text(root.one("Projection"))
+    if kind not in PROJECTIONS:
+        expected = f"must be one of {', '.join(PROJECTIONS)}"
+        raise root.one("Projection").wrong(quoted(kind), expected)
+    size = root.one("PixelFrame", "NbPix")
+    width, height = (int(one) for one in _within(size, size.numbers(2), RANGES["width_px"]))
+    f = root.one("PerfectProj", "F").number(allowed=FOCAL)
+    cx, cy = root.one("PerfectProj", "PP").numbers(2).tolist()
+    values = _coefficients(root)
+    b1, b2 = values.pop("b1", 0.0), values.pop("b2", 0.0)
+    plain, outward = Pinhole(fx=f, fy=f, cx=cx, cy=cy), PROJECTIONS[kind]
+    hole = replace(plain, fx=f * (1 + b1), skew=f * b2)
+
+    def distorted(points: Array) -> Array:
+        at = points if outward is None else _moved(points, outward(np.hypot(*points.T)))
+        moved = at + lens.effects(at, values)
+        moved[:, 0] += at @ [b1, b2]
+        return hole.points(plain.colrow(moved))
+
+    return Lens(
+        width_px=width,
+        height_px=height,
+        hole=hole,
+        distortion=distorted,
+        is_fisheye=outward is not None,
+        wrong=root.wrong,
+    )
+
+
+def _moved(points: Array, distance: Array) -> Array:
+    """Return points (n, 2) in their directions at other distances from the middle."""
+    angle = np.hypot(*points.T)
+    scale = np.divide(distance, angle, out=np.ones_like(angle), where=angle > 0)
+    moved: Array = points * scale[:, None]
+    return moved
+
+
+def _coefficients(root: Element) -> dict[str, float]:
+    """Return the terms of the distortion by what they are in `lens.effects`, with b1 and b2."""
+    found: dict[str, float] = {}
+    mode = root.maybe("Auxiliary", "IsFraserMode")
+    known = {"p1": "v", "p2": "u", "b1": "b1", "b2": "b2"}
+    if mode is not None and mode.text == "0":  # the terms of degree 1 are others
+        known = {"p1": "v", "p2": "u"}
+    for element in (one for part in root.one("Distorsion").below for one in part.below):
+        value = element.number(allowed=COEFFICIENT)
+        role = known.get(element.tag)
+        if radial := re.fullmatch(r"K([1-6])", element.tag):
+            role = f"k{radial[1]}"
+        if role is None and value:
+            expected = "must be 0; K1 to K6, p1, p2, b1, b2 are read"
+            raise element.wrong(f"{value:g}", expected)
+        if role is not None:
+            found[role] = value
+    return found
+
+
+_SECOND = _Version(
+    name="MicMac, version 2",
+    wanted=f"{ORIENTATION}*.xml or {CALIBRATION}*.xml",
+    assumed="AxeI, AxeJ, AxeK are the camera's axes in the world, x right, y down, z ahead; the "
+    "distortion takes ideal points to measured ones",
+    precision="Sigma2 of a surveyed point has its variances in m²",
+    paths=_second_paths,
+    keep=_second_keep,
+    pose=_second_pose,
+    calibration=_second_calibration,
+    lens=_second_lens,
+    measured=_second_measured,
+    surveyed=_second_surveyed,
+)

@@ -84,7 +84,7 @@ def project(source: Path, *, crs: str | None = None, camera: str | None = None) 
         for mask in (known, ~known)
     )
     images, image_idx = tables.first_use([one.image for one in seen])
-    points, point_idx = tables.first_use([names[one.xyz] for one in seen])
+    pairs = zip(image_idx, seen, strict=True)
     without = f"points without a height: {', '.join(flat[:5])}"
     return Project(
         source="ODM's control points",
@@ -95,12 +95,7 @@ def project(source: Path, *, crs: str | None = None, camera: str | None = None) 
             exposures=tuple(images),
             T_w_c=stacked([UNKNOWN] * len(images)),
         ),
-        measured=Measured(
-            points=tuple(points),
-            image_idx=image_idx,
-            point_idx=point_idx,
-            colrow=np.array([one.colrow for one in seen]),
-        ),
+        measured=Measured.of([(k, names[one.xyz], one.colrow) for k, one in pairs]),
         control=Control(names=high, enh=enh[known]),
         settings=chosen.settings,
         lost={without: len(flat)},

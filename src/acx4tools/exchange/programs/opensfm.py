@@ -25,8 +25,7 @@ from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import FLIP, turned
-from acx4tools.exchange.flight_folder import Brought
-from acx4tools.exchange.lens import WORST_PX, Pinhole
+from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import OPENSFM as MODELS
 from acx4tools.exchange.lens_models import Lens
 from acx4tools.exchange.programs import odm
@@ -37,9 +36,9 @@ from acx4tools.exchange.project import (
     Measured,
     Project,
     Proof,
-    flight_of,
     joined,
     nowhere,
+    reading,
 )
 from acx4tools.exchange.safe import json_tree, opened, text_lines
 from acx4tools.exchange.safe.json_tree import Node
@@ -79,25 +78,6 @@ ASSUMED = (
     "normalised pixels count from the middle of the image, whose longer side is 1, y down",
     "rotation and translation of a shot take object points to its camera: x right, y down, z ahead",
 )
-
-
-def read(
-    source: Path,
-    *,
-    camera: str = "adjusted",
-    orientations: str = "initial",
-    block: str | None = None,
-    crs: str | None = None,
-    pixel_um: float | None = None,
-    allow: float = WORST_PX,
-) -> Brought:
-    """Read a project as a part of a flight; options as those of `project` and `flight_of`.
-
-    The project has measured positions, but no attitudes with them: `orientations` "initial" is
-    no trajectory.
-    """
-    found = project(source, camera=camera, orientations=orientations, crs=crs)
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(
@@ -175,6 +155,9 @@ def project(
         assumed=(*ASSUMED, *(place.said if place is not None and placed else ())),
         left_out=left_out,
     )
+
+
+read = reading(project)
 
 
 def _cameras_alone(files: _Files) -> Project:
@@ -586,16 +569,11 @@ def _marks(
         names, lonlath, seen = _of_list(file, size, place.frame.grid)
     row_of = {name: row for row, name in enumerate(shots.names)}
     used = [one for one in seen if one[0] in row_of]
-    points, point_idx = tables.first_use([point for _, point, _ in used])
-    x_w = dict(zip(names, place.frame.from_geographic(lonlath), strict=True))
     sizes = np.array([size[image] for image, _, _ in used], dtype=float).reshape(-1, 2)
-    measured = Measured(
-        points=tuple(points),
-        x_w=np.array([x_w.get(name, np.full(3, np.nan)) for name in points]).reshape(-1, 3),
-        image_idx=np.array([row_of[image] for image, _, _ in used], dtype=int),
-        point_idx=point_idx,
-        colrow=_colrow(np.array([at for _, _, at in used]).reshape(-1, 2), sizes),
-    )
+    colrow = _colrow(np.array([at for _, _, at in used]).reshape(-1, 2), sizes)
+    rows = [(row_of[image], name, at) for (image, name, _), at in zip(used, colrow, strict=True)]
+    places = dict(zip(names, place.frame.from_geographic(lonlath), strict=True))
+    measured = Measured.of(rows, places)
     whole = np.isfinite(lonlath[:, 2])
     enh = np.column_stack(
         [place.frame.grid.grid_from_lonlat(lonlath[whole, :2]), lonlath[whole, 2]]

@@ -28,8 +28,7 @@ from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import FLIP, TOP_AHEAD, UNKNOWN, stacked, turned
 from acx4tools.exchange.crs import Chosen
-from acx4tools.exchange.flight_folder import Brought
-from acx4tools.exchange.lens import WORST_PX, Pinhole
+from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import OPF as PERSPECTIVE
 from acx4tools.exchange.lens_models import Lens, fisheye
 from acx4tools.exchange.project import (
@@ -40,9 +39,9 @@ from acx4tools.exchange.project import (
     Project,
     Proof,
     Trajectory,
-    flight_of,
     joined,
     nowhere,
+    reading,
 )
 from acx4tools.exchange.safe import json_tree
 from acx4tools.exchange.safe.json_tree import Node
@@ -89,22 +88,6 @@ ANGLES = (
     "Yaw, pitch, roll are zero for a camera that looks down with the top of its image to the "
     "north: yaw clockwise, pitch positive with the top up, roll with the right side down"
 )
-
-
-def read(  # noqa: PLR0913 one for every option
-    source: Path,
-    *,
-    camera: str = "adjusted",
-    orientations: str = "initial",
-    block: str | None = None,
-    crs: str | None = None,
-    heights: str | float | None = None,
-    pixel_um: float | None = None,
-    allow: float = WORST_PX,
-) -> Brought:
-    """Read a project as a part of a flight; options as those of `project` and `flight_of`."""
-    found = project(source, camera=camera, orientations=orientations, crs=crs, heights=heights)
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(
@@ -183,6 +166,9 @@ def project(
         ),
         may_leave_cameras=True,
     )
+
+
+read = reading(project)
 
 
 @dataclass(kw_only=True)
@@ -785,16 +771,7 @@ def _marks(project: _Documents, rows: Mapping[str, int]) -> tuple[Measured, int]
             of_point = _marks_of(one)
             found += [(rows[n], name, at) for n, name, at in of_point if n in rows]
             lost += sum(n not in rows for n, _, _ in of_point)
-    known, unknown = _calibrated_points(project), np.full(3, np.nan)
-    points, point_idx = tables.first_use([point for _, point, _ in found])
-    measured = Measured(
-        points=tuple(points),
-        x_w=np.array([known.get(point, unknown) for point in points]).reshape(-1, 3),
-        image_idx=np.array([row for row, _, _ in found], dtype=int),
-        point_idx=point_idx,
-        colrow=np.array([at for _, _, at in found]).reshape(-1, 2),
-    )
-    return measured, lost
+    return Measured.of(found, _calibrated_points(project)), lost
 
 
 def _marks_of(point: Node) -> list[tuple[str, str, Array]]:

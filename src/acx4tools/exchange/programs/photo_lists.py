@@ -204,8 +204,8 @@ def _project(
             raise one.line.wrong("camera", what, "must be one")
     xy = np.array([one.xy for one in seen]) * [pixels_per_unit, -pixels_per_unit]
     width, height = size
+    middle = np.array([width - 1, height - 1]) / 2
     names, image_idx = tables.first_use([one.image for one in seen])
-    points, point_idx = tables.first_use([one.point for one in seen])
     right, down = np.abs(xy).max(axis=0)
     return Project(
         sensors={
@@ -218,11 +218,8 @@ def _project(
             exposures=tuple(names),
             T_w_c=stacked([UNKNOWN] * len(names)),
         ),
-        measured=Measured(
-            points=tuple(points),
-            image_idx=image_idx,
-            point_idx=point_idx,
-            colrow=xy + np.array([width - 1, height - 1]) / 2,
+        measured=Measured.of(
+            list(zip(image_idx, (one.point for one in seen), xy + middle, strict=True))
         ),
         found=(
             f"the outermost measurement is {right:.0f} px, {down:.0f} px from the middle of "

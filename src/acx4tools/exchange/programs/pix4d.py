@@ -25,8 +25,8 @@ from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import FLIP, is_rotation, nearest_rotation, stacked
 from acx4tools.exchange.crs import Chosen
-from acx4tools.exchange.flight_folder import Brought, number_of
-from acx4tools.exchange.lens import WORST_PX, Pinhole
+from acx4tools.exchange.flight_folder import number_of
+from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import OPENCV, Lens
 from acx4tools.exchange.project import (
     Images,
@@ -35,9 +35,9 @@ from acx4tools.exchange.project import (
     Project,
     Proof,
     as_they_are,
-    flight_of,
     nowhere,
     numbered,
+    reading,
 )
 from acx4tools.exchange.safe import text_lines
 from acx4tools.exchange.safe.opened import Opened, Together, refusal
@@ -121,21 +121,6 @@ class _Folder:
         return source
 
 
-def read(
-    source: Path,
-    *,
-    orientations: str = "adjusted",
-    block: str | None = None,
-    crs: str | None = None,
-    heights: str | float | None = None,
-    pixel_um: float | None = None,
-    allow: float = WORST_PX,
-) -> Brought:
-    """Read the folder as a part of a flight; options as those of `project` and `flight_of`."""
-    found = project(source, crs=crs, heights=heights)
-    return flight_of(found, orientations=orientations, block=block, pixel_um=pixel_um, allow=allow)
-
-
 def project(source: Path, *, crs: str | None = None, heights: str | float | None = None) -> Project:
     """Return the folder params, or the one in a project's folder.
 
@@ -187,6 +172,9 @@ def project(source: Path, *, crs: str | None = None, heights: str | float | None
         proofs=(Proof(whose="places in all images, by Pix4D's own matrices,", measured=shown),),
         left_out=("tie points: acx4 import bingo reads *_tp_bingo.txt of the same folder",),
     )
+
+
+read = reading(project, orientations="adjusted")
 
 
 def _folder(source: Path) -> Path:

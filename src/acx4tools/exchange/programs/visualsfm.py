@@ -20,17 +20,16 @@ from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import FLIP, stacked
-from acx4tools.exchange.flight_folder import Brought
-from acx4tools.exchange.lens import WORST_PX, Pinhole, inverse
+from acx4tools.exchange.lens import Pinhole, inverse
 from acx4tools.exchange.lens_models import Lens
 from acx4tools.exchange.project import (
     Images,
     Measured,
     Project,
     Proof,
-    flight_of,
     numbered,
     on_no_map,
+    reading,
 )
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
@@ -58,20 +57,6 @@ class _Camera:
     file: str
     lens: tuple[float, float]
     T_w_c: Pose
-
-
-def read(
-    source: Path,
-    *,
-    size: tuple[int, int],
-    crs: str | None = None,
-    block: str | None = None,
-    pixel_um: float | None = None,
-    allow: float = WORST_PX,
-) -> Brought:
-    """Read a .nvm as a part of a flight; options as those of `project` and `flight_of`."""
-    found = project(source, size=size, crs=crs)
-    return flight_of(found, block=block, pixel_um=pixel_um, allow=allow)
 
 
 def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> Project:
@@ -129,6 +114,9 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         },
         assumed=ASSUMED,
     )
+
+
+read = reading(project)
 
 
 def _counted(rows: Rows, what: str) -> Iterator[Line]:
