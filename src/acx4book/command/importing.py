@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import importlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -97,18 +97,6 @@ Heights = Annotated[
     ),
 ]
 
-PixelUm = Annotated[
-    float | None,
-    terminal.option(
-        "UM",
-        "Pixel size, where the files do not have it; by default 5, and only millimetres "
-        "depend on it.",
-        "--pixel-um",
-        min=0.1,
-        max=1000,
-    ),
-]
-
 Allow = Annotated[
     float,
     typer.Option(
@@ -160,28 +148,41 @@ def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
     return crs or str(known.get("crs", "")), heights_of(heights) if heights else named
 
 
+def _parameter(name: str, means: Any, said: Any, default: Any = Parameter.empty) -> Parameter:
+    """Return an option of commands: its type, and what typer is told of it."""
+    annotation = Annotated[means, said]
+    return Parameter(name, Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+
+
 def _program(
-    name: str, module: str, said: str, *, of_flight: Sequence[str] = (), reader: str = "read"
-) -> Callable[[Callable[..., None]], None]:
-    """Make a command of a declaration of options, which are those of a reader.
+    name: str,
+    said: str,
+    options: Sequence[Parameter],
+    *,
+    of_flight: Sequence[str] = (),
+    reader: str = "",
+) -> None:
+    """Make a command of a reader below `acx4tools.exchange.programs`; its options are the reader's.
 
-    The reader, below `acx4tools.exchange.programs`, is imported when the command is called, so that
-    help is quick. What a flight that was begun says stands for the options `of_flight`.
+    The reader is imported when the command is called, so that help is quick. What a flight that was
+    begun says stands for the options `of_flight`.
     """
+    module, _, function = (reader or name).partition(".")
 
-    def add(declared: Callable[..., None]) -> None:
-        @functools.wraps(declared)
-        def command(source: Path, out: Path, **options: Any) -> None:
-            begun, heights = system_of(out, "", "")
-            if begun:
-                known = {"crs": options.get("crs") or begun, "heights": heights}
-                options |= {name: known[name] for name in of_flight}
-            found = importlib.import_module(f"acx4tools.exchange.programs.{module}")
-            _place(getattr(found, reader)(source, **options), out)
+    def command(source: Path, out: Path, **given: Any) -> None:
+        begun, heights = system_of(out, "", "")
+        if begun:
+            known = {"crs": given.get("crs") or begun, "heights": heights}
+            given |= {key: known[key] for key in of_flight}
+        found = importlib.import_module(f"acx4tools.exchange.programs.{module}")
+        _place(getattr(found, function or "read")(source, **given), out)
 
-        app.command(name, help=said)(command)
-
-    return add
+    needed = [one for one in options if one.default is Parameter.empty]
+    others = [one for one in options if one not in needed]
+    own = [SOURCE, *needed, OUT, *others]
+    command.__annotations__ = {one.name: one.annotation for one in own}
+    command.__signature__ = Signature(own)  # type: ignore[attr-defined]
+    app.command(name, help=said)(command)
 
 
 def _place(brought: Brought, out: Path) -> None:
@@ -539,43 +540,73 @@ def _pictures(
 # --- projects
 
 
-Source = Annotated[Path, terminal.argument("SOURCE", "What the program wrote.")]
-ProjectBlock = Annotated[
+SOURCE = _parameter("source", Path, terminal.argument("SOURCE", "What the program wrote."))
+OUT = Parameter("out", Parameter.KEYWORD_ONLY, annotation=Out)
+BLOCK = _parameter(
+    "block",
     str | None,
     terminal.option(
         "NAME",
         "heads, calibration or validation; by default heads for a rig, else calibration.",
         callback=_known_block,
     ),
-]
-ProjectCrs = Annotated[
+    None,
+)
+CRS = _parameter(
+    "crs",
     str | None,
     terminal.option(
         "EPSG:N",
         "Projected CRS of the flight, in metres; by default that of its flight.toml, else the "
         "project's own.",
     ),
-]
-OwnCrs = Annotated[
+    None,
+)
+OWN_CRS = _parameter(
+    "crs",
     str | None,
     terminal.option(
         "EPSG:N",
         "Projected CRS, in metres, of the files' coordinates, which they do not say; local: "
         "as they are, on no map.",
     ),
-]
-WhichCamera = Annotated[
+    None,
+)
+CAMERA = _parameter(
+    "camera",
     Literal["adjusted", "initial"],
     typer.Option(help="Which calibration is taken where the project has both."),
-]
-Orientations = Annotated[
+    "adjusted",
+)
+PIXEL_UM = _parameter(
+    "pixel_um",
+    float | None,
+    terminal.option(
+        "UM",
+        "Pixel size, where the files do not have it; by default 5, and only millimetres "
+        "depend on it.",
+        "--pixel-um",
+        min=0.1,
+        max=1000,
+    ),
+    None,
+)
+AS_ADJUSTED = _parameter(
+    "orientations",
+    Literal["adjusted", "none"],
+    typer.Option(help="Trajectory: what was adjusted, or none."),
+    "adjusted",
+)
+ORIENTATIONS = _parameter(
+    "orientations",
     Literal["initial", "adjusted", "none"],
     typer.Option(help="Trajectory: what was measured of the cameras, what was adjusted, or none."),
-]
+    "initial",
+)
+LENSES = PIXEL_UM, Parameter("allow", Parameter.KEYWORD_ONLY, annotation=Allow, default=2.0)
 
 
-@_program(
-    "metashape",
+_program(
     "metashape",
     """Read a project of Metashape: cameras, images, markers, control, orientations.
 
@@ -593,26 +624,24 @@ Examples:
   acx4 import metashape cameras.xml --out my_flight
   acx4 import metashape survey.psx --orientations adjusted --out my_flight
 """,
+    [
+        BLOCK,
+        CRS,
+        CAMERA,
+        ORIENTATIONS,
+        _parameter(
+            "chunk",
+            str | None,
+            terminal.option("LABEL", "Which chunk; by default the active one."),
+            None,
+        ),
+        *LENSES,
+    ],
     of_flight=("crs", "heights"),
 )
-def _metashape(  # noqa: PLR0913, PLR0917 options of a command
-    source: Source,
-    out: Out,
-    block: ProjectBlock = None,
-    crs: ProjectCrs = None,
-    camera: WhichCamera = "adjusted",
-    orientations: Orientations = "initial",
-    chunk: Annotated[
-        str | None, terminal.option("LABEL", "Which chunk; by default the active one.")
-    ] = None,
-    pixel_um: PixelUm = None,
-    allow: Allow = 2.0,
-) -> None:
-    """Write what a project of Metashape has of a flight."""
 
 
-@_program(
-    "colmap",
+_program(
     "colmap",
     """Read a model of COLMAP: cameras, rigs, images and tie points, text or binary.
 
@@ -629,23 +658,11 @@ Examples:
   acx4 import colmap sparse/0 --crs local --out my_flight
   acx4 import colmap aligned --crs EPSG:31982 --orientations adjusted --out my_flight
 """,
+    [BLOCK, OWN_CRS, AS_ADJUSTED.replace(default="none"), *LENSES],
 )
-def _colmap(
-    source: Source,
-    out: Out,
-    block: ProjectBlock = None,
-    crs: OwnCrs = None,
-    orientations: Annotated[
-        Literal["adjusted", "none"], typer.Option(help="Trajectory: what was adjusted, or none.")
-    ] = "none",
-    pixel_um: PixelUm = None,
-    allow: Allow = 2.0,
-) -> None:
-    """Write what a model of COLMAP has of a flight."""
 
 
-@_program(
-    "opf",
+_program(
     "opf",
     """Read a project in Pix4D's open photogrammetry format (OPF).
 
@@ -658,23 +675,12 @@ nothing.
 Example:
   acx4 import opf project.opf --out my_flight
 """,
+    [BLOCK, CRS, CAMERA, ORIENTATIONS, *LENSES],
     of_flight=("crs", "heights"),
 )
-def _opf(  # noqa: PLR0913, PLR0917 options of a command
-    source: Source,
-    out: Out,
-    block: ProjectBlock = None,
-    crs: ProjectCrs = None,
-    camera: WhichCamera = "adjusted",
-    orientations: Orientations = "initial",
-    pixel_um: PixelUm = None,
-    allow: Allow = 2.0,
-) -> None:
-    """Write what a project of OPF has of a flight."""
 
 
-@_program(
-    "pix4d",
+_program(
     "pix4d",
     """Read the folder params of Pix4Dmapper: lenses, and the adjusted orientations.
 
@@ -687,26 +693,17 @@ are told. A boresight on this trajectory means nothing. Tie points: acx4 import 
 Example:
   acx4 import pix4d my_project/1_initial/params --out my_flight
 """,
+    [BLOCK, CRS, AS_ADJUSTED, *LENSES],
     of_flight=("crs", "heights"),
 )
-def _pix4d(
-    source: Source,
-    out: Out,
-    block: ProjectBlock = None,
-    crs: ProjectCrs = None,
-    orientations: Annotated[
-        Literal["adjusted", "none"], typer.Option(help="Trajectory: what was adjusted, or none.")
-    ] = "adjusted",
-    pixel_um: PixelUm = None,
-    allow: Allow = 2.0,
-) -> None:
-    """Write what a folder of Pix4D has of a flight."""
 
 
 # --- blocks and adjustments
 
 
-NeededPixelUm = Annotated[float, terminal.option("UM", "Pixel size.", min=0.1, max=1000.0)]
+NEEDED_PIXEL_UM = _parameter(
+    "pixel_um", float, terminal.option("UM", "Pixel size.", min=0.1, max=1000.0)
+)
 
 
 def _width_height(text: str) -> tuple[int, int]:
@@ -717,13 +714,12 @@ def _width_height(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-Size = Annotated[
-    str, terminal.option("WxH", "Size of the pictures: 4000x3000.", callback=_width_height)
-]
+SIZE = _parameter(
+    "size", str, terminal.option("WxH", "Size of the pictures: 4000x3000.", callback=_width_height)
+)
 
 
-@_program(
-    "opensfm",
+_program(
     "opensfm",
     """Read a project of OpenSfM, ODM or WebODM: cameras, images, tracks, rigs, control.
 
@@ -736,29 +732,20 @@ Examples:
   acx4 import opensfm my_project --out my_flight
   acx4 import opensfm my_project --orientations adjusted --crs EPSG:25833 --out my_flight
 """,
+    [BLOCK, CRS, CAMERA, ORIENTATIONS, *LENSES],
     of_flight=("crs",),
 )
-def _opensfm(  # noqa: PLR0913, PLR0917 options of a command
-    source: Source,
-    out: Out,
-    block: ProjectBlock = None,
-    crs: ProjectCrs = None,
-    camera: WhichCamera = "adjusted",
-    orientations: Orientations = "initial",
-    pixel_um: PixelUm = None,
-    allow: Allow = 2.0,
-) -> None:
-    """Write what a project of OpenSfM has of a flight."""
 
 
-LocalCrs = Annotated[
+LOCAL_CRS = _parameter(
+    "crs",
     Literal["local"] | None,
     typer.Option(help="local takes its coordinates as they are.", show_default=False),
-]
+    None,
+)
 
 
-@_program(
-    "micmac",
+_program(
     "micmac",
     """Read MicMac's XML, version 1 or 2: calibration, orientations, measured, surveyed points.
 
@@ -772,21 +759,11 @@ Examples:
   acx4 import micmac my_project --out my_flight
   acx4 import micmac my_project/Ori-Ground --orientations adjusted --crs EPSG:2154 --out my_flight
 """,
+    [BLOCK, OWN_CRS, ORIENTATIONS, *LENSES],
 )
-def _micmac(
-    source: Source,
-    out: Out,
-    block: ProjectBlock = None,
-    crs: OwnCrs = None,
-    orientations: Orientations = "initial",
-    pixel_um: PixelUm = None,
-    allow: Allow = 2.0,
-) -> None:
-    """Write what a folder of MicMac has of a flight."""
 
 
-@_program(
-    "bundler",
+_program(
     "bundler",
     """Read Bundler's bundle.out (v0.3): images, lenses, tie points; many programs write it.
 
@@ -797,21 +774,11 @@ orientations are left out.
 Example:
   acx4 import bundler bundle.out --size 4000x3000 --crs local --out my_flight
 """,
+    [SIZE, BLOCK, LOCAL_CRS, *LENSES],
 )
-def _bundler(
-    source: Source,
-    size: Size,
-    out: Out,
-    block: ProjectBlock = None,
-    crs: LocalCrs = None,
-    pixel_um: PixelUm = None,
-    allow: Allow = 2.0,
-) -> None:
-    """Write what bundle.out has of a flight."""
 
 
-@_program(
-    "visualsfm",
+_program(
     "visualsfm",
     """Read VisualSFM's .nvm (NVM_V3): images, lenses, tie points.
 
@@ -822,22 +789,12 @@ those of its documentation; it is untried on a file that VisualSFM wrote.
 Example:
   acx4 import visualsfm model.nvm --size 4000x3000 --crs local --out my_flight
 """,
+    [SIZE, BLOCK, LOCAL_CRS, *LENSES],
 )
-def _visualsfm(
-    source: Source,
-    size: Size,
-    out: Out,
-    block: ProjectBlock = None,
-    crs: LocalCrs = None,
-    pixel_um: PixelUm = None,
-    allow: Allow = 2.0,
-) -> None:
-    """Write what a model of VisualSFM has of a flight."""
 
 
-@_program(
+_program(
     "bingo",
-    "photo_lists",
     """Read BINGO's image.dat, or *_bingo.txt of Pix4D; control points of geoin.dat beside it.
 
 Image coordinates are in mm from the middle of the image. The layout is that which Pix4D documents;
@@ -847,17 +804,13 @@ it is untried on files that BINGO itself wrote.
 Example:
   acx4 import bingo image.dat --size 4000x3000 --pixel-um 6 --out my_flight
 """,
-    reader="read_bingo",
+    [SIZE, NEEDED_PIXEL_UM, BLOCK],
+    reader="photo_lists.read_bingo",
 )
-def _bingo(
-    source: Source, size: Size, pixel_um: NeededPixelUm, out: Out, block: ProjectBlock = None
-) -> None:
-    """Write what a list of BINGO has of a flight."""
 
 
-@_program(
+_program(
     "patb",
-    "photo_lists",
     """Read PAT-B's image coordinates, .im: untried on a file that PAT-B wrote.
 
 Blocks of an image, its points and -99. Control and orientations of PAT-B are not read.
@@ -866,22 +819,20 @@ Blocks of an image, its points and -99. Control and orientations of PAT-B are no
 Example:
   acx4 import patb my_block.im --unit um --size 4000x3000 --pixel-um 6 --out my_flight
 """,
-    reader="read_patb",
+    [
+        _parameter(
+            "unit", Literal["um", "mm"], typer.Option(show_default=False, help="Of x and y.")
+        ),
+        SIZE,
+        NEEDED_PIXEL_UM,
+        BLOCK,
+    ],
+    reader="photo_lists.read_patb",
 )
-def _patb(
-    source: Source,
-    unit: Annotated[Literal["um", "mm"], typer.Option(show_default=False, help="Of x and y.")],
-    size: Size,
-    pixel_um: NeededPixelUm,
-    out: Out,
-    block: ProjectBlock = None,
-) -> None:
-    """Write what a list of PAT-B has of a flight."""
 
 
-@_program(
+_program(
     "odm-control",
-    "odm",
     """Read ODM's gcp_list.txt: surveyed points and their places in the pictures.
 
 The first line is the CRS; a height NaN makes a tie point of a point. Longitudes and latitudes are
@@ -892,16 +843,16 @@ Examples:
   acx4 import odm-control gcp_list.txt --out my_flight
   acx4 import odm-control gcp_list.txt --camera CAM --crs EPSG:25833 --out my_flight
 """,
+    [
+        BLOCK,
+        CRS,
+        _parameter(
+            "camera",
+            str | None,
+            terminal.option("NAME", "Camera of all pictures: then images.csv is written, too."),
+            None,
+        ),
+    ],
     of_flight=("crs",),
+    reader="odm.read",
 )
-def _odm_control(
-    source: Source,
-    out: Out,
-    block: ProjectBlock = None,
-    crs: ProjectCrs = None,
-    camera: Annotated[
-        str | None,
-        terminal.option("NAME", "Camera of all pictures: then images.csv is written, too."),
-    ] = None,
-) -> None:
-    """Write the control points of ODM and their measurements."""
