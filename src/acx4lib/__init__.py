@@ -51,8 +51,7 @@ def __getattr__(name: str) -> object:
             raise errors.not_installed(f"acx4lib.{name}", error.name, "images") from None
         if error.name != f"{__name__}.{name}":
             raise
-        msg = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(msg) from None
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
     return getattr(found, function) if function else found
 
 

@@ -180,8 +180,7 @@ def _names_alone(code: bytes) -> bytes:
     for named in full.functions:
         if not named.is_declaration:
             ir.GlobalVariable(out, ir.IntType(8), named.name).initializer = ir.IntType(8)(0)
-    bitcode: bytes = binding.parse_assembly(str(out)).as_bitcode()
-    return bitcode
+    return binding.parse_assembly(str(out)).as_bitcode()
 
 
 class _Files(FunctionCache):

@@ -342,5 +342,4 @@ def _with_article(noun: str) -> str:
 
 
 def _refuse(name: str, what: str, got: str) -> NoReturn:
-    msg = f"{name}: expected {what}, got {got}"
-    raise ValueError(msg)
+    raise ValueError(f"{name}: expected {what}, got {got}")

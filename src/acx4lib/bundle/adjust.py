@@ -161,12 +161,10 @@ def _adjusted(network: Network, start: State) -> Bundle:
         where = suspects(network, start)
         if not where:
             raise
-        msg = f"{error}{where}"
-        raise AdjustmentError(msg) from error
+        raise AdjustmentError(f"{error}{where}") from error
     if solution.sigma0_sq > HIGH and far_off(network, state, limit=ASTRAY).any():
         where = suspects(network, start) or suspects(network, state)
-        msg = f"the adjustment went astray{where}"
-        raise AdjustmentError(msg)
+        raise AdjustmentError(f"the adjustment went astray{where}")
     return _of(network, state, solution)
 
 

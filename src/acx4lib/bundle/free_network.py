@@ -171,8 +171,7 @@ def _require_free_orientation(network: Network) -> None:
     columns = network.layout
     free = [part >= 0 for part in (columns.mount, columns.shift, columns.drift, columns.delay)]
     if any(map(np.any, free)) or np.any(network.start.T_b_c.r):
-        msg = "network: expected one of free_orientation, got one of mounted cameras"
-        raise ValueError(msg)
+        raise ValueError("network: expected one of free_orientation, got one of mounted cameras")
     if network.refraction != "none":
         msg = "network: expected one without refraction, which knows the vertical and the height"
         raise ValueError(msg)

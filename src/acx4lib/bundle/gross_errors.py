@@ -122,8 +122,7 @@ def adjust_rejecting(
     expected.positive_number("critical", critical)
     expected.one_of("sigma0", sigma0, ("known", "estimated"))
     if not callable(set_up):
-        msg = f"set_up: expected a function of a block, got {expected.given(set_up)}"
-        raise ValueError(msg)
+        raise ValueError(f"set_up: expected a function of a block, got {expected.given(set_up)}")
     network, absurd = _without_absurd_control(block, set_up)
     observed = _observations(network)
     test = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)

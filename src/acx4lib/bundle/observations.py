@@ -113,8 +113,7 @@ class PoseObservations:
     def by_heading(self) -> Array:
         """Sine and cosine of the observed headings, from north over east, shape (n_poses, 2)."""
         ahead = self.T_m_b.R[:, :2, 0]
-        by_heading: Array = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
-        return by_heading
+        return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
     @property
     def linked(self) -> Index:
@@ -427,8 +426,7 @@ class SharedErrors:
     def between(self, first: Index, second: Index) -> Array:
         """Return the covariances of pairs of poses, shape (k, 6, 6); zero of one with itself."""
         related = np.repeat(self.together[:, first, second].T, 3, axis=1)
-        cov: Array = (self.roots[first] * related[:, None]) @ np.swapaxes(self.roots[second], 1, 2)
-        return cov
+        return (self.roots[first] * related[:, None]) @ np.swapaxes(self.roots[second], 1, 2)
 
     def among(self, J: Array) -> Array:
         """Return the part of a covariance that is between exposures: sum of J_i C_ij J_j^T.
@@ -610,5 +608,4 @@ def usable(distances: Distances, measured: Index) -> Index:
 def of_halves(values: Array) -> Array:
     """Return the sum of the two halves of every distance, over the first axis."""
     n = len(values) // 2
-    total: Array = values[:n] + values[n:]
-    return total
+    return values[:n] + values[n:]

@@ -310,8 +310,7 @@ def _require_millimetres(cameras: Sequence[Camera]) -> None:
     for camera in cameras:
         if camera.interior.f < SMALLEST_F_MM:
             f = camera.interior.f
-            msg = f"{camera.name}: expected a focal length in mm, got f={f} (metres?)"
-            raise ValueError(msg)
+            raise ValueError(f"{camera.name}: expected a focal length in mm, got f={f} (metres?)")
 
 
 def _beginning_near(network: Network, better: State) -> Network:

@@ -202,8 +202,7 @@ class _Rows:
     def __getitem__(self, part: str) -> Array:
         """Return one field of the residuals, for components that took part."""
         used = np.isfinite(self.group.sigma[np.ix_(self.rows, self.columns)])
-        values: Array = getattr(self.group, part)[np.ix_(self.rows, self.columns)][used]
-        return values
+        return getattr(self.group, part)[np.ix_(self.rows, self.columns)][used]
 
 
 def components(

@@ -208,8 +208,7 @@ class Correlations:
     @property
     def largest(self) -> Array:
         """The largest absolute correlation of every pair, shape (n_interior, 6)."""
-        out: Array = np.abs(self.values).max(axis=0, initial=0.0)
-        return out
+        return np.abs(self.values).max(axis=0, initial=0.0)
 
 
 def parameter_correlations(calibration: Calibration) -> pd.DataFrame:
@@ -443,8 +442,7 @@ class Absorption:
     @property
     def lever_seen_m(self) -> Array:
         """The lever arm that the shift means, in the form of `lever_m`."""
-        seen: Array = np.linalg.solve(self.by_lever, self.shift_mm)
-        return seen
+        return np.linalg.solve(self.by_lever, self.shift_mm)
 
     @property
     def cov_lever_m(self) -> Array:
@@ -541,8 +539,7 @@ def _weighed(observed: PoseObservations, off: Array) -> Array:
         return np.asarray(P @ off)
     sigma = observed.sigma_position[:, :, None]
     along_grid = observed.of_positions.times(observed.R_g_m @ off / sigma) / sigma
-    weighed: Array = np.swapaxes(observed.R_g_m, -1, -2) @ along_grid
-    return weighed
+    return np.swapaxes(observed.R_g_m, -1, -2) @ along_grid
 
 
 def effective_heights(calibration: Calibration, by_lever: Array) -> Array:

@@ -171,5 +171,4 @@ def _factor(moved: Array, cov: Array) -> float:
 def _root(cov: Array) -> Array:
     """Return L with L L^T = cov, computed without units."""
     scale = np.sqrt(cov.diagonal())
-    L: Array = scale[:, None] * np.linalg.cholesky(cov / scale[:, None] / scale)
-    return L
+    return scale[:, None] * np.linalg.cholesky(cov / scale[:, None] / scale)

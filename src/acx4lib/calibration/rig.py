@@ -319,8 +319,7 @@ def _first_images(bundle: Bundle) -> Index:
     complete: Mask = np.all(has, axis=1)
     images = measured[(camera[measured] == 0) & complete[exposure[measured]]]
     if len(images) == 0:
-        msg = "the heads share no exposure at which all of them have measurements"
-        raise AdjustmentError(msg)
+        raise AdjustmentError("the heads share no exposure at which all of them have measurements")
     return images
 
 

@@ -472,8 +472,7 @@ def _by_head(network: Network, values: Array, exposures: Index) -> Array:
     measured = np.unique(network.image_points.image_idx)
     camera = network.block.images.camera_idx[measured]
     out[network.pose_idx[measured], camera] = np.nan_to_num(values[measured])
-    by_exposure: Array = out[exposures]
-    return by_exposure
+    return out[exposures]
 
 
 # --- What an estimate rests on: the strips that were planned, or the wind and the hills

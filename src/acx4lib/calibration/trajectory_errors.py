@@ -202,15 +202,13 @@ def reported_covariance(bundle: Bundle) -> Array:
     """
     J, solution = jacobian(bundle), bundle.solution
     first = np.arange(len(J))
-    cov: Array = solution.sigma0_sq * propagate(J, solution.inverse.at(first[:, None], first))
-    return cov
+    return solution.sigma0_sq * propagate(J, solution.inverse.at(first[:, None], first))
 
 
 def jacobian(bundle: Bundle) -> Array:
     """Return d(parameters of `reported_covariance`) / d(first columns of the bundle), (n, n)."""
     scale = [one.scale for one in _unknowns(bundle)]
-    out: Array = block_diag(to_reported(from_bundle(bundle)), np.diag(scale))
-    return out
+    return block_diag(to_reported(from_bundle(bundle)), np.diag(scale))
 
 
 def is_determined(bundle: Bundle, cov: Array | None = None) -> Mask:

@@ -427,8 +427,7 @@ def _in_residuals(pattern: _Pattern, seen: Sightings, T_m_b: Pose, found: Mounte
     if pattern.by_image is not None:
         return -pattern.by_image
     by_point = np.zeros((len(seen.x_m), 3, 1)) if pattern.by_point is None else pattern.by_point
-    out: Array = _derivatives(seen, T_m_b, found) @ by_point[seen.point_idx]
-    return out
+    return _derivatives(seen, T_m_b, found) @ by_point[seen.point_idx]
 
 
 def _without(pattern: _Pattern, seen: Sightings, sizes: Array) -> Sightings:

@@ -82,8 +82,7 @@ def flying_heights(block: Block) -> Array:
     """
     surveyed = _on_the_ground(block)
     ground = block.frame.to_geographic(surveyed)[:, 2].mean() if len(surveyed) else 0.0
-    above: Array = block.frame.to_geographic(block.trajectory.T_m_b.r)[:, 2] - ground
-    return above
+    return block.frame.to_geographic(block.trajectory.T_m_b.r)[:, 2] - ground
 
 
 def ground_sample_m(block: Block) -> float:
@@ -115,8 +114,7 @@ def directions(block: Block) -> Array:
         own = np.flatnonzero(strips == strip)
         if len(own) > 1:
             way[own] = np.gradient(block.trajectory.T_m_b.r[own, :2], axis=0)
-    unit: Array = way / np.linalg.norm(way, axis=1, keepdims=True)
-    return unit
+    return way / np.linalg.norm(way, axis=1, keepdims=True)
 
 
 def footprints(block: Block) -> Array:

@@ -55,8 +55,7 @@ class Accuracy:
 
     def __post_init__(self) -> None:
         if self.n < 0:
-            msg = f"number of check points must not be negative, got n={self.n}"
-            raise ValueError(msg)
+            raise ValueError(f"number of check points must not be negative, got n={self.n}")
         expected.three("mean", self.mean)
         for name in ("std", "rms", "error_90"):
             _sizes(name, getattr(self, name))
@@ -166,8 +165,7 @@ class NormalisedTest:
     @property
     def accepted(self) -> Mask:
         """Which axes have an RMS inside the limits, shape (3,)."""
-        inside: Mask = (self.limits[:, 0] <= self.rms) & (self.rms <= self.limits[:, 1])
-        return inside
+        return (self.limits[:, 0] <= self.rms) & (self.rms <= self.limits[:, 1])
 
     def table(self) -> pd.DataFrame:
         """Return the test of every axis."""
@@ -361,8 +359,7 @@ def effective_number(cov: Array) -> float:
 def _error_90(size: Array) -> Array:
     """Return the smallest size that 90 % of the rows do not exceed."""
     rank = int(np.ceil(0.9 * len(size) - 1e-9))
-    found: Array = np.sort(size, axis=0)[rank - 1]
-    return found
+    return np.sort(size, axis=0)[rank - 1]
 
 
 def _sizes(name: str, values: Triple) -> None:
@@ -525,8 +522,7 @@ def _limits(scale: int, kind: str) -> tuple[Limit, ...]:
         if int(row["scale"]) == scale and row["kind"] == kind
     )
     if not found:
-        msg = f"PEC-PCD has no scale 1:{scale}; it has {', '.join(map(str, scales()))}"
-        raise ValueError(msg)
+        raise ValueError(f"PEC-PCD has no scale 1:{scale}; it has {', '.join(map(str, scales()))}")
     return found
 
 

@@ -134,8 +134,7 @@ def of(sources: ErrorSources, layout: Layout) -> Budget:
 def _product(J: Array, cov: Array, a: Index, b: Index) -> Array:
     """Return the diagonal of J_a cov_ab J_b^T over leading axes, shape (n, 3)."""
     right = J[:, :, b] @ np.swapaxes(cov[..., a[:, None], b], -1, -2)
-    out: Array = np.sum(J[:, :, a] * right, axis=-1)
-    return out
+    return np.sum(J[:, :, a] * right, axis=-1)
 
 
 def shares(variance: Array) -> dict[str, Array]:
@@ -296,5 +295,4 @@ def _limits(camera: Camera) -> Array:
     col, row = (np.array([0.0, 0.5, 1.0]) * n - 0.5 for n in (camera.width_px, camera.height_px))
     border = np.stack(np.meshgrid(col, row), axis=-1).reshape(-1, 2)
     ideal = correct(camera.interior, xy_from_colrow(camera, border))
-    limits: Array = 1.05 * np.abs(ideal).max(axis=0)
-    return limits
+    return 1.05 * np.abs(ideal).max(axis=0)

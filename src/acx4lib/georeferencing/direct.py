@@ -98,8 +98,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
     names = [camera.name for camera in calibration.cameras]
     missing = [camera.name for camera in block.cameras if camera.name not in names]
     if missing:
-        msg = f"the calibration has no camera {', '.join(missing)}"
-        raise ValueError(msg)
+        raise ValueError(f"the calibration has no camera {', '.join(missing)}")
     which = np.array([names.index(camera.name) for camera in block.cameras])
     cameras = tuple(calibration.cameras[k] for k in which)
     camera_idx = block.images.camera_idx
@@ -381,8 +380,7 @@ def by_trajectory(
     apart = nothing if shared is None else shared.between(exposure[one], exposure[other])
     body = np.where(same, cov_body[exposure[one]], apart)
     blocks = (by_body[one] @ body @ np.swapaxes(by_body[other], 1, 2)).reshape(n, n, 2, 2)
-    joint: Array = np.swapaxes(blocks, 1, 2).reshape(2 * n, 2 * n)
-    return joint
+    return np.swapaxes(blocks, 1, 2).reshape(2 * n, 2 * n)
 
 
 def _summed(values: Array, selected: Rays) -> Array:

@@ -57,8 +57,7 @@ class ErrorSources:
     @property
     def own(self) -> Array:
         """Covariance of what a point shares with no other, shape (n, 3, 3), m^2."""
-        both: Array = self.image + self.survey
-        return both
+        return self.image + self.survey
 
     @property
     def cov(self) -> Array:
@@ -135,8 +134,7 @@ def mean_covariance(sources: ErrorSources) -> Array:
     summed = summed + propagate(sources.by_parameters.sum(axis=0), sources.cov_parameters)
     if sources.shared is not None:
         summed = summed + sources.shared.among(by_body)
-    mean: Array = summed / n**2
-    return mean
+    return summed / n**2
 
 
 def chi_square(sources: ErrorSources, d: Array) -> float:
@@ -184,8 +182,7 @@ def joint_covariance(sources: ErrorSources) -> Array:
     Of a few hundred points: `chi_square` needs no such matrix.
     """
     K = (sources.by_parameters @ half(sources.cov_parameters)).reshape(3 * len(sources), -1)
-    joint: Array = _without_parameters(sources).toarray() + K @ K.T
-    return joint
+    return _without_parameters(sources).toarray() + K @ K.T
 
 
 def axis_covariances(sources: ErrorSources) -> Array:

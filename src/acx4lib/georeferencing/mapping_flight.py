@@ -57,8 +57,7 @@ class MappingFlight:
         for name in ("forward", "side"):
             if not 0 <= getattr(self, name) < 1:
                 given = getattr(self, name)
-                msg = f"{name}: expected an overlap from 0 to less than 1, got {given}"
-                raise ValueError(msg)
+                raise ValueError(f"{name}: expected an overlap from 0 to less than 1, got {given}")
 
 
 def spacing(camera: Camera, flight: MappingFlight) -> tuple[float, float]:
@@ -250,14 +249,12 @@ def like(block: Block, camera: Camera) -> MappingFlight | None:
 
 
 def _rms(values: Array) -> Array:
-    root: Array = np.sqrt(np.mean(values**2, axis=0)) if len(values) else np.array(np.nan)
-    return root
+    return np.sqrt(np.mean(values**2, axis=0)) if len(values) else np.array(np.nan)
 
 
 def _only_camera(calibration: Calibration) -> Camera:
     if len(calibration.cameras) != 1:
-        msg = f"calibration: expected one camera, got {len(calibration.cameras)}"
-        raise ValueError(msg)
+        raise ValueError(f"calibration: expected one camera, got {len(calibration.cameras)}")
     return calibration.cameras[0]
 
 
@@ -285,8 +282,7 @@ def _on_ground(camera: Camera, T_m_b: Pose, colrow: Array) -> Array:
         raise ValueError(msg)
     T_m_c = T_m_b @ camera.T_b_c
     towards = rays(camera, T_m_c, colrow)
-    ground: Array = T_m_c.r - (T_m_c.r[:, 2:] / towards[:, 2:]) * towards
-    return ground
+    return T_m_c.r - (T_m_c.r[:, 2:] / towards[:, 2:]) * towards
 
 
 def _corners(camera: Camera) -> Array:

@@ -179,8 +179,7 @@ def validate(
     expected.one_of("refraction", refraction, REFRACTION)
     expected.text("method", method)
     if not method or "/" in method:
-        msg = f"method: expected a name without '/', got {method!r}"
-        raise ValueError(msg)
+        raise ValueError(f"method: expected a name without '/', got {method!r}")
     try:
         return _validated(block, calibration, method, refraction)
     except np.linalg.LinAlgError as error:
@@ -568,8 +567,7 @@ def _one_by_one(P: Array, fit: Intersections, selected: Rays) -> Array:
     cov_v = fit.cov_v - B @ np.linalg.inv(normal)[selected.group] @ np.swapaxes(B, 1, 2)
     Pv = np.einsum("nij,nj->ni", P, fit.v)
     w = _normalised(Pv, np.diagonal(P @ cov_v @ P, axis1=1, axis2=2), _diagonal(P))
-    worst: Array = w.max(axis=1)
-    return worst
+    return w.max(axis=1)
 
 
 def _together(

@@ -211,8 +211,7 @@ def shares(sources: ErrorSources, calibration: Calibration) -> Array | None:
     variance = np.diagonal(to @ C)
     by_each = np.mean((sources.by_parameters @ C) ** 2, axis=0)
     known = np.where(variance > 0, variance, np.inf)
-    out: Array = by_each / known / total[:, None]
-    return out
+    return by_each / known / total[:, None]
 
 
 def shares_at_corners(calibration: Calibration, block: Block) -> Array | None:

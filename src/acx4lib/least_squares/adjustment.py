@@ -278,8 +278,7 @@ def _iterate(
     """Return the state of least cost, the normal equations there, and the number of steps."""
     here, damping = normals(problem, state), Damping()
     if not np.isfinite(here.cost):
-        msg = "the start values leave points behind a camera or at infinity"
-        raise AdjustmentError(msg)
+        raise AdjustmentError("the start values leave points behind a camera or at infinity")
     degrees = _degrees_of_freedom(problem, here)
     for iteration in range(max_iterations + 1):
         unit = here.cost / max(degrees, 1)
@@ -322,8 +321,7 @@ def _descend(
         here = normals(problem, state, damping.value, before=start)
     if hidden:
         return None
-    msg = "no step reduces the cost any more"
-    raise NotConverged(msg)
+    raise NotConverged("no step reduces the cost any more")
 
 
 def _left_open(problem: Problem[S], state: S) -> str:

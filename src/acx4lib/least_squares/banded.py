@@ -120,8 +120,7 @@ class Banded:
         self.corner = linalg.cholesky(corner, lower=True) if m else np.zeros((0, 0))
         pivots = np.concatenate([self.band[0], np.diagonal(self.corner)])
         if not np.min(pivots) ** 2 > SINGULAR:  # nor where one is not a number
-            msg = "singular to working precision"
-            raise linalg.LinAlgError(msg)
+            raise linalg.LinAlgError("singular to working precision")
 
     def _through_band(self, g: Array, *, transposed: bool = False) -> Array:
         """Return L^-1 g or L^-T g of the band's factor L, for g of shape (n,) or (n, k)."""
@@ -306,8 +305,7 @@ class BandedInverse:
         """Return J times the covariance; the whole inverse is not needed for it."""
         ordered = np.zeros((len(self.order), J.size // len(self._place)))
         ordered[self._place] = J.reshape(-1, len(self._place)).T
-        out: Array = self.factored.solve(ordered)[self._place].T.reshape(J.shape)
-        return out
+        return self.factored.solve(ordered)[self._place].T.reshape(J.shape)
 
 
 def too_large() -> AdjustmentError:

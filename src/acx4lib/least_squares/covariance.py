@@ -27,8 +27,7 @@ def propagate(J: Array, cov: Array) -> Array:
     """
     expected.square("cov", cov)
     expected.shape("J", J, (..., "k", cov.shape[-1]))
-    out: Array = J @ cov @ np.swapaxes(J, -1, -2)
-    return out
+    return J @ cov @ np.swapaxes(J, -1, -2)
 
 
 def sigmas(cov: Array) -> Array:
@@ -60,8 +59,7 @@ def half(cov: Array) -> Array:
     expected.square("cov", cov)
     sigma = np.maximum(sigmas(cov), 1e-150)[..., :, None]
     values, vectors = np.linalg.eigh(cov / sigma / np.swapaxes(sigma, -1, -2))
-    out: Array = sigma * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
-    return out
+    return sigma * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
 
 
 def medians(values: Array, group: Index, n_groups: int) -> Array:

@@ -101,8 +101,7 @@ class Dense:
     def spectrum(self) -> tuple[Array, Array]:
         """Eigenvalues, ascending, and eigenvectors of the scaled matrix."""
         if not np.isfinite(self._scaled).all():
-            msg = "the normal equations hold numbers that are not finite"
-            raise np.linalg.LinAlgError(msg)
+            raise np.linalg.LinAlgError("the normal equations hold numbers that are not finite")
         values, vectors = scipy.linalg.eigh(self._scaled, check_finite=False)
         return values, vectors
 

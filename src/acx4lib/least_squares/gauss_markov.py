@@ -33,8 +33,7 @@ class GaussMarkov:
     def __post_init__(self) -> None:
         expected.positive_number("time_constant_s", self.time_constant_s)
         if not 0 <= self.share <= 1:
-            msg = f"share: expected a number from 0 to 1, got {self.share}"
-            raise ValueError(msg)
+            raise ValueError(f"share: expected a number from 0 to 1, got {self.share}")
 
     def together(self, time_s: Array) -> Array:
         """Return the correlation of the slow part at n times, shape (n, n)."""

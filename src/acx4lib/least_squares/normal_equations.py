@@ -60,8 +60,7 @@ class Equations:
         sigma = self.sigma.reshape(*self.sigma.shape, *(1,) * (x.ndim - 2))
         if self.correlation is None:
             return x / sigma**2
-        weighed: Array = self.correlation.times(x / sigma) / sigma
-        return weighed
+        return self.correlation.times(x / sigma) / sigma
 
     def tested(self, explained: Array) -> Group:
         """Return the residuals with their redundancy numbers.

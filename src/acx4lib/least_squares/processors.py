@@ -96,8 +96,7 @@ def as_finished(
 
 def on_one_thread() -> AbstractContextManager[object]:
     """Return a context in which linear algebra takes one thread."""
-    limit: AbstractContextManager[object] = _blas("scipy.linalg" in sys.modules).limit(limits=1)
-    return limit
+    return _blas("scipy.linalg" in sys.modules).limit(limits=1)
 
 
 @cache

@@ -62,8 +62,7 @@ def tails(x: float, weights: Array) -> tuple[float, float]:
     expected.not_negative("weights", weights)
     largest = float(np.max(weights, initial=0.0))
     if not largest > 0:
-        msg = "weights: expected one that is positive"
-        raise ValueError(msg)
+        raise ValueError("weights: expected one that is positive")
     if not x > 0:
         return 0.0, 1.0
     w, x = weights[weights > 0] / largest, float(x) / largest
@@ -465,8 +464,7 @@ def _inverse(share: Array, together: Array) -> Array:
             "needed (a correlated share below 1), or exposures at different times"
         )
         raise AdjustmentError(msg) from None
-    P: Array = L_inv.T @ L_inv
-    return P
+    return L_inv.T @ L_inv
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -500,8 +498,7 @@ class Correlation:
     def times(self, z: Array) -> Array:
         """Return the inverse times z, component by component, shape (m, d, ...) as z."""
         weight = self.weight.reshape(*self.weight.shape, *(1,) * (z.ndim - 2))
-        product: Array = np.add.reduceat(weight * z[self.second], self._starts, axis=0)
-        return product
+        return np.add.reduceat(weight * z[self.second], self._starts, axis=0)
 
     @cached_property
     def factors(self) -> tuple[Array, ...]:
@@ -518,8 +515,7 @@ class Correlation:
             Residuals or derivatives, divided by sigma.
         """
         each = [np.tensordot(U, z[:, c], axes=1) for c, U in enumerate(self.factors)]
-        whitened: Array = np.stack(each, axis=1)
-        return whitened
+        return np.stack(each, axis=1)
 
     def tested(self, z: Array, explained: Array) -> tuple[Array, Together]:
         """Return redundancy numbers, shape (m, d), and what tests need besides.

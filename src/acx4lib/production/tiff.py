@@ -270,8 +270,7 @@ class Format:
         most = MOST_STACKED if self.stack else 4
         if self.dtype not in ("uint8", "uint16") or not 1 <= self.bands <= most:
             bands = f"{self.bands} of {self.dtype}"
-            msg = f"1 to {most} bands of uint8 or uint16 are written, not {bands}"
-            raise ValueError(msg)
+            raise ValueError(f"1 to {most} bands of uint8 or uint16 are written, not {bands}")
         expected.whole("height", self.height)
         expected.whole("width", self.width)
         expected.positive_number("pixel_mm", self.pixel_mm)
@@ -355,8 +354,7 @@ def write_preview(path: Path, image_path: Path) -> None:
     shown = _stretched(_fitted(colours))
     good, jpeg = cv2.imencode(".jpg", shown[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
     if not good:
-        msg = f"{path}: the preview could not be encoded"
-        raise ValueError(msg)
+        raise ValueError(f"{path}: the preview could not be encoded")
     whole_files.write(path, jpeg.tobytes())
 
 
@@ -407,8 +405,7 @@ def _checked(stripes: Iterable[Raster], form: Format) -> Iterator[Raster]:
             raise ValueError(msg)
         yield stripe
     if rows < form.height:
-        msg = f"{rows} rows of an image of {form.height}"
-        raise ValueError(msg)
+        raise ValueError(f"{rows} rows of an image of {form.height}")
 
 
 def _passed_on(stripes: Iterable[Raster], pyramid: _Pyramid) -> Iterator[Raster]:

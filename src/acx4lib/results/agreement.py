@@ -151,8 +151,7 @@ def _methods(table: pd.DataFrame) -> list[tuple[str, str]]:
 
 
 def _of(table: pd.DataFrame, method: tuple[str, str]) -> Mask:
-    found: Mask = ((table["stage"] == method[0]) & (table["method"] == method[1])).to_numpy()
-    return found
+    return ((table["stage"] == method[0]) & (table["method"] == method[1])).to_numpy()
 
 
 def _square(

@@ -228,8 +228,7 @@ def replace(
     kept = {key: v for key, v in entries(at).items() if not _belongs(key, stage_methods)}
     strangers = [key for key in summary if not _belongs(key, stage_methods)]
     if strangers:
-        msg = f"summary of {', '.join(strangers)} is not of {', '.join(stage_methods)}"
-        raise ValueError(msg)
+        raise ValueError(f"summary of {', '.join(strangers)} is not of {', '.join(stage_methods)}")
     at.mkdir(parents=True, exist_ok=True)
     with together() as new:
         for name in COLUMNS:
@@ -312,8 +311,7 @@ def _check_count(results: Results, stage_method: str, n: int) -> None:
 def _with(results: Results, table: str, stage_method: str) -> pd.DataFrame:
     """Return a table, of a long one that nobody asked for yet only a part with the rows."""
     if table in vars(results):
-        found: pd.DataFrame = getattr(results, table)
-        return found
+        return getattr(results, table)
     begin = table_files.begins(table, [stage_method])
     return table_files.read_some(results.folder / f"{table}.csv", begin, _cell_problems)
 
@@ -390,8 +388,7 @@ def _check_names(
     unknown = {name.partition("/")[0] for name in stage_methods} - set(STAGES)
     unknown |= tables.keys() - COLUMNS.keys()
     if unknown:
-        msg = f"unknown stages or tables: {', '.join(sorted(unknown))}"
-        raise ValueError(msg)
+        raise ValueError(f"unknown stages or tables: {', '.join(sorted(unknown))}")
     for name, frames in tables.items():
         for frame in frames:
             _check_columns(name, frame.columns)
@@ -399,15 +396,13 @@ def _check_names(
             strangers = [key for key in keys if not _belongs(key, stage_methods)]
             if strangers:
                 listed = ", ".join(sorted(strangers))
-                msg = f"{name}: {listed} is not of {', '.join(stage_methods)}"
-                raise ValueError(msg)
+                raise ValueError(f"{name}: {listed} is not of {', '.join(stage_methods)}")
 
 
 def _check_columns(name: str, columns: Iterable[str]) -> None:
     """Raise a ValueError where a table has not exactly the columns of `COLUMNS`, in any order."""
     if sorted(columns) != sorted(COLUMNS[name]):
-        msg = f"{name} has columns {', '.join(COLUMNS[name])}, got {', '.join(columns)}"
-        raise ValueError(msg)
+        raise ValueError(f"{name} has columns {', '.join(COLUMNS[name])}, got {', '.join(columns)}")
 
 
 def _write(

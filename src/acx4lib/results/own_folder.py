@@ -223,13 +223,11 @@ def clear(path: Path) -> None:
         return
     whose, files = read_mark(path)
     if not whose:
-        msg = f"{path}: bears no mark of acx4; remove it yourself if it is not needed"
-        raise OutputError(msg)
+        raise OutputError(f"{path}: bears no mark of acx4; remove it yourself if it is not needed")
     with _locked(path):
         changed = changes(path, [name for name in files if (path / name).exists()])
         if changed:
-            msg = f"{changed[0]}; move it away, or remove it yourself"
-            raise OutputError(msg)
+            raise OutputError(f"{changed[0]}; move it away, or remove it yourself")
         own = OwnFolder(path=path, command=whose, files=_listed(path, whose))
         own.remove(list(own.files))
         _tidy(path)
@@ -264,8 +262,7 @@ def _listed(path: Path, command: str) -> dict[str, Written]:
         msg = f"{path}: holds what {command} did not write ({shown}); choose a new or empty folder"
         raise OutputError(msg)
     if whose and whose != command:
-        msg = f"{path}: is a folder of {whose}; choose another for {command}"
-        raise OutputError(msg)
+        raise OutputError(f"{path}: is a folder of {whose}; choose another for {command}")
     return files
 
 
@@ -481,8 +478,7 @@ def _taken(path: Path) -> TextIO:
         number = os.open(path, os.O_RDWR | os.O_CREAT | _UNLINKED, 0o644)
         if not stat.S_ISREG(os.fstat(number).st_mode):
             os.close(number)
-            msg = f"{path}: is no regular file; remove it, or choose another folder"
-            raise OutputError(msg)
+            raise OutputError(f"{path}: is no regular file; remove it, or choose another folder")
         file = os.fdopen(number, "r+", encoding="utf-8", errors="replace")
         busy = _busy(file, path)
         if busy:
@@ -541,8 +537,7 @@ def check_new(folder: str | Path) -> None:
     """
     path = Path(folder)
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
-        msg = f"{path}: exists already; choose another name"
-        raise OutputError(msg)
+        raise OutputError(f"{path}: exists already; choose another name")
     check_place(path)
 
 
@@ -565,20 +560,16 @@ def check_place(
         Where it is a link or no folder, in the way of a flight, or among the project's sources.
     """
     if path.is_symlink():
-        msg = f"{path}: is a link; name the folder itself"
-        raise OutputError(msg)
+        raise OutputError(f"{path}: is a link; name the folder itself")
     if path.exists() and not path.is_dir():
-        msg = f"{path}: is no folder; choose another name"
-        raise OutputError(msg)
+        raise OutputError(f"{path}: is no folder; choose another name")
     whole = path.resolve()
     flight = _flight_around(whole.parent if becomes_flight else whole)
     if flight is not None:
-        msg = f"{path}: lies in the flight {flight}; choose a folder outside"
-        raise OutputError(msg)
+        raise OutputError(f"{path}: lies in the flight {flight}; choose a folder outside")
     for flight in away_from:
         if flight.resolve().is_relative_to(whole):
-            msg = f"{path}: holds the flight {flight}; choose a folder beside it"
-            raise OutputError(msg)
+            raise OutputError(f"{path}: holds the flight {flight}; choose a folder beside it")
     source = _source(whole)
     if source is not None:
         msg = f"{path}: is among the project's own files, {source}; choose a folder outside"
@@ -612,8 +603,7 @@ def check_file(file: str | Path, *, mark: bytes, what: str) -> None:
     elif flight is not None:
         says = f"lies in the flight {flight}; choose a place outside"
     if says:
-        msg = f"{path}: {says}"
-        raise OutputError(msg)
+        raise OutputError(f"{path}: {says}")
 
 
 def working_copy() -> Path | None:

@@ -277,8 +277,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
         again = next(key for k, (key, _) in enumerate(pairs) if key in dict(pairs[:k]))
-        msg = f"{_quoted(again)} stands twice in one object"
-        raise ValueError(msg)
+        raise ValueError(f"{_quoted(again)} stands twice in one object")
     return found
 
 

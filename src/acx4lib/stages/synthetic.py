@@ -169,8 +169,7 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
     """
     synthetic = flight.synthetic_camera
     if synthetic is None:
-        msg = "flight.toml has no table [synthetic]"
-        raise ValueError(msg)
+        raise ValueError("flight.toml has no table [synthetic]")
     orientation = read_heads(flight, results_path)
     pictures = read_pictures(flight, orientation, reduce=reduce)
     with solving(flight, "heads"):

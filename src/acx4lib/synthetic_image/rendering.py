@@ -64,16 +64,14 @@ class RenderPlan:
             raise ValueError(msg)
         expected.one_of("interpolation", self.interpolation, ("bilinear", "cubic"))
         if len({(m.step_px, m.nodes.shape) for m in self.maps}) > 1:
-            msg = "the maps of the heads must have their nodes at the same pixels"
-            raise ValueError(msg)
+            raise ValueError("the maps of the heads must have their nodes at the same pixels")
         cells = np.array(self.maps[0].nodes.shape[:2]) - 1
         if np.any(cells * self.step_px < [self.height_px, self.width_px]):
             msg = f"{cells[1]} x {cells[0]} cells of {self.step_px} px do not cover the image"
             raise ValueError(msg)
         heads = len(self.maps) if self.response is None else len(self.response.coefficients)
         if heads != len(self.maps):
-            msg = f"a response of {heads} heads for {len(self.maps)}"
-            raise ValueError(msg)
+            raise ValueError(f"a response of {heads} heads for {len(self.maps)}")
 
     @property
     def step_px(self) -> int:
@@ -194,8 +192,7 @@ def render_into(
     expected.place("start", start, plan.height_px - len(out) + 1)
     expected.shape("out", out, ("rows", plan.width_px, images[0].shape[2]))
     if (out.dtype, out.flags.c_contiguous) != (images[0].dtype, True):
-        msg = f"out must be contiguous, of {images[0].dtype}, like the images"
-        raise ValueError(msg)
+        raise ValueError(f"out must be contiguous, of {images[0].dtype}, like the images")
     _resample(plan, images, (start, start + len(out)), out, threads)
 
 
@@ -241,8 +238,7 @@ def resample(
 def _require_images(plan: RenderPlan, images: Sequence[np.ndarray]) -> None:
     """Raise a ValueError where images do not match a plan or each other."""
     if len(images) != len(plan.maps):
-        msg = f"{len(images)} images for {len(plan.maps)} heads"
-        raise ValueError(msg)
+        raise ValueError(f"{len(images)} images for {len(plan.maps)} heads")
     first = images[0]
     for k, (image, head) in enumerate(zip(images, plan.maps, strict=True)):
         if image.ndim != 3 or image.shape[:2] != (head.height_px, head.width_px):
@@ -264,12 +260,10 @@ def _require_images(plan: RenderPlan, images: Sequence[np.ndarray]) -> None:
             )
             raise ValueError(msg)
         if not image.flags.c_contiguous:
-            msg = f"the image of head {k + 1} is a view with gaps; must be contiguous"
-            raise ValueError(msg)
+            raise ValueError(f"the image of head {k + 1} is a view with gaps; must be contiguous")
     bands = first.shape[2] if plan.response is None else plan.response.coefficients.shape[1]
     if bands != first.shape[2]:
-        msg = f"a response of {bands} bands for {first.shape[2]}"
-        raise ValueError(msg)
+        raise ValueError(f"a response of {bands} bands for {first.shape[2]}")
 
 
 def _resample(

@@ -135,8 +135,7 @@ class ResponseFit:
 def log_response(response: Response, k: int, colrow: Array, camera: Camera) -> Array:
     """Return the logarithm of a head's response at pixels, shape (n, n_bands)."""
     q = response.within(k, corner_share(camera, colrow))
-    out: Array = _powers(q) @ response.coefficients[k].T
-    return out
+    return _powers(q) @ response.coefficients[k].T
 
 
 def _powers(q: Array) -> Array:
@@ -410,8 +409,7 @@ def corner_share(camera: Camera, colrow: Array) -> Array:
     """
     r = np.linalg.norm(xy_from_colrow(camera, colrow), axis=-1)
     corner = 0.5 * camera.pixel_mm * camera.diagonal_px
-    share: Array = np.square(r / corner)
-    return share
+    return np.square(r / corner)
 
 
 def overlap_samples(

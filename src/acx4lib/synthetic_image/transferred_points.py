@@ -148,8 +148,7 @@ def _numbers_of_heads(block: Block, orientation: RelativeOrientation) -> Index:
     names = [head.name for head in orientation.heads]
     unknown = [camera.name for camera in block.cameras if camera.name not in names]
     if unknown:
-        msg = f"block {block.name!r}: no orientation of {', '.join(unknown)}"
-        raise ValueError(msg)
+        raise ValueError(f"block {block.name!r}: no orientation of {', '.join(unknown)}")
     return np.array([names.index(camera.name) for camera in block.cameras], dtype=np.intp)
 
 
@@ -250,8 +249,7 @@ def parameter_covariance(
     moved = _moved(block, carried, orientation, camera)[network.rows]
     J = to_reported(calibration) @ np.einsum("mdc,mdk->ck", by_points, moved)
     known = np.flatnonzero(sigmas(orientation.cov_joint) > 0)
-    cov: Array = J @ orientation.cov_joint[np.ix_(known, known)] @ J.T
-    return cov
+    return J @ orientation.cov_joint[np.ix_(known, known)] @ J.T
 
 
 def _moved(

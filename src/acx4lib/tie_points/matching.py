@@ -70,8 +70,7 @@ class TieOptions:
         for name in ("correlation_px", "window_px"):
             side = getattr(self, name)
             if side < 5 or side % 2 == 0:
-                msg = f"{name} must be odd and at least 5, got {side}"
-                raise ValueError(msg)
+                raise ValueError(f"{name} must be odd and at least 5, got {side}")
         for name in ("cell_px", "cells", "search_px", "coarse_search_px"):
             expected.whole(name, getattr(self, name))
         for name in ("least_texture", "largest_sigma_px", "consensus_px"):
@@ -346,8 +345,7 @@ def best_of_cells(values: Array, allowed: Mask, cell: int) -> tuple[Index, int]:
     expected.shape("values", values, ("rows", "cols"))
     expected.whole("cell", cell)
     if allowed.shape != values.shape:
-        msg = f"allowed: expected shape {values.shape}, got {allowed.shape}"
-        raise ValueError(msg)
+        raise ValueError(f"allowed: expected shape {values.shape}, got {allowed.shape}")
     rows, cols = (-(-n // cell) for n in values.shape)
     padded = np.zeros((rows * cell, cols * cell), np.float32)
     padded[: values.shape[0], : values.shape[1]] = np.where(allowed, values, 0)

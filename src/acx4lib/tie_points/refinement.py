@@ -154,8 +154,7 @@ def covariance(exposures: Sequence[OneExposure], axis: Index, variance: Array) -
     left = np.linalg.solve(N, np.concatenate([one.N for one in exposures], axis=1))
     n = len(axis)
     parts = left.reshape(n, len(exposures), n).swapaxes(0, 1)
-    out: Array = np.einsum("eij,jk,elk->il", parts, Q, parts)
-    return out
+    return np.einsum("eij,jk,elk->il", parts, Q, parts)
 
 
 # --- Refinement of the heads' rotations by least squares over all tie points (section 2.1)
@@ -355,8 +354,7 @@ def _tied(orientation: RelativeOrientation, ties: TiePoints) -> Index:
     sets = [np.flatnonzero(group == g) for g in range(n_groups)]
     tied = [heads for heads in sets if len(heads) > 1]
     if not tied:
-        msg = "no two heads share a good tie point, so nothing can be refined"
-        raise AdjustmentError(msg)
+        raise AdjustmentError("no two heads share a good tie point, so nothing can be refined")
     if len(tied) > 1:
         groups = " and ".join(f"heads {_names(orientation, heads)}" for heads in tied)
         msg = f"{groups} share no good tie point, so nothing turns one group to the other"

@@ -203,8 +203,7 @@ def find_ties(
 def _check(images: Sequence[np.ndarray], orientation: RelativeOrientation) -> None:
     """Raise where images are not those of the heads."""
     if len(images) != len(orientation.heads):
-        msg = f"{len(orientation.heads)} heads need as many images, got {len(images)}"
-        raise ValueError(msg)
+        raise ValueError(f"{len(orientation.heads)} heads need as many images, got {len(images)}")
     for image, head in zip(images, orientation.heads, strict=True):
         if image.ndim != 3 or image.shape[:2] != (head.height_px, head.width_px):
             msg = (
@@ -448,8 +447,7 @@ def _on_homography(matches: OverlapMatches, threshold_px: float) -> Mask:
         return np.zeros(len(matches.colrow_a), dtype=bool)
     # MAGSAC itself has no sharp limit
     misfits = _homography_misfits(matches, agree.ravel() > 0)
-    near: Mask = np.hypot(*misfits.T) <= threshold_px
-    return near
+    return np.hypot(*misfits.T) <= threshold_px
 
 
 def _grown(matches: OverlapMatches, agree: Mask, threshold_px: float) -> Mask:

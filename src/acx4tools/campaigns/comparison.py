@@ -397,20 +397,17 @@ class GroundEffects:
 
     def moved(self, d: Array) -> Array:
         """Return what changes of all parameters together move, m, shape (n, 2)."""
-        out: Array = self.J @ d
-        return out
+        return self.J @ d
 
     def rms(self, d: Array) -> Array:
         """Return the root mean square of what every parameter moves by itself, m, shape (k,)."""
         each = np.sum((self.J * d) ** 2, axis=1)
-        out: Array = np.sqrt(each.mean(axis=0))
-        return out
+        return np.sqrt(each.mean(axis=0))
 
     def sigma(self, cov: Array) -> Array:
         """Return the standard deviation of the plane vector at the nodes, m, shape (n,)."""
         variance = np.einsum("nia,ab,nib->n", self.J, cov, self.J, optimize=True)
-        out: Array = np.sqrt(variance)
-        return out
+        return np.sqrt(variance)
 
 
 def ground_effects(
@@ -456,8 +453,7 @@ def _on_ground(camera: Camera, colrow: Array, height_m: float) -> Array:
     n = len(colrow)
     ray = rays(camera, Pose(R=np.tile(camera.T_b_c.R, (n, 1, 1)), r=np.tile(r, (n, 1))), colrow)
     down = np.where(ray[:, 2] < 0, -ray[:, 2], np.nan)
-    out: Array = r[:2] + ray[:, :2] * (r[2] / down)[:, None]
-    return out
+    return r[:2] + ray[:, :2] * (r[2] / down)[:, None]
 
 
 # --- of a comparison -------------------------------------------------------------------------

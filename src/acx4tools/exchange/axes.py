@@ -35,8 +35,7 @@ def is_rotation(R: Array, off: float = 1e-4) -> bool:
 def nearest_rotation(R: Array) -> Array:
     """Return the rotation that is nearest to a matrix printed with few digits, shape (3, 3)."""
     u, _, v = np.linalg.svd(R)
-    nearest: Array = u @ v
-    return nearest
+    return u @ v
 
 
 def stacked(poses: list[Pose]) -> Pose:

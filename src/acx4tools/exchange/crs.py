@@ -140,13 +140,11 @@ def _on_no_map(source: pyproj.CRS | None) -> Chosen:
 def parsed(text: str) -> pyproj.CRS:
     """Return the CRS of a code or WKT; a ValueError says why it is none."""
     if fault := crs_fault(text):
-        msg = f"coordinate system {fault}"
-        raise ValueError(msg)
+        raise ValueError(f"coordinate system {fault}")
     try:
         return pyproj.CRS.from_user_input(text)
     except CRSError:
-        msg = "coordinate system is none that PROJ knows"
-        raise ValueError(msg) from None
+        raise ValueError("coordinate system is none that PROJ knows") from None
 
 
 @lru_cache(maxsize=MADE)
@@ -213,8 +211,7 @@ def with_heights(system: Chosen, enh: Array, given: str | float) -> Array:
     lonlat = into.lonlat_from_grid(enh[:, :2])
     more = out_of.undulation(lonlat) - into.undulation(lonlat)
     if not np.isfinite(more).all():
-        msg = f"a place lies outside the geoid of {given!r} or {system.heights!r}"
-        raise ValueError(msg)
+        raise ValueError(f"a place lies outside the geoid of {given!r} or {system.heights!r}")
     return np.column_stack([enh[:, :2], enh[:, 2] + more])
 
 

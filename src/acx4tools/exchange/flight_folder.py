@@ -78,8 +78,7 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
         }
         names = [*texts, *pictures]
         if changed := own_folder.changes(folder, names):
-            msg = f"{changed[0]}; move it away, or choose another folder"
-            raise OutputError(msg)
+            raise OutputError(f"{changed[0]}; move it away, or choose another folder")
         if edited:
             own.files.pop(SETTINGS, None)
         remarks = _replaced(folder, {name: texts[name] for name in brought.tables})

@@ -453,8 +453,7 @@ def _slopes(forward: Model, at: Array, step: float) -> Array:
 
 
 def _det(J: Array) -> Array:
-    det: Array = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
-    return det
+    return J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
 
 
 def _solved(J: Array, off: Array) -> Array:

@@ -222,8 +222,7 @@ def _table(camera: Camera) -> dict[str, Any]:
     }
     for key, value in short.items():
         if key in RANGES and value not in RANGES[key]:
-            msg = f"{key} {value:g} {RANGES[key]}"
-            raise ValueError(msg)
+            raise ValueError(f"{key} {value:g} {RANGES[key]}")
     return {key: value for key, value in short.items() if key in NEEDED or value}
 
 

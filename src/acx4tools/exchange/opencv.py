@@ -88,8 +88,7 @@ def from_opencv(
     distortion = expected.numbers("distortion", distortion, ("n",))
     expected.one_of("len(distortion)", len(distortion), (4, 5, 8, 12, 14))
     if matrix[0, 1] or matrix[1, 0]:
-        msg = f"matrix: expected no skew, got {matrix[0, 1]} and {matrix[1, 0]}"
-        raise ValueError(msg)
+        raise ValueError(f"matrix: expected no skew, got {matrix[0, 1]} and {matrix[1, 0]}")
     (fx, _, cx), (_, fy, cy) = matrix[:2].tolist()
     return lens.camera_of(
         lambda colrow: _undistorted(colrow, matrix, distortion),

@@ -432,8 +432,7 @@ class StripInformation:
         N, k = self.given + self.by_strip[list(chosen)].sum(axis=0), len(self.names)
         L = linalg.cholesky(N, lower=True, overwrite_a=True, check_finite=False)[-k:, -k:]
         H = linalg.solve_triangular(L, np.eye(k), lower=True, check_finite=False)
-        cov: Array = H.T @ H
-        return cov
+        return H.T @ H
 
 
 def of_strips(network: Network, *, tie_points: int = TIE_POINTS) -> StripInformation:
@@ -453,8 +452,7 @@ def of_strips(network: Network, *, tie_points: int = TIE_POINTS) -> StripInforma
     """
     strips = tuple(dict.fromkeys(strip_of_exposure(network.block)))
     if "" in strips:
-        msg = "every image must have a strip"
-        raise ValueError(msg)
+        raise ValueError("every image must have a strip")
     owner = _owners(network, strips)
     common = np.flatnonzero(owner[:-1] < 0)
     points, weight = _taking_part(network, tie_points)
@@ -556,8 +554,7 @@ def _reduced(rows: sparse.csr_array, shared: Index, own: Index) -> Array:
     N_so = N[shared][:, own].toarray()
     L = linalg.cholesky(N[own][:, own].toarray(), lower=True)
     half = linalg.solve_triangular(L, N_so.T, lower=True)
-    reduced: Array = N[shared][:, shared].toarray() - half.T @ half
-    return reduced
+    return N[shared][:, shared].toarray() - half.T @ half
 
 
 # --- The cheapest choice of candidates that meets a target: greedy, then by exchange
@@ -598,8 +595,7 @@ def cheapest(lack: Callable[[Choice], float], cost: Array, *, most: float = np.i
     """
     cost = expected.numbers("cost", cost, ("n",))
     if not np.all(cost > 0):
-        msg = f"cost must be positive, got {cost.min()}"
-        raise ValueError(msg)
+        raise ValueError(f"cost must be positive, got {cost.min()}")
     search = _Search(lack=lack, cost=cost, most=most)
     found = [search.exchanged(search.grown(by)) for by in (cost, np.ones_like(cost))]
     return min(found, key=search.rank)

@@ -361,5 +361,4 @@ class Expected:
         if len(self.of_winds) < 2:
             return np.full(3, np.nan)
         mean = self.of_winds.mean(axis=0)
-        out: Array = 0.5 * self.of_winds.std(axis=0, ddof=1) / mean
-        return out
+        return 0.5 * self.of_winds.std(axis=0, ddof=1) / mean

@@ -248,16 +248,14 @@ def _winds(n: int, n_strips: int, wind: int) -> tuple[Array, Array]:
 
 def _evenly(n: int) -> Array:
     """Return numbers from 0 to 1 that are spread evenly in every column, shape (n, 6)."""
-    out: Array = (np.arange(1, n + 1)[:, None] * _STEPS) % 1
-    return out
+    return (np.arange(1, n + 1)[:, None] * _STEPS) % 1
 
 
 def _unsteady(n: int) -> Array:
     """Return numbers of a normal distribution, at most 2, without chance, shape (n, 6)."""
     normal = NormalDist()
     values = [normal.inv_cdf(max(share, 1e-9)) for share in _evenly(n).ravel().tolist()]
-    out: Array = np.clip(values, -2.0, 2.0).reshape(n, 6)
-    return out
+    return np.clip(values, -2.0, 2.0).reshape(n, 6)
 
 
 def _turned(along: Array, turn_deg: Array) -> Array:
@@ -454,8 +452,7 @@ class Over:
 
     def _evenly(self, n: int, *, first: int) -> Array:
         low, high = self._tie_area()
-        out: Array = low + (high - low) * plans.evenly(n, first=first)
-        return out
+        return low + (high - low) * plans.evenly(n, first=first)
 
     def _tie_area(self) -> tuple[Array, Array]:
         """Return the least and the largest forward and left of the area with tie points."""
@@ -479,5 +476,4 @@ def _near(camera: Camera, T_m_c: Pose, x_m: Array) -> Mask:
     along = -np.einsum("npi,ni->np", ray, T_m_c.R[:, :, 2])
     tangent = REACH * 0.5 * camera.pixel_mm * camera.diagonal_px / camera.interior.f
     aside_sq = np.einsum("npi,npi->np", ray, ray) - along**2
-    near: Mask = (along > 0) & (aside_sq < (tangent * along) ** 2)
-    return near
+    return (along > 0) & (aside_sq < (tangent * along) ** 2)

@@ -760,8 +760,7 @@ def _around(way: Array) -> Array:
 
 def evenly(n: int, *, first: int = 1) -> Array:
     """Return points that fill the unit square evenly, shape (n, 2)."""
-    out: Array = (np.arange(first, first + n)[:, None] * STEPS) % 1
-    return out
+    return (np.arange(first, first + n)[:, None] * STEPS) % 1
 
 
 def on_map(area: Area, local: Array) -> Array:
@@ -769,10 +768,7 @@ def on_map(area: Area, local: Array) -> Array:
     course = np.radians(area.course_deg)
     forward = np.array([np.sin(course), np.cos(course)])
     left = np.array([-forward[1], forward[0]])
-    out: Array = (
-        np.array([area.east_m, area.north_m]) + local[:, :1] * forward + local[:, 1:2] * left
-    )
-    return out
+    return np.array([area.east_m, area.north_m]) + local[:, :1] * forward + local[:, 1:2] * left
 
 
 def on_ground(plan: Plan, area: Area, local: Array) -> Array:

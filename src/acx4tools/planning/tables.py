@@ -125,14 +125,12 @@ def _spread(outcomes: Sequence[Outcome], method: str) -> Array:
     """Return by what share sigma of the wanted unknowns differs from wind to wind, shape (n,)."""
     found = np.array([covariance_sigmas(one.covariances[method]) for one in outcomes])
     mean = found.mean(axis=0)
-    out: Array = found.std(axis=0, ddof=1) / mean if len(found) > 1 else np.full(len(mean), np.nan)
-    return out
+    return found.std(axis=0, ddof=1) / mean if len(found) > 1 else np.full(len(mean), np.nan)
 
 
 def _mean_covariance(outcomes: Sequence[Outcome], method: str) -> Array:
     """Return the mean covariance of the wanted unknowns, shape (n, n)."""
-    out: Array = np.mean([one.covariances[method] for one in outcomes], axis=0)
-    return out
+    return np.mean([one.covariances[method] for one in outcomes], axis=0)
 
 
 def parameter_table(design: Design) -> pd.DataFrame:

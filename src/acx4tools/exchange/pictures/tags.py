@@ -169,8 +169,7 @@ def _of_tiff(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
     with _opened(data) as tiff:
         page, end = tiff.pages.first, tiff_files.end_of_pixels(tiff)
         if end > len(data):
-            msg = f"is cut off: it has {len(data)} bytes of at least {end}"
-            raise ValueError(msg)
+            raise ValueError(f"is cut off: it has {len(data)} bytes of at least {end}")
         tags = {tag.code: tag for tag in page.tags.values()}
         packet = tags[_XMP_TAG].value if _XMP_TAG in tags else b""
         size = page.imagewidth, page.imagelength, page.samplesperpixel, page.bitspersample
@@ -208,11 +207,9 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
         elif marker == _APP1 and part.startswith(_XMP_HEADER) and not packet:
             packet = part[len(_XMP_HEADER) :]
     if not size[0]:
-        msg = "no frame header"
-        raise ValueError(msg)
+        raise ValueError("no frame header")
     if not picture_sizes.is_whole(data):
-        msg = "is cut off: its pixels have no end"
-        raise ValueError(msg)
+        raise ValueError("is cut off: its pixels have no end")
     return size, exif, _cut(packet)
 
 

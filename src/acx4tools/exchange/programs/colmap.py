@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from acx4lib.expected import Array, Index
 from acx4lib.flight.problems import PIXELS, quoted
@@ -335,14 +336,7 @@ def _pose(values: Array, wrong: Wrong) -> Pose:
     size = float(np.linalg.norm(values[:4]))
     if not 0.5 < size < 2:
         raise wrong(f"quaternion of length {size:g}", "must be a quaternion of length 1")
-    w, x, y, z = values[:4] / size
-    R = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    R = Rotation.from_quat(values[:4], scalar_first=True).as_matrix()
     return Pose(R=R, r=np.asarray(values[4:7], dtype=float))
 
 

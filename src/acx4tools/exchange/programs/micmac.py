@@ -554,8 +554,7 @@ def _measured(model: Element) -> Model:
                 across = 2 * n * p * (p @ pair)[:, None] * (r2 ** (n - 1))[:, None]
                 out += across + np.outer(r2**n, pair)
         out += _polynomials(p, values[first + 2 * DECENTRING :])
-        moved: Array = values[:2] + state * out
-        return moved
+        return values[:2] + state * out
 
     return moved
 
@@ -725,8 +724,7 @@ def _moved(points: Array, distance: Array) -> Array:
     """Return points (n, 2) in their directions at other distances from the middle."""
     angle = np.hypot(*points.T)
     scale = np.divide(distance, angle, out=np.ones_like(angle), where=angle > 0)
-    moved: Array = points * scale[:, None]
-    return moved
+    return points * scale[:, None]
 
 
 def _coefficients(root: Element) -> dict[str, float]:

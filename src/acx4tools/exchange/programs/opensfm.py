@@ -626,10 +626,7 @@ def _of_list(
 
 def _normalised(colrow: Array, size: tuple[int, int] | None) -> list[float]:
     width, height = size or (1, 1)
-    normalised: list[float] = (
-        (colrow - [(width - 1) / 2, (height - 1) / 2]) / max(width, height)
-    ).tolist()
-    return normalised
+    return ((colrow - [(width - 1) / 2, (height - 1) / 2]) / max(width, height)).tolist()
 
 
 def _lonlath(node: Node) -> list[float]:

@@ -430,8 +430,7 @@ def _fisheye(node: Node, width: int, height: int, centre: tuple[float, float]) -
 
 
 def _floats(node: Node, key: str, n: int) -> list[float]:
-    values: list[float] = node.one(key).numbers(n).tolist()
-    return values
+    return node.one(key).numbers(n).tolist()
 
 
 # images
@@ -882,8 +881,7 @@ def _positions(scene: _Scene, node: Node, primitive: Node) -> Array:
     xyz = scene.array(primitive.one("attributes", "POSITION"), width=3, kind="f").astype(float)
     matrix = node.maybe("matrix")
     turn = np.eye(4) if matrix is None else matrix.numbers(16).reshape(4, 4).T
-    upright: Array = (xyz @ turn[:3, :3].T + turn[:3, 3]) @ UPRIGHT.T
-    return upright
+    return (xyz @ turn[:3, :3].T + turn[:3, 3]) @ UPRIGHT.T
 
 
 def _matched(

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from acx4lib.expected import Array
 from acx4lib.flight.problems import Range, quoted
@@ -146,18 +147,10 @@ def _camera(row: Line) -> _Camera:
         expected = "must be file, f, quaternion, centre, r and 0"
         raise row.wrong("camera", f"{len(row)} cells", expected)
     f = row.number_at(n, "focal length", FOCAL)
-    w, x, y, z = row.numbers(n + 1, n + 5, "quaternion", ENTRY).tolist()
-    length = float(np.sqrt(w * w + x * x + y * y + z * z))
-    if not length > 0:
+    quaternion = row.numbers(n + 1, n + 5, "quaternion", ENTRY)
+    if not np.linalg.norm(quaternion) > 0:
         raise row.wrong("quaternion", "is zero", "must be a rotation")
-    w, x, y, z = w / length, x / length, y / length, z / length
-    R_v_w = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    R_v_w = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     return _Camera(
         line=row,
         file=" ".join(row.cells[:n]).replace("\\", "/"),
@@ -210,8 +203,7 @@ def _lens(file: Opened, camera: _Camera, size: tuple[int, int], centre: Array) -
     cx, cy = centre.tolist()
 
     def ideal(points: Array) -> Array:
-        undistorted: Array = points * (1 + r * np.sum(points**2, axis=1, keepdims=True))
-        return undistorted
+        return points * (1 + r * np.sum(points**2, axis=1, keepdims=True))
 
     return Lens(
         width_px=size[0],

@@ -160,14 +160,12 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(values) != len(pairs):
         seen: set[str] = set()
         again = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]  # add returns None, which is false
-        msg = f"{quoted(again)} stands twice in one object"
-        raise ValueError(msg)
+        raise ValueError(f"{quoted(again)} stands twice in one object")
     return values
 
 
 def _no_number(constant: str) -> float:
-    msg = f"{constant} is no number"
-    raise ValueError(msg)
+    raise ValueError(f"{constant} is no number")
 
 
 def _finite(value: float) -> bool:

@@ -215,11 +215,9 @@ def _unpacked(source: Opened, entry: zipfile.ZipInfo, begin: int) -> bytes:
     elif entry.compress_type == zipfile.ZIP_DEFLATED:
         data = _inflated(source, entry, packed)
     else:
-        msg = "neither deflated nor stored"
-        raise NotImplementedError(msg)
+        raise NotImplementedError("neither deflated nor stored")
     if len(data) != entry.file_size or zlib.crc32(data) != entry.CRC:
-        msg = "other bytes than its header says"
-        raise zipfile.BadZipFile(msg)
+        raise zipfile.BadZipFile("other bytes than its header says")
     return data
 
 

@@ -130,14 +130,12 @@ def declared(text: str, known: Mapping[str, str] = KNOWN) -> tuple[Column, ...]:
         if one is None:
             words_known = ", ".join(dict.fromkeys(known.values()))
             hint = did_you_mean(word.lower(), known)
-            msg = f"column {word!r} is not known{hint}; known are {words_known}"
-            raise ValueError(msg)
+            raise ValueError(f"column {word!r} is not known{hint}; known are {words_known}")
         found.append(one)
     times = Counter(found)
     twice = [one.name for one in times if one.name != SKIP and times[one] > 1]
     if twice or not found:
-        msg = f"column {twice[0]!r} stands twice" if twice else "no column is declared"
-        raise ValueError(msg)
+        raise ValueError(f"column {twice[0]!r} stands twice" if twice else "no column is declared")
     return tuple(found)
 
 
