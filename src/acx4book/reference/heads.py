@@ -38,8 +38,8 @@ from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
 from acx4lib.tie_points.search import ImageTies, find_ties, strongest_chain
 from acx4lib.tie_points.ties import Overlap, overlaps
 from acx4tools.exchange.lens import FLIP
-from acx4tools.exchange.pictures import folder
-from acx4tools.exchange.pictures.folder import Head
+from acx4tools.exchange.pictures import folder, metadata
+from acx4tools.exchange.pictures.metadata import Head
 from acx4tools.exchange.pictures.tags import Tags, read
 
 # --- The heads of one exposure: as their metadata declare them, and turned by tie points
@@ -138,7 +138,7 @@ def solved(files: str) -> Solved:
     pixels = read_heads(own, factory.heads).images
     found = find_ties(pixels, factory, synthetic)
     return Solved(
-        heads=tuple(map(folder.head_of, tags)),
+        heads=tuple(map(metadata.head_of, tags)),
         tags=tags,
         images=pixels,
         height_m=float(brought.tables["heads/trajectory.csv"]["height_m"][0]),
@@ -477,7 +477,7 @@ def _pair(found: Solved, name: str, other: str) -> pd.DataFrame:
 
 def _light(found: Solved, k: int) -> Raster:
     """Return a head's image above its dark level."""
-    dark = folder.dark_level(found.tags[k]) or 0.0
+    dark = metadata.dark_level(found.tags[k]) or 0.0
     return np.clip(found.images[k].astype(np.int32) - round(dark), 1, None).astype(np.uint16)
 
 
@@ -489,7 +489,7 @@ def _grey(found: Solved, k: int, colrow: Array) -> Array:
 
 
 def _vignetting_factory(found: Solved, k: int, colrow: Array) -> Array:
-    stated = folder.vignetting(found.tags[k])
+    stated = metadata.vignetting(found.tags[k])
     return np.ones(len(colrow)) if stated is None else stated.at(colrow)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,9 @@ import tifffile
 from acx4lib.expected import Array
 from acx4lib.production import picture_sizes
 from acx4lib.production import tiff as tiff_files
-from acx4tools.exchange.pictures.tags import BROKEN
+from acx4tools.exchange.flight_folder import number_of
+from acx4tools.exchange.pictures.metadata import ANOTHER_COURSE_DEG, apart
+from acx4tools.exchange.pictures.tags import BROKEN, Tags
 from acx4tools.exchange.safe import opened
 
 SIDE = 1000
@@ -20,6 +23,67 @@ SIDE = 1000
 
 LEAST, RATIO, WITHIN_PX = 12, 0.8, 4.0
 """Of features that agree; of the best distance to the second; from the common shift."""
+
+
+PAIRS = 7
+"""Pairs of pictures that decide between two headings at most."""
+
+Taken = tuple[Tags, tuple[float, float, float]]
+"""The metadata of a picture; latitude and longitude, degrees, and height."""
+
+Both = Mapping[int, tuple[float, float]]
+"""Headings of the gimbal and of the aircraft, degrees, by the numbers of exposures."""
+
+
+def decided(taken: Sequence[Taken], both: Both, other: Sequence[int]) -> tuple[bool, str]:
+    """Let the pictures decide where gimbal and aircraft look in other directions.
+
+    Parameters
+    ----------
+    taken : sequence of tuple
+        A picture of every exposure, and where it was taken.
+    both : mapping of int to tuple of float
+    other : sequence of int
+        Exposures at which they do.
+
+    Returns
+    -------
+    bool, str
+        Whether the aircraft's headings are right, and what is said of it.
+    """
+    by = np.median([apart(*both[k]) for k in other])
+    begin = (
+        f"at {len(other)} of {number_of(len(both), 'exposures')} the yaw of the gimbal and that of "
+        f"the aircraft differ by {by:.0f}° (median): "
+    )
+    votes = _votes(taken, both, other)
+    if 3 * max(votes) < 2 * sum(votes) or not any(votes):
+        return False, f"{begin}the pictures do not say which is right, and the gimbal's is taken"
+    is_aircraft = votes[1] > votes[0]
+    return is_aircraft, (
+        f"{begin}{max(votes)} of {number_of(sum(votes), 'pairs')} of pictures agree with the "
+        f"{'aircraft' if is_aircraft else 'gimbal'}'s, which is taken"
+    )
+
+
+def _votes(taken: Sequence[Taken], both: Both, other: Sequence[int]) -> tuple[int, int]:
+    """Count pairs of neighbours whose pictures agree with the gimbal, and with the aircraft."""
+    pairs = [k for k in other if k + 1 in other and _is_straight(both[k], both[k + 1])]
+    votes = [0, 0]
+    for k in pairs[:: max(len(pairs) // PAIRS, 1)][:PAIRS]:
+        (a, (lat, lon, _)), (b, (next_lat, next_lon, _)) = taken[k : k + 2]
+        step = next_lat - lat, (next_lon - lon) * np.cos(np.radians(lat))
+        found = heading_by(a.path, b.path, step, (a.width_px, a.height_px))
+        if found is not None:
+            off = [apart(found, heading) for heading in both[k]]
+            if min(off) < ANOTHER_COURSE_DEG:
+                votes[int(off[1] < off[0])] += 1
+    return votes[0], votes[1]
+
+
+def _is_straight(first: tuple[float, float], second: tuple[float, float]) -> bool:
+    """Return whether gimbal and aircraft kept their headings from one exposure to the next."""
+    return max(apart(a, b) for a, b in zip(first, second, strict=True)) < ANOTHER_COURSE_DEG / 2
 
 
 def heading_by(

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from acx4lib.errors import FlightError
 from acx4lib.flight import reader
 from acx4tools.exchange import flight_folder
-from acx4tools.exchange.pictures import folder, lens
+from acx4tools.exchange.pictures import lens, metadata
 from acx4tools.exchange.pictures.folder import bring
 from acx4tools.exchange.pictures.tags import read
 from acx4tools.measuring.flights import read_unmeasured
@@ -149,73 +149,73 @@ def tags_of(tmp_path, properties=None, *, name="IMG_0001_1.tif", **exif):
 
 @pytest.mark.parametrize(("lat", "lon"), [(47.696732, -3.193452), (-25.4483, 151.25)])
 def test_positions_have_the_signs_of_their_letters(tmp_path, lat, lon):
-    found = folder.place_of(tags_of(tmp_path, lat=lat, lon=lon, height=-3.25))
+    found = metadata.place_of(tags_of(tmp_path, lat=lat, lon=lon, height=-3.25))
     assert found == pytest.approx((lat, lon, -3.25), abs=1e-8)
 
 
 def test_a_picture_without_gps_has_no_position(tmp_path):
-    assert folder.place_of(tags_of(tmp_path, lat=None)) is None
+    assert metadata.place_of(tags_of(tmp_path, lat=None)) is None
 
 
 def test_a_place_beyond_the_poles_is_refused(tmp_path):
     with pytest.raises(FlightError, match=r"GPSLatitude.*must be on Earth"):
-        folder.place_of(tags_of(tmp_path, lat=91.0))
+        metadata.place_of(tags_of(tmp_path, lat=91.0))
 
 
 def test_times_have_parts_of_a_second(tmp_path):
     expected = dt.datetime(2024, 5, 1, 10, 20, 30, 250_000)
-    assert folder.time_of(tags_of(tmp_path)) == expected
+    assert metadata.time_of(tags_of(tmp_path)) == expected
 
 
 def test_what_is_no_time_is_refused(tmp_path):
     with pytest.raises(FlightError, match="DateTimeOriginal: '2024-05-01'; must be a time"):
-        folder.time_of(tags_of(tmp_path, time="2024-05-01"))
+        metadata.time_of(tags_of(tmp_path, time="2024-05-01"))
 
 
 def test_a_gimbal_that_looks_down_is_level(tmp_path):
-    angles = dict(zip(folder.GIMBAL, ("+0.50", "-89.90", "-132.00"), strict=True))
-    held = folder.attitude_of(tags_of(tmp_path, angles))
+    angles = dict(zip(metadata.GIMBAL, ("+0.50", "-89.90", "-132.00"), strict=True))
+    held = metadata.attitude_of(tags_of(tmp_path, angles))
     assert (held.roll, held.pitch, held.heading) == pytest.approx((0.5, 0.1, 228.0))
 
 
 def test_the_light_sensors_angles_are_radians_and_count_last(tmp_path):
-    light = dict(zip(folder.LIGHT, (0.05, 0.0, 1.0), strict=True))
-    held = folder.attitude_of(tags_of(tmp_path, light))
+    light = dict(zip(metadata.LIGHT, (0.05, 0.0, 1.0), strict=True))
+    held = metadata.attitude_of(tags_of(tmp_path, light))
     assert held.heading == pytest.approx(57.29578)
-    camera = dict(zip(folder.CAMERA, (1.0, 2.0, 300.0), strict=True))
-    held = folder.attitude_of(tags_of(tmp_path, light | camera))
+    camera = dict(zip(metadata.CAMERA, (1.0, 2.0, 300.0), strict=True))
+    held = metadata.attitude_of(tags_of(tmp_path, light | camera))
     assert (held.roll, held.pitch, held.heading) == (1.0, 2.0, 300.0)
-    assert folder.attitude_of(tags_of(tmp_path)) is None
+    assert metadata.attitude_of(tags_of(tmp_path)) is None
 
 
 def test_sigma_of_positions_are_taken_where_they_are(tmp_path):
-    rtk = dict(zip(folder.RTK, (0.01, 0.02, 0.03), strict=True))
-    assert folder.sigma_of(tags_of(tmp_path, rtk)) == (0.01, 0.02, 0.03)
-    said = dict(zip(folder.ACCURACY, (0.4, 0.8), strict=True))
-    assert folder.sigma_of(tags_of(tmp_path, said)) == (0.4, 0.4, 0.8)
-    assert folder.sigma_of(tags_of(tmp_path)) is None
+    rtk = dict(zip(metadata.RTK, (0.01, 0.02, 0.03), strict=True))
+    assert metadata.sigma_of(tags_of(tmp_path, rtk)) == (0.01, 0.02, 0.03)
+    said = dict(zip(metadata.ACCURACY, (0.4, 0.8), strict=True))
+    assert metadata.sigma_of(tags_of(tmp_path, said)) == (0.4, 0.4, 0.8)
+    assert metadata.sigma_of(tags_of(tmp_path)) is None
 
 
 def test_heads_of_one_exposure_have_one_key(tmp_path):
     named = [tags_of(tmp_path, name=f"IMG_0001_{k}.tif") for k in (1, 10)]
-    assert len({folder.key(one) for one in named}) == 1
-    assert {folder.name_of(one) for one in named} == {"IMG_0001"}
-    other = tags_of(tmp_path, {folder.CAPTURE[0]: "x"}, name="IMG_0001_3.tif")
-    assert folder.key(other) == "x"
+    assert len({metadata.key(one) for one in named}) == 1
+    assert {metadata.name_of(one) for one in named} == {"IMG_0001"}
+    other = tags_of(tmp_path, {metadata.CAPTURE[0]: "x"}, name="IMG_0001_3.tif")
+    assert metadata.key(other) == "x"
 
 
 def test_the_course_follows_the_track():
     north = [(47.0, 3.0, 0.0), (47.1, 3.0, 0.0), (47.2, 3.0, 0.0)]
-    assert folder.course(north) == pytest.approx([0, 0, 0])
-    assert folder.course([(0.0, 3.0, 0.0), (0.0, 3.1, 0.0)]) == pytest.approx([90, 90])
-    assert folder.course(north[:1]) == [0.0]
+    assert metadata.course(north) == pytest.approx([0, 0, 0])
+    assert metadata.course([(0.0, 3.0, 0.0), (0.0, 3.1, 0.0)]) == pytest.approx([90, 90])
+    assert metadata.course(north[:1]) == [0.0]
 
 
 # --- Heads, their reference, and what their three angles mean
 
 
 def head_of(tmp_path, properties):
-    return folder.head_of(read(tagged.write(tmp_path / "a.tif", properties)))
+    return metadata.head_of(read(tagged.write(tmp_path / "a.tif", properties)))
 
 
 def test_a_head_has_its_number_and_band_as_name(tmp_path):
@@ -232,41 +232,41 @@ def test_the_angles_turn_a_ray_of_the_head_into_the_reference():
     angles, ray = (3.0, -5.0, 8.0), np.array([0.2, -0.3, 1.0])
     down = np.diag([1, -1, -1])
     turned = Rotation.from_euler("XYZ", angles, degrees=True).apply(ray)
-    assert down @ folder.rotation(angles) @ down @ ray == pytest.approx(turned)
+    assert down @ metadata.rotation(angles) @ down @ ray == pytest.approx(turned)
 
 
 def test_the_reference_leads_wherever_it_stands():
     heads = [
-        folder.Head(name=str(i), index=i, reference=r, relatives_deg=a)
+        metadata.Head(name=str(i), index=i, reference=r, relatives_deg=a)
         for i, r, a in ((0, 1, (0.1, 0, 0)), (1, 1, (0, 0, 0)), (2, 1, (0, 0.2, 0)))
     ]
-    assert [head.name for head in folder.in_order(heads)] == ["1", "0", "2"]
-    assert "1" in folder.sentence(heads)
+    assert [head.name for head in metadata.in_order(heads)] == ["1", "0", "2"]
+    assert "1" in metadata.sentence(heads)
 
 
 def test_a_camera_looks_down_with_the_top_of_its_image_ahead():
     ahead, up = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
-    assert pytest.approx(ahead) == folder.DOWN @ [0, 1, 0]
-    assert pytest.approx(up) == folder.DOWN @ [0, 0, 1]
-    assert np.linalg.det(folder.DOWN) == pytest.approx(1)
+    assert pytest.approx(ahead) == metadata.DOWN @ [0, 1, 0]
+    assert pytest.approx(up) == metadata.DOWN @ [0, 0, 1]
+    assert np.linalg.det(metadata.DOWN) == pytest.approx(1)
 
 
 # --- Vignetting and dark level by the metadata
 
 
 def test_the_polynomial_begins_with_the_radius(tmp_path):
-    said = {folder.CENTRE: [100, 50], folder.POLYNOMIAL: [1e-3, -2e-5]}
+    said = {metadata.CENTRE: [100, 50], metadata.POLYNOMIAL: [1e-3, -2e-5]}
     tags = read(tagged.write(tmp_path / "a.tif", said))
-    found = folder.vignetting(tags).at(np.array([[100, 50], [103, 54]]))
+    found = metadata.vignetting(tags).at(np.array([[100, 50], [103, 54]]))
     assert found == pytest.approx([1.0, 1 + 5e-3 - 25 * 2e-5])
-    assert "1 head," in folder.sentences([tags])[-1]
+    assert "1 head," in metadata.sentences([tags])[-1]
 
 
 def test_without_it_nothing_is_said(tmp_path):
     tags = read(tagged.write(tmp_path / "a.tif", {}))
-    assert folder.vignetting(tags) is None
-    assert folder.dark_level(tags) is None
-    assert folder.sentences([tags]) == []
+    assert metadata.vignetting(tags) is None
+    assert metadata.dark_level(tags) is None
+    assert metadata.sentences([tags]) == []
 
 
 # --- what other makers write
@@ -330,7 +330,7 @@ def strip_of(at, gimbal, aircraft, *, top=30.0, ground=None):
     way = 60 * np.array([np.sin(np.radians(-top)), -np.cos(np.radians(-top))])  # columns, rows
     for k, (held, flown) in enumerate(zip(gimbal, aircraft, strict=True)):
         col, row = np.rint([400, 450] + k * way).astype(int)
-        angles = dict(zip(folder.GIMBAL, (0.0, -90.0, held), strict=True))
+        angles = dict(zip(metadata.GIMBAL, (0.0, -90.0, held), strict=True))
         said = {"drone-dji:CalibratedFocalLength": 300, "drone-dji:FlightYawDegree": flown}
         exif = tagged.metadata(lat=47.5 + 1e-4 * k, time=f"2024:05:01 10:20:3{k}")
         pixels = np.ascontiguousarray(ground[row : row + height, col : col + width])
@@ -363,8 +363,8 @@ def test_pictures_that_show_nothing_leave_the_yaw_of_the_gimbal(tmp_path):
 
 def test_a_gimbal_that_is_turned_over_looks_down_with_its_top_behind(tmp_path):
     """Its angles and those without a half turn are of one attitude."""
-    angles = dict(zip(folder.GIMBAL, ("+180.00", "-89.90", "-132.00"), strict=True))
-    held = folder.attitude_of(tags_of(tmp_path, angles))
+    angles = dict(zip(metadata.GIMBAL, ("+180.00", "-89.90", "-132.00"), strict=True))
+    held = metadata.attitude_of(tags_of(tmp_path, angles))
     level = [Rotation.from_euler("Y", 90, degrees=True), Rotation.identity()]
     turns = ((-132, -89.9, 180), (held.heading, held.pitch, held.roll))
     given, found = (
