@@ -6,6 +6,7 @@
 import gc
 import os
 import shutil
+from collections.abc import Mapping
 from contextlib import contextmanager
 from importlib import resources
 
@@ -15,8 +16,37 @@ from bs4 import BeautifulSoup
 from support.helpers import ROOT
 
 HTML = ROOT / "book" / "_build" / "html"
-FORWARD = "meta[http-equiv=refresh]"
+FORWARD = 'http-equiv="refresh"'
 """What a page at an old address has, which leads to another."""
+
+
+class Pages(Mapping):
+    """Pages by their paths inside the book, each parsed when it is asked for."""
+
+    def __init__(self, html, names):
+        self.html, self.names, self.parsed = html, names, {}
+
+    def __getitem__(self, name):
+        if name not in self.names:
+            raise KeyError(name)
+        if name not in self.parsed:
+            gc.disable()  # which would look through all pages again and again
+            self.parsed[name] = parse(self.html / name)
+            gc.freeze()
+            gc.enable()
+        return self.parsed[name]
+
+    def __iter__(self):
+        return iter(self.names)
+
+    def __len__(self):
+        return len(self.names)
+
+    def without(self, *names):
+        """Return the pages but for some of them; they share what is parsed."""
+        fewer = Pages(self.html, [name for name in self if name not in names])
+        fewer.parsed = self.parsed
+        return fewer
 
 
 def give_up(reason, variable):
@@ -35,15 +65,12 @@ def html():
 
 @pytest.fixture(scope="session")
 def pages(html):
-    """Every page but forwards, parsed, by its path inside the book."""
+    """Every page but forwards."""
     others = {"_static", "_downloads", "downloads"}  # no pages of the book
     found = [path for path in sorted(html.rglob("*.html")) if not others & {*path.parts}]
     files = [path for path in found if path.name != "404.html"]  # of no address
-    gc.disable()  # which would look through all pages again and again
-    parsed = {path.relative_to(html).as_posix(): parse(path) for path in files}
-    gc.freeze()
-    gc.enable()
-    return {name: page for name, page in parsed.items() if not page.select_one(FORWARD)}
+    own = [path for path in files if FORWARD not in path.read_text(encoding="utf-8")]
+    return Pages(html, [path.relative_to(html).as_posix() for path in own])
 
 
 def parse(path):
@@ -54,8 +81,7 @@ def parse(path):
 @pytest.fixture(scope="session")
 def chapters(pages):
     """The pages that somebody wrote: no index, no search."""
-    made = ("search.html", "index.html")
-    return {name: page for name, page in pages.items() if name not in made}
+    return pages.without("search.html", "index.html")
 
 
 @pytest.fixture(scope="session")

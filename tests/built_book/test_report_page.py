@@ -4,6 +4,7 @@ import pytest
 
 from acx4book.report.page import write
 from acx4lib.results import provenance
+from support.helpers import repeats
 
 SEEN = """() => ({
     overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
@@ -24,8 +25,10 @@ def report_path(html, tmp_path_factory):
     return out
 
 
-@pytest.mark.parametrize("width", [1280, 390])
-@pytest.mark.parametrize("colours", ["light", "dark"])
+@pytest.mark.parametrize(
+    ("width", "colours"),
+    [(1280, "light"), (390, "dark"), repeats(1280, "dark"), repeats(390, "light")],
+)
 def test_the_report_is_drawn_whole_light_and_asks_for_nothing(browser, report_path, width, colours):
     context = browser.new_context(
         viewport={"width": width, "height": 900}, color_scheme=colours, java_script_enabled=True

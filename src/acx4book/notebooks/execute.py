@@ -6,10 +6,10 @@ import ast
 import hashlib
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -246,8 +246,10 @@ def _file(name: str, sources: Path) -> Path | None:
     return next((p for p in (base.with_suffix(".py"), base / "__init__.py") if p.is_file()), None)
 
 
-def _imported(source: str) -> Iterator[str]:
-    """Yield what may be names of modules of the houses in the imports of a source."""
+@cache
+def _imported(source: str) -> tuple[str, ...]:
+    """Return what may be names of modules of the houses in the imports of a source."""
+    found: list[str] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -255,7 +257,8 @@ def _imported(source: str) -> Iterator[str]:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         else:
             continue
-        yield from (name for name in names if name.partition(".")[0] in HOUSES)
+        found += (name for name in names if name.partition(".")[0] in HOUSES)
+    return tuple(found)
 
 
 # --- The way of the notebooks: every stage by its notebook, executed with parameters
