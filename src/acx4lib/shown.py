@@ -32,13 +32,7 @@ class Tabled(Protocol):
 
 
 def line(what: str, *parts: str) -> str:
-    """Return a value in one line: what it is, and what it has; empty parts are left out.
-
-    Parameters
-    ----------
-    what : str
-    *parts : str
-    """
+    """Return a value in one line: what it is, and what it has; empty parts are left out."""
     said = ", ".join(part for part in parts if part)
     text = visible(f"{what}: {said}" if said else what)
     return text if len(text) <= LONGEST else text[: LONGEST - 1] + "\N{HORIZONTAL ELLIPSIS}"
@@ -99,10 +93,6 @@ class Row(NamedTuple):
 
 def parameter_table(rows: Iterable[Row]) -> pd.DataFrame:
     """Return parameters as a table.
-
-    Parameters
-    ----------
-    rows : iterable of Row
 
     Returns
     -------

@@ -182,14 +182,7 @@ def position_errors(observed: PoseObservations, state: State) -> Array:
 
 
 def position_equations(observed: PoseObservations, state: State, columns: Layout) -> Equations:
-    """Linearise observed positions, along the grid's axes.
-
-    Parameters
-    ----------
-    observed : PoseObservations
-    state : State
-    columns : Layout
-    """
+    """Linearise observed positions, along the grid's axes."""
     n, strips = len(state.T_m_b), observed.strips
     A, where = [observed.R_g_m], [columns.pose[:, :3]]
     if np.any(columns.shift >= 0):
@@ -225,12 +218,6 @@ def attitude_equations(observed: PoseObservations, state: State, columns: Layout
     Observed is what the body has a delay later than at the exposure, as `position_errors` has it;
     its heading, clockwise about the vertical, is larger by the deviation, which is the first
     harmonic of the observed heading, B sin + C cos, as that of a compass [1]_.
-
-    Parameters
-    ----------
-    observed : PoseObservations
-    state : State
-    columns : Layout
 
     References
     ----------
@@ -268,10 +255,6 @@ def strips_of(block: Block) -> Strips:
     """Return the strips of a block that have exposures at two times or more.
 
     The time is that of the trajectory; where it has none, the order of the exposures.
-
-    Parameters
-    ----------
-    block : Block
     """
     trajectory = block.trajectory
     strip = np.full(len(trajectory), "", dtype=object)

@@ -109,14 +109,6 @@ def recovered(network: Network) -> State:
     alternates with intersections. Images without observed attitude are also turned one by one.
     Interior orientations and positions do not change.
 
-    Parameters
-    ----------
-    network : Network
-
-    Returns
-    -------
-    State
-
     Notes
     -----
     Every turn minimises the weighted sum of squared chords between rays and directions to points
@@ -146,10 +138,6 @@ def turned_alike(network: Network) -> State:
     """Return approximate values with all poses of a camera turned alike onto the control points.
 
     The majority of the control points decides; single ones that are far off have little effect.
-
-    Parameters
-    ----------
-    network : Network
     """
     rows = np.isin(network.image_points.point_idx, network.control.point_idx)
     seen = _seen_by(network, network.start, network.image_points[rows])
@@ -547,11 +535,6 @@ def suspects(network: Network, state: State) -> str:
     """Return the images and points that most of their rays miss, for a message.
 
     Control points have their surveyed coordinates.
-
-    Parameters
-    ----------
-    network : Network
-    state : State
 
     Returns
     -------

@@ -529,10 +529,6 @@ def _has_control(block: Block) -> bool:
 def require_control(block: Block) -> None:
     """Raise where images do not show three control points that are not on one line.
 
-    Parameters
-    ----------
-    block : Block
-
     Raises
     ------
     AdjustmentError

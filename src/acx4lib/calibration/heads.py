@@ -295,10 +295,6 @@ def relative_orientation(
     weak : bool
         Whether interior orientations that the data do not determine are good enough.
 
-    Returns
-    -------
-    RelativeOrientation
-
     Raises
     ------
     AdjustmentError
@@ -400,10 +396,6 @@ def _is_weak(fit: Bundle) -> bool:
 
 def common_exposures(heads: Heads) -> CommonExposures:
     """Return the poses of all heads at the exposures that they have in common.
-
-    Parameters
-    ----------
-    heads : Heads
 
     Raises
     ------

@@ -235,12 +235,6 @@ def size(v: Array) -> float:
 def measuring_noise(seen: Sightings, T_m_b: Pose, found: Mounted) -> float:
     """Return what rays miss their points by when every exposure is turned and moved freely.
 
-    Parameters
-    ----------
-    seen : Sightings
-    T_m_b : Pose
-    found : Mounted
-
     Returns
     -------
     float

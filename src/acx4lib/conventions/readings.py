@@ -41,13 +41,7 @@ class Reading:
 
 
 def velocities(block: Block, seen: Sightings) -> Array | None:
-    """Return the velocity of every exposure that is seen, m/s; None where no times tell it.
-
-    Parameters
-    ----------
-    block : Block
-    seen : Sightings
-    """
+    """Return the velocity of every exposure that is seen, m/s; None where no times tell it."""
     time_s = block.trajectory.time_s
     if len(time_s) < len(block.trajectory) or not np.isfinite(time_s).all():
         return None
@@ -119,10 +113,6 @@ def sightings(block: Block) -> Sightings | None:
     """Return measurements of at most sixty images; None where they cannot tell readings apart.
 
     Surveyed points are enough where there are some in every image; else tie points are added.
-
-    Parameters
-    ----------
-    block : Block
     """
     x_m = _surveyed(block)
     points = block.image_points[np.isfinite(block.image_points.sigma_px)]

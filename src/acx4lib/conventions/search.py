@@ -103,11 +103,6 @@ def best_reading(flight: Flight, block_name: str) -> Found | None:
     images. Mounting and interior orientation are estimated in each: what they absorb, such as a
     delay at one speed, leaves nothing and is not found. Half a pixel is the principal point's.
 
-    Parameters
-    ----------
-    flight : Flight
-    block_name : str
-
     Raises
     ------
     FlightError
@@ -244,12 +239,7 @@ def _of_sigma(unit: Unit | None) -> Found | None:
 
 
 def notes(flight: Flight) -> Iterator[str]:
-    """Yield a sentence for every block that another reading fits much better.
-
-    Parameters
-    ----------
-    flight : Flight
-    """
+    """Yield a sentence for every block that another reading fits much better."""
     expected.instance("flight", flight, Flight)
     for name in flight.blocks:
         found = best_reading(flight, name)

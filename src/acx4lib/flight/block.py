@@ -214,10 +214,6 @@ def unobserved(block: Block) -> bool:
     """Tell whether a block's trajectory holds positions, or attitudes, without any sigma.
 
     They are start values of an adjustment, and orient nothing by themselves.
-
-    Parameters
-    ----------
-    block : Block
     """
     known = block.trajectory
     parts = (known.sigma_position, known.sigma_attitude)

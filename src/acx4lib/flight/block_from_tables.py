@@ -171,11 +171,6 @@ def lonlat_of(trajectory: Table, grid: GridSystem) -> Array:
 def assemble(tables: BlockTables, setup: Setup) -> Block:
     """Return the block of tables in which no problem was found.
 
-    Parameters
-    ----------
-    tables : BlockTables
-    setup : Setup
-
     Returns
     -------
     Block

@@ -341,11 +341,6 @@ def without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
 
     A mistake in one row of many is a gross error; the adjustment will find it. Mistakes in many
     rows are a mistake of the table; then all rows stay.
-
-    Parameters
-    ----------
-    tables : BlockTables
-    grid : GridSystem
     """
     rows = np.flatnonzero(measured_control(tables))
     lonlat = lonlat_of(tables.control, grid)[rows]
@@ -430,12 +425,7 @@ def unobserved_parts(block: Block | None) -> tuple[str, ...]:
 
 
 def datum_notes(block: Block) -> Iterator[str]:
-    """Yield what fixes the place, the directions and the scale of a block on no map.
-
-    Parameters
-    ----------
-    block : Block
-    """
+    """Yield what fixes the place, the directions and the scale of a block on no map."""
     if not block.frame.grid.is_local:
         return
     if block.name == "calibration" and (held := unobserved_parts(block)):
@@ -536,12 +526,7 @@ MOST_NAMED = 3
 
 
 def sentence(block: Block) -> str:
-    """Return which exposures and control points stand out, as a part of a sentence.
-
-    Parameters
-    ----------
-    block : Block
-    """
+    """Return which exposures and control points stand out, as a part of a sentence."""
     at, trajectory = block.trajectory.T_m_b, block.trajectory
     middle = np.median(at.r, axis=0)
     apart = np.linalg.norm(at.r - middle, axis=1)

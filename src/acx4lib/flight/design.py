@@ -253,10 +253,6 @@ def _median(values: Array) -> float:
 def level_table(block: Block) -> pd.DataFrame:
     """Return the flying heights of a block, the highest first, with ground pixels and overlaps.
 
-    Parameters
-    ----------
-    block : Block
-
     Returns
     -------
     DataFrame
@@ -375,10 +371,6 @@ def unshared(block: Block) -> Block:
 
     No measurement is lost; the cameras are left with the surveyed points and the trajectory in
     common.
-
-    Parameters
-    ----------
-    block : Block
     """
     points = block.image_points
     camera = block.images.camera_idx[points.image_idx]
@@ -407,10 +399,6 @@ def as_if_cartesian(block: Block) -> Block:
 
     Positions and control are the grid's numbers, attitudes those against the grid; curvature of
     the earth and scale of the map are not modelled.
-
-    Parameters
-    ----------
-    block : Block
     """
     trajectory, frame = block.trajectory, block.frame
     enh = frame.to_grid(trajectory.T_m_b.r)

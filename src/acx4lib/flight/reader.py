@@ -153,10 +153,6 @@ def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
     pictures : str or Path
         The flight's own folder, if `path` is a copy of its tables kept by a run.
 
-    Returns
-    -------
-    Flight
-
     Raises
     ------
     FlightError
@@ -429,10 +425,6 @@ def from_tables(
         block has its own, ``control_points``. A table is a DataFrame or a dict of arrays; its
         columns and units are those of the file of this name. Names may be whole numbers, a sigma
         may be infinite: not known.
-
-    Returns
-    -------
-    Flight
 
     Raises
     ------

@@ -91,12 +91,7 @@ class Misfit:
 
 
 def misfit(block: Block) -> Misfit:
-    """Return the distances of projected surveyed points from their measurements, not adjusted.
-
-    Parameters
-    ----------
-    block : Block
-    """
+    """Return the distances of projected surveyed points from their measurements, not adjusted."""
     x_m = np.full((len(block.points), 3), np.nan)
     is_surveyed = np.zeros(len(block.points), dtype=bool)
     for surveyed in (block.control, block.check):

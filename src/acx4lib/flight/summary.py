@@ -17,12 +17,7 @@ from acx4lib.geometry.geodesy import SHOWN, GridSystem
 
 
 def summary(flight: Flight) -> str:
-    """Return the summary of a flight: blocks, cameras, counts, scale, notes.
-
-    Parameters
-    ----------
-    flight : Flight
-    """
+    """Return the summary of a flight: blocks, cameras, counts, scale, notes."""
     lines = [
         f"{flight.name}{' (simulated)' if flight.simulated else ''}",
         _row("CRS", _system(flight.grid)),

@@ -129,10 +129,6 @@ def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
         Number of check points.
     mean, std, rms : tuple of three floats
         East, north, height, m.
-
-    Returns
-    -------
-    Accuracy
     """
     expected.three("rms", rms)
     axis = np.sqrt(statistics.chi2_ppf(0.9, 1)) * np.asarray(rms)
@@ -548,10 +544,6 @@ def pec_pcd(accuracy: Accuracy, scale: int) -> PecPcd:
     accuracy : Accuracy
     scale : int
         Denominator, one of `scales`.
-
-    Returns
-    -------
-    PecPcd
     """
     expected.instance("accuracy", accuracy, Accuracy)
     plan, height = plan_limits(scale), height_limits(scale)
@@ -588,16 +580,7 @@ def largest_scale(accuracy: Accuracy, letter: str = "A") -> int | None:
 
 
 def nssda(accuracy: Accuracy) -> Nssda:
-    """State the accuracy according to NSSDA (FGDC-STD-007.3-1998).
-
-    Parameters
-    ----------
-    accuracy : Accuracy
-
-    Returns
-    -------
-    Nssda
-    """
+    """State the accuracy according to NSSDA (FGDC-STD-007.3-1998)."""
     expected.instance("accuracy", accuracy, Accuracy)
     east, north, height = accuracy.rms
     similar = min(east, north) >= NSSDA_AXIS_RATIO * max(east, north)
@@ -619,10 +602,6 @@ def asprs_2014(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     accuracy : Accuracy
     survey_sigma : tuple of three floats
         Of the check points: east, north, height, m.
-
-    Returns
-    -------
-    Asprs2014
     """
     _sizes("survey_sigma", survey_sigma)
     rms, mean = np.array(accuracy.rms), np.array(accuracy.mean)
@@ -645,10 +624,6 @@ def asprs_2023(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) ->
     accuracy : Accuracy
     survey_sigma : tuple of three floats
         Of the check points: east, north, height, m; added to the RMSE in quadrature.
-
-    Returns
-    -------
-    Asprs2023
     """
     _sizes("survey_sigma", survey_sigma)
     survey_h = float(np.hypot(survey_sigma[0], survey_sigma[1]))

@@ -165,10 +165,6 @@ def validate(
     refraction : str
         ``"none"`` or ``"standard"``.
 
-    Returns
-    -------
-    Validation
-
     Raises
     ------
     AdjustmentError

@@ -167,11 +167,6 @@ class Outcome:
 def render_exposure(job: RenderJob, tell: TellRows) -> Outcome:
     """Render one exposure to its file, and its preview beside it.
 
-    Parameters
-    ----------
-    job : RenderJob
-    tell : callable
-
     Returns
     -------
     Outcome

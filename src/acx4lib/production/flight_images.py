@@ -126,10 +126,6 @@ def render_flight(  # noqa: PLR0913 what, how and where
     tell : callable
         Called with exposure, rows finished and all rows; all rows are 0 if the exposure failed.
 
-    Returns
-    -------
-    Rendered
-
     Raises
     ------
     FlightError

@@ -229,10 +229,6 @@ def read_heads(paths: Sequence[Path], cameras: Sequence[Camera]) -> HeadImages:
     cameras : sequence of Camera
         At full size, one for each path.
 
-    Returns
-    -------
-    HeadImages
-
     Raises
     ------
     FlightError

@@ -116,10 +116,6 @@ def image_from_file(path: Path, camera: Camera) -> ImageFile:
     camera : Camera
         The image must have its size, or 1/K of it.
 
-    Returns
-    -------
-    ImageFile
-
     Raises
     ------
     FlightError

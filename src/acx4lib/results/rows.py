@@ -129,10 +129,6 @@ def _covariance_table(stage: str, method: str, names: Sequence[str], cov: Array)
 def exterior_orientations(bundle: Bundle) -> pd.DataFrame:
     """Return the exterior orientations of an adjusted bundle's images, with their sigma.
 
-    Parameters
-    ----------
-    bundle : Bundle
-
     Returns
     -------
     DataFrame

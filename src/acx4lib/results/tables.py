@@ -30,10 +30,6 @@ PIXELS = Schema(
 def parameters(calibration: Calibration) -> pd.DataFrame:
     """Return the estimated parameters of a calibration.
 
-    Parameters
-    ----------
-    calibration : Calibration
-
     Returns
     -------
     DataFrame
@@ -55,10 +51,6 @@ def parameters(calibration: Calibration) -> pd.DataFrame:
 
 def covariance(calibration: Calibration) -> pd.DataFrame:
     """Return the a posteriori covariance of the parameters, in the units of `parameters`.
-
-    Parameters
-    ----------
-    calibration : Calibration
 
     Returns
     -------

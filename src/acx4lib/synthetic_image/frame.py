@@ -351,10 +351,6 @@ def flight_parallax(
     ground_m : ndarray, shape (n,), optional
         Heights of ground points in the mapping frame; by default the control points.
 
-    Returns
-    -------
-    FlightParallax
-
     Raises
     ------
     AdjustmentError

@@ -69,11 +69,6 @@ def fitting_step(orientation: RelativeOrientation, synthetic: Camera) -> int:
 
     The error of a position, px, is proportional to the squared step and to the pixel size. So an
     image at 1/4 of the size needs half the step.
-
-    Parameters
-    ----------
-    orientation : RelativeOrientation
-    synthetic : Camera
     """
     for step in STEPS[:-1]:
         if _largest_error(orientation, synthetic, step) <= TOLERANCE:

@@ -101,10 +101,6 @@ def render_plan(
         As in `RenderPlan`.
     step_px : int, optional
         Pixels from node to node of the maps; `head_map.fitting_step` by default.
-
-    Returns
-    -------
-    RenderPlan
     """
     expected.whole("step_px", 1 if step_px is None else step_px)
     step = step_px or fitting_step(orientation, synthetic)

@@ -171,10 +171,6 @@ def estimate_response(
     n_points : int
         Largest number of points of an overlap.
 
-    Returns
-    -------
-    ResponseFit
-
     Notes
     -----
     For several exposures, join their `overlap_samples` and use `fit_response`.
@@ -199,10 +195,6 @@ def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> R
     samples : sequence of Samples
         Of one exposure or of several.
     n_heads, n_bands : int
-
-    Returns
-    -------
-    ResponseFit
     """
     expected.whole("n_heads", n_heads)
     expected.whole("n_bands", n_bands)

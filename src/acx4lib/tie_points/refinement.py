@@ -609,11 +609,6 @@ PER_HEAD = 6 + len(INTERIOR)
 def tie_differences(orientation: RelativeOrientation, ties: TiePoints) -> Array:
     """Return the positions of tie points from the second head minus those from the first.
 
-    Parameters
-    ----------
-    orientation : RelativeOrientation
-    ties : TiePoints
-
     Returns
     -------
     ndarray, shape (n, 2)

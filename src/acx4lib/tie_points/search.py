@@ -165,10 +165,6 @@ def find_ties(
         The `exposure_idx` of the tie points.
     options : TieOptions, optional
 
-    Returns
-    -------
-    ImageTies
-
     Raises
     ------
     ValueError

@@ -197,11 +197,6 @@ def refine_by_mean_differences(
     The paper's refinement: Xc and Yc of every head by least squares over the pairs' mean
     differences, each weighted with its number of points. The mean of all heads does not move.
 
-    Parameters
-    ----------
-    orientation : RelativeOrientation
-    ties : TiePoints
-
     Returns
     -------
     RelativeOrientation

@@ -72,14 +72,7 @@ class Campaign:
 
 
 def of_mounting(mounting: Mounting, *, name: str, session: Session | None = None) -> Campaign:
-    """Return the campaign of a calibration that was just made.
-
-    Parameters
-    ----------
-    mounting : Mounting
-    name : str
-    session : Session, optional
-    """
+    """Return the campaign of a calibration that was just made."""
     expected.instance("mounting", mounting, Mounting)
     solution = mounting.bundle.solution
     return Campaign(

@@ -20,14 +20,7 @@ from acx4tools.campaigns.comparison import Comparison, Difference, Ground, Groun
 def every(
     comparison: Comparison, found: Sequence[Difference], ground: Ground
 ) -> dict[str, pd.DataFrame]:
-    """Return all tables of a comparison by the names of their files.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    found : sequence of Difference
-    ground : Ground
-    """
+    """Return all tables of a comparison by the names of their files."""
     return {
         "campaigns": _campaigns(comparison),
         "tests": _tests(comparison, found, ground),

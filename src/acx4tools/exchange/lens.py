@@ -213,10 +213,6 @@ def brown_of(camera: Camera) -> tuple[Array, Left]:
     They take the ideal point to the measured one; focal lengths and principal point are those of
     `pinhole_of`.
 
-    Parameters
-    ----------
-    camera : Camera
-
     Raises
     ------
     ValueError

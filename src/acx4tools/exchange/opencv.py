@@ -41,10 +41,6 @@ def to_opencv(camera: Camera) -> OpenCvCamera:
 
     The two polynomials are no inverses of each other, so something is `left`.
 
-    Parameters
-    ----------
-    camera : Camera
-
     Raises
     ------
     ValueError

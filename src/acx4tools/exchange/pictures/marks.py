@@ -65,10 +65,6 @@ class Mark:
 def marks_of(folder: Path) -> tuple[dict[int, Mark], dict[str, str]]:
     """Return the marks beside pictures by their numbers, and the checksums of the files.
 
-    Parameters
-    ----------
-    folder : Path
-
     Raises
     ------
     FlightError

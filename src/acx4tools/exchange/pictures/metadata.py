@@ -267,12 +267,7 @@ def rotation(relatives_deg: Sequence[float]) -> Array:
 
 
 def in_order(heads: Sequence[Head]) -> list[Head]:
-    """Return the heads, first the one that is the reference of most; without angles, the first.
-
-    Parameters
-    ----------
-    heads : sequence of Head
-    """
+    """Return the heads, first the one that is the reference of most; without angles, the first."""
     sorted_heads = sorted(heads, key=lambda head: (head.index, head.name))
     named = [head.reference for head in heads if head.reference is not None]
     first = next((h for h in sorted_heads if named and h.index == named[0]), sorted_heads[0])

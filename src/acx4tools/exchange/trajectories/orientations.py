@@ -403,12 +403,6 @@ class TableOptions:
 def read(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
     """Return the orientations of a text with declared columns.
 
-    Parameters
-    ----------
-    path : Path
-    meaning : Meaning
-    options : TableOptions
-
     Raises
     ------
     FlightError

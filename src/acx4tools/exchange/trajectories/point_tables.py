@@ -47,11 +47,6 @@ class MeasuredOptions:
 def measured(paths: Sequence[Path], options: MeasuredOptions) -> Brought:
     """Return the image points of texts, one after the other.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-    options : MeasuredOptions
-
     Raises
     ------
     FlightError
