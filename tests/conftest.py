@@ -22,6 +22,7 @@ gc.disable()  # while modules are imported and tests collected, all of which sta
 
 def pytest_collection_finish():
     gc.freeze()  # so that no test has them looked through
+    gc.set_threshold(20_000, 20, 20)  # tests make many small objects, and few circles of them
     gc.enable()
 
 

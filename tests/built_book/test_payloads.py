@@ -215,6 +215,8 @@ def test_no_notebook_warns(made):
         warnings.simplefilter("ignore")
         cells = [(p.name, c) for p in files for c in nbformat.read(p, as_version=4).cells]
     outputs = [(name, output) for name, cell in cells for output in cell.get("outputs", ())]
+    drawn = [n for n, o in outputs if "image/svg+xml" in o.get("data", ())]
+    assert drawn.count("02-synthetic-image.ipynb") >= 2 * 7  # of its pictures; run, and page
     assert [(name, o.text) for name, o in outputs if o.get("name") == "stderr"] == []
 
 

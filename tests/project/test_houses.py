@@ -3,9 +3,7 @@
 import ast
 import re
 
-import pytest
-
-from support.helpers import ROOT
+from support.helpers import ROOT, parsed
 
 SRC = ROOT / "src"
 MODULES = sorted(SRC.glob("acx4*/**/*.py"))
@@ -16,25 +14,26 @@ def named(path):
     return str(path.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("package", PACKAGES, ids=named)
-def test_a_package_says_what_it_is_for(package):
-    said = ast.get_docstring(ast.parse((package / "__init__.py").read_text("utf-8"))) or ""
-    assert said.endswith(".")
-    if package.parent.name in ("acx4lib", "acx4tools", "acx4book"):  # a room
-        assert len(said.splitlines()) >= 2
+def test_a_package_says_what_it_is_for():
+    for package in PACKAGES:
+        said = ast.get_docstring(parsed(package / "__init__.py")) or ""
+        assert said.endswith("."), package
+        if package.parent.name in ("acx4lib", "acx4tools", "acx4book"):  # a room
+            assert len(said.splitlines()) >= 2, package
 
 
-@pytest.mark.parametrize("module", MODULES, ids=named)
-def test_a_module_names_what_it_imports_and_reads_no_letters_of_a_key(module):
-    text = module.read_text("utf-8")
-    assert not re.search(r"^\s*from \S+ import \*|startswith\(\W*two_step", text, re.MULTILINE)
+def test_modules_name_what_they_import_and_read_no_letters_of_a_key():
+    wrong = re.compile(r"^\s*from \S+ import \*|startswith\(\W*two_step", re.MULTILINE)
+    assert not [named(path) for path in MODULES if wrong.search(path.read_text("utf-8"))]
 
 
-@pytest.mark.parametrize("cellar", sorted(SRC.glob("**/compiled")), ids=named)
-def test_a_cellar_is_entered_from_its_own_room_alone(cellar):
-    name = ".".join(cellar.relative_to(SRC).parts)
-    others = [path for path in MODULES if cellar.parent not in path.parents]
-    assert not [named(path) for path in others if name in path.read_text("utf-8")]
+def test_a_cellar_is_entered_from_its_own_room_alone():
+    cellars = sorted(SRC.glob("**/compiled"))
+    assert cellars
+    for cellar in cellars:
+        name = ".".join(cellar.relative_to(SRC).parts)
+        others = [path for path in MODULES if cellar.parent not in path.parents]
+        assert not [named(path) for path in others if name in path.read_text("utf-8")], cellar
 
 
 # --- names that docstrings refer to ----------------------------------------------------------
@@ -65,7 +64,7 @@ def names_of(tree):
 def test_what_a_docstring_names_exists():
     known, trees = {}, {}
     for path in (ROOT / "src").rglob("*.py"):
-        trees[path] = tree = ast.parse(path.read_text("utf-8"))
+        trees[path] = tree = parsed(path)
         name, inside = path.stem, set()
         if name == "__init__":
             name, inside = path.parent.name, {other.stem for other in path.parent.iterdir()}

@@ -6,11 +6,12 @@ its reason.
 
 import ast
 from functools import cache
-from pathlib import Path
 
 import pytest
 
-SOURCES = Path(__file__).resolve().parents[2] / "src"
+from support.helpers import ROOT, parsed
+
+SOURCES = ROOT / "src"
 
 WRITES = {
     *("write_text", "write_bytes", "touch", "symlink_to", "hardlink_to", "symlink", "os.link"),
@@ -157,7 +158,7 @@ def found():
     out = {}
     for path in sorted(SOURCES.rglob("*.py")):
         file = path.relative_to(SOURCES).as_posix()
-        own = [one for one in calls(ast.parse(path.read_text("utf-8"))) if opens(*one)]
+        own = [one for one in calls(parsed(path)) if opens(*one)]
         if file.startswith(tuple(f"acx4book/{room}/" for room in READ_ONLY)):
             own = [one for one in own if not only_reads(*one)]
         if own:

@@ -14,7 +14,7 @@ from re import _parser as parser
 
 import pytest
 
-from support.helpers import ROOT
+from support.helpers import ROOT, parsed
 
 LENGTH = 100_000
 SECONDS = 0.5
@@ -41,7 +41,7 @@ def sources():
         place = path.relative_to(ROOT / "src").as_posix()
         text = path.read_text("utf-8")
         if "import re\n" in text and not any(place.startswith(f"{one}/") for one in OWN_TEXT):
-            yield place.removesuffix(".py").replace("/", "."), ast.parse(text)
+            yield place.removesuffix(".py").replace("/", "."), parsed(path)
 
 
 def used():

@@ -25,6 +25,7 @@ import acx4sim
 from acx4book.command.terminal import BOOK
 from acx4book.pages import flight_book
 from support.flights import pictured
+from support.helpers import parsed
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -187,7 +188,7 @@ def imported(house):
     """The distributions that a package's modules import."""
     found = set()
     for path in (ROOT / "src" / house).rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
@@ -227,7 +228,8 @@ def test_the_command_asks_for_the_modules_of_the_extra():
 
 
 def link(site, *extras):
-    """Link the requirements of some extras, and what they bring, into an environment."""
+    """Link the requirements of some extras, and what they bring, into a folder."""
+    site.mkdir()
     waiting, seen = [Requirement(line) for line in requirements(*extras)], set()
     while waiting:
         name = waiting.pop().name
@@ -252,26 +254,38 @@ def read_all(folder):
 
 @pytest.fixture(scope="module")
 def installed(wheel, tmp_path_factory):
-    """A folder with an environment of the wheel and the extra ``command``; its packages."""
+    """A folder with an environment of the wheel; the file that names the packages beside it.
+
+    One environment for all, so that nothing has to be compiled twice.
+    """
     folder = tmp_path_factory.mktemp("installed")
     site = environment(folder / "env", wheel)
-    link(site, "command")
-    return folder, site
+    link(folder / "nothing")
+    link(folder / "command", "command")
+    return folder, site / PTH
+
+
+@pytest.fixture
+def small(installed):
+    """A folder with an environment of the wheel and what the library requires, no extra."""
+    folder, beside = installed
+    beside.write_text(str(folder / "nothing"))
+    return folder
 
 
 @pytest.fixture
 def base(installed):
-    """A folder with an environment of the wheel and the extra ``command`` alone."""
-    folder, site = installed
-    (site / PTH).write_text("")
+    """The same with the extra ``command`` alone."""
+    folder, beside = installed
+    beside.write_text(str(folder / "command"))
     return folder
 
 
 @pytest.fixture
 def whole(installed):
-    """The same with all that is present, so that nothing has to be compiled twice."""
-    folder, site = installed
-    (site / PTH).write_text(PRESENT)
+    """The same with all that is present."""
+    folder, beside = installed
+    beside.write_text(PRESENT)
     return folder
 
 
@@ -317,7 +331,7 @@ def test_a_downloaded_notebook_runs_in_an_empty_folder(whole):
 
 def test_nothing_is_written_into_the_installed_library(whole):
     site = next(whole.glob("env/lib/python*/site-packages"))
-    for house in HOUSES:
+    for house in ("acx4lib", "acx4book"):
         done = run(whole, "acx4", "simulate", "single-head", "--out", site / house / "new")
         assert done.returncode == 2
         assert "is among the project's own files" in done.stderr
@@ -344,17 +358,9 @@ def test_the_extra_command_is_enough_for_numbers_and_images(base):
     assert "2 images rendered, in images" in said
 
 
-@pytest.fixture(scope="module")
-def small(wheel, tmp_path_factory):
-    """A folder with an environment of the wheel and what the library requires, no extra."""
-    folder = tmp_path_factory.mktemp("small")
-    link(environment(folder / "env", wheel))
-    return folder
-
-
 SMALL = """
 import acx4lib as acx
-flight = acx.read("flight")
+flight = acx.read("library")
 calibration = acx.calibrate(flight).single_step.calibration
 poses = acx.georeference(flight.validation, calibration).T_m_c
 print(calibration.cameras[0].interior.f, len(poses.r))
@@ -367,10 +373,10 @@ except ModuleNotFoundError as error:
 
 @pytest.mark.slow
 def test_what_the_library_requires_is_enough_for_a_calibration(small):
-    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=3), small / "flight")
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=3), small / "library")
     numbers, error = succeeds(small, "python", "-c", SMALL).splitlines()
     focal_mm, n_images = numbers.split()
-    here = acx.calibrate(acx.read(small / "flight")).single_step.calibration
+    here = acx.calibrate(acx.read(small / "library")).single_step.calibration
     assert float(focal_mm) == pytest.approx(here.cameras[0].interior.f, abs=1e-9)
     assert int(n_images) == 60
     assert error == (

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import re
 import signal
+from functools import cache
 from pathlib import Path
 
 import nbformat
@@ -16,6 +18,12 @@ from acx4lib.errors import UNSEEN, FlightError
 
 ROOT = Path(__file__).parents[2]
 """The folder of the project."""
+
+
+@cache
+def parsed(path):
+    """Return the syntax tree of a file of the sources, which several tests look at."""
+    return ast.parse(path.read_text("utf-8"))
 
 
 def book_extension(name):

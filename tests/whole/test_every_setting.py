@@ -135,10 +135,7 @@ def run_whole(flight, way):
 
 
 def choices():
-    """Yield every setting that has a few values, each with one of them, or with some in a list.
-
-    The usual tests have the last value of each of the mounting's, and of what pictures become.
-    """
+    """Yield every setting that has a few values, each with one of them, or with some in a list."""
     tried = {keys: value for changes in TOGETHER.values() for keys, value in changes.items()}
     for keys, known in CHOICES.items():
         if keys[-1] == "estimate":
@@ -147,8 +144,7 @@ def choices():
             values = [one for one in known if tried.get(keys) != one]
             values = [] if isinstance(tried.get(keys), list) else values
         for value in values:
-            usual = value == values[-1] and keys[:2] != ("stages", "heads")
-            yield (keys, value) if usual else repeats(keys, value)
+            yield keys, value
 
 
 def test_no_setting_is_without_a_run(flights):
@@ -203,11 +199,16 @@ def test_heads_run_through_all_stages_and_the_report(flights, way):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("keys", "value"),
-    list(choices()),
-    ids=str,
-)
+def test_the_last_choice_of_every_setting_of_one_camera_runs_with_those_of_the_others(flights):
+    chosen = {keys: value for keys, value in choices() if not {"heads", "synthetic"} & {*keys}}
+    assert len(chosen) > 2
+    summary = run_whole(flights(SINGLE, "chosen", {**declared(), **chosen}), Functions())
+    assert {name.partition("/")[0] for name in summary} >= {"mounting", "validation"}
+
+
+@pytest.mark.slow
+@pytest.mark.repeats
+@pytest.mark.parametrize(("keys", "value"), list(choices()), ids=str)
 def test_every_choice_runs_through_all_stages_and_the_report(flights, keys, value):
     design = HEADS if {"heads", "synthetic"} & {*keys} else SINGLE
     changes = {**({} if design == HEADS else declared()), keys: value}

@@ -40,7 +40,7 @@ def disk(tmp_path):
 
 @pytest.mark.parametrize(
     "name",
-    [name if name in ("simulate", "import opf") else repeats(name) for name in WRITING],
+    [name if name == "import opf" else repeats(name) for name in WRITING],
 )
 def test_a_full_disk_is_named_and_what_was_there_stays(material, command, disk, name):
     for typed in WRITING[name]:

@@ -1,11 +1,11 @@
-"""The notebooks on flights that are not the paper's: other heads, heads with pictures."""
+"""The notebooks on heads that are not the paper's; `built_book/test_payloads` has pictures."""
 
 import pytest
 
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import Notebooks
 from acx4lib.results import folder as results
-from support.flights import in_heads, pictured
+from support.flights import in_heads
 
 
 @pytest.mark.slow
@@ -23,16 +23,3 @@ def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
         assert '"output_type": "error"' not in text
         assert '"name": "stderr"' not in text
         assert "CAM1" not in text
-
-
-@pytest.mark.slow
-def test_the_notebook_runs_on_pixels(tmp_path):
-    path = pictured.write_flight(tmp_path / "flight")
-    folder = pictured.write_results(tmp_path / "results", path)
-    report = runner.run(path, folder, way=Notebooks(), stages=("synthetic",))
-    assert report.ran == ("synthetic",)
-    kept = results.read(folder)
-    assert results.cameras(kept, "synthetic/refined") == pictured.HEADS
-    text = (folder / "notebooks" / "02-synthetic-image.ipynb").read_text(encoding="utf-8")
-    assert '"output_type": "error"' not in text
-    assert text.count('"image/svg+xml"') >= 7

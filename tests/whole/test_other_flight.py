@@ -6,7 +6,6 @@ import shutil
 
 import numpy as np
 import pandas as pd
-import papermill
 import pytest
 from numpy.testing import assert_allclose
 
@@ -124,12 +123,11 @@ def test_the_notebook_of_the_book_calibrates_the_flight_that_it_is_given(
 ):
     release.write(tmp_path / "notebooks")
     monkeypatch.chdir(tmp_path)
-    papermill.execute_notebook(
+    execute(
         tmp_path / "notebooks" / "04-validation.ipynb",
         tmp_path / "done.ipynb",
         parameters={"flight_path": str(flown / "B"), "results_path": "new"},
-        kernel_name="python3",
-        progress_bar=False,
+        on_cell=lambda *_: None,
     )
     assert not list(tmp_path.glob("flight-*"))
     own, made = (

@@ -36,7 +36,6 @@ def other(*typed, folder):
 
 COMMANDS = (
     ("simulate", "single-head", "--out", "flight"),
-    ("check", "flight"),
     ("run", "flight", "--results", "results", "--numbers-only"),
     ("report", "results", "--out", "report.html"),
 )

@@ -1,5 +1,6 @@
 """The notebooks of the stages, run by papermill itself with the usual kernel."""
 
+import itertools
 import re
 import shutil
 
@@ -24,17 +25,22 @@ WITHOUT_HEADS = {
     "02-synthetic-image": "the flight has no block heads",
     "08-rig": "there are no heads",
 }
+USUAL = ("00-flight", "03-mounting-calibration", "04-validation")
+"""Notebooks that are run in the usual tests, on a flight of one camera."""
+
 DIRECTIVE = re.compile(r"^\s*(`{3,}|:{3,})\{", re.MULTILINE)
 
 
-@pytest.fixture(scope="module", params=["heads", repeats("single")])
+@pytest.fixture(scope="module", params=["single", repeats("heads"), repeats("single, all")])
 def ran(request, tmp_path_factory):
     """The name of a flight, a folder with its results, and the outputs of every notebook."""
     at = tmp_path_factory.mktemp(request.param)
-    made = {"heads": in_heads.small, "single": lambda: acx4sim.DESIGNS["single-head"](seed=1)}
-    acx4sim.write(made[request.param](), at / "flight")
+    heads = request.param == "heads"
+    flown = in_heads.small() if heads else acx4sim.DESIGNS["single-head"](seed=1)
+    acx4sim.write(flown, at / "flight")
     (at / "empty").mkdir()
-    outputs = {name: run(at, name, "results") for name in NOTEBOOKS.values()}
+    names = USUAL if request.param == "single" else NOTEBOOKS.values()
+    outputs = {name: run(at, name, "results") for name in names}
     assert not list((at / "empty").iterdir())
     return request.param, at, outputs
 
@@ -55,23 +61,22 @@ def run(at, name, results, **parameters):
     return [output for cell in cells for output in cell.get("outputs", [])]
 
 
-@pytest.mark.parametrize("name", NOTEBOOKS.values())
-def test_every_figure_is_an_image_and_nothing_is_an_error(ran, name):
-    for output in ran[2][name]:
+def test_every_figure_is_an_image_and_nothing_is_an_error(ran):
+    for output in itertools.chain(*ran[2].values()):
         assert output.output_type in ("display_data", "execute_result")
         if "<Figure" in output.data.get("text/plain", ""):
             assert "image/png" in output.data
 
 
-@pytest.mark.parametrize("name", NOTEBOOKS.values())
-def test_no_output_has_a_directive(ran, name):
-    text = [o.data[kind] for o in ran[2][name] for kind in o.data if kind.startswith("text/")]
+def test_no_output_has_a_directive(ran):
+    shown = itertools.chain(*ran[2].values())
+    text = [o.data[kind] for o in shown for kind in o.data if kind.startswith("text/")]
     assert not [one for one in text if DIRECTIVE.search(one)]
 
 
 def test_a_block_that_is_not_there_ends_a_notebook_in_one_sentence(ran):
     name, _, outputs = ran
-    for notebook, reason in WITHOUT_HEADS.items() if name == "single" else ():
+    for notebook, reason in WITHOUT_HEADS.items() if name == "single, all" else ():
         (shown,) = outputs[notebook]
         assert shown.data["text/markdown"] == f"This notebook ends here: {reason}."
 
@@ -94,7 +99,7 @@ def test_report_export_and_compare_take_the_results(ran, acx4, tmp_path):
     assert acx4("report", results, "--out", tmp_path / "report.html")[0] in (0, 1)  # by its verdict
     assert (tmp_path / "report.html").is_file()
     assert acx4("export", results, "--to", "toml", "--out", tmp_path / "exported")[0] == 0
-    if kind == "single":
+    if kind == "single, all":
         acx4sim.write(acx4sim.DESIGNS["single-head"](seed=2), tmp_path / "flight2")
         runner.run(tmp_path / "flight2", tmp_path / "results2", way=Functions())
         assert acx4("compare", results, tmp_path / "results2", "--out", tmp_path / "c")[0] in (0, 1)
@@ -103,7 +108,7 @@ def test_report_export_and_compare_take_the_results(ran, acx4, tmp_path):
 @pytest.mark.parametrize("name", ["04-validation", repeats("02-synthetic-image")])
 def test_a_stage_alone_says_in_its_last_line_what_to_run_first(ran, name):
     kind, at, _ = ran
-    if kind == "single" and name in WITHOUT_HEADS:
+    if kind != "heads" and name in WITHOUT_HEADS:
         pytest.skip("ends in a sentence")
     with pytest.raises(papermill.PapermillExecutionError) as caught:
         run(at, name, "none")
@@ -114,7 +119,7 @@ def test_a_stage_alone_says_in_its_last_line_what_to_run_first(ran, name):
 @pytest.mark.parametrize("name", NOTEBOOKS.values())
 def test_an_unknown_parameter_is_named_in_the_last_line(ran, name):
     kind, at, _ = ran
-    if kind == "single":
+    if kind != "heads":
         pytest.skip("shown with the other flight")
     with pytest.raises(papermill.PapermillExecutionError) as caught:
         run(at, name, "none", flight=str(at / "flight"))
