@@ -1,12 +1,17 @@
-"""`acx4 export` as its user meets it: files, lines and statuses."""
+"""Commands that write a new flight, results for others, and what is taught."""
 
+import csv
+import io
 import shutil
 
 import pytest
 
+from acx4book.report.campaigns.written import PAGE
 from acx4lib.results import provenance
 from acx4tools.exchange.outward.kinds import KINDS
 from support.run_results import estimated, leave_calibration
+
+# --- `acx4 export` as its user meets it: files, lines and statuses ---------------------------
 
 
 @pytest.fixture(scope="module")
@@ -92,3 +97,182 @@ def test_what_cannot_be_exported_is_one_line_and_status_2(acx4, rig, tmp_path, o
     assert (status, said, len(wrong.splitlines())) == (2, "", 1)
     assert line in wrong
     assert not (tmp_path / "out").exists()
+
+
+# --- `acx4 new` as its user meets it ---------------------------------------------------------
+
+
+def test_options_answer_all_questions(acx4, tmp_path):
+    options = ("--cameras", "RGB", "--crs", "EPSG:31982", "--heights", "-25.5")
+    status, said, wrong = acx4("new", tmp_path / "f", *options)
+    assert (status, wrong) == (0, "")
+    assert "still to do: " in said
+    assert "cameras.RGB.width_px: missing; required" in said
+    assert "heights = -25.5" in (tmp_path / "f" / "flight.toml").read_text()
+    status, _, wrong = acx4("new", tmp_path / "f", *options)
+    assert status == 2
+    assert wrong.endswith("an import began this flight already; choose another folder\n")
+
+
+def test_what_is_not_answered_is_asked_on_a_terminal_only(acx4, tmp_path, monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    status, _, wrong = acx4("new", tmp_path / "f", "--crs", "EPSG:31982")
+    assert status == 2
+    assert wrong == "--cameras, --heights: missing; on a terminal the command asks for them\n"
+    monkeypatch.setattr("sys.stdin", Terminal("A, B\n\n"))
+    status, _, wrong = acx4("new", tmp_path / "f", "--crs", "EPSG:31982")
+    assert status == 0
+    assert "Names of the cameras" in wrong
+    assert 'heads = ["A", "B"]' in (tmp_path / "f" / "flight.toml").read_text()
+
+
+def test_names_and_numbers_that_no_flight_has_are_refused(acx4, tmp_path):
+    for cameras, heights, says in (
+        ("=A", "ellipsoidal", "would be computed as a formula"),
+        ("A,A", "ellipsoidal", "must be names that are all different"),
+        ("A", "5773", "--heights: 5773: must be at most 200 m either way"),
+    ):
+        options = ("--cameras", cameras, "--crs", "EPSG:31982", "--heights", heights)
+        status, _, wrong = acx4("new", tmp_path / "f", *options)
+        assert (status, says in wrong, wrong.count("\n")) == (2, True, 1)
+    assert not (tmp_path / "f").exists()
+
+
+def test_a_crs_that_the_check_refuses_is_refused_at_once(acx4, tmp_path):
+    options = ("--cameras", "A", "--heights", "ellipsoidal")
+    for crs, says in (
+        ("EPSG:4326", "'EPSG:4326' (WGS 84) is not a projected CRS; must be a projected CRS"),
+        ("EPSG:2225", "in US survey foot, not in metres"),
+        ("my own", "is neither an authority code, nor WKT"),
+    ):
+        status, _, wrong = acx4("new", tmp_path / "f", "--crs", crs, *options)
+        assert (status, says in wrong, wrong.count("\n")) == (2, True, 1)
+    assert not (tmp_path / "f").exists()
+    # metres east and north, though its latitudes are grads: the check has no word on it
+    status, said, _ = acx4("new", tmp_path / "f", "--crs", "EPSG:27561", *options)
+    assert status == 0
+    assert "PROJ" not in said
+    assert "metres" not in said
+
+
+def test_a_geoid_grid_is_brought_into_the_flight(acx4, tmp_path):
+    (tmp_path / "geoid.gtx").write_bytes(b"grid")
+    options = ("--cameras", "A", "--crs", "EPSG:31982", "--heights", tmp_path / "geoid.gtx")
+    status, said, _ = acx4("new", tmp_path / "f", *options)
+    assert status == 0
+    assert 'heights = "geoid.gtx"' in (tmp_path / "f" / "flight.toml").read_text()
+    assert (tmp_path / "f" / "geoid.gtx").read_bytes() == b"grid"
+    assert "PROJ cannot read it as a geoid grid" in said
+
+
+# --- `acx4 compare` as its user meets it: what it leaves, its lines and statuses -------------
+
+
+@pytest.fixture
+def compare(acx4, tmp_path):
+    """Compare into a folder; return status, lines of standard output and of standard error."""
+
+    def run(*arguments):
+        status, *said = acx4("compare", *arguments, "--out", tmp_path / "out")
+        return status, *(text.splitlines() for text in said)
+
+    return run
+
+
+def test_two_folders_are_compared(compare, folders, tmp_path):
+    status, said, wrong = compare(*folders)
+    assert (status, wrong) == (0, [])
+    assert said[0].startswith("2 campaigns are not the same: chi-square ")
+    assert any(line.startswith("CAM f_mm: +0.01") for line in said)
+    assert said[-1] == str(tmp_path / "out" / PAGE)
+    assert (tmp_path / "out" / PAGE).is_file()
+    options = ("--method", "two_step", "--against", "first", "--height", 1000, "--apriori")
+    status, said, wrong = compare(*folders, *options, "--level", 1e-6)
+    assert (status, wrong) == (0, [])
+    text = (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
+    assert "1000\N{NO-BREAK SPACE}m" in text
+
+
+def test_what_cannot_be_compared_is_one_line_and_status_2(compare, folders, tmp_path):
+    status, said, wrong = compare(folders[0], folders[0])
+    assert (status, said, len(wrong)) == (2, [], 1)
+    assert "are results of the same flight" in wrong[0]
+    status, said, wrong = compare(folders[0])
+    assert (status, said, len(wrong)) == (2, [], 1)
+    assert "without a block of several heads" in wrong[0]
+    status, said, wrong = compare(folders[0], tmp_path / "none")
+    assert (status, said, len(wrong)) == (2, [], 1)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (["--method", "best"], "--method best: must be one of single_step, rig,"),
+        (["--method", "rig,rig,rig"], "--method names 3 methods for 2 folders; name one, or 2"),
+        (["--against", "last"], "--against last: must be previous or first"),
+    ],
+)
+def test_options_that_mean_nothing_are_refused(compare, folders, options, line):
+    status, said, wrong = compare(*folders, *options)
+    assert (status, said) == (2, [])
+    assert wrong[0].startswith(line)
+
+
+# --- the commands `acx4 lab` and `acx4 grade`, as a lecturer meets them ----------------------
+
+
+@pytest.fixture
+def with_key(acx4, tmp_path, monkeypatch):
+    """Run the command in a folder with a key; return status, standard output and error."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "key.txt").write_text("ab" * 32)
+    return acx4
+
+
+def test_from_a_students_flight_to_marks(with_key, tmp_path):
+    lab = ("lab", "1", "--student", "Ada Lovelace", "--key", "key.txt")
+    assert with_key(*lab) == (0, "lab-1-ada-lovelace\n", "")
+    folder = tmp_path / "lab-1-ada-lovelace"
+    assert with_key("check", str(folder))[0] == 0
+    assert with_key(*lab, "--out", "again")[0] == 0
+    for path in folder.rglob("*.*"):
+        assert path.read_bytes() == (tmp_path / "again" / path.relative_to(folder)).read_bytes()
+    status, out, err = with_key("grade", str(folder), "--key", "key.txt", "--out", "marks.csv")
+    assert (status, err) == (0, "")
+    assert out.startswith("Ada Lovelace  lab-1  0 of 7\n    x_mm: not answered\n")
+    with (tmp_path / "marks.csv").open() as file:
+        assert {row["verdict"] for row in csv.DictReader(file)} == {"not answered"}
+    again = with_key("grade", str(folder), "--key", "key.txt", "--out", "marks.csv")
+    assert again[0] == 0  # its own table is replaced
+
+
+def test_a_quiz_is_two_question_banks_and_no_flight(with_key, tmp_path):
+    lab = ("lab", "2", "--student", "Ada", "--key", "key.txt", "--quiz")
+    assert with_key(*lab) == (0, "quiz-2-ada\n", "")
+    files = {path.name for path in (tmp_path / "quiz-2-ada").iterdir()}
+    assert files == {"questions.gift", "questions_qti.zip", ".acx4.json"}
+    assert with_key(*lab)[0] == 2  # it is there already
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("lab", "99", "--student", "Ada", "--key", "key.txt"), "unknown sheet '99'; known: lab-1"),
+        (("lab", "1", "--student", " ", "--key", "key.txt"), "is empty; must be a name"),
+        (("lab", "1", "--student", "=1+1", "--key", "key.txt"), "formula"),
+        (("lab", "1", "--student", "Ada", "--key", "none.txt"), "token_hex"),
+        (("lab", "1", "--student", "Ada", "--key", "key.txt", "--out", "."), "already"),
+        (("grade", "nothing", "--key", "key.txt"), "not graded"),
+        (("grade", ".", "--key", "key.txt"), "no answers.csv and no results"),
+        (("grade", "key.txt", "--key", "key.txt", "--out", "key.txt"), "choose another name"),
+    ],
+)
+def test_what_cannot_be_done_is_a_sentence(with_key, arguments, says):
+    status, _, err = with_key(*arguments)
+    assert status == 2
+    assert says in err

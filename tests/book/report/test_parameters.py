@@ -1,21 +1,39 @@
-"""The drawn image and the distortion table: axes, corners, numbers of the library."""
+"""Findings of stages on the parameters: estimates and verdicts."""
 
+import json
 from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.report import parameters
+from acx4book.report.findings import (
+    CONSEQUENCES,
+    FAILS,
+    LEVEL,
+    ChanceTest,
+    Finding,
+    all_tests,
+    findings,
+    judged,
+    matters,
+    statement,
+    verdict_table,
+)
 from acx4book.report.material import read
 from acx4book.report.parameters import (
     Lens,
     balanced,
+    correlation_sentence,
     decentring,
     heads_sentence,
+    joint_table,
     lenses,
     method_table,
+    pair_texts,
     parameter_table,
     radial,
 )
@@ -23,6 +41,9 @@ from acx4lib.geometry.camera import INTERIOR, Camera, Interior, distortion
 from acx4lib.results import folder as results
 from support.figures import drawn
 from support.run_results import SINGLE, edit_summary
+
+# --- the drawn image and the distortion table: axes, corners, numbers of the library ---------
+
 
 mpl.use("agg")
 
@@ -202,3 +223,172 @@ def test_what_errors_of_the_heads_add_is_told_in_multiples_of_sigma(folder):
     edit_summary(folder, SINGLE, sigma_of_heads=told)
     said = heads_sentence(read(folder))
     assert "They add 0.25 to 1.5 times these σ, most to $f$;" in said
+
+
+# --- estimates of the report: significance, declared values, strong pairs --------------------
+
+
+def test_significance_is_against_zero_or_what_was_declared(run):
+    found = {p.parameter: p for p in parameters.estimates(run, SINGLE)}
+    camera = run.flight.cameras["CAM"]
+    assert found["f_mm"].reference == camera.interior.f
+    assert found["boresight_kappa_deg"].reference == pytest.approx(90.0)
+    assert found["xp_mm"].reference == found["lever_z_m"].reference == 0.0
+    f = found["f_mm"]
+    assert_allclose(f.t, (f.value - camera.interior.f) / f.sigma)
+    p2 = found["p2"]
+    assert not replace(p2, t=p2.critical * 0.999).significant
+    assert replace(p2, t=-p2.critical * 1.001).significant
+    assert_allclose(f.critical, 1.96, atol=0.01)  # thousands of degrees of freedom
+
+
+def test_of_what_is_declared_the_verdict_alone_says_whether_it_differs(run):
+    """Beside "confirmed" stood "t = -6.5, significant"."""
+    found = {p.parameter: p.significant for p in parameters.estimates(run, SINGLE)}
+    declared = {name for name, significant in found.items() if significant is None}
+    assert declared == {n for n in found if n.startswith(("f_", "lever", "boresight"))}
+    shown = parameter_table(run).set_index("Parameter")["Significant"]
+    assert (shown == "–").sum() == len(declared)
+    assert not any("boresight" in str(name) for name in joint_table(run)["Parameters"])
+
+
+def test_an_angle_on_the_other_side_of_180_degrees_is_near(folder):
+    """A declared mount of 180 degrees, an estimate of -179.9."""
+    material = read(folder)
+    camera = material.flight.cameras["CAM"]
+    turned = np.diag([-1.0, -1.0, 1.0])
+    mount = replace(camera, T_b_c=replace(camera.T_b_c, R=turned))
+    flight = replace(material.flight, cameras={"CAM": mount})
+    moved = material.found.parameters.copy()
+    kappa = moved["parameter"] == "boresight_kappa_deg"
+    moved.loc[kappa, "value"] = -179.9
+    moved.loc[kappa, "sigma"] = 0.1
+    found = replace(material.found, parameters=moved)
+    listed = parameters.estimates(replace(material, flight=flight, found=found), SINGLE)
+    assert_allclose(next(p.t for p in listed if p.parameter.endswith("kappa_deg")), 1.0, atol=1e-9)
+
+
+def test_strong_pairs_are_those_of_the_covariance(folder):
+    sigma = np.array([2.0, 3.0, 0.5])
+    rho = np.array([[1.0, 0.95, -0.2], [0.95, 1.0, -0.91], [-0.2, -0.91, 1.0]])
+    names = ["CAM/f_mm", "CAM/xp_mm", "CAM/yp_mm"]
+    cov = rho * sigma[:, None] * sigma
+    table = pd.DataFrame(
+        [
+            ("mounting", "single_step", names[i], names[j], cov[i, j])
+            for i in range(3)
+            for j in range(3)
+        ],
+        columns=list(results.COLUMNS["covariance"]),
+    )
+    whole = read(folder)
+    material = replace(whole, found=replace(whole.found, covariance=table))
+    pairs = parameters.strong_pairs(material, SINGLE)
+    assert [(p.one, p.other) for p in pairs] == [tuple(names[:2]), tuple(names[1:])]
+    assert_allclose([p.rho for p in pairs], [0.95, -0.91])
+    assert correlation_sentence(material) == (
+        "Correlations above 0.9: $f$ and $x_p$ (+0.95), $x_p$ and $y_p$ (-0.91)."
+    )
+    two = [replace(pairs[0], other="B/xp_mm"), pairs[1]]
+    assert pair_texts(two) == [
+        "$f$ of CAM and $x_p$ of B (+0.95)",
+        "$x_p$ and $y_p$ of CAM (-0.91)",
+    ]
+
+
+def test_joint_tests_are_those_of_the_parameters_and_their_covariance(run):
+    rows = results.parameters(run.found, SINGLE, "CAM")["value"]
+    cov = results.covariance(run.found, SINGLE)
+    found = {test.keys: test for test in parameters.joint_tests(run, SINGLE)}
+    listed = {p.parameter: p for p in parameters.estimates(run, SINGLE)}
+    for keys in (("k1", "k2", "k3"), ("p1", "p2")):
+        names = [f"CAM/{key}" for key in keys]
+        sigma = np.sqrt(np.diag(cov.loc[names, names]))
+        related = cov.loc[names, names].to_numpy() / sigma / sigma[:, None]
+        z = rows[list(keys)].to_numpy() / sigma
+        assert_allclose(found[keys].f_ratio, z @ np.linalg.solve(related, z) / len(z), rtol=1e-6)
+        assert_allclose(found[keys].largest, max(abs(listed[key].t) for key in keys), rtol=1e-9)
+    assert len(joint_table(run)) == len(found) == 2
+
+
+# --- the verdict: one level for all tests of a report, and what fails stands first -----------
+
+
+def asked(question, *p, passed="It is right."):
+    tests = tuple(
+        ChanceTest(name=f"{question} {i}", p=one, said=f"bad {i}") for i, one in enumerate(p)
+    )
+    return Finding(question=question, state="holds", answer="Tested.", passed=passed, tests=tests)
+
+
+def test_a_good_run_holds(run):
+    found = findings(run)
+    assert [f.question for f in found if f.state == FAILS] == []
+    n = len(all_tests(found))
+    said = statement(found)
+    assert said.startswith(f"**The results hold.** None of {n} tests fails.")
+    assert "error probability of 5 % (Holm)" in said
+    assert n >= 15
+    assert {f.question for f in found if f.tests} <= set(CONSEQUENCES)
+
+
+def test_all_all_tests_a_report_share_one_level_by_holm():
+    """Worked out by hand: p times 4, 3, 2, 1, never less than the one before."""
+    one, two = judged([asked("One", 0.001, 0.04), asked("Two", 0.011, np.nan, 0.5)])
+    assert_allclose([test.p_joint for test in one.tests], [0.004, 0.08])
+    assert_allclose([test.p_joint for test in two.tests], [0.033, 0.5])
+    assert [one.state, two.state] == ["fails", "fails"]
+    assert one.answer == "Tested. Significant: bad 0."
+    assert (two.p, two.p_joint) == (0.011, pytest.approx(0.033))
+    (alone,) = judged([asked("One", 0.04, 0.2)])
+    assert (alone.state, alone.answer) == ("holds", "Tested. It is right.")
+
+
+def test_right_reports_fail_as_often_as_is_said(rng):
+    """20 independent tests, 4 000 reports; three sigma of the count are 1 %."""
+    failed = 0
+    for p in rng.uniform(size=(4000, 20)):
+        failed += any(f.state == FAILS for f in judged([asked("A", *p[:9]), asked("B", *p[9:])]))
+    assert_allclose(failed / 4000, LEVEL, atol=0.0103)
+
+
+def test_what_does_not_depend_on_chance_does_not_count():
+    sure = Finding(question="Convergence", state="holds", answer="")
+    assert judged([sure, sure, asked("One", 0.04)])[2].state == "fails"
+    assert statement([sure]).startswith("**Nothing was tested.**")
+
+
+def test_a_report_that_does_not_hold_says_first_what_fails_what_it_means_and_what_to_do():
+    sure = Finding(question="All parameters determined", state="fails", answer="f is not.")
+    found = judged([asked("Gross errors", 1e-9), asked("Global χ² test", 0.4), sure])
+    first, second, last = statement(found).split("\n\n")
+    assert first.startswith("**Not everything holds. “All parameters determined” fails: ")
+    assert "what is named is not known; the other parameters can be used" in first
+    assert "hold it at a surveyed value" in first
+    assert second.startswith("- “Gross errors” fails, too: look at the largest")
+    assert last.startswith("1 of 2 tests fails.")
+
+
+def test_what_fails_stands_first_in_the_table_with_its_probabilities():
+    good = Finding(question="Good", state="holds", answer="")
+    table = verdict_table(judged([good, asked("Bad thing", 0.0123, 0.6)]))
+    assert list(table["Question"]) == ["Bad thing", "Good"]
+    assert list(table["p"]) == ["0.012", ""]
+    assert list(table["p joint"]) == ["0.025", ""]
+
+
+def test_where_nothing_was_adjusted_the_report_says_that_nothing_was_tested(folder):
+    (folder / "summary.json").write_text(json.dumps({"heads/none": {"converged": True}}))
+    file = folder / "check_points.csv"
+    file.write_text(file.read_text().partition("\n")[0] + "\n")
+    found = findings(read(folder))
+    assert all_tests(found) == []
+    assert statement(found).startswith("**Nothing was tested.**")
+
+
+def test_what_is_significant_and_too_small_to_matter_is_said_and_holds():
+    test = ChanceTest(name="σ₀²", p=1e-12, said="σ is 1.03 times too small", relevant=False)
+    (found,) = judged([Finding(question="Q", state="holds", answer="A.", tests=(test,))])
+    assert found.state == "holds"
+    assert found.answer == "A. Significant, but too little to matter: σ is 1.03 times too small."
+    assert [matters(ratio) for ratio in (0.9, 0.92, 1.09, 1.11)] == [True, False, False, True]

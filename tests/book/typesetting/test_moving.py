@@ -1,17 +1,26 @@
 """explorer plane scene shown"""
 
 import json
+import re
+
 import numpy as np
 import pytest
-from acx4book.typesetting.moving import Column, Explorer, Linear, Mark, Roots, Slider, Stops
-import re
-from acx4book.typesetting import moving, style
-from acx4book.typesetting.moving import Linear, Mark, Plane
 from bs4 import BeautifulSoup
-from acx4book.typesetting import maps, moving
-from acx4book.typesetting.moving import Layer, Scene
-from acx4book.typesetting import moving
-from acx4book.typesetting.moving import Column, Explorer, Linear, Mark, Panel, Slider
+
+from acx4book.typesetting import maps, moving, style
+from acx4book.typesetting.moving import (
+    Column,
+    Explorer,
+    Layer,
+    Linear,
+    Mark,
+    Panel,
+    Plane,
+    Roots,
+    Scene,
+    Slider,
+    Stops,
+)
 
 # --- explorer --------------------------------------------------------------------------------
 

@@ -1,16 +1,27 @@
-"""Tables for the book."""
+"""Tables, matrices, labels and sentences as Markdown."""
 
 from __future__ import annotations
 
 import html
 
+import jinja2
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 
-from acx4book.typesetting import myst
+from acx4book.paper import printed
+from acx4book.typesetting import labels, matrix, myst, style, svg, tables
+from acx4book.typesetting.matrix import sigma_figure
 from acx4book.typesetting.plain_text import Markup
+from acx4book.typesetting.sentences import say
+from acx4book.typesetting.tables import markdown
+from acx4lib.georeferencing.budget import SOURCES, Budget
+from acx4lib.georeferencing.mapping_flight import Format
+from support.figures import drawn, panels
+
+# --- tables for the book ---------------------------------------------------------------------
 
 
 def rows(markdown: str) -> list[list[str]]:
@@ -110,3 +121,221 @@ def test_a_commit_of_stored_numbers_says_how_many_files_differed():
     assert myst.at_commit(name) == "commit `b689ff0`"
     assert myst.at_commit(f"{name}, 4 files differ") == "commit `b689ff0` with changes in 4 files"
     assert myst.at_commit(f"{name}, 1 files differ") == "commit `b689ff0` with changes in one file"
+
+
+# --- tables ----------------------------------------------------------------------------------
+#
+# How DataFrames are shown: rounded by their sigma, text as it is, the same in Jupyter and book.
+
+
+INDEX = pd.MultiIndex.from_tuples(
+    [("f", "mm"), ("k1", "mm⁻²"), ("lever x", "m"), ("boresight ω", "°")],
+    names=["parameter", "unit"],
+)
+
+
+def estimates(value, sigma):
+    return pd.DataFrame({"value": value, "sigma": sigma}, index=INDEX)
+
+
+def tables_rows(table):
+    lines = markdown(table).replace("\N{NO-BREAK SPACE}", " ").split("\n")
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+
+
+def test_a_value_has_two_digits_of_its_sigma_in_one_column():
+    table = estimates([74.440613, -1.2345e-7, -0.2, 90.0], [0.00031, 2e-9, 0.012, 0.0004])
+    head, _, *body = tables_rows(table)
+    assert head == ["Parameter", "value ± σ"]
+    assert body[0] == ["$f$ (mm)", "74.44061 ± 0.00031"]
+    assert body[1] == ["$k_1$ (mm⁻²)", "−1.23·10⁻⁷ ± 2.0·10⁻⁹"]
+    assert body[2][1] == "−0.200 ± 0.012"
+
+
+def test_what_was_held_and_what_is_left_open_is_said():
+    table = estimates([74.5, 0.0, -0.2, np.nan], [np.nan, np.nan, np.inf, 0.1])
+    assert [row[1] for row in tables_rows(table)[2:]] == [
+        "74.5 (held)",
+        "held",
+        "not determined",
+        "–",
+    ]
+
+
+def test_tables_side_by_side_have_one_column_a_method_and_the_print_as_printed():
+    one = estimates([74.4, 0.0, 0.1, 90.0], [0.1, np.nan, 0.01, 0.1])
+    paper = pd.DataFrame({("paper", "printed"): ["74.4376", "ND", "", "x"]}, index=INDEX)
+    head, _, first, *_ = tables_rows(
+        pd.concat({"two-step": one, "single": one}, axis=1).join(paper)
+    )
+    assert head == ["Parameter", "two-step", "single", "paper"]
+    assert first == ["$f$ (mm)", "74.40 ± 0.10", "74.40 ± 0.10", "74.4376"]
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([0.98765, 1.00212], ["0.988", "1.002"]),
+        ([1200.04, 350.5], ["1200", "350"]),
+        ([1e-7, 3.0], ["1.00·10⁻⁷", "3"]),
+        ([-0.25, np.nan], ["−0.2500", "–"]),
+        ([0.0, 0.0], ["0", "0"]),
+    ],
+)
+def test_a_column_has_common_decimals_unless_its_numbers_differ_much(values, texts):
+    assert [row[0] for row in tables_rows(pd.DataFrame({"x": values}))[2:]] == texts
+
+
+def test_formats_are_asked_for_by_column():
+    table = pd.DataFrame({"p": [0.12345], "n": [3]})
+    table.attrs["formats"] = {"p": ".2f"}
+    assert tables_rows(table)[2] == ["0.12", "3"]
+
+
+def test_text_of_a_flight_is_shown_character_for_character():
+    table = pd.DataFrame({"point": ["*K|1*", "<b>"], "note": [Markup("$k_1$"), Markup("**x**")]})
+    text = markdown(table)
+    assert "*K" not in text
+    assert "<b>" not in text
+    assert "$k_1$" in text
+    shown = tables.html(table)
+    assert "&lt;b&gt;" in shown
+    assert "<b>x</b>" in shown
+    assert "*K|1*" in shown
+
+
+def test_the_counting_of_rows_is_not_shown():
+    table = pd.DataFrame({"x": [1, 2]})
+    assert tables_rows(table)[0] == ["x"]
+    assert tables_rows(table.iloc[[1]])[0] == ["x"]
+
+
+# --- figures of matrices ---------------------------------------------------------------------
+
+
+VALUES = np.array([[1.0, -0.72, 0.0], [-0.72, 1.0, 0.31], [0.0, 0.31, 1.0]])
+
+
+def covered(patch, i, j):
+    """Tell whether a shape covers the middle of a cell."""
+    bars = patch.get_path().to_polygons()
+    return any(mpl.path.Path(bar).contains_point((j + 0.5, i + 0.5)) for bar in bars)
+
+
+def test_a_cell_has_the_colour_of_its_sign_as_dense_as_its_size_and_zero_has_none():
+    with style.applied():
+        _, ax = style.subplots(figsize=(2, 2))
+        matrix.signed_cells(ax, VALUES)
+    for (i, j), value in np.ndenumerate(VALUES):
+        seen = [patch for patch in ax.patches if covered(patch, i, j)]
+        assert len(seen) == (value != 0)
+        for patch in seen:
+            colour = style.BLUE if value > 0 else style.ORANGE
+            assert mpl.colors.same_color(patch.get_facecolor()[:3], colour)
+            assert patch.get_alpha() == pytest.approx(abs(value), abs=0.5 / matrix.LEVELS)
+
+
+def test_a_matrix_is_in_colours_that_a_page_sets():
+    names = ["f_mm", "lever_z_m", "k1"]
+    fig = matrix.correlation_matrix(pd.DataFrame(VALUES, index=names, columns=names))
+    drawn = svg.vector(fig)
+    assert "<image" not in drawn
+    assert style.BLUE in drawn
+    assert style.ORANGE in drawn
+    written = [t.get_text() for t in fig.axes[0].texts]
+    assert written == ["−.72", "−.72", "+.31", "+.31"]
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.2])
+def test_cells_cover_what_is_filled_and_nothing_else(gap):
+    filled = np.array([[True, True, False, True], [False, False, False, False], [True] * 4])
+    with style.applied():
+        _, ax = style.subplots(figsize=(2, 2))
+        matrix.cells(ax, filled, style.BLUE, gap=gap)
+    shape = ax.patches[0].get_path()
+    rows, columns = np.indices(filled.shape)
+    middles = np.column_stack([columns.ravel(), rows.ravel()]) + 0.5
+    bars = shape.to_polygons()
+    seen = [any(mpl.path.Path(bar).contains_point(m) for bar in bars) for m in middles]
+    assert np.array_equal(np.reshape(seen, filled.shape), filled)
+    assert len(bars) == (7 if gap else 3)
+
+
+# --- Standard deviations over the format are drawn where they are, in centimetres
+
+
+def test_panels_have_plan_height_and_the_calibrations_part():
+    """Variances of 1, 4 and 9 cm^2 of image points, and 16 cm^2 of the interior in height."""
+    variance = np.zeros((4, 3, len(SOURCES)))
+    variance[:, :, SOURCES.index("image points")] = np.array([1.0, 4.0, 9.0]) * 1e-4
+    variance[:, 2, SOURCES.index("interior orientation")] = 16e-4
+    variance[3] = np.nan
+    col, row = np.meshgrid([0.0, 99.0], [0.0, 199.0])
+    shown = Format(colrow=np.stack([col, row], axis=-1), budget=Budget(variance=variance))
+    axes = panels(drawn(sigma_figure(shown)))[:3]
+    for ax, cm in zip(axes, (np.sqrt(5.0), 5.0, 4.0), strict=True):
+        image = np.ma.filled(ax.images[0].get_array(), np.nan)
+        np.testing.assert_allclose(image.ravel(), [cm, cm, cm, np.nan])
+        assert ax.get_ylim() == (199.0, 0.0)
+    assert [ax.get_title(loc="left") for ax in axes] == ["plan", "height", "height, calibration"]
+
+
+# --- tables show values to the digits that their standard deviations support -----------------
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "text"),
+    [
+        (74.44038, 0.00104, "74.4404 ± 0.0010"),
+        (-0.3987, 0.0262, "-0.399 ± 0.026"),
+        (2.42e-7, 2.04e-8, "2.42·10⁻⁷ ± 2.0·10⁻⁸"),
+        (12.3, 45.0, "12 ± 45"),
+        (-0.001, 0.10, "0.00 ± 0.10"),
+        (74.0, 0.0, "74"),
+        (np.nan, 1.0, ""),
+    ],
+)
+def test_a_value_is_rounded_to_two_digits_of_its_sigma(value, sigma, text):
+    assert labels.value_and_sigma(value, sigma) == text
+
+
+def test_every_printed_parameter_has_a_label():
+    for number in (1, 2, 3, 4):
+        assert set(printed.table(number)["parameter"]) <= set(labels.LABELS)
+
+
+# --- sentences of notebooks: templates with numbers, in which text of a flight stays text ----
+
+
+def test_a_sentence_has_the_numbers_in_the_formats_that_it_asks_for():
+    text = say("$f$ is {{ f | fixed(3) }} mm, {{ d | signed(1) }}", f=74.44061, d=[-0.25, 2])
+    assert str(text) == "$f$ is 74.441 mm, −0.2, +2.0"
+
+
+@pytest.mark.parametrize(("n", "text"), [(1, "1 point"), (2, "2 points"), (0, "0 points")])
+def test_one_of_something_has_no_s(n, text):
+    assert str(say("{{ n | plural('point') }}", n=n)) == text
+
+
+def test_names_of_a_flight_are_no_markdown():
+    assert "*" not in str(say("{{ name }}", name="*K1*"))
+
+
+def test_a_case_of_a_flight_that_lacks_something_leaves_no_trace():
+    template = """
+        {% if n %}
+        There are {{ n }}.
+        {% endif %}
+        Always.
+    """
+    assert str(say(template, n=0)) == "Always."
+    assert str(say(template, n=2)) == "There are 2.\nAlways."
+
+
+def test_a_name_without_a_value_is_an_error():
+    with pytest.raises(jinja2.UndefinedError, match="'m' is undefined"):
+        say("{{ m }}", n=1)
+
+
+def test_a_sentence_shows_itself_as_markdown():
+    assert say("$x$")._repr_markdown_() == "$x$"

@@ -1,4 +1,4 @@
-"""Poses that are held: the limit of an observation whose sigma goes to zero."""
+"""Uses of the bundle, and its unknowns."""
 
 from dataclasses import replace
 
@@ -9,11 +9,15 @@ from numpy.testing import assert_allclose
 from acx4lib.bundle import uses
 from acx4lib.bundle.adjust import adjust
 from acx4lib.bundle.observations import PoseObservations
+from acx4lib.bundle.unknowns import holding, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import NO_POINTS
 from acx4lib.geometry.frames import Pose, log
 from acx4lib.results import rows
 from support import blocks
+
+# --- poses that are held: the limit of an observation whose sigma goes to zero ---------------
+
 
 HELD = [0, 4, 5, 9]
 FREE = ("f", "xp", "yp", "k1")
@@ -131,3 +135,20 @@ def test_no_point_is_left_out_at_an_angle_of_zero():
     ]
     assert counts[0] == {}
     assert "whose rays meet at less than 60 degrees" in counts[1]
+
+
+# --- the columns of the unknowns, and what is left of them when some are held ----------------
+
+
+def test_held_columns_leave_no_gap():
+    columns = layout(2, 3, free=("f", "k1"), free_mount=("lever_x",), free_shift=("east",))
+    assert columns.n_columns == 2 * 3 + 1 + 18
+    left = holding(columns, columns.interior[1, [0, 3]])
+    assert left.n_columns == columns.n_columns - 2
+    assert left.interior[0, [0, 3]].tolist() == [0, 1]
+    assert np.all(left.interior[1] == -1)
+    assert left.mount[:, 0].tolist() == [2, 3]
+    assert np.all(left.mount[:, 1:] == -1)
+    assert left.shift.tolist() == [4, -1, -1]
+    assert left.pose.ravel().tolist() == list(range(5, 23))
+    assert left.drift.shape == (0, 3)

@@ -1,4 +1,4 @@
-"""Mistakes planted in flights are named, clean flights get no sentence."""
+"""Conventions are found: search, mounted cameras, readings."""
 
 from __future__ import annotations
 
@@ -8,14 +8,21 @@ from itertools import cycle, product
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 
-from acx4lib.conventions.mounted import mounted
-from acx4lib.conventions.readings import sightings
-from acx4lib.conventions.search import SHARED, Found, best_reading, notes, other_unit
+from acx4lib.conventions import mounted as conventions_mounted
+from acx4lib.conventions.mounted import measuring_noise, mounted, size
+from acx4lib.conventions.readings import MOST_IMAGES, MOST_MEASUREMENTS, sightings
+from acx4lib.conventions.search import RIGHT, SHARED, Found, best_reading, notes, other_unit
 from acx4lib.errors import FlightError
+from acx4lib.flight.block import select_images
 from acx4lib.flight.reader import read
+from acx4lib.geometry.frames import Pose, turn
 from support.flights import planted, simulated, sized
-from support.helpers import repeats
+from support.helpers import repeats, rotation_angle
+
+# --- mistakes planted in flights are named, clean flights get no sentence --------------------
+
 
 VARIANTS = list(product(sized.DESIGNS, ("small", "medium"), sized.FORMS))
 
@@ -177,3 +184,131 @@ def test_metres_of_a_receiver_without_corrections_are_no_millimetres(block):
 
 def test_what_is_not_known_has_no_unit(block):
     assert unit_of(with_sigma(block, attitude=np.inf)) is None
+
+
+# --- mountings on a trajectory taken as exact: derivatives, truth, robustness ----------------
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return simulated.fly("single-head", seed=1, blocks=("calibration",), exact=True)
+
+
+@pytest.fixture(scope="module")
+def mounted_block(flown):
+    return flown.flight.calibration
+
+
+def body(block, seen):
+    return block.trajectory.T_m_b[seen.exposures]
+
+
+def test_exact_data_give_the_truth(flown, mounted_block):
+    seen = sightings(mounted_block)
+    found = mounted(seen, body(mounted_block, seen))
+    true = flown.truth["cameras"]["CAM"]
+    (camera,) = found.cameras
+    assert found.misfit < 1e-8  # 1e-4 px; the prior of the lens pulls by less
+    assert_allclose(camera.interior.f, true["f_mm"], atol=2e-3)
+    assert_allclose(camera.T_b_c.r, [true[f"lever_{a}_m"] for a in "xyz"], atol=0.03)
+
+
+def test_any_start_of_the_boresight_does(mounted_block):
+    seen = sightings(mounted_block)
+    (camera,) = seen.cameras
+    right = mounted(seen, body(mounted_block, seen))
+    away = replace(camera, T_b_c=Pose(R=camera.T_b_c.R @ turn(0, 2.5), r=camera.T_b_c.r))
+    found = mounted(replace(seen, cameras=(away,)), body(mounted_block, seen))
+    assert rotation_angle(found.cameras[0].T_b_c.R, right.cameras[0].T_b_c.R) < 1e-6
+
+
+def test_a_delay_is_told_from_a_lever_arm_that_cannot_be(mounted_block):
+    seen = sightings(mounted_block)
+    speed = 70.0 * mounted_block.trajectory.T_m_b.R[seen.exposures, :, 0]
+    late = Pose(R=body(mounted_block, seen).R, r=body(mounted_block, seen).r + 0.5 * speed)
+    assert mounted(seen, late).misfit > 0.005  # of 35 m in 600 m to 1000 m; the boresight helps
+    found = mounted(seen, late, speed)
+    assert_allclose(found.delay_s, -0.5, atol=0.01)
+    assert found.misfit < 1e-4
+
+
+def test_derivatives_agree_with_differences(mounted_block):
+    seen = sightings(mounted_block)
+    velocity = np.random.default_rng(1).normal(size=(len(seen.exposures), 3))
+    state = replace(conventions_mounted.started(seen, body(mounted_block, seen)), delay_s=0.1)
+    v, A, B = conventions_mounted._linear(seen, body(mounted_block, seen), state, velocity)
+    steps = np.array([*[1e-6] * 3, *[1e-3] * 6, 1e-9, 1e-12, 1e-15, 1e-8, 1e-8, 1e-4])
+    for column, h in enumerate(steps):
+        dx = np.zeros(len(steps))
+        dx[column] = h
+        there, back = (
+            conventions_mounted._linear(
+                seen,
+                body(mounted_block, seen),
+                conventions_mounted._moved(state, s * dx, state.x_m),
+                velocity,
+            )[0]
+            for s in (1, -1)
+        )
+        numeric = (there - back) / (2 * h)
+        assert_allclose(A[:, :, column], numeric, atol=1e-5 * np.abs(numeric).max())
+    shifted = replace(state, x_m=state.x_m + np.array([0.0, 0.0, 1e-3]))
+    numeric = (
+        conventions_mounted._linear(seen, body(mounted_block, seen), shifted, velocity)[0] - v
+    ) / 1e-3
+    assert_allclose(B[:, :, 2], numeric, atol=1e-5 * np.abs(numeric).max())
+
+
+def test_size_is_the_standard_deviation_of_normal_residuals():
+    v = np.random.default_rng(2).normal(scale=[2.0, 2.0], size=(40_000, 2))
+    assert_allclose(size(v), 2.0, rtol=0.02)  # 40 000 numbers: 0.5 %
+    v[::20] = np.nan  # one in twenty behind the camera
+    assert size(v) < 2.3
+
+
+def test_noise_of_measuring_is_found_under_errors_of_the_trajectory(mounted_block):
+    rng = np.random.default_rng(3)
+    seen = sightings(mounted_block)
+    px = seen.cameras[0].pixel_mm / seen.cameras[0].interior.f
+    noisy = replace(seen, colrow=seen.colrow + 0.5 * rng.normal(size=seen.colrow.shape))
+    T_m_b = body(mounted_block, seen)
+    shaken = Pose(R=T_m_b.R, r=T_m_b.r + rng.normal(size=T_m_b.r.shape))
+    found = mounted(noisy, shaken)
+    assert found.misfit > 5 * px  # 1 m are 15 px
+    noise = measuring_noise(noisy, shaken, found)  # the lens takes up a part of the metre
+    assert 1 / RIGHT < noise / (0.5 * px) < RIGHT
+
+
+# --- which measurements readings are compared by ---------------------------------------------
+
+
+def block_of(tmp_path, size):
+    flight = sized.clean("single-head", "grid", size)
+    return read(planted.write(flight, tmp_path / "flight")).calibration
+
+
+def test_surveyed_points_are_enough_where_there_are_some(tmp_path):
+    block = block_of(tmp_path, "medium")
+    seen = sightings(block)
+    assert len(seen.exposures) == 37
+    assert np.isfinite(seen.x_m).all()
+    names = [block.points[i] for i in block.control.point_idx]
+    assert len(seen.x_m) == len(names)
+
+
+def test_sixty_images_of_a_large_block_are_looked_at(tmp_path):
+    block = block_of(tmp_path, "large")
+    for own in (sightings(block), sightings(_without_control(block))):
+        assert MOST_IMAGES / 2 < len(own.exposures) <= MOST_IMAGES
+        assert len(own) <= 1.05 * MOST_MEASUREMENTS  # rays of whole tie points
+        assert own.point_idx.max() == len(own.x_m) - 1
+
+
+def test_nothing_can_be_said_of_a_few_images(tmp_path):
+    block = block_of(tmp_path, "small")
+    assert sightings(select_images(block, np.arange(len(block.images)) < 5)) is None
+
+
+def _without_control(block):
+    none = np.zeros(len(block.control), dtype=bool)
+    return replace(block, control=block.control[none])

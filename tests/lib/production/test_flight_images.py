@@ -1,9 +1,10 @@
-"""A flight's synthetic images as files: right, made again only where needed, despite bad files."""
+"""Synthetic images of a flight as files: right, made again only where needed, despite bad files."""
 
 import json
 import multiprocessing
 import shutil
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 
 import distributed
 import numpy as np
@@ -13,15 +14,22 @@ import tifffile
 from scipy.ndimage import binary_erosion
 
 from acx4lib import flight as flights
+from acx4lib.calibration.heads import declared_orientation
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.production.exposure import RenderOptions
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.production.exposure import RenderOptions, blended, stacked, stripes
 from acx4lib.production.flight_images import render_flight
 from acx4lib.production.tiff import read_about
 from acx4lib.results import adjustments
 from acx4lib.results import folder as found_results
 from acx4lib.results.own_folder import MARK
+from acx4lib.synthetic_image.rendering import render_plan
 from support.flights import pictured
 from support.flights import written as small
+
+# --- flight images ---------------------------------------------------------------------------
+#
+# A flight's synthetic images as files: right, made again only where needed, despite bad files.
 
 
 @pytest.fixture(scope="module")
@@ -291,3 +299,40 @@ def test_a_cluster_of_two_workers_renders_the_same_bytes(rendered, made, tmp_pat
     assert (sorted(report.rendered), report.problems) == (["E0", "E1"], ())
     for name in ("E0.tif", "E1.tif", "images.csv"):
         assert (tmp_path / "cluster" / name).read_bytes() == (folder / name).read_bytes()
+
+
+# --- heads as bands of one image, in stripes -------------------------------------------------
+
+
+CAMERA = Camera(name="A", width_px=96, height_px=700, pixel_mm=0.01, interior=Interior(f=10.0))
+
+
+@pytest.fixture
+def plan():
+    heads = [CAMERA, replace(CAMERA, name="B"), replace(CAMERA, name="C")]
+    return render_plan(declared_orientation(heads, CAMERA), CAMERA)
+
+
+@pytest.fixture
+def pictures():
+    rng = np.random.default_rng(1)
+    return [rng.integers(1, 65535, (700, 96, 1), dtype=np.uint16) for _ in range(3)]
+
+
+def test_every_head_is_a_band_of_its_own_pixels(plan, pictures):
+    told = []
+    fill = stacked(plan, pictures, 1)
+    parts = [
+        part.copy()
+        for part in stripes(fill, (700, 96, 3), np.dtype("uint16"), lambda *n: told.append(n))
+    ]
+    assert np.array_equal(np.concatenate(parts), np.concatenate(pictures, axis=2))
+    assert [len(part) for part in parts] == [512, 188]
+    assert told == [(512, 700), (700, 700)]
+
+
+def test_blended_heads_of_one_place_are_their_mean(plan, pictures):
+    out = np.empty((700, 96, 1), np.uint16)
+    blended(plan, pictures, 1)(out, 0)
+    mean = np.mean(pictures, axis=0)
+    assert np.abs(out - mean).max() <= 1

@@ -1,4 +1,4 @@
-"""Files of tables beside those that pandas and the module csv write."""
+"""Tables of results: rows of adjustments, files, and compiled lines and digits."""
 
 import csv
 import io
@@ -9,9 +9,22 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
+from acx4lib.bundle import uses
+from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.network import camera_poses
+from acx4lib.bundle.rejections import Rejection
+from acx4lib.calibration import estimates
 from acx4lib.errors import FlightError
-from acx4lib.results import table_files
+from acx4lib.georeferencing.direct import georeference
+from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.results import folder, rows, table_files, tables
+from support import blocks
+from support.helpers import numeric_jacobian
+
+# --- files of tables beside those that pandas and the module csv write -----------------------
+
 
 NAMES = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), max_size=4)
 NUMBERS = st.floats() | st.integers(-(10**6), 10**6).map(float)
@@ -185,3 +198,119 @@ def test_a_table_that_was_written_otherwise_is_read_whole(tmp_path):
     path.write_bytes(table_files.header("rejected") + text)
     begin = table_files.begins("rejected", ["mounting/rig"])
     assert len(table_files.read_some(path, begin)) == 2
+
+
+# --- tables of an adjusted bundle, against what follows from its unknowns one by one ---------
+
+
+def test_distances_have_rows_of_their_own_kind(noisy_block):
+    block = blocks.taped(noisy_block, [[11, 20], [3, 42]], sigma=0.1, off=[0.05, -0.02])
+    bundle = adjust(uses.mounted_orientation(block, free=("f",)))
+    calibration = estimates.from_bundle(bundle)
+    table = rows.bundle_tables("mounting", "single_step", bundle, calibration)["residuals"]
+    found = table[table["kind"] == "distance"]
+    group = bundle.solution.group("distance")
+    assert found["point"].tolist() == ["P11", "P3"]
+    assert found["image_or_exposure"].tolist() == ["P20", "P42"]
+    assert set(found["component"]) == {"distance_m"}
+    for column in ("v", "sigma", "redundancy", "w"):
+        assert_allclose(found[column], getattr(group, column).ravel())
+    out = Rejection(kind="distance", row=1, component=-1, statistic=7.0)
+    (row,) = rows.rejected_table(
+        "mounting", "single_step", block, [out], pose_names=block.trajectory.exposures
+    ).to_dict("records")
+    assert (row["point"], row["image_or_exposure"]) == ("P3", "P42")
+    assert row["reason"] == "distance: w = 7.0 exceeds 3.9"
+
+
+def _in_grid(network, state):
+    """Return E, N, h, omega, phi, kappa (degrees) of every image, flat."""
+    enh, opk = network.block.frame.pose_to_grid(camera_poses(network, state))
+    return np.hstack([enh, np.degrees(opk)]).ravel()
+
+
+def test_exterior_orientations_have_the_sigma_of_all_unknowns_together(mounted):
+    network, state = mounted.network, mounted.state
+    still = np.zeros_like(state.x_m)
+    J = numeric_jacobian(
+        lambda dx: _in_grid(network, network.moved(state, dx, still)),
+        np.zeros(network.n_columns),
+        step=1e-3,  # coordinates of 7000 km are rounded to 1e-9 m
+    )
+    cov = propagate(J, mounted.solution.cov) * mounted.solution.sigma0_sq
+    found = rows.exterior_orientations(mounted)
+    assert list(found.columns) == list(folder.COLUMNS["exterior_orientation"][2:])
+    assert tuple(found["image"]) == network.block.images.names
+    values, sigma = found.iloc[:, 1:7].to_numpy(), found.iloc[:, 7:].to_numpy()
+    assert_allclose(values.ravel(), _in_grid(network, state), rtol=1e-14)
+    expected = sigmas(cov).reshape(-1, 6)
+    assert_allclose(sigma[:, 2:], expected[:, 2:], rtol=1e-5)
+    # sigma in plan are metres, of which the grid's scale makes a little less
+    assert_allclose(sigma[:, :2], expected[:, :2], rtol=5e-4)
+    # the mounting's part cannot be neglected: the bodies' attitudes alone are known worse
+    bodies = network.layout.pose[:, 3:]
+    alone = np.degrees(np.sqrt(np.diagonal(mounted.solution.cov)[bodies]))
+    assert not np.allclose(np.sort(alone, axis=1), np.sort(sigma[:, 3:], axis=1), rtol=1e-2)
+
+
+# --- tables ----------------------------------------------------------------------------------
+#
+# Tables for programs: the numbers of the values that they are made of, and clear mistakes.
+
+
+PAIR = blocks.pair()
+CALIBRATION = blocks.calibrated(PAIR)
+IMAGES = PAIR.images.names[:2]
+PIXELS = {"image": IMAGES, "col_px": [2000.0, 10.0], "row_px": [1500, 20], "height_m": [900.0] * 2}
+
+
+def test_parameters_and_covariance_are_those_of_the_results_folder():
+    found, cov = tables.parameters(CALIBRATION), tables.covariance(CALIBRATION)
+    kept = rows.calibration_tables("mounting", "single_step", CALIBRATION)["parameters"]
+    columns = ["camera", "parameter", "value", "sigma", "unit"]
+    determined = found.loc[found["determined"], columns].reset_index(drop=True)
+    pd.testing.assert_frame_equal(determined, kept[columns])
+    assert cov.index.tolist() == cov.columns.tolist()
+    assert cov.index[0] == "CAM/f_mm"
+    assert_allclose(np.sqrt(np.diag(cov)), found["sigma"])
+
+
+def test_an_undetermined_parameter_has_a_row_that_says_so():
+    loose = blocks.calibrated(PAIR)
+    loose.cov[:, :] *= 1e6
+    found = tables.parameters(loose)
+    assert not found.loc[found["parameter"] == "lever_x_m", "determined"].any()
+
+
+def test_pixels_on_the_ground_have_sigma_that_grow_with_what_errs():
+    sigma = ["sigma_east_m", "sigma_north_m", "sigma_height_m"]
+    poses = georeference(PAIR, CALIBRATION)
+    exact = georeference(PAIR, estimates.given(PAIR.cameras))
+    found = tables.ground_points(PAIR, poses, PIXELS)
+    rough = tables.ground_points(PAIR, poses, {**PIXELS, "sigma_px": np.full(2, 5.0)})
+    assert found.columns.tolist() == [
+        *("image", "col_px", "row_px", "east_m", "north_m", "height_m"),
+        *sigma,
+    ]
+    assert_allclose(found["height_m"], 900.0, atol=1e-5)
+    assert (rough[sigma[:2]] > found[sigma[:2]]).all(axis=None)
+    assert (found[sigma[:2]] > tables.ground_points(PAIR, exact, PIXELS)[sigma[:2]]).all(axis=None)
+    assert_allclose(found["sigma_height_m"], 0.0, atol=1e-7)
+    uncertain = pd.DataFrame(PIXELS).assign(sigma_height_m=[0.5, 0.2])
+    assert_allclose(tables.ground_points(PAIR, poses, uncertain)["sigma_height_m"], [0.5, 0.2])
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"image": ["0_CAM", "0_TAIL"]}, "pixels, row 1: image: '0_TAIL' is unknown"),
+        ({"height_m": 900.0}, "pixels: height_m: the single value 900.0; must be one for each row"),
+        ({"height_m": [900.0, np.nan]}, "pixels, row 1: height_m: 'nan'; must be a finite number"),
+        ({"sigma_px": np.zeros(2)}, "pixels, row 0: sigma_px: 0.0; must be positive"),
+    ],
+)
+def test_a_wrong_table_of_pixels_is_told_by_row_and_column(columns, says):
+    poses = georeference(PAIR, CALIBRATION)
+    with pytest.raises(FlightError) as caught:
+        tables.ground_points(PAIR, poses, {**PIXELS, **columns})
+    assert caught.value.problems[0].startswith(says)

@@ -1,4 +1,4 @@
-"""Lens models of other programs, held against those programs, OpenCV and their own inverses."""
+"""Lens models of other programs, and one lens."""
 
 from dataclasses import replace
 
@@ -8,9 +8,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4lib.errors import FlightError
-from acx4tools.exchange import lens_models
+from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from acx4tools.exchange import lens, lens_models
 from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import COLMAP, METASHAPE, OPENSFM, OPF, Lens
+
+# --- lens models -----------------------------------------------------------------------------
+#
+# Lens models of other programs, held against those programs, OpenCV and their own inverses.
+
 
 IDEAL = np.random.default_rng(1).uniform(-0.45, 0.45, (60, 2))
 HOLE = Pinhole(fx=1000.0, fy=1000.0, cx=500.0, cy=400.0)
@@ -23,14 +29,14 @@ def wrong(found, expected):
     return FlightError([f"f:1: camera: {found}; {expected}"])
 
 
-def lens(**wanted):
+def lens_models_lens(**wanted):
     plain = {"width_px": 1000, "height_px": 800, "hole": HOLE, "wrong": wrong}
     return Lens(**{**plain, "distortion": lambda points: points, **wanted})
 
 
 def lens_of(formula, values, **wanted):
     distortion = formula.distortion(values)
-    return lens(distortion=distortion, is_fisheye=formula.is_fisheye, **wanted)
+    return lens_models_lens(distortion=distortion, is_fisheye=formula.is_fisheye, **wanted)
 
 
 def parameters(program, name):
@@ -126,19 +132,19 @@ def test_a_fisheye_of_pix4d_counts_angles_in_right_angles():
 
 
 def test_skew_adds_the_other_coordinate():
-    moved = lens(skew=(0.003, 0.002)).colrow(IDEAL) - lens().colrow(IDEAL)
+    moved = lens_models_lens(skew=(0.003, 0.002)).colrow(IDEAL) - lens_models_lens().colrow(IDEAL)
     assert_allclose(moved, np.stack([3.0 * IDEAL[:, 1], 2.0 * IDEAL[:, 0]], axis=1), atol=1e-9)
 
 
 def test_a_pixel_size_is_that_of_the_file_or_of_the_user_or_nominal():
-    known = lens(pixel_um=3.7500001)
+    known = lens_models_lens(pixel_um=3.7500001)
     assert known.refitted("a").table["pixel_um"] == 3.75
-    assert lens().refitted("b").table["pixel_um"] == 5.0
-    assert lens().refitted("b", 2.0).table["focal_mm"] == 2.0
+    assert lens_models_lens().refitted("b").table["pixel_um"] == 5.0
+    assert lens_models_lens().refitted("b", 2.0).table["focal_mm"] == 2.0
 
 
 def test_what_is_zero_is_not_written():
-    assert lens().refitted("a").table == {
+    assert lens_models_lens().refitted("a").table == {
         "width_px": 1000,
         "height_px": 800,
         "pixel_um": 5.0,
@@ -157,4 +163,199 @@ def test_what_is_zero_is_not_written():
 )
 def test_what_no_flight_has_is_told(wanted, message):
     with pytest.raises(ValueError, match=message):
-        replace(lens(), **wanted).refitted("a")
+        replace(lens_models_lens(), **wanted).refitted("a")
+
+
+# --- lenses refitted, held against OpenCV's own functions and closed forms -------------------
+
+
+SIZE = {"name": "C", "width_px": 4000, "height_px": 3000, "pixel_mm": 0.004}
+HOLE_LENS = Pinhole(fx=4100.0, fy=4103.0, cx=2011.0, cy=1490.0)
+BROWN = np.array([-0.06, 0.03, 4e-4, -3e-4, -0.01])
+COLROW = np.array([[0.0, 0.0], [3999.0, 10.0], [2000.0, 2999.0], [777.0, 888.0]])
+
+
+def matrix(hole):
+    return np.array([[hole.fx, 0.0, hole.cx], [0.0, hole.fy, hole.cy], [0.0, 0.0, 1.0]])
+
+
+def undistorted(colrow):
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-14)
+    return cv2.undistortPoints(
+        colrow[:, None], matrix(HOLE_LENS), BROWN, None, None, None, criteria
+    )[:, 0]
+
+
+def fisheye(colrow):
+    return cv2.fisheye.undistortPoints(colrow[:, None], matrix(HOLE_LENS), np.zeros(4))[:, 0]
+
+
+def seen(values, ideal):
+    """Return pixels by OpenCV: fx, fy, cx, cy, k1, k2, p1, p2."""
+    fx, fy, cx, cy = values[:4]
+    points, zero = np.column_stack([ideal, np.ones(len(ideal))]), np.zeros(3)
+    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    return cv2.projectPoints(points, zero, zero, K, values[4:])[0][:, 0]
+
+
+def by_brown(ideal):
+    return seen(np.r_[HOLE_LENS.fx, HOLE_LENS.fy, HOLE_LENS.cx, HOLE_LENS.cy, BROWN], ideal)
+
+
+def by_fisheye(ideal):
+    return cv2.fisheye.distortPoints(ideal[:, None], matrix(HOLE_LENS), np.zeros(4))[:, 0]
+
+
+@pytest.mark.parametrize(
+    ("ideal", "pixels"), [(undistorted, by_brown), (fisheye, by_fisheye)], ids=["brown", "fisheye"]
+)
+def test_a_refitted_camera_has_the_rays_of_the_lens(ideal, pixels):
+    """As closely in the image as it says; the fisheye is 30 degrees wide on each side."""
+    camera, left = lens.camera_of(ideal, HOLE_LENS, **SIZE)
+    found = correct(camera.interior, xy_from_colrow(camera, COLROW)) / camera.interior.f
+    apart = np.hypot(*(pixels(found * [1, -1]) - COLROW).T)
+    assert apart.max() <= 1.01 * left.largest_px
+    assert left.rms_px < left.largest_px < 0.15  # of more than 50 px of distortion
+    assert_allclose(camera.interior.f, 4103 * 0.004)
+
+
+@pytest.mark.parametrize("skew", [0.0, 2.5])
+def test_focal_lengths_principal_point_and_skew_come_back(skew):
+    hole = replace(HOLE_LENS, skew=skew)
+    camera, _ = lens.camera_of(
+        lambda colrow: undistorted(HOLE_LENS.colrow(hole.points(colrow))), hole, **SIZE
+    )
+    back = lens.pinhole_of(camera)
+    found = [back.fx, back.fy, back.cx, back.cy, back.skew]
+    assert_allclose(found, [4100, 4103, 2011, 1490, skew], atol=1e-9)
+
+
+def test_skew_is_b2_and_a_pixel_at_the_corner_is_what_the_formulas_say():
+    """By Metashape's formula: u = cx + x f + x b1 + y b2, of an ideal point x, y."""
+    hole = replace(HOLE_LENS, skew=2.5)
+    camera, left = lens.camera_of(hole.points, hole, **SIZE)
+    assert left.largest_px < 1e-9
+    assert_allclose(camera.interior.b2, 2.5 / 4100, rtol=1e-12)
+    x, y = -0.4, 0.3
+    u, v = 2011 + 4103 * x - 3 * x + 2.5 * y, 1490 + 4103 * y
+    ideal = correct(camera.interior, xy_from_colrow(camera, np.array([[u, v]])))
+    assert_allclose(ideal / camera.interior.f, [[x, -y]], atol=1e-12)
+
+
+def test_a_lens_without_skew_tells_what_b2_leaves():
+    """A shear is half a turn, which no pinhole has: b2 times half the height at the most."""
+    camera = Camera(**SIZE, interior=Interior(f=16.0, xp=0.1, yp=-0.2, b2=1e-3))
+    hole, coefficients, left = lens.without_skew(camera)
+    assert hole.skew == 0.0
+    assert 0.5 < left.largest_px < 1e-3 * (1500 + 0.2 / 0.004 + 20)
+    nodes = lens.nodes(4000, 3000)
+    ideal = correct(camera.interior, xy_from_colrow(camera, nodes)) / 16.0 * [1, -1]
+    by_role = dict(zip(lens.BROWN, coefficients, strict=True))
+    apart = np.hypot(*(hole.colrow(ideal + lens.effects(ideal, by_role)) - nodes).T)
+    assert_allclose(apart.max(), left.largest_px, rtol=1e-6)
+
+
+def test_focal_length_principal_point_and_b1_are_fitted_where_that_leaves_less():
+    """Decentring that changes with the distance, and skew, as Metashape has them."""
+    values = {"k1": -0.1, "k2": 0.05, "k4": 0.3, "u": 4e-3, "v": -3e-3, "m1": 2.0}
+
+    def distorted(at):
+        moved = at + lens.effects(at, values)
+        return moved + np.stack([5e-4 * moved[:, 1], np.zeros(len(at))], axis=1)
+
+    def ideal(colrow):
+        at = HOLE_LENS.points(colrow)
+        return lens.inverse(distorted, at, at)
+
+    camera, left = lens.camera_of(ideal, HOLE_LENS, **SIZE)
+    nodes = lens.nodes(4000, 3000)
+    rays = correct(camera.interior, xy_from_colrow(camera, nodes)) / camera.interior.f * [1, -1]
+    apart = np.hypot(*(HOLE_LENS.colrow(distorted(rays)) - nodes).T)
+    assert_allclose(
+        [apart.max(), np.sqrt(np.mean(apart**2))], [left.largest_px, left.rms_px], rtol=0.05
+    )
+    coefficients, _ = lens.brown(
+        HOLE_LENS.points(nodes), ideal(nodes) - HOLE_LENS.points(nodes), HOLE_LENS.fy
+    )
+    own = lens.pinhole_of(camera)
+    assert np.hypot(own.cx - HOLE_LENS.cx, own.cy - HOLE_LENS.cy) > 1
+    held = _held(ideal, nodes, coefficients)
+    assert left.rms_px < 0.9 * held
+
+
+def _held(ideal, nodes, coefficients):
+    """Return the rms, px, of the nearest lens with the pinhole held."""
+    at = HOLE_LENS.points(nodes)
+    effects = lens.effects(at, dict(zip(lens.BROWN, coefficients, strict=True)))
+    return float(
+        np.sqrt(np.mean(np.sum((HOLE_LENS.fy * (at + effects - ideal(nodes))) ** 2, axis=1)))
+    )
+
+
+def test_a_focal_length_that_is_no_scale_at_the_centre_is_fitted_too():
+    """By the model FOV the centre's scale is 2 tan(w / 2) / w of the focal length."""
+    omega, hole = 0.6, Pinhole(fx=4100.0, fy=4100.0, cx=1999.5, cy=1499.5)
+    scale = 2 * np.tan(omega / 2) / omega
+
+    def ideal(colrow):
+        at = hole.points(colrow)
+        r = np.hypot(*at.T)[:, None]
+        return at * np.tan(r * omega) / (scale * omega * r)
+
+    camera, left = lens.camera_of(ideal, hole, **SIZE)
+    assert_allclose(camera.interior.f, 4100 * 0.004 * scale, rtol=1e-6)
+    assert left.largest_px < 1e-3
+    found = correct(camera.interior, xy_from_colrow(camera, COLROW)) / camera.interior.f
+    assert_allclose(found * [1, -1], ideal(COLROW), atol=1e-6)
+
+
+def test_opencvs_coefficients_come_back():
+    camera, there = lens.camera_of(undistorted, HOLE_LENS, **SIZE)
+    _, back = lens.brown_of(camera)
+    again, _ = lens.model_of(camera, seen, np.array([4e3, 4e3, 2e3, 1.5e3, 0.1, 0.1, 0.1, 0.1]))
+    assert back.largest_px < 2 * there.largest_px + 0.01
+    assert_allclose(again[:4], [4100, 4103, 2011, 1490], atol=0.5)
+    assert_allclose(again[4:], BROWN[:4], atol=0.02)
+
+
+def test_a_camera_without_distortion_is_the_same_to_any_model():
+    plain = Camera(**SIZE, interior=Interior(f=16.0, xp=0.1, yp=-0.2, b1=1e-3))
+    start = np.array([3e3, 3e3, 2e3, 1.5e3, 0.1, 0.1, 0.1, 0.1])
+    values, left = lens.model_of(plain, seen, start)
+    hole = lens.pinhole_of(plain)
+    assert left.largest_px < 1e-8
+    assert_allclose(values, [hole.fx, hole.fy, hole.cx, hole.cy, 0, 0, 0, 0], atol=1e-8)
+    refitted, left = lens.camera_of(hole.points, hole, **SIZE)
+    assert left.largest_px < 1e-9
+    assert_allclose(refitted.interior.to_array(), plain.interior.to_array(), atol=1e-12)
+
+
+def test_an_inverse_is_that_of_a_closed_form():
+    wanted = np.array([[0.3, 0.4], [-0.2, 0.1], [0.0, 0.0]])
+    assert_allclose(lens.inverse(np.sinh, wanted, wanted), np.arcsinh(wanted), atol=1e-14)
+
+
+def test_a_lens_that_turns_back_has_no_inverse_beyond():
+    def back(points):
+        return points * (1 - np.sum(points**2, axis=1, keepdims=True))
+
+    wanted = np.array([[0.3, 0.0], [0.5, 0.0]])  # the largest radius is 0.385
+    found = lens.inverse(back, wanted, wanted)
+    assert_allclose(back(found[:1]), wanted[:1], atol=1e-14)
+    assert np.isnan(found[1]).all()
+
+
+def test_what_is_no_lens_of_a_flight_is_told():
+    def without_corners(colrow):
+        return np.where(
+            np.hypot(*(colrow - 1500).T)[:, None] < 1800, HOLE_LENS.points(colrow), np.nan
+        )
+
+    with pytest.raises(
+        ValueError, match=r"lens: expected a ray for every pixel, got none at col -0\.5, row -0\.5"
+    ):
+        lens.camera_of(without_corners, HOLE_LENS, **SIZE)
+    with pytest.raises(ValueError, match="lens: expected a ray for every pixel"):
+        lens.camera_of(without_corners, replace(HOLE_LENS, fx=1e-307), **SIZE)
+    with pytest.raises(ValueError, match="fx: expected a positive number, got 0"):
+        replace(HOLE_LENS, fx=0)

@@ -1,4 +1,4 @@
-"""Figures of the frame and of the heads' responses."""
+"""The chapter on the synthetic image: figures, tables, turned heads."""
 
 import re
 from dataclasses import replace
@@ -8,15 +8,24 @@ import pytest
 from matplotlib.quiver import Quiver
 from numpy.testing import assert_allclose
 
+from acx4book.chapters.synthetic_image import tables, turned_head
 from acx4book.chapters.synthetic_image.figures import (
     footprints,
     refinements,
     response_curves,
     seams,
 )
+from acx4lib import flight as flights
 from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
-from acx4lib.synthetic_image.frame import reduced_heads
+from acx4lib.stages import synthetic
+from acx4lib.synthetic_image.frame import (
+    coverage,
+    head_from_synthetic,
+    reduced_heads,
+    synthetic_from_head,
+)
 from acx4lib.synthetic_image.response import estimate_response
+from acx4lib.synthetic_image.transferred_points import carry
 from support.figures import (
     assert_labelled,
     assert_texts_apart,
@@ -26,8 +35,12 @@ from support.figures import (
     sentence,
     title,
 )
+from support.flights import in_heads
+from support.flights import pictured as flights_pictured
 from support.pictures import printed_camera, taken
 from support.pictures.tied import NAMES, PIXEL_MM, K, pictured, refined, tied
+
+# --- figures of the frame and of the heads' responses ----------------------------------------
 
 
 def test_footprints_show_the_frame_and_every_head(orientation):
@@ -175,3 +188,148 @@ def test_a_misfit_is_shown_where_it_crosses_edges(orientation):
     both.orientations["before"] = replace(orientation, xyz_mm=xyz)
     fig = drawn(seams(pictured(seen), both, None))
     assert title(fig.axes[0]) == "CAM2 | CAM3"
+
+
+# --- tables of the synthetic image beside Table 2 and the paper's claims ---------------------
+
+
+@pytest.fixture(scope="module")
+def refinement(refined):
+    return refined[0].refinement
+
+
+def test_table_2_is_the_papers(flight):
+    table = tables.table_2(flight, flight.synthetic_camera)
+    printed = table["paper"].str.split(" x ").str[0].astype(float)
+    assert np.array_equal(table["value"].astype(float), printed)
+
+
+def test_coverage_is_that_of_the_printed_table_1(flight, refined):
+    """0.00 / 69.2 / 28.7 / 0.4 / 1.7 per cent with eq. (6) as printed."""
+    heads = {"ours": refined[0].orientation, **tables.printed_heads(flight)}
+    ours, printed = (100 * coverage(one, flight.synthetic_camera).share for one in heads.values())
+    assert np.allclose(printed, [0.0, 69.2, 28.7, 0.4, 1.7], atol=0.3)
+    assert np.allclose(ours, printed, atol=0.5)
+    table = tables.seen({"ours": ours / 100})
+    assert table.index.tolist() == ["no head", "1 head", "2 heads", "3 heads", "4 heads"]
+    assert table["ours"].sum() == pytest.approx(100)
+
+
+def test_heads_that_are_not_the_papers_stand_beside_none(scene_flight):
+    assert tables.printed_heads(scene_flight) == {}
+
+
+def test_the_first_head_is_not_turned(refinement):
+    table = tables.turns(refinement)
+    sigma = table.xs("sigma", axis=1, level=1)
+    assert sigma.loc["CAM1"].isna().all()
+    assert (sigma.loc["CAM2":] > 0).all(axis=None)
+    value = table.xs("value", axis=1, level=1)
+    assert (value.loc["CAM1"] == 0).all()
+    assert (np.abs(value) < 6 * sigma).loc["CAM2":].all(axis=None)  # of true heads and angles
+
+
+def test_every_way_to_refine_has_a_row_and_none_makes_it_worse(flight, refinement):
+    table = tables.ways(refinement, flight.synthetic_camera)
+    assert table.index.tolist() == [*tables.WAYS.values()]
+    left = table[tables.RMS]
+    assert (left.iloc[1:] <= left.iloc[0]).all()
+    assert (table[tables.EVERY] >= left - 1e-9).all()
+
+
+def test_each_exposure_by_itself_is_a_row_where_there_are_pictures(
+    scene_flight, scene_orientation, scene_ties
+):
+    refinement = synthetic.refine(scene_flight, scene_orientation, scene_ties)
+    table = tables.ways(refinement, scene_flight.synthetic_camera)
+    assert table.index[-1] == tables.EACH
+
+
+def test_tables_of_what_a_flight_does_not_have_are_empty(flight, refinement):
+    without = synthetic.gathered(
+        refinement.before, refinement.ties[:0], {}, refinement.before, None
+    )
+    assert len(tables.ways(without, flight.synthetic_camera)) == 0
+    assert tables.turns(without).xs("value", axis=1, level=1).eq(0).all(axis=None)
+    assert len(tables.carried(flight, {})) == 0
+
+
+def test_carried_points_are_counted_by_block(tmp_path):
+    small = flights.read(in_heads.write(tmp_path))
+    points = carry(small.calibration, flights_pictured.orientation(), small.synthetic_camera)
+    row = tables.carried(small, {"calibration": points}).loc["calibration"]
+    assert row["Measured in heads"] == len(small.calibration.image_points)
+    assert row["Carried"] + row["outside the frame"] == row["Points of exposures"]
+
+
+# --- the explorer of a turned head: its seams open as the library's equations open them ------
+
+
+@pytest.fixture(scope="module")
+def turned_head_synthetic():
+    return taken.synthetic(1)
+
+
+@pytest.fixture(scope="module")
+def shown(orientation, turned_head_synthetic):
+    refinement = refined(orientation, tied(orientation, (0, 1), 40)[0])
+    return turned_head.explorer(
+        refinement,
+        turned_head_synthetic,
+        turned_head.seams(orientation, turned_head_synthetic, 1),
+        1,
+    )
+
+
+TURN = [0.013, -0.021, 0.03]
+
+
+def test_readings_are_the_rms_of_the_moves_by_the_library(
+    orientation, turned_head_synthetic, shown
+):
+    opk = orientation.opk.copy()
+    opk[1] += np.radians(TURN)
+    wrong, moves = replace(orientation, opk=opk), []
+    for seam in turned_head.seams(orientation, turned_head_synthetic, 1):
+        colrow = head_from_synthetic(orientation, 1, seam.xy)
+        moves.append(
+            (synthetic_from_head(wrong, 1, colrow) - seam.xy) / turned_head_synthetic.pixel_mm
+        )
+    moves.append(np.concatenate(moves))
+    for row, own in zip(shown.readings(TURN), moves, strict=True):
+        left = own - moves[-1].mean(axis=0)
+        expected = [np.sqrt((d**2).sum(axis=1).mean()) for d in (own, left)]
+        assert [float(text) for text in row] == pytest.approx(expected, abs=0.006)
+
+
+def test_a_shift_takes_away_a_tilt_nearly_and_a_turn_in_the_plane_not(shown):
+    tilted, swung = (
+        [float(x) for x in shown.readings(v)[-1]] for v in ([0.02, 0, 0], [0, 0, 0.02])
+    )
+    assert tilted[1] < 0.2 * tilted[0]
+    assert swung[1] > 0.5 * swung[0]
+
+
+def test_the_places_of_a_seam_lie_in_both_heads(orientation, turned_head_synthetic):
+    for seam in turned_head.seams(orientation, turned_head_synthetic, 1):
+        for head in (1, seam.head):
+            camera = orientation.heads[head]
+            colrow = head_from_synthetic(orientation, head, seam.xy)
+            assert np.all((colrow > -0.5) & (colrow < [camera.width_px, camera.height_px]))
+
+
+def test_what_moves_up_in_the_frame_moves_up_beside_an_upright_seam(shown):
+    frame, seam = ([mark.places([0.02, 0, 0]) - mark.at for mark in p.marks] for p in shown.panels)
+    upwards = np.concatenate(frame)[:, 1].mean()
+    assert upwards < 0  # in a drawing y counts down
+    assert all(moved[:, 1].mean() < 0 for moved in seam)
+
+
+def test_a_head_that_shares_nothing_has_none(orientation, turned_head_synthetic):
+    opk = orientation.opk.copy()
+    opk[1, 0] += 1.0
+    aside = replace(orientation, opk=opk)
+    refinement = refined(orientation, tied(orientation, (0, 1), 40)[0])
+    refinement = replace(refinement, orientations={"before": aside, "rotations": aside})
+    assert turned_head.view(refinement, turned_head_synthetic) is None
+    assert turned_head.view(refinement, turned_head_synthetic, head=4) is None

@@ -1,4 +1,4 @@
-"""The page on speed says what the benchmarks' files hold, and nothing else."""
+"""Pages of benchmarks: speed, and what imports say."""
 
 import re
 
@@ -7,7 +7,11 @@ import pandas as pd
 import pytest
 
 from acx4book.pages.benchmarks import speed
+from acx4book.pages.build import BENCHMARKS
 from support.helpers import ROOT
+
+# --- the page on speed says what the benchmarks' files hold, and nothing else ----------------
+
 
 ABOUT = {
     "date": "2026-01-02",
@@ -180,3 +184,14 @@ def test_what_is_stored_makes_a_page_and_what_is_missing_is_named(tmp_path):
     assert "tab-speed-ties" in texts["speed-rendering.md"]
     with pytest.raises(FileNotFoundError, match="make bench"):
         speed.read(tmp_path)
+
+
+# --- what imports said is shown with its command, long lines broken --------------------------
+
+
+def test_every_kind_has_its_text():
+    texts = dict(speed.of_imports(ROOT / BENCHMARKS))
+    assert texts["imports-sbet.txt"].startswith("$ acx4 import sbet applanix_pdal/2-points.sbet")
+    for text in texts.values():
+        assert max(map(len, text.splitlines())) <= speed.WIDTH
+        assert "  found: " in text

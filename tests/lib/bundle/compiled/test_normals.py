@@ -1,4 +1,4 @@
-"""The compiled normal equations against the plain ones, for every kind of bundle."""
+"""Compiled normal equations equal the plain ones."""
 
 from dataclasses import replace
 
@@ -9,13 +9,19 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4lib.bundle import uses
 from acx4lib.bundle.compiled import normals, packing
+from acx4lib.bundle.compiled.joined import by_points
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.geometry.parameters import MOUNT, Prior
 from acx4lib.least_squares import adjustment, processors
+from acx4lib.least_squares.adjustment import of_points
 from acx4lib.least_squares.banded import BandedInverse
 from acx4lib.least_squares.gauss_markov import GaussMarkov
-from acx4lib.least_squares.normal_equations import PlainNormals
+from acx4lib.least_squares.normal_equations import PlainNormals, point_normals
+from support import blocks
 from support.flights.simulated import read_back
+
+# --- the compiled normal equations against the plain ones, for every kind of bundle ----------
+
 
 ALL = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
 SIGMAS = 1e-10  # of a step and of covariances, in standard deviations: the issue's bound
@@ -285,3 +291,140 @@ def test_only_pairs_of_images_that_share_points_are_numbered():
         [5, *nothing],
         [6, *nothing],
     ]
+
+
+# --- points that distances join: compiled against plain, in every kind of bundle -------------
+
+
+ENDS = np.array([[12, 20], [20, 30], [3, 40], [0, 1], [14, 45], [5, 33], [12, 20]])
+"""Two tie points, one of them twice; tie and control; control alone, one or both error-free."""
+
+
+@pytest.fixture(scope="module")
+def block(noisy_block):
+    sigma_m = noisy_block.control.sigma_m.copy()
+    sigma_m[[1, 5]] = 0.0
+    held = replace(noisy_block, control=replace(noisy_block.control, sigma_m=sigma_m))
+    off = 0.01 * np.random.default_rng(3).normal(size=len(ENDS))
+    return blocks.taped(held, ENDS, sigma=0.01, off=off)
+
+
+def held(net):
+    return uses.with_held_poses(net, net.pose_names[:2], net.start.T_m_b[:2])
+
+
+NETWORKS_JOINED = {
+    "mounted": lambda b: uses.mounted_orientation(b, free=("f", "xp", "yp")),
+    "free": lambda b: uses.free_orientation(b, free=("f", "k1")),
+    "held poses": lambda b: held(uses.free_orientation(b, free=("f",))),
+    "nothing but poses": lambda b: uses.mounted_orientation(b, free=(), free_mount=()),
+}
+
+
+@pytest.mark.parametrize("name", NETWORKS_JOINED)
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_a_step_is_the_plain_one_of_joined(block, name, damping, form, plain):
+    net = NETWORKS_JOINED[name](block)
+    found, expected = net.normals(net.start, damping), plain(net, net.start, damping)
+    assert isinstance(found, normals.NetworkNormals)
+    assert len(net.distances) == len(ENDS)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-12)
+    assert found.n_observations == expected.n_observations
+    (dx, dp), (dx_0, dp_0) = found.step(), expected.step()
+    assert_allclose(dx, dx_0, atol=1e-9 * np.abs(dx_0).max())
+    assert_allclose(dp, dp_0, atol=1e-9 * np.abs(dp_0).max())
+    assert found.promised == pytest.approx(expected.promised, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", NETWORKS_JOINED)
+def test_covariances_and_tests_are_the_plain_ones_of_joined(block, name, form, plain):
+    net = NETWORKS_JOINED[name](block)
+    state, _ = adjustment.solve(net, net.start)
+    found, expected = net.normals(state).precision(), plain(net, state).precision()
+    sigma = np.sqrt(np.diag(expected.inverse.dense))
+    scale = np.outer(sigma, sigma)
+    assert_allclose(found.inverse.dense / scale, expected.inverse.dense / scale, atol=1e-9)
+    sigma = np.sqrt(np.maximum(np.einsum("pii->pi", expected.cov_points), 1e-30))
+    scale = sigma[:, :, None] * sigma[:, None, :]
+    assert_allclose(found.cov_points / scale, expected.cov_points / scale, atol=1e-9)
+    for group, oracle in zip(found.groups, expected.groups, strict=True):
+        assert group.kind == oracle.kind
+        assert_allclose(group.redundancy, oracle.redundancy, atol=1e-9)
+
+
+def test_observations_of_some_points_are_those_of_all(block):
+    net = NETWORKS_JOINED["free"](block)
+    equations = [e for e in net.equations(net.start)[1:] if e.B is not None]
+    points = net.observed_points
+    V, h = point_normals(np.ones(net.n_points, dtype=bool), equations)
+    found = by_points(points, equations)
+    assert_allclose(found[0], V[points], rtol=1e-14)
+    assert_allclose(found[1], h[points], rtol=1e-14)
+    own, rows = of_points(equations[0], points[:3])
+    assert set(points[own.point]) <= set(points[:3])
+    assert_allclose(own.v, equations[0].v[rows])
+
+
+# --- compiled products of small matrices against numpy ---------------------------------------
+
+
+numba = pytest.importorskip("numba")
+small_products = pytest.importorskip("acx4lib.bundle.compiled.small_products")
+
+
+def compiled(**shape):
+    product = small_products.SmallProduct(**shape).compiled()
+
+    @numba.njit
+    def call(out, out_at, left, left_at, right, right_at):
+        product(out, out_at, left, left_at, right, right_at)
+
+    return call
+
+
+@pytest.mark.parametrize(("add", "before", "sign"), [(0, 0, 1), (1, 1, 1), (-1, 1, -1)])
+def test_a_product_is_written_added_or_taken_off_where_it_is_told(rng, add, before, sign):
+    call = compiled(rows=3, inner=2, width=8, left=(2, 1), right=16, out=8, add=add)
+    left, right, out = (
+        rng.normal(size=(4, 3, 2)),
+        rng.normal(size=(2, 16)),
+        rng.normal(size=(2, 3, 8)),
+    )
+    expected = out.copy()
+    expected[1] = before * expected[1] + sign * left[2] @ right[:, 8:]
+    call(out, 24, left, 12, right, 8)
+    assert_allclose(out, expected, rtol=1e-14, atol=1e-14)
+
+
+def test_strides_take_the_transpose_of_the_left_matrix(rng):
+    call = compiled(rows=6, inner=3, width=16, left=(1, 16), right=16, out=16)
+    left, right, out = rng.normal(size=(3, 16)), rng.normal(size=(3, 16)), np.zeros((6, 16))
+    call(out, 0, left, 0, right, 0)
+    assert_allclose(out, left[:, :6].T @ right, rtol=1e-14, atol=1e-14)
+
+
+def test_a_dot_product_begins_where_it_is_told(rng):
+    product, a, b = small_products.dot(16), rng.normal(size=40), rng.normal(size=(2, 16))
+
+    @numba.njit
+    def call(a, b):
+        return product(a, 3, b, 16)
+
+    assert_allclose(call(a, b), a[3:19] @ b[1], rtol=1e-14)
+
+
+def test_what_is_aligned_begins_where_a_line_of_the_cache_does():
+    for shape in ((3,), (5, 2, 24), (1, 3, 3)):
+        made = small_products.aligned(*shape)
+        assert made.shape == shape
+        assert not made.any()
+        assert made.ctypes.data % 64 == 0
+        assert made.flags.c_contiguous
+
+
+def test_the_lower_triangle_of_a_symmetric_product_may_be_left_out(rng):
+    call = compiled(rows=16, inner=2, width=16, left=(1, 16), right=16, out=16, add=1, upper=True)
+    J, out = rng.normal(size=(2, 16)), np.zeros((16, 16))
+    call(out, 0, J, 0, J, 0)
+    assert_allclose(np.triu(out), np.triu(J.T @ J), rtol=1e-14, atol=1e-14)
+    assert not out[8:, :8].any()

@@ -1,5 +1,6 @@
-"""Orientations by direct georeferencing, held against PROJ, another program, and the contract."""
+"""What exports write: pictures taken, settings, orientations, Brown's model."""
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +10,22 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.reference import data
-from acx4lib.errors import FlightError
+from acx4lib.errors import FlightError, OutputError
+from acx4lib.flight.setup import camera_of
+from acx4lib.geometry.frames import exp
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
-from acx4tools.exchange.outward import calibrated, orientations
+from acx4tools.exchange.lens import Left, Pinhole
+from acx4tools.exchange.lens_models import OPF, Lens
+from acx4tools.exchange.outward import brown, calibrated, flight_toml, orientations, taken
+from acx4tools.exchange.outward.calibrated import Calibrated
 from acx4tools.exchange.outward.orientations import orient
+from acx4tools.exchange.outward.taken import Taken, require_near, sentences
 from support.reference_files import needs
+from support.run_results import estimated
+
+# --- orientations ----------------------------------------------------------------------------
+#
+# Orientations by direct georeferencing, held against PROJ, another program, and the contract.
 
 
 @pytest.fixture(scope="module")
@@ -84,3 +96,169 @@ def test_what_cannot_be_oriented_is_one_line(rig, single):
     unmounted = replace(found, method="refined")
     with pytest.raises(FlightError, match=r"refined has no boresight and no lever arm; .* rig"):
         orient(unmounted, found.flight, "heads")
+
+
+# --- what is written, and what is refused ----------------------------------------------------
+
+
+FAR = Taken(
+    files={"a/b.txt": "1\n"},
+    lenses={"A": Left(largest_px=0.2, rms_px=0.1), "B": Left(largest_px=0.01, rms_px=0.0)},
+    assumed=("y is down",),
+    left_out=("colours",),
+)
+
+
+def test_files_and_what_is_said_of_them_are_written_and_replaced(tmp_path):
+    taken.write(FAR, tmp_path / "out", title="some: A, B", origin="by hand")
+    assert (tmp_path / "out/a/b.txt").read_text() == "1\n"
+    assert (tmp_path / "out/export.md").read_text() == (
+        "# some: A, B\n\nBy hand.\n\n## Lenses\n\n"
+        "- A: lens refitted over the whole image, off by at most 0.2000 px, rms 0.1000 px\n"
+        "- B: lens refitted over the whole image, off by at most 0.0100 px, rms 0.0000 px\n\n"
+        "## Conventions\n\n- y is down\n\n## Left out\n\n- colours\n"
+    )
+    taken.write(Taken(files={"c.txt": ""}), tmp_path / "out", title="other", origin="x")
+    left = {path.name for path in (tmp_path / "out").rglob("*")}
+    assert left == {"c.txt", "export.md", ".acx4.json"}
+
+
+def test_a_folder_of_others_is_left_alone(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(OutputError, match="holds what acx4 export did not write"):
+        taken.write(FAR, tmp_path, title="some", origin="x")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_a_lens_that_is_too_far_is_refused_with_what_would_allow_it():
+    with pytest.raises(OutputError, match=r"A: .* differs by 0\.2 px .* 0\.05 px; --allow 0\.21 "):
+        taken.require_near(FAR)
+    taken.require_near(FAR, 0.21)
+    with pytest.raises(OutputError, match="nan px"):
+        taken.require_near(Taken(files={}, lenses={"A": Left(largest_px=float("nan"), rms_px=0)}))
+
+
+# --- tables for flight.toml: read back they are the calibration, digit by digit --------------
+
+
+def test_the_cameras_come_back(rig):
+    found = calibrated.read(rig)
+    tables = tomllib.loads(flight_toml.take(found).files["cameras.toml"])["cameras"]
+    assert list(tables) == ["LEFT", "RIGHT"]
+    for camera in found.cameras:
+        back = camera_of(camera.name, tables[camera.name])
+        assert back.interior == camera.interior
+        assert_allclose(back.T_b_c.R, camera.T_b_c.R, atol=1e-15)
+        assert_allclose(back.T_b_c.r, camera.T_b_c.r, atol=1e-15)
+
+
+def test_sigma_of_the_mounting_is_along_and_about_the_bodys_axes(single, rng):
+    """As comments; about body axes they are the scatter of boresights drawn about camera axes."""
+    found = calibrated.read(single)
+    text = flight_toml.take(found).files["cameras.toml"]
+    said = tomllib.loads(text.replace("# lever_s", "lever_s").replace("# mount_s", "mount_s"))
+    columns = found.calibration.layout.mount[0]
+    cov = found.calibration.cov[np.ix_(columns, columns)]
+    own = said["cameras"]["CAM"]
+    assert_allclose(own["lever_sigma_m"], np.sqrt(np.diag(cov)[:3]), rtol=1e-3)
+    R = found.cameras[0].T_b_c.R
+    drawn = R @ exp(rng.multivariate_normal(np.zeros(3), cov[3:, 3:], size=20_000)) @ R.T
+    about = np.stack([drawn[:, 2, 1], drawn[:, 0, 2], drawn[:, 1, 0]])
+    assert_allclose(own["mount_sigma_deg"], np.degrees(about.std(axis=1)), rtol=0.03)
+
+
+def test_a_mounting_that_was_not_estimated_is_said(rig):
+    found = replace(calibrated.read(rig), method="refined")
+    made = flight_toml.take(found)
+    assert flight_toml.NOT_MOUNTED in made.assumed
+    assert "lever_sigma_m" not in made.files["cameras.toml"]
+
+
+def test_a_synthetic_camera_keeps_its_frame(rig):
+    found = calibrated.read(rig)
+    synthetic = replace(found.flight.synthetic, camera="LEFT")
+    named = replace(found, flight=replace(found.flight, synthetic=synthetic))
+    assert flight_toml.FRAME.format("LEFT") in flight_toml.take(named).assumed
+    assert not any("synthetic" in one for one in flight_toml.take(found).assumed)
+
+
+# --- A lens that no calibration touched goes back to its program as it came ------------------
+
+
+LENSES = {
+    "as made by a factory": (-0.101, 0.144, -0.027, 1e-4, -4e-4),
+    "of which f, xp, yp are fitted": (-0.28, 0.11, -0.045, 2e-3, -1e-3),
+}
+
+
+def imported(coefficients, fy=1460.0):
+    """Return a camera as an import writes it, with ten digits, and its lens."""
+    lens = Lens(
+        width_px=1280,
+        height_px=960,
+        hole=Pinhole(fx=1460.0, fy=fy, cx=631.3, cy=497.2),
+        distortion=OPF.distortion(coefficients),
+        pixel_um=3.75,
+        wrong=lambda found, expected: FlightError([f"f:1: lens: {found}; {expected}"]),
+    )
+    camera = lens.refitted("CAM").camera
+    values = {key: float(f"{value:.10g}") for key, value in vars(camera.interior).items()}
+    return lens, camera.with_interior(replace(camera.interior, **values))
+
+
+def brown_calibrated(camera, *, touched):
+    """Return a calibration of a camera, with interior parameters that are estimated or not."""
+    calibration = replace(estimated("CAM"), cameras=(camera,))
+    if not touched:  # the last six columns are those of the mounting
+        layout = replace(
+            calibration.layout, interior=np.full((1, 10), -1), mount=np.arange(6)[None]
+        )
+        calibration = replace(
+            calibration,
+            layout=layout,
+            cov=calibration.cov[10:, 10:],
+            open_columns=calibration.open_columns[10:],
+        )
+    return Calibrated(flight=None, method="single_step", calibration=calibration)
+
+
+@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize("way", [brown.of_all, brown.square])
+def test_an_untouched_lens_goes_back_as_it_came(name, way):
+    lens, camera = imported(LENSES[name])
+    one = way(brown_calibrated(camera, touched=False))["CAM"]
+    k1, k2, k3, p1, p2 = LENSES[name]
+    hole = lens.hole
+    found = [one.hole.fx, one.hole.fy, one.hole.cx, one.hole.cy]
+    assert_allclose(found, [hole.fx, hole.fy, hole.cx, hole.cy], atol=1e-4)
+    assert_allclose(
+        [one.k1, one.k2, one.k3, one.p1, one.p2], [k1, k2, k3, p1, p2], rtol=1e-4, atol=1e-7
+    )
+    assert one.left.returned
+
+
+def test_a_lens_that_was_estimated_is_the_nearest_one():
+    _, camera = imported(LENSES["as made by a factory"])
+    one = brown.of_all(brown_calibrated(camera, touched=True))["CAM"]
+    assert one == brown.brown(camera)
+    assert not one.left.returned
+
+
+def test_a_lens_of_other_pixels_than_the_program_has_is_the_nearest_one():
+    """Two focal lengths are no lens of one."""
+    _, camera = imported(LENSES["as made by a factory"], fy=1463.0)
+    one = brown.square(brown_calibrated(camera, touched=False))["CAM"]
+    assert not one.left.returned
+    assert brown.of_all(brown_calibrated(camera, touched=False))["CAM"].left.returned
+
+
+def test_what_goes_back_as_it_came_is_not_held_against_the_refit():
+    _, camera = imported(LENSES["of which f, xp, yp are fitted"])
+    lenses = brown.lenses(brown.of_all(brown_calibrated(camera, touched=False)))
+    assert lenses["CAM"].largest_px > 0.05
+    taken = Taken(files={}, lenses=lenses)
+    require_near(taken)
+    assert "not estimated, so that it goes back as it came" in sentences(taken)[0]
+    nearest = brown.lenses(brown.of_all(brown_calibrated(camera, touched=True)))
+    with pytest.raises(OutputError, match=r"more than 0\.05 px"):
+        require_near(Taken(files={}, lenses=nearest))

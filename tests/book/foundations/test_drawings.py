@@ -1,0 +1,494 @@
+"""Drawings of the foundations show what their chapters say."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from acx4book.foundations import adjusting, example
+from acx4book.foundations.designs import lines, planned
+from acx4book.foundations.drawings import (
+    bundle,
+    collinearity,
+    design,
+    distortion,
+    frames,
+    georeferencing,
+    image,
+    least_squares,
+    rotations,
+)
+from acx4book.paper import printed
+from acx4lib.bundle.free_network import adjust_free
+from acx4lib.bundle.uses import free_orientation
+from acx4lib.geometry.camera import Interior, distort
+from acx4lib.geometry.camera import distortion as of_library
+from acx4lib.geometry.frames import exp, rotation_from_opk
+from support.figures import assert_labelled, assert_texts_apart, drawn, panels, quivers, title
+from support.helpers import numeric_jacobian
+
+# --- image -----------------------------------------------------------------------------------
+
+
+def words(ax):
+    return {text.get_text(): text for text in ax.texts if text.get_text()}
+
+
+def test_the_ray_goes_through_the_image_point_to_the_ground():
+    ax = drawn(image.ray()).axes[0]
+    said = words(ax)
+    (x, y), (across, down) = said["image point $a$"].xy, said["point $A$"].xy
+    assert_allclose(y / down, x / across)
+    assert_allclose([-y, -down], [image.F, image.H])
+
+
+def test_no_label_of_the_ray_lies_on_another():
+    fig = drawn(image.ray())
+    boxes = [text.get_window_extent() for text in words(fig.axes[0]).values()]
+    overlaps = [a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i]]
+    assert not np.any(overlaps)
+
+
+def test_the_same_point_has_coordinates_half_a_pixel_apart():
+    found = [
+        next(t for t in words(ax) if t[0] == "(") for ax in panels(drawn(image.first_pixels()))
+    ]
+    assert found == ["(2, 1)", "(2.5, 1.5)"]
+
+
+# --- rotations -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("opk", example.attitudes())
+def test_the_mistakes_are_what_they_are_called(opk):
+    made = rotations.mistaken(opk)
+    expected = {
+        "transposed": Rotation.from_euler("xyz", -opk),
+        "axes for vectors": Rotation.from_euler("XYZ", -opk),
+        "other order": Rotation.from_euler("ZYX", opk[::-1]),
+    }
+    assert list(made) == list(expected)
+    for name, rotation in expected.items():
+        assert_allclose(made[name], rotation.as_matrix(), atol=1e-15)
+
+
+def test_a_camera_pitched_up_looks_ahead_of_its_nadir():
+    level, up = np.eye(3), rotation_from_opk(np.radians([0.0, -1.0, 0.0]))  # flown east
+    assert_allclose(rotations.nadir_shift(level, up, 1000.0), [17.455, 0], atol=1e-3)
+
+
+def test_every_mistake_is_missed_by_one_strip_or_seen_by_both():
+    for row, small in ((0, "other order"), (2, "transposed")):
+        opk = example.attitudes()[row]
+        R = rotation_from_opk(opk)
+        for name, wrong in rotations.mistaken(opk).items():
+            shift = np.hypot(*rotations.nadir_shift(R, wrong, 480.0))
+            assert shift < 0.2 if name == small else shift > 10
+
+
+def test_roll_and_pitch_go_round_with_the_heading():
+    (ax,) = panels(drawn(rotations.headings()))
+    curves = {line.get_label(): line for line in ax.lines}
+    omega, phi, _ = np.degrees(example.attitudes()[0])
+    kappa, roll = curves["roll"].get_data()
+    pitch = curves["pitch"].get_ydata()
+    for degrees, expected in ((0, [omega, -phi]), (90, [phi, omega]), (180, [-omega, phi])):
+        (i,) = np.flatnonzero(kappa == degrees)
+        assert_allclose([roll[i], pitch[i]], expected, atol=1e-3)
+
+
+def test_at_a_quarter_turn_omega_and_kappa_turn_about_one_axis():
+    omega, phi, kappa = rotations.turning_axes(np.pi / 2)
+    assert_allclose(kappa, omega, atol=1e-15)
+    assert_allclose(phi @ kappa, 0, atol=1e-15)
+
+
+def test_sigma_of_the_angles_has_its_closed_form():
+    phi = np.radians([0.0, 30.0, 80.0])
+    sigma, correlation = rotations.angle_sigmas(phi)
+    assert_allclose(sigma, np.stack([1 / np.cos(phi), np.ones(3), 1 / np.cos(phi)], axis=1))
+    assert_allclose(correlation, -np.sin(phi), atol=1e-15)
+
+
+def test_the_figures_draw():
+    drawn(rotations.axes())
+    fig = drawn(rotations.mistakes(480.0))
+    assert_labelled(fig)
+    assert [title(ax) for ax in panels(fig)] == ["transposed", "axes for vectors", "other order"]
+    drawn(rotations.singularity())
+    assert_labelled(drawn(rotations.headings()))
+
+
+# --- collinearity ----------------------------------------------------------------------------
+
+
+HEIGHT_M = 480.0
+
+
+def collinearity_image(turn, shift, xy):
+    """Project points of flat ground, seen at xy by a level camera, once it is turned and moved."""
+    ground = np.column_stack([xy / example.F_MM, -np.ones(len(xy))]) * HEIGHT_M
+    D = (ground - shift) @ exp(turn)
+    return -example.F_MM * D[:, :2] / D[:, 2:]
+
+
+def test_the_columns_are_derivatives_of_the_projection():
+    xy, zero = collinearity.grid(3, 3), np.zeros(3)
+    by_turn = numeric_jacobian(lambda turn: collinearity_image(turn, zero, xy), zero)
+    assert_allclose(collinearity.by_turn(xy), by_turn, atol=1e-6)
+    by_shift = numeric_jacobian(lambda shift: collinearity_image(zero, shift, xy), zero, step=1e-3)
+    assert_allclose(collinearity.by_shift(xy, HEIGHT_M), by_shift, atol=1e-8)
+
+
+def test_look_alikes_point_the_same_way():
+    fields = collinearity.effects(collinearity.grid(), HEIGHT_M)
+    for one, other in (
+        ("turn about y", "shift along −x"),
+        ("turn about x", "shift along y"),
+        ("focal length", "shift along −z"),
+    ):
+        assert np.all(np.sum(fields[one] * fields[other], axis=1)[1:-1] >= 0)
+    factor, left = collinearity.nearest(fields["focal length"], fields["shift along −z"])
+    assert_allclose(factor, 0.1 / (example.F_MM / HEIGHT_M))
+    assert_allclose(left, 0, atol=1e-15)
+
+
+def test_what_is_left_has_nothing_of_the_field_that_was_taken_out():
+    fields = collinearity.effects(collinearity.grid(), HEIGHT_M)
+    _, left = collinearity.nearest(fields["turn about y"], fields["shift along −x"])
+    assert_allclose(np.sum(left * fields["shift along −x"]), 0, atol=1e-15)
+
+
+def test_differences_on_the_ground_turn_with_the_aircraft():
+    down_left = np.tile([-0.1, -0.1], (4, 2, 1))
+    fig = drawn(collinearity.differences(down_left, rotation_from_opk(example.attitudes())))
+    assert_labelled(fig)
+    assert_texts_apart(fig)
+    to_east = [np.unique(np.sign(quiver.U)) for quiver in quivers(panels(fig)[1])]
+    assert_allclose(np.ravel(to_east), [-1, -1, 1, 1])
+
+
+def test_the_figures_of_columns_draw():
+    fig = drawn(collinearity.columns(HEIGHT_M))
+    names = [title(ax) for ax in panels(fig) if ax.get_visible()]
+    assert names == list(collinearity.effects(collinearity.grid(), HEIGHT_M))
+    fig = drawn(collinearity.look_alike(HEIGHT_M))
+    assert [len(quivers(ax)) for ax in panels(fig)] == [1, 1, 1]
+
+
+# --- distortion ------------------------------------------------------------------------------
+
+
+def test_radial_distortion_is_that_of_the_library_along_the_x_axis():
+    lens = Interior(f=74.0, k1=2.4e-7, k2=-9.3e-11, k3=2.1e-14)
+    r = np.linspace(0, 56, 9)
+    along = of_library(lens, np.stack([r, 0 * r], axis=1))
+    assert_allclose(distortion.radial(lens, r), along[:, 0], rtol=1e-14)
+
+
+def test_the_border_value_is_about_what_the_paper_says():
+    first = printed.interior(1, "CAM1")
+    corner = distortion.radial(first, np.array([distortion.border("CAM1")]))[0]
+    said = printed.statement("head_border_distortion_px")
+    assert corner / printed.pixel_mm("CAM1") == pytest.approx(said, abs=1)
+
+
+def test_the_balance_leaves_a_quarter_inside_and_at_the_border():
+    k1, far = 2e-6, 33.0
+    r = np.linspace(0, far, 10_001)
+    left = k1 * r**3 - distortion.balance(k1, far) * r
+    assert_allclose([left.max(), left.min()], np.array([1, -1]) * k1 * far**3 / 4, rtol=1e-6)
+
+
+def test_mistakes_are_of_the_order_that_the_series_gives():
+    k1, r = 2e-6, np.array([10.0, 20.0])
+    found = distortion.mistaken(k1, r)
+    assert_allclose(found["sign"], 2 * k1 * r**3, rtol=1e-2)
+    assert_allclose(found["direction"], 3 * k1**2 * r**5, rtol=1e-2)
+    assert_allclose(found["direction, two terms"], 12 * k1**3 * r**7, rtol=2e-2)
+    at = distort(Interior(f=74.0, k1=k1), np.stack([r, 0 * r], axis=1))[:, 0]
+    assert_allclose(found["direction"], at - (r + k1 * r**3), rtol=1e-6)
+
+
+def test_the_figures_draw_of_distortion():
+    for fig in (
+        distortion.curves(),
+        distortion.balanced("CAM1"),
+        distortion.directions("CAM1"),
+        distortion.terms("single_step"),
+    ):
+        assert_texts_apart(drawn(fig))
+    fig = drawn(distortion.vectors("CAM1"))
+    for ax in panels(fig):
+        (quiver,) = quivers(ax)
+        lower_right = (quiver.X > 20) & (quiver.Y < -12)
+        assert np.all(quiver.U[lower_right] > 0)  # radial and decentring go the same way
+        assert np.all(quiver.V[lower_right] < 0)
+
+
+# --- least squares ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def results():
+    T, xy = adjusting.cameras(), example.measured()[:, 0]
+    return adjusting.intersected(T[:2], xy[:2]), adjusting.intersected(T, xy)
+
+
+def test_an_ellipse_has_the_points_of_equal_probability():
+    cov = np.array([[4.0, 1.5], [1.5, 2.0]])
+    vertices = least_squares.ellipse(np.array([1.0, 2.0]), cov, "k", k=2.0).get_verts() - [1.0, 2.0]
+    square = np.einsum("ni,ij,nj->n", vertices, np.linalg.inv(cov), vertices)
+    # corners of the curves lie on the ellipse, their control points outside
+    assert_allclose(square.min(), 4.0)
+    assert_allclose(np.median(square), 4.05, atol=0.05)
+
+
+def test_rays_of_all_images_end_in_p_and_two_ellipses_are_enlarged(results):
+    fig = drawn(least_squares.where_rays_meet(adjusting.cameras(), results))
+    assert_labelled(fig)
+    assert_texts_apart(fig)
+    side, *near = fig.axes
+    ends = [line.get_xydata()[-1] for line in side.lines if len(line.get_xydata()) == 2]
+    assert_allclose(ends, np.tile(example.points()[0, [0, 2]], (4, 1)))
+    for ax in near:
+        back = ax.transData.inverted()
+        heights = [p.get_extents().transformed(back).height for p in ax.patches]
+        assert_allclose(heights, [200 * np.sqrt(fit.cov[2, 2]) for _, fit in results], rtol=0.02)
+
+
+def test_the_histogram_is_that_of_the_repetitions(results):
+    fits = [results[1][1]] * 20
+    fig = least_squares.promise(np.zeros((20, 3)), fits)
+    drawn(fig)
+    errors, test = fig.axes
+    assert sum(isinstance(patch, Ellipse) for patch in errors.patches) == 2
+    heights = np.array([bar.get_height() for bar in test.patches])
+    assert_allclose(heights[int(fits[0].square / 0.5)], 2.0)  # all of them, in half a unit
+    assert "5 degrees" in title(test)
+
+
+def test_bars_are_redundancy_numbers(results):
+    fig = least_squares.redundancy(results[0][1], results[1][1])
+    bars = [bar.get_height() for bar in fig.axes[0].patches]
+    assert_allclose(bars, [*results[0][1].redundancy, *results[1][1].redundancy])
+    assert_allclose([sum(bars[:4]), sum(bars[4:])], [1.0, 5.0])
+
+
+def test_a_valley_reaches_its_sigmas():
+    cov = np.array([[4.0, 3.9], [3.9, 4.0]])
+    fig = drawn(least_squares.valley({"narrow": cov, "wide": np.eye(2)}))
+    assert_labelled(fig)
+    back = fig.axes[0].transData.inverted()
+    sizes = [p.get_extents().transformed(back).size for p in fig.axes[0].patches]
+    assert_allclose(sizes, [[4.0, 4.0], [2.0, 2.0]], rtol=0.02)
+
+
+def test_inner_constraints_have_the_smaller_ellipses():
+    block = planned(lines(90, 270), control=0)
+    fig = drawn(least_squares.datums(adjust_free(free_orientation(block, free=()))))
+    assert_labelled(fig)
+    held, inner = (np.array([p.width * p.height for p in ax.patches]) for ax in fig.axes)
+    assert len(held) == len(inner) > 30
+    assert inner.sum() < held.sum()
+    assert title(fig.axes[1]) == "inner constraints"
+
+
+# --- bundle ----------------------------------------------------------------------------------
+
+
+def filled(patch, shape):
+    """Return which cells of a matrix a shape covers."""
+    covered = np.zeros(shape, dtype=bool)
+    for bar in patch.get_path().to_polygons():
+        (left, top), (right, _) = np.round(bar[0]), np.round(bar[2])
+        covered[int(top), int(left) : int(right)] = True
+    return covered
+
+
+def test_patterns_fill_a_cell_for_every_entry_and_name_the_rows():
+    A, _, _ = adjusting.equations(adjusting.start())
+    fig = drawn(bundle.patterns(A, np.ones((27, 27))))
+    entries = (A != 0, A.T @ A != 0, np.ones((27, 27), dtype=bool))
+    for ax, entry in zip(fig.axes, entries, strict=True):
+        kinds = [filled(patch, entry.shape) for patch in ax.patches]
+        assert_array_equal(np.sum(kinds, axis=0), entry)
+    boresight, poses, points, both = (filled(p, (33, 33)) for p in fig.axes[1].patches)
+    assert boresight[0, 20]  # the boresight's border
+    assert (poses[3, 8], poses[3, 9], points[27, 29], points[27, 30]) == (True, False, True, False)
+    assert both[3, 27]
+    assert fig.axes[0].texts[0].get_text() == "image points"
+    assert_texts_apart(fig)
+
+
+def test_a_block_s_images_and_points():
+    fig = drawn(bundle.of_block(example.block()))
+    assert_labelled(fig)
+    seen, shared = (ax.patches[0] for ax in fig.axes)
+    assert filled(seen, (4, 2)).all()
+    assert filled(shared, (4, 4)).all()
+
+
+def test_cost_is_that_of_the_formulas():
+    fig = drawn(bundle.cost(points_per_image=10, rays=4, width=20))
+    assert_labelled(fig)
+    whole, reduced, band = (dict(zip(*line.get_data(), strict=True)) for line in fig.axes[0].lines)
+    assert whole[4] == adjusting.whole(4, 40, n_shared=14)
+    assert reduced[10_000] == adjusting.reduced(10_000, 100_000, 4, n_shared=14)
+    assert band[10_000] < reduced[10_000] < whole[10_000]
+
+
+def test_a_step_of_nothing_is_drawn_at_the_foot():
+    fig = drawn(bundle.convergence({"1°": [100.0, 1e-3, 0.0], "2°": [200.0, 1e-1, 1e-5]}))
+    assert_labelled(fig)
+    assert_allclose(fig.axes[0].lines[0].get_ydata(), [100.0, 1e-3, bundle.ROUNDING])
+    assert_allclose(fig.axes[0].lines[1].get_ydata(), [200.0, 1e-1, 1e-5])
+
+
+def test_arrows_are_what_is_left_enlarged():
+    views = {
+        "flat": adjusting.view((0, 0, 0)),
+        "hills": adjusting.view((0, 0, 0), relief_m=50.0),
+    }
+    fig = drawn(bundle.what_is_left(views))
+    change, flat, hills = (quivers(ax)[0] for ax in fig.axes[:3])
+    assert_allclose(np.c_[change.U, change.V], 5.0 * views["flat"].xy / example.F_MM)
+    assert_allclose([flat.U, flat.V], 0.0, atol=1e-6)
+    assert_allclose(np.c_[hills.U, hills.V].ravel(), 100 * views["hills"].left[:, 0])
+    assert title(fig.axes[2]).startswith("hills")
+    assert_texts_apart(fig)
+
+
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_nothing_that_is_left_looks_like_a_movement(column):
+    view = adjusting.view((0, 15, 0), relief_m=30.0)
+    assert_allclose(view.by_pose.T @ view.left[:, column], 0.0, atol=1e-8)
+
+
+# --- what the figures of direct georeferencing show is what the words beside them say --------
+
+
+AT = np.array([[0.0, 0.0], [100.0, -50.0]])
+
+
+def moved(shift=(0, 0, 0), turned=(0, 0, 0)):
+    return georeferencing.moved_on_ground(AT, 500.0, np.array(shift), np.array(turned))
+
+
+def test_a_shift_moves_all_points_alike_and_a_height_moves_them_outwards():
+    assert_allclose(moved(shift=(0.03, 0.01, 0)), [[0.03, 0.01]] * 2)
+    assert_allclose(moved(shift=(0, 0, 0.05)), AT * 0.05 / 500)
+
+
+def test_a_rotation_moves_points_as_the_turned_ray_does():
+    """Exactly, by turning the ray and meeting the ground, to the square of the angle."""
+    for axis in range(3):
+        turned = np.eye(3)[axis] * 1e-5
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        R = np.eye(3)
+        R[j, j] = R[k, k] = np.cos(1e-5)
+        R[k, j], R[j, k] = np.sin(1e-5), -np.sin(1e-5)
+        ray = np.column_stack([AT, [-500.0, -500.0]]) @ R.T
+        exact = -500.0 * ray[:, :2] / ray[:, 2:] - AT
+        assert_allclose(moved(turned=turned), exact, atol=1e-7)  # 1e-10 of the height
+
+
+def test_opposite_lines_and_another_height_tell_the_three_errors_apart():
+    found = {
+        kind: [georeferencing.missed(kind, way, h)[1] for way, h in ((1, 1), (-1, 1), (1, 2))]
+        for kind in ("boresight", "lever arm", "GNSS shift")
+    }
+    assert found == {
+        "boresight": [0.5, -0.5, 1.0],
+        "lever arm": [0.5, -0.5, 0.5],
+        "GNSS shift": [0.5, 0.5, 0.5],
+    }
+
+
+@pytest.mark.parametrize("strip", ["A", "B"])
+def test_misclosures_are_drawn_with_their_direction(strip):
+    xy = np.arange(16.0).reshape(8, 2)
+    d = np.tile([[3.0, 4.0]], (8, 1))
+    fig = georeferencing.misclosures(xy, 100 * d, d)
+    drawn = [q for q in fig.axes[0].collections if q.get_label() == f"strip {strip}"]
+    assert_allclose(drawn[0].U / drawn[0].V, 0.75)
+    assert {text.get_text() for ax in fig.axes for text in ax.texts} == {"500 µm", "5 µm"}
+
+
+def test_the_drawings_name_their_parts():
+    words = {text.get_text() for text in georeferencing.vector_sum().axes[0].texts}
+    assert {"IMU, $b$", r"$R_b^m r_c^b$"} <= words
+    assert [ax.get_title(loc="left") for ax in georeferencing.three_flights().axes] == [
+        "boresight",
+        "lever arm",
+        "GNSS shift",
+    ]
+    fig = georeferencing.ground_errors(
+        height_m=500.0, half_m=(200.0, 150.0), position_m=np.ones(3), attitude_rad=np.full(3, 1e-4)
+    )
+    assert isinstance(fig, Figure)
+    assert [ax.get_title(loc="left") for ax in fig.axes[:2]] == ["position forward", "height"]
+
+
+# --- the Earth, its heights and the projection as they are drawn -----------------------------
+
+
+@pytest.mark.parametrize("latitude", [0.0, 40.0, 90.0])
+def test_the_point_is_on_the_ellipse_and_its_normal_is_normal(latitude):
+    at, up = frames.on_ellipsoid(np.radians(latitude))
+    assert_allclose(at[0] ** 2 + (at[1] / frames.FLAT) ** 2, 1.0)
+    gradient = at / np.array([1.0, frames.FLAT]) ** 2
+    assert_allclose(up, gradient / np.hypot(*gradient), atol=1e-12)
+
+
+def test_the_heights_are_named():
+    left, right = frames.earth().axes
+    assert {"$h_e$", "$B$", "north"} <= {t.get_text() for t in left.texts}
+    assert {"$h_e$", "$h_0$", "$N$", "geoid"} <= {t.get_text() for t in right.texts}
+
+
+def test_the_second_axis_is_the_focal_length_that_the_scale_causes():
+    east = np.array([200_000.0, 500_000.0])
+    curves = {0.0: (east, np.array([1.0007, 0.9996])), 900.0: (east, np.array([1.0, 0.9995]))}
+    ax = frames.projection(curves, focal_mm=74.0).axes[0]
+    assert_allclose(ax.lines[0].get_ydata(), [700.0, -400.0], rtol=1e-9)
+    to_um = ax.child_axes[0]._functions[0]
+    # 74 mm / 0.9996 less 74 mm is 29.61 um; the axis leaves out the square of the scale
+    assert_allclose(to_um(-400.0), 1000 * (74 / 0.9996 - 74), rtol=1e-3)
+
+
+# --- plans, correlations and curves are drawn from what they are given -----------------------
+
+
+def test_the_footprint_lies_along_the_flight():
+    north = design.footprint(lines(0.0)[0])
+    assert_allclose(np.ptp(north, axis=0), [300.0, 400.0])  # 30 x 40 mm at 500 m and 50 mm
+    east = design.footprint(lines(90.0, height_m=1000.0)[0])
+    assert_allclose(np.ptp(east, axis=0), [800.0, 600.0])
+
+
+def test_every_plan_has_its_panel_and_its_control_points():
+    fig = design.plans({"one": lines(90), "two": lines(90, 270, height_m=900.0)})
+    assert [ax.get_title(loc="left") for ax in fig.axes] == ["one", "two"]
+    assert len(fig.axes[0].lines[-1].get_xdata()) == len(design.CONTROL_M)
+
+
+def test_large_correlations_are_written_once_a_pair_and_side():
+    names = ["f, mm", "lever z, m"]
+    table = pd.DataFrame([[1.0, -0.98], [-0.98, 1.0]], names, names)
+    low = pd.DataFrame(np.eye(2), names, names)
+    fig = design.correlations({"a": table, "b": low})
+    assert [text.get_text() for text in fig.axes[0].texts] == ["−.98", "−.98"]
+    assert not fig.axes[1].texts
+    assert [label.get_text() for label in fig.axes[0].get_yticklabels()] == ["f", "lever z"]
+
+
+def test_curves_are_drawn_over_the_ratio():
+    names = ["lever x, m", "lever y, m", "lever z, m", "xp, mm", "yp, mm", "f, mm"]
+    table = pd.DataFrame({1.0: np.arange(1.0, 7.0), 2.0: np.arange(2.0, 8.0)}, index=names)
+    left, right = design.against_ratio(table).axes
+    assert_allclose(left.lines[2].get_ydata(), [3.0, 4.0])
+    assert right.get_ylabel() == "σ (mm)"

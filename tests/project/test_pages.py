@@ -1,0 +1,215 @@
+"""What foundations, exercises, notation and contracts say agrees with the code."""
+
+import ast
+import re
+
+import nbformat
+import pytest
+
+from acx4book.command.acx4 import app
+from acx4lib.flight.tables import SCHEMAS
+from acx4lib.geometry.parameters import REPORTED
+from support.helpers import ROOT, book_extension
+
+# --- foundations -----------------------------------------------------------------------------
+#
+# The chapters of part I and their template: the form, and all code, that of solutions included.
+
+
+NOTEBOOKS = ROOT / "notebooks"
+CHAPTERS = [
+    *sorted((NOTEBOOKS / "foundations").glob("*.ipynb")),
+    NOTEBOOKS / "template/chapter.ipynb",
+]
+
+
+@pytest.fixture(params=CHAPTERS, ids=lambda path: path.stem)
+def chapter(request):
+    return nbformat.read(request.param, as_version=4)
+
+
+def texts(chapter):
+    return [cell.source for cell in chapter.cells if cell.cell_type == "markdown"]
+
+
+def test_it_opens_with_a_question_and_closes_with_its_answer(chapter):
+    first, last = texts(chapter)[0], texts(chapter)[-1]
+    assert re.match(r"# .+\n\n\*[^*]+\?\*\n", first)
+    assert all(f"**{word}**" in first for word in ("Goals.", "Prerequisites.", "Time."))
+    assert re.search(r"(?m)^## What to keep$", last)
+
+
+def test_it_has_three_to_six_exercises_with_a_checked_solution_each(chapter):
+    text = "\n".join(texts(chapter))
+    exercises = re.findall(r"```{exercise}\n:label: (\S+)", text)
+    assert 3 <= len(exercises) <= 6
+    assert re.findall(r"{solution-start} (\S+)", text) == exercises
+    inside, asserted = None, set()
+    for cell in chapter.cells:
+        if cell.cell_type == "code":
+            tree = ast.walk(ast.parse(cell.source))
+            if inside and any(isinstance(node, ast.Assert) for node in tree):
+                asserted.add(inside)
+        elif started := re.search(r"{solution-start} (\S+)", cell.source):
+            inside = started[1]
+        elif "{solution-end}" in cell.source:
+            inside = None
+    assert asserted == set(exercises)
+
+
+def test_cells_are_short(chapter):
+    cells = [cell.source.splitlines() for cell in chapter.cells if cell.cell_type == "code"]
+    assert max(map(len, cells)) <= 15
+    assert max(len(line) for lines in cells for line in lines) <= 78
+
+
+def test_all_its_code_runs(chapter):
+    names = {}
+    for cell in chapter.cells:
+        if cell.cell_type == "code":
+            exec(compile(cell.source, cell.id, "exec"), names)
+
+
+def test_figures_have_a_caption_and_say_what_is_seen(chapter):
+    for cell in chapter.cells:
+        if told := cell.metadata.get("mystnb"):
+            assert told["figure"]["caption"].endswith(".")
+            assert told["figure"]["name"].startswith("fig-")
+            assert len(told["image"]["alt"]) > 40
+
+
+def test_equations_with_a_number_need_no_environment_around_them(chapter):
+    r"""Sphinx puts every equation with \\ into a *split*, in which MathJax allows no \tag."""
+    for text in texts(chapter):
+        for equation in re.findall(r"(?s)\$\$(.+?)\$\$", text):
+            assert not (r"\tag" in equation and r"\\" in equation), equation
+
+
+# --- the exercises on the paper's chapters: each has a solution that a cell checks -----------
+
+
+CHAPTERS_EXERCISES = {"07-exercises": 12, "12-synthetic-cost": 2}
+"""Notebooks, and how many exercises they have at least."""
+
+
+@pytest.mark.parametrize(("name", "least"), CHAPTERS_EXERCISES.items())
+def test_every_exercise_has_a_folded_solution_that_is_checked(name, least):
+    cells = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4).cells
+    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    exercises = re.findall(r"```{exercise}\n:label: (\S+)", text)
+    assert len(exercises) >= least
+    solutions = re.findall(r"{solution-start} (\S+)\n:class: dropdown", text)
+    assert solutions == exercises
+    inside, checked = None, set()
+    for cell in cells:
+        if cell.cell_type == "markdown":
+            inside = None if "{solution-end}" in cell.source else inside
+            started = re.search(r"{solution-start} (\S+)", cell.source)
+            inside = started[1] if started else inside
+        elif any(isinstance(node, ast.Assert) for node in ast.walk(ast.parse(cell.source))):
+            checked.add(inside)
+    assert checked == set(exercises)
+
+
+def test_each_of_the_papers_chapters_has_two_to_four():
+    cells = nbformat.read(ROOT / "notebooks" / "07-exercises.ipynb", as_version=4).cells
+    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    _, *sections = re.split(r"(?m)^## ", text)
+    counts = {
+        found[1]: section.count("```{exercise}")
+        for section in sections
+        if (found := re.search(r"These belong to {doc}`(\d\d)-", section))
+    }
+    assert {*counts} == {"00", "01", "02", "03", "04"}
+    assert all(2 <= count <= 4 for count in counts.values())
+
+
+# --- the page of symbols names what there is in the code and in files ------------------------
+
+
+ROWS = re.findall(
+    r"^\* - (.*?)(?=^\* - |^```)",
+    (ROOT / "book" / "notation.md").read_text(encoding="utf-8"),
+    flags=re.MULTILINE | re.DOTALL,
+)
+SOURCES = "\n".join(
+    path.read_text(encoding="utf-8") for path in sorted((ROOT / "src" / "acx4lib").rglob("*.py"))
+)
+NAMES = sorted({name for row in ROWS for name in re.findall(r"`(\w+)`", row.rpartition("  -")[2])})
+
+
+def test_rows_have_symbol_meaning_unit_place_and_name():
+    assert len(ROWS) > 30
+    assert {row.count("\n  -") for row in ROWS} == {4}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_is_used_by_the_library(name):
+    assert re.search(rf"(?<!\w){name}(?!\w)", SOURCES)
+
+
+def test_every_parameter_that_is_reported_has_a_row():
+    names = set(NAMES)
+    assert {name for name, _ in REPORTED.values()} <= names
+
+
+def test_every_word_of_the_glossary_stands_in_the_table_of_languages():
+    page = (ROOT / "book" / "glossary.md").read_text(encoding="utf-8")
+    defined = page.partition("```{glossary}")[2].partition("```")[0].split("\n\n")[1:]
+    translated = re.findall(r"^\| \{term\}`([^`]+)` \|(?: \S.*? \|){3}$", page, flags=re.MULTILINE)
+    assert [*translated] == sorted(translated, key=str.lower)
+    for entry in defined:
+        assert {*re.findall(r"^\S.*$", entry, flags=re.MULTILINE)} & {*translated}, entry
+    assert len(translated) == len(defined)
+
+
+# --- the pages of the contract have every key, column and command that the program has -------
+
+
+key_tables = book_extension("key_tables")
+
+
+def table_of(page, name):
+    """Return the text of a table of a page of the book."""
+    text = (ROOT / "book" / f"{page}.md").read_text("utf-8")
+    return text.partition(f":name: {name}\n")[2].partition("\n```")[0]
+
+
+@pytest.mark.parametrize(
+    ("page", "name"), [("flight-toml", "flight"), ("planning", "plan"), ("planning", "target")]
+)
+def test_every_key_of_a_toml_file_is_explained(page, name):
+    text = table_of(page, f"tab-{name}-toml")
+    listed = [*key_tables.explained(text, key_tables.TABLES[name])]
+    assert all(meaning for *_, meaning in listed)
+    assert len(listed) == 1 + sum(line.startswith("`") for line in text.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("`minutes`\n: Time.", "not explained: sigma.f_mm"),
+        ("`hours`\n: Time.", "`hours`: no such key"),
+        ("`minutes`, `candidates`\n: Two.", "`minutes`, `candidates`: .* and strips by name"),
+    ],
+)
+def test_a_page_that_does_not_fit_the_declaration_is_refused(text, says):
+    with pytest.raises(ValueError, match=says):
+        list(key_tables.explained(text, key_tables.TABLES["target"]))
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_every_column_is_explained(name):
+    row = table_of("flight-tables", "tab-flight-tables").partition(f"* - `{name}`")[2]
+    row = row.partition("\n* - ")[0]
+    required, optional = re.sub(r"\[.*?\]", "", row, flags=re.DOTALL), row
+    schema = SCHEMAS[name]
+    assert all(f"`{column}`" in required for column in schema.required)
+    assert all(f"`{column}`" in optional for column in schema.known)
+
+
+def test_every_command_is_in_the_table():
+    listed = table_of("commands", "tab-commands")
+    for command in app.registered_commands:
+        name = command.name or command.callback.__name__
+        assert f"`acx4 {name} " in listed, name
