@@ -13,7 +13,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from acx4lib.flight.settings import FLIGHT
-from acx4lib.flight.toml_keys import NAME, Keys, Table, rows
+from acx4lib.flight.toml_file import NAME, Keys, Table, rows
 from acx4tools.planning.choosing import TARGET
 from acx4tools.planning.plan import PLAN
 

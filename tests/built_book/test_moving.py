@@ -14,7 +14,7 @@ from acx4book.foundations import explorers
 from acx4book.notebooks import simulated
 from acx4book.typesetting import moving
 from acx4lib.calibration.mounting import single_step, two_step_gnss
-from acx4lib.georeferencing.mapping_flight import like
+from acx4lib.georeferencing.budget import like
 from support.helpers import ROOT
 from support.pictures import taken, tied
 

@@ -13,7 +13,7 @@ from acx4book.notebooks.functions import Functions
 from acx4book.report import page
 from acx4lib.flight.reader import read
 from acx4lib.flight.settings import FLIGHT
-from acx4lib.flight.toml_keys import NAME, rows
+from acx4lib.flight.toml_file import NAME, rows
 from acx4lib.results import folder
 from support.helpers import repeats
 

@@ -24,9 +24,8 @@ from acx4lib.expected import Array
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.parameters import AXES, MOUNT, REPORTED
 from acx4lib.georeferencing import budget, direct, validation
-from acx4lib.georeferencing.budget import Budget
+from acx4lib.georeferencing.budget import Budget, MappingFlight, over_ground
 from acx4lib.georeferencing.error_sources import ErrorSources
-from acx4lib.georeferencing.mapping_flight import MappingFlight, over_ground
 from acx4lib.georeferencing.validation import Differences, Validation
 
 # --- Figures of the error budget: shares, flying heights, and the format

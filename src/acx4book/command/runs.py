@@ -25,7 +25,7 @@ from acx4lib.flight.tables import name_fault
 from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.least_squares.processors import as_finished
 from acx4lib.opening import text_of
-from acx4lib.results import earlier, folder, own_folder, provenance, runs, whole_files
+from acx4lib.results import folder, own_folder, provenance, read_back, whole_files
 from acx4lib.results.table_files import NOTEBOOKS, PART_OF
 from acx4lib.stages import order
 
@@ -219,10 +219,10 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
     settings : Settings
     """
     try:
-        if own_folder.read_mark(results)[0] != runs.COMMAND or own_folder.changes(results):
+        if own_folder.read_mark(results)[0] != provenance.COMMAND or own_folder.changes(results):
             return False
         found = provenance.read(results)
-        told = earlier.read(settings.calibration, flight).told if settings.calibration else None
+        told = read_back.read(settings.calibration, flight).told if settings.calibration else None
     except Acx4Error:  # a run says what is wrong, or puts it right
         return False
     run: dict[str, object] = {"flight": found.digest, "versions": provenance.versions()}
@@ -241,7 +241,7 @@ def _is_executed(notebooks: Path | None, results: Path, part: str) -> bool:
     if notebooks is None:
         return True
     name = f"{NOTEBOOKS[part]}.ipynb"
-    executed = results / runs.EXECUTED / name
+    executed = results / provenance.EXECUTED / name
     return executed.is_file() and _cells(executed) == _cells(notebooks / name)
 
 

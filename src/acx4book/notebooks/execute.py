@@ -21,7 +21,7 @@ from acx4book.notebooks.runner import NOTEBOOKS_PATH, Step
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError, OutputError, unsolvable
 from acx4lib.flight.reader import Flight
 from acx4lib.results import provenance
-from acx4lib.results.runs import EXECUTED, FAILED
+from acx4lib.results.provenance import EXECUTED, FAILED
 from acx4lib.results.table_files import NOTEBOOKS
 from acx4lib.results.whole_files import write
 

@@ -17,9 +17,9 @@ from acx4lib.errors import Acx4Error, AdjustmentError
 from acx4lib.flight import reader
 from acx4lib.flight.reader import Flight
 from acx4lib.results import folder as results
-from acx4lib.results import own_folder, runs
+from acx4lib.results import own_folder, provenance
 from acx4lib.results.own_folder import OwnFolder
-from acx4lib.results.runs import COMMAND
+from acx4lib.results.provenance import COMMAND
 from acx4lib.results.table_files import NOTEBOOKS, PART_OF
 from acx4lib.stages import order
 
@@ -145,9 +145,9 @@ def run(
     told = _earlier(calibration, flight) if str(calibration) else None
     steps = way.steps(flight, folder, ran, str(calibration))
     with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
-        runs.check_calibration(own.path, stages, told)
-        runs.prepare(own, flight, stages, skipped=skipped)
-        own.remove(name for stage in {"flight"} - steps.keys() for name in runs.beside(stage))
+        provenance.check_calibration(own.path, stages, told)
+        provenance.prepare(own, flight, stages, skipped=skipped)
+        own.remove(name for stage in {"flight"} - steps.keys() for name in provenance.beside(stage))
         ends = {stage for stage in steps if order.is_end(flight, stage)}
         del flight  # a notebook reads it in its own process
         done, failed = _run_steps(steps, ends, own, tell, told)
@@ -162,9 +162,9 @@ def run(
 
 def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
     """Return what is said of the results of an earlier flight."""
-    from acx4lib.results import earlier  # noqa: PLC0415 loads what adjusts
+    from acx4lib.results import read_back  # noqa: PLC0415 loads what adjusts
 
-    return earlier.read(calibration, flight).told
+    return read_back.read(calibration, flight).told
 
 
 def _run_steps(
@@ -180,7 +180,7 @@ def _run_steps(
     try:
         for stage, step in steps.items():
             try:
-                with runs.replaced(own, stage, calibration=told) as staging:
+                with provenance.replaced(own, stage, calibration=told) as staging:
                     step(staging, partial(tell, stage))
                 done.append(PART_OF.get(stage, stage))
             except AdjustmentError as error:

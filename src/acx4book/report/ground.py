@@ -16,9 +16,8 @@ from acx4book.typesetting.matrix import sigma_figure
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
-from acx4lib.georeferencing import accuracy, mapping_flight
-from acx4lib.georeferencing.budget import SOURCES
-from acx4lib.georeferencing.mapping_flight import MappingFlight
+from acx4lib.georeferencing import accuracy, budget
+from acx4lib.georeferencing.budget import SOURCES, MappingFlight
 from acx4lib.results import folder
 from acx4lib.results.read_back import calibrated_methods, read_calibration
 
@@ -172,14 +171,14 @@ def mapped(material: Material) -> Mapped | str:
         return f"{WITHOUT}it is made for one camera, and this calibration has {len(cameras)}."
     camera = material.flight.cameras[cameras[0]]
     calibration = read_calibration(material.found, name, [camera])
-    if not mapping_flight.looks_down(calibration.cameras[0]):
+    if not budget.looks_down(calibration.cameras[0]):
         return f"{WITHOUT}it is made for a camera that looks down with all of its format."
     block = next(
         material.flight.block(kind)
         for kind in ("validation", "calibration")
         if kind in material.flight.blocks
     )
-    flight = mapping_flight.like(block, calibration.cameras[0])
+    flight = budget.like(block, calibration.cameras[0])
     if flight is None:
         return f"{WITHOUT}the flight states no flying height, or no σ of positions or attitudes."
     return Mapped(calibration=calibration, flight=flight, title=adjustment_title(name))
@@ -222,7 +221,7 @@ def source_table(found: Mapped | str) -> pd.DataFrame:
     """
     if isinstance(found, str):
         return pd.DataFrame()
-    mean = mapping_flight.over_ground(found.calibration, found.flight).mean
+    mean = budget.over_ground(found.calibration, found.flight).mean
     rows = []
     parts = {name: mean[:, i] for i, name in enumerate(SOURCES) if name != "survey"}
     for name, part in {**parts, "together": mean.sum(axis=-1)}.items():
@@ -246,7 +245,7 @@ def over_format(found: Mapped | str) -> Figure:
     """Draw the σ of ground points over the format: in plan, in height, and of the calibration."""
     if isinstance(found, str):
         return style.nothing(found)
-    return sigma_figure(mapping_flight.over_format(found.calibration, found.flight))
+    return sigma_figure(budget.over_format(found.calibration, found.flight))
 
 
 def recorded(found: Mapped | str) -> dict[str, Any]:
@@ -254,7 +253,7 @@ def recorded(found: Mapped | str) -> dict[str, Any]:
     if isinstance(found, str):
         return {"reason": found}
     flight = found.flight
-    mean = mapping_flight.over_ground(found.calibration, flight).mean
+    mean = budget.over_ground(found.calibration, flight).mean
     return {
         "height_m": flight.height_m,
         "forward_overlap": flight.forward,

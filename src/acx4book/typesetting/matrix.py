@@ -21,8 +21,7 @@ from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera
-from acx4lib.georeferencing.budget import CALIBRATION
-from acx4lib.georeferencing.mapping_flight import Format
+from acx4lib.georeferencing.budget import CALIBRATION, Format
 
 LEVELS = 20
 """Shades of a colour, each a shape of the drawing."""

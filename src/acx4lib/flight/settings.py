@@ -31,11 +31,11 @@ from acx4lib.flight.setup import (
     grid_of,
 )
 from acx4lib.flight.table_files import named_file
-from acx4lib.flight.toml_file import Toml
-from acx4lib.flight.toml_keys import (
+from acx4lib.flight.toml_file import (
     Keys,
     Table,
     Tables,
+    Toml,
     Value,
     choice,
     choices,

@@ -28,7 +28,7 @@ from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.parameters import AXES, LEVER_ARM
-from acx4lib.georeferencing import mapping_flight
+from acx4lib.georeferencing import budget
 from acx4lib.georeferencing.error_sources import ErrorSources
 
 MOST = 0.25
@@ -226,8 +226,8 @@ def shares_at_corners(calibration: Calibration, block: Block) -> Array | None:
 
 
 def _at_corners(calibration: Calibration, camera: Camera, block: Block) -> Array | None:
-    flight = mapping_flight.like(block, camera)
-    if flight is None or not mapping_flight.looks_down(camera):
+    flight = budget.like(block, camera)
+    if flight is None or not budget.looks_down(camera):
         return None
-    sources = mapping_flight.at_corners(calibration, camera, flight)
+    sources = budget.at_corners(calibration, camera, flight)
     return shares(sources, calibration)

@@ -55,7 +55,7 @@ from acx4lib.georeferencing.weak import Weak
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import correlation, sigmas
 from acx4lib.results import folder as results
-from acx4lib.results import provenance, runs
+from acx4lib.results import provenance
 from acx4lib.results.rows import (
     bundle_tables,
     exterior_table,
@@ -119,15 +119,15 @@ def write(
     records : iterable of Record
     flight : Flight, optional
         Of which they are; every object of the summary names it, by its content. The folder then
-        becomes, or must be, that of its results, as `runs.written` has it; without a flight only
-        the tables are replaced.
+        becomes, or must be, that of its results, as `provenance.written` has it; without a flight
+        only the tables are replaced.
     calibration : mapping, optional
         That of an earlier flight which is validated, as `provenance.stamp` takes it.
 
     Raises
     ------
     FlightError, OutputError
-        As `runs.written`.
+        As `provenance.written`.
     """
     records = list(records)
     named = {} if flight is None else {"flight": provenance.identity(flight)}
@@ -137,7 +137,7 @@ def write(
     if flight is None:
         results.replace(folder, [stage], tables=tables, summary=summary)
         return
-    with runs.written(folder, stage, flight, calibration=calibration) as at:
+    with provenance.written(folder, stage, flight, calibration=calibration) as at:
         results.replace(at, [stage], tables=tables, summary=summary)
 
 

@@ -12,9 +12,15 @@ from acx4lib.expected import Array, Index
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.least_squares.statistics import holm
-from acx4tools.campaigns import comparison as compared
-from acx4tools.campaigns.campaign import JointTest
-from acx4tools.campaigns.comparison import Comparison, Difference, Ground, GroundEffects, Trend
+from acx4tools.campaigns import comparison as campaigns_comparison
+from acx4tools.campaigns.comparison import (
+    Comparison,
+    Difference,
+    Ground,
+    GroundEffects,
+    JointTest,
+    Trend,
+)
 
 
 def every(
@@ -100,7 +106,7 @@ def _difference_rows(
 
 def _tests(comparison: Comparison, found: Sequence[Difference], ground: Ground) -> pd.DataFrame:
     """Return the joint tests: stability, every difference whole and by parts, and trends."""
-    rows = [_row(SAME, "", "all", compared.stability(comparison))]
+    rows = [_row(SAME, "", "all", campaigns_comparison.stability(comparison))]
     wholes, parts = [], []
     for one in found:
         title = f"{comparison.campaigns[one.later].name} - {comparison.campaigns[one.earlier].name}"
@@ -153,9 +159,9 @@ def _joint_effect(
 
 def _pooled(comparison: Comparison) -> pd.DataFrame:
     """Return one row for each parameter: its value from all campaigns, and whether it is stable."""
-    found = compared.pooled(comparison)
+    found = campaigns_comparison.pooled(comparison)
     sigma = sigmas(found.cov[0, :, 0])
-    alone = compared.stable(comparison)
+    alone = campaigns_comparison.stable(comparison)
     rows = [
         {
             "camera": p.camera,
@@ -179,10 +185,13 @@ def trends_of(comparison: Comparison) -> dict[str, Trend]:
     With two campaigns a line passes through both, and its slope is their difference; it is left
     out.
     """
-    over = {"year": compared.years(comparison), "temperature": compared.temperatures(comparison)}
+    over = {
+        "year": campaigns_comparison.years(comparison),
+        "temperature": campaigns_comparison.temperatures(comparison),
+    }
     enough = len(comparison.campaigns) > 2
     return {
-        what: compared.trend(comparison, at)
+        what: campaigns_comparison.trend(comparison, at)
         for what, at in over.items()
         if at is not None and enough
     }
@@ -239,7 +248,7 @@ def _two_sided(t: float, redundancy: float) -> float:
 def _covariances(comparison: Comparison, found: Sequence[Difference]) -> pd.DataFrame:
     """Return the joint covariances of the pooled values and of every difference."""
     names = [c.name for c in comparison.campaigns]
-    listed = {"pooled": compared.pooled(comparison).cov[0, :, 0]}
+    listed = {"pooled": campaigns_comparison.pooled(comparison).cov[0, :, 0]}
     listed |= {f"{names[one.later]} - {names[one.earlier]}": one.cov for one in found}
     return pd.concat(
         [_long(of, comparison.names, cov) for of, cov in listed.items()], ignore_index=True

@@ -26,8 +26,7 @@ from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index
 from acx4lib.flight.design import strip_of_exposure
 from acx4lib.flight.problems import POSITIVE, Problem, Range, lines_of, quoted
-from acx4lib.flight.toml_file import Toml, read_toml
-from acx4lib.flight.toml_keys import Keys, Table, Value, number
+from acx4lib.flight.toml_file import Keys, Table, Toml, Value, number, read_toml
 from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.georeferencing.error_sources import ErrorSources
 from acx4lib.least_squares.covariance import propagate, sigmas

@@ -30,12 +30,12 @@ from acx4lib.flight.problems import (
 )
 from acx4lib.flight.settings import CAMERA, flight_table
 from acx4lib.flight.setup import Setup, camera_of, setup_of
-from acx4lib.flight.toml_file import Toml, read_toml
-from acx4lib.flight.toml_keys import (
+from acx4lib.flight.toml_file import (
     Entries,
     Keys,
     Table,
     Tables,
+    Toml,
     Value,
     choice,
     defaults,
@@ -43,6 +43,7 @@ from acx4lib.flight.toml_keys import (
     name_problems,
     number,
     numbers,
+    read_toml,
 )
 from acx4lib.geometry.camera import Camera
 from acx4tools.exchange import written_toml

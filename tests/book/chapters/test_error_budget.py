@@ -14,8 +14,7 @@ from acx4book.paper import printed
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import single_step, two_step
 from acx4lib.georeferencing import budget
-from acx4lib.georeferencing.budget import SOURCES
-from acx4lib.georeferencing.mapping_flight import like, over_ground
+from acx4lib.georeferencing.budget import SOURCES, like, over_ground
 from acx4lib.georeferencing.validation import validate
 from support.figures import drawn, panels
 

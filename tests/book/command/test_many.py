@@ -15,7 +15,7 @@ import acx4sim
 from acx4book.command import run, runs
 from acx4book.command.runs import Outcome
 from acx4book.notebooks import runner
-from acx4lib.results.runs import EXECUTED
+from acx4lib.results.provenance import EXECUTED
 from support.flights import sized
 from support.helpers import ROOT, hears_interrupts, write_notebook
 

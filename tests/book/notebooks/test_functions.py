@@ -17,7 +17,7 @@ from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight import reader
 from acx4lib.results import folder as results_folder
 from acx4lib.results import own_folder, provenance
-from acx4lib.results.runs import EXECUTED
+from acx4lib.results.provenance import EXECUTED
 from acx4lib.stages import mounting
 from support.flights import written
 from support.helpers import ROOT

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from acx4book.report import ground
 from acx4book.report.ground import check_points
-from acx4lib.georeferencing import mapping_flight
+from acx4lib.georeferencing import budget
 from support.helpers import dots
 
 mpl.use("agg")
@@ -61,7 +61,7 @@ def test_the_table_adds_up(mapped):
         assert np.sqrt(np.sum(np.sign(sigma) * sigma**2)) == pytest.approx(
             together[f"σ in {axis} (m)"]
         )
-    rms = mapping_flight.over_ground(mapped.calibration, mapped.flight).rms
+    rms = budget.over_ground(mapped.calibration, mapped.flight).rms
     assert together["σ in height (m)"] == pytest.approx(rms[2])
     assert "survey" not in parts["Source"].tolist()
 

@@ -17,8 +17,7 @@ from acx4book.typesetting.matrix import sigma_figure
 from acx4book.typesetting.plain_text import Markup
 from acx4book.typesetting.sentences import say
 from acx4book.typesetting.tables import markdown
-from acx4lib.georeferencing.budget import SOURCES, Budget
-from acx4lib.georeferencing.mapping_flight import Format
+from acx4lib.georeferencing.budget import SOURCES, Budget, Format
 from support.figures import drawn, panels
 
 # --- tables for the book ---------------------------------------------------------------------

@@ -10,7 +10,7 @@ from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.flight import reader
-from acx4lib.results import provenance, runs
+from acx4lib.results import provenance
 from acx4lib.stages import mounting, validation
 
 
@@ -76,14 +76,14 @@ def test_a_calibration_of_an_earlier_flight_is_not_set_beside_the_own(flown, tmp
         calibration=flown / "results",
     )
     assert contents(results) == contents(tmp_path / "by_run")
-    assert "calibration" in provenance.stages(results)["validation"]
+    assert "calibration" in provenance.recorded_stages(results)["validation"]
     with pytest.raises(FlightError, match="own calibration beside a validation of an earlier"):
         mounting.run(other, results)
 
 
 def test_the_copy_of_a_run_is_written_into_as_it_is(flown, tmp_path):
     flight = reader.read(flown / "flight")
-    (tmp_path / runs.COPY).write_text("")
-    with runs.written(tmp_path, "mounting", flight) as folder:
+    (tmp_path / provenance.COPY).write_text("")
+    with provenance.written(tmp_path, "mounting", flight) as folder:
         assert folder == tmp_path
-    assert [path.name for path in tmp_path.iterdir()] == [runs.COPY]
+    assert [path.name for path in tmp_path.iterdir()] == [provenance.COPY]

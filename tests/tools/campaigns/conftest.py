@@ -10,7 +10,7 @@ from acx4lib.calibration.mounting import single_step
 from acx4lib.flight.setup import Session
 from acx4sim.designs import single_head_plan
 from acx4sim.files import simulate_plan
-from acx4tools.campaigns import campaign
+from acx4tools.campaigns import comparison
 from support.flights.simulated import read_back
 
 TIES = {"calibration": 120}
@@ -29,7 +29,7 @@ def flown(seed, *, f_um=0.0, free=()):
 
 def one(seed, *, name="", date=None, temperature_c=float("nan"), **changes):
     session = Session(date=date, temperature_c=temperature_c)
-    return campaign.of_mounting(
+    return comparison.of_mounting(
         flown(seed, **changes), name=name or f"campaign {seed}", session=session
     )
 

@@ -17,9 +17,16 @@ from acx4lib.errors import FlightError
 from acx4lib.flight.setup import Session
 from acx4lib.least_squares.statistics import holm
 from acx4lib.results.own_folder import MARK
-from acx4tools.campaigns import campaign, tables
-from acx4tools.campaigns.campaign import JointTest, fit, joint_test, same_values
-from acx4tools.campaigns.comparison import compare, differences, ground_of
+from acx4tools.campaigns import comparison, tables
+from acx4tools.campaigns.comparison import (
+    JointTest,
+    compare,
+    differences,
+    fit,
+    ground_of,
+    joint_test,
+    same_values,
+)
 from support.run_results import leave_results
 
 # --- campaign --------------------------------------------------------------------------------
@@ -40,9 +47,9 @@ def spoilt(made, tmp_path):
 
 
 def test_what_is_read_is_what_was_adjusted(made):
-    found = campaign.read(made[1])
+    found = comparison.read(made[1])
     flown = flight.read(made[0])
-    again = campaign.of_mounting(
+    again = comparison.of_mounting(
         mounting.single_step(flown.calibration, free=flown.estimate_mounting), name="again"
     )
     assert (found.name, found.method, found.redundancy) == (
@@ -62,18 +69,18 @@ def test_what_is_read_is_what_was_adjusted(made):
     assert found.session == again.session == Session() or np.isnan(found.session.temperature_c)
     assert len(found.control) == 20
     assert found.flight
-    assert campaign.sensors(found) == {"CAM": (11608, 8708, 0.0046)}
+    assert comparison.sensors(found) == {"CAM": (11608, 8708, 0.0046)}
 
 
 def test_another_method_is_read_by_its_name(made):
-    assert campaign.read(made[1], method="two_step", name="B").method == "two_step"
+    assert comparison.read(made[1], method="two_step", name="B").method == "two_step"
     with pytest.raises(ValueError, match="one of single_step"):
-        campaign.read(made[1], method="three_step")
+        comparison.read(made[1], method="three_step")
 
 
 def problems(folder, **chosen):
     with pytest.raises(FlightError) as error:
-        campaign.read(folder, **chosen)
+        comparison.read(folder, **chosen)
     return error.value.problems
 
 

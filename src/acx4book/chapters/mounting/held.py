@@ -36,7 +36,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import Measurement, directions, project
 from acx4lib.geometry.frames import Pose, opk_from_rotation
 from acx4lib.geometry.intersection import intersect
-from acx4lib.georeferencing.mapping_flight import MappingFlight, looks_down, spacing
+from acx4lib.georeferencing.budget import MappingFlight, looks_down, spacing
 
 STEP_M = 0.1
 """By which the held lever arm is changed to see what depends on it."""

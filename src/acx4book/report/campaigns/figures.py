@@ -24,7 +24,7 @@ from acx4lib.expected import Array
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.results.provenance import read_run
 from acx4lib.stages import rig
-from acx4tools.campaigns import comparison as compared
+from acx4tools.campaigns import comparison as campaigns_comparison
 from acx4tools.campaigns.tables import trends_of
 
 COLUMNS = 3
@@ -41,7 +41,7 @@ SPREAD = 0.25
 def time_line(study: Study) -> Figure:
     """Draw every parameter of every campaign, less its value of all campaigns, with error bars."""
     comparison = study.comparison
-    mean = compared.pooled(comparison)
+    mean = campaigns_comparison.pooled(comparison)
     at, dated = _places(study)
     d = comparison.values - mean.coefficients[0]  # noqa: PD011 no frame's
     band = sigmas(mean.cov[0, :, 0])
@@ -144,7 +144,7 @@ def on_the_ground(study: Study) -> Figure:
     return fig
 
 
-def _draw_ground(ax: Axes, study: Study, one: compared.Difference, camera: str) -> None:
+def _draw_ground(ax: Axes, study: Study, one: campaigns_comparison.Difference, camera: str) -> None:
     effects = study.ground.of[camera]
     own = study.comparison.of_camera(camera)
     moved = effects.moved(one.d[own])

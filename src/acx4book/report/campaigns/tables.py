@@ -17,9 +17,9 @@ from acx4book.typesetting.myst import POWER, SUPERSCRIPTS
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration.estimates import Parameter
 from acx4lib.errors import FlightError
-from acx4tools.campaigns import campaign, tables
-from acx4tools.campaigns.campaign import Campaign
+from acx4tools.campaigns import comparison, tables
 from acx4tools.campaigns.comparison import (
+    Campaign,
     Comparison,
     Difference,
     Ground,
@@ -267,7 +267,7 @@ def read(folders: Sequence[str | Path], *, methods: Sequence[str] = ()) -> list[
     problems: list[str] = []
     for name, folder, method in zip(names_of(folders), folders, chosen, strict=True):
         try:
-            out.append(campaign.read(folder, method=method, name=name))
+            out.append(comparison.read(folder, method=method, name=name))
         except FlightError as error:
             problems += error.problems
     if problems:

@@ -12,7 +12,7 @@ from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.flight import reader
 from acx4lib.results import folder, provenance
-from acx4lib.results.runs import EXECUTED
+from acx4lib.results.provenance import EXECUTED
 from support.flights import written
 from support.helpers import write_notebook
 
