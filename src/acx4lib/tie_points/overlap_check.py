@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import combinations, permutations, product
+from itertools import combinations, permutations
 
 import numpy as np
 from scipy import sparse
@@ -21,7 +22,7 @@ from acx4lib.tie_points.overlaps import GreyExposure, SharedWindow, reduced_expo
 Turns = tuple[bool, bool]
 
 LEAST_CELLS = 30  # with texture; with fewer nothing is said
-LEAST_SHARE = 0.2  # of these cells, that agree where two pictures show the same
+LEAST_SHARE = 0.05  # of these cells, that agree where two pictures show the same; of others none do
 MOST_ORDERED = 4  # heads whose pictures are tried in every order
 _AS_THEY_ARE: Turns = (False, False)
 
@@ -33,13 +34,18 @@ class _Verdict:
     Attributes
     ----------
     head_a, head_b : int
-    turns : tuple of bool, optional
-        Turns with which the pictures fit; None where they never fit.
+    turns : set of tuple of bool
+        Turns with which the pictures fit, if not as they are; empty where they never fit. Heads
+        that look the same way fit with either of them turned.
     """
 
     head_a: int
     head_b: int
-    turns: Turns | None
+    turns: frozenset[Turns]
+
+    def fits(self, turned: AbstractSet[int]) -> bool:
+        """Tell whether the pictures fit where those of some heads are turned."""
+        return (self.head_a in turned, self.head_b in turned) in self.turns
 
 
 def check_overlaps(
@@ -77,7 +83,7 @@ def check_overlaps(
     verdicts = [verdict for one in found for verdict in one]
     if _bound_together(verdicts, len(names)):
         return []
-    order = _exchanged(tasks, right, least=sum(v.turns is not None for v in verdicts))
+    order = _exchanged(tasks, right, least=sum(bool(v.turns) for v in verdicts))
     return _sentences_of_order(order, names) if order else _sentences(verdicts, names)
 
 
@@ -107,17 +113,18 @@ def _verdict(
 ) -> list[_Verdict]:
     """Return the result for two pictures; empty where there is too little texture."""
     a, b = task.shared.head_a, task.shared.head_b
-    enough = False
-    for turn_a, turn_b in product((False, True), repeat=2):
+    as_they_are = _fitting(task)
+    if np.isfinite(as_they_are.shift_px):
+        return [_Verdict(head_a=a, head_b=b, turns=frozenset([_AS_THEY_ARE]))]
+    turns = []
+    for turn_a, turn_b in [(False, True), (True, False), (True, True)]:
         images = list(right.images)
         images[a] = turned[a] if turn_a else images[a]
         images[b] = turned[b] if turn_b else images[b]
-        found = _fitting(replace(task, images=images))
-        if np.isfinite(found.shift_px):
-            return [_Verdict(head_a=a, head_b=b, turns=(turn_a, turn_b))]
-        if not (turn_a or turn_b):
-            enough = found.n_textured >= LEAST_CELLS and _has_texture(task, b)
-    return [_Verdict(head_a=a, head_b=b, turns=None)] if enough else []
+        if np.isfinite(_fitting(replace(task, images=images)).shift_px):
+            turns.append((turn_a, turn_b))
+    enough = turns or (as_they_are.n_textured >= LEAST_CELLS and _has_texture(task, b))
+    return [_Verdict(head_a=a, head_b=b, turns=frozenset(turns))] if enough else []
 
 
 def _bound_together(verdicts: Sequence[_Verdict], n_heads: int) -> bool:
@@ -125,12 +132,12 @@ def _bound_together(verdicts: Sequence[_Verdict], n_heads: int) -> bool:
 
     Infrared and visible pictures of the same ground need not fit: contrasts are inverted.
     """
-    fits = [v for v in verdicts if v.turns == _AS_THEY_ARE]
+    fits = [v for v in verdicts if v.fits(set())]
     ends = ([v.head_a for v in fits], [v.head_b for v in fits])
     links = sparse.coo_array((np.ones(len(fits)), ends), shape=(n_heads, n_heads))
     _, group = sparse.csgraph.connected_components(links, directed=False)
-    others = [v for v in verdicts if v.turns != _AS_THEY_ARE]
-    return all(v.turns is None and group[v.head_a] == group[v.head_b] for v in others)
+    others = [v for v in verdicts if not v.fits(set())]
+    return all(not v.turns and group[v.head_a] == group[v.head_b] for v in others)
 
 
 def _exchanged(tasks: Sequence[OverlapTask], right: GreyExposure, *, least: int) -> tuple[int, ...]:
@@ -233,18 +240,13 @@ def _sentences_of_order(order: Sequence[int], names: Sequence[str]) -> list[str]
 
 def _sentences(verdicts: Sequence[_Verdict], names: Sequence[str]) -> list[str]:
     """Return a sentence for every wrong head, and for pairs of which either may be wrong."""
-    turned, fits = set(), set()
-    for verdict in verdicts:
-        heads = (verdict.head_a, verdict.head_b)
-        if verdict.turns is not None:
-            fits |= set(heads)
-            turned |= {head for head, turn in zip(heads, verdict.turns, strict=True) if turn}
+    fits = {head for v in verdicts if v.turns for head in (v.head_a, v.head_b)}
     out = [
         f"{names[head]}: its picture fits its neighbours only when turned by 180 degrees; turn "
         "the file or set its mount"
-        for head in sorted(turned)
+        for head in sorted(_turned(verdicts, fits))
     ]
-    strangers = [(v.head_a, v.head_b) for v in verdicts if v.turns is None]
+    strangers = [(v.head_a, v.head_b) for v in verdicts if not v.turns]
     alone = _alone(strangers, fits)
     out += [
         f"{names[head]}: its picture does not show what its neighbours show (of another exposure?)"
@@ -256,6 +258,18 @@ def _sentences(verdicts: Sequence[_Verdict], names: Sequence[str]) -> list[str]:
         if not {a, b} & alone
     ]
     return out
+
+
+def _turned(verdicts: Sequence[_Verdict], heads: set[int]) -> set[int]:
+    """Return the heads whose pictures are turned: as few as make the others fit, step by step."""
+    steps = [{head} for head in sorted(heads)] + [{v.head_a, v.head_b} for v in verdicts]
+    turned: set[int] = set()
+    while True:
+        tried = [turned ^ step for step in steps]
+        best = max(tried, key=lambda those: sum(v.fits(those) for v in verdicts), default=turned)
+        if sum(v.fits(best) for v in verdicts) <= sum(v.fits(turned) for v in verdicts):
+            return turned
+        turned = best
 
 
 def _alone(strangers: Sequence[tuple[int, int]], fits: set[int]) -> set[int]:

@@ -1,5 +1,7 @@
 """Matching of tie points, and the check of overlaps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -158,6 +160,34 @@ def test_two_turned_heads_are_both_named(images):
     found = check(replaced(images, head_0=turned(images[0]), head_1=turned(images[1])))
     assert [sentence[:5] for sentence in found] == ["CAM1:", "CAM2:"]
     assert all("turned by 180 degrees" in sentence for sentence in found)
+
+
+def parallel(*grounds):
+    """Heads that look the same way, and a picture of each, of a ground of its own."""
+    n, rng = len(grounds), np.random.default_rng(6)
+    heads = replace(
+        HEADS,
+        heads=HEADS.heads[:n],
+        xyz_mm=HEADS.xyz_mm[:n],
+        opk=np.zeros((n, 3)),
+        cov_joint=np.eye(16 * n),
+    )
+    return heads, [
+        taken.pictures(heads, SYNTHETIC, ground, rng)[k] for k, ground in enumerate(grounds)
+    ]
+
+
+def test_of_heads_that_look_the_same_way_the_turned_one_is_named():
+    heads, seen = parallel(*[taken.texture(1024, np.random.default_rng(1))] * 3)
+    found = check_overlaps(replaced(seen, head_0=turned(seen[0])), heads, SYNTHETIC)
+    assert [sentence.split(":")[0] for sentence in found] == ["CAM1"]
+
+
+def test_bands_in_which_a_sixth_of_the_ground_looks_alike_belong_together():
+    visible, infrared = (taken.texture(1024, np.random.default_rng(k)) for k in (1, 2))
+    infrared[:, 440:560] = visible[:, 440:560]
+    heads, seen = parallel(visible, infrared)
+    assert check_overlaps(seen, heads, SYNTHETIC) == []
 
 
 @pytest.mark.parametrize("k", [1, repeats(3)])
