@@ -854,5 +854,5 @@ Examples:
         ),
     ],
     of_flight=("crs",),
-    reader="odm.read",
+    reader="opensfm.read_control",
 )

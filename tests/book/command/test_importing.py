@@ -153,7 +153,7 @@ def test_every_kind_has_its_place_in_the_help(acx4):
         ("bundler", "bundler.read"),
         ("bingo", "photo_lists.read_bingo"),
         ("patb", "photo_lists.read_patb"),
-        ("odm-control", "odm.read"),
+        ("odm-control", "opensfm.read_control"),
     ],
 )
 def test_options_are_those_of_the_reader(command, reader):

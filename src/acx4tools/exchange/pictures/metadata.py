@@ -309,7 +309,7 @@ def sentence(heads: Sequence[Head]) -> str:
 
 
 CENTRE, POLYNOMIAL = "Camera:VignettingCenter", "Camera:VignettingPolynomial"
-DARK, COVERED = "BlackLevel", "MicaSense:DarkRowValue"
+DARK = "BlackLevel"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,9 +12,13 @@ as they were. The files do not say which of the two they are; the measured posit
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -23,12 +27,14 @@ from acx4lib.expected import Array
 from acx4lib.flight.problems import METRES, RANGES, Range, quoted
 from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
+from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import tables
-from acx4tools.exchange.axes import FLIP, turned
+from acx4tools.exchange.axes import FLIP, UNKNOWN, stacked, turned
+from acx4tools.exchange.crs import Chosen
+from acx4tools.exchange.flight_folder import Brought
 from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import OPENSFM as MODELS
 from acx4tools.exchange.lens_models import Lens
-from acx4tools.exchange.programs import odm
 from acx4tools.exchange.project import (
     Control,
     Images,
@@ -36,6 +42,7 @@ from acx4tools.exchange.project import (
     Measured,
     Project,
     Proof,
+    flight_of,
     joined,
     nowhere,
     reading,
@@ -43,6 +50,7 @@ from acx4tools.exchange.project import (
 from acx4tools.exchange.safe import json_tree, opened, text_lines
 from acx4tools.exchange.safe.json_tree import Node
 from acx4tools.exchange.safe.opened import Opened
+from acx4tools.exchange.safe.text_lines import Line
 
 OPENSFM = "opensfm"
 """Folder of OpenSfM's files in a project of ODM."""
@@ -612,16 +620,17 @@ def _of_list(
     file: Opened, size: Mapping[str, tuple[int, int]], grid: GridSystem
 ) -> tuple[list[str], Array, list[Seen]]:
     """Return the same of ODM's list, whose coordinates pass through the flight's grid."""
-    listed = odm.project(Path(file.file), crs=grid.crs)
-    control, measured = listed.control or Control(names=(), enh=np.zeros((0, 3))), listed.measured
+    listed = _list(file, grid.crs)
     own = GridSystem(crs=grid.crs, heights="ellipsoidal")
-    lonlat = own.lonlat_from_grid(control.enh[:, :2])
-    pixels = zip(measured.image_idx, measured.point_idx, measured.colrow, strict=True)
+    known = np.isfinite(listed.enh[:, 2])
+    names = [name for name, one in zip(listed.names.values(), known, strict=True) if one]
+    enh = listed.enh[known]
+    lonlath = np.column_stack([own.lonlat_from_grid(enh[:, :2]), enh[:, 2]])
     seen = [
-        (image := listed.images.names[i], measured.points[k], _normalised(at, size.get(image)))
-        for i, k, at in pixels
+        (one.image, listed.names[one.xyz], _normalised(np.array(one.colrow), size.get(one.image)))
+        for one in listed.seen
     ]
-    return list(control.names), np.column_stack([lonlat, control.enh[:, 2]]), seen
+    return names, lonlath, seen
 
 
 def _normalised(colrow: Array, size: tuple[int, int] | None) -> list[float]:
@@ -636,3 +645,172 @@ def _lonlath(node: Node) -> list[float]:
         node.one("latitude").number(LAT),
         np.nan if height is None else height.number(HEIGHT),
     ]
+
+
+# --- ODM's gcp_list.txt: surveyed points and where they are in the pictures
+#
+# https://docs.opendronemap.org/gcp/: the first line is the CRS; then x y z col row image [name].
+
+
+UTM = re.compile(r"WGS\s?84\s+UTM\s+(\d{1,2})\s*([NS]?)", re.ASCII | re.I)
+
+_EXPECTED = "must be WGS84 UTM 17N, EPSG:n, WGS84, or a PROJ string"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Seen:
+    """A line of the list: two coordinates where the height is not known, maybe no name."""
+
+    line: Line
+    name: str
+    xyz: tuple[float, ...]
+    colrow: tuple[float, ...]
+    image: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _List:
+    """The lines, names by coordinates, and these in the flight's system, NaN without a height."""
+
+    seen: list[_Seen]
+    names: dict[tuple[float, ...], str]
+    enh: Array
+    system: Chosen
+
+
+def read_control(
+    source: Path, *, block: str | None = None, crs: str | None = None, camera: str | None = None
+) -> Brought:
+    """Read gcp_list.txt as a part of a flight; options as those of `control` and `flight_of`."""
+    return flight_of(control(source, crs=crs, camera=camera), block=block or "calibration")
+
+
+def control(source: Path, *, crs: str | None = None, camera: str | None = None) -> Project:
+    """Return the points of gcp_list.txt and their measurements.
+
+    Parameters
+    ----------
+    source : Path
+    crs : str, optional
+        Of the flight; by default the file's own, or the UTM zone for longitudes and latitudes.
+    camera : str, optional
+        Name of the camera of all images: then there are images, too.
+
+    Raises
+    ------
+    FlightError
+        For another layout, or one name for two points.
+    """
+    file = opened.read(source)
+    listed = _list(file, crs)
+    known = np.isfinite(listed.enh[:, 2])
+    high, flat = (
+        tuple(name for name, one in zip(listed.names.values(), mask, strict=True) if one)
+        for mask in (known, ~known)
+    )
+    images, image_idx = tables.first_use([one.image for one in listed.seen])
+    pairs = zip(image_idx, listed.seen, strict=True)
+    return Project(
+        source="ODM's control points",
+        sources=[file],
+        images=Images(
+            names=tuple(images),
+            cameras=(camera or "",) * len(images),
+            exposures=tuple(images),
+            T_w_c=stacked([UNKNOWN] * len(images)),
+        ),
+        measured=Measured.of([(k, listed.names[one.xyz], one.colrow) for k, one in pairs]),
+        control=Control(names=high, enh=listed.enh[known]),
+        settings=listed.system.settings,
+        lost={f"points without a height: {', '.join(flat[:5])}": len(flat)},
+        assumed=(
+            *listed.system.assumed,
+            "pixel 0, 0 is the centre of the top-left one, rows grow down",
+        ),
+    )
+
+
+def _list(file: Opened, crs: str | None) -> _List:
+    first, *rows = [*text_lines.lines(file, comment="#")] or [_blank(file)]
+    seen = [_seen(row) for row in rows]
+    if not seen:
+        raise first.wrong("file", "has no point after the CRS", "must have one at least")
+    names = _names(seen)
+    _require_once(seen, names)
+    xyz = np.array([(*one, np.nan)[:3] for one in names])
+    system = _chosen(first, file, xyz, crs)
+    try:
+        enh = system.from_source(xyz)
+    except ValueError as error:
+        raise first.wrong("CRS", str(error), "must lead to the flight's CRS") from None
+    return _List(seen=seen, names=names, enh=enh, system=system)
+
+
+def crs_of(text: str) -> str:
+    """Return the CRS of a first line: a UTM zone of WGS 84, WGS 84 alone, a code, a PROJ string."""
+    text = text.strip().strip("'\"")
+    found = UTM.fullmatch(text)
+    if found and 1 <= int(found[1]) <= 60:
+        return f"EPSG:{(32700 if found[2].upper() == 'S' else 32600) + int(found[1])}"
+    return "EPSG:4326" if re.fullmatch(r"WGS\s?84", text, re.I) else text
+
+
+def _blank(file: Opened) -> NoReturn:
+    raise file.wrong("file", "has no line but remarks", _EXPECTED)
+
+
+def _chosen(first: Line, file: Opened, xyz: Array, crs: str | None) -> Chosen:
+    text = file.text().split("\n")[first.number - 1]
+    try:
+        found = coordinates.chosen(crs_of(text), xyz[:, :2].mean(axis=0), crs)
+    except ValueError as error:
+        raise first.wrong("CRS", f"{quoted(text.strip())}: {error}", _EXPECTED) from None
+    if found is None:
+        raise first.wrong("CRS", quoted(text.strip()), _EXPECTED)
+    return found
+
+
+def _seen(row: Line) -> _Seen:
+    x, y = (row.number_at(k, name, METRES) for k, name in ((0, "x"), (1, "y")))
+    z = float("nan")
+    if row.cell(2, "z").lower() != "nan":
+        z = row.number_at(2, "z", RANGES["height_m"])
+    colrow = tuple(row.number_at(k, name, RANGES["col_px"]) for k, name in ((3, "col"), (4, "row")))
+    return _Seen(
+        line=row,
+        name=row.cells[6] if len(row) > 6 else "",
+        xyz=(x, y) if np.isnan(z) else (x, y, z),  # no two NaN are equal
+        colrow=colrow,
+        image=row.cell(5, "image"),
+    )
+
+
+def _names(seen: list[_Seen]) -> dict[tuple[float, ...], str]:
+    """Return names by coordinates; points without one are numbered in the order of the file."""
+    names: dict[tuple[float, ...], str] = {}
+    for one in seen:
+        name = names.setdefault(one.xyz, one.name or f"GCP{len(names) + 1}")
+        if one.name not in ("", name):
+            found = f"{quoted(one.name)} has the coordinates of {quoted(name)}"
+            raise one.line.wrong("name", found, "must be one name for one point")
+    times = Counter(names.values())
+    if len(times) < len(names):
+        again = [one for one in seen if times[names[one.xyz]] > 1]
+        found = f"{quoted(names[again[0].xyz])} has different coordinates"
+        raise again[-1].line.wrong("name", found, "must be one point for one name")
+    return names
+
+
+def _require_once(seen: list[_Seen], names: dict[tuple[float, ...], str]) -> None:
+    before: set[tuple[str, str]] = set()
+    for one in seen:
+        key = (one.image, names[one.xyz])
+        if key in before:
+            found = f"{quoted(key[1])} stands twice in {quoted(key[0])}"
+            raise one.line.wrong("image", found, "must stand once")
+        before.add(key)
+        tables.require_names(key, partial(_wrong_name, one.line))
+
+
+def _wrong_name(line: Line, name: str, found: str, expected: str) -> FlightError:
+    return line.wrong("name", found if name in found else f"{quoted(name)} {found}", expected)

@@ -11,7 +11,6 @@ from acx4tools.exchange.programs import (
     colmap,
     metashape,
     micmac,
-    odm,
     opensfm,
     opf,
     photo_lists,
@@ -103,7 +102,7 @@ PROGRAMS = {
         lambda path: photo_lists.read_patb(path, unit="mm", **SIZED),
         "a.im",
     ),
-    "odm": (text("gcp_list.txt", GCP_LIST), odm.read, "gcp_list.txt"),
+    "odm": (text("gcp_list.txt", GCP_LIST), opensfm.read_control, "gcp_list.txt"),
 }
 """What writes a good project, what reads it, and which of its files is given to that."""
 

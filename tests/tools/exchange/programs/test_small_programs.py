@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from acx4book.reference import data
 from acx4lib.errors import FlightError
 from acx4tools.exchange import flight_folder
-from acx4tools.exchange.programs import bundler, micmac, odm, photo_lists, pix4d, visualsfm
+from acx4tools.exchange.programs import bundler, micmac, opensfm, photo_lists, pix4d, visualsfm
 from support.projects import bundler as written_bundler
 from support.projects import mmvii as written_mmvii
 from support.projects import pix4d as written_pix4d
@@ -277,7 +277,7 @@ ROWS = """544256.7 5320919.9 5 3044 2622 a.jpg north
 def odm_read(folder, text, **options):
     path = folder / "gcp_list.txt"
     path.write_text(text)
-    return odm.read(path, **options)
+    return opensfm.read_control(path, **options)
 
 
 @pytest.mark.parametrize(
@@ -293,7 +293,7 @@ def odm_read(folder, text, **options):
     ],
 )
 def test_first_lines(text, crs):
-    assert odm.crs_of(text) == crs
+    assert opensfm.crs_of(text) == crs
 
 
 @pytest.mark.parametrize(
@@ -340,7 +340,7 @@ def test_images_are_written_for_a_named_camera(tmp_path):
 
 @needs("formats/odm")
 def test_a_real_list():
-    brought = odm.read(data.path("formats/odm/gcp_list.txt"))
+    brought = opensfm.read_control(data.path("formats/odm/gcp_list.txt"))
     assert brought.settings["crs"] == "EPSG:32617"
     assert "4 measurements of 4 points" in brought.found
     assert brought.tables["control_points.csv"]["height_m"][0] == 345.16893
