@@ -10,7 +10,7 @@ from acx4book import notebook
 from acx4book.notebooks import execute
 from acx4lib import flight
 from support.flights import written
-from support.helpers import write_notebook
+from support.helpers import repeats, write_notebook
 
 PARAMETERS = "flight_path: str = 'a'\nresults_path: str = 'b'\nshare: float = 0.5  # of them\n"
 BEGIN = "from acx4book import notebook\nnotebook.begin()"
@@ -55,12 +55,12 @@ def test_known_parameters_of_the_right_type_are_taken(tmp_path):
             "ValueError: unknown parameter flight; "
             "this notebook has flight_path, results_path, share",
         ),
-        (
+        repeats(
             {"flight_path": 7},
             "ValueError: parameter flight_path: 7; must be str; "
             "papermill takes text as it is by -r flight_path",
         ),
-        ({"share": "much"}, "ValueError: parameter share: 'much'; must be float"),
+        repeats({"share": "much"}, "ValueError: parameter share: 'much'; must be float"),
     ],
 )
 def test_an_unknown_parameter_or_one_of_another_type_is_named_in_the_last_line(

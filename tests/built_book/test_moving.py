@@ -15,7 +15,7 @@ from acx4book.notebooks import simulated
 from acx4book.typesetting import moving
 from acx4lib.calibration.mounting import single_step, two_step_gnss
 from acx4lib.georeferencing.budget import like
-from support.helpers import ROOT
+from support.helpers import ROOT, repeats
 from support.pictures import taken, tied
 
 
@@ -148,6 +148,11 @@ def test_the_ground_that_is_drawn_is_that_of_the_mounting(opened):
         assert drawn == pytest.approx(wrong - right, abs=0.004)
 
 
+@pytest.mark.parametrize(
+    "explorer",
+    [name if name in ("boresight", "design") else repeats(name) for name in EXPLORERS],
+    indirect=True,
+)
 def test_it_is_moved_by_the_keyboard_and_by_buttons(opened, explorer):
     page = opened(explorer)
     slider, first = explorer.sliders[0], page.locator("input").first

@@ -9,6 +9,7 @@ from support.flights import in_heads
 
 
 @pytest.mark.slow
+@pytest.mark.repeats  # `built_book/test_payloads` has other heads
 def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
     other_path = in_heads.write_other_heads(tmp_path / "flight")
     report = runner.run(

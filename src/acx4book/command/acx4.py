@@ -43,6 +43,10 @@ GARBAGE = 100_000
 """Objects made between two searches for garbage. With Python's 700, libraries that are being
 loaded, of which nothing is garbage, are searched again and again: a tenth of a small flight."""
 
+GRAMMAR = "rfc3987_syntax"
+"""Of addresses in any script, which no notebook has: nbformat's validator would make its parser at
+every start, which takes longer than all else that a run loads."""
+
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -60,6 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         Replaces the arguments of the command line.
     """
     shut_out()
+    sys.modules.setdefault(GRAMMAR, None)  # type: ignore[arg-type] # as if it were not installed
     os.environ |= ONE_THREAD
     gc.set_threshold(GARBAGE)
     terminal.prepare_streams()

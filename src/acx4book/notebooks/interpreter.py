@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot  # noqa: F401, ICN001 loaded before the copy
+import matplotlib.pyplot as plt  # loaded before the copy
 import nbformat
 import papermill
 from IPython.core.display import DisplayObject, TextDisplayObject
@@ -152,6 +152,7 @@ def _alone(home: str) -> None:
     here = {"", str(Path.cwd())}
     sys.path[:] = [folder for folder in sys.path if folder not in here]
     os.environ["IPYTHONDIR"] = home
+    plt.close("all")  # figures that it left open would be shown under the first cell that draws
     TextDisplayObject.__init__ = _of_text  # type: ignore[method-assign,assignment] # IPython's
     warnings.resetwarnings()
     for category in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):

@@ -73,7 +73,10 @@ OF_COURSE = re.compile(r":::\{admonition\} Before you start\n.*?\n:::\n\n", re.D
 
 NOTE = ":::{note}\nThe flight of this page is simulated.\n:::"
 
-BUILD = "from jupyter_book.cli.main import main; main()"
+BUILD = (
+    "import sys; sys.modules['rfc3987_syntax'] = None; "  # whose grammar takes a second to load
+    "from jupyter_book.cli.main import main; main()"
+)
 
 COLOURS, SAYS = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"WARNING|ERROR|Error")
 """What colours the lines of Sphinx, and which of them say what is wrong."""

@@ -37,23 +37,26 @@ def tables(folder):
 
 
 @pytest.mark.slow
+@pytest.mark.repeats  # `test_plain_papermill` has the notebooks of one camera
 def test_the_results_are_those_of_the_notebooks(tmp_path, flight_path):
-    """Also in a folder of a run with notebooks, which are gone with their results."""
     runner.run(flight_path, tmp_path / "results", way=Notebooks())
     executed = tables(tmp_path / "results")
     runner.run(flight_path, tmp_path / "results", way=Functions())
     assert tables(tmp_path / "results") == executed
-    assert not (tmp_path / "results" / EXECUTED).exists()
-    own_folder.verify(tmp_path / "results", cure="")
 
 
 @pytest.mark.slow
 def test_the_results_of_heads_and_rig_are_those_of_the_notebooks(tmp_path):
+    """Also in a folder of a run with notebooks, which are gone with their results."""
     path = written.write_flight(tmp_path / "flight", blocks=("heads",))
-    for name, way in (("executed", Notebooks()), ("computed", Functions())):
-        report = runner.run(path, tmp_path / name, way=way)
+    made = []
+    for way in (Notebooks(), Functions()):
+        report = runner.run(path, tmp_path / "results", way=way)
         assert report.ran == ("heads", "synthetic", "rig")
-    assert tables(tmp_path / "executed") == tables(tmp_path / "computed")
+        made.append(tables(tmp_path / "results"))
+    assert made[0] == made[1]
+    assert not (tmp_path / "results" / EXECUTED).exists()
+    own_folder.verify(tmp_path / "results", cure="")
 
 
 def test_nothing_that_draws_or_runs_notebooks_is_loaded(tmp_path, flight_path):

@@ -3,6 +3,7 @@
 import os
 import signal
 
+import matplotlib.pyplot as plt
 import nbformat
 import pytest
 
@@ -72,6 +73,7 @@ def test_what_is_displayed_by_name_can_be_replaced_and_outputs_be_cleared(tmp_pa
 
 
 def test_a_binary_picture_is_text_a_figure_a_drawing_and_one_of_nothing_a_sentence(tmp_path):
+    left = plt.figure()  # of the process that runs the notebook, which shows none of it
     pixel = "b'\\x89PNG\\r\\n\\x1a\\n'"
     cells, _ = run(
         tmp_path,
@@ -89,6 +91,8 @@ def test_a_binary_picture_is_text_a_figure_a_drawing_and_one_of_nothing_a_senten
     (said,) = cells[3].outputs
     assert said.data["text/markdown"] == r"no &#42;data&#42;"
     assert not {"image/svg+xml", "image/png"} & said.data.keys()
+    assert plt.fignum_exists(left.number)
+    plt.close(left)
 
 
 def test_the_own_commands_of_ipython_work_and_their_wrong_use_is_an_error(tmp_path):
