@@ -8,10 +8,16 @@ import pytest
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import Notebooks
 from acx4book.pages import build, flight_book
+from acx4lib.results import folder as results
 from acx4lib.results.provenance import KEPT
 from acx4lib.results.table_files import NOTEBOOKS
-from support.flights import unlike
+from support.flights import in_heads, unlike
 from support.helpers import repeats
+
+# --- unlike flights --------------------------------------------------------------------------
+#
+# Flights unlike the study run through all notebooks; no sentence says what cannot be true.
+
 
 NEVER = {
     "an infinite or missing number": r"\b(inf|nan|NaN|None)\b",
@@ -111,3 +117,26 @@ def test_a_class_is_told_only_where_the_standard_has_enough_points(texts):
     if any("not stated, n = " in text for text in said):
         assert not any("class A" in text for text in said)
         assert any("The standard PEC-PCD asks for 20 points" in text for text in said)
+
+
+# --- notebooks -------------------------------------------------------------------------------
+#
+# The notebooks on heads that are not the paper's; `built_book/test_payloads` has pictures.
+
+
+@pytest.mark.slow
+@pytest.mark.repeats  # `built_book/test_payloads` has other heads
+def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
+    other_path = in_heads.write_other_heads(tmp_path / "flight")
+    report = runner.run(
+        other_path, tmp_path / "results", way=Notebooks(), stages=("heads", "synthetic")
+    )
+    assert report.ran == ("heads", "synthetic")
+    assert report.not_determined == report.left_out == ()
+    found = results.read(tmp_path / "results")
+    assert results.cameras(found, "synthetic/refined") == ("port", "starboard")
+    for path in (tmp_path / "results" / "notebooks").glob("0*.ipynb"):
+        text = path.read_text()
+        assert '"output_type": "error"' not in text
+        assert '"name": "stderr"' not in text
+        assert "CAM1" not in text
