@@ -25,7 +25,7 @@ from acx4lib.flight.tables import name_fault
 from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.least_squares.processors import as_finished
 from acx4lib.opening import text_of
-from acx4lib.results import folder, own_folder, provenance, read_back, whole_files
+from acx4lib.results import earlier, folder, own_folder, provenance, whole_files
 from acx4lib.results.table_files import NOTEBOOKS, PART_OF
 from acx4lib.stages import order
 
@@ -222,7 +222,7 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
         if own_folder.read_mark(results)[0] != provenance.COMMAND or own_folder.changes(results):
             return False
         found = provenance.read(results)
-        told = read_back.read(settings.calibration, flight).told if settings.calibration else None
+        told = earlier.read(settings.calibration, flight).told if settings.calibration else None
     except Acx4Error:  # a run says what is wrong, or puts it right
         return False
     run: dict[str, object] = {"flight": found.digest, "versions": provenance.versions()}

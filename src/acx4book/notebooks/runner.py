@@ -162,9 +162,9 @@ def run(
 
 def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
     """Return what is said of the results of an earlier flight."""
-    from acx4lib.results import read_back  # noqa: PLC0415 loads what adjusts
+    from acx4lib.results import earlier  # noqa: PLC0415 loads what adjusts
 
-    return read_back.read(calibration, flight).told
+    return earlier.read(calibration, flight).told
 
 
 def _run_steps(

@@ -4,6 +4,6 @@
 gives interior orientation, boresight and lever arm by a single step, eq. (14), or by two, the
 second of which averages mountings, eqs (12) and (13) (section 4.2, Table 3); `rig` adjusts all
 heads at once. Each comes to `estimates`. `weights` and `trajectory_errors` say what the estimates
-rest on, `determination`, `jackknife`, `confirmation` and `stability` what they are worth, `courses`
-whether headings depend on the course. Begin with `mounting`.
+rest on, `determination`, `joint_tests`, `jackknife`, `confirmation` and `stability` what they are
+worth, `courses` whether headings depend on the course. Begin with `mounting`.
 """

@@ -345,7 +345,7 @@ def stamp(folder: Path, stage: str, *, calibration: Mapping[str, object] | None 
     folder : Path
     stage : str
     calibration : mapping, optional
-        The calibration of an earlier flight that it validated, as `read_back.Earlier.told` has it.
+        The calibration of an earlier flight that it validated, as `earlier.Earlier.told` has it.
     """
     before = _read(folder)
     entry: dict[str, object] = {"flight": before.digest, "versions": versions()}

@@ -1,12 +1,11 @@
-"""Calibrations and orientations of heads, read back from results for later stages and flights."""
+"""Calibrations and orientations of heads, read back from a results folder for later stages."""
 
 from __future__ import annotations
 
-import datetime as dt
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,18 +18,16 @@ from acx4lib.calibration.estimates import (
     to_reported,
     with_reported,
 )
-from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError
-from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.parameters import MOUNT, REPORTED
 from acx4lib.least_squares.covariance import propagate
-from acx4lib.results import folder, provenance
-from acx4lib.results.own_folder import written
-from acx4lib.results.provenance import Run
+from acx4lib.results import folder
 from acx4lib.results.table_files import RELATIVE
-from acx4lib.synthetic_image.transferred_points import carry, synthetic_block
+
+if TYPE_CHECKING:
+    from acx4lib.calibration.heads import RelativeOrientation
 
 
 @contextmanager
@@ -209,164 +206,3 @@ def calibrated_methods(found: folder.Results, methods: Sequence[str] = METHODS) 
         and not folder.messages(entry, "not_determined")
         and not folder.messages(entry, "stopped")
     )
-
-
-# --- The calibration of an earlier flight, asked for by name to be validated on a later one
-
-
-TABLES = ("parameters.csv", "covariance.csv", "summary.json")
-"""Files of the results that hold a calibration."""
-
-ORIENTED = ("synthetic/refined", "heads/relative_orientation")
-"""Results with the orientation of the heads; the first one that exists is used."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Earlier:
-    """The results of an earlier flight, whose calibrations a later one validates.
-
-    Attributes
-    ----------
-    run : Run
-    """
-
-    run: Run
-
-    @property
-    def told(self) -> dict[str, object]:
-        """What results say of it: its flight, when this was flown and computed, its content."""
-        flight, at = self.run.flight, self.run.folder
-        computed = dt.datetime.fromtimestamp((at / "summary.json").stat().st_mtime, tz=dt.UTC)
-        return {
-            "flight": {"name": flight.name, "sha256": self.run.provenance.digest},
-            "results": at.resolve().name,
-            "sha256": provenance.digest({n: written(at / n).sha256 or "" for n in TABLES}),
-            "flown": None if flight.session.date is None else flight.session.date.isoformat(),
-            "computed": computed.date().isoformat(),
-        }
-
-    @property
-    def sentence(self) -> str:
-        """Whose calibration was validated."""
-        flight, told = self.run.flight, self.told
-        flown = f", flown {told['flown']}" if told["flown"] else ""
-        return (
-            f"the calibration is that of an earlier flight, {flight.name!r} "
-            f"(SHA-256 {self.run.provenance.digest[:12]}{flown}, computed {told['computed']}, "
-            f"results {told['results']!r} with SHA-256 {str(told['sha256'])[:12]})"
-        )
-
-    def block(self, flight: Flight) -> Block:
-        """Return the validation block of a flight with the mounted camera of the earlier one.
-
-        Where it is measured in heads, the earlier flight's heads carry its points.
-        """
-        block, synthetic = flight.block("validation"), self.run.flight.synthetic_camera
-        if "validation" not in flight.carried or synthetic is None:
-            return block
-        oriented = self._heads()
-        return synthetic_block(block, carry(block, oriented, synthetic), synthetic)
-
-    def calibrations(self, block: Block) -> dict[str, Calibration]:
-        """Return the calibrations of the cameras of a block, by method."""
-        with refused(self.run.found):
-            return {
-                method: read_calibration(
-                    self.run.found, f"mounting/{method}", self._declared(block)
-                )
-                for method in calibrated_methods(self.run.found)
-            }
-
-    def rigs(self, block: Block) -> dict[str, Calibration]:
-        """Return the calibrated rigs with all heads of a block, by method."""
-        with refused(self.run.found):
-            return rigs_for(self.run.found, self._declared(block))
-
-    def _declared(self, block: Block) -> list[Camera]:
-        """Return the cameras of a block as the earlier flight declared them."""
-        return [self.run.flight.cameras[camera.name] for camera in block.cameras]
-
-    def _heads(self) -> RelativeOrientation:
-        found = self.run.found
-        source = next(s for s in ORIENTED if _is_oriented(found, s))
-        with refused(found):
-            return read_relative_orientation(found, source, self.run.flight.cameras)
-
-
-def read(results_path: str | Path, flight: Flight) -> Earlier:
-    """Read the calibration of an earlier flight for the validation of another.
-
-    Parameters
-    ----------
-    results_path : path
-        The results of a run of the earlier flight.
-    flight : Flight
-        With a block validation.
-
-    Raises
-    ------
-    FlightError
-        Where they were changed after the run, have no calibration whose parameters are all
-        determined, or are of other cameras: a line for each.
-    """
-    run = provenance.read_run(results_path)
-    provenance.check_kept(run, "mounting")
-    earlier = Earlier(run=run)
-    problems = [f"{run.folder}: {line}" for line in _differences(earlier, flight)]
-    if problems:
-        raise FlightError(problems)
-    return earlier
-
-
-def _differences(earlier: Earlier, flight: Flight) -> Iterator[str]:
-    """Yield what stands against validating a flight with a calibration, a sentence each."""
-    found, before = earlier.run.found, earlier.run.flight
-    methods = calibrated_methods(found)
-    if not methods:
-        yield "no calibration whose parameters are all determined; acx4 run makes one"
-    calibrated = {name for m in methods for name in folder.cameras(found, f"mounting/{m}")}
-    for camera in flight.mounted("validation").cameras:
-        if methods and camera.name not in calibrated:
-            names = ", ".join(sorted(calibrated))
-            yield f"camera {camera.name} of {flight.path} is not calibrated; {names} is"
-        elif camera.name in before.cameras:
-            yield from _other_camera(before.cameras[camera.name], camera)
-    if before.refraction != flight.refraction:
-        yield f"refraction is {before.refraction!r}, in {flight.path} {flight.refraction!r}"
-    if "validation" in flight.carried:
-        yield from _other_heads(earlier, flight)
-
-
-def _other_camera(before: Camera, camera: Camera) -> Iterator[str]:
-    """Yield in what two cameras of one name differ that no calibration estimates."""
-    mine, theirs = _sensor(camera), _sensor(before)
-    if mine != theirs:
-        yield f"camera {camera.name} has {theirs}, in the flight to be validated {mine}"
-
-
-def _sensor(camera: Camera) -> str:
-    return f"{camera.width_px} x {camera.height_px} pixels of {1000 * camera.pixel_mm:g} µm"
-
-
-def _other_heads(earlier: Earlier, flight: Flight) -> Iterator[str]:
-    """Yield why the points of a flight's heads cannot be carried by an earlier one's heads."""
-    before, found = earlier.run.flight, earlier.run.found
-    source = next((s for s in ORIENTED if _is_oriented(found, s)), "")
-    mine, theirs = flight.synthetic_camera, before.synthetic_camera
-    if not source or mine is None or theirs is None:
-        yield "no orientation of the heads, by which points measured in heads are carried"
-        return
-    frame, other = (np.degrees(camera.T_b_c.opk) for camera in (mine, theirs))
-    if not np.allclose(frame, other, rtol=0, atol=1e-9):
-        yield "the mount angles of the synthetic camera define another frame"
-    oriented = folder.cameras(found, source)
-    for camera in flight.block("validation").cameras:
-        if camera.name not in oriented:
-            yield f"camera {camera.name} of {flight.path} is no head; {', '.join(oriented)} are"
-        else:
-            yield from _other_camera(before.cameras[camera.name], camera)
-
-
-def _is_oriented(found: folder.Results, source: str) -> bool:
-    left_out = folder.messages(found.summary.get(source, {}), "left_out")
-    return folder.has(found, source) and not left_out

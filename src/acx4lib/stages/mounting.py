@@ -19,7 +19,8 @@ from acx4lib.flight.reader import Flight
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.results import adjustments, folder, provenance
 from acx4lib.results.adjustments import mounted_block, read_carried
-from acx4lib.results.read_back import ORIENTED, read_relative_orientation
+from acx4lib.results.earlier import ORIENTED
+from acx4lib.results.read_back import read_relative_orientation
 from acx4lib.stages.order import explained, explaining, solving
 from acx4lib.synthetic_image.transferred_points import parameter_covariance
 

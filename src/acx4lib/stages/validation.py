@@ -13,9 +13,9 @@ from acx4lib.calibration.estimates import Calibration, features
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.georeferencing.validation import Validation, predict, validate
-from acx4lib.results import adjustments, folder, provenance, read_back
+from acx4lib.results import adjustments, earlier, folder, provenance, read_back
 from acx4lib.results.adjustments import Record, mounted_block, of_validations
-from acx4lib.results.read_back import Earlier
+from acx4lib.results.earlier import Earlier
 from acx4lib.shown import ByName, Tabled
 from acx4lib.stages.order import explained, solving
 from acx4lib.stages.rig import of_attitudes
@@ -152,7 +152,7 @@ def calibrated_rigs(
 
 def whose(flight: Flight, calibration_path: str | Path) -> str:
     """Return a sentence on the earlier flight whose calibrations are validated; empty without."""
-    return read_back.read(calibration_path, flight).sentence if str(calibration_path) else ""
+    return earlier.read(calibration_path, flight).sentence if str(calibration_path) else ""
 
 
 def _before(
@@ -160,7 +160,7 @@ def _before(
 ) -> Earlier | folder.Results:
     """Return the results of the stages before, or those of the earlier flight."""
     if str(calibration_path):
-        return read_back.read(calibration_path, flight)
+        return earlier.read(calibration_path, flight)
     needed = {"synthetic": "validation" in flight.carried, "mounting": bool(flight.calibration)}
     stages = [stage for stage, is_needed in needed.items() if is_needed]
     return provenance.results_before(results_path, stages, flight)
@@ -221,7 +221,7 @@ def write(
     calibration_path : path, optional
         Results of the earlier flight whose calibrations they are.
     """
-    before = read_back.read(calibration_path, flight) if str(calibration_path) else None
+    before = earlier.read(calibration_path, flight) if str(calibration_path) else None
     records = _records(flight, list(validations.values()), calibrations)
     _write(flight, results_path, records, before)
 
