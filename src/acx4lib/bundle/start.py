@@ -35,6 +35,9 @@ ROUNDS = 15
 NEAR = np.radians(0.2)
 """Misfit of a ray below which its weight no longer grows."""
 
+VAGUE = np.radians(1.0)
+"""Sigma of an observed attitude, above which start values do not keep it."""
+
 INERTIA = 1e-3
 """Weight of a camera's present rotation, as a share of its rays': one ray leaves a turn open."""
 
@@ -106,8 +109,8 @@ def recovered(network: Network) -> State:
     """Return approximate values from positions and, where they are observed, attitudes.
 
     First the cameras are turned onto their control points. Then turning them onto all points
-    alternates with intersections. Images without observed attitude are also turned one by one.
-    Interior orientations and positions do not change.
+    alternates with intersections. Images whose attitude is not observed, or with a sigma above
+    `VAGUE`, are also turned one by one. Interior orientations and positions do not change.
 
     Notes
     -----
@@ -162,19 +165,19 @@ def _intersected(seen: _Seen, state: State, weights: Array) -> Array:
 
 
 def _turned(seen: _Seen, state: State, x_m: Array, pose_group: Index) -> State:
-    """Turn free mountings, and groups of poses whose attitude is neither observed nor held."""
+    """Turn free mountings, and groups of poses whose attitude is vague and not held."""
     network = seen.network
     if np.all(network.layout.mount[:, 3:] >= 0):
         to = _towards(seen, state, x_m)
         Q = _rotations(to, seen.ray_c, seen.camera, len(network.layout.mount))
         state = replace(state, T_b_c=Pose(R=state.T_b_c.R @ Q, r=state.T_b_c.r))
-    unobserved = np.all(np.isinf(network.observed.sigma_attitude), axis=1)
-    unobserved &= np.any(network.layout.pose[:, 3:] >= 0, axis=1)  # the others are held
-    if unobserved.any():
+    vague = np.any(network.observed.sigma_attitude > VAGUE, axis=1)
+    vague &= np.any(network.layout.pose[:, 3:] >= 0, axis=1)  # the others are held
+    if vague.any():
         R_b_c = state.T_b_c.R[seen.camera]
         to, ray = transform(R_b_c, _towards(seen, state, x_m)), transform(R_b_c, seen.ray_c)
         Q = _rotations(to, ray, pose_group[seen.pose], int(pose_group.max()) + 1)[pose_group]
-        Q[~unobserved] = np.eye(3)
+        Q[~vague] = np.eye(3)
         state = replace(state, T_m_b=Pose(R=state.T_m_b.R @ Q, r=state.T_m_b.r))
     return state
 

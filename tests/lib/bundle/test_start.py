@@ -71,11 +71,12 @@ def test_any_attitudes_are_recovered_where_none_is_observed(exact_block, seed):
     assert rotation_angle(recovered(network).T_m_b.R, true_poses(exact_block).R).max() < 1e-3
 
 
-def test_only_attitudes_that_are_not_observed_are_turned(exact_block):
+@pytest.mark.parametrize("vague", [np.inf, np.radians(3.0)])
+def test_only_attitudes_that_are_not_well_observed_are_turned(exact_block, vague):
     trajectory = exact_block.trajectory
     R, sigma = trajectory.T_m_b.R.copy(), trajectory.sigma_attitude.copy()
     R[[2, 5]] = R[[2, 5]] @ turn(1, np.radians(1.0))
-    sigma[5] = np.inf
+    sigma[5] = vague
     block = replace(
         exact_block,
         trajectory=replace(trajectory, T_m_b=Pose(R=R, r=trajectory.T_m_b.r), sigma_attitude=sigma),
