@@ -141,7 +141,7 @@ def run(
     own_folder.check_place(folder, away_from=[Path(flight_path)])
     flight = reader.read(flight_path)
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
-    ran = tuple(stage for stage in wanted if stage not in skipped)
+    ran = order.ordered(flight, [stage for stage in wanted if stage not in skipped])
     told = _earlier(calibration, flight) if str(calibration) else None
     steps = way.steps(flight, folder, ran, str(calibration))
     with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as own:

@@ -330,7 +330,8 @@ def compass(found: Bundle) -> Figure:
     found : Bundle
         With a deviation among its unknowns.
     """
-    by_heading, deviation = found.network.observed.by_heading, found.state.deviation
+    network, deviation = found.network, found.state.deviation
+    by_heading = network.observed.by_heading[network.first_poses]
     off = np.degrees(courses.headings(found)[1] + by_heading @ deviation)
     around = np.linspace(0, 2 * np.pi, 181)
     line = np.degrees(np.stack([np.sin(around), np.cos(around)], axis=1) @ deviation)
@@ -364,12 +365,12 @@ def strips(found: Bundle) -> Figure:
     found : Bundle
         Of the whole flight.
     """
-    block, state = found.network.block, found.state
+    block, state, first = found.network.block, found.state, found.network.first_poses
     names = np.array(design.strip_of_exposure(block))
     points = np.unique(found.network.image_points.point_idx)
     ground, flown, recorded = (
         block.frame.to_grid(x_m)[:, :2] / 1000
-        for x_m in (state.x_m[points], state.T_m_b.r, block.trajectory.T_m_b.r)
+        for x_m in (state.x_m[points], state.T_m_b.r[first], block.trajectory.T_m_b.r)
     )
     with style.applied():
         fig, ax = style.subplots(figsize=(0.75 * style.WIDTH, 5.6))

@@ -351,8 +351,8 @@ def _observations(network: Network) -> _Observations:
             np.repeat(network.control.point_idx[free], 3),
             np.full(3 * len(free), -1),
         ),
-        (poses, unmeasured, unmeasured, poses),
-        (poses, unmeasured, unmeasured, poses),
+        (network.exposure_idx, unmeasured, unmeasured, poses),
+        (network.exposure_idx, unmeasured, unmeasured, poses),
         (distances, of_none, of_none, of_none),
     ]
     row, component, point, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -616,7 +616,9 @@ def _exposures(block: Block, bundle: Bundle, rejected: Sequence[Rejection]) -> I
     w = {kind: _largest(rejected, kind) for kind in ("gnss", "attitude")}
     kind = "gnss" if len(w["gnss"]) > 1 else "attitude"
     rows = np.array(sorted(w[kind]), dtype=np.intp)
-    given, found = block.trajectory.T_m_b[rows], bundle.state.T_m_b[rows]
+    exposures, poses = np.unique(bundle.network.exposure_idx, return_index=True)
+    first = poses[np.searchsorted(exposures, rows)]
+    given, found = block.trajectory.T_m_b[rows], bundle.state.T_m_b[first]
     apart = _apart(given, found, kind)
     for i, j in pairs_of(np.diagonal(apart), apart):
         a, b = int(rows[i]), int(rows[j])

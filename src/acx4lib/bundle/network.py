@@ -20,6 +20,7 @@ from acx4lib.bundle.observations import (
     distance_equations,
     mounting_equations,
     of_halves,
+    picture_equations,
     position_equations,
 )
 from acx4lib.bundle.unknowns import Layout, State, moved, named
@@ -125,6 +126,18 @@ class Network:
         return free
 
     @property
+    def exposure_idx(self) -> Index:
+        """The exposure of every pose, which is an exposure's or an image's."""
+        rows = np.arange(len(self.pose_names))
+        rows[self.pose_idx] = self.block.images.exposure_idx
+        return rows
+
+    @property
+    def first_poses(self) -> Index:
+        """The pose of every exposure that has one, its first picture's where pictures have."""
+        return np.unique(self.exposure_idx, return_index=True)[1]
+
+    @property
     def held_control(self) -> Mask:
         """Which control points are given free of error."""
         return np.all(self.control.sigma_m == 0, axis=1)
@@ -222,6 +235,7 @@ def _other_equations(network: Network, state: State) -> list[Equations]:
         position_equations(observed, state, columns),
         attitude_equations(observed, state, columns),
         distance_equations(network.distances, state.x_m, columns.joint),
+        *picture_equations(observed.pictures, state, columns),
         *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
     ]
 

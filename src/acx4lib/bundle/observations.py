@@ -7,7 +7,7 @@ and distances. How errors that change slowly weigh is in `least_squares.statisti
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -50,6 +50,75 @@ class Strips:
     unit: str = "s"
 
 
+# --- Pictures of an exposure that do not share its pose
+
+
+ONE_PLACE_M = 1e-3
+"""Standard deviation of the place of every picture: so small that turns stand for shifts, too."""
+
+
+@shown.briefly
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pictures:
+    """Poses of pictures, of which those of an exposure are nearly one.
+
+    Attributes
+    ----------
+    first : ndarray, shape (n_poses,)
+        The pose of the exposure's first picture.
+    turns : ndarray, shape (3,)
+        Standard deviation of the turn of every picture, about the body's axes, radians.
+    """
+
+    first: Index
+    turns: Array
+
+
+def picture_equations(
+    pictures: Pictures | None, state: State, columns: Layout
+) -> Iterator[Equations]:
+    """Linearise the places and the turns of pictures against the first ones of their exposures.
+
+    Observed is that there are none. All have the errors of the first one in common.
+
+    Parameters
+    ----------
+    pictures : Pictures or None
+    state : State
+    columns : Layout
+    """
+    if pictures is None:
+        return
+    later = np.flatnonzero(pictures.first != np.arange(len(pictures.first)))
+    first, n = pictures.first[later], len(later)
+    same = (first[:, None] == first).astype(float)
+    R, r = state.T_m_b.R, state.T_m_b.r
+    turned = np.swapaxes(R[first], -1, -2) @ R[later]
+    v = log(turned)
+    by_turn, both = log_jacobian(v), np.concatenate([columns.pose[later], columns.pose[first]], 1)
+    each = np.tile(np.eye(3), (n, 1, 1))
+    for kind, off, A, at, own in (
+        ("place", r[later] - r[first], [each, -each], [0, 1, 2, 6, 7, 8], np.full(3, ONE_PLACE_M)),
+        (
+            "turn",
+            v,
+            [by_turn, -by_turn @ np.swapaxes(turned, -1, -2)],
+            [3, 4, 5, 9, 10, 11],
+            pictures.turns,
+        ),
+    ):
+        sigma = np.tile(own, (n, 1))
+        yield Equations(
+            kind=kind,
+            v=off,
+            sigma=np.sqrt(2) * sigma,
+            A=np.concatenate(A, axis=2),
+            columns=both[:, at],
+            unit=np.arange(n),
+            correlation=SlowErrors(sigma=sigma, together=same).correlation(np.sqrt(2) * sigma),
+        )
+
+
 # --- Observed positions and attitudes: their systematic errors, and errors that change slowly
 
 
@@ -74,6 +143,8 @@ class PoseObservations:
         Velocity and rate of rotation, needed where a delay is estimated.
     slow_positions, slow_attitudes : SlowErrors, optional
         The correlated part of their errors; none by default.
+    pictures : Pictures, optional
+        Where poses are those of pictures, several at an exposure.
 
     Raises
     ------
@@ -89,6 +160,7 @@ class PoseObservations:
     motion: Motion | None = None
     slow_positions: SlowErrors | None = None
     slow_attitudes: SlowErrors | None = None
+    pictures: Pictures | None = None
 
     def __post_init__(self) -> None:
         n = len(self.T_m_b)
@@ -122,6 +194,9 @@ class PoseObservations:
         for correlation in (self.of_positions, self.of_attitudes):
             if correlation is not None:
                 found.append(np.stack([correlation.first, correlation.second], axis=1))
+        if self.pictures is not None:
+            first = self.pictures.first
+            found.append(np.argwhere(first[:, None] == first))
         return np.concatenate(found)
 
 
@@ -156,6 +231,50 @@ def slow_errors(
     return SlowErrors(
         sigma=process.share * np.where(np.isfinite(sigma), sigma, 0.0),
         together=process.together(trajectory.time_s[rows]),
+    )
+
+
+def observed_poses(
+    trajectory: Trajectory,
+    rows: Index,
+    *,
+    turns: Array | None,
+    strips: Strips,
+    motion: Motion | None,
+) -> PoseObservations:
+    """Return what a trajectory observes of poses.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    rows : ndarray, shape (n_poses,)
+        The exposure of every pose.
+    turns : ndarray, shape (3,), or None
+        Of pictures, which are the poses, as `Pictures` has it; None where exposures are. The first
+        picture of an exposure is what the trajectory observes.
+    strips : Strips
+    motion : Motion or None
+        Of the exposures, as `strips_of` and `motion_of` return them.
+    """
+    pictures, later = None, np.zeros(len(rows), dtype=bool)
+    if turns is not None:
+        _, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
+        pictures = Pictures(first=first[inverse], turns=turns)
+        later = pictures.first != np.arange(len(rows))
+        if strips.names:
+            strips = replace(strips, idx=strips.idx[rows], elapsed=strips.elapsed[rows])
+        if motion is not None:
+            motion = Motion(velocity=motion.velocity[rows], rate=motion.rate[rows])
+    return PoseObservations(
+        T_m_b=trajectory.T_m_b[rows],
+        R_g_m=trajectory.R_g_m[rows],
+        sigma_position=np.where(later[:, None], np.inf, trajectory.sigma_position[rows]),
+        sigma_attitude=np.where(later[:, None], np.inf, trajectory.sigma_attitude[rows]),
+        strips=strips,
+        motion=motion,
+        slow_positions=slow_errors(trajectory, "position", rows),
+        slow_attitudes=slow_errors(trajectory, "attitude", rows),
+        pictures=pictures,
     )
 
 

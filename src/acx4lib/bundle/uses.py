@@ -19,7 +19,7 @@ from acx4lib.bundle.observations import (
     PoseObservations,
     Strips,
     motion_of,
-    slow_errors,
+    observed_poses,
     strips_of,
     usable,
 )
@@ -135,6 +135,7 @@ def mounted_orientation(
     free_mount: Sequence[str] = MOUNT,
     refraction: str = "none",
     gnss: Sequence[str] = (),
+    turns: Array | None = None,
 ) -> Network:
     """Set up the single step, eq. (14): body poses observed by GNSS and INS, mountings free.
 
@@ -153,6 +154,9 @@ def mounted_orientation(
         the block, without height where the lever arm's z is estimated; a ``"drift"`` of each strip;
         a ``"delay"`` of the positions, an ``"attitude_delay"`` of the attitudes; a ``"deviation"``
         of the headings.
+    turns : ndarray, shape (3,), optional
+        Standard deviation of the turns of an exposure's pictures against each other, about the
+        body's axes, radians: every picture then has a pose of its own. By default they share one.
 
     Raises
     ------
@@ -170,29 +174,30 @@ def mounted_orientation(
     if "drift" in gnss and not strips.names:
         msg = "no strip has two exposures to drift between: images.csv needs its column strip"
         raise AdjustmentError(msg)
+    rows = np.arange(len(trajectory)) if turns is None else block.images.exposure_idx
+    names = trajectory.exposures if turns is None else block.images.names
     return _network(
         block,
         poses=_Poses(
-            names=trajectory.exposures, idx=block.images.exposure_idx, T_m_b=trajectory.T_m_b
+            names=names,
+            idx=block.images.exposure_idx if turns is None else np.arange(len(block.images)),
+            T_m_b=trajectory.T_m_b[rows],
         ),
         columns=layout(
             len(block.cameras),
-            len(trajectory),
+            len(rows),
             free=free,
             free_mount=free_mount,
             free_shift=free_shift(gnss, free_mount),
             n_drifts=len(strips.names),
             recorded=[name for name in (*DELAYS, *ATTITUDE) if name in gnss],
         ),
-        observed=PoseObservations(
-            T_m_b=trajectory.T_m_b,
-            R_g_m=trajectory.R_g_m,
-            sigma_position=trajectory.sigma_position,
-            sigma_attitude=trajectory.sigma_attitude,
+        observed=observed_poses(
+            trajectory,
+            rows,
+            turns=turns,
             strips=strips,
             motion=motion_of(block, delays=delayed) if delayed else None,
-            slow_positions=slow_errors(trajectory, "position"),
-            slow_attitudes=slow_errors(trajectory, "attitude"),
         ),
         T_b_c=mountings(block.cameras),
         refraction=refraction,

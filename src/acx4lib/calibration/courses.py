@@ -99,8 +99,9 @@ def by_course(bundle: Bundle) -> ByCourse | None:
         None where there are less than two courses of two exposures, or errors are declared as
         correlated.
     """
-    observed = bundle.network.observed
-    if observed.slow_attitudes is not None or not np.isfinite(observed.sigma_attitude).any():
+    trajectory = bundle.network.block.trajectory
+    is_observed = np.isfinite(bundle.network.observed.sigma_attitude).any()
+    if trajectory.slow_attitudes.share > 0 or not is_observed:
         return None
     course, off = headings(bundle)
     course, off = course[np.isfinite(off)], off[np.isfinite(off)]
@@ -136,11 +137,14 @@ def headings(bundle: Bundle) -> tuple[Array, Array]:
     course, off : ndarray, shape (n,)
         From north over east, and recorded minus adjusted, NaN where no attitude is used; radians.
     """
-    observed, state = bundle.network.observed, bundle.state
+    network, state = bundle.network, bundle.state
+    observed = network.observed
     known = np.isfinite(observed.sigma_attitude).all(axis=1)
     expected = deviating(observed, state) @ state.T_m_b.R
     off = log(expected @ np.swapaxes(observed.T_m_b.R, -1, -2))[:, 2]
-    return np.arctan2(*directions(bundle.network.block).T), np.where(known, off, np.nan)
+    first = network.first_poses
+    course = np.arctan2(*directions(network.block).T)[network.exposure_idx[first]]
+    return course, np.where(known, off, np.nan)[first]
 
 
 def _mean(angles: Array) -> float:

@@ -71,6 +71,9 @@ class Calibration:
     enlarged : tuple of float
         Factors by which `jackknife` enlarged sigma: of interior orientations, and of heads against
         the first one.
+    turns : ndarray, shape (3,), or None
+        Standard deviation of the turns of an exposure's pictures against each other, about the
+        body's axes, radians; None where they share a pose.
     """
 
     cameras: tuple[Camera, ...]
@@ -80,6 +83,7 @@ class Calibration:
     open_columns: Mask
     limit_boresight_deg: float = LIMIT_BORESIGHT_DEG
     enlarged: tuple[float, float] = (1.0, 1.0)
+    turns: Array | None = None
 
     def __post_init__(self) -> None:
         expected.sequence("cameras", self.cameras, Camera)

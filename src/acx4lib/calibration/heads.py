@@ -93,6 +93,9 @@ class RelativeOrientation:
         head the interior orientation in the order of `camera.INTERIOR`, zero where held. Tilt
         and principal point of a head compensate each other, so both are needed together.
     n_exposures : int
+    turns : ndarray, shape (3,), or None
+        Standard deviation of what heads turn by at single exposures, about the axes of the
+        synthetic image, radians; None where it is not known.
     """
 
     heads: tuple[Camera, ...]
@@ -100,6 +103,7 @@ class RelativeOrientation:
     opk: Array
     cov_joint: Array
     n_exposures: int
+    turns: Array | None = None
 
     def __post_init__(self) -> None:
         expected.sequence("heads", self.heads, Camera)

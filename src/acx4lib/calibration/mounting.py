@@ -27,6 +27,7 @@ from acx4lib.calibration.estimates import (
     saying_what_lacks,
 )
 from acx4lib.calibration.jackknife import enlarged
+from acx4lib.calibration.picture_turns import turned
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.block import Block
@@ -242,7 +243,8 @@ def single_step(
         return Mounting(method="single_step", calibration=from_bundle(adjusted), bundle=adjusted)
     with saying_what_lacks(block, (*free, *free_mount(fix))):
         bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
-    calibration = enlarged(from_bundle(bundle), bundle)
+        bundle, turns = turned(block, bundle, network, snooping=snooping)
+    calibration = enlarged(replace(from_bundle(bundle), turns=turns), bundle)
     return Mounting(method="single_step", calibration=calibration, bundle=bundle)
 
 

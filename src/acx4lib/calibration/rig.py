@@ -218,7 +218,7 @@ def _on_first_ray(block: Block, bundle: Bundle, points: Index, height: Array) ->
 
 
 def relative_orientation(
-    rig: Mounting, synthetic: Camera | None, *, weak: bool = False
+    rig: Mounting, synthetic: Camera | None, *, weak: bool = False, as_declared: bool = False
 ) -> RelativeOrientation:
     """Return the orientation of a rig's heads in the synthetic frame, from their mountings.
 
@@ -231,6 +231,9 @@ def relative_orientation(
         table [synthetic] has none.
     weak : bool
         Whether parameters that the data do not determine are good enough.
+    as_declared : bool
+        Whether the first head looks where its declared mounting has it: all heads are turned by
+        its boresight against this, which moves the synthetic frame with them.
 
     Returns
     -------
@@ -260,8 +263,11 @@ def relative_orientation(
     xyz = scale * (T_b_h.r - T_b_h.r[0]) @ R_s_b.T
     xyz[:, 2] += heads[0].interior.f
     xyz[:, :2] -= xyz[:, :2].mean(axis=0)
-    opk = Pose(R=R_s_b @ T_b_h.R, r=xyz).opk
+    declared = rig.bundle.network.block.cameras[0].T_b_c.R if as_declared else T_b_h.R[0]
+    opk = Pose(R=R_s_b @ declared @ T_b_h.R[0].T @ T_b_h.R, r=xyz).opk
     J = _jacobian(scale * R_s_b, xyz / heads[0].interior.f, opk)
+    if as_declared:
+        _less_first(J, T_b_h.R)
     columns = np.hstack([calibration.layout.interior, calibration.layout.mount]).ravel()
     estimated = columns >= 0
     cov = np.zeros((16 * n, 16 * n))
@@ -274,6 +280,7 @@ def relative_orientation(
         opk=opk,
         cov_joint=calibration.sigma0_sq * propagate(J, cov),
         n_exposures=len(_first_images(rig.bundle)),
+        turns=None if calibration.turns is None else np.sqrt(R_s_b**2 @ calibration.turns**2),
     )
 
 
@@ -292,6 +299,15 @@ def _open(calibration: Calibration) -> list[str]:
     of_lenses = calibration.cov[np.ix_(rest, rest)]
     layout, is_open = holding(columns, mounted), calibration.open_columns[rest]
     return not_determined(replace(calibration, layout=layout, cov=of_lenses, open_columns=is_open))
+
+
+def _less_first(J: Array, R_b_h: Array) -> None:
+    """Take off the derivatives of angles what all heads turn by with the first one, in place."""
+    n = len(R_b_h)
+    by = J[: 6 * n].reshape(n, 6, n, -1)[:, 3:, :, len(INTERIOR) + 3 :]
+    each = np.arange(n)
+    by[:, :, 0] -= by[each, :, each] @ np.swapaxes(R_b_h, 1, 2) @ R_b_h[0]
+    by[0] = 0.0  # exactly: the first one's angles have no sigma
 
 
 def image_scale(rig: Mounting) -> float:

@@ -548,7 +548,7 @@ class _Strip:
     Attributes
     ----------
     rows : ndarray
-        Its exposures.
+        Its poses.
     along : ndarray, shape (2,)
         Unit vector of its direction.
     height : float
@@ -570,7 +570,8 @@ class _Strip:
 
 def _strips(bundle: Bundle) -> list[_Strip] | None:
     """Return the strips; None where exposures have none, or where one is not straight."""
-    names = np.array(strip_of_exposure(bundle.network.block), dtype=object)
+    of_exposure = np.array(strip_of_exposure(bundle.network.block), dtype=object)
+    names = of_exposure[bundle.network.exposure_idx]
     if np.any(names == ""):
         return None
     found = []

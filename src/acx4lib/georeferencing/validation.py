@@ -22,6 +22,7 @@ from acx4lib.bundle.rejections import CRITICAL, Exchange, Rejection, Stopped, wi
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration.estimates import Calibration
+from acx4lib.calibration.picture_turns import by_turns
 from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight import checks
@@ -706,7 +707,7 @@ class Prediction:
 
     @property
     def _seen(self) -> Mask:
-        """Exposures with measurements: the others have no residuals."""
+        """Poses with measurements: the others have no residuals."""
         network = self.bundle.network
         seen = np.zeros(len(network.pose_names), dtype=bool)
         seen[network.pose_idx[network.image_points.image_idx]] = True
@@ -742,7 +743,8 @@ class Prediction:
     @property
     def sentence(self) -> str:
         """How well the exposures fit, in words."""
-        n, east_north_height = int(self._seen.sum()), self.position_rms_m
+        exposures = self.bundle.network.exposure_idx[self._seen]
+        n, east_north_height = len(np.unique(exposures)), self.position_rms_m
         off = ", ".join(f"{value:.2f}" for value in east_north_height)
         return (
             f"there are no check points; {shown.count(n, 'exposure')} that took no part in the "
@@ -797,7 +799,10 @@ def predict(
     expected.many("calibration.cameras", calibration.cameras, len(block.cameras), "cameras")
     held = tuple(replace(camera, prior=Prior()) for camera in calibration.cameras)
     network = partial(mounted_orientation, free=(), free_mount=(), refraction=refraction, gnss=gnss)
-    bundle = adjust_rejecting(replace(block, cameras=held), network)
+    block = replace(block, cameras=held)
+    bundle = adjust_rejecting(block, network)
+    if calibration.turns is not None:
+        bundle = by_turns(block, bundle, network, calibration.turns)
     return Prediction(
         method=method,
         bundle=bundle,
@@ -829,9 +834,9 @@ def _by_cameras(bundle: Bundle, calibration: Calibration) -> float:
 def _effective_redundancy(bundle: Bundle) -> float:
     """Return the redundancy that the scatter of single exposures' sums of squares has."""
     network, group = bundle.network, bundle.solution.group("image_point")
-    pose = network.pose_idx[network.image_points.image_idx]
+    exposure = network.block.images.exposure_idx[network.image_points.image_idx]
     squares, redundancy = (
-        np.bincount(pose, np.nansum(values, axis=1))
+        np.bincount(exposure, np.nansum(values, axis=1))
         for values in ((group.v / group.sigma) ** 2, group.redundancy)
     )
     mean, n = squares.sum() / redundancy.sum(), int((redundancy > 0).sum())

@@ -150,6 +150,10 @@ class Group:
         return np.isfinite(self.sigma)
 
     @property
+    def _sigma_used(self) -> Array:
+        return np.where(self.used, self.sigma, np.nan)
+
+    @property
     def weighted(self) -> Array:
         """Weighted residuals times sigma, sigma (P v), shape (m, d)."""
         return self.v / self.sigma if self.together is None else self.together.weighted
@@ -171,14 +175,14 @@ class Group:
         """What an observation differs by from its prediction, where its sigma is very large."""
         if self.together is None:
             return self.v
-        return self.sigma * self.weighted / np.where(self.control > 0, self.control, np.nan)
+        return self._sigma_used * self.weighted / np.where(self.control > 0, self.control, np.nan)
 
     @property
     def explained(self) -> Array:
         """Variance of this prediction."""
         if self.together is None:
             return np.maximum(1 - self.redundancy, 0.0) * self.sigma**2
-        return self.sigma**2 * (1 / np.where(self.control > 0, self.control, np.nan) - 1)
+        return self._sigma_used**2 * (1 / np.where(self.control > 0, self.control, np.nan) - 1)
 
     @cached_property
     def w(self) -> Array:

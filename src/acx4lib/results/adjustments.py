@@ -26,6 +26,7 @@ from acx4lib.calibration import (
     courses,
     determination,
     jackknife,
+    picture_turns,
     stability,
     trajectory_errors,
 )
@@ -45,6 +46,7 @@ from acx4lib.calibration.estimates import (
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.errors import FlightError
+from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import index_of
 from acx4lib.flight.reader import Flight
@@ -108,6 +110,7 @@ def write(
     *,
     flight: Flight | None = None,
     calibration: Mapping[str, object] | None = None,
+    methods: Sequence[str] = (),
 ) -> None:
     """Write a stage's records, and remove what the folder had of this stage.
 
@@ -123,6 +126,8 @@ def write(
         only the tables are replaced.
     calibration : mapping, optional
         That of an earlier flight which is validated, as `provenance.stamp` takes it.
+    methods : sequence of str
+        Of the stage, those that are replaced; by default all.
 
     Raises
     ------
@@ -137,8 +142,9 @@ def write(
     if flight is None:
         results.replace(folder, [stage], tables=tables, summary=summary)
         return
+    old = [f"{stage}/{method}" for method in methods] or [stage]
     with provenance.written(folder, stage, flight, calibration=calibration) as at:
-        results.replace(at, [stage], tables=tables, summary=summary)
+        results.replace(at, old, tables=tables, summary=summary)
 
 
 # --- bundles ---------------------------------------------------------------------------------
@@ -198,6 +204,7 @@ def of_bundle(
         "left_out_points": dict(bundle.network.left_out),
         **determination.as_json(bundle, said),
         **_declared_entries(key, method, bundle),
+        **_turns_entry(said.turns),
         "boresight_stability": {} if bundle.stopped else stability.as_json(bundle),
         **_weak_entries(key, method, bundle, over_ground=over_ground),
         "not_determined": unknown,
@@ -215,6 +222,11 @@ def of_bundle(
         tables=bundle_tables(stage, method, bundle, said),
         summary={key: entry},
     )
+
+
+def _turns_entry(turns: Array | None) -> dict[str, object]:
+    """Return the entry of summary.json on turns of pictures; none where there are none."""
+    return {} if turns is None else {"picture_turns_deg": np.degrees(turns).tolist()}
 
 
 def _tests_as_json(found: Sequence[SigmaTest]) -> dict[str, dict[str, float]]:
@@ -319,7 +331,11 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     """Return sentences on what a user should know of an adjustment."""
     left_out = bundle.network.left_out.items()
     notes = [f"{n} tie point{'s' * (n > 1)} {why} left out" for why, n in left_out]
-    of_sigma = rough_boresights(calibration), jackknife.sentence(calibration)
+    of_sigma = (
+        rough_boresights(calibration),
+        jackknife.sentence(calibration),
+        picture_turns.sentence(calibration.turns),
+    )
     notes += filter(None, (determination.beyond_precision(bundle), *of_sigma))
     n_measured = len(bundle.network.block.image_points)
     n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
@@ -424,7 +440,8 @@ def of_relative_orientation(
 
     Other keyword arguments become entries of the summary.
     """
-    entry = {**NO_ADJUSTMENT, "converged": True, "n_exposures": orientation.n_exposures, **said}
+    known = {"n_exposures": orientation.n_exposures, **_turns_entry(orientation.turns)}
+    entry = {**NO_ADJUSTMENT, "converged": True, **known, **said}
     return Record(
         stage=stage,
         method=method,
@@ -550,7 +567,7 @@ def _prediction_summary(found: Prediction) -> dict[str, object]:
     return {
         "rays_rms_px": found.rays_rms_px,
         "position_rms_m": list(found.position_rms_m),
-        "n_exposures": len(found.bundle.state.T_m_b),
+        "n_exposures": len(found.bundle.network.block.trajectory),
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
         "redundancy": solution.redundancy,

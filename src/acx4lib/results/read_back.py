@@ -19,6 +19,7 @@ from acx4lib.calibration.estimates import (
     with_reported,
 )
 from acx4lib.errors import FlightError
+from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.parameters import MOUNT, REPORTED
@@ -81,15 +82,23 @@ def read_relative_orientation(
     joint = cov.reindex(index=labels, columns=labels, fill_value=0.0).to_numpy()
     entry = found.summary.get(stage_method, {})
     heads = [cameras[name] for name in names]
-    if folder.has(found, "heads/bundle"):
-        heads = [_estimated(found, "heads/bundle", head) for head in heads]
+    calibrated = next((of for of in ("heads/bundle", "mounting/rig") if folder.has(found, of)), "")
+    if calibrated == "heads/bundle" or folder.has(found, "heads"):  # a rig that left the heads
+        heads = [_estimated(found, calibrated, head) for head in heads]
     return RelativeOrientation(
         heads=tuple(heads),
         xyz_mm=values[:, :3],
         opk=np.radians(values[:, 3:]),
         cov_joint=joint * scale[:, None] * scale,
         n_exposures=int(str(entry.get("n_exposures", 0))),
+        turns=_turns(entry),
     )
+
+
+def _turns(entry: Mapping[str, object]) -> Array | None:
+    """Return the standard deviation of turns of pictures, radians; None where there is none."""
+    turns = entry.get("picture_turns_deg")
+    return np.radians(turns) if isinstance(turns, list) else None
 
 
 def _estimated(found: folder.Results, stage_method: str, camera: Camera) -> Camera:
@@ -130,7 +139,8 @@ def read_calibration(
         for j, key in enumerate((*INTERIOR, *MOUNT)):
             label = f"{camera.name}/{REPORTED[key][0]}"
             columns[k, j] = row_of.get(label, -1)
-    sigma0_sq = float(str(found.summary[stage_method]["sigma0_squared"]))
+    entry = found.summary[stage_method]
+    sigma0_sq = float(str(entry["sigma0_squared"]))
     reported = Calibration(
         cameras=estimated,
         layout=Layout(
@@ -141,6 +151,7 @@ def read_calibration(
         cov=np.zeros((len(names), len(names))),
         sigma0_sq=sigma0_sq,
         open_columns=np.zeros(len(names), dtype=bool),
+        turns=_turns(entry),
     )
     back = np.linalg.inv(to_reported(reported))
     cov = whole.loc[names, names].to_numpy() / sigma0_sq

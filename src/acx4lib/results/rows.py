@@ -172,7 +172,7 @@ def exterior_table(block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Arra
 
 def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
     """Return the residuals of all observations that were used, with their names as categories."""
-    groups = bundle.solution.groups
+    groups = [group for group in bundle.solution.groups if group.kind in COMPONENTS]
     used = [group.used for group in groups]
     where, points, components, units = [], [], [], []
     for group, mask in zip(groups, used, strict=True):
@@ -233,8 +233,8 @@ def _observed_at(network: Network, kind: str) -> tuple[Named, Named]:
     if kind in ("lever_arm", "boresight"):
         known = observed_mountings(block.cameras, kind, network.layout.mount)
         return ([camera.name for camera in block.cameras], known), _alike(len(known))
-    n = len(network.pose_names)
-    return (network.pose_names, np.arange(n)), _alike(n)
+    exposure = network.exposure_idx
+    return (block.trajectory.exposures, exposure), _alike(len(exposure))
 
 
 def _alike(n: int, name: str = "") -> Named:

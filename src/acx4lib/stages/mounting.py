@@ -12,7 +12,7 @@ from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import mounting
 from acx4lib.calibration import weights as sigma
-from acx4lib.calibration.estimates import from_bundle, parameters
+from acx4lib.calibration.estimates import METHODS, from_bundle, parameters
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
@@ -21,7 +21,7 @@ from acx4lib.results import adjustments, folder, provenance
 from acx4lib.results.adjustments import mounted_block, read_carried
 from acx4lib.results.earlier import ORIENTED
 from acx4lib.results.read_back import read_relative_orientation
-from acx4lib.stages.order import explained, explaining, solving
+from acx4lib.stages.order import explained, explaining, rig_leads, solving
 from acx4lib.synthetic_image.transferred_points import parameter_covariance
 
 if TYPE_CHECKING:
@@ -232,7 +232,8 @@ def write(
         if single is not None and "calibration" in flight.carried:
             told = {"sigma_of_heads": _sigma_of_heads(flight, results_path, single.bundle)}
             records = [_with(record, "mounting/single_step", told) for record in records]
-    adjustments.write(results_path, "mounting", records, flight=flight)
+    methods = METHODS if rig_leads(flight) else ()  # the rig has been written before
+    adjustments.write(results_path, "mounting", records, flight=flight, methods=methods)
 
 
 def _with(record: adjustments.Record, key: str, told: Mapping[str, object]) -> adjustments.Record:

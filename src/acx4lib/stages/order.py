@@ -35,6 +35,33 @@ def is_end(flight: Flight, stage: str) -> bool:
     return stage == "synthetic" and not flight.carried
 
 
+def ordered(flight: Flight, parts: Sequence[str]) -> tuple[str, ...]:
+    """Return what is run of a flight in its order: the rig first where its lenses carry the points.
+
+    Parameters
+    ----------
+    flight : Flight
+    parts : sequence of str
+        Of `table_files.NOTEBOOKS`, in the order of these.
+    """
+    if "rig" not in parts or "synthetic" not in parts or not rig_leads(flight):
+        return tuple(parts)
+    rest = [part for part in parts if part != "rig"]
+    at = rest.index("synthetic")
+    return (*rest[:at], "rig", *rest[at:])
+
+
+def rig_leads(flight: Flight) -> bool:
+    """Tell whether the heads of a flight, which none calibrates by itself, are those of the rig."""
+    block = flight.blocks.get("heads")
+    return (
+        block is not None
+        and bool(flight.carried)
+        and bool(not_calibrated(block))
+        and not missing(flight, "rig")
+    )
+
+
 def missing(flight: Flight, stage: str) -> str:
     """Return why a stage cannot run on a flight; empty where it can."""
     block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
@@ -54,7 +81,9 @@ def _unmeasured(flight: Flight, stage: str, block: str) -> str:
     of_heads = not_calibrated(flight.blocks[block]) if stage == "heads" else ""
     if of_heads or not len(flight.blocks[block].image_points):
         reason = of_heads or f"nothing is measured in block {block}"
-        return f"{reason}; its heads are as flight.toml has them"
+        together = stage == "heads" and rig_leads(flight)
+        how = "calibrated together, as a rig" if together else "as flight.toml has them"
+        return f"{reason}; its heads are {how}"
     if stage == "rig" and len(flight.blocks[block].cameras) < 2:
         return f"block {block} has one camera only"
     if stage == "validation" and unobserved(flight.blocks[block]):

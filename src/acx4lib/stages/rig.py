@@ -18,8 +18,13 @@ from acx4lib.flight.block import Block, select_cameras
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import ATTITUDE
 from acx4lib.results import adjustments
-from acx4lib.results.adjustments import Record, of_left_out, of_mounting
-from acx4lib.stages.order import explained, solving
+from acx4lib.results.adjustments import (
+    Record,
+    of_left_out,
+    of_mounting,
+    of_relative_orientation,
+)
+from acx4lib.stages.order import explained, rig_leads, solving
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -180,6 +185,22 @@ def write(flight: Flight, results_path: str | Path, stages: Sequence[RigStage]) 
             found.append(explained(said, flight, stage.block.name))
     for stage, rows in zip(stages, found, strict=True):
         adjustments.write(results_path, f"mounting/{stage.method}", rows, flight=flight)
+    if rig_leads(flight):
+        oriented = _oriented(flight, stages[0])
+        adjustments.write(results_path, "heads", oriented, flight=flight)
+
+
+def _oriented(flight: Flight, stage: RigStage) -> list[Record]:
+    """Return the heads against each other, the first as declared, where the rig determines them."""
+    if stage.rig is None:
+        return []
+    with solving(flight, stage.block.name):
+        found = attempt(
+            rig.relative_orientation, stage.rig, flight.synthetic_camera, as_declared=True
+        )
+    if isinstance(found, Failed):
+        return [of_left_out("heads", "relative_orientation", found.reason)]
+    return [of_relative_orientation("heads", "relative_orientation", found)]
 
 
 def records(stage: RigStage, *, over_ground: bool = False) -> list[Record]:

@@ -191,7 +191,9 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
 
 
 def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
-    """Return the oriented heads as stage heads left them, or as declared where it cannot run.
+    """Return the oriented heads as stage heads left them, or the rig, or as they are declared.
+
+    Where none can be calibrated by itself, they are those of the rig, if it has been adjusted.
 
     Raises
     ------
@@ -201,10 +203,12 @@ def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
         Where it could not orient the heads.
     """
     synthetic = flight.synthetic_camera
-    if synthetic is not None and not_calibrated(flight.block("heads")):
+    alone = not not_calibrated(flight.block("heads"))
+    left = folder.entries(Path(results_path)).get(ORIENTED, {})
+    reasons = folder.messages(left, "left_out")
+    if synthetic is not None and not alone and (reasons or not left):
         return declared_orientation([flight.cameras[n] for n in flight.head_names], synthetic)
     found = provenance.results_before(results_path, ["heads"], flight)
-    reasons = folder.messages(found.summary.get(ORIENTED, {}), "left_out")
     if reasons:
         raise AdjustmentError("; ".join(reasons))
     return read_relative_orientation(found, ORIENTED, flight.cameras)

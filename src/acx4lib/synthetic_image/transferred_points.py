@@ -48,7 +48,8 @@ class CarriedPoints:
     colrow : ndarray, shape (n, 2)
         Pixels of the synthetic image.
     sigma_px : ndarray, shape (n, 2)
-        Of col and row: the measurement's, not that of the heads' calibration.
+        Of col and row: the measurement's, and that of heads which turn at single exposures, not
+        that of their calibration.
     n_left_out : int
         Points of exposures that lie outside the synthetic image.
     """
@@ -132,6 +133,8 @@ def carry(block: Block, orientation: RelativeOrientation, synthetic: Camera) -> 
         colrow[own] = colrow_from_xy(synthetic, xy)
         J = synthetic_from_head_jacobian(orientation, int(k), points.colrow[own])
         sigma[own] = np.linalg.norm(J, axis=2) * points.sigma_px[own, None] / synthetic.pixel_mm
+    if orientation.turns is not None:
+        sigma = np.hypot(sigma, _by_turns(synthetic, colrow, orientation.turns))
     kept = np.flatnonzero(inside(synthetic, colrow))
     return CarriedPoints(
         exposure_idx=block.images.exposure_idx[points.image_idx[kept]],
@@ -141,6 +144,13 @@ def carry(block: Block, orientation: RelativeOrientation, synthetic: Camera) -> 
         sigma_px=sigma[kept],
         n_left_out=len(rows) - len(kept),
     )
+
+
+def _by_turns(synthetic: Camera, colrow: Array, turns: Array) -> Array:
+    """Return the standard deviations of col and row, px, by turns of a head, (n, 2)."""
+    (x, y), f = xy_from_colrow(synthetic, colrow).T, synthetic.interior.f
+    J = np.array([[x * y / f, f + x**2 / f, y], [f + y**2 / f, x * y / f, x]])  # signs apart
+    return np.sqrt(np.square(J).transpose(2, 0, 1) @ turns**2) / synthetic.pixel_mm
 
 
 def _numbers_of_heads(block: Block, orientation: RelativeOrientation) -> Index:

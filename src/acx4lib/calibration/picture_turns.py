@@ -1,0 +1,170 @@
+"""Pictures of an exposure that do not share one pose: their turns as a variance component.
+
+Heads that expose at slightly different moments, or line by line, see an aircraft that turns
+meanwhile. What thousands of points of a picture share is no noise of their matching: it is a turn
+of the picture, an unknown that is observed as zero, with a standard deviation which the pictures
+themselves tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.gross_errors import adjust_rejecting
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.rejections import without
+from acx4lib.bundle.unknowns import holding
+from acx4lib.calibration.estimates import features
+from acx4lib.errors import AdjustmentError
+from acx4lib.expected import Array, Index
+from acx4lib.flight.block import Block
+from acx4lib.geometry.frames import log
+from acx4lib.least_squares.covariance import propagate
+from acx4lib.least_squares.statistics import chi2_sf
+
+ALPHA = 0.001
+"""Probability of finding turns of pictures that share their poses."""
+
+LOOSE, LEAST = float(np.radians(0.1)), 1e-6
+"""Standard deviation of turns, radians, by which nothing is said of them, and the smallest one."""
+
+SetUp = Callable[..., Network]
+"""Takes a block and `turns`, as `uses.mounted_orientation` does."""
+
+
+def turned(
+    block: Block, bundle: Bundle, set_up: SetUp, *, snooping: bool = True
+) -> tuple[Bundle, Array | None]:
+    """Return a block's adjustment with its pictures turned, and the standard deviation of this.
+
+    The bundle and None are returned where control points are, where no exposure has two pictures,
+    and where the noise of image points explains the turns.
+
+    Parameters
+    ----------
+    block : Block
+    bundle : Bundle
+        Its adjustment in which the pictures of an exposure share a pose.
+    set_up : callable
+        Makes the network of a block.
+    snooping : bool
+        Whether gross errors are looked for, and rejected.
+
+    Returns
+    -------
+    Bundle
+    ndarray, shape (3,), or None
+        About the body's axes, radians.
+    """
+    n_exposures = len(np.unique(block.images.exposure_idx))
+    if "control" in features(block) or len(block.images) == n_exposures:
+        return bundle, None
+    try:
+        sigma = _sigma(freely_turned(bundle, set_up))
+        if sigma is None:
+            return bundle, None
+        return by_turns(block, bundle, set_up, sigma, snooping=snooping), sigma
+    except (AdjustmentError, np.linalg.LinAlgError):  # too few points for a pose of every picture
+        return bundle, None
+
+
+def freely_turned(bundle: Bundle, set_up: SetUp) -> Bundle:
+    """Adjust a block whose pictures turn freely, its cameras held as another adjustment has them.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        That other one; what it rejected stays out.
+    set_up : callable
+        As in `turned`.
+
+    Raises
+    ------
+    AdjustmentError
+        Where it does not converge.
+    """
+    network = _beginning_at(set_up(bundle.network.block, turns=np.full(3, LOOSE)), bundle)
+    cameras = np.hstack([network.layout.interior, network.layout.mount])
+    return adjust(replace(network, layout=holding(network.layout, cameras[cameras >= 0])))
+
+
+def by_turns(
+    block: Block, bundle: Bundle, set_up: SetUp, sigma: Array, *, snooping: bool = True
+) -> Bundle:
+    """Adjust a block with its pictures turned, and reject gross errors of single points anew.
+
+    Rows of the trajectory that the other adjustment rejected stay so; all that it rejected, where
+    the search does not converge.
+
+    Parameters
+    ----------
+    block, bundle, set_up, snooping
+        As in `turned`.
+    sigma : ndarray, shape (3,)
+        Standard deviation of the turns, radians.
+    """
+    rows = tuple(r for r in bundle.rejected if r.kind in ("gnss", "attitude"))
+
+    def network(of: Block) -> Network:
+        return _beginning_at(set_up(of, turns=sigma), bundle)
+
+    kept = without(block, rows)
+    try:
+        found = adjust_rejecting(kept, network) if snooping else adjust(network(kept))
+    except AdjustmentError:  # on the way points with one good ray slide away
+        return replace(adjust(network(bundle.network.block)), rejected=bundle.rejected)
+    return replace(found, rejected=(*rows, *found.rejected))
+
+
+def sentence(sigma: Array | None) -> str:
+    """Return by how much pictures of an exposure are turned against each other; empty for None."""
+    if sigma is None:
+        return ""
+    about = ", ".join(f"{value:.4f}" for value in np.degrees(sigma).tolist())
+    return (
+        f"the pictures of an exposure do not share a pose: they are turned by {about}° about the "
+        "body's axes (standard deviation, an unknown of every picture)"
+    )
+
+
+def _beginning_at(network: Network, bundle: Bundle) -> Network:
+    """Return a network whose pictures begin at the poses of their exposures."""
+    known, state = np.isfinite(bundle.state.x_m), bundle.state
+    x_m = np.where(known, state.x_m, network.start.x_m)
+    T_m_b = state.T_m_b[network.exposure_idx]
+    return network.beginning_at(replace(state, x_m=x_m, T_m_b=T_m_b))
+
+
+def _sigma(loose: Bundle) -> Array | None:
+    """Return the standard deviation of turns, less what the noise of image points makes of them."""
+    images, parts = loose.network.block.images, []
+    for exposure in np.unique(images.exposure_idx):
+        own = np.flatnonzero(images.exposure_idx == exposure)
+        turns, noise = _against_each_other(loose, own)
+        if len(own) > 1 and noise.max() < (LOOSE / 10) ** 2:  # its points determine the turns
+            parts.append((images.camera_idx[own], turns, noise))
+    if not parts:
+        return None
+    camera, turns, noise = map(np.concatenate, zip(*parts, strict=True))
+    for k in np.unique(camera):  # what a camera has at all exposures is its boresight
+        turns[camera == k] -= turns[camera == k].mean(axis=0)
+    dof = len(camera) - len(parts) - (len(np.unique(camera)) - 1)
+    if dof < 1:
+        return None
+    of_noise, squares = noise.sum(axis=0), np.sum(turns**2, axis=0)
+    if chi2_sf(float(np.max(squares / of_noise)) * dof, dof) > ALPHA:
+        return None
+    return np.maximum(np.sqrt(np.maximum(squares - of_noise, 0.0) / dof), LEAST)
+
+
+def _against_each_other(loose: Bundle, own: Index) -> tuple[Array, Array]:
+    """Return the turns of an exposure's pictures about their mean, radians, and their variances."""
+    R, columns = loose.state.T_m_b.R[own], loose.network.layout.pose[own, 3:].ravel()
+    middle = np.kron(np.eye(len(own)) - 1 / len(own), np.eye(3))
+    turns = middle @ log(np.swapaxes(R[:1], -1, -2) @ R).ravel()
+    cov = propagate(middle, loose.solution.inverse.at(columns[:, None], columns))
+    return turns.reshape(-1, 3), cov.diagonal().reshape(-1, 3)
