@@ -177,10 +177,7 @@ class Matched:
         With their refined orientations.
     surface : Surface
     rays : TieRays
-        Of tie points; gross errors are left out.
-    shared_px : tuple of float
-        Standard deviations of what windows as a whole are off by, px as matched, as those of
-        `Oriented`; they are in the rays' sigma.
+        Of tie points, with the sigma of windows as a whole; gross errors are left out.
     n_rejected : int
         Rays that the adjustment rejected.
     reduced : int
@@ -190,7 +187,6 @@ class Matched:
     views: tuple[View, ...]
     surface: Surface
     rays: TieRays
-    shared_px: tuple[float, float]
     n_rejected: int
     reduced: int
 
@@ -261,7 +257,6 @@ def match_block(
             views=found.views,
             surface=found.surface,
             rays=_whole_points(found.with_shared(rays)[found.kept]),
-            shared_px=found.shared_px,
             n_rejected=int(np.sum(~found.kept)),
             reduced=shrink[0] // of_file,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.calibration.picture_turns import freely_turned
 from acx4lib.errors import AdjustmentError
-from acx4lib.expected import Mask
+from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import NO_POINTS, Block, ImagePoints, Trajectory
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.parameters import Prior
@@ -59,20 +61,21 @@ class Oriented:
     kept : ndarray of bool, shape (n_rays,)
         Rays that were not rejected.
     bundle : Bundle
-    shared_px : tuple of float
-        Standard deviation of what all pixels of a window share, px of the matching: where the
-        camera is that of the corner, and where it is another head.
+    shared_px : ndarray, shape (n_cameras, 2)
+        Standard deviation of what all pixels of a window share, px of the matching: in pictures of
+        a camera where the corner is another head's, and where it is its own.
     """
 
     views: tuple[View, ...]
     surface: Surface
     kept: Mask
     bundle: Bundle
-    shared_px: tuple[float, float]
+    shared_px: Array
 
     def with_shared(self, rays: TieRays) -> TieRays:
         """Return rays with the standard deviations of windows as a whole."""
-        shared = np.where(rays.of_head, *self.shared_px)
+        camera = self.bundle.network.block.images.camera_idx[rays.view]
+        shared = self.shared_px[camera, rays.of_head.astype(np.intp)]
         return replace(rays, sigma_px=np.hypot(rays.sigma_px, shared))
 
 
@@ -116,29 +119,59 @@ def refined(block: Block, views: Sequence[View], rays: TieRays) -> Oriented:
         surface=through(x_m),
         kept=kept,
         bundle=bundle,
-        shared_px=(_shared(bundle, rays, own=True), _shared(bundle, rays, own=False)),
+        shared_px=_shared(bundle, rays),
     )
 
 
-def _shared(bundle: Bundle, rays: TieRays, *, own: bool) -> float:
-    """Return by how much windows as a whole are off, px of the matching.
+def _shared(bundle: Bundle, rays: TieRays) -> Array:
+    """Return by how much windows as a whole are off, px of the matching, (n_cameras, 2).
 
     The noise of pixels tells how well a window is located in another picture. What its pixels have
     in common, such as relief, branches, and what the lens leaves, shows only where windows of many
-    pictures meet in points: as scatter beyond that noise, here as one variance for the block, and
-    one for the pictures of other heads, which see other colours.
+    pictures meet in points: as scatter beyond that noise, here as a variance for every camera, and
+    another for its windows of other heads' corners, which see other colours. What a picture has in
+    common is no noise of windows: where exposures have several, each turns by itself.
     """
-    rays = rays[bundle.network.rows]
-    which = rays.of_head == own
-    group, sigma_px = bundle.solution.groups[0], rays.sigma_px[which]
-    v_sq = (
-        np.square(group.v / group.sigma)[which] * np.hypot(sigma_px, LEAST_SIGMA_PX)[:, None] ** 2
+    images, n_cameras = bundle.network.block.images, len(bundle.network.block.cameras)
+    group_of = 2 * images.camera_idx[rays.view] + rays.of_head
+    shared_px = np.full(2 * n_cameras, LEAST_SIGMA_PX)
+    if len(images) == len(np.unique(images.exposure_idx)):
+        return _once_more(bundle, rays, group_of, shared_px).reshape(-1, 2)
+    least_px = np.hypot(rays.sigma_px, LEAST_SIGMA_PX)
+    for _ in range(_ROUNDS):
+        factor = np.hypot(rays.sigma_px, shared_px[group_of]) / least_px
+        found = freely_turned(_times(bundle, factor), partial(mounted_orientation, free=()))
+        shared_px = _once_more(found, rays, group_of, shared_px)
+    return shared_px.reshape(-1, 2)
+
+
+def _times(bundle: Bundle, factor: Array) -> Bundle:
+    """Return a bundle whose block has other sigma of its rays."""
+    network, points = bundle.network, bundle.network.block.image_points
+    weighted = replace(points, sigma_px=factor * points.sigma_px)
+    return replace(
+        bundle, network=replace(network, block=replace(network.block, image_points=weighted))
     )
-    free = float(np.sum(group.redundancy[which]))
+
+
+def _once_more(bundle: Bundle, rays: TieRays, group_of: Index, shared_px: Array) -> Array:
+    """Return what windows share, from residuals of an adjustment for which it was `shared_px`."""
+    rows, group = bundle.network.rows, bundle.solution.groups[0]
+    sigma_px, group_of = rays.sigma_px[rows], group_of[rows]
+    v_sq = np.square(group.v / group.sigma) * np.hypot(sigma_px, shared_px[group_of])[:, None] ** 2
+    found = []
+    for k in range(len(shared_px)):
+        own = group_of == k
+        found.append(_beyond(v_sq[own], sigma_px[own], float(np.sum(group.redundancy[own]))))
+    return np.array(found)
+
+
+def _beyond(v_sq: Array, sigma_px: Array, redundancy: float) -> float:
+    """Return what explains squared residuals beyond their noise, px."""
     low, high = 0.0, _MOST_SHARED_PX
 
     def is_more(shared: float) -> bool:
-        return float(np.sum(v_sq / (sigma_px**2 + shared**2)[:, None])) > free
+        return float(np.sum(v_sq / (sigma_px**2 + shared**2)[:, None])) > redundancy
 
     if not is_more(low):
         return low
@@ -148,7 +181,7 @@ def _shared(bundle: Bundle, rays: TieRays, *, own: bool) -> float:
     return low
 
 
-_MOST_SHARED_PX, _HALVINGS = 2.0, 30
+_MOST_SHARED_PX, _HALVINGS, _ROUNDS = 2.0, 30, 3
 
 
 def _adjusted(block: Block) -> Bundle:
