@@ -15,57 +15,17 @@ from support.projects import scene
 from support.projects import visualsfm as written_visualsfm
 from support.reference_files import needs
 
-# --- bundler ---------------------------------------------------------------------------------
+# --- Bundler and VisualSFM -------------------------------------------------------------------
 #
-# Bundler's file, written by its manual's layout: points are met, what is cut off is refused.
+# Files written by their manuals: points are met, what is cut off is refused.
 
 
-def read(folder, content, names="img/a.jpg 0 700\nimg/b.jpg 0 700\nimg/c.jpg\n"):
-    (folder / "bundle").mkdir(exist_ok=True)
-    (folder / "list.txt").write_text(names)
+def read(folder, content, size=written_bundler.SIZE):
+    (folder / "list.txt").write_text("img/a.jpg 0 700\nimg/b.jpg 0 700\nimg/c.jpg\n")
     path = folder / "bundle" / "bundle.out"
+    path.parent.mkdir()
     path.write_text(content)
-    return bundler.read(path, size=written_bundler.SIZE)
-
-
-def test_points_are_met_and_names_are_read(tmp_path):
-    brought = read(tmp_path, written_bundler.text())
-    assert brought.source == "Bundler v0.3"
-    assert brought.tables["calibration/images.csv"]["image"] == ["a.jpg", "b.jpg"]
-    assert list(brought.settings["cameras"]) == ["CAM"]
-    points = brought.tables["calibration/image_points.csv"]
-    first = [points["col_px"][0], points["row_px"][0]]
-    assert_allclose(
-        first, np.array([319.5, 239.5]) + written_bundler.seen(0)[0] * [1, -1], atol=1e-4
-    )
-    said = next(one for one in brought.found if one.startswith("the program's own points"))
-    rms = float(said.split(" to ")[1].split(" px")[0])
-    assert rms < 0.01
-    assert brought.left_out == (
-        "1 images that Bundler did not orient",
-        "2 adjusted orientations: their coordinates are in no CRS",
-    )
-
-
-def test_different_lenses_are_different_cameras(tmp_path):
-    brought = read(
-        tmp_path, written_bundler.text((written_bundler.LENS, (800.0, 0.0, 0.0), (0, 0, 0)))
-    )
-    assert brought.tables["calibration/images.csv"]["camera"] == ["CAM1", "CAM2"]
-    assert brought.settings["cameras"]["CAM2"]["focal_mm"] == 4.0
-
-
-def test_a_size_that_is_too_small_for_the_measurements_is_refused(tmp_path):
-    read(tmp_path, written_bundler.text())
-    small = bundler.read(tmp_path / "bundle" / "bundle.out", size=(220, 160))
-    with pytest.raises(FlightError, match=r"point 1 in a\.jpg: .* 4 of 6 measurements lie outside"):
-        flight_folder.write(small, tmp_path / "flight")
-    assert not (tmp_path / "flight").exists()
-
-
-# --- visualsfm -------------------------------------------------------------------------------
-#
-# VisualSFM's .nvm, written by its documentation: points are met, what is cut off is refused.
+    return bundler.read(path, size=size)
 
 
 def visualsfm_read(folder, content, size=written_visualsfm.SIZE):
@@ -74,17 +34,55 @@ def visualsfm_read(folder, content, size=written_visualsfm.SIZE):
     return visualsfm.read(path, size=size)
 
 
-def test_points_are_met_and_names_are_read_of_visualsfm(tmp_path):
-    brought = visualsfm_read(tmp_path, written_visualsfm.text())
-    assert brought.source == "VisualSFM NVM_V3"
+NO_CRS = "2 adjusted orientations: their coordinates are in no CRS"
+MET = [
+    (
+        *(read, written_bundler.text(), written_bundler.seen(0)[0] * [1, -1]),
+        *("Bundler v0.3", ("1 images that Bundler did not orient", NO_CRS)),
+    ),
+    (
+        *(visualsfm_read, written_visualsfm.text(), written_visualsfm.seen(0)[0]),
+        *("VisualSFM NVM_V3", (NO_CRS,)),
+    ),
+]
+"""What reads a file, its text, where a point is seen, and what is said of source and losses."""
+
+
+@pytest.mark.parametrize(("read", "text", "seen", "source", "left_out"), MET)
+def test_points_are_met_and_names_are_read(tmp_path, read, text, seen, source, left_out):
+    brought = read(tmp_path, text)
+    assert brought.source == source
     assert brought.tables["calibration/images.csv"]["image"] == ["a.jpg", "b.jpg"]
     assert list(brought.settings["cameras"]) == ["CAM"]
     points = brought.tables["calibration/image_points.csv"]
     first = [points["col_px"][0], points["row_px"][0]]
-    assert_allclose(first, np.array([319.5, 239.5]) + written_visualsfm.seen(0)[0], atol=1e-4)
+    assert_allclose(first, np.array([319.5, 239.5]) + seen, atol=1e-4)
     said = next(one for one in brought.found if one.startswith("the program's own points"))
     assert float(said.split(" to ")[1].split(" px")[0]) < 0.01
-    assert brought.left_out == ("2 adjusted orientations: their coordinates are in no CRS",)
+    assert brought.left_out == left_out
+
+
+@pytest.mark.parametrize(
+    ("read", "text"),
+    [
+        (read, written_bundler.text((written_bundler.LENS, (800.0, 0.0, 0.0), (0, 0, 0)))),
+        (visualsfm_read, written_visualsfm.text(second_lens=(800.0, 0.0))),
+    ],
+)
+def test_different_lenses_are_different_cameras(tmp_path, read, text):
+    brought = read(tmp_path, text)
+    assert brought.tables["calibration/images.csv"]["camera"] == ["CAM1", "CAM2"]
+    assert brought.settings["cameras"]["CAM2"]["focal_mm"] == 4.0
+
+
+@pytest.mark.parametrize(("read", "text"), [row[:2] for row in MET])
+def test_a_size_that_is_too_small_for_the_measurements_is_refused(tmp_path, read, text):
+    small = read(tmp_path, text, size=(220, 160))
+    with pytest.raises(
+        FlightError, match=r"point \w+ in a\.jpg: .* 4 of 6 measurements lie outside their pictures"
+    ):
+        flight_folder.write(small, tmp_path / "flight")
+    assert not (tmp_path / "flight").exists()
 
 
 def test_the_radial_coefficient_takes_measured_points_to_ideal_ones(tmp_path):
@@ -96,23 +94,10 @@ def test_the_radial_coefficient_takes_measured_points_to_ideal_ones(tmp_path):
     assert_allclose(found, m * (1 + written_visualsfm.R * np.array([[0.13], [0.17]])), atol=1e-12)
 
 
-def test_different_lenses_are_different_cameras_of_visualsfm(tmp_path):
-    brought = visualsfm_read(tmp_path, written_visualsfm.text(second_lens=(800.0, 0.0)))
-    assert brought.tables["calibration/images.csv"]["camera"] == ["CAM1", "CAM2"]
-    assert brought.settings["cameras"]["CAM2"]["focal_mm"] == 4.0
-
-
 def test_a_fixed_calibration_says_from_where_measurements_count(tmp_path):
     brought = visualsfm_read(tmp_path, written_visualsfm.text(head="NVM_V3 FixedK 700 330 700 250"))
     points = brought.tables["calibration/image_points.csv"]
     assert_allclose(points["col_px"][0], 329.5 + written_visualsfm.seen(0)[0, 0], atol=1e-4)
-
-
-def test_a_size_that_is_too_small_for_the_measurements_is_refused_of_visualsfm(tmp_path):
-    small = visualsfm_read(tmp_path, written_visualsfm.text(), size=(220, 160))
-    with pytest.raises(FlightError, match=r"measurements lie outside their pictures"):
-        flight_folder.write(small, tmp_path / "flight")
-    assert not (tmp_path / "flight").exists()
 
 
 def test_further_models_are_counted(tmp_path):
