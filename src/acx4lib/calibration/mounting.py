@@ -243,7 +243,7 @@ def single_step(
         return Mounting(method="single_step", calibration=from_bundle(adjusted), bundle=adjusted)
     with saying_what_lacks(block, (*free, *free_mount(fix))):
         bundle = adjust_rejecting(block, network) if snooping else adjust(network(block))
-        bundle, turns = turned(block, bundle, network, snooping=snooping)
+        bundle, turns = turned(block, bundle, network)
     calibration = enlarged(replace(from_bundle(bundle), turns=turns), bundle)
     return Mounting(method="single_step", calibration=calibration, bundle=bundle)
 

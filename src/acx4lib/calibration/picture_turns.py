@@ -14,9 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from acx4lib.bundle.adjust import Bundle, adjust
-from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.rejections import without
 from acx4lib.bundle.unknowns import holding
 from acx4lib.calibration.estimates import features
 from acx4lib.errors import AdjustmentError
@@ -36,9 +34,7 @@ SetUp = Callable[..., Network]
 """Takes a block and `turns`, as `uses.mounted_orientation` does."""
 
 
-def turned(
-    block: Block, bundle: Bundle, set_up: SetUp, *, snooping: bool = True
-) -> tuple[Bundle, Array | None]:
+def turned(block: Block, bundle: Bundle, set_up: SetUp) -> tuple[Bundle, Array | None]:
     """Return a block's adjustment with its pictures turned, and the standard deviation of this.
 
     The bundle and None are returned where control points are, where no exposure has two pictures,
@@ -51,8 +47,6 @@ def turned(
         Its adjustment in which the pictures of an exposure share a pose.
     set_up : callable
         Makes the network of a block.
-    snooping : bool
-        Whether gross errors are looked for, and rejected.
 
     Returns
     -------
@@ -67,7 +61,7 @@ def turned(
         sigma = _sigma(freely_turned(bundle, set_up))
         if sigma is None:
             return bundle, None
-        return by_turns(block, bundle, set_up, sigma, snooping=snooping), sigma
+        return by_turns(bundle, set_up, sigma), sigma
     except (AdjustmentError, np.linalg.LinAlgError):  # too few points for a pose of every picture
         return bundle, None
 
@@ -92,32 +86,21 @@ def freely_turned(bundle: Bundle, set_up: SetUp) -> Bundle:
     return adjust(replace(network, layout=holding(network.layout, cameras[cameras >= 0])))
 
 
-def by_turns(
-    block: Block, bundle: Bundle, set_up: SetUp, sigma: Array, *, snooping: bool = True
-) -> Bundle:
-    """Adjust a block with its pictures turned, and reject gross errors of single points anew.
+def by_turns(bundle: Bundle, set_up: SetUp, sigma: Array) -> Bundle:
+    """Adjust a block with its pictures turned; what another adjustment rejected stays out.
 
-    Rows of the trajectory that the other adjustment rejected stay so; all that it rejected, where
-    the search does not converge.
+    With a pose for every picture, points of one good ray slide away: a search for gross errors
+    would not converge.
 
     Parameters
     ----------
-    block, bundle, set_up, snooping
-        As in `turned`.
+    bundle, set_up
+        As in `freely_turned`.
     sigma : ndarray, shape (3,)
         Standard deviation of the turns, radians.
     """
-    rows = tuple(r for r in bundle.rejected if r.kind in ("gnss", "attitude"))
-
-    def network(of: Block) -> Network:
-        return _beginning_at(set_up(of, turns=sigma), bundle)
-
-    kept = without(block, rows)
-    try:
-        found = adjust_rejecting(kept, network) if snooping else adjust(network(kept))
-    except AdjustmentError:  # on the way points with one good ray slide away
-        return replace(adjust(network(bundle.network.block)), rejected=bundle.rejected)
-    return replace(found, rejected=(*rows, *found.rejected))
+    found = adjust(_beginning_at(set_up(bundle.network.block, turns=sigma), bundle))
+    return replace(found, rejected=bundle.rejected)
 
 
 def sentence(sigma: Array | None) -> str:

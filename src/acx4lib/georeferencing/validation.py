@@ -802,7 +802,7 @@ def predict(
     block = replace(block, cameras=held)
     bundle = adjust_rejecting(block, network)
     if calibration.turns is not None:
-        bundle = by_turns(block, bundle, network, calibration.turns)
+        bundle = by_turns(bundle, network, calibration.turns)
     return Prediction(
         method=method,
         bundle=bundle,
