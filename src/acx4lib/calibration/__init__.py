@@ -3,7 +3,8 @@
 `heads` are calibrated one by one and oriented to each other (section 4.1, Table 1). `mounting`
 gives interior orientation, boresight and lever arm by a single step, eq. (14), or by two, the
 second of which averages mountings, eqs (12) and (13) (section 4.2, Table 3); `rig` adjusts all
-heads at once. Each comes to `estimates`. `weights` and `trajectory_errors` say what the estimates
-rest on, `determination`, `joint_tests`, `jackknife`, `confirmation` and `stability` what they are
-worth, `courses` whether headings depend on the course. Begin with `mounting`.
+heads at once, and `picture_turns` turns the pictures of an exposure that do not share its pose.
+Each comes to `estimates`. `weights` and `trajectory_errors` say what the estimates rest on,
+`determination`, `joint_tests`, `jackknife`, `confirmation` and `stability` what they are worth,
+`courses` whether headings depend on the course. Begin with `mounting`.
 """
