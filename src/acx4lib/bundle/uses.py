@@ -136,6 +136,7 @@ def mounted_orientation(
     refraction: str = "none",
     gnss: Sequence[str] = (),
     turns: Array | None = None,
+    start: State | None = None,
 ) -> Network:
     """Set up the single step, eq. (14): body poses observed by GNSS and INS, mountings free.
 
@@ -157,6 +158,8 @@ def mounted_orientation(
     turns : ndarray, shape (3,), optional
         Standard deviation of the turns of an exposure's pictures against each other, about the
         body's axes, radians: every picture then has a pose of its own. By default they share one.
+    start : State, optional
+        Where to begin, unless its rays are far off: a pose for each of the network's.
 
     Raises
     ------
@@ -201,6 +204,7 @@ def mounted_orientation(
         ),
         T_b_c=mountings(block.cameras),
         refraction=refraction,
+        better=start,
     )
 
 
@@ -321,9 +325,8 @@ def _require_millimetres(cameras: Sequence[Camera]) -> None:
 def _beginning_near(network: Network, better: State) -> Network:
     """Return the network with other start values; points that these lack keep theirs."""
     x_m = np.where(np.isfinite(better.x_m), better.x_m, network.start.x_m)
-    return network.beginning_at(
-        replace(network.start, interiors=better.interiors, T_m_b=better.T_m_b, x_m=x_m)
-    )
+    own = {name: getattr(better, name) for name in ("interiors", "T_b_c", "T_m_b")}
+    return network.beginning_at(replace(network.start, x_m=x_m, **own))
 
 
 def robust_start(network: Network) -> State:

@@ -15,7 +15,7 @@ import numpy as np
 
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.unknowns import holding
+from acx4lib.bundle.unknowns import State, holding
 from acx4lib.calibration.estimates import features
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
@@ -31,7 +31,7 @@ LOOSE, LEAST = float(np.radians(0.1)), 1e-6
 """Standard deviation of turns, radians, by which nothing is said of them, and the smallest one."""
 
 SetUp = Callable[..., Network]
-"""Takes a block and `turns`, as `uses.mounted_orientation` does."""
+"""Takes a block, `turns` and `start`, as `uses.mounted_orientation` does."""
 
 
 def turned(block: Block, bundle: Bundle, set_up: SetUp) -> tuple[Bundle, Array | None]:
@@ -81,7 +81,7 @@ def freely_turned(bundle: Bundle, set_up: SetUp) -> Bundle:
     AdjustmentError
         Where it does not converge.
     """
-    network = _beginning_at(set_up(bundle.network.block, turns=np.full(3, LOOSE)), bundle)
+    network = set_up(bundle.network.block, turns=np.full(3, LOOSE), start=_of_pictures(bundle))
     cameras = np.hstack([network.layout.interior, network.layout.mount])
     return adjust(replace(network, layout=holding(network.layout, cameras[cameras >= 0])))
 
@@ -99,7 +99,7 @@ def by_turns(bundle: Bundle, set_up: SetUp, sigma: Array) -> Bundle:
     sigma : ndarray, shape (3,)
         Standard deviation of the turns, radians.
     """
-    found = adjust(_beginning_at(set_up(bundle.network.block, turns=sigma), bundle))
+    found = adjust(set_up(bundle.network.block, turns=sigma, start=_of_pictures(bundle)))
     return replace(found, rejected=bundle.rejected)
 
 
@@ -114,12 +114,10 @@ def sentence(sigma: Array | None) -> str:
     )
 
 
-def _beginning_at(network: Network, bundle: Bundle) -> Network:
-    """Return a network whose pictures begin at the poses of their exposures."""
-    known, state = np.isfinite(bundle.state.x_m), bundle.state
-    x_m = np.where(known, state.x_m, network.start.x_m)
-    T_m_b = state.T_m_b[network.exposure_idx]
-    return network.beginning_at(replace(state, x_m=x_m, T_m_b=T_m_b))
+def _of_pictures(bundle: Bundle) -> State:
+    """Return the state in which every picture has the pose of its exposure."""
+    state = bundle.state
+    return replace(state, T_m_b=state.T_m_b[bundle.network.block.images.exposure_idx])
 
 
 def _sigma(loose: Bundle) -> Array | None:
