@@ -325,8 +325,8 @@ def _require_millimetres(cameras: Sequence[Camera]) -> None:
 def _beginning_near(network: Network, better: State) -> Network:
     """Return the network with other start values; points that these lack keep theirs."""
     x_m = np.where(np.isfinite(better.x_m), better.x_m, network.start.x_m)
-    own = {name: getattr(better, name) for name in ("interiors", "T_b_c", "T_m_b")}
-    return network.beginning_at(replace(network.start, x_m=x_m, **own))
+    start = replace(network.start, interiors=better.interiors, T_b_c=better.T_b_c, x_m=x_m)
+    return network.beginning_at(replace(start, T_m_b=better.T_m_b))
 
 
 def robust_start(network: Network) -> State:
