@@ -111,8 +111,8 @@ def test_an_image_without_any_noise_still_has_that_of_whole_numbers():
 # --- whether pictures of an exposure belong together -----------------------------------------
 
 
-K_OVERLAP_CHECK = 12
-HEADS, SYNTHETIC = taken.heads(K_OVERLAP_CHECK), taken.synthetic(K_OVERLAP_CHECK)
+REDUCTION = 12
+HEADS, SYNTHETIC = taken.heads(REDUCTION), taken.synthetic(REDUCTION)
 
 
 def exposure(seed):
@@ -236,5 +236,5 @@ def test_water_accuses_nobody(images):
 
 
 def test_a_head_shifted_by_a_hundred_pixels_still_fits(images):
-    moved = np.roll(images[1], 100 // K_OVERLAP_CHECK, axis=1)
+    moved = np.roll(images[1], 100 // REDUCTION, axis=1)
     assert check(replaced(images, head_1=moved)) == []
