@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4book.pages.benchmarks import sigma
 from acx4book.paper import printed
 from acx4lib.bundle import rejections, reliability
 from acx4lib.geometry import geodesy
@@ -184,19 +183,6 @@ def statistics() -> list[Wrong]:
         Wrong(
             lambda: least_squares_statistics.critical_tau(-3.9, 10.0),
             "critical: expected a positive number, got -3.9",
-        ),
-        Wrong(lambda: sigma.nominal(-1.0), "level: expected a positive number, got -1.0"),
-        Wrong(
-            lambda: sigma.share_within(np.zeros(0), 1.0),
-            "z: expected one number at least, got none",
-        ),
-        Wrong(
-            lambda: sigma.sum_p(np.ones(4), 0),
-            "dof: expected a whole number of 1 or more, got 0",
-        ),
-        Wrong(
-            lambda: sigma.holm(np.array([5.0, 20.0])),
-            "p: expected probabilities between 0 and 1, got 5.0 in row 0",
         ),
         Wrong(
             lambda: covariance.sigmas(np.ones(4)), r"cov: expected shape \(..., n, n\), got \(4,\)"

@@ -15,17 +15,17 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy import stats
+from scipy import special, stats
 
 from acx4book.pages.benchmarks import stored
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS, TITLES, inside
 from acx4book.typesetting.myst import at_commit, myst_table
 from acx4book.typesetting.plain_text import Markup
-from acx4lib import expected
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares.adjustment import two_sided_p
+from acx4lib.least_squares.statistics import holm
 
 # --- Whether standard deviations can be believed, as a page of the book
 #
@@ -93,7 +93,7 @@ class Errors:
         """Every test: method, quantity, what is tested, its value, p, and p by Holm over all."""
         rows = [row for method in self.methods for row in _tests(self, method)]
         table = pd.DataFrame(rows, columns=["method", "quantity", "test", "value", "p"])
-        return table.assign(joint_p=holm(table["p"].to_numpy()))
+        return table.assign(joint_p=holm(table["p"].to_numpy(dtype=float)))
 
 
 def _wide(rows: pd.DataFrame, values: str) -> pd.DataFrame:
@@ -117,19 +117,52 @@ Test = tuple[str, str, str, float, float]
 def _tests(errors: Errors, method: str) -> Iterator[Test]:
     """Yield method, quantity, name of the test, value and p."""
     for name, z in errors.normalised(method).items():
-        yield method, str(name), "mean", float(z.mean()), mean_p(z.to_numpy())
-        yield method, str(name), "spread", float(z.std()), spread_p(z.to_numpy())
+        yield method, str(name), "mean", float(z.mean()), float(stats.ttest_1samp(z, 0.0).pvalue)
+        yield (
+            method,
+            str(name),
+            "spread",
+            float(z.std()),
+            two_sided_p(float((len(z) - 1) * z.var()), len(z) - 1),
+        )
     squares, n = errors.chi_squares(method)
-    yield method, "joint", "sum", float(squares.sum()), sum_p(squares, n)
-    yield method, "joint", "distribution", float(n), distribution_p(squares, n)
+    yield (
+        method,
+        "joint",
+        "sum",
+        float(squares.sum()),
+        two_sided_p(float(squares.sum()), n * len(squares)),
+    )
+    yield (
+        method,
+        "joint",
+        "distribution",
+        float(n),
+        float(stats.kstest(squares, stats.chi2(n).cdf).pvalue),
+    )
     validated = errors.validated(method)
     if len(validated):
         for test, power in (("mean", 1), ("spread", 2)):
             of_flights = np.nanmean(validated**power, axis=1)
-            p = flight_mean_p(of_flights, np.full(3, power - 1.0))
+            p = _flight_mean_p(of_flights, np.full(3, power - 1.0))
             values = of_flights.mean(axis=0)
             for axis, value, p_axis in zip(AXES, values, p, strict=True):
                 yield method, axis, test, float(value), float(p_axis)
+
+
+def _flight_mean_p(of_flights: Array, expected: Array) -> Array:
+    """Return the two-sided p value of the mean over flights, by bootstrap over flights."""
+    # Student's statistic beside that of samples drawn with replacement, about the mean of the
+    # sample (B. Efron and R. J. Tibshirani, "An Introduction to the Bootstrap", 1993, section 16.4)
+    n = len(of_flights)
+    mean = of_flights.mean(axis=0)
+    observed = (mean - expected) / (of_flights.std(axis=0, ddof=1) / np.sqrt(n))
+    counts = _resampled(n)
+    centred = of_flights - mean
+    means = counts @ centred / n
+    squares = counts @ centred**2 / n - means**2
+    drawn = means / np.sqrt(squares / (n - 1))
+    return (1 + np.sum(np.abs(drawn) >= np.abs(observed), axis=0)) / (len(counts) + 1)
 
 
 # --- the page --------------------------------------------------------------------------------
@@ -139,15 +172,90 @@ def page(errors: Errors) -> str:
     """Return the tests and their outcome as MyST text."""
     parts = [
         _made(errors),
-        verdict(errors),
-        _table(parameter_table(errors, MAIN), f"{TITLES[MAIN]}: {_CAPTION}", "parameters"),
-        _table(joint_table(errors), "Joint χ² of all parameters of a method", "joint"),
-        _table(point_table(errors), "Normalised differences at validation points", "points"),
+        _verdict(errors),
+        _table(_parameter_table(errors, MAIN), f"{TITLES[MAIN]}: {_CAPTION}", "parameters"),
+        _table(_joint_table(errors), "Joint χ² of all parameters of a method", "joint"),
+        _table(_point_table(errors), "Normalised differences at validation points", "points"),
     ]
     for method in errors.methods[1:]:
         caption, name = f"{TITLES[method]}: {_CAPTION}", method.replace("_", "-")
-        parts.append(_table(parameter_table(errors, method), caption, name))
+        parts.append(_table(_parameter_table(errors, method), caption, name))
     return "\n\n".join(parts) + "\n"
+
+
+def _verdict(errors: Errors) -> str:
+    """Say whether all tests together pass, and which do not."""
+    tests = errors.tests
+    failed = tests[tests["joint_p"] < ALPHA]
+    worst = tests.iloc[int(tests["p"].argmin())]
+    if failed.empty:
+        said = (
+            f"None of the {len(tests)} tests fails. The smallest p value is that of the "
+            f"{worst['test']} of {_label(worst)}: {worst['p']:.2g} by itself, and "
+            f"{worst['joint_p']:.2g} after Holm's adjustment"
+        )
+    else:
+        each = "; ".join(f"{row['test']} of {_label(row)}" for _, row in failed.iterrows())
+        said = f"{len(failed)} of the {len(tests)} tests fail: {each}"
+    return f"{said}. By chance any of them would fail in {100 * ALPHA:g} % of all repetitions."
+
+
+def _point_table(errors: Errors) -> pd.DataFrame:
+    """Return mean and mean square of the normalised differences of every axis, with p values."""
+    rows = []
+    for method in errors.methods:
+        if not len(errors.validated(method)):
+            continue
+        mean, spread = (_of_test(errors, method, test) for test in ("mean", "spread"))
+        rows += [
+            {
+                "Method": TITLES[method],
+                "Axis": axis,
+                "Mean": mean.loc[axis, "value"],
+                "p (mean)": mean.loc[axis, "p"],
+                "Mean square": spread.loc[axis, "value"],
+                "p (spread)": spread.loc[axis, "p"],
+            }
+            for axis in AXES
+        ]
+    return pd.DataFrame(rows)
+
+
+def _parameter_table(errors: Errors, method: str) -> pd.DataFrame:
+    """Return mean and spread of the normalised errors of every parameter, with p values."""
+    names = [str(name) for name in errors.normalised(method)]
+    mean, spread = (_of_test(errors, method, test).loc[names] for test in ("mean", "spread"))
+    return pd.DataFrame(
+        {
+            "Parameter": [_parameter(name) for name in names],
+            "Mean": mean["value"].to_numpy(),
+            "p (mean)": mean["p"].to_numpy(),
+            "Standard deviation": spread["value"].to_numpy(),
+            "p (spread)": spread["p"].to_numpy(),
+        }
+    )
+
+
+def _joint_table(errors: Errors) -> pd.DataFrame:
+    """Return the sum of the flights' chi-squares of every method, and its p values."""
+    rows = []
+    for method in errors.methods:
+        squares, n = errors.chi_squares(method)
+        total, shape = (
+            _of_test(errors, method, test).loc["joint"] for test in ("sum", "distribution")
+        )
+        rows.append(
+            {
+                "Method": TITLES[method],
+                "Flights": len(squares),
+                "Independent parameters": n,
+                "Degrees of freedom": n * len(squares),
+                "Sum of χ²": total["value"],
+                "p (sum)": total["p"],
+                "p (distribution)": shape["p"],
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 _CAPTION = "normalised errors, with p values of mean 0 and standard deviation 1"
@@ -179,33 +287,30 @@ def _made(errors: Errors) -> str:
     )
 
 
-def verdict(errors: Errors) -> str:
-    """Say whether all tests together pass, and which do not."""
-    tests = errors.tests
-    failed = tests[tests["joint_p"] < ALPHA]
-    worst = tests.iloc[int(tests["p"].argmin())]
-    if failed.empty:
-        said = (
-            f"None of the {len(tests)} tests fails. The smallest p value is that of the "
-            f"{worst['test']} of {_label(worst)}: {worst['p']:.2g} by itself, and "
-            f"{worst['joint_p']:.2g} after Holm's adjustment"
-        )
-    else:
-        each = "; ".join(f"{row['test']} of {_label(row)}" for _, row in failed.iterrows())
-        said = f"{len(failed)} of the {len(tests)} tests fail: {each}"
-    return f"{said}. By chance any of them would fail in {100 * ALPHA:g} % of all repetitions."
-
-
 def found(errors: Errors) -> str:
     """Say which errors of means and of standard deviations the tests would find."""
     n, m = int(errors.parameters["seed"].nunique()), len(errors.tests)
-    low, high = found_scales(n, ALPHA / m)
+    low, high = _found_scales(n, ALPHA / m)
     return (
-        f"With {n} flights and {m} tests, a bias of {found_bias(n, ALPHA / m):.2g} σ, "
+        f"With {n} flights and {m} tests, a bias of {_found_bias(n, ALPHA / m):.2g} σ, "
         f"or a σ that is {100 * (1 / low - 1):.0f} % too large or {100 * (1 - 1 / high):.0f} % too "
         f"small, is found in {100 * CONFIDENCE:.0f} % of all repetitions. Half as much "
         "mostly stays hidden."
     )
+
+
+def _found_scales(n: int, alpha: float) -> tuple[float, float]:
+    """Return the scatters below and above one that chi-square finds in 95 % of all cases."""
+    chi2 = stats.chi2(n - 1)
+    below = chi2.ppf(alpha / 2) / chi2.ppf(CONFIDENCE)
+    above = chi2.ppf(1 - alpha / 2) / chi2.ppf(1 - CONFIDENCE)
+    return float(np.sqrt(below)), float(np.sqrt(above))
+
+
+def _found_bias(n: int, alpha: float) -> float:
+    """Return the mean of n normalised errors that Student's test finds in 95 % of all cases."""
+    critical = stats.t.ppf(1 - alpha / 2, n - 1)
+    return float((critical + stats.norm.ppf(CONFIDENCE)) / np.sqrt(n))
 
 
 def _label(test: pd.Series) -> str:
@@ -231,81 +336,32 @@ def _of_test(errors: Errors, method: str, test: str) -> pd.DataFrame:
     return own.set_index("quantity")[["value", "p"]]
 
 
-def parameter_table(errors: Errors, method: str) -> pd.DataFrame:
-    """Return mean and spread of the normalised errors of every parameter, with p values."""
-    names = [str(name) for name in errors.normalised(method)]
-    mean, spread = (_of_test(errors, method, test).loc[names] for test in ("mean", "spread"))
-    return pd.DataFrame(
-        {
-            "Parameter": [_parameter(name) for name in names],
-            "Mean": mean["value"].to_numpy(),
-            "p (mean)": mean["p"].to_numpy(),
-            "Standard deviation": spread["value"].to_numpy(),
-            "p (spread)": spread["p"].to_numpy(),
-        }
-    )
-
-
-def joint_table(errors: Errors) -> pd.DataFrame:
-    """Return the sum of the flights' chi-squares of every method, and its p values."""
-    rows = []
-    for method in errors.methods:
-        squares, n = errors.chi_squares(method)
-        total, shape = (
-            _of_test(errors, method, test).loc["joint"] for test in ("sum", "distribution")
-        )
-        rows.append(
-            {
-                "Method": TITLES[method],
-                "Flights": len(squares),
-                "Independent parameters": n,
-                "Degrees of freedom": n * len(squares),
-                "Sum of χ²": total["value"],
-                "p (sum)": total["p"],
-                "p (distribution)": shape["p"],
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def point_table(errors: Errors) -> pd.DataFrame:
-    """Return mean and mean square of the normalised differences of every axis, with p values."""
-    rows = []
-    for method in errors.methods:
-        if not len(errors.validated(method)):
-            continue
-        mean, spread = (_of_test(errors, method, test) for test in ("mean", "spread"))
-        rows += [
-            {
-                "Method": TITLES[method],
-                "Axis": axis,
-                "Mean": mean.loc[axis, "value"],
-                "p (mean)": mean.loc[axis, "p"],
-                "Mean square": spread.loc[axis, "value"],
-                "p (spread)": spread.loc[axis, "p"],
-            }
-            for axis in AXES
-        ]
-    return pd.DataFrame(rows)
-
-
 def shares(errors: Errors) -> str:
     """Return the share of errors within 1, 2 and 3 sigma as MyST text."""
     caption = "Share of errors within 1, 2 and 3 σ, in brackets its 95 % interval"
-    return _table(share_table(errors), caption, "shares") + "\n"
+    return _table(_share_table(errors), caption, "shares") + "\n"
 
 
-def share_table(errors: Errors) -> pd.DataFrame:
+def _share_table(errors: Errors) -> pd.DataFrame:
     """Return the share of errors within 1, 2 and 3 sigma, percent with intervals."""
-    expected = [_percent(nominal(level)) for level in LEVELS]
+    expected = [_percent(float(special.erf(level / np.sqrt(2)))) for level in LEVELS]
     rows = [_row("normal distribution", expected)]
     for name, z in errors.normalised(MAIN).items():
-        each = [share_within(z.to_numpy(), level) for level in LEVELS]
+        each = [binomial(int(np.sum(np.abs(z) <= level)), len(z)) for level in LEVELS]
         rows.append(_row(LABELS[str(name)], map(_with_interval, each)))
     for label, grouped in _grouped(errors):
-        each = [share_within_by_flights(grouped, level) for level in LEVELS]
+        each = [_share_within_by_flights(grouped, level) for level in LEVELS]
         rows.append(_row(label, map(_with_interval, each)))
     return pd.DataFrame(rows)
+
+
+def _share_within_by_flights(z: Array, level: float) -> Share:
+    """Return the share of errors within some sigma, with its interval by bootstrap over flights."""
+    of_flights = np.nanmean(np.where(np.isnan(z), np.nan, np.abs(z) <= level), axis=1)
+    means = _resampled(len(z)) @ of_flights / len(z)
+    tail = (1 - CONFIDENCE) / 2
+    low, high = np.quantile(means, [tail, 1 - tail])
+    return Share(value=float(of_flights.mean()), low=float(low), high=float(high))
 
 
 def _grouped(errors: Errors) -> Iterator[tuple[str, Array]]:
@@ -360,53 +416,6 @@ class Share:
     high: float
 
 
-def nominal(level: float) -> float:
-    """Return the probability that a normal error stays within some sigma."""
-    expected.positive_number("level", level)
-    return float(stats.norm.cdf(level) - stats.norm.cdf(-level))
-
-
-# --- independent errors ----------------------------------------------------------------------
-
-
-def mean_p(z: Array) -> float:
-    """Return the two-sided p value of a mean of zero: Student's test, shape (n,)."""
-    return float(stats.ttest_1samp(z, 0.0).pvalue)
-
-
-def spread_p(z: Array) -> float:
-    """Return the two-sided p value of a standard deviation of one about the mean: chi-square."""
-    dof = len(z) - 1
-    return two_sided_p(float(dof * np.var(z, ddof=1)), dof)
-
-
-def sum_p(chi_squares: Array, dof: int) -> float:
-    """Return the two-sided p value of the sum of chi-squares of one number of freedoms each."""
-    expected.whole("dof", dof)
-    return two_sided_p(float(np.sum(chi_squares)), dof * len(chi_squares))
-
-
-def distribution_p(chi_squares: Array, dof: int) -> float:
-    """Return the p value of all chi-squares as a sample: Kolmogorov's and Smirnov's test."""
-    expected.whole("dof", dof)
-    return float(stats.kstest(chi_squares, stats.chi2(dof).cdf).pvalue)
-
-
-def share_within(z: Array, level: float) -> Share:
-    """Return the share of independent errors within some sigma, with its binomial interval.
-
-    The interval is Clopper's and Pearson's.
-
-    Parameters
-    ----------
-    z : ndarray, shape (n,)
-    level : float
-    """
-    expected.positive_number("level", level)
-    expected.some("z", z, "number")
-    return binomial(int(np.sum(np.abs(z) <= level)), len(z))
-
-
 def binomial(k: int, n: int) -> Share:
     """Return the share k of n independent cases with its interval, Clopper's and Pearson's."""
     test = stats.binomtest(k, n)
@@ -414,124 +423,11 @@ def binomial(k: int, n: int) -> Share:
     return Share(value=float(test.statistic), low=float(low), high=float(high))
 
 
-def share_p(k: int, n: int, share: float) -> float:
-    """Return the two-sided p value of k of n independent cases where a share is expected."""
-    return float(stats.binomtest(k, n, share).pvalue)
-
-
-def too_many_p(k: int, n: int, share: float) -> float:
-    """Return the probability of k or more of n independent cases where a share is expected."""
-    return float(stats.binomtest(k, n, share, alternative="greater").pvalue)
-
-
-# --- errors that belong to flights -----------------------------------------------------------
-
-
-def flight_mean_p(of_flights: Array, expected: Array) -> Array:
-    """Return the two-sided p value of the mean over flights, by bootstrap over flights.
-
-    Parameters
-    ----------
-    of_flights : ndarray, shape (n_flights, k)
-        One value of each of k quantities for a flight: a mean over its errors.
-    expected : ndarray, shape (k,)
-
-    Returns
-    -------
-    ndarray, shape (k,)
-
-    Notes
-    -----
-    Student's statistic of the sample is compared with that of the samples drawn from it with
-    replacement, about the mean of the sample [1]_.
-
-    References
-    ----------
-    .. [1] B. Efron and R. J. Tibshirani, "An Introduction to the Bootstrap", 1993, section 16.4.
-    """
-    n = len(of_flights)
-    mean = of_flights.mean(axis=0)
-    observed = (mean - expected) / (of_flights.std(axis=0, ddof=1) / np.sqrt(n))
-    counts = _resampled(n)
-    centred = of_flights - mean
-    means = counts @ centred / n
-    squares = counts @ centred**2 / n - means**2
-    drawn = means / np.sqrt(squares / (n - 1))
-    return (1 + np.sum(np.abs(drawn) >= np.abs(observed), axis=0)) / (len(counts) + 1)
-
-
-def share_within_by_flights(z: Array, level: float) -> Share:
-    """Return the share of errors within some sigma, with its interval by bootstrap over flights.
-
-    Parameters
-    ----------
-    z : ndarray, shape (n_flights, k)
-        The k errors of a flight may be correlated; NaN where it has fewer.
-    level : float
-    """
-    of_flights = np.nanmean(np.where(np.isnan(z), np.nan, np.abs(z) <= level), axis=1)
-    means = _resampled(len(z)) @ of_flights / len(z)
-    tail = (1 - CONFIDENCE) / 2
-    low, high = np.quantile(means, [tail, 1 - tail])
-    return Share(value=float(of_flights.mean()), low=float(low), high=float(high))
-
-
 @lru_cache(maxsize=1)
 def _resampled(n: int) -> Array:
     """Return how often each of n flights is drawn in each sample, always the same samples."""
     rng = np.random.default_rng(n)
     return rng.multinomial(n, np.full(n, 1 / n), size=RESAMPLED).astype(float)
-
-
-# --- all together ----------------------------------------------------------------------------
-
-
-def holm(p: Array) -> Array:
-    """Return p values adjusted for their number by Holm's method, shape (n,).
-
-    Those below alpha are rejected jointly: none is by chance, with probability 1 - alpha.
-    """
-    beyond = ~((np.asarray(p) >= 0) & (np.asarray(p) <= 1))
-    if beyond.any():
-        row = int(np.argmax(beyond))
-        msg = f"p: expected probabilities between 0 and 1, got {p[row]} in row {row}"
-        raise ValueError(msg)
-    order = np.argsort(p)
-    factors = np.arange(len(p), 0, -1)
-    adjusted = np.empty(len(p))
-    adjusted[order] = np.minimum(np.maximum.accumulate(factors * np.asarray(p)[order]), 1.0)
-    return adjusted
-
-
-# --- what tests would find -------------------------------------------------------------------
-
-
-def found_bias(n: int, alpha: float) -> float:
-    """Return the mean of n normalised errors that `mean_p` finds in `CONFIDENCE` of all cases.
-
-    Parameters
-    ----------
-    n : int
-        Number of independent errors.
-    alpha : float
-        Two-sided error probability of the single test.
-    """
-    critical = stats.t.ppf(1 - alpha / 2, n - 1)
-    return float((critical + stats.norm.ppf(CONFIDENCE)) / np.sqrt(n))
-
-
-def found_scales(n: int, alpha: float) -> tuple[float, float]:
-    """Return the scatters below and above one that `spread_p` finds in `CONFIDENCE` of all cases.
-
-    Parameters
-    ----------
-    n, alpha : int and float
-        As of `found_bias`.
-    """
-    chi2 = stats.chi2(n - 1)
-    below = chi2.ppf(alpha / 2) / chi2.ppf(CONFIDENCE)
-    above = chi2.ppf(1 - alpha / 2) / chi2.ppf(1 - CONFIDENCE)
-    return float(np.sqrt(below)), float(np.sqrt(above))
 
 
 # --- Figures of errors over their standard deviations, from many flights
@@ -644,7 +540,7 @@ def bias_read(folder: Path) -> pd.DataFrame:
     return pairs
 
 
-def biases(pairs: pd.DataFrame, distortion_at: str) -> pd.DataFrame:
+def _biases(pairs: pd.DataFrame, distortion_at: str) -> pd.DataFrame:
     """Return bias and standard error over sigma, a row per parameter."""
     own = pairs[pairs["distortion_at"] == distortion_at]
     z = (own["error"] / own["sigma"]).groupby(own["parameter"], sort=False)
@@ -656,14 +552,12 @@ def bias_page(pairs: pd.DataFrame) -> str:
     caption = (
         "Bias of the single step in thousandths of σ, distortion at adjusted or at measured points"
     )
-    return (
-        f"{bias_verdict(pairs)}\n\n{myst_table(table(pairs), caption, name='tab-coverage-bias')}\n"
-    )
+    return f"{_bias_verdict(pairs)}\n\n{myst_table(_bias_table(pairs), caption, name='tab-coverage-bias')}\n"
 
 
-def bias_verdict(pairs: pd.DataFrame) -> str:
+def _bias_verdict(pairs: pd.DataFrame) -> str:
     """Say how large the largest biases are, and whether the goal is reached."""
-    own = biases(pairs, OWN)
+    own = _biases(pairs, OWN)
     largest, least_known = own.iloc[int(own["bias"].abs().argmax())], own["error"].max()
     reached = abs(largest["bias"]) < GOAL and least_known < GOAL_ERROR
     return (
@@ -674,9 +568,9 @@ def bias_verdict(pairs: pd.DataFrame) -> str:
     )
 
 
-def table(pairs: pd.DataFrame) -> pd.DataFrame:
+def _bias_table(pairs: pd.DataFrame) -> pd.DataFrame:
     """Return the bias of every parameter in thousandths of sigma, by where distortion is taken."""
-    found = {heading: 1000 * biases(pairs, where) for where, heading in HEADINGS.items()}
+    found = {heading: 1000 * _biases(pairs, where) for where, heading in HEADINGS.items()}
     names = found[HEADINGS[OWN]].index
     columns = {
         heading: [_shown(row, digits=2) for _, row in own.iterrows()]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from acx4book.pages.benchmarks import sigma, stored
 from acx4book.pages.benchmarks.sigma import Share
@@ -108,7 +109,7 @@ def read(folder: Path) -> Verdicts:
     return Verdicts(flights=flights.fillna({"fault": ""}), about=about)
 
 
-def fails(flights: pd.DataFrame) -> pd.Series:
+def _fails(flights: pd.DataFrame) -> pd.Series:
     """Tell which flights have a report that does not hold, or no results to report on."""
     return flights["holds"] != 1
 
@@ -122,10 +123,66 @@ def good(verdicts: Verdicts) -> str:
         [
             _made(verdicts),
             _good_verdict(verdicts),
-            _table(good_table(verdicts), "Reports of clean flights, by plan", "clean"),
-            _table(question_table(verdicts), "Answers of reports on clean flights", "questions"),
-            _level_verdict(levels(verdicts)),
-            _table(_level_table(levels(verdicts)), LEVELS, "levels"),
+            _table(_good_table(verdicts), "Reports of clean flights, by plan", "clean"),
+            _table(_question_table(verdicts), "Answers of reports on clean flights", "questions"),
+            _level_verdict(_levels(verdicts)),
+            _table(_level_table(_levels(verdicts)), LEVELS, "levels"),
+        ]
+    )
+
+
+def _question_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how often every question holds, fails or is a note on clean flights."""
+    clean = verdicts.of("clean")
+    rows = []
+    for question in verdicts.questions:
+        asking = clean.loc[clean[question].notna(), "source"].unique()  # states of the code
+        states = clean[question].dropna()
+        count = {state: int((states == state).sum()) for state in ("holds", "fails", "note")}
+        tested = count["holds"] + count["fails"]
+        share = _percent(sigma.binomial(count["fails"], tested)) if tested else None
+        rows.append(
+            {
+                "Question": question,
+                "Flights": int(clean["source"].isin(asking).sum()),
+                "Holds": count["holds"],
+                "Fails": count["fails"],
+                "Share of failures": share,
+                "Note": count["note"],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _levels(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how often the p of every single test lies below the level on clean flights."""
+    clean = verdicts.of("clean")
+    rows = []
+    for name in clean.columns[clean.columns.str.startswith(TEST)]:
+        question, _, test = str(name).removeprefix(TEST).partition(": ")
+        p = clean[name].dropna()
+        k = int((p < LEVEL).sum())
+        if len(p):
+            rows.append((question, test, len(p), k, _too_many_p(k, len(p), LEVEL)))
+    table = pd.DataFrame(rows, columns=["question", "test", "n", "k", "p"])
+    return table.assign(joint_p=holm(table["p"].to_numpy(dtype=float)))
+
+
+def _good_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how many reports of clean flights fail, a row per plan."""
+    clean = verdicts.of("clean")
+    groups = [*((PLANS[name], clean[clean["plan"] == name]) for name in PLANS), ("all", clean)]
+    return pd.DataFrame(
+        [
+            {
+                "Plan": title,
+                "Flights": len(own),
+                "Do not hold": int(_fails(own).sum()),
+                "Share": _percent(sigma.binomial(int(_fails(own).sum()), len(own))),
+                "Not determined": int((own["status"] != 0).sum()),
+            }
+            for title, own in groups
+            if len(own)
         ]
     )
 
@@ -152,7 +209,7 @@ def _made(verdicts: Verdicts) -> str:
 def _good_verdict(verdicts: Verdicts) -> str:
     """Say how many reports of clean flights do not hold, and whether these are too many."""
     clean = verdicts.of("clean")
-    n_failed = int(fails(clean).sum())
+    n_failed = int(_fails(clean).sum())
     share = sigma.binomial(n_failed, len(clean))
     reached = share.value <= GOAL
     return (
@@ -162,67 +219,9 @@ def _good_verdict(verdicts: Verdicts) -> str:
     )
 
 
-def good_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how many reports of clean flights fail, a row per plan."""
-    clean = verdicts.of("clean")
-    groups = [*((PLANS[name], clean[clean["plan"] == name]) for name in PLANS), ("all", clean)]
-    return pd.DataFrame(
-        [
-            {
-                "Plan": title,
-                "Flights": len(own),
-                "Do not hold": int(fails(own).sum()),
-                "Share": _percent(sigma.binomial(int(fails(own).sum()), len(own))),
-                "Not determined": int((own["status"] != 0).sum()),
-            }
-            for title, own in groups
-            if len(own)
-        ]
-    )
-
-
-def question_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how often every question holds, fails or is a note on clean flights."""
-    clean = verdicts.of("clean")
-    rows = []
-    for question in verdicts.questions:
-        asking = clean.loc[clean[question].notna(), "source"].unique()  # states of the code
-        states = clean[question].dropna()
-        count = {state: int((states == state).sum()) for state in ("holds", "fails", "note")}
-        tested = count["holds"] + count["fails"]
-        share = _percent(sigma.binomial(count["fails"], tested)) if tested else None
-        rows.append(
-            {
-                "Question": question,
-                "Flights": int(clean["source"].isin(asking).sum()),
-                "Holds": count["holds"],
-                "Fails": count["fails"],
-                "Share of failures": share,
-                "Note": count["note"],
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def levels(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how often the p of every single test lies below the level on clean flights.
-
-    Returns
-    -------
-    DataFrame
-        question, test, n, k (with p below the level), and joint_p: of k so large, or larger, if the
-        level is right, among all tests by Holm.
-    """
-    clean = verdicts.of("clean")
-    rows = []
-    for name in clean.columns[clean.columns.str.startswith(TEST)]:
-        question, _, test = str(name).removeprefix(TEST).partition(": ")
-        p = clean[name].dropna()
-        k = int((p < LEVEL).sum())
-        if len(p):
-            rows.append((question, test, len(p), k, sigma.too_many_p(k, len(p), LEVEL)))
-    table = pd.DataFrame(rows, columns=["question", "test", "n", "k", "p"])
-    return table.assign(joint_p=holm(table["p"].to_numpy(dtype=float)))
+def _too_many_p(k: int, n: int, share: float) -> float:
+    """Return the probability of k or more of n independent cases where a share is expected."""
+    return float(stats.binomtest(k, n, share, alternative="greater").pvalue)
 
 
 def _level_verdict(levels: pd.DataFrame) -> str:
@@ -263,12 +262,50 @@ def spoilt(verdicts: Verdicts) -> str:
     return "\n\n".join(
         [
             _spoilt_verdict(verdicts),
-            _table(size_table(verdicts), SIZES, "sizes"),
-            _table(finder_table(verdicts), FINDERS, "finders"),
+            _table(_size_table(verdicts), SIZES, "sizes"),
+            _table(_finder_table(verdicts), FINDERS, "finders"),
             _table(_share_table(thirds), THIRDS, "thirds"),
-            _table(gross_table(verdicts), GROSS_CAPTION, "gross"),
+            _table(_gross_table(verdicts), GROSS_CAPTION, "gross"),
         ]
     )
+
+
+def _size_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return size and share found of every fault, a column per plan."""
+    cells: dict[str, dict[str, str]] = {name: {} for name in FAULTS}
+    for row in _shares(verdicts).to_dict("records"):
+        size = FAULTS[row["fault"]][1].format(row["size"])
+        cells[row["fault"]][PLANS[row["plan"]]] = f"{size}: {row['k']} of {row['n']}"
+    rows = [{"Fault": FAULTS[name][0], **own} for name, own in cells.items() if own]
+    return pd.DataFrame(rows, columns=["Fault", *PLANS.values()])
+
+
+def _gross_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how many planted gross errors were taken out, a row per kind and a column per plan."""
+    own = verdicts.of("spoilt")
+    own = own[own["fault"] == "gross errors"]
+    rows = []
+    for kind, title in GROSS.items():
+        found = own.get(f"found: {kind}", pd.Series(dtype=float)).dropna()
+        by_plan = found.groupby(own.loc[found.index, "plan"], sort=False)
+        cells = {PLANS[str(p)]: f"{int(one.sum())} of {len(one)}" for p, one in by_plan}
+        rows.append({"Gross error": title, **cells})
+    return pd.DataFrame(rows, columns=["Gross error", *PLANS.values()])
+
+
+def _finder_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return which questions fail in the flights with a fault, of all plans together."""
+    rows = []
+    for fault, (text, _) in FAULTS.items():
+        own = verdicts.of("spoilt")
+        own = own[own["fault"] == fault]
+        if len(own):
+            count = (own[verdicts.questions] == "fails").sum().sort_values(ascending=False)
+            said = [f"{name} {100 * k / len(own):.0f} %" for name, k in count[count > 0].items()]
+            rows.append(
+                {"Fault": text, "Flights": len(own), "Questions that fail": "; ".join(said)}
+            )
+    return pd.DataFrame(rows)
 
 
 SIZES = "Faults of the size that was predicted, and the share of flights whose report fails"
@@ -277,28 +314,21 @@ THIRDS = "Share of flights whose report fails where a σ is stated a third too s
 GROSS_CAPTION = "Single gross errors, of the size that the plan says is found in 80 %: taken out"
 
 
-def shares(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how many spoilt flights have a report that fails, a row per fault, plan and size.
-
-    Returns
-    -------
-    DataFrame
-        fault, plan, size, n, k; p of a share so far from `FOUND`; is_hidden, where the fault is not
-        found so often, and no more reports fail than chance lets fail without it.
-    """
+def _shares(verdicts: Verdicts) -> pd.DataFrame:
+    """Return how many spoilt flights have a report that fails, a row per fault, plan and size."""
     own = verdicts.of("spoilt")
     groups = own[own["fault"].isin(FAULTS)].groupby(["fault", "plan", "size"], sort=False)
-    rows = [(*keys, len(rows), int(fails(rows).sum())) for keys, rows in groups]
+    rows = [(*keys, len(rows), int(_fails(rows).sum())) for keys, rows in groups]
     table = pd.DataFrame(rows, columns=["fault", "plan", "size", "n", "k"])
     counts = list(zip(table["k"].tolist(), table["n"].tolist(), strict=True))
-    table = table.assign(p=[sigma.share_p(k, n, FOUND) for k, n in counts])
-    as_without = np.array([sigma.too_many_p(k, n, LEVEL) > ALPHA for k, n in counts])
+    table = table.assign(p=[float(stats.binomtest(k, n, FOUND).pvalue) for k, n in counts])
+    as_without = np.array([_too_many_p(k, n, LEVEL) > ALPHA for k, n in counts])
     return table.assign(is_hidden=(table["p"] < ALPHA) & as_without)
 
 
 def _spoilt_verdict(verdicts: Verdicts) -> str:
     """Say at how many sizes the predicted share was found or more, and where it was not."""
-    found = shares(verdicts)
+    found = _shares(verdicts)
     hidden, seen = found[found["is_hidden"]], found[~found["is_hidden"]]
     off = seen[holm(seen["p"].to_numpy(dtype=float)) < ALPHA]
     low, high = ("; ".join(_cases(part)) for part in (_under(off), _over(off)))
@@ -332,52 +362,14 @@ def _wrong(row: Mapping[Any, Any]) -> str:
     return f"{text} {form.format(row['size'])}"
 
 
-def size_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return size and share found of every fault, a column per plan."""
-    cells: dict[str, dict[str, str]] = {name: {} for name in FAULTS}
-    for row in shares(verdicts).to_dict("records"):
-        size = FAULTS[row["fault"]][1].format(row["size"])
-        cells[row["fault"]][PLANS[row["plan"]]] = f"{size}: {row['k']} of {row['n']}"
-    rows = [{"Fault": FAULTS[name][0], **own} for name, own in cells.items() if own]
-    return pd.DataFrame(rows, columns=["Fault", *PLANS.values()])
-
-
-def finder_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return which questions fail in the flights with a fault, of all plans together."""
-    rows = []
-    for fault, (text, _) in FAULTS.items():
-        own = verdicts.of("spoilt")
-        own = own[own["fault"] == fault]
-        if len(own):
-            count = (own[verdicts.questions] == "fails").sum().sort_values(ascending=False)
-            said = [f"{name} {100 * k / len(own):.0f} %" for name, k in count[count > 0].items()]
-            rows.append(
-                {"Fault": text, "Flights": len(own), "Questions that fail": "; ".join(said)}
-            )
-    return pd.DataFrame(rows)
-
-
 def _share_table(flights: pd.DataFrame) -> pd.DataFrame:
     """Return in how many flights the report fails, a row per fault and a column per plan."""
     cells: dict[str, dict[str, str]] = {}
     for (fault, plan), own in flights.groupby(["fault", "plan"], sort=False):
         row = cells.setdefault(str(fault), {})
-        row[PLANS[str(plan)]] = f"{int(fails(own).sum())} of {len(own)}"
+        row[PLANS[str(plan)]] = f"{int(_fails(own).sum())} of {len(own)}"
     rows = [{"σ of": name.removeprefix("sigma of "), **own} for name, own in cells.items()]
     return pd.DataFrame(rows, columns=["σ of", *PLANS.values()])
-
-
-def gross_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how many planted gross errors were taken out, a row per kind and a column per plan."""
-    own = verdicts.of("spoilt")
-    own = own[own["fault"] == "gross errors"]
-    rows = []
-    for kind, title in GROSS.items():
-        found = own.get(f"found: {kind}", pd.Series(dtype=float)).dropna()
-        by_plan = found.groupby(own.loc[found.index, "plan"], sort=False)
-        cells = {PLANS[str(p)]: f"{int(one.sum())} of {len(one)}" for p, one in by_plan}
-        rows.append({"Gross error": title, **cells})
-    return pd.DataFrame(rows, columns=["Gross error", *PLANS.values()])
 
 
 # --- text ------------------------------------------------------------------------------------
@@ -413,23 +405,27 @@ def slow_errors_read(folder: Path) -> pd.DataFrame:
     return errors
 
 
-def ratios(errors: pd.DataFrame, weights: str) -> pd.Series:
+def page(errors: pd.DataFrame) -> str:
+    """Return verdict and table as MyST text."""
+    caption = "RMS of the errors of the single step over their σ, slow errors of the trajectory"
+    return f"{_verdict(errors)}\n\n{myst_table(_slow_table(errors), caption, name='tab-coverage-slow')}\n"
+
+
+def _slow_table(errors: pd.DataFrame) -> pd.DataFrame:
+    """Return the RMS of the normalised errors, a row per parameter."""
+    columns = {heading: _ratios(errors, weights) for weights, heading in HEADINGS.items()}
+    names = columns[HEADINGS["white"]].index
+    shown = {
+        heading: [f"{value:.2f}" for value in own.loc[names]] for heading, own in columns.items()
+    }
+    return pd.DataFrame({"Parameter": [LABELS[str(name)] for name in names], **shown})
+
+
+def _ratios(errors: pd.DataFrame, weights: str) -> pd.Series:
     """Return the RMS of the normalised errors, by parameter."""
     own = errors[errors["weights"] == weights]
     squares = (own["error"] / own["sigma"]) ** 2
     return squares.groupby(own["parameter"], sort=False).mean() ** 0.5
-
-
-def chi_square(errors: pd.DataFrame, weights: str) -> tuple[float, int]:
-    """Return the sum of squares of the independent normalised errors, and how many there are."""
-    own = errors.loc[errors["weights"] == weights, "decorrelated"]
-    return float(np.sum(own**2)), len(own)
-
-
-def page(errors: pd.DataFrame) -> str:
-    """Return verdict and table as MyST text."""
-    caption = "RMS of the errors of the single step over their σ, slow errors of the trajectory"
-    return f"{_verdict(errors)}\n\n{myst_table(table(errors), caption, name='tab-coverage-slow')}\n"
 
 
 def read_validated(folder: Path) -> pd.DataFrame:
@@ -476,8 +472,8 @@ def _counts(flights: pd.DataFrame) -> tuple[int, int, int]:
 
 def _verdict(errors: pd.DataFrame) -> str:
     """Say what chi-square says of all parameters together, for both weights."""
-    value, n = chi_square(errors, "correlated")
-    white, _ = chi_square(errors, "white")
+    value, n = _chi_square(errors, "correlated")
+    white, _ = _chi_square(errors, "white")
     p = two_sided_p(value, n)
     where = "within" if p >= ALPHA else "outside"
     return (
@@ -488,11 +484,7 @@ def _verdict(errors: pd.DataFrame) -> str:
     )
 
 
-def table(errors: pd.DataFrame) -> pd.DataFrame:
-    """Return the RMS of the normalised errors, a row per parameter."""
-    columns = {heading: ratios(errors, weights) for weights, heading in HEADINGS.items()}
-    names = columns[HEADINGS["white"]].index
-    shown = {
-        heading: [f"{value:.2f}" for value in own.loc[names]] for heading, own in columns.items()
-    }
-    return pd.DataFrame({"Parameter": [LABELS[str(name)] for name in names], **shown})
+def _chi_square(errors: pd.DataFrame, weights: str) -> tuple[float, int]:
+    """Return the sum of squares of the independent normalised errors, and how many there are."""
+    own = errors.loc[errors["weights"] == weights, "decorrelated"]
+    return float(np.sum(own**2)), len(own)

@@ -1,6 +1,7 @@
 """The page on coverage says what the errors of the simulated flights are, and nothing else."""
 
 import html
+import re
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ from scipy import stats
 
 from acx4book.pages.benchmarks import sigma
 from acx4book.pages.benchmarks.sigma import normalised_errors
+from support import tables
 
 ABOUT = {
     "date": "2026-01-02",
@@ -54,15 +56,15 @@ def test_honest_errors_pass():
     found = errors()
     assert failing(found) == set()
     assert len(found.tests) == 2 * 2 + 2 + 2 * 3
-    assert sigma.verdict(found).startswith("None of the 12 tests fails.")
+    assert "None of the 12 tests fails." in sigma.page(found)
 
 
 def test_a_biased_parameter_is_named():
     found = errors(shift=0.8)
     assert ("f_mm", "mean") in failing(found)
     assert ("f_mm", "spread") not in failing(found)
-    assert "mean of $f$ (single-step)" in sigma.verdict(found)
-    assert " of the 12 tests fail" in sigma.verdict(found)
+    assert "mean of $f$ (single-step)" in sigma.page(found)
+    assert " of the 12 tests fail" in sigma.page(found)
 
 
 @pytest.mark.parametrize("factor", [0.6, 1.6])
@@ -74,29 +76,31 @@ def test_a_sigma_that_is_wrong_is_named(factor):
 def test_biased_validation_points_are_named():
     found = errors(height=1.0)
     assert failing(found) == {("height", "mean"), ("height", "spread")}
-    assert "mean of height at validation points (single-step)" in sigma.verdict(found)
+    assert "mean of height at validation points (single-step)" in sigma.page(found)
 
 
 def test_the_tables_hold_means_spreads_and_their_p_values():
     found = errors(shift=0.3)
-    z = found.normalised("single_step")
-    table = sigma.parameter_table(found, "single_step")
+    z, text = found.normalised("single_step"), sigma.page(found)
+    table = tables.read(text, "tab-coverage-parameters")
     assert list(table["Parameter"]) == ["$f$", "lever arm $z$"]
-    assert table["Mean"].to_numpy() == pytest.approx(z.mean().to_numpy())
-    assert table["Standard deviation"].to_numpy() == pytest.approx(z.std().to_numpy())
-    joint = sigma.joint_table(found).iloc[0]
-    assert joint["Flights"] == 100
-    assert joint["Degrees of freedom"] == 200
-    assert joint["Sum of χ²"] == pytest.approx((found.parameters["decorrelated"] ** 2).sum())
-    points = sigma.point_table(found)
+    assert tables.numbers(table["Mean"]) == pytest.approx(z.mean().tolist(), abs=5e-4)
+    assert tables.numbers(table["Standard deviation"]) == pytest.approx(z.std().tolist(), abs=5e-4)
+    joint = tables.read(text, "tab-coverage-joint").iloc[0]
+    assert joint["Flights"] == "100"
+    assert joint["Degrees of freedom"] == "200"
+    assert float(joint["Sum of χ²"]) == pytest.approx(
+        (found.parameters["decorrelated"] ** 2).sum(), abs=0.05
+    )
+    points = tables.read(text, "tab-coverage-points")
     squares = (found.points["d_north_m"] / 0.2) ** 2
     assert list(points["Axis"]) == list(AXES)
-    assert points["Mean square"][1] == pytest.approx(squares.mean())
+    assert float(points["Mean square"][1]) == pytest.approx(squares.mean(), abs=5e-4)
 
 
 def test_shares_are_counted_for_parameters_flights_and_points():
     found = errors()
-    table = sigma.share_table(found).set_index("Quantity")
+    table = tables.read(sigma.shares(found), "tab-coverage-shares").set_index("Quantity")
     within = (found.normalised("single_step")["f_mm"].abs() <= 2).mean()
     assert table.loc["normal distribution"].tolist() == ["68.3", "95.4", "99.7"]
     assert table.loc["$f$", "within 2 σ (%)"].startswith(f"{100 * within:.1f} (")
@@ -116,7 +120,7 @@ def test_a_method_without_validation_has_a_page():
     assert both.methods == ["single_step", "two_step_gnss"]
     assert len(both.tests) == 12 + 6
     assert "Two-step, GNSS positions: normalised errors" in html.unescape(text)
-    assert list(sigma.point_table(both)["Method"].unique()) == ["Single-step"]
+    assert list(tables.read(text, "tab-coverage-points")["Method"].unique()) == ["Single-step"]
 
 
 def test_of_heads_only_what_is_independent_is_counted_in_the_chi_square():
@@ -136,11 +140,12 @@ def test_of_heads_only_what_is_independent_is_counted_in_the_chi_square():
     squares, n = both.chi_squares("relative_orientation")
     assert n == 1
     assert squares == pytest.approx(z**2)
-    joint = sigma.joint_table(both).set_index("Method").loc["Relative orientation"]
-    assert joint["Flights"] == joint["Degrees of freedom"] == 50
-    table = sigma.parameter_table(both, "relative_orientation")
+    text = sigma.page(both)
+    joint = tables.read(text, "tab-coverage-joint").set_index("Method").loc["Relative orientation"]
+    assert joint["Flights"] == joint["Degrees of freedom"] == "50"
+    table = tables.read(text, "tab-coverage-relative-orientation")
     assert list(table["Parameter"]) == ["CAM1 $X_c$", "CAM2 $X_c$"]
-    assert table["Mean"].to_numpy() == pytest.approx([z.mean(), -z.mean()])
+    assert tables.numbers(table["Mean"]) == pytest.approx([z.mean(), -z.mean()], abs=5e-4)
 
 
 def test_date_seeds_and_commit_are_said():
@@ -202,26 +207,40 @@ def test_the_stored_flights_make_a_page(stored):
 # --- Statistics of errors over their sigma, against printed tables and published examples
 
 
-def test_normal_errors_stay_within_sigma_as_often_as_everyone_knows():
-    found = [sigma.nominal(level) for level in sigma.LEVELS]
-    assert_allclose(found, [0.6827, 0.9545, 0.9973], atol=5e-5)  # the digits printed
+def of_one(z, *, points=None, decorrelated=None):
+    """Errors of f alone over a sigma of one, and of validation points, shape (flights, n, 3)."""
+    z = np.asarray(z)
+    points = np.zeros((len(z), 0, 3)) if points is None else points
+    known = {"seed": np.arange(len(z)), "method": "single_step"}
+    parameters = pd.DataFrame(
+        known
+        | {"parameter": "f_mm", "error": z, "sigma": 1.0}
+        | {"decorrelated": z if decorrelated is None else decorrelated}
+    )
+    rows = [
+        {"seed": seed, "method": "single_step", "point": str(i)}
+        | {f"d_{axis}_m": x for axis, x in zip(AXES, d, strict=True)}
+        | {f"sigma_{axis}_m": 1.0 for axis in AXES}
+        for seed, flown in enumerate(points)
+        for i, d in enumerate(flown)
+    ]
+    columns = ["seed", "method", "point", *(f"{x}_{a}_m" for x in ("d", "sigma") for a in AXES)]
+    return sigma.Errors(
+        parameters=parameters, points=pd.DataFrame(rows, columns=columns), about=ABOUT
+    )
 
 
-def test_holms_method_adjusts_as_in_the_textbook_example():
-    """Four p values, of which alpha 0.05 rejects two (Holm 1979's method, by hand)."""
-    assert_allclose(sigma.holm([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
-
-
-def test_an_adjusted_p_value_is_at_most_one():
-    assert sigma.holm([0.9, 0.8]).tolist() == [1.0, 1.0]
+def p_of(found, quantity, test):
+    tests = found.tests.set_index(["quantity", "test"])
+    return tests.loc[(quantity, test), "p"]
 
 
 def test_the_mean_is_tested_against_students_table():
     """With 10 values and t = 2.262, the probability of more is 5 % (any table of t)."""
     z = np.array([-1.0, 1.0] * 5)
     shift = 2.262 * z.std(ddof=1) / np.sqrt(10)
-    assert sigma.mean_p(z + shift) == pytest.approx(0.05, abs=1e-4)
-    assert sigma.mean_p(z - shift) == pytest.approx(0.05, abs=1e-4)
+    assert p_of(of_one(z + shift), "f_mm", "mean") == pytest.approx(0.05, abs=1e-4)
+    assert p_of(of_one(z - shift), "f_mm", "mean") == pytest.approx(0.05, abs=1e-4)
 
 
 @pytest.mark.parametrize("chi_square", [2.700, 19.023])
@@ -229,87 +248,91 @@ def test_the_spread_is_tested_against_the_table_of_chi_square(chi_square):
     """2.5 % of each side with 9 degrees of freedom; a mean that is off does not matter."""
     z = np.arange(10.0)
     z *= np.sqrt(chi_square / np.sum((z - z.mean()) ** 2))
-    assert sigma.spread_p(z + 5) == pytest.approx(0.05, abs=1e-4)
+    assert p_of(of_one(z + 5), "f_mm", "spread") == pytest.approx(0.05, abs=1e-4)
 
 
 def test_the_sum_has_the_freedoms_of_all_flights():
     """34.170 is the 97.5 % point of 20 degrees of freedom."""
-    squares = np.full(4, 34.170 / 4)
-    assert sigma.sum_p(squares, 5) == pytest.approx(0.05, abs=1e-4)
+    z = np.random.default_rng(1).normal(size=20)
+    z *= np.sqrt(34.170 / np.sum(z**2))
+    assert p_of(of_one(z), "joint", "sum") == pytest.approx(0.05, abs=1e-4)
 
 
 def test_chi_squares_that_are_all_alike_have_the_wrong_distribution(rng):
     """Their sum says nothing against them."""
-    alike = np.full(200, 14.0)
-    assert sigma.sum_p(alike, 14) > 0.9
-    assert sigma.distribution_p(alike, 14) < 1e-6
-    assert sigma.distribution_p(rng.chisquare(14, 200), 14) > 0.01
+    z = rng.standard_normal(200)
+    alike = of_one(z, decorrelated=np.ones(200))
+    assert p_of(alike, "joint", "sum") > 0.9
+    assert p_of(alike, "joint", "distribution") < 1e-6
+    assert p_of(of_one(z), "joint", "distribution") > 0.01
 
 
 def test_a_binomial_interval_is_clopper_and_pearsons():
     """None of ten: up to 30.85 % (Clopper and Pearson 1934)."""
-    share = sigma.share_within(np.full(10, 1.5), 1)
+    share = sigma.binomial(0, 10)
     assert (share.value, share.low) == (0.0, 0.0)
     assert share.high == pytest.approx(0.3085, abs=5e-5)
-
-
-def test_an_error_of_just_one_sigma_is_within_it():
-    assert sigma.share_within(np.array([1.0, -1.0]), 1).value == 1.0
 
 
 # --- bootstrap over flights ------------------------------------------------------------------
 
 
 def test_of_many_normal_flights_the_bootstrap_says_what_student_says(rng):
-    shifts = np.array([0.0, 0.05, 0.1, 0.15, -0.15])
-    of_flights = rng.standard_normal((200, 5)) + shifts
-    found = sigma.flight_mean_p(of_flights, np.zeros(5))
-    # the two differ by some 1/n of the sample, and by sqrt(p / 20 000) of chance
-    assert_allclose(found, stats.ttest_1samp(of_flights, 0.0).pvalue, atol=0.02)
+    for shifts in ([0.0, 0.05, 0.1], [0.15, -0.15, -0.1]):
+        d = rng.standard_normal((200, 1, 3)) + shifts
+        found = of_one(rng.standard_normal(200), points=d)
+        p = [p_of(found, axis, "mean") for axis in AXES]
+        # the two differ by some 1/n of the sample, and by sqrt(p / 20 000) of chance
+        assert_allclose(p, stats.ttest_1samp(d[:, 0], 0.0).pvalue, atol=0.02)
 
 
-def test_a_mean_is_compared_with_what_is_expected(rng):
-    of_flights = 1.0 + 0.1 * rng.standard_normal((100, 1))
-    assert sigma.flight_mean_p(of_flights, np.array([1.0]))[0] > 0.01
-    assert sigma.flight_mean_p(of_flights, np.array([0.0]))[0] < 1e-4
+def shared(points, axis="height"):
+    """Share of height differences within one sigma, percent, with its interval."""
+    found = of_one(np.linspace(-1, 1, len(points)), points=points)
+    table = tables.read(sigma.shares(found), "tab-coverage-shares").set_index("Quantity")
+    cell = table.loc[f"validation points, {axis}", "within 1 σ (%)"]
+    return tuple(float(number) for number in re.findall(r"[\d.]+", cell))
 
 
 def test_points_that_repeat_each_other_add_nothing(rng):
     """36 errors of a flight that are one error leave the interval that one has."""
-    single = rng.standard_normal((100, 1))
-    one = sigma.share_within_by_flights(single, 1)
-    assert sigma.share_within_by_flights(np.repeat(single, 36, axis=1), 1) == one
-    many = sigma.share_within_by_flights(rng.standard_normal((100, 36)), 1)
-    assert one.high - one.low > 4 * (many.high - many.low)  # 6 times as wide, sqrt(36)
+    single = rng.standard_normal((100, 1, 3))
+    one = shared(single)
+    assert shared(np.repeat(single, 36, axis=1)) == one
+    many = shared(rng.standard_normal((100, 36, 3)))
+    assert one[2] - one[1] > 4 * (many[2] - many[1])  # 6 times as wide, sqrt(36)
 
 
 def test_the_interval_of_single_errors_is_nearly_the_binomial_one(rng):
-    z = rng.standard_normal(400)
-    exact, drawn = (
-        sigma.share_within(z, 1),
-        sigma.share_within_by_flights(z[:, None], 1),
-    )
-    assert drawn.value == exact.value
+    z = rng.standard_normal((400, 1, 3))
+    exact, drawn = sigma.binomial(int((np.abs(z[:, 0, 2]) <= 1).sum()), 400), shared(z)
+    assert drawn[0] == pytest.approx(100 * exact.value, abs=0.05)
     # Clopper and Pearson is wider by 1 / (2 n) on each side, about
-    assert_allclose([drawn.low, drawn.high], [exact.low, exact.high], atol=0.006)
+    assert_allclose(drawn[1:], [100 * exact.low, 100 * exact.high], atol=0.6)
 
 
 def test_points_that_a_flight_does_not_have_are_not_counted():
-    z = np.array([[0.5, np.nan], [0.5, 1.5]])
-    assert sigma.share_within_by_flights(z, 1).value == 0.75
+    points = np.array([[[0.5] * 3, [np.nan] * 3], [[0.5] * 3, [1.5] * 3]])
+    assert shared(points)[0] == 75.0
+
+
+def test_an_error_of_just_one_sigma_is_within_it():
+    assert shared(np.array([[[1.0] * 3], [[-1.0] * 3]]))[0] == 100.0
 
 
 def test_what_is_said_to_be_found_is_found_in_19_of_20_samples():
-    n, alpha = 50, 1e-3
-    z = np.random.default_rng(1).normal(size=(1000, n))
-    low, high = sigma.found_scales(n, alpha)
-    for samples, p in (
-        (z + sigma.found_bias(n, alpha), sigma.mean_p),
-        (z * low, sigma.spread_p),
-        (z * high, sigma.spread_p),
-    ):
-        share = np.mean([p(sample) < alpha for sample in samples])
-        assert share == pytest.approx(0.95, abs=0.03)  # 4 sigma of 1000 trials
+    """The sentence of 100 flights and 12 tests: each at 0.01 / 12 by Holm's first step."""
+    said = [float(x) for x in re.findall(r"\d[\d.]*", sigma.found(errors()))]
+    bias, large, small = said[2], said[3] / 100, said[4] / 100
+    n, m = 100, 12
+    assert said[:2] == [n, m]
+    z = np.random.default_rng(1).normal(size=(2000, n))
+    bounds = stats.chi2(n - 1).ppf([sigma.ALPHA / m / 2, 1 - sigma.ALPHA / m / 2])
+    means = stats.ttest_1samp(z + bias, 0.0, axis=1).pvalue < sigma.ALPHA / m
+    low = (z / (1 + large)).var(axis=1, ddof=1) * (n - 1) < bounds[0]
+    high = (z / (1 - small)).var(axis=1, ddof=1) * (n - 1) > bounds[1]
+    for found in (means, low, high):
+        assert found.mean() == pytest.approx(0.95, abs=0.03)  # and percent are rounded
 
 
 # --- The part of the page on coverage that shows what errors leave in the mean
@@ -327,15 +350,8 @@ def pairs(f=0.01, k1=0.0, *, scatter=0.001):
 
 
 def test_bias_is_the_mean_over_sigma_and_its_error_that_of_a_mean():
-    adjusted, measured = (sigma.biases(pairs(), where) for where in sigma.HEADINGS)
-    assert adjusted["bias"].tolist() == pytest.approx([0.01, 0.0])
-    assert measured["bias"].tolist() == pytest.approx([0.1, 0.0])
-    # four values one scatter from their mean: sqrt(4 / 3) / sqrt(4) of it
-    assert adjusted["error"].tolist() == pytest.approx([0.001 / 3**0.5] * 2)
-
-
-def test_the_table_has_both_ways_side_by_side():
-    table = sigma.table(pairs(f=-0.01))
+    """Four values one scatter from their mean: sqrt(4 / 3) / sqrt(4) of it, in thousandths."""
+    table = tables.read(sigma.bias_page(pairs(f=-0.01)), "tab-coverage-bias")
     assert list(table["Parameter"]) == ["$f$", "$k_1$"]
     assert list(table["Adjusted point"]) == ["−10.00 ± 0.58", "+0.00 ± 0.58"]
     assert list(table["Measured point"]) == ["−100.00 ± 0.58", "+0.00 ± 0.58"]
@@ -351,12 +367,12 @@ def test_the_table_has_both_ways_side_by_side():
     ],
 )
 def test_the_goal_is_for_the_largest_bias_and_for_how_well_it_is_known(made, said):
-    assert said in sigma.bias_verdict(made)
+    assert said in sigma.bias_page(made)
 
 
 def test_the_largest_bias_is_named():
     assert "In 4 pairs the largest bias of the single step is −0.0300 ± 0.0006 σ, of $k_1$" in (
-        sigma.bias_verdict(pairs(k1=-0.03))
+        sigma.bias_page(pairs(k1=-0.03))
     )
 
 
@@ -369,7 +385,8 @@ def test_the_stored_pairs_reach_the_goal_and_measured_points_would_not(pytestcon
     stored = sigma.bias_read(pytestconfig.rootpath / "data" / "benchmarks")
     assert sorted(stored["seed"].unique()) == list(range(1, 251))
     assert stored["parameter"].nunique() == 14
-    assert "is reached" in sigma.bias_verdict(stored)
-    measured = sigma.biases(stored, "measured")
-    assert {"f_mm", "k1", "k2", "k3"} == set(measured.index[measured["bias"].abs() > sigma.GOAL])
+    assert "is reached" in sigma.bias_page(stored)
+    table = tables.read(sigma.bias_page(stored), "tab-coverage-bias").set_index("Parameter")
+    beyond = np.abs(tables.numbers(table["Measured point"])) > 1000 * sigma.GOAL
+    assert set(table.index[beyond]) == {"$f$", "$k_1$", "$k_2$", "$k_3$"}
     assert sigma.bias_page(stored).count("±") == 1 + 2 * 14  # sentence, table
