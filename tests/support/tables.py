@@ -11,9 +11,12 @@ def read(text, name):
     (body,) = re.findall(
         rf"^:name: {re.escape(name)}\n\n(.*?)\n```", text, re.DOTALL | re.MULTILINE
     )
-    lines = html.unescape(body).replace("\N{NO-BREAK SPACE}", " ").splitlines()
-    head, _, *rows = ([c.strip() for c in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines)
+    head, _, *rows = ([_cell(c) for c in line.split("|")[1:-1]] for line in body.splitlines())
     return pd.DataFrame(rows, columns=head)
+
+
+def _cell(source):
+    return html.unescape(source).replace("\N{NO-BREAK SPACE}", " ").strip()
 
 
 def numbers(cells):

@@ -96,20 +96,7 @@ _FOUND: WeakKeyDictionary[Material, list[Quality]] = WeakKeyDictionary()
 
 
 def decisive_qualities(material: Material) -> list[Quality]:
-    """Return the quality of every group of observations of all decisive adjustments."""
-    if material not in _FOUND:
-        _FOUND[material] = [q for name in material.decisive for q in qualities(material, name)]
-    return _FOUND[material]
-
-
-def qualities(material: Material, adjustment: str) -> list[Quality]:
-    """Return the quality of every group of observations of an adjustment.
-
-    Parameters
-    ----------
-    material : Material
-    adjustment : str
-        One of `Material.decisive`.
+    """Return the quality of every group of observations of all decisive adjustments.
 
     Notes
     -----
@@ -125,6 +112,13 @@ def qualities(material: Material, adjustment: str) -> list[Quality]:
     ----------
     .. [1] W. Baarda, "A testing procedure for use in geodetic networks", 1968.
     """
+    if material not in _FOUND:
+        _FOUND[material] = [q for name in material.decisive for q in _qualities(material, name)]
+    return _FOUND[material]
+
+
+def _qualities(material: Material, adjustment: str) -> list[Quality]:
+    """Return the quality of every group of observations of an adjustment."""
     rows = material.residuals[adjustment]
     rows = rows[(rows["sigma"] > 0) & rows["v"].notna()]
     by_kind, kinds = pd.factorize(rows["kind"])

@@ -156,12 +156,12 @@ def _answered(finding: Finding) -> Finding:
     return replace(finding, state=FAILS if said else finding.state, answer=answer)
 
 
-def matters(ratio: float) -> bool:
+def _matters(ratio: float) -> bool:
     """Tell whether errors over their σ are so far from one that it matters: by a tenth."""
     return not 1 / MATTERS < ratio < MATTERS
 
 
-def all_tests(findings: Sequence[Finding]) -> list[ChanceTest]:
+def _all_tests(findings: Sequence[Finding]) -> list[ChanceTest]:
     """Return all tests of a report."""
     return [test for finding in findings for test in finding.tests]
 
@@ -316,7 +316,7 @@ def _global_test(material: Material) -> Iterator[Finding]:
                 said=f"{adjustment_title(name)} (σ₀² = {_sigma0(entry):.2f}): residuals are "
                 f"{'larger' if _sigma0(entry) > 1 else 'smaller'} than the a priori standard "
                 "deviations promise",
-                relevant=matters(np.sqrt(_sigma0(entry))),
+                relevant=_matters(np.sqrt(_sigma0(entry))),
             )
             for name, entry in entries.items()
         ),
@@ -336,7 +336,7 @@ def _weights(material: Material) -> Iterator[Finding]:
             p=g.p,
             said=f"{g.group} of {adjustment_title(g.adjustment)}: {_factor(g.ratio)} (stated "
             f"{g.sigma:.2g} {g.unit}, by the residuals {g.sigma * g.ratio:.2g} {g.unit})",
-            relevant=matters(g.ratio),
+            relevant=_matters(g.ratio),
         )
         for g in groups
     ]
@@ -429,10 +429,10 @@ def _gross_errors(material: Material) -> Iterator[Finding]:
         state=FAILS if mixed else HOLDS,
         answer=f"{answer}, where chance alone takes out {chance:.1f}{where}",
         tests=(
-            ChanceTest(name="number of rejections", p=poisson_sf(n_apart, chance), said=many),
+            ChanceTest(name="number of rejections", p=_poisson_sf(n_apart, chance), said=many),
             ChanceTest(
                 name="largest rejected residual",
-                p=largest_p(largest, chance),
+                p=_largest_p(largest, chance),
                 said=f"the largest is w = {largest:.1f}",
             ),
         ),
@@ -454,21 +454,13 @@ def _rejected(material: Material) -> tuple[float, int]:
     return float(out["statistic"].abs().max()), int(hit.nunique())
 
 
-def poisson_sf(n: int, chance: float) -> float:
+def _poisson_sf(n: int, chance: float) -> float:
     """Return the probability of n rejections or more, where chance makes so many on average."""
     return statistics.chi2_cdf(2 * chance, 2 * n) if n else 1.0
 
 
-def largest_p(w: float, chance: float) -> float:
-    """Return the probability of a residual of w or more among all that were tested.
-
-    Parameters
-    ----------
-    w : float
-        The largest that was rejected; below the critical value where nothing was.
-    chance : float
-        How many of those tested exceed the critical value by chance.
-    """
+def _largest_p(w: float, chance: float) -> float:
+    """Return the probability of a residual of w or more among all that were tested."""
     n = chance / (2 * statistics.norm_sf(CRITICAL))
     each = 2 * statistics.norm_sf(max(w, 0.0))
     return float(-np.expm1(n * np.log1p(-each))) if each < 1 else 1.0
@@ -734,7 +726,7 @@ def _together(entry: Mapping[str, Any]) -> Iterator[ChanceTest]:
             p=entry["chi_square_p"],
             said=f"rays meet {'more' if closer else 'less'} closely than predicted "
             f"(σ₀² = {entry['sigma0_squared']:.2f})",
-            relevant=matters(np.sqrt(entry["sigma0_squared"])),
+            relevant=_matters(np.sqrt(entry["sigma0_squared"])),
         )
 
 
@@ -848,7 +840,7 @@ OBTAINED = (
 def statement(found: Sequence[Finding]) -> str:
     """Return the verdict, as Markdown: what fails, what that means, and what to do."""
     failed = [f.question for f in found if f.state == FAILS]
-    if not failed and not all_tests(found):
+    if not failed and not _all_tests(found):
         return (
             "**Nothing was tested.** These results hold nothing that could be compared with what "
             "is expected of it, so this report neither confirms nor refutes them."
@@ -864,7 +856,7 @@ def statement(found: Sequence[Finding]) -> str:
 
 def _level(found: Sequence[Finding]) -> str:
     """Say how many tests were made, and with which probability right results fail any."""
-    tests = all_tests(found)
+    tests = _all_tests(found)
     n = sum(test.fails for test in tests)
     if not tests:
         return "No statistical test was made."

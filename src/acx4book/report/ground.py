@@ -186,18 +186,31 @@ def mapped(material: Material) -> Mapped | str:
 
 def section(found: Mapped | str) -> Text:
     """Return the section on the error budget: what it holds for, and every source."""
-    drawn = table(source_table(found), SOURCES_OF, name="tab-report-budget", obtained=PREDICTED)
-    return show(assumed(found), "" if isinstance(found, str) else drawn)
+    drawn = table(_source_table(found), SOURCES_OF, name="tab-report-budget", obtained=PREDICTED)
+    return show(_assumed(found), "" if isinstance(found, str) else drawn)
 
 
-SOURCES_OF = "Predicted error of ground points by its sources, mean over the ground"
-PREDICTED = (
-    "the derivatives of intersected points by image points, trajectory and calibration, with their "
-    "covariances a priori"
-)
+def _source_table(found: Mapped | str) -> pd.DataFrame:
+    """Return every source of the error with σ and share of the variance, in plan and in height."""
+    if isinstance(found, str):
+        return pd.DataFrame()
+    mean = budget.over_ground(found.calibration, found.flight).mean
+    rows = []  # of a correlation: the root of the size of its variance, with its sign
+    parts = {name: mean[:, i] for i, name in enumerate(SOURCES) if name != "survey"}
+    for name, part in {**parts, "together": mean.sum(axis=-1)}.items():
+        plan, height = part[:2].sum(), part[2]
+        rows.append(
+            (
+                name,
+                *(_root(plan), 100 * plan / mean[:2].sum()),
+                *(_root(height), 100 * height / mean[2].sum()),
+            )
+        )
+    head = ("Source", "σ in plan (m)", "in plan (%)", "σ in height (m)", "in height (%)")
+    return pd.DataFrame(rows, columns=list(head))
 
 
-def assumed(found: Mapped | str) -> str:
+def _assumed(found: Mapped | str) -> str:
     """Return what the budget holds for, or why there is none."""
     if isinstance(found, str):
         return found
@@ -214,27 +227,11 @@ def assumed(found: Mapped | str) -> str:
     )
 
 
-def source_table(found: Mapped | str) -> pd.DataFrame:
-    """Return every source of the error: its σ in plan and in height, and its share of the variance.
-
-    Of a correlation, σ is the root of the size of its variance, with the sign of the variance.
-    """
-    if isinstance(found, str):
-        return pd.DataFrame()
-    mean = budget.over_ground(found.calibration, found.flight).mean
-    rows = []
-    parts = {name: mean[:, i] for i, name in enumerate(SOURCES) if name != "survey"}
-    for name, part in {**parts, "together": mean.sum(axis=-1)}.items():
-        plan, height = part[:2].sum(), part[2]
-        rows.append(
-            (
-                name,
-                *(_root(plan), 100 * plan / mean[:2].sum()),
-                *(_root(height), 100 * height / mean[2].sum()),
-            )
-        )
-    head = ("Source", "σ in plan (m)", "in plan (%)", "σ in height (m)", "in height (%)")
-    return pd.DataFrame(rows, columns=list(head))
+SOURCES_OF = "Predicted error of ground points by its sources, mean over the ground"
+PREDICTED = (
+    "the derivatives of intersected points by image points, trajectory and calibration, with their "
+    "covariances a priori"
+)
 
 
 def _root(variance: float) -> float:

@@ -40,20 +40,20 @@ ALONE = (
 
 def first_page(material: Material, found: Sequence[Finding]) -> Text:
     """Return the first page of a report: what was calibrated, the values, and whether they hold."""
-    stated = table(certificate_table(material), "The calibration", name="tab-report-certificate")
+    stated = table(_certificate_table(material), "The calibration", name="tab-report-certificate")
     heads = pd.DataFrame()
     if folder.has(material.found, "heads/bundle"):
         heads = head_table(material, "heads/bundle")
     return show(
-        missing_sentence(material) or stated,
-        stated if missing_sentence(material) else "",
+        _missing_sentence(material) or stated,
+        stated if _missing_sentence(material) else "",
         statement(found),
-        table(value_table(material), VALUES, name="tab-report-values", obtained=_origin(material)),
+        table(_value_table(material), VALUES, name="tab-report-values", obtained=_origin(material)),
         "" if heads.empty else table(heads, HEADS, name="tab-report-heads", obtained=ALONE),
     )
 
 
-def certificate_table(material: Material) -> pd.DataFrame:
+def _certificate_table(material: Material) -> pd.DataFrame:
     """Return what identifies the calibration; what flight.toml does not state is left out."""
     return pd.DataFrame(_items(material), columns=[ITEM, VALUE])
 
@@ -125,7 +125,7 @@ def _device(device: Device) -> str:
     )
 
 
-def missing_sentence(material: Material) -> str:
+def _missing_sentence(material: Material) -> str:
     """Return a sentence on a flight that states nothing for its certificate."""
     if material.flight.certificate != Certificate():
         return ""
@@ -135,11 +135,8 @@ def missing_sentence(material: Material) -> str:
     )
 
 
-def value_table(material: Material) -> pd.DataFrame:
-    """Return the calibrated values, with those of the heads beside each other where there are any.
-
-    One row per parameter of the calibration's camera, and its balanced focal length.
-    """
+def _value_table(material: Material) -> pd.DataFrame:
+    """Return the calibrated values; of several heads beside each other."""
     method = material.calibration
     names = folder.cameras(material.found, method) if method else ()
     if len(names) != 1:
@@ -195,27 +192,12 @@ ITEM, VALUE = "Item", "Statement"
 def identity(material: Material) -> Text:
     """Return the section on the flight, its files and the software."""
     return show(
-        table(identification(material), "Identification", name="tab-report-identification"),
+        table(_identification(material), "Identification", name="tab-report-identification"),
         table(_files(material), "Files of the flight", name="tab-report-files", obtained=READ),
     )
 
 
-def method_and_data(material: Material) -> Text:
-    """Return the section on the method and on the data that it used."""
-    name, caption = "tab-report-data", "The blocks, with σ a priori"
-    return show(
-        method(material), table(_data_table(material), caption, name=name, obtained=COUNTED)
-    )
-
-
-READ = "SHA-256 of every table as it was read; the results folder keeps copies of them"
-COUNTED = (
-    "counted in the tables of the flight; σ are those of the tables' own columns, or of [apriori] "
-    "in flight.toml, and are the weights of the adjustments"
-)
-
-
-def identification(material: Material) -> pd.DataFrame:
+def _identification(material: Material) -> pd.DataFrame:
     """Return the calibrated cameras, the date, and the software."""
     flight = material.flight
     made = "Simulated: the measurements were computed" if flight.simulated else ""
@@ -231,6 +213,40 @@ def identification(material: Material) -> pd.DataFrame:
         ("Data, SHA-256", code(material.provenance.digest)),
     ]
     return pd.DataFrame(rows, columns=[ITEM, VALUE])
+
+
+def method_and_data(material: Material) -> Text:
+    """Return the section on the method and on the data that it used."""
+    name, caption = "tab-report-data", "The blocks, with σ a priori"
+    return show(
+        _method_text(material), table(_data_table(material), caption, name=name, obtained=COUNTED)
+    )
+
+
+def _method_text(material: Material) -> str:
+    """Return what was computed, with the numbers of the equations, as Markdown."""
+    flight, chosen = material.flight, material.calibration.partition("/")[2]
+    values = {
+        "heads": any(name.startswith("heads/bundle") for name in material.adjustments),
+        "of_heads": Markup(_names(flight.estimate_heads)),
+        "carried": bool(flight.carried),
+        "method": "two_step" if chosen in TWO_STEP else chosen,
+        "estimated": Markup(_names(flight.estimate_mounting)),
+        "held": _spelled(flight.fix),
+        "gnss": _spelled(flight.gnss) if chosen == "single_step" else "",
+        "adjusted": bool(material.adjustments),
+        "critical": CRITICAL,
+        "validated": flight.validation is not None,
+    }
+    parts = METHOD.read_text("utf-8").split("\n\n")
+    return "\n\n".join(filter(None, (say(part, **values).text for part in parts)))
+
+
+READ = "SHA-256 of every table as it was read; the results folder keeps copies of them"
+COUNTED = (
+    "counted in the tables of the flight; σ are those of the tables' own columns, or of [apriori] "
+    "in flight.toml, and are the weights of the adjustments"
+)
 
 
 def _cameras(material: Material) -> dict[str, str]:
@@ -270,25 +286,6 @@ def _files(material: Material) -> pd.DataFrame:
 
 METHOD = Path(__file__).with_name("method.md")
 """Its paragraphs, of which those are left out that say nothing of a flight."""
-
-
-def method(material: Material) -> str:
-    """Return what was computed, with the numbers of the equations, as Markdown."""
-    flight, chosen = material.flight, material.calibration.partition("/")[2]
-    values = {
-        "heads": any(name.startswith("heads/bundle") for name in material.adjustments),
-        "of_heads": Markup(_names(flight.estimate_heads)),
-        "carried": bool(flight.carried),
-        "method": "two_step" if chosen in TWO_STEP else chosen,
-        "estimated": Markup(_names(flight.estimate_mounting)),
-        "held": _spelled(flight.fix),
-        "gnss": _spelled(flight.gnss) if chosen == "single_step" else "",
-        "adjusted": bool(material.adjustments),
-        "critical": CRITICAL,
-        "validated": flight.validation is not None,
-    }
-    parts = METHOD.read_text("utf-8").split("\n\n")
-    return "\n\n".join(filter(None, (say(part, **values).text for part in parts)))
 
 
 def _spelled(names: Iterable[str]) -> Markup:

@@ -33,13 +33,8 @@ from acx4lib.results import folder
 AS_SURVEYED = "held as surveyed"
 
 
-def lever_table(material: Material) -> pd.DataFrame:
-    """Return the surveyed components of every lever arm beside the estimated ones, in m.
-
-    The difference is that of all other observations, without the surveyed values that took part as
-    observations; *p* is the probability of such differences or larger ones of the whole lever arm,
-    and needs the standard deviation of the survey. Empty where nothing was surveyed.
-    """
+def _lever_table(material: Material) -> pd.DataFrame:
+    """Return the surveyed components of every lever arm beside the estimated ones, in m."""
     method = material.calibration
     cameras = folder.cameras(material.found, method) if method else ()
     rows = [row for name in cameras for row in _rows(material, material.flight.cameras[name])]
@@ -77,13 +72,6 @@ def _p(p: object) -> str:
     return p_value(float(p)) if isinstance(p, int | float) and np.isfinite(p) else ""
 
 
-def lever_sentence(material: Material) -> str:
-    """Return a sentence where no lever arm was surveyed."""
-    if not material.calibration or not lever_table(material).empty:
-        return ""
-    return "flight.toml states no surveyed lever arm; the estimated one is compared with none."
-
-
 # --- The mounting: surveyed against estimated, heads, and the boresight over time
 
 
@@ -92,11 +80,18 @@ def section(material: Material) -> Text:
     heads = head_table(material, "heads/relative_orientation")
     turns = _turn_table(turns_of(material))
     return show(
-        lever_sentence(material)
-        or table(lever_table(material), LEVERS, name="tab-report-lever", obtained=SURVEYED),
+        _lever_sentence(material)
+        or table(_lever_table(material), LEVERS, name="tab-report-lever", obtained=SURVEYED),
         "" if heads.empty else table(heads, HEADS, name="tab-report-relative", obtained=RELATIVE),
         table(turns, "Stability of the boresight", name="tab-report-drift", obtained=TURNED),
     )
+
+
+def _lever_sentence(material: Material) -> str:
+    """Return a sentence where no lever arm was surveyed."""
+    if not material.calibration or not _lever_table(material).empty:
+        return ""
+    return "flight.toml states no surveyed lever arm; the estimated one is compared with none."
 
 
 LEVERS = "Lever arms, surveyed and estimated"

@@ -96,14 +96,8 @@ class Pair:
     rho: float
 
 
-def estimates(material: Material, stage_method: str) -> list[Estimate]:
-    """Return a method's parameters with their tests.
-
-    Parameters
-    ----------
-    material : Material
-    stage_method : str
-    """
+def _estimates(material: Material, stage_method: str) -> list[Estimate]:
+    """Return a method's parameters with their tests."""
     rows = folder.rows(material.found, "parameters", stage_method)
     related = correlations(material, stage_method)
     critical = statistics.t_ppf(1 - SIGNIFICANCE / 2, _redundancy(material, stage_method))
@@ -158,19 +152,6 @@ def _redundancy(material: Material, stage_method: str) -> int:
         if f"{name}/".startswith(f"{stage_method}/")
     ]
     return max(1, min(said, default=1))
-
-
-def joint_tests(material: Material, stage_method: str) -> list[GroupTest]:
-    """Return the tests of a method's parameters by groups, against zero."""
-    names = folder.cameras(material.found, stage_method)
-    cameras = [material.flight.cameras[name] for name in names]
-    calibration = read_calibration(material.found, stage_method, cameras)
-    found = group_tests(
-        calibration,
-        [undistorted(camera) for camera in cameras],
-        redundancy=_redundancy(material, stage_method),
-    )
-    return [test for test in found if not set(test.keys) <= set(FROM_DECLARED)]
 
 
 def _strongest(related: pd.DataFrame, label: str) -> tuple[str, float]:
@@ -247,13 +228,40 @@ SMALLEST_LEVEL = 0.2
 
 def image_section(material: Material) -> Text:
     """Return the section on the distortion and the corners of the images."""
-    found = shown_lenses(material)
+    found = _shown_lenses(material)
     told = "the estimated coefficients, eqs (7) to (11); σ from their covariance matrix"
     return show(
         table(_balanced_table(found), BALANCED, name="tab-report-balanced", obtained=FROM_RADIAL),
         table(_distortion_table(material), DISTORTION, name="tab-report-distortion", obtained=told),
-        table(corner_table(material), CORNERS, name="tab-report-corners", obtained=FORMAT),
+        table(_corner_table(material), CORNERS, name="tab-report-corners", obtained=FORMAT),
     )
+
+
+def _corner_table(material: Material) -> pd.DataFrame:
+    """Return pixel and image coordinates of the corners of every camera."""
+    cameras = [lens.camera for lens in _shown_lenses(material)]
+    alike: dict[tuple[float, ...], list[Camera]] = {}
+    for camera in cameras:
+        size = (camera.width_px, camera.height_px, camera.pixel_mm)
+        alike.setdefault(size, []).append(camera)
+    rows = [
+        {
+            "Camera": listed([camera.name for camera in same]),
+            "Corner": corner,
+            "Column (px)": f"{col:g}",
+            "Row (px)": f"{row:g}",
+            "x (mm)": f"{x:+.4f}",
+            "y (mm)": f"{y:+.4f}",
+        }
+        for same in alike.values()
+        for corner, (col, row), (x, y) in zip(
+            ("upper left", "upper right", "lower right", "lower left"),
+            corners(same[0]),
+            xy_from_colrow(same[0], corners(same[0])),
+            strict=True,
+        )
+    ]
+    return pd.DataFrame(rows)
 
 
 BALANCED = "Calibrated and balanced focal lengths"
@@ -282,7 +290,7 @@ def _length(value: float, sigma: float) -> str:
     return value_and_sigma(value, sigma) if sigma > 0 else f"{value:g} held"
 
 
-def shown_lenses(material: Material) -> list[Lens]:
+def _shown_lenses(material: Material) -> list[Lens]:
     """Return the lenses of the calibration, and those of the heads that were calibrated alone."""
     methods = [material.calibration] if material.calibration else []
     if any(name.startswith("heads/bundle") for name in material.adjustments):
@@ -306,22 +314,39 @@ def profile(lens: Lens) -> pd.DataFrame:
 
 def _profile_at(lens: Lens, balance: Balanced, radius: np.ndarray) -> pd.DataFrame:
     """Return the distortion at distances from the principal point, mm, as `profile` does."""
-    d, scale = radial(lens.interior, radius), balance.f / lens.interior.f
+    d, scale = _radial(lens.interior, radius), balance.f / lens.interior.f
     return pd.DataFrame(
         {
             "radius_mm": radius,
             "angle_deg": np.degrees(np.arctan((radius - d) / lens.interior.f)),
             "radial_um": UM * d,
-            "sigma_um": UM * radial_sigma(lens, radius),
+            "sigma_um": UM * _radial_sigma(lens, radius),
             "balanced_um": UM * scale * (d - balance.slope * radius),
-            "decentring_um": UM * decentring(lens.interior, radius),
+            "decentring_um": UM * _decentring(lens.interior, radius),
         }
     )
 
 
+def _radial(interior: Interior, radius: Array) -> Array:
+    """Return the radial distortion, mm, at distances from the principal point, eqs (10)-(11)."""
+    return _powers(radius) @ _coefficients(interior)
+
+
+def _radial_sigma(lens: Lens, radius: Array) -> Array:
+    """Return the standard deviation of the radial distortion, mm, shape (n,)."""
+    J = _powers(radius)
+    cov = lens.cov[np.ix_(RADIAL, RADIAL)]
+    return np.sqrt(np.maximum(np.sum((J @ cov) * J, axis=1), 0.0))
+
+
+def _decentring(interior: Interior, radius: Array) -> Array:
+    """Return the tangential decentring distortion, mm; at right angles it is 3 times as large."""
+    return np.hypot(interior.p1, interior.p2) * radius**2
+
+
 def _distortion_table(material: Material) -> pd.DataFrame:
     """Return the distortion of every lens at round distances from the principal point."""
-    found = shown_lenses(material)
+    found = _shown_lenses(material)
     rows = [
         {
             **({"Camera": lens.camera.name} if len(found) > 1 else {}),
@@ -343,36 +368,9 @@ def corners(camera: Camera) -> np.ndarray:
     return np.array([[0, 0], [col, 0], [col, row], [0, row]], dtype=float)
 
 
-def corner_table(material: Material) -> pd.DataFrame:
-    """Return pixel and image coordinates of the corners of every camera."""
-    cameras = [lens.camera for lens in shown_lenses(material)]
-    alike: dict[tuple[float, ...], list[Camera]] = {}
-    for camera in cameras:
-        size = (camera.width_px, camera.height_px, camera.pixel_mm)
-        alike.setdefault(size, []).append(camera)
-    rows = [
-        {
-            "Camera": listed([camera.name for camera in same]),
-            "Corner": corner,
-            "Column (px)": f"{col:g}",
-            "Row (px)": f"{row:g}",
-            "x (mm)": f"{x:+.4f}",
-            "y (mm)": f"{y:+.4f}",
-        }
-        for same in alike.values()
-        for corner, (col, row), (x, y) in zip(
-            ("upper left", "upper right", "lower right", "lower left"),
-            corners(same[0]),
-            xy_from_colrow(same[0], corners(same[0])),
-            strict=True,
-        )
-    ]
-    return pd.DataFrame(rows)
-
-
 def image_figure(material: Material) -> Figure:
     """Draw every image with its axes, and the radial distortion of all lenses."""
-    found = shown_lenses(material)
+    found = _shown_lenses(material)
     if not found:
         return style.nothing("No interior orientation was calibrated.")
     n = len(found)
@@ -527,29 +525,6 @@ def _lens(material: Material, stage_method: str, name: str, cov: object) -> Lens
     )
 
 
-def radial(interior: Interior, radius: Array) -> Array:
-    """Return the radial distortion, mm, at distances from the principal point, mm, shape (n,).
-
-    Positive outwards; it is subtracted from the measured distance, eqs (10)-(11).
-    """
-    return _powers(radius) @ _coefficients(interior)
-
-
-def radial_sigma(lens: Lens, radius: Array) -> Array:
-    """Return the standard deviation of the radial distortion, mm, shape (n,)."""
-    J = _powers(radius)
-    cov = lens.cov[np.ix_(RADIAL, RADIAL)]
-    return np.sqrt(np.maximum(np.sum((J @ cov) * J, axis=1), 0.0))
-
-
-def decentring(interior: Interior, radius: Array) -> Array:
-    """Return the profile of the decentring distortion, mm, shape (n,): the tangential part.
-
-    At right angles to this direction the decentring distortion is radial, and three times as large.
-    """
-    return np.hypot(interior.p1, interior.p2) * radius**2
-
-
 def _powers(radius: Array) -> Array:
     return np.asarray(radius, dtype=float)[:, None] ** POWERS
 
@@ -616,10 +591,10 @@ def section(material: Material) -> Text:
     """Return the section on the estimates: tests, methods, correlations."""
     matrices = _correlation_tables(material)
     return show(
-        table(parameter_table(material), SINGLE, name="tab-report-parameters", obtained=ROWS),
-        heads_sentence(material),
-        table(joint_table(material), JOINT, name="tab-report-joint", obtained=FROM_COVARIANCE),
-        table(method_table(material), METHOD, name="tab-report-methods", obtained=ROWS),
+        table(_parameter_table(material), SINGLE, name="tab-report-parameters", obtained=ROWS),
+        _heads_sentence(material),
+        table(_joint_table(material), JOINT, name="tab-report-joint", obtained=FROM_COVARIANCE),
+        table(_method_table(material), METHOD, name="tab-report-methods", obtained=ROWS),
         *(
             table(
                 matrix, MATRIX + (f", {name}" if len(matrices) > 1 else ""),
@@ -627,8 +602,104 @@ def section(material: Material) -> Text:
             )
             for number, (name, matrix) in enumerate(matrices.items(), 1)
         ),
-        correlation_sentence(material),
+        _correlation_sentence(material),
     )  # fmt: skip
+
+
+def _parameter_table(material: Material) -> pd.DataFrame:
+    """Return the parameters of the calibration with sigma, test and strongest correlation."""
+    if not material.calibration:
+        return pd.DataFrame()
+    found = _estimates(material, material.calibration)
+    several = len({p.camera for p in found}) > 1
+    rows = [
+        {
+            **({"Camera": p.camera} if several else {}),
+            "Parameter": with_unit(parameter_title(p.parameter), p.unit),
+            "Value and σ": value_and_sigma(p.value, p.sigma),
+            "Against": f"{p.reference:g}",
+            "t": p.t,
+            "Significant": SIGNIFICANT[p.significant],
+            "Strongest correlation": _strongest_text(p),
+        }
+        for p in found
+    ]
+    return pd.DataFrame(rows)
+
+
+def _heads_sentence(material: Material) -> str:
+    """Return a sentence on what errors of the heads add to sigma; empty where none are carried."""
+    told = material.found.summary.get(material.calibration, {}).get("sigma_of_heads")
+    if not isinstance(told, dict) or not told:
+        return ""
+    own = {f"{p.camera}/{p.parameter}": p.sigma for p in _estimates(material, material.calibration)}
+    each = {name: float(s) / own[name] for name, s in told.items() if own.get(name, 0.0) > 0}
+    if not each:
+        return ""
+    most = max(each, key=lambda name: each[name])
+    return (
+        "The points were carried into the synthetic image by calibrated heads. Errors of this "
+        "calibration move all points of a head together, which is not in the σ above. They add "
+        f"{min(each.values()):.2g} to {each[most]:.2g} times these σ, most to "
+        f"{parameter_title(most.rpartition('/')[2])}; flights that are carried by the same "
+        "heads share this error."
+    )
+
+
+def _joint_table(material: Material) -> pd.DataFrame:
+    """Return the tests of several parameters of the calibration at once."""
+    found = _joint_tests(material, material.calibration) if material.calibration else []
+    several = len({test.camera for test in found}) > 1
+    rows = [
+        {
+            **({"Camera": test.camera} if several else {}),
+            "Parameters": group_label(test.keys),
+            "Largest single t": test.largest,
+            "F": test.f_ratio,
+            "Degrees of freedom": f"{len(test.keys)}; {test.redundancy:,}",
+            "p": p_value(test.p),
+        }
+        for test in found
+    ]
+    return pd.DataFrame(rows)
+
+
+def _joint_tests(material: Material, stage_method: str) -> list[GroupTest]:
+    """Return the tests of a method's parameters by groups, against zero."""
+    names = folder.cameras(material.found, stage_method)
+    cameras = [material.flight.cameras[name] for name in names]
+    calibration = read_calibration(material.found, stage_method, cameras)
+    found = group_tests(
+        calibration,
+        [undistorted(camera) for camera in cameras],
+        redundancy=_redundancy(material, stage_method),
+    )
+    return [test for test in found if not set(test.keys) <= set(FROM_DECLARED)]
+
+
+def _method_table(material: Material) -> pd.DataFrame:
+    """Return the parameters of all methods of the mounting stage side by side."""
+    names = [f"mounting/{m}" for m in METHODS if f"mounting/{m}" in material.adjustments]
+    names.sort(key=lambda name: name != material.calibration)
+    if len(names) < 2:
+        return pd.DataFrame()
+    table = _side_by_side(
+        {heading(name): folder.rows(material.found, "parameters", name) for name in names}
+    )
+    for name in (f"mounting/{method}" for method in METHODS):
+        if reasons := folder.messages(material.found.summary.get(name, {}), "left_out"):
+            table[heading(name)] = lacking(reasons[0])
+    return table
+
+
+def _correlation_sentence(material: Material) -> str:
+    """Return a sentence on parameters that can hardly be separated."""
+    if not material.calibration:
+        return ""
+    pairs = strong_pairs(material, material.calibration)
+    if not pairs:
+        return f"No correlation exceeds {STRONG:g}."
+    return f"Correlations above {STRONG:g}: " + ", ".join(pair_texts(pairs)) + "."
 
 
 SINGLE = "The calibration: parameters, standard deviations and significance"
@@ -673,93 +744,10 @@ def _correlation(rho: float, own: bool) -> str:
     return Markup(f"**{rho:+.2f}**") if abs(rho) > STRONG else f"{rho:+.2f}"
 
 
-def parameter_table(material: Material) -> pd.DataFrame:
-    """Return the parameters of the calibration with sigma, test and strongest correlation."""
-    if not material.calibration:
-        return pd.DataFrame()
-    found = estimates(material, material.calibration)
-    several = len({p.camera for p in found}) > 1
-    rows = [
-        {
-            **({"Camera": p.camera} if several else {}),
-            "Parameter": with_unit(parameter_title(p.parameter), p.unit),
-            "Value and σ": value_and_sigma(p.value, p.sigma),
-            "Against": f"{p.reference:g}",
-            "t": p.t,
-            "Significant": SIGNIFICANT[p.significant],
-            "Strongest correlation": _strongest_text(p),
-        }
-        for p in found
-    ]
-    return pd.DataFrame(rows)
-
-
 def _strongest_text(p: Estimate) -> Markup:
     if not p.strongest:
         return Markup("–")
     return Markup(f"{p.rho:+.2f} with {shown(parameter_title(p.strongest))}")
-
-
-def heads_sentence(material: Material) -> str:
-    """Return a sentence on what errors of the heads add to sigma; empty where none are carried."""
-    told = material.found.summary.get(material.calibration, {}).get("sigma_of_heads")
-    if not isinstance(told, dict) or not told:
-        return ""
-    own = {f"{p.camera}/{p.parameter}": p.sigma for p in estimates(material, material.calibration)}
-    each = {name: float(s) / own[name] for name, s in told.items() if own.get(name, 0.0) > 0}
-    if not each:
-        return ""
-    most = max(each, key=lambda name: each[name])
-    return (
-        "The points were carried into the synthetic image by calibrated heads. Errors of this "
-        "calibration move all points of a head together, which is not in the σ above. They add "
-        f"{min(each.values()):.2g} to {each[most]:.2g} times these σ, most to "
-        f"{parameter_title(most.rpartition('/')[2])}; flights that are carried by the same "
-        "heads share this error."
-    )
-
-
-def joint_table(material: Material) -> pd.DataFrame:
-    """Return the tests of several parameters of the calibration at once."""
-    found = joint_tests(material, material.calibration) if material.calibration else []
-    several = len({test.camera for test in found}) > 1
-    rows = [
-        {
-            **({"Camera": test.camera} if several else {}),
-            "Parameters": group_label(test.keys),
-            "Largest single t": test.largest,
-            "F": test.f_ratio,
-            "Degrees of freedom": f"{len(test.keys)}; {test.redundancy:,}",
-            "p": p_value(test.p),
-        }
-        for test in found
-    ]
-    return pd.DataFrame(rows)
-
-
-def correlation_sentence(material: Material) -> str:
-    """Return a sentence on parameters that can hardly be separated."""
-    if not material.calibration:
-        return ""
-    pairs = strong_pairs(material, material.calibration)
-    if not pairs:
-        return f"No correlation exceeds {STRONG:g}."
-    return f"Correlations above {STRONG:g}: " + ", ".join(pair_texts(pairs)) + "."
-
-
-def method_table(material: Material) -> pd.DataFrame:
-    """Return the parameters of all methods of the mounting stage side by side."""
-    names = [f"mounting/{m}" for m in METHODS if f"mounting/{m}" in material.adjustments]
-    names.sort(key=lambda name: name != material.calibration)
-    if len(names) < 2:
-        return pd.DataFrame()
-    table = _side_by_side(
-        {heading(name): folder.rows(material.found, "parameters", name) for name in names}
-    )
-    for name in (f"mounting/{method}" for method in METHODS):
-        if reasons := folder.messages(material.found.summary.get(name, {}), "left_out"):
-            table[heading(name)] = lacking(reasons[0])
-    return table
 
 
 def head_table(material: Material, stage_method: str) -> pd.DataFrame:

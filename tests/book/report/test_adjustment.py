@@ -38,14 +38,14 @@ def test_the_ratio_of_repeated_measurements_is_their_standard_deviation(folder, 
     summary = json.loads((folder / "summary.json").read_text())
     summary["mounting/single_step"]["n_observations"] = len(table)
     (folder / "summary.json").write_text(json.dumps(summary))
-    (group,) = adjustment.qualities(read(folder), SINGLE)
+    (group,) = adjustment.decisive_qualities(read(folder))
     assert (group.group, group.unit, group.n) == ("heading", "deg", 20)
     assert_allclose(group.ratio, heading.std(ddof=1) / 0.01, rtol=1e-12)
     assert_allclose(group.redundancy, 19.0)
 
 
 def test_the_groups_share_the_redundancy_of_the_adjustment(run):
-    found = adjustment.qualities(run, SINGLE)
+    found = adjustment.decisive_qualities(run)
     assert {group.group for group in found} == {
         g for g in adjustment.GROUPS.values() if "declared" not in g and g != "distances"
     }
@@ -62,7 +62,7 @@ def test_a_detectable_error_is_found_in_four_of_five_cases(run):
     rows = run.residuals[SINGLE]
     heading = rows[rows["component"] == "heading_deg"]
     expected = np.median(adjustment.DETECTABLE * 0.015 / np.sqrt(heading["redundancy"]))
-    group = next(g for g in adjustment.qualities(run, SINGLE) if g.group == "heading")
+    group = next(g for g in adjustment.decisive_qualities(run) if g.group == "heading")
     assert_allclose(group.detectable, expected)
 
 
@@ -78,7 +78,7 @@ def test_baardas_delta_is_the_textbooks_4_13():
 
 def test_the_probability_of_a_ratio_is_the_one_that_the_run_tells(run):
     told = run.found.summary[SINGLE]["sigma_tests"]
-    found = adjustment.qualities(run, SINGLE)
+    found = adjustment.decisive_qualities(run)
     assert {group.group for group in found} == set(told)
     for group in found:
         assert group.p == told[group.group]["p"]
@@ -90,7 +90,7 @@ def test_in_results_of_earlier_versions_it_is_that_of_chi_square(folder):
     summary = json.loads((folder / "summary.json").read_text())
     del summary[SINGLE]["sigma_tests"]
     (folder / "summary.json").write_text(json.dumps(summary))
-    for group in adjustment.qualities(read(folder), SINGLE):
+    for group in adjustment.decisive_qualities(read(folder)):
         square, r = group.ratio**2 * group.redundancy, group.redundancy
         expected = 2 * min(stats.chi2.cdf(square, r), stats.chi2.sf(square, r))
         assert_allclose(group.p, expected, rtol=1e-9)

@@ -4,15 +4,16 @@ import json
 import re
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
 from acx4book.report import adjustment
-from acx4book.report import findings as report_findings
 from acx4book.report.findings import findings
 from acx4book.report.material import Material, read
+from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.geometry.parameters import AXES, Prior
 from acx4lib.results import folder as results
 from support.run_results import SINGLE, edit, edit_summary, state
@@ -32,6 +33,16 @@ def test_a_variance_of_unit_weight_far_from_one_fails(folder, sigma0_sq, word):
     assert state(folder, "Global χ² test")[0] == "holds"  # one of many tests
 
 
+@pytest.mark.parametrize(
+    ("ratio", "expected"), [(0.9, "fails"), (0.92, "holds"), (1.09, "holds"), (1.11, "fails")]
+)
+def test_errors_that_are_less_than_a_tenth_from_their_sigma_do_not_matter(folder, ratio, expected):
+    edit_summary(folder, SINGLE, chi_square_p=1e-12, sigma0_squared=ratio**2)
+    found, answer = state(folder, "Global χ² test")
+    assert found == expected
+    assert ("Significant, but too little to matter: single-step" in answer) == (found == "holds")
+
+
 def test_an_adjustment_of_which_nothing_is_estimated_is_tested_too(folder):
     for name in ("parameters", "covariance"):
         file = folder / f"{name}.csv"
@@ -48,7 +59,7 @@ def test_a_gnss_sigma_that_is_2_5_times_too_small_is_named(folder):
     def optimistic(table):
         rows = (table["kind"] == "gnss") & (table["component"] == "height_m")
         ratio = next(
-            g.ratio for g in adjustment.qualities(read(folder), SINGLE) if "GNSS, h" in g.group
+            g.ratio for g in adjustment.decisive_qualities(read(folder)) if "GNSS, h" in g.group
         )
         table.loc[rows, "sigma"] = table.loc[rows, "sigma"].astype(float) * ratio / 2.5
 
@@ -56,7 +67,7 @@ def test_a_gnss_sigma_that_is_2_5_times_too_small_is_named(folder):
     wrong = {**told["GNSS, height"], "ratio": 2.5, "p": 1e-9}
     edit_summary(folder, SINGLE, sigma_tests={**told, "GNSS, height": wrong})
     edit(folder, "residuals", optimistic)
-    group = next(g for g in adjustment.qualities(read(folder), SINGLE) if "GNSS, h" in g.group)
+    group = next(g for g in adjustment.decisive_qualities(read(folder)) if "GNSS, h" in g.group)
     said = (
         "Significant: GNSS, height of single-step: σ is 2.5 times too small (stated "
         f"{group.sigma:.2g} m, by the residuals {2.5 * group.sigma:.2g} m)."
@@ -123,13 +134,20 @@ def test_gross_errors_are_more_or_larger_than_chance_makes_them(folder, n, w, ex
     assert ("7 observations rejected" in answer) == (n == 7)
 
 
-def test_the_probabilities_of_rejections_are_those_of_scipy():
-    for n, chance in ((0, 0.3), (1, 0.3), (4, 1.7)):
-        assert_allclose(report_findings.poisson_sf(n, chance), stats.poisson.sf(n - 1, chance))
-    n_tested = 0.5 / (2 * stats.norm.sf(3.9))
-    expected = 1 - stats.norm.cdf(4.5) ** (2 * n_tested)  # of n_tested two-sided values
-    assert_allclose(report_findings.largest_p(4.5, 0.5), expected, rtol=1e-4)
-    assert report_findings.largest_p(0.0, 0.5) == 1.0
+@pytest.mark.parametrize(("n", "w"), [(1, 4.5), (4, 4.2), (7, 6.0)])
+def test_the_probabilities_of_rejections_are_those_of_scipy(folder, n, w):
+    reject(folder, n, w)
+    number, largest = (test.p for test in made_of(folder, "Gross errors"))
+    chance = 0.15 + 0.05
+    assert_allclose(number, stats.poisson.sf(n - 1, chance))
+    n_tested = chance / (2 * stats.norm.sf(CRITICAL))
+    expected = -np.expm1(2 * n_tested * stats.norm.logcdf(w))  # of n_tested two-sided values
+    assert_allclose(largest, expected, rtol=1e-3)
+
+
+def test_where_nothing_was_rejected_nothing_is_unlikely(folder):
+    reject(folder, 0, 0.0)
+    assert [test.p for test in made_of(folder, "Gross errors")] == [1.0, 1.0]
 
 
 def test_results_that_do_not_say_what_chance_rejects_are_not_tested(folder):

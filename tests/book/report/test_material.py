@@ -8,7 +8,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.report import findings, identity, markdown
-from acx4book.report.identity import identification
 from acx4book.report.markdown import Document, to_html
 from acx4book.report.material import Material, block_of, image_residuals
 from acx4lib import flight as flights
@@ -17,6 +16,7 @@ from acx4lib.results import adjustments, folder
 from acx4lib.results.adjustments import of_carried
 from acx4lib.results.provenance import Provenance
 from acx4lib.synthetic_image.transferred_points import carry
+from support import tables
 from support.flights import in_heads, pictured
 from support.run_results import SINGLE
 
@@ -58,7 +58,9 @@ def test_every_adjustment_has_the_images_that_it_adjusted(material, adjustment, 
 
 
 def test_the_method_says_that_points_were_carried(material):
-    assert "**Synthetic images.** Points were measured" in identity.method(material)
+    assert (
+        "**Synthetic images.** Points were measured" in identity.method_and_data(material).markdown
+    )
 
 
 def test_residuals_stand_where_they_were_measured(run):
@@ -97,7 +99,8 @@ def stated(run):
 
 
 def test_only_what_is_stated_stands_there(stated):
-    table = identity.certificate_table(stated).set_index("Item")["Statement"]
+    page = identity.first_page(stated, []).markdown
+    table = tables.read(page, "tab-report-certificate").set_index("Item")["Statement"]
     assert table["Camera CAM"] == "Maker M1 no. 08; lens no. 77"
     assert table["Image format"] == "CAM: 11608 × 8708 pixels of 4.6 µm, 53.40 × 40.06 mm"
     assert table["IMU"] == "POS AV 510 no. 4711"
@@ -108,7 +111,7 @@ def test_only_what_is_stated_stands_there(stated):
     assert table["Temperature"] == "-3.5 °C"
     assert table["Valid until"] == "2028-11-22"
     assert "Flown by" not in table.index
-    assert identity.missing_sentence(stated) == ""
+    assert "states no serial numbers" not in page
 
 
 def test_text_of_strangers_is_shown_and_not_interpreted(stated):
@@ -120,12 +123,13 @@ def test_text_of_strangers_is_shown_and_not_interpreted(stated):
 
 
 def test_a_flight_without_a_certificate_says_so(run):
-    assert "states no serial numbers" in identity.missing_sentence(run)
-    assert list(identity.certificate_table(run)["Item"]) == ["Image format"]
+    page = identity.first_page(run, []).markdown
+    assert page.startswith("The table [certificate] of flight.toml states no serial numbers")
+    assert list(tables.read(page, "tab-report-certificate")["Item"]) == ["Image format"]
 
 
 def test_values_have_the_digits_that_their_sigma_allows(run):
-    table = identity.value_table(run)
+    table = tables.read(identity.first_page(run, []).markdown, "tab-report-values")
     assert "balanced focal length (mm)" in list(table["Parameter"])
     table = table.set_index("Parameter")
     rows = run.found.parameters
@@ -134,7 +138,7 @@ def test_values_have_the_digits_that_their_sigma_allows(run):
     assert float(f) == pytest.approx(rows.loc["f_mm", "value"], abs=6e-5)
     assert float(sigma) == pytest.approx(rows.loc["f_mm", "sigma"], rel=0.05)
     assert len(f.partition(".")[2]) == len(sigma.partition(".")[2])
-    k1 = table.loc["$k_1$ (mm^-2)"]
+    k1 = table.loc["$k_1$ (mm⁻²)"]
     assert k1["Value"].endswith("·10⁻⁶")
     assert k1["Standard deviation"].endswith("·10⁻⁸")
     assert len(k1["Value"].partition("·")[0].partition(".")[2]) == 3  # two digits of sigma
@@ -144,7 +148,8 @@ def test_values_have_the_digits_that_their_sigma_allows(run):
 
 
 def test_the_identification_names_flight_camera_system_and_software(run):
-    said = identification(run).set_index("Item")["Statement"]
+    page = identity.identity(run).markdown
+    said = tables.read(page, "tab-report-identification").set_index("Item")["Statement"]
     assert said["Flight"] == run.flight.name
     assert "pixels of 4.6 µm; declared focal length 50 mm" in said["Camera CAM"]
     assert said["Coordinate system"] == "WGS 84 / UTM zone 33N (EPSG:32633)"

@@ -11,9 +11,10 @@ from scipy import stats
 
 from acx4book.report import mounting
 from acx4book.report.material import read
-from acx4book.report.mounting import boresight_over_time, lever_sentence, lever_table
+from acx4book.report.mounting import boresight_over_time
 from acx4book.report.mounting import boresights as mounting_boresights
 from acx4lib.geometry.parameters import Prior
+from support import tables
 from support.run_results import SINGLE, edit, edit_summary
 
 
@@ -31,18 +32,23 @@ def surveyed(folder):
     return replace(material, flight=replace(material.flight, cameras=cameras))
 
 
+def levers(material):
+    return tables.read(mounting.section(material).markdown, "tab-report-lever")
+
+
 def test_a_flight_without_a_survey_is_a_sentence(run):
-    assert lever_table(run).empty
-    assert "states no surveyed lever arm" in lever_sentence(run)
+    text = mounting.section(run).markdown
+    assert "states no surveyed lever arm" in text
+    assert "tab-report-lever" not in text
 
 
 def test_differences_are_estimated_less_surveyed_where_nothing_else_is_told(surveyed):
-    table = lever_table(surveyed).set_index("Component")
+    table = levers(surveyed).set_index("Component")
     rows = surveyed.found.parameters
     rows = rows[rows["method"] == "single_step"].set_index("parameter")
     assert list(table.index) == ["lever arm $x$", "lever arm $z$"]
     assert table.loc["lever arm $x$", "Surveyed (m)"] == "-0.1, σ not stated"
-    assert table.loc["lever arm $z$", "Surveyed (m)"] == "-0.300 ± 0.020"
+    assert table.loc["lever arm $z$", "Surveyed (m)"] == "−0.300 ± 0.020"
     expected = rows.loc["lever_x_m", "value"] + 0.1
     assert float(table.loc["lever arm $x$", "Difference (m)"]) == pytest.approx(expected, abs=6e-4)
 
@@ -52,7 +58,7 @@ def test_what_the_run_told_of_all_other_observations_is_shown(surveyed):
     summary = surveyed.found.summary
     summary = {**summary, SINGLE: {**summary[SINGLE], "declared": told}}
     found = replace(surveyed, found=replace(surveyed.found, summary=summary))
-    table = lever_table(found)
+    table = levers(found)
     assert list(table["Difference (m)"]) == ["+0.250", "-0.125"]
     assert list(table["p"]) == ["0.040", "0.040"]
 
@@ -60,7 +66,7 @@ def test_what_the_run_told_of_all_other_observations_is_shown(surveyed):
 def test_a_held_lever_arm_is_said(surveyed):
     rows = surveyed.found.parameters
     held = rows[~rows["parameter"].str.startswith("lever")]
-    table = lever_table(replace(surveyed, found=replace(surveyed.found, parameters=held)))
+    table = levers(replace(surveyed, found=replace(surveyed.found, parameters=held)))
     assert set(table["Estimated (m)"]) == {"held as surveyed"}
 
 

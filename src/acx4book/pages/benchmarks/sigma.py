@@ -552,7 +552,8 @@ def bias_page(pairs: pd.DataFrame) -> str:
     caption = (
         "Bias of the single step in thousandths of σ, distortion at adjusted or at measured points"
     )
-    return f"{_bias_verdict(pairs)}\n\n{myst_table(_bias_table(pairs), caption, name='tab-coverage-bias')}\n"
+    drawn = myst_table(_bias_table(pairs), caption, name="tab-coverage-bias")
+    return f"{_bias_verdict(pairs)}\n\n{drawn}\n"
 
 
 def _bias_verdict(pairs: pd.DataFrame) -> str:

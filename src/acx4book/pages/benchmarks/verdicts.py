@@ -408,7 +408,8 @@ def slow_errors_read(folder: Path) -> pd.DataFrame:
 def page(errors: pd.DataFrame) -> str:
     """Return verdict and table as MyST text."""
     caption = "RMS of the errors of the single step over their σ, slow errors of the trajectory"
-    return f"{_verdict(errors)}\n\n{myst_table(_slow_table(errors), caption, name='tab-coverage-slow')}\n"
+    drawn = myst_table(_slow_table(errors), caption, name="tab-coverage-slow")
+    return f"{_verdict(errors)}\n\n{drawn}\n"
 
 
 def _slow_table(errors: pd.DataFrame) -> pd.DataFrame:
