@@ -1,12 +1,14 @@
 """The same examples every time, few of them; the command, and blocks that many tests adjust."""
 
 import gc
+import os
+import sys
 
 import numpy as np
 import pytest
 from hypothesis import settings
 
-from acx4book.command.acx4 import main
+from acx4book.command.acx4 import GRAMMAR, main
 from acx4lib.bundle import adjust, uses
 from acx4lib.calibration.heads import calibrate_heads
 from support import blocks
@@ -16,6 +18,11 @@ pytest_plugins = ["support.pictures.scene"]
 
 settings.register_profile("same", derandomize=True, max_examples=20, deadline=None)
 settings.load_profile("same")
+
+# what Python makes of the sources is kept: hundreds of processes load the same ones
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.modules.setdefault(GRAMMAR, None)  # as the command does
 
 gc.disable()  # while modules are imported and tests collected, all of which stay
 

@@ -302,6 +302,8 @@ class Pose:
 
     def __getitem__(self, idx: int | slice | Index | Mask) -> Pose:
         """Select along the first axis."""
+        if isinstance(idx, np.ndarray) and idx.dtype != bool:  # four times as quick
+            return Pose(R=self.R.take(idx, axis=0), r=self.r.take(idx, axis=0))
         return Pose(R=self.R[idx], r=self.r[idx])
 
     def __len__(self) -> int:
