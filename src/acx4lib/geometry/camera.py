@@ -11,7 +11,7 @@ import numpy as np
 
 from acx4lib import expected, shown
 from acx4lib.expected import Array, Mask
-from acx4lib.geometry.frames import Pose, transform
+from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import MOUNT, SHOWN, Prior
 
 if TYPE_CHECKING:
@@ -385,12 +385,16 @@ def distort(interior: Interior, ideal: Array, *, steps: int = 50) -> Array:
     ideal = expected.numbers("ideal", ideal, ("n", 2))
     expected.whole("steps", steps)
     xy = _unreduced(interior, ideal)
+    misfit, valid = np.full(len(xy), np.inf), np.zeros(len(xy), dtype=bool)
+    moving = np.arange(len(xy))  # a point without a solution moves until the last step
     for _ in range(steps):
-        step, error, valid = newton_step(interior, xy, ideal)
-        misfit = np.abs(error).max(axis=-1, initial=0.0)
-        if not np.any(misfit > 1e-13):
+        step, error, valid[moving] = newton_step(interior, xy[moving], ideal[moving])
+        misfit[moving] = np.maximum(np.abs(error[:, 0]), np.abs(error[:, 1]))
+        moves = misfit[moving] > 1e-13
+        if not moves.any():
             break
-        xy = xy - step
+        moving = moving[moves]
+        xy[moving] -= step[moves]
     # beyond the largest valid radius there are other roots, on the opposite side of the image
     return np.where(((misfit < 1e-9) & valid)[:, None], xy, np.nan)
 
@@ -402,7 +406,8 @@ def newton_step(interior: Interior, xy: Array, ideal: Array) -> tuple[Array, Arr
     """
     error = correct(interior, xy) - ideal
     J = _by_reduced_point(interior, reduced(interior, xy))
-    trace, det = J[:, 0, 0] + J[:, 1, 1], J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] ** 2
-    J_adj = trace[:, None, None] * np.eye(2) - J
-    step = transform(J_adj, error) / np.where(det == 0, np.nan, det)[:, None]
-    return _unsheared(interior, step), error, (det > 0) & (trace > 0)
+    (J_xx, J_xy, J_yy), (dx, dy) = (J[:, 0, 0], J[:, 0, 1], J[:, 1, 1]), error.T  # J is symmetric
+    det = J_xx * J_yy - J_xy**2
+    solved = np.column_stack([J_yy * dx - J_xy * dy, J_xx * dy - J_xy * dx])
+    step = solved / np.where(det == 0, np.nan, det)[:, None]
+    return _unsheared(interior, step), error, (det > 0) & (J_xx + J_yy > 0)

@@ -58,7 +58,7 @@ class Flown:
     truth: dict[str, Any]
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=64)
 def fly(design, *, seed, blocks=MOUNTED, exact=False):
     """Simulate a flight; exact data still state the design's sigmas."""
     options = acx4sim.Options(blocks=blocks, **(EXACT if exact else {}))
