@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from acx4book.report.campaigns.tables import Study, fine, rows_of
+from acx4book.report.campaigns.tables import SMALL, Study
 from acx4book.report.words import listed
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS, p_value
+from acx4book.typesetting.myst import POWER, SUPERSCRIPTS
 from acx4book.typesetting.plain_text import shown
 from acx4lib.calibration.stability import Rigidity, rigidity
 from acx4lib.errors import AdjustmentError, FlightError
@@ -70,11 +72,11 @@ def _places(study: Study) -> tuple[Array, bool]:
     dates = [c.session.date for c in study.comparison.campaigns]
     known = [date for date in dates if date is not None]
     if len(known) == len(dates) and len(set(known)) > 1:
-        return np.array([year_of(day) for day in known]), True
+        return np.array([_year_of(day) for day in known]), True
     return np.arange(float(len(dates))), False
 
 
-def year_of(date: dt.date) -> float:
+def _year_of(date: dt.date) -> float:
     """Return a date as a year with decimals."""
     first = dt.date(date.year, 1, 1).toordinal()
     return date.year + (date.toordinal() - first) / 365.25
@@ -88,7 +90,7 @@ def _draw(ax: Axes, study: Study, name: str, at: Array, d: Array, band: Array) -
     for i, p in enumerate(comparison.parameters):
         if p.name != name:
             continue
-        factor, unit = fine(p.unit, float(band[i]))
+        factor, unit = _fine(p.unit, float(band[i]))
         k = cameras.index(p.camera)
         shift = step * (k - (len(cameras) - 1) / 2) if len(cameras) > 1 else 0.0
         sigma = factor * np.sqrt(comparison.covs[:, i, i])
@@ -98,6 +100,16 @@ def _draw(ax: Axes, study: Study, name: str, at: Array, d: Array, band: Array) -
             ax.axhspan(*(BARS * factor * band[i] * np.array([-1, 1])), color=style.SHEET)
     ax.axhline(0, color=style.INK, lw=0.7)
     return unit
+
+
+def _fine(unit: str, size: float) -> tuple[float, str]:
+    """Return factor and unit for a figure; small numbers have a power of ten in the unit."""
+    factor, sign = SMALL.get(unit, (1.0, unit))
+    power = math.floor(math.log10(size)) if unit not in SMALL and size > 0 else 0
+    text = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), "" if sign == "1" else sign)
+    if not power:
+        return factor, text
+    return factor / 10.0**power, f"10{str(power).translate(SUPERSCRIPTS)} {text}".strip()
 
 
 def _axis_of_campaigns(ax: Axes, study: Study, at: Array, dated: bool) -> None:
@@ -194,7 +206,7 @@ def over(study: Study, what: str) -> Figure:
         fig, axes = _panels([comparison.names[i] for i in steepest], height=1.6)
         for ax, i in zip(axes, steepest.tolist(), strict=False):
             p = comparison.parameters[i]
-            factor, unit = fine(p.unit, float(np.sqrt(comparison.covs[0, i, i])))
+            factor, unit = _fine(p.unit, float(np.sqrt(comparison.covs[0, i, i])))
             sigma = factor * np.sqrt(comparison.covs[:, i, i])
             d = factor * (comparison.values[:, i] - line.at_mean[i])  # noqa: PD011 no frame's
             ax.errorbar(line.at, d, yerr=BARS * sigma, fmt="o", ms=3.5, lw=1.1)
@@ -281,7 +293,7 @@ def table(found: pd.DataFrame, *, level: float) -> pd.DataFrame:
                 "Head that turned most": row.head or None,
                 "by (″)": f"{row.turn_arcsec:+.1f} ± {row.sigma_arcsec:.1f}" if row.head else None,
             }
-            for row in rows_of(found)
+            for row in found.itertuples(index=False)
         ]
     )
 

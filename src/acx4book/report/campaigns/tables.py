@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,6 @@ import pandas as pd
 
 from acx4book.report.words import listed, plural
 from acx4book.typesetting.labels import LABELS, TITLES, p_value, value_and_sigma, with_unit
-from acx4book.typesetting.myst import POWER, SUPERSCRIPTS
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration.estimates import Parameter
 from acx4lib.errors import FlightError
@@ -33,7 +31,7 @@ from acx4tools.campaigns.tables import NOUN, trends_of
 def campaigns(study: Study) -> pd.DataFrame:
     """Return the campaigns: when, how warm, how calibrated, how well the σ fit."""
     rows = []
-    for row in rows_of(study.tables["campaigns"]):
+    for row in study.tables["campaigns"].itertuples(index=False):
         warm = row.temperature_c
         rows.append(
             {
@@ -57,7 +55,7 @@ def tests(study: Study) -> pd.DataFrame:
     equal = {study.title(one): " = ".join(study.names(one)) for one in study.found}
     rows = [
         {"Hypothesis": equal.get(row.test, row.test), **_tested(row, study.level)}
-        for row in rows_of(whole)
+        for row in whole.itertuples(index=False)
     ]
     return pd.DataFrame(rows).rename(columns={"Significant": "Rejected"})
 
@@ -66,7 +64,7 @@ def parts(study: Study, one: Difference) -> pd.DataFrame:
     """Return the joint tests of the parts of a difference, with their effects on the ground."""
     table = study.tables["tests"]
     mine = table[(table["test"] == study.title(one)) & (table["part"] != "all")]
-    several = cameras_to_say(study.comparison.parameters)
+    several = _cameras_to_say(study.comparison.parameters)
     return pd.DataFrame(
         [
             {
@@ -75,7 +73,7 @@ def parts(study: Study, one: Difference) -> pd.DataFrame:
                 "Ground (m)": f"{row.ground_rms_m:.3f}",
                 "by chance (m)": f"{row.ground_sigma_m:.3f}",
             }
-            for row in rows_of(mine)
+            for row in mine.itertuples(index=False)
         ]
     )
 
@@ -93,18 +91,14 @@ def _answer(rejected: bool) -> str:
     return "yes" if rejected else "no"
 
 
-def _label(row: Any, several: bool) -> Markup:
-    return label(row.parameter, row.camera if several else "")
-
-
 def singles(study: Study, one: Difference) -> pd.DataFrame:
     """Return the parameters of a difference, one by one."""
     table, names = study.tables["differences"], study.names(one)
     mine = table[(table["later"] == names[0]) & (table["earlier"] == names[1])]
-    several = cameras_to_say(study.comparison.parameters)
+    several = _cameras_to_say(study.comparison.parameters)
     rows = []
-    for row in rows_of(mine):
-        factor, unit = scale(row.unit)
+    for row in mine.itertuples(index=False):
+        factor, unit = _scale(row.unit)
         rows.append(
             {
                 "Parameter": with_unit(_label(row, several), unit),
@@ -120,20 +114,18 @@ def singles(study: Study, one: Difference) -> pd.DataFrame:
 
 def pooled(study: Study) -> pd.DataFrame:
     """Return the value of every parameter from all campaigns, and whether it is stable."""
-    several = cameras_to_say(study.comparison.parameters)
+    several = _cameras_to_say(study.comparison.parameters)
     return pd.DataFrame(
         [
             {
-                "Parameter": with_unit(
-                    label(row.parameter, row.camera if several else ""), row.unit
-                ),
+                "Parameter": with_unit(_label(row, several), row.unit),
                 "Of all campaigns": value_and_sigma(row.value, row.sigma),
                 "χ²": f"{row.chi_square:.1f}",
                 "Degrees of freedom": row.dof,
                 "p, joint": p_value(row.p_joint),
                 "Significant": _answer(row.p_joint < study.level),
             }
-            for row in rows_of(study.tables["pooled"])
+            for row in study.tables["pooled"].itertuples(index=False)
         ]
     )
 
@@ -147,12 +139,12 @@ def trends(study: Study, what: str) -> pd.DataFrame:
     what : str
         ``"temperature"`` or ``"year"``.
     """
-    several = cameras_to_say(study.comparison.parameters)
+    several = _cameras_to_say(study.comparison.parameters)
     table = study.tables["trends"]
     rows = []
-    for row in rows_of(table[table["over"] == what]):
+    for row in table[table["over"] == what].itertuples(index=False):
         unit, _, per = row.unit.partition(" per ")
-        factor, sign = scale(unit)
+        factor, sign = _scale(unit)
         rows.append(
             {
                 "Parameter": with_unit(_label(row, several), sign),
@@ -265,7 +257,7 @@ def read(folders: Sequence[str | Path], *, methods: Sequence[str] = ()) -> list[
     chosen = [*methods] if len(methods) == len(folders) else [*methods, ""][:1] * len(folders)
     out: list[Campaign] = []
     problems: list[str] = []
-    for name, folder, method in zip(names_of(folders), folders, chosen, strict=True):
+    for name, folder, method in zip(_names_of(folders), folders, chosen, strict=True):
         try:
             out.append(comparison.read(folder, method=method, name=name))
         except FlightError as error:
@@ -275,7 +267,7 @@ def read(folders: Sequence[str | Path], *, methods: Sequence[str] = ()) -> list[
     return out
 
 
-def names_of(folders: Sequence[str | Path]) -> list[str]:
+def _names_of(folders: Sequence[str | Path]) -> list[str]:
     """Return the shortest ends of paths, of whole names, that differ; of one path its name."""
     parts = [Path(folder).resolve().parts for folder in folders]
     ends = (["/".join(own[-n:]) for own in parts] for n in range(1, max(map(len, parts))))
@@ -290,41 +282,18 @@ SMALL = {"mm": (1e3, "µm"), "m": (1e3, "mm"), "deg": (3600.0, "″")}
 """Factor and sign of the unit for changes, by the unit of results."""
 
 
-def rows_of(table: pd.DataFrame) -> Iterator[Any]:
-    """Yield the rows of a table with its columns as attributes."""
-    yield from table.itertuples(index=False)
-
-
-def scale(unit: str) -> tuple[float, str]:
+def _scale(unit: str) -> tuple[float, str]:
     """Return the factor to the unit for changes, and its sign."""
     return SMALL.get(unit, (1.0, unit))
 
 
-def fine(unit: str, size: float) -> tuple[float, str]:
-    """Return factor and unit for a figure; small numbers have a power of ten in the unit.
-
-    Parameters
-    ----------
-    unit : str
-        Of results.
-    size : float
-        Of what is drawn, in this unit.
-    """
-    factor, sign = scale(unit)
-    power = math.floor(math.log10(size)) if unit not in SMALL and size > 0 else 0
-    text = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), "" if sign == "1" else sign)
-    if not power:
-        return factor, text
-    return factor / 10.0**power, f"10{str(power).translate(SUPERSCRIPTS)} {text}".strip()
+def _label(row: Any, several: bool) -> Markup:
+    """Return the label of a row's parameter, after its camera where this must be said."""
+    said = shown(LABELS.get(row.parameter, row.parameter))
+    return Markup(f"{shown(row.camera)} {said}" if several else said)
 
 
-def label(name: str, camera: str = "") -> Markup:
-    """Return the label of a parameter, after its camera where this must be said."""
-    said = shown(LABELS.get(name, name))
-    return Markup(f"{shown(camera)} {said}" if camera else said)
-
-
-def cameras_to_say(parameters: tuple[Parameter, ...]) -> bool:
+def _cameras_to_say(parameters: tuple[Parameter, ...]) -> bool:
     """Tell whether parameters are of several cameras, so that each must be named."""
     return len({p.camera for p in parameters}) > 1
 
@@ -363,9 +332,9 @@ def _where(study: Study) -> str:
     changed = table[table["p_joint"] < study.level]
     if changed.empty:
         return "No parameter by itself has changed at the joint level."
-    several = cameras_to_say(study.comparison.parameters)
+    several = _cameras_to_say(study.comparison.parameters)
     most = changed.reindex(changed["t"].abs().sort_values(ascending=False).index)
-    said = [_change(row, several) for row in rows_of(most.head(NAMED))]
+    said = [_change(row, several) for row in most.head(NAMED).itertuples(index=False)]
     more = f", and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
     return f"Significant at the joint level {_are(len(changed))}: {listed(said)}{more}."
 
@@ -374,7 +343,8 @@ def _together(study: Study) -> str:
     """Say which campaigns differ although no parameter by itself does."""
     tests, singles = study.tables["tests"], study.tables["differences"]
     changed = {
-        (row.later, row.earlier) for row in rows_of(singles[singles["p_joint"] < study.level])
+        (row.later, row.earlier)
+        for row in singles[singles["p_joint"] < study.level].itertuples(index=False)
     }
     whole = tests[tests["part"] == "all"]
     p = dict(zip(whole["test"], whole["p_joint"], strict=True))
@@ -397,9 +367,9 @@ def _are(n: int) -> str:
 
 
 def _change(row: Any, several: bool) -> str:
-    factor, unit = scale(row.unit)
+    factor, unit = _scale(row.unit)
     said = value_and_sigma(factor * row.difference, factor * row.sigma)
-    name = label(row.parameter, row.camera if several else "")
+    name = _label(row, several)
     gap = "" if unit == "″" else " "
     return f"{name} by {said}{gap}{unit} ({shown(row.earlier)} to {shown(row.later)})"
 
@@ -418,11 +388,6 @@ def _on_the_ground(study: Study) -> Iterator[str]:
             f"from where it lies with {shown(names[one.earlier])}; errors of both calibrations "
             f"alone make {chance:.3f} m."
         )
-
-
-def notes(study: Study) -> str:
-    """Return what readers must know of these campaigns, as a list; empty without any."""
-    return "\n".join(f"- {shown(note)}." for note in study.comparison.notes)
 
 
 def trend(study: Study) -> str:
@@ -493,6 +458,6 @@ def for_terminal(study: Study) -> list[str]:
             f"{row.camera} {row.parameter}: {row.difference:+.4g} {row.unit}, sigma "
             f"{row.sigma:.2g}, from {row.earlier} to {row.later}; {row.ground_rms_m:.3f} m on the "
             "ground"
-            for row in rows_of(changed)
+            for row in changed.itertuples(index=False)
         ),
     ]

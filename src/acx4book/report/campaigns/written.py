@@ -52,7 +52,7 @@ def write(study: Study, out: Path) -> None:
     """
     with _claimed(out, study.tables) as put:
         names = ", ".join(c.name for c in study.comparison.campaigns)
-        put(page("Comparison of campaigns", names, [*_parts(study)]))
+        put(_page("Comparison of campaigns", names, [*_parts(study)]))
 
 
 def write_rigidity(found: Rigidity, out: Path, *, name: str, level: float) -> None:
@@ -68,7 +68,7 @@ def write_rigidity(found: Rigidity, out: Path, *, name: str, level: float) -> No
     """
     table = of_library.rigidity(found)
     with _claimed(out, {"rigidity": table}) as put:
-        put(page("Rigidity of the rig", name, [*_parts_of_rig(found, table, level)]))
+        put(_page("Rigidity of the rig", name, [*_parts_of_rig(found, table, level)]))
 
 
 @contextlib.contextmanager
@@ -86,7 +86,7 @@ def _parts(study: Study) -> Iterator[str | Drawn]:
     yield f"## Has the camera changed?\n\n{tables.verdict(study)}"
     yield "## The campaigns"
     yield myst_table(tables.campaigns(study), "What is compared", name="tab-campaigns")
-    yield tables.notes(study)
+    yield "\n".join(f"- {shown(note)}." for note in study.comparison.notes)
     yield Drawn(
         figure=figures.time_line(study),
         name="fig-time-line",
@@ -210,16 +210,8 @@ class Drawn:
     alt: str
 
 
-def page(title: str, name: str, parts: Sequence[str | Drawn]) -> str:
-    """Return texts and figures as a page.
-
-    Parameters
-    ----------
-    title, name : str
-        What the page is, and of what; text as it is.
-    parts : sequence of str or Drawn
-        Markdown, with tables as `myst_table` makes them, and figures.
-    """
+def _page(title: str, name: str, parts: Sequence[str | Drawn]) -> str:
+    """Return texts and figures as a page."""
     labels = [
         name
         for part in parts

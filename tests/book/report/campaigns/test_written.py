@@ -1,10 +1,9 @@
 """The comparison of campaigns: tables, figures, and the page."""
 
-import datetime as dt
 import json
 import re
+import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,9 +15,9 @@ from acx4book.notebooks import functions, runner
 from acx4book.report.campaigns import figures, written
 from acx4book.report.campaigns import tables as campaigns_tables
 from acx4book.report.campaigns.tables import study
-from acx4book.report.campaigns.written import ADDED, Drawn, page
+from acx4book.report.campaigns.written import ADDED
 from acx4book.typesetting import style
-from acx4lib.calibration.estimates import Parameter
+from acx4book.typesetting.myst import SUPERSCRIPTS
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.results.own_folder import MARK
 from acx4sim import files
@@ -73,21 +72,11 @@ def test_a_folder_of_somebody_else_is_left_alone(three, tmp_path):
 # --- The page: one file that asks for nothing, in the book's colours by day and by night
 
 
-CODE = "A <script> & $x$"
-
-
-def test_texts_tables_and_figures_are_numbered_and_names_are_shown_as_they_are():
-    with style.applied():
-        fig, _ = style.subplots(figsize=(style.WIDTH, 1))
-    figures = [
-        Drawn(figure=fig, name=name, caption="An *a*.", alt="a < b") for name in ("fig-a", "fig-b")
-    ]
-    text = page("T", CODE, ["## One\n\nSee {numref}`fig-a`.", *figures])
-    assert "&lt;script&gt;" in text
-    assert "<script" not in text
-    assert "See Figure 1." in text
-    assert "<b>Figure 2.</b> An <em>a</em>." in text
-    assert not re.search(r"<link|src=|url\(http|@import", text)
+def test_texts_tables_and_figures_are_numbered(folder):
+    text = (folder / written.PAGE).read_text(encoding="utf-8")
+    assert "<b>Figure 2.</b>" in text
+    assert "<b>Table 2.</b>" in text
+    assert not re.search(r"<script|<link|src=|url\(http|@import", text)
 
 
 def test_colours_of_the_night_are_those_of_the_book():
@@ -144,11 +133,13 @@ def test_slopes_are_per_degree_and_per_year(three):
 # --- Campaigns read by their folders, and named by what differs in their paths
 
 
-def test_names_are_the_shortest_ends_that_differ():
-    assert campaigns_tables.names_of(["/x/a", "/x/b"]) == ["a", "b"]
-    assert campaigns_tables.names_of(["/x/a/results", "/x/b/results"]) == ["a/results", "b/results"]
-    assert campaigns_tables.names_of(["/x/a", "/x/a"]) == ["a", "a"]
-    assert campaigns_tables.names_of([Path("a")]) == ["a"]
+def test_names_are_the_shortest_ends_that_differ(folders, tmp_path):
+    two = [tmp_path / name / "results" for name in "ab"]
+    for one in two:
+        shutil.copytree(folders[0], one)
+    assert [c.name for c in campaigns_tables.read(two)] == ["a/results", "b/results"]
+    assert [c.name for c in campaigns_tables.read([two[0]] * 2)] == ["results", "results"]
+    assert [c.name for c in campaigns_tables.read(two[:1])] == ["results"]
 
 
 def test_campaigns_are_read_with_date_and_temperature(folders):
@@ -178,37 +169,18 @@ def test_a_study_knows_what_has_changed(three):
     assert len(campaigns_tables.study(three.comparison.campaigns, against="first").found) == 2
 
 
-# --- Units for small changes, and labels
-
-
-def test_changes_have_small_units():
-    assert campaigns_tables.scale("mm") == (1e3, "µm")
-    assert campaigns_tables.scale("deg") == (3600.0, "″")
-    assert campaigns_tables.scale("mm^-2") == (1.0, "mm^-2")
-
-
-@pytest.mark.parametrize(
-    ("unit", "size", "said"),
-    [
-        ("mm", 2e-3, (1e3, "µm")),
-        ("mm^-4", 3e-11, (1e11, "10⁻¹¹ mm⁻⁴")),
-        ("1", 0.002, (1e3, "10⁻³")),
-        ("mm^-2", 0.0, (1.0, "mm⁻²")),
-    ],
-)
-def test_small_numbers_have_a_power_of_ten_in_their_unit(unit, size, said):
-    factor, text = campaigns_tables.fine(unit, size)
-    assert (pytest.approx(factor), text) == said
-
-
-def test_cameras_are_named_where_there_are_several():
-    one, other = (
-        Parameter(camera=c, name="f_mm", key="f", unit="mm", value=1.0, sigma=1.0) for c in "AB"
+def test_cameras_are_named_where_there_are_several(three):
+    first, *others = three.comparison.parameters
+    parameters = (replace(first, camera="A*"), *others)
+    differences = three.tables["differences"].copy()
+    differences.loc[differences["parameter"] == first.name, "camera"] = "A*"
+    several = replace(
+        three,
+        comparison=replace(three.comparison, parameters=parameters),
+        tables={**three.tables, "differences": differences},
     )
-    assert campaigns_tables.cameras_to_say((one, other))
-    assert not campaigns_tables.cameras_to_say((one, one))
-    assert campaigns_tables.label("f_mm", "A*") == "A&#42; $f$"
-    assert campaigns_tables.label("f_mm") == "$f$"
+    names = campaigns_tables.singles(several, three.found[0])["Parameter"].tolist()
+    assert names[:2] == ["A&#42; $f$ (µm)", "CAM $x_p$ (µm)"]
 
 
 # --- The verdict of a comparison, for readers and in the terminal
@@ -259,9 +231,11 @@ def test_what_sigma_was_used_is_said(three):
     assert "as they were stated before the adjustments" in campaigns_tables.how(plain)
 
 
-def test_notes_are_shown_as_they_are(three):
-    noted = replace(three.comparison, notes=("*a* is b",))
-    assert campaigns_tables.notes(replace(three, comparison=noted)) == "- &#42;a&#42; is b."
+def test_notes_are_shown_as_they_are(three, tmp_path):
+    noted = replace(three.comparison, notes=("*a* is <b>",))
+    written.write(replace(three, comparison=noted), tmp_path / "out")
+    text = (tmp_path / "out" / written.PAGE).read_text(encoding="utf-8")
+    assert "<li>*a* is &lt;b&gt;.</li>" in text
 
 
 # --- figures of a comparison show its numbers, in units that are said ------------------------
@@ -274,9 +248,17 @@ def test_the_time_line_has_a_panel_for_each_parameter_with_error_bars(three):
     assert len(shown) == 14
     assert shown[0].get_title(loc="left") == "$f$ (µm)"
     dots = shown[0].lines[0]
-    mean = comparison.pooled(three.comparison).coefficients[0, 0]
+    pooled = comparison.pooled(three.comparison)
+    mean = pooled.coefficients[0, 0]
     assert_allclose(dots.get_ydata(), 1e3 * (three.comparison.values[:, 0] - mean))  # noqa: PD011 no frame's
     assert_allclose(dots.get_xdata(), [2021.33, 2022.33, 2024.33], atol=0.01)
+    k1, k2 = (three.comparison.names.index(f"CAM/{name}") for name in ("k1", "k2"))
+    for i, unit in ((k1, "mm⁻²"), (k2, "mm⁻⁴")):
+        power = int(np.floor(np.log10(np.sqrt(np.diag(pooled.cov[0, :, 0]))[i])))
+        exponent = str(power).translate(SUPERSCRIPTS)
+        assert shown[i].get_title(loc="left").endswith(f"$ (10{exponent} {unit})")
+        value = three.comparison.values[:, i] - pooled.coefficients[0, i]  # noqa: PD011 no frame's
+        assert_allclose(shown[i].lines[0].get_ydata(), 10.0**-power * value)
 
 
 def test_without_dates_campaigns_stand_in_their_order(three):
@@ -284,11 +266,6 @@ def test_without_dates_campaigns_stand_in_their_order(three):
     same_day = study([first, first.__class__(**{**vars(second), "session": first.session})])
     ax = panels(drawn(figures.time_line(same_day)))[0]
     assert [label.get_text() for label in ax.get_xticklabels()] == ["2021-05", "2022-05"]
-
-
-def test_a_year_has_decimals():
-    assert figures.year_of(dt.date(2024, 1, 1)) == 2024
-    assert 2024.4 < figures.year_of(dt.date(2024, 7, 1)) < 2024.6
 
 
 def test_arrows_on_the_ground_are_the_difference(three):
