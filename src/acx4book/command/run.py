@@ -221,7 +221,7 @@ def _run_many(
     jobs = _jobs(flights, results, seeds, settings)
     with where.executor() as executor, terminal.counting_bar("flights") as tell:
         outcomes = runs.run_all(jobs, results, executor, tell)
-    for line in table_of(outcomes):
+    for line in _table_of(outcomes):
         terminal.show(line)
     failed = {name: one for name, one in outcomes.items() if one.status}
     there = sum(one.kept for one in outcomes.values())
@@ -257,7 +257,7 @@ def _simulated(flight: Path) -> str:
     return str(runs.absolute(flight)) if simulated.is_plan(name) else name
 
 
-def table_of(outcomes: Mapping[str, Outcome]) -> list[str]:
+def _table_of(outcomes: Mapping[str, Outcome]) -> list[str]:
     """Return the table for the screen, a line for each flight under a header."""
     return terminal.aligned([HEADER, *(_shown(name, one) for name, one in outcomes.items())])
 

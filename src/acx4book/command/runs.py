@@ -196,14 +196,6 @@ def _fault(name: str, often: Counter[str], *, cure: str = "rename the flight's f
 # --- what of a run's results stands: which stages are those of the flight as it is now
 
 
-def stages_of(results: Path) -> list[str]:
-    """Return the stages that were run with the flight that is kept beside their results."""
-    if not (results / provenance.FILE).is_file():
-        return []
-    found = provenance.read(results)
-    return [name for name, run in found.stages.items() if run["flight"] == found.digest]
-
-
 def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
     """Tell whether a run would leave what is there.
 
@@ -287,43 +279,6 @@ process has had so far, MB; host and number of this process."""
 Row = Mapping[str, str]
 
 
-def row_of(results: Path, stages: Sequence[str]) -> dict[str, str]:
-    """Return what some stages left, by the names of `COLUMNS`.
-
-    Parameters
-    ----------
-    results : Path
-    stages : sequence of str
-        Of these alone, since others may be of an earlier run.
-    """
-    row: dict[str, str] = {}
-    summary = folder.entries(results)
-    if "mounting" in stages:
-        entry = summary.get(f"mounting/{METHOD}", {})
-        row |= {name: _text(entry[name]) for name in _ADJUSTMENT if name in entry}
-        row |= _parameters(results / "parameters.csv")
-    if "validation" in stages:
-        row |= _checked(next((summary[name] for name in VALIDATED if name in summary), {}))
-    return row
-
-
-def read(path: Path) -> dict[str, dict[str, str]]:
-    """Return the rows of a table by flight; none where it is not there."""
-    if not path.exists():
-        return {}
-    lines = io.StringIO(text_of(path), newline="")
-    return {row["flight"]: row for row in csv.DictReader(lines) if row.get("flight")}
-
-
-def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
-    """Replace a table by another, whole or not at all; what a row does not have is empty."""
-    table = io.StringIO(newline="")
-    writer = csv.DictWriter(table, columns, extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    whole_files.write(path, table.getvalue())
-
-
 def _parameters(path: Path) -> Iterator[tuple[str, str]]:
     """Yield camera, values and sigmas of the method, exactly as they are written there."""
     for line in csv.DictReader(io.StringIO(text_of(path), newline="")):
@@ -380,38 +335,7 @@ class Outcome:
     times: Mapping[str, str] = field(default_factory=dict)
 
 
-def run(job: Job) -> Outcome:
-    """Run a flight, and return what came of it; no error of the flight is raised.
-
-    What was simulated before is not simulated again, and what was run before not run again,
-    unless the flight, the software or the settings have changed since.
-
-    Parameters
-    ----------
-    job : Job
-    """
-    start = _clocks()
-    try:
-        kept, wrong = _run(job)
-    except Exception as error:  # the others go on
-        status, lines = _said(error)
-        row = _row(job) if status == 1 else {}
-    else:
-        status, lines, row = int(bool(wrong)), list(wrong), _row(job)
-        if kept:
-            return Outcome(status=status, reason=_reason(job, lines), kept=True, row=row)
-    return Outcome(status=status, reason=_reason(job, lines), row=row, times=_times(start))
-
-
-def lost(error: BaseException) -> Outcome:
-    """Return the outcome for a flight whose worker did not live to tell."""
-    if isinstance(error, FileNotFoundError):
-        return Outcome(status=2, reason=visible(error.strerror or str(error)))
-    said = " ".join(str(error).split()) or type(error).__name__
-    return Outcome(status=1, reason=visible(f"{said}; short of memory? use fewer workers"))
-
-
-def _run(job: Job) -> tuple[bool, Sequence[str]]:
+def _kept_or_run(job: Job) -> tuple[bool, Sequence[str]]:
     """Return whether the results were there, and what is wrong with them."""
     if job.design:
         _simulate(job)
@@ -442,9 +366,9 @@ def _simulate(job: Job) -> None:
         with own_folder.placed(job.flight, command=COMMAND_OF_SIMULATED) as draft:
             write(simulated.fly(job.design, seed=job.seed), draft)
             if plan:
-                whole_files.write(plan_beside(draft), plan)
+                whole_files.write(_plan_beside(draft), plan)
     elif plan and not (
-        plan_beside(job.flight).exists() and text_of(plan_beside(job.flight)) == plan
+        _plan_beside(job.flight).exists() and text_of(_plan_beside(job.flight)) == plan
     ):
         msg = (
             f"{job.flight}: was flown by another plan than {job.design} is now; choose another "
@@ -453,7 +377,7 @@ def _simulate(job: Job) -> None:
         raise OutputError(msg)
 
 
-def plan_beside(flight: Path) -> Path:
+def _plan_beside(flight: Path) -> Path:
     """Return the path of the plan by which a flight was simulated: beside its folder."""
     return flight.with_name(f"{flight.name}.plan.toml")
 
@@ -461,9 +385,30 @@ def plan_beside(flight: Path) -> Path:
 def _row(job: Job) -> dict[str, str]:
     """Return what the results say of the flight as it is."""
     try:
-        return row_of(job.results, stages_of(job.results))
+        return _row_of(job.results, _stages_of(job.results))
     except Acx4Error:
         return {}
+
+
+def _stages_of(results: Path) -> list[str]:
+    """Return the stages that were run with the flight that is kept beside their results."""
+    if not (results / provenance.FILE).is_file():
+        return []
+    found = provenance.read(results)
+    return [name for name, run in found.stages.items() if run["flight"] == found.digest]
+
+
+def _row_of(results: Path, stages: Sequence[str]) -> dict[str, str]:
+    """Return what some stages left, by the names of `COLUMNS`."""
+    row: dict[str, str] = {}
+    summary = folder.entries(results)
+    if "mounting" in stages:
+        entry = summary.get(f"mounting/{METHOD}", {})
+        row |= {name: _text(entry[name]) for name in _ADJUSTMENT if name in entry}
+        row |= _parameters(results / "parameters.csv")
+    if "validation" in stages:
+        row |= _checked(next((summary[name] for name in VALIDATED if name in summary), {}))
+    return row
 
 
 # --- what went wrong -------------------------------------------------------------------------
@@ -526,6 +471,9 @@ def run_all(
 ) -> dict[str, Outcome]:
     """Run flights, and write the tables of all of them when they are finished, or interrupted.
 
+    No error of a flight is raised. What was simulated or run before is not again, unless the
+    flight, the software or the settings have changed since.
+
     Equal flights, software and settings give equal bytes in every folder of results and in the
     table `TABLE`, whatever the executor. Only `TIMES` differs.
 
@@ -555,7 +503,7 @@ def run_all(
     with own_folder.claim(folder, command=COMMAND, away_from=away_from) as own:
         own.expect([TABLE, TIMES])
         try:
-            for job, call in as_finished(executor, run, jobs):
+            for job, call in as_finished(executor, _run, jobs):
                 outcome = outcomes[job.name] = _outcome(call)
                 tell(job.name, *((0, 0) if outcome.status else (1, 1)))
         finally:
@@ -565,23 +513,63 @@ def run_all(
     return outcomes
 
 
+def _run(job: Job) -> Outcome:
+    """Run a flight, and return what came of it; no error of the flight is raised."""
+    start = _clocks()
+    try:
+        kept, wrong = _kept_or_run(job)
+    except Exception as error:  # the others go on
+        status, lines = _said(error)
+        row = _row(job) if status == 1 else {}
+    else:
+        status, lines, row = int(bool(wrong)), list(wrong), _row(job)
+        if kept:
+            return Outcome(status=status, reason=_reason(job, lines), kept=True, row=row)
+    return Outcome(status=status, reason=_reason(job, lines), row=row, times=_times(start))
+
+
 def _outcome(call: Future[Outcome]) -> Outcome:
     try:
         return call.result()
-    except Exception as error:  # of the executor: `run` raises none
-        return lost(error)
+    except Exception as error:  # of the executor: `_run` raises none
+        return _lost(error)
+
+
+def _lost(error: BaseException) -> Outcome:
+    """Return the outcome for a flight whose worker did not live to tell."""
+    if isinstance(error, FileNotFoundError):
+        return Outcome(status=2, reason=visible(error.strerror or str(error)))
+    said = " ".join(str(error).split()) or type(error).__name__
+    return Outcome(status=1, reason=visible(f"{said}; short of memory? use fewer workers"))
 
 
 def _write_tables(folder: Path, outcomes: Mapping[str, Outcome]) -> None:
-    before = read(folder / TIMES)
+    before = _rows_by_flight(folder / TIMES)
     said = {
         name: {"flight": name, "status": str(one.status), "reason": one.reason}
         for name, one in outcomes.items()
     }
     times = {name: before.get(name, {}) if o.kept else o.times for name, o in outcomes.items()}
-    write_rows(
+    _write_rows(
         folder / TABLE,
         COLUMNS,
         [{**one.row, **said[name]} for name, one in outcomes.items()],
     )
-    write_rows(folder / TIMES, TIME_COLUMNS, [{**t, "flight": n} for n, t in times.items()])
+    _write_rows(folder / TIMES, TIME_COLUMNS, [{**t, "flight": n} for n, t in times.items()])
+
+
+def _rows_by_flight(path: Path) -> dict[str, dict[str, str]]:
+    """Return the rows of a table by flight; none where it is not there."""
+    if not path.exists():
+        return {}
+    lines = io.StringIO(text_of(path), newline="")
+    return {row["flight"]: row for row in csv.DictReader(lines) if row.get("flight")}
+
+
+def _write_rows(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
+    """Replace a table by another, whole or not at all; what a row does not have is empty."""
+    table = io.StringIO(newline="")
+    writer = csv.DictWriter(table, columns, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    whole_files.write(path, table.getvalue())

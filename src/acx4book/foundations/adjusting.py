@@ -78,16 +78,6 @@ def start(boresight_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> State:
     )
 
 
-def moved(state: State, dx: Array) -> State:
-    """Return the state after a step; rotations turn about the turned axes."""
-    pose = dx[POSES].reshape(4, 6)
-    return State(
-        R_b_c=state.R_b_c @ exp(dx[BORESIGHT]),
-        T_m_b=Pose(R=state.T_m_b.R @ exp(pose[:, 3:]), r=state.T_m_b.r + pose[:, :3]),
-        x_m=state.x_m + dx[POINTS].reshape(2, 3),
-    )
-
-
 def equations(state: State) -> tuple[Array, Array, Array]:
     """Return the derivatives, the misclosures and the standard deviations of all observations.
 
@@ -154,8 +144,18 @@ def adjusted(state: State, *, steps: int = 6) -> tuple[State, list[Fit]]:
     fits = []
     for _ in range(steps):
         fits.append(fit(*equations(state)))
-        state = moved(state, fits[-1].dx)
+        state = _moved(state, fits[-1].dx)
     return state, fits
+
+
+def _moved(state: State, dx: Array) -> State:
+    """Return the state after a step; rotations turn about the turned axes."""
+    pose = dx[POSES].reshape(4, 6)
+    return State(
+        R_b_c=state.R_b_c @ exp(dx[BORESIGHT]),
+        T_m_b=Pose(R=state.T_m_b.R @ exp(pose[:, 3:]), r=state.T_m_b.r + pose[:, :3]),
+        x_m=state.x_m + dx[POINTS].reshape(2, 3),
+    )
 
 
 # --- What single images of known points tell about their camera: f and the principal point
@@ -388,16 +388,23 @@ def fit(A: Array, dl: Array, sigma: Array | float) -> Fit:
 PER_POSE, PER_POINT = 6, 3
 
 
-def cholesky(n: int) -> int:
-    """Return the multiplications that factor a full symmetric matrix of n rows."""
-    return n * (n - 1) * (n + 4) // 6
-
-
 def banded_cholesky(n: int, width: int) -> int:
-    """Return the same for a matrix whose entries lie at most `width` places off the diagonal."""
+    """Return the multiplications that factor a symmetric matrix of n rows.
+
+    Parameters
+    ----------
+    n : int
+    width : int
+        Its entries lie at most so many places off the diagonal.
+    """
     width = min(width, n - 1)
     # the last rows of the band are those of a full matrix
-    return (n - width) * width * (width + 3) // 2 + cholesky(width)
+    return (n - width) * width * (width + 3) // 2 + _cholesky(width)
+
+
+def _cholesky(n: int) -> int:
+    """Return the multiplications that factor a full symmetric matrix of n rows."""
+    return n * (n - 1) * (n + 4) // 6
 
 
 def whole(n_images: int, n_points: int, *, n_shared: int) -> int:
@@ -409,7 +416,7 @@ def whole(n_images: int, n_points: int, *, n_shared: int) -> int:
     n_shared : int
         Unknowns of the camera and its mounting, which all images share.
     """
-    return cholesky(n_shared + PER_POSE * n_images + PER_POINT * n_points)
+    return _cholesky(n_shared + PER_POSE * n_images + PER_POINT * n_points)
 
 
 def elimination(n_points: int, rays: float, *, n_shared: int) -> int:
@@ -424,7 +431,7 @@ def elimination(n_points: int, rays: float, *, n_shared: int) -> int:
         As in `whole`.
     """
     columns = n_shared + PER_POSE * rays
-    of_point = cholesky(PER_POINT) + 6 * columns + 3 * columns * (columns + 1) / 2
+    of_point = _cholesky(PER_POINT) + 6 * columns + 3 * columns * (columns + 1) / 2
     return round(n_points * of_point)
 
 
@@ -437,4 +444,4 @@ def reduced(n_images: int, n_points: int, rays: float, *, n_shared: int) -> int:
         As in `whole` and `elimination`.
     """
     by_points = elimination(n_points, rays, n_shared=n_shared)
-    return by_points + cholesky(n_shared + PER_POSE * n_images)
+    return by_points + _cholesky(n_shared + PER_POSE * n_images)

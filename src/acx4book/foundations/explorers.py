@@ -62,32 +62,18 @@ def _lens(values: Array) -> Interior:
     return Interior(f=printed.interior(1, HEAD).f, **named)
 
 
-def moved(values: Array, xy_mm: Array) -> Array:
-    """Return measured minus ideal points, mm, if the focal length is changed as well.
+def _response(xy_mm: Array) -> Array:
+    """Return `_moved` for one unit of each slider, shape (2 n, 6), mm: it is linear in them."""
+    one_by_one = [_moved(unit, xy_mm).ravel() for unit in np.eye(len(_SLIDERS))]
+    return np.stack(one_by_one, axis=1)
 
-    With another f the ideal point of the same ray lies nearer to the middle, or farther from it.
 
-    Parameters
-    ----------
-    values : ndarray, shape (6,)
-        In the units of `SLIDERS`, in their order.
-    xy_mm : ndarray, shape (n, 2)
-        Measured points from the principal point.
-
-    Returns
-    -------
-    ndarray, shape (n, 2)
-    """
+def _moved(values: Array, xy_mm: Array) -> Array:
+    """Return measured minus ideal points, mm, if the focal length is changed as well."""
     described = _lens(values)
     larger = values[-1] / UM / described.f
     change: Array = distortion(described, xy_mm) - larger * xy_mm
     return change
-
-
-def response(xy_mm: Array) -> Array:
-    """Return `moved` for one unit of each slider, shape (2 n, 6), mm: it is linear in them."""
-    one_by_one = [moved(unit, xy_mm).ravel() for unit in np.eye(len(_SLIDERS))]
-    return np.stack(one_by_one, axis=1)
 
 
 def distortion_explorer() -> Explorer:
@@ -120,7 +106,7 @@ def distortion_explorer() -> Explorer:
         ],
         rows={
             name: [
-                Linear(matrix=factor * response(np.array([point])))
+                Linear(matrix=factor * _response(np.array([point])))
                 for factor in (UM, 1 / printed.pixel_mm(HEAD), FLOWN_M / table1.f)
             ]
             for name, point in (
@@ -158,7 +144,7 @@ def _vectors() -> Panel:
                 colour="blue",
                 at=plane.at(xy),
                 scale=scale,
-                response=Linear(matrix=response(xy)),
+                response=Linear(matrix=_response(xy)),
             )
         ],
     )
@@ -173,7 +159,7 @@ def _curve(corner: Array) -> Panel:
     marks = []
     for way, colour in ((1, "blue"), (-1, "orange")):
         radial = np.einsum(
-            "nks,k->ns", response(way * np.outer(r, along)).reshape(len(r), 2, -1), way * along
+            "nks,k->ns", _response(way * np.outer(r, along)).reshape(len(r), 2, -1), way * along
         )
         both = np.stack([np.zeros_like(radial), UM * radial], axis=1).reshape(2 * len(r), -1)
         at = plane.at(np.column_stack([r, np.zeros_like(r)]))
@@ -265,16 +251,9 @@ def on_ground(azimuth_deg: float, height_m: float, xy_mm: Array, mounting: Array
     return met
 
 
-def derivatives(azimuth_deg: float, height_m: float, xy_mm: Array) -> Array:
-    """Return the derivatives of `on_ground` at the true mounting, m per unit of each slider.
-
-    The image point is fixed. So its derivatives by the ground point and by the mounting, of the
-    library's collinearity equations, must cancel.
-
-    Returns
-    -------
-    ndarray, shape (n, 2, 6)
-    """
+def _derivatives(azimuth_deg: float, height_m: float, xy_mm: Array) -> Array:
+    """Return the derivatives of `on_ground` at the true mounting, m per unit of each slider."""
+    # the image point is fixed: its derivatives by the ground point and by the mounting must cancel
     n = len(xy_mm)
     T_m_b = _body(azimuth_deg, height_m)[np.zeros(n, dtype=np.intp)]
     level = Pose(R=np.tile(np.eye(3), (n, 1, 1)), r=np.zeros((n, 3)))
@@ -297,7 +276,7 @@ def boresight_explorer() -> Explorer:
     middle = np.zeros((1, 2))
     rows = {
         f"flown {name}": [
-            Linear(matrix=100 * derivatives(azimuth, height, middle)[0, [axis]])
+            Linear(matrix=100 * _derivatives(azimuth, height, middle)[0, [axis]])
             for height in (HEIGHT_M, HIGHER_M)
             for axis in (0, 1)
         ]
@@ -338,7 +317,7 @@ def _panel(name: str, azimuth_deg: float, colour: str) -> Panel:
     )
     azimuth = np.radians(azimuth_deg)
     forward = np.array([np.sin(azimuth), np.cos(azimuth)])
-    moved = derivatives(azimuth_deg, HEIGHT_M, POINTS_MM).reshape(-1, len(SLIDERS))
+    moved = _derivatives(azimuth_deg, HEIGHT_M, POINTS_MM).reshape(-1, len(SLIDERS))
     arrows = Mark(
         kind="arrows",
         colour=colour,
@@ -383,24 +362,9 @@ SMALLEST = 0.005
 """Where their axis begins, a share of the σ at equal heights."""
 
 
-def covariances(ratios: Sequence[float] | Array) -> Array:
-    """Return covariances of the unknowns in the units of `SHOWN`, shape (n_ratios, 5, 5).
-
-    Two opposite lines at each of two heights; f, the principal point, the whole mounting and a
-    shift of GNSS are unknown.
-    """
-    names, scale = [*SHOWN], np.array([factor for _, factor in SHOWN.values()])
-    found = []
-    for ratio in ratios:
-        flown = lines(90, 270, height_m=LOWER_M) + lines(90, 270, height_m=LOWER_M * ratio)
-        cov = covariance(planned(flown), free=["f", "xp", "yp"], gnss=["shift"])
-        found.append(cov.loc[names, names].to_numpy())
-    return np.array(found) * np.outer(scale, scale)
-
-
 def two_heights_explorer() -> Explorer:
     """Return the explorer."""
-    cov = covariances(RATIO.stops)
+    cov = _covariances(RATIO.stops)
     sigma = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     share = sigma / sigma[0]
     rows = {
@@ -439,24 +403,21 @@ def two_heights_explorer() -> Explorer:
     )
 
 
-def ellipses(cov: Array) -> Array:
-    """Return points on the standard ellipses of covariances, shape (len(cov), n + 1, 2).
-
-    Parameters
-    ----------
-    cov : ndarray, shape (n_ratios, 2, 2)
-    """
-    angle = np.linspace(0, 2 * np.pi, 36 + 1)
-    circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    values, axes = np.linalg.eigh(cov)
-    points: Array = np.einsum("rij,rj,nj->rni", axes, np.sqrt(values), circle)
-    return points
+def _covariances(ratios: Sequence[float] | Array) -> Array:
+    """Return covariances of the unknowns in the units of `SHOWN`, shape (n_ratios, 5, 5)."""
+    names, scale = [*SHOWN], np.array([factor for _, factor in SHOWN.values()])
+    found = []
+    for ratio in ratios:
+        flown = lines(90, 270, height_m=LOWER_M) + lines(90, 270, height_m=LOWER_M * ratio)
+        cov = covariance(planned(flown), free=["f", "xp", "yp"], gnss=["shift"])
+        found.append(cov.loc[names, names].to_numpy())
+    return np.array(found) * np.outer(scale, scale)
 
 
 def _ellipse(cov: Array) -> Panel:
     size, limit = (360.0, 300.0), 40.0
     plane = Plane(x=(-limit, limit), y=(-limit, limit), size=size, margin=(44.0, 12.0, 26.0, 40.0))
-    points = ellipses(cov)
+    points = _ellipses(cov)
     table = points.reshape(len(cov), -1)
     at = np.tile(plane.at(np.zeros((1, 2))), (points.shape[1], 1))
     ticks = [-40, -20, 0, 20, 40]
@@ -477,3 +438,12 @@ def _ellipse(cov: Array) -> Panel:
             )
         ],
     )
+
+
+def _ellipses(cov: Array) -> Array:
+    """Return points on the standard ellipses of covariances, shape (len(cov), n + 1, 2)."""
+    angle = np.linspace(0, 2 * np.pi, 36 + 1)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    values, axes = np.linalg.eigh(cov)
+    points: Array = np.einsum("rij,rj,nj->rni", axes, np.sqrt(values), circle)
+    return points

@@ -50,46 +50,6 @@ def order(contents: Path) -> list[str]:
     return [f"{read['root']}.html", *below([e for part in parts for e in part["chapters"]])]
 
 
-def place(root: str, address: str) -> Place | None:
-    """Return where an address leads inside a book; None where it leads elsewhere.
-
-    Parameters
-    ----------
-    root : str
-        Address of the folder of the book.
-    address : str
-        Complete, not relative.
-    """
-    if not address.startswith(f"{root}/"):
-        return None
-    url = urlsplit(address[len(root) + 1 :])
-    return unquote(url.path), unquote(url.fragment)
-
-
-def wanted(html: Path, pages: Sequence[str]) -> dict[str, set[str]]:
-    """Return the places of every page that links of the book lead to."""
-    found: dict[str, set[str]] = defaultdict(set)
-    for page in pages:
-        for address in HREF.findall((html / page).read_text(encoding="utf-8")):
-            url = urlsplit(unescape(address))
-            if url.fragment and not url.scheme and not url.netloc:
-                to = os.path.normpath(Path(page).parent / unquote(url.path)) if url.path else page
-                found[to].add(unquote(url.fragment))
-    return found
-
-
-def prepared(html: Path, folder: Path, pages: Sequence[str]) -> None:
-    """Make a copy of a book to print, whose pages have a hidden link to every place on them."""
-    shutil.copytree(html, folder, copy_function=os.link)
-    places = wanted(html, pages)
-    for page in pages:
-        links = "".join(f'<a href="#{escape(name)}"></a>' for name in sorted(places[page]))
-        text = (html / page).read_text(encoding="utf-8")
-        hidden = f'<div style="display: none">{links}</div></body>'
-        # another file than the book's own, of which it is a second name
-        whole_files.write(folder / page, text.replace("</body>", hidden))
-
-
 def _joined(root: str, pdfs: Mapping[str, Path]) -> PdfWriter:
     """Join the printed pages of a book into one document, whose links lead inside."""
     readers = {page: PdfReader(pdf) for page, pdf in pdfs.items()}
@@ -122,8 +82,16 @@ def _taken_links(sheet: Any, root: str, page: str) -> Iterator[tuple[Any, Place 
             yield found["/Rect"], (page, unquote(str(found["/Dest"])).removeprefix("/"))
         elif "/A" in found and "/URI" in found["/A"]:
             address = str(found["/A"]["/URI"])
-            yield found["/Rect"], place(root, address) or address
+            yield found["/Rect"], _place(root, address) or address
     del sheet["/Annots"]
+
+
+def _place(root: str, address: str) -> Place | None:
+    """Return where an address leads inside a book; None where it leads elsewhere."""
+    if not address.startswith(f"{root}/"):
+        return None
+    url = urlsplit(address[len(root) + 1 :])
+    return unquote(url.path), unquote(url.fragment)
 
 
 def _link(
@@ -167,16 +135,63 @@ def make(html: Path, contents: Path, pdf: Path) -> int:
     PrintError
         Where Chromium is missing, or a page was not printed.
     """
-    browser, pages = chromium(), order(contents)
+    browser, pages = _chromium(), order(contents)
     with tempfile.TemporaryDirectory(dir=html.resolve().parent) as scratch:  # for hard links
         folder = Path(scratch, "html")
-        prepared(html, folder, pages)
+        _prepared(html, folder, pages)
         pdfs = {page: Path(scratch, f"{number}.pdf") for number, page in enumerate(pages)}
         with ThreadPoolExecutor(AT_ONCE) as pool:
-            list(pool.map(lambda page: printed(browser, folder / page, pdfs[page]), pages))
+            list(pool.map(lambda page: _printed(browser, folder / page, pdfs[page]), pages))
         writer = _joined(folder.as_uri(), pdfs)
         writer.write(pdf)
         return len(writer.pages)
+
+
+def _chromium() -> str:
+    """Return the path of Chromium."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        raise PrintError(MISSING)
+    return found
+
+
+def _prepared(html: Path, folder: Path, pages: Sequence[str]) -> None:
+    """Make a copy of a book to print, whose pages have a hidden link to every place on them."""
+    shutil.copytree(html, folder, copy_function=os.link)
+    places = _wanted(html, pages)
+    for page in pages:
+        links = "".join(f'<a href="#{escape(name)}"></a>' for name in sorted(places[page]))
+        text = (html / page).read_text(encoding="utf-8")
+        hidden = f'<div style="display: none">{links}</div></body>'
+        # another file than the book's own, of which it is a second name
+        whole_files.write(folder / page, text.replace("</body>", hidden))
+
+
+def _wanted(html: Path, pages: Sequence[str]) -> dict[str, set[str]]:
+    """Return the places of every page that links of the book lead to."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for page in pages:
+        for address in HREF.findall((html / page).read_text(encoding="utf-8")):
+            url = urlsplit(unescape(address))
+            if url.fragment and not url.scheme and not url.netloc:
+                to = os.path.normpath(Path(page).parent / unquote(url.path)) if url.path else page
+                found[to].add(unquote(url.fragment))
+    return found
+
+
+def _printed(browser: str, page: Path, pdf: Path) -> None:
+    """Print a page."""
+    with tempfile.TemporaryDirectory() as profile:
+        command = [browser, *FLAGS, f"--user-data-dir={profile}", f"--print-to-pdf={pdf.resolve()}"]
+        command.append(page.resolve().as_uri())
+        try:
+            subprocess.run(command, cwd=profile, capture_output=True, timeout=SECONDS, check=True)
+        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+            msg = f"{page.name}: Chromium did not print it ({error})"
+            raise PrintError(msg) from error
+    if not pdf.is_file() or END not in pdf.read_bytes()[-1024:]:
+        msg = f"{page.name}: Chromium wrote no whole PDF"
+        raise PrintError(msg)
 
 
 # --- Pages of HTML as PDF, printed by Chromium
@@ -202,41 +217,6 @@ SECONDS = 300
 
 class PrintError(Acx4Error):
     """A page was not printed."""
-
-
-def chromium() -> str:
-    """Return the path of Chromium.
-
-    Raises
-    ------
-    PrintError
-        Where there is none.
-    """
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        raise PrintError(MISSING)
-    return found
-
-
-def printed(browser: str, page: Path, pdf: Path) -> None:
-    """Print a page.
-
-    Raises
-    ------
-    PrintError
-        If the browser does not.
-    """
-    with tempfile.TemporaryDirectory() as profile:
-        command = [browser, *FLAGS, f"--user-data-dir={profile}", f"--print-to-pdf={pdf.resolve()}"]
-        command.append(page.resolve().as_uri())
-        try:
-            subprocess.run(command, cwd=profile, capture_output=True, timeout=SECONDS, check=True)
-        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
-            msg = f"{page.name}: Chromium did not print it ({error})"
-            raise PrintError(msg) from error
-    if not pdf.is_file() or END not in pdf.read_bytes()[-1024:]:
-        msg = f"{page.name}: Chromium wrote no whole PDF"
-        raise PrintError(msg)
 
 
 if __name__ == "__main__":

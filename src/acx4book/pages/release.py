@@ -100,41 +100,20 @@ def _wheel(folder: Path, seconds: int) -> None:
         raise ReleaseError(done.stderr.strip())
 
 
-def pack(content: Path, archive: Path, seconds: int) -> None:
-    """Pack a folder into an archive that has one folder, of the archive's name.
-
-    Parameters
-    ----------
-    content : Path
-        The folder.
-    archive : Path
-        The ZIP file to write.
-    seconds : int
-        The date of its files, since 1970.
-    """
-    with _packed(archive, seconds) as add:
-        for path in sorted(path for path in content.rglob("*") if path.is_file()):
-            add(path.relative_to(content).as_posix(), path.read_bytes(), FILE)
+def offered(generated: Path, seconds: int) -> str:
+    """Pack the project for readers of the book, and return what leads to it as MyST text."""
+    archive = generated / "acx4lib.zip"
+    try:
+        _project(archive, seconds)
+    except ReleaseError:
+        return "This copy of the book was not made from a clone, and has no program to download.\n"
+    size = f"{archive.stat().st_size / 1e6:.0f} MB"
+    link = "{download}`acx4lib.zip </_generated/acx4lib.zip>`"
+    return f"{link} ({size}) is the whole project of this book.\n"
 
 
-def project(archive: Path, seconds: int) -> None:
-    """Pack what belongs to the working copy in the current folder: what can be built again.
-
-    These are the files that git tracks, as they are; in an unpacked archive those that its list
-    names, so that it can be packed again.
-
-    Parameters
-    ----------
-    archive : Path
-        The ZIP file to write.
-    seconds : int
-        The date of its files, since 1970.
-
-    Raises
-    ------
-    ReleaseError
-        Where the folder is neither a clone nor an unpacked archive.
-    """
+def _project(archive: Path, seconds: int) -> None:
+    """Pack what belongs to the working copy in the current folder: what can be built again."""
     names = _listed()
     with _packed(archive, seconds) as add:
         for path in sorted(Path(name) for name in names if os.path.lexists(name)):
@@ -143,18 +122,6 @@ def project(archive: Path, seconds: int) -> None:
             else:
                 add(path.as_posix(), path.read_bytes(), FILE | path.stat().st_mode & 0o111)
         add(LIST.as_posix(), "\n".join([*names, ""]).encode(), FILE)
-
-
-def offered(generated: Path, seconds: int) -> str:
-    """Pack the project for readers of the book, and return what leads to it as MyST text."""
-    archive = generated / "acx4lib.zip"
-    try:
-        project(archive, seconds)
-    except ReleaseError:
-        return "This copy of the book was not made from a clone, and has no program to download.\n"
-    size = f"{archive.stat().st_size / 1e6:.0f} MB"
-    link = "{download}`acx4lib.zip </_generated/acx4lib.zip>`"
-    return f"{link} ({size}) is the whole project of this book.\n"
 
 
 def _listed() -> list[str]:
@@ -205,10 +172,17 @@ def make(html: Path, folder: Path) -> list[str]:
     for old in [*folder.glob("acx4lib-*.whl"), *folder.glob("acx4lib-book-*.zip")]:
         old.unlink()
     _wheel(folder, seconds)
-    pack(html, folder / f"acx4lib-book-{version}.zip", seconds)
+    _pack(html, folder / f"acx4lib-book-{version}.zip", seconds)
     sums = (f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p}" for p in sorted(folder.iterdir()))
     said = problems(Path("CHANGELOG.md").read_text(encoding="utf-8"), version)
     return [f"acx4lib {version}, commit {_git('rev-parse', 'HEAD').decode().strip()}", *sums, *said]
+
+
+def _pack(content: Path, archive: Path, seconds: int) -> None:
+    """Pack a folder into an archive that has one folder, of the archive's name."""
+    with _packed(archive, seconds) as add:
+        for path in sorted(path for path in content.rglob("*") if path.is_file()):
+            add(path.relative_to(content).as_posix(), path.read_bytes(), FILE)
 
 
 # --- The notebooks as readers download them: without outputs, and such that they run where
@@ -277,23 +251,23 @@ PAGES = ("*.ipynb", "foundations/*.ipynb", "template/study.ipynb")
 """The notebooks that are pages of the book, below their folder."""
 
 
-def sources() -> list[Path]:
+def write(folder: Path) -> None:
+    """Write a copy of every notebook below a folder, where it lies below that of the notebooks."""
+    for source in _sources():
+        name = source.relative_to(NOTEBOOKS_PATH)
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text: str = nbformat.writes(_copy(source, name.stem))  # type: ignore[no-untyped-call] # untyped
+        whole_files.write(path, f"{text}\n")
+
+
+def _sources() -> list[Path]:
     """Return the notebooks that are pages of the book."""
     found = (NOTEBOOKS_PATH.glob(pattern) for pattern in PAGES)
     return sorted(path for paths in found for path in paths)
 
 
-def write(folder: Path) -> None:
-    """Write a copy of every notebook below a folder, where it lies below that of the notebooks."""
-    for source in sources():
-        name = source.relative_to(NOTEBOOKS_PATH)
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        text: str = nbformat.writes(copy(source, name.stem))  # type: ignore[no-untyped-call] # untyped
-        whole_files.write(path, f"{text}\n")
-
-
-def copy(source: Path, name: str) -> nbformat.NotebookNode:
+def _copy(source: Path, name: str) -> nbformat.NotebookNode:
     """Return a notebook that runs by itself."""
     notebook: nbformat.NotebookNode = nbformat.read(source, as_version=4)  # type: ignore[no-untyped-call] # untyped
     notebook.cells[0].source += f"\n\n{NEEDS}"
@@ -304,14 +278,14 @@ def copy(source: Path, name: str) -> nbformat.NotebookNode:
             i for i, c in enumerate(notebook.cells) if "parameters" in c.metadata.get("tags", [])
         )
         parameters = notebook.cells[at]
-        parameters.source = with_default(parameters.source, "flight_path", flight)
-        parameters.source = with_default(parameters.source, "results_path", results)
+        parameters.source = _with_default(parameters.source, "flight_path", flight)
+        parameters.source = _with_default(parameters.source, "results_path", results)
         cell = nbformat.v4.new_code_cell(_start(name, parameters.source), id="start")  # type: ignore[no-untyped-call] # untyped
         notebook.cells.insert(at + 1, cell)
     return notebook
 
 
-def with_default(source: str, name: str, value: str) -> str:
+def _with_default(source: str, name: str, value: str) -> str:
     """Return a cell of parameters in which a text has another default, where it is there."""
     return re.sub(rf'^({name}: str = )"[^"]*"', rf'\1"{value}"', source, flags=re.MULTILINE)
 

@@ -75,18 +75,17 @@ def test_the_mistakes_are_what_they_are_called(opk):
         assert_allclose(made[name], rotation.as_matrix(), atol=1e-15)
 
 
-def test_a_camera_pitched_up_looks_ahead_of_its_nadir():
-    level, up = np.eye(3), rotation_from_opk(np.radians([0.0, -1.0, 0.0]))  # flown east
-    assert_allclose(rotations.nadir_shift(level, up, 1000.0), [17.455, 0], atol=1e-3)
-
-
 def test_every_mistake_is_missed_by_one_strip_or_seen_by_both():
+    """What the points below the axes of A1 and B1 are carried by, from the angles alone."""
+    fig = drawn(rotations.mistakes(480.0))
     for row, small in ((0, "other order"), (2, "transposed")):
-        opk = example.attitudes()[row]
-        R = rotation_from_opk(opk)
-        for name, wrong in rotations.mistaken(opk).items():
-            shift = np.hypot(*rotations.nadir_shift(R, wrong, 480.0))
-            assert shift < 0.2 if name == small else shift > 10
+        opk, image = example.attitudes()[row], example.EXPOSURES["image"][row]
+        right = Rotation.from_euler("XYZ", opk).as_matrix()
+        for ax, wrong in zip(panels(fig), rotations.mistaken(opk).values(), strict=True):
+            down = [480.0 * R[:2, 2] / -R[2, 2] for R in (right, wrong)]
+            shift = np.hypot(*(down[1] - down[0]))
+            assert f"{image}: {shift:.1f} m" in words(ax)
+            assert shift < 0.2 if title(ax) == small else shift > 10
 
 
 def test_roll_and_pitch_go_round_with_the_heading():
@@ -100,17 +99,16 @@ def test_roll_and_pitch_go_round_with_the_heading():
         assert_allclose([roll[i], pitch[i]], expected, atol=1e-3)
 
 
-def test_at_a_quarter_turn_omega_and_kappa_turn_about_one_axis():
-    omega, phi, kappa = rotations.turning_axes(np.pi / 2)
-    assert_allclose(kappa, omega, atol=1e-15)
-    assert_allclose(phi @ kappa, 0, atol=1e-15)
-
-
 def test_sigma_of_the_angles_has_its_closed_form():
-    phi = np.radians([0.0, 30.0, 80.0])
-    sigma, correlation = rotations.angle_sigmas(phi)
-    assert_allclose(sigma, np.stack([1 / np.cos(phi), np.ones(3), 1 / np.cos(phi)], axis=1))
-    assert_allclose(correlation, -np.sin(phi), atol=1e-15)
+    ax = panels(drawn(rotations.singularity()))[3]
+    curves = {line.get_label(): line.get_data() for line in ax.lines}
+    for label, closed in (
+        ("σ of ω, the same as of κ", lambda phi: 1 / np.cos(phi)),
+        ("σ of φ", lambda phi: 0 * phi + 1),
+        ("correlation of ω and κ", lambda phi: -np.sin(phi)),
+    ):
+        degrees, values = curves[label]
+        assert_allclose(values, closed(np.radians(degrees)), atol=1e-12)
 
 
 def test_the_figures_draw():
@@ -140,7 +138,9 @@ def test_the_columns_are_derivatives_of_the_projection():
     by_turn = numeric_jacobian(lambda turn: collinearity_image(turn, zero, xy), zero)
     assert_allclose(collinearity.by_turn(xy), by_turn, atol=1e-6)
     by_shift = numeric_jacobian(lambda shift: collinearity_image(zero, shift, xy), zero, step=1e-3)
-    assert_allclose(collinearity.by_shift(xy, HEIGHT_M), by_shift, atol=1e-8)
+    fields = collinearity.effects(xy, HEIGHT_M)
+    for k, (name, sign) in enumerate((("−x", -1), ("y", 1), ("−z", -1))):
+        assert_allclose(fields[f"shift along {name}"], sign * by_shift[:, :, k], atol=1e-8)
 
 
 def test_look_alikes_point_the_same_way():
@@ -151,15 +151,18 @@ def test_look_alikes_point_the_same_way():
         ("focal length", "shift along −z"),
     ):
         assert np.all(np.sum(fields[one] * fields[other], axis=1)[1:-1] >= 0)
-    factor, left = collinearity.nearest(fields["focal length"], fields["shift along −z"])
-    assert_allclose(factor, 0.1 / (example.F_MM / HEIGHT_M))
-    assert_allclose(left, 0, atol=1e-15)
+    change = 0.1 / (example.F_MM / HEIGHT_M)
+    assert_allclose(fields["focal length"], change * fields["shift along −z"], atol=1e-15)
 
 
 def test_what_is_left_has_nothing_of_the_field_that_was_taken_out():
     fields = collinearity.effects(collinearity.grid(), HEIGHT_M)
-    _, left = collinearity.nearest(fields["turn about y"], fields["shift along −x"])
-    assert_allclose(np.sum(left * fields["shift along −x"]), 0, atol=1e-15)
+    turn, shift = (fields[name].ravel() for name in ("turn about y", "shift along −x"))
+    (factor,), (square,), *_ = np.linalg.lstsq(shift[:, None], turn, rcond=None)
+    _, taken, left = panels(drawn(collinearity.look_alike(HEIGHT_M)))
+    assert title(taken).startswith(f"{factor:.2f} m along −x")
+    rms = 1000 * np.sqrt(2 * square / len(turn))
+    assert f"RMS {rms:.0f} µm, drawn 5 times longer" in words(left)
 
 
 def test_differences_on_the_ground_turn_with_the_aircraft():
@@ -183,17 +186,17 @@ def test_the_figures_of_columns_draw():
 
 
 def test_radial_distortion_is_that_of_the_library_along_the_x_axis():
-    lens = Interior(f=74.0, k1=2.4e-7, k2=-9.3e-11, k3=2.1e-14)
-    r = np.linspace(0, 56, 9)
-    along = of_library(lens, np.stack([r, 0 * r], axis=1))
-    assert_allclose(distortion.radial(lens, r), along[:, 0], rtol=1e-14)
-
-
-def test_the_border_value_is_about_what_the_paper_says():
-    first = printed.interior(1, "CAM1")
-    corner = distortion.radial(first, np.array([distortion.border("CAM1")]))[0]
+    ax = panels(drawn(distortion.curves()))[0]
+    curves = {line.get_label(): line.get_data() for line in ax.lines}
+    for head in printed.HEADS:
+        r, drawn_um = curves[head]
+        lens = printed.interior(1, head)
+        radial = Interior(f=lens.f, k1=lens.k1, k2=lens.k2, k3=lens.k3)
+        along = of_library(radial, np.stack([r, 0 * r], axis=1))
+        assert_allclose(drawn_um, 1000 * along[:, 0], rtol=1e-12)
     said = printed.statement("head_border_distortion_px")
-    assert corner / printed.pixel_mm("CAM1") == pytest.approx(said, abs=1)
+    border = curves["CAM1"][1][-1] / 1000 / printed.pixel_mm("CAM1")
+    assert border == pytest.approx(said, abs=1)
 
 
 def test_the_balance_leaves_a_quarter_inside_and_at_the_border():
@@ -204,13 +207,16 @@ def test_the_balance_leaves_a_quarter_inside_and_at_the_border():
 
 
 def test_mistakes_are_of_the_order_that_the_series_gives():
-    k1, r = 2e-6, np.array([10.0, 20.0])
-    found = distortion.mistaken(k1, r)
-    assert_allclose(found["sign"], 2 * k1 * r**3, rtol=1e-2)
-    assert_allclose(found["direction"], 3 * k1**2 * r**5, rtol=1e-2)
-    assert_allclose(found["direction, two terms"], 12 * k1**3 * r**7, rtol=2e-2)
+    ax, k1 = panels(drawn(distortion.directions("CAM1")))[0], printed.interior(1, "CAM1").k1
+    found = {line.get_label(): printed.pixel_mm("CAM1") * line.get_ydata() for line in ax.lines[:3]}
+    r = ax.lines[0].get_xdata()
+    assert_allclose(found["other sign"], abs(2 * k1 * r**3), rtol=2e-2)
+    assert_allclose(found["at the ideal point"], 3 * k1**2 * r**5, rtol=3e-2)
+    assert_allclose(
+        found["at the ideal point, $k_2$ converted too"], 12 * abs(k1) ** 3 * r**7, rtol=4e-2
+    )
     at = distort(Interior(f=74.0, k1=k1), np.stack([r, 0 * r], axis=1))[:, 0]
-    assert_allclose(found["direction"], at - (r + k1 * r**3), rtol=1e-6)
+    assert_allclose(found["at the ideal point"], abs(at - (r + k1 * r**3)), rtol=1e-6)
 
 
 def test_the_figures_draw_of_distortion():
@@ -240,11 +246,12 @@ def results():
 
 def test_an_ellipse_has_the_points_of_equal_probability():
     cov = np.array([[4.0, 1.5], [1.5, 2.0]])
-    vertices = least_squares.ellipse(np.array([1.0, 2.0]), cov, "k", k=2.0).get_verts() - [1.0, 2.0]
+    (patch,) = least_squares.valley({"one": cov}).axes[0].patches
+    vertices = patch.get_patch_transform().transform(patch.get_path().vertices)
     square = np.einsum("ni,ij,nj->n", vertices, np.linalg.inv(cov), vertices)
     # corners of the curves lie on the ellipse, their control points outside
-    assert_allclose(square.min(), 4.0)
-    assert_allclose(np.median(square), 4.05, atol=0.05)
+    assert_allclose(square.min(), 1.0)
+    assert_allclose(np.median(square), 1.0125, atol=0.0125)
 
 
 def test_rays_of_all_images_end_in_p_and_two_ellipses_are_enlarged(results):
@@ -397,10 +404,11 @@ def test_a_rotation_moves_points_as_the_turned_ray_does():
 
 
 def test_opposite_lines_and_another_height_tell_the_three_errors_apart():
-    found = {
-        kind: [georeferencing.missed(kind, way, h)[1] for way, h in ((1, 1), (-1, 1), (1, 2))]
-        for kind in ("boresight", "lever arm", "GNSS shift")
-    }
+    """Of every flight a dashed line down to the true point, then the ray: where they end."""
+    found = {}
+    for ax in georeferencing.three_flights().axes:
+        ends = [line.get_xdata()[-1] for line in ax.lines if len(line.get_xdata()) == 2][1:]
+        found[title(ax)] = np.subtract(ends[1::2], ends[::2]).tolist()
     assert found == {
         "boresight": [0.5, -0.5, 1.0],
         "lever arm": [0.5, -0.5, 0.5],
@@ -436,12 +444,16 @@ def test_the_drawings_name_their_parts():
 # --- the Earth, its heights and the projection as they are drawn -----------------------------
 
 
-@pytest.mark.parametrize("latitude", [0.0, 40.0, 90.0])
-def test_the_point_is_on_the_ellipse_and_its_normal_is_normal(latitude):
-    at, up = frames.on_ellipsoid(np.radians(latitude))
-    assert_allclose(at[0] ** 2 + (at[1] / frames.FLAT) ** 2, 1.0)
+def test_the_normal_meets_the_ellipse_at_right_angles():
+    ax = frames.earth().axes[0]
+    curve, normal = (ax.lines[i].get_xydata() for i in (0, 1))
+    assert_allclose(curve[:, 0] ** 2 + (curve[:, 1] / frames.FLAT) ** 2, 1.0)
+    ways = np.linspace(0, 1, 100_001)[:, None]
+    along = normal[0] + ways * (normal[1] - normal[0])
+    at = along[np.argmin(np.abs(along[:, 0] ** 2 + (along[:, 1] / frames.FLAT) ** 2 - 1))]
     gradient = at / np.array([1.0, frames.FLAT]) ** 2
-    assert_allclose(up, gradient / np.hypot(*gradient), atol=1e-12)
+    forward = normal[1] - normal[0]
+    assert_allclose(forward / np.hypot(*forward), gradient / np.hypot(*gradient), atol=1e-4)
 
 
 def test_the_heights_are_named():
@@ -464,10 +476,10 @@ def test_the_second_axis_is_the_focal_length_that_the_scale_causes():
 
 
 def test_the_footprint_lies_along_the_flight():
-    north = design.footprint(lines(0.0)[0])
-    assert_allclose(np.ptp(north, axis=0), [300.0, 400.0])  # 30 x 40 mm at 500 m and 50 mm
-    east = design.footprint(lines(90.0, height_m=1000.0)[0])
-    assert_allclose(np.ptp(east, axis=0), [800.0, 600.0])
+    """30 x 40 mm at 500 m and 50 mm."""
+    fig = design.plans({"one": lines(0.0), "two": lines(90.0, height_m=1000.0)})
+    for ax, size in zip(fig.axes, ([300.0, 400.0], [800.0, 600.0]), strict=True):
+        assert_allclose(np.ptp(ax.lines[0].get_xydata(), axis=0), size)
 
 
 def test_every_plan_has_its_panel_and_its_control_points():

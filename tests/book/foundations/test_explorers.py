@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 
 from acx4book.foundations import explorers
+from acx4book.foundations.designs import covariance, lines, planned
+from acx4book.foundations.drawings.distortion import grid
 from acx4book.foundations.drawings.georeferencing import moved_on_ground
 from acx4book.paper import printed
 from acx4lib.geometry import camera
@@ -20,20 +22,17 @@ def test_the_start_is_the_head_of_table_1():
         assert float(row[2]) == pytest.approx(1600 * expected / interior.f, abs=0.006)
 
 
-def test_any_lens_is_the_sum_of_its_coefficients():
-    values, xy = (
-        np.array([1.5, -2.0, 0.7, 3.0, -5.0, 120.0]),
-        np.array([[20.0, -11.0], [-3.0, 16.0]]),
-    )
-    expected = explorers.moved(values, xy).ravel()
-    assert explorers.response(xy) @ values == pytest.approx(expected, rel=1e-12)
-
-
-def test_a_longer_f_moves_ideal_points_as_rays_say():
-    """The same ray with another f."""
-    values, f = np.array([0, 0, 0, 0, 0, 100.0]), printed.interior(1, explorers.HEAD).f
-    xy = np.array([[20.0, -11.0]])
-    assert explorers.moved(values, xy) == pytest.approx(xy - xy * (f + 0.1) / f, rel=1e-9)
+def test_any_lens_is_the_sum_of_its_coefficients_and_a_longer_f_moves_points_as_rays_say():
+    """With another f the ideal point of the same ray lies nearer to the middle, or farther."""
+    (arrows,) = explorers.distortion_explorer().panels[0].marks
+    values = np.array([1.5, -2.0, 0.7, 3.0, -5.0, 120.0])
+    xy, f = grid(explorers.HEAD, 9, 7), printed.interior(1, explorers.HEAD).f
+    units = explorers.KEYS.items()
+    lens = camera.Interior(f=f, **{k: u * v for (k, u), v in zip(units, values, strict=False)})
+    longer = xy - xy * (f + 0.12) / f
+    expected = camera.distortion(lens, xy) + longer
+    found = (arrows.response.matrix @ values).reshape(-1, 2)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
 def test_a_balanced_f_leaves_a_quarter_in_the_corner():
@@ -44,19 +43,28 @@ def test_a_balanced_f_leaves_a_quarter_in_the_corner():
     assert float(balanced) == pytest.approx(float(alone) / 4, rel=0.05)
 
 
-XY = np.array([[0.0, 0.0], [16.0, -12.0], [-16.0, 9.0]])
+XY = explorers.POINTS_MM
+
+
+@pytest.fixture(scope="module")
+def derivatives():
+    """By the azimuth, what the arrows of a strip show, shape (n, 2, 6)."""
+    panels = explorers.boresight_explorer().panels
+    azimuths = [azimuth for azimuth, _ in explorers.STRIPS.values()]
+    matrices = [panel.marks[0].response.matrix for panel in panels]
+    return dict(zip(azimuths, (m.reshape(-1, 2, 6) for m in matrices), strict=True))
 
 
 @pytest.mark.parametrize("azimuth", [90.0, 270.0, 0.0, 180.0])
 @pytest.mark.parametrize("k", range(6))
-def test_derivatives_agree_with_differences(azimuth, k):
+def test_derivatives_agree_with_differences(derivatives, azimuth, k):
     step = np.eye(6)[k] * explorers.SLIDERS[k].step
     high, low = (explorers.on_ground(azimuth, 500.0, XY, way * step) for way in (1, -1))
-    found = explorers.derivatives(azimuth, 500.0, XY)[:, :, k]
+    found = derivatives[azimuth][:, :, k]
     assert found == pytest.approx((high - low) / (2 * step[k]), abs=1e-3)
 
 
-def test_derivatives_are_those_of_the_closed_form_above_flat_ground():
+def test_derivatives_are_those_of_the_closed_form_above_flat_ground(derivatives):
     """Flown east, body axes are those of the map."""
     at = XY * 500.0 / 50.0
     for k, shift, turned in (
@@ -64,16 +72,15 @@ def test_derivatives_are_those_of_the_closed_form_above_flat_ground():
         *((3 + axis, np.eye(3)[axis], np.zeros(3)) for axis in range(3)),
     ):
         expected = moved_on_ground(at, 500.0, shift, turned) * explorers.UNITS[k]
-        found = explorers.derivatives(90.0, 500.0, XY)[:, :, k]
-        assert found == pytest.approx(expected, abs=1e-9)
+        assert derivatives[90.0][:, :, k] == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_matrix_is_enough_up_to_the_ends_of_all_sliders():
+def test_a_matrix_is_enough_up_to_the_ends_of_all_sliders(derivatives):
     worst = np.array([slider.high for slider in explorers.SLIDERS])
     exact = explorers.on_ground(0.0, 500.0, XY, worst) - explorers.on_ground(
         0.0, 500.0, XY, 0 * worst
     )
-    assert explorers.derivatives(0.0, 500.0, XY) @ worst == pytest.approx(exact, abs=0.005)
+    assert derivatives[0.0] @ worst == pytest.approx(exact, abs=0.01)
 
 
 def test_boresight_and_lever_arm_cancel_at_one_height_only():
@@ -94,24 +101,33 @@ def numbers(shown, ratio):
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.5, 3.0])
-def test_readings_are_the_covariance_at_a_stop(shown, ratio):
-    cov = explorers.covariances([ratio])[0]
-    sigma = np.sqrt(np.diag(cov))
+def test_readings_are_the_covariance_of_the_planned_lines(shown, ratio):
+    flown = lines(90, 270, height_m=500.0) + lines(90, 270, height_m=500.0 * ratio)
+    cov = covariance(planned(flown), free=["f", "xp", "yp"], gnss=["shift"])
+    names = [*explorers.SHOWN]
+    factors = np.array([factor for _, factor in explorers.SHOWN.values()])
+    sigma = np.sqrt([cov.loc[name, name] for name in names])
     *read, correlation = numbers(shown, ratio)
-    assert read == pytest.approx(sigma, abs=0.0051)
-    assert correlation == pytest.approx(cov[0, 1] / (sigma[0] * sigma[1]), abs=0.0051)
+    assert read == pytest.approx(factors * sigma, abs=0.0051)
+    expected = cov.loc[names[0], names[1]] / (sigma[0] * sigma[1])
+    assert correlation == pytest.approx(expected, abs=0.0051)
 
 
-def test_f_and_z_are_exchanged_for_each_other_at_one_height():
+def test_f_and_z_are_exchanged_for_each_other_at_one_height(shown):
     """As chapter 9 has it: f changes by f s / h."""
-    cov = explorers.covariances([1.0])[0]
-    assert np.sqrt(cov[0, 0] / cov[1, 1]) == pytest.approx(1000 * 50 / 500 / 100, rel=0.01)
+    sigma_f, sigma_z, *_ = numbers(shown, 1.0)
+    assert sigma_f / sigma_z == pytest.approx(1000 * 50 / 500 / 100, rel=0.01)
 
 
-def test_ellipses_have_the_covariance_of_their_points():
-    cov = explorers.covariances([1.2, 2.0])[:, :2, :2]
-    points = explorers.ellipses(cov)[:, :-1]
-    mean = np.einsum("rni,rnj->rij", points, points) / points.shape[1]
-    assert 2 * mean == pytest.approx(cov, rel=1e-9)
-    weights = np.linalg.inv(cov)
-    assert np.einsum("rni,rij,rnj->rn", points, weights, points) == pytest.approx(1.0, rel=1e-9)
+@pytest.mark.parametrize("ratio", [1.2, 2.0])
+def test_ellipses_have_the_covariance_of_their_points(shown, ratio):
+    (ellipse,) = shown.panels[0].marks
+    points = np.asarray(ellipse.response.at([ratio])).reshape(-1, 2)[:-1]
+    sigma_f, sigma_z, *_, correlation = numbers(shown, ratio)
+    found = 2 * points.T @ points / len(points)
+    assert np.sqrt(np.diag(found)) == pytest.approx([sigma_f, sigma_z], abs=0.0051)
+    assert found[0, 1] / np.sqrt(found[0, 0] * found[1, 1]) == pytest.approx(
+        correlation, abs=0.0051
+    )
+    on = np.einsum("ni,ij,nj->n", points, np.linalg.inv(found), points)
+    assert on == pytest.approx(1.0, rel=1e-9)

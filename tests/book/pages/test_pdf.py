@@ -1,13 +1,13 @@
 """The PDF of a book, of which links lead inside."""
 
 import os
-from pathlib import Path
+import shutil
 
 import pytest
 from pypdf import PdfReader
 
 from acx4book.pages import pdf
-from acx4book.pages.pdf import PrintError, chromium
+from acx4book.pages.pdf import PrintError
 
 CONTENTS = """root: intro
 parts:
@@ -46,34 +46,6 @@ def test_pages_come_in_the_order_of_the_contents(html):
     ]
 
 
-@pytest.mark.parametrize(
-    ("address", "expected"),
-    [
-        ("file:///b/html/a%20b.html#x%20y", ("a b.html", "x y")),
-        ("file:///b/html/a/b.html", ("a/b.html", "")),
-        ("file:///b/html2/a.html", None),
-        ("https://example.org/#a", None),
-    ],
-)
-def test_an_address_is_a_place_in_the_book_or_elsewhere(address, expected):
-    assert pdf.place("file:///b/html", address) == expected
-
-
-def test_places_are_those_that_any_page_links(html):
-    assert pdf.wanted(html, list(PAGES)) == {
-        "a/one.html": {"far"},
-        "a/two.html": {"own"},
-        "glossary.html": {"w ü"},
-    }
-
-
-def test_the_book_itself_is_not_changed(html):
-    before = {path: path.read_bytes() for path in html.rglob("*.html")}
-    pdf.prepared(html, html.parent / "copy", list(PAGES))
-    assert {path: path.read_bytes() for path in html.rglob("*.html")} == before
-    assert '<a href="#far"></a>' in (html.parent / "copy" / "a" / "one.html").read_text("utf-8")
-
-
 def test_without_chromium_a_line_says_what_to_install(html, monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(PrintError, match="install the package chromium"):
@@ -82,12 +54,11 @@ def test_without_chromium_a_line_says_what_to_install(html, monkeypatch):
 
 @pytest.mark.slow
 def test_links_lead_inside_and_out(html, tmp_path):
-    try:
-        chromium()
-    except PrintError as error:
-        (pytest.fail if os.environ.get("ACX4_REQUIRE_BROWSER") else pytest.skip)(str(error))
-    file = tmp_path / "book.pdf"
+    if not any(map(shutil.which, pdf.BROWSERS)):
+        (pytest.fail if os.environ.get("ACX4_REQUIRE_BROWSER") else pytest.skip)(pdf.MISSING)
+    file, before = tmp_path / "book.pdf", {p: p.read_bytes() for p in html.rglob("*.html")}
     assert pdf.make(html, tmp_path / "toc.yml", file) == 5
+    assert {path: path.read_bytes() for path in html.rglob("*.html")} == before
     reader = PdfReader(file)
     assert [entry.title for entry in reader.outline] == list(PAGES)
     assert leads(reader, 0) == [2, 1]
@@ -105,15 +76,15 @@ def leads(reader, number):
     ]
 
 
-def test_half_a_page_is_no_page(tmp_path, monkeypatch):
-    """As a browser leaves it on a full disk; it is started in another folder."""
-    browser = tmp_path / "chromium"
+def test_half_a_page_is_no_page(html, tmp_path, monkeypatch):
+    """As a browser leaves it on a full disk."""
+    browser = tmp_path / "bin" / "chromium"
+    browser.parent.mkdir()
     browser.write_text(
         '#!/bin/sh\nfor a; do case $a in --print-to-pdf=*) printf half > "${a#*=}";; esac; done\n'
     )
     browser.chmod(0o755)
-    (tmp_path / "page.html").write_text("one")
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(browser.parent), prepend=os.pathsep)
     with pytest.raises(PrintError, match="no whole PDF"):
-        pdf.printed(str(browser), Path("page.html"), Path("page.pdf"))
-    assert (tmp_path / "page.pdf").read_text() == "half"
+        pdf.make(html, tmp_path / "toc.yml", tmp_path / "book.pdf")
+    assert not (tmp_path / "book.pdf").exists()

@@ -98,29 +98,10 @@ def by_turn(xy: Array) -> Array:
     return np.moveaxis(np.array(rows), -1, 0)
 
 
-def by_shift(xy: Array, height_m: float) -> Array:
-    """Return the derivatives by a shift along the camera's axes, over flat ground.
-
-    Parameters
-    ----------
-    xy : ndarray, shape (n, 2)
-        mm from the principal point.
-    height_m : float
-
-    Returns
-    -------
-    ndarray, shape (n, 2, 3)
-        mm per metre.
-    """
-    f, (x, y) = example.F_MM, xy.T
-    rows = [[f + 0 * x, 0 * x, x], [0 * y, f + 0 * y, y]]
-    return -np.moveaxis(np.array(rows), -1, 0) / height_m
-
-
 def effects(xy: Array, height_m: float) -> dict[str, Array]:
     """Return what small changes of a camera do to image points, each (n, 2), mm, by its name."""
     turn = np.radians(DEGREES) * by_turn(xy)
-    shift = METRES * by_shift(xy, height_m)
+    shift = METRES * _by_shift(xy, height_m)
     return {
         "turn about y": turn[:, :, 1],
         "turn about x": turn[:, :, 0],
@@ -130,6 +111,13 @@ def effects(xy: Array, height_m: float) -> dict[str, Array]:
         "shift along y": shift[:, :, 1],
         "shift along −z": -shift[:, :, 2],
     }
+
+
+def _by_shift(xy: Array, height_m: float) -> Array:
+    """Return the derivatives by a shift along the camera's axes, over flat ground."""
+    f, (x, y) = example.F_MM, xy.T
+    rows = [[f + 0 * x, 0 * x, x], [0 * y, f + 0 * y, y]]
+    return -np.moveaxis(np.array(rows), -1, 0) / height_m
 
 
 def columns(height_m: float) -> Figure:
@@ -157,29 +145,13 @@ def _field(ax: Axes, xy: Array, d: Array, colour: str) -> None:
     ax.grid(visible=False)
 
 
-def nearest(field: Array, like: Array) -> tuple[float, Array]:
-    """Return the factor with which one field comes nearest to another, and what it leaves.
-
-    Parameters
-    ----------
-    field, like : ndarray, shape (n, 2)
-
-    Returns
-    -------
-    factor : float
-    left : ndarray, shape (n, 2)
-        ``field - factor * like``.
-    """
-    factor = float(np.sum(field * like) / np.sum(like * like))
-    return factor, field - factor * like
-
-
 def look_alike(height_m: float) -> Figure:
     """Draw a turn about y, the shift along -x that comes nearest to it, and what is left."""
     xy = grid()
     fields = effects(xy, height_m)
     turn, shift = fields["turn about y"], fields["shift along −x"]
-    factor, left = nearest(turn, shift)
+    factor = float(np.sum(turn * shift) / np.sum(shift * shift))
+    left = turn - factor * shift
     drawn = (
         (f"{DEGREES}° about y", turn, 1, KINDS["turn"]),
         (f"{factor * METRES:.2f} m along −x", factor * shift, 1, KINDS["shift"]),

@@ -57,10 +57,10 @@ def _line(ax: Axes, line: Line, *, lowest: float) -> None:
         "shrinkB": 0,
     }
     ax.annotate("", xy=tuple(middle + half), xytext=tuple(middle - half), arrowprops=arrow)
-    ax.plot(*footprint(line).T, color=colour, lw=0.7, ls="--" if high else "-")
+    ax.plot(*_footprint(line).T, color=colour, lw=0.7, ls="--" if high else "-")
 
 
-def footprint(line: Line) -> Array:
+def _footprint(line: Line) -> Array:
     """Return the corners of the middle image on flat ground, east and north, m, shape (5, 2)."""
     azimuth = np.radians(line.azimuth_deg)
     forward = np.array([np.sin(azimuth), np.cos(azimuth)])

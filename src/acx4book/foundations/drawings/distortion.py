@@ -18,15 +18,8 @@ UM = 1000.0
 """Micrometres in a millimetre."""
 
 
-def radial(interior: Interior, r: Array) -> Array:
-    """Return the radial distortion at radii around the principal point, eqs (7)-(8), mm.
-
-    Parameters
-    ----------
-    interior : Interior
-    r : ndarray, shape (n,)
-        mm, of measured points.
-    """
+def _radial(interior: Interior, r: Array) -> Array:
+    """Return the radial distortion at radii around the principal point, eqs (7)-(8), mm."""
     return r**3 * (interior.k1 + r**2 * (interior.k2 + r**2 * interior.k3))
 
 
@@ -42,7 +35,7 @@ def curves() -> Figure:
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 3.3))
         for head, colour in zip(printed.HEADS, style.PALETTE, strict=False):
-            values = UM * radial(printed.interior(1, head), r)
+            values = UM * _radial(printed.interior(1, head), r)
             ax.plot(r, values, color=colour, label=head)
         said = pixel * printed.statement("head_border_distortion_px")
         at = [border("CAM1")], [said]
@@ -131,7 +124,7 @@ def balanced(head: str) -> Figure:
     lens, far = printed.interior(1, head), border(head)
     scale = balance(lens.k1, far)
     r = np.linspace(0, far, 120)
-    change = radial(lens, r)
+    change = _radial(lens, r)
     other = r - (1 + scale) * (r - change)
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 3.0))
@@ -141,26 +134,6 @@ def balanced(head: str) -> Figure:
         ax.set(xlabel="radius (mm)", ylabel="radial distortion (µm)", xlim=(0, far))
         ax.legend(loc="upper left")
     return fig
-
-
-def mistaken(k1: float, r: Array) -> dict[str, Array]:
-    """Return by how much an image point is wrong where another program reads a k1, mm.
-
-    Parameters
-    ----------
-    k1 : float
-        mm^-2, from the measured point.
-    r : ndarray, shape (n,)
-        Radii of ideal points, mm.
-    """
-    measured = r.copy()
-    for _ in range(50):
-        measured = r + k1 * measured**3
-    return {
-        "sign": measured - (r - k1 * r**3),
-        "direction": measured - (r + k1 * r**3),
-        "direction, two terms": measured - (r + k1 * r**3 + 3 * k1**2 * r**5),
-    }
 
 
 LABELS = {
@@ -184,7 +157,7 @@ def directions(head: str) -> Figure:
     with style.applied():
         fig, panels = style.subplots(1, 2, figsize=(style.WIDTH, 3.5), sharey=True)
         for ax, times in zip(panels, (1, 10), strict=True):
-            found = mistaken(times * k1, r)
+            found = _mistaken(times * k1, r)
             for (name, error), colour in zip(found.items(), colours, strict=True):
                 ax.semilogy(r, np.abs(error) / pixel, color=colour, label=LABELS[name])
             ax.axhline(0.1, color=style.INK, lw=0.8, ls=":")
@@ -194,6 +167,18 @@ def directions(head: str) -> Figure:
         panels[0].set(ylabel="error (px)", ylim=(1e-4, 1e3))
         style.legend_below(fig, panels[0].get_legend_handles_labels()[0], ncols=3)
     return fig
+
+
+def _mistaken(k1: float, r: Array) -> dict[str, Array]:
+    """Return by how much an image point is wrong where another program reads a k1, mm."""
+    measured = r.copy()
+    for _ in range(50):
+        measured = r + k1 * measured**3
+    return {
+        "sign": measured - (r - k1 * r**3),
+        "direction": measured - (r + k1 * r**3),
+        "direction, two terms": measured - (r + k1 * r**3 + 3 * k1**2 * r**5),
+    }
 
 
 def terms(method: str) -> Figure:
@@ -216,7 +201,7 @@ def terms(method: str) -> Figure:
         ax.axhline(0, color=style.SOFT, lw=0.8)
         for (name, values), colour in zip(parts.items(), style.PALETTE, strict=False):
             ax.plot(r, UM * values, color=colour, label=name)
-        ax.plot(r, UM * radial(lens, r), color=style.INK, lw=2.4, label="their sum")
+        ax.plot(r, UM * _radial(lens, r), color=style.INK, lw=2.4, label="their sum")
         ax.set(xlabel="radius (mm)", ylabel="radial distortion (µm)", xlim=(0, far))
         ax.legend(loc="upper left", ncols=2)
     return fig

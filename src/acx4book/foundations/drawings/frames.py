@@ -33,7 +33,7 @@ def _meridian(ax: Axes) -> None:
     angle = np.linspace(-0.25, np.pi / 2 + 0.2, 120)
     maps.scene(ax, (-0.55, 1.75), (-0.55, 1.5))
     ax.plot(np.cos(angle), FLAT * np.sin(angle), color=style.SOFT)
-    at, up = on_ellipsoid(np.radians(40.0))
+    at, up = _on_ellipsoid(np.radians(40.0))
     top = at + 0.22 * up
     north = np.array([-up[1], up[0]])
     axis = at - at[0] / up[0] * up  # where the normal meets the Earth's axis
@@ -58,7 +58,7 @@ def _meridian(ax: Axes) -> None:
     style.heading(ax, "Earth-centred and topocentric", "flattening exaggerated; east points away")
 
 
-def on_ellipsoid(latitude: float) -> tuple[Array, Array]:
+def _on_ellipsoid(latitude: float) -> tuple[Array, Array]:
     """Return the drawn ellipsoid's point at a geodetic latitude, rad, and its normal."""
     up = np.array([np.cos(latitude), np.sin(latitude)])
     at = np.array([up[0], FLAT**2 * up[1]]) / np.hypot(up[0], FLAT * up[1])

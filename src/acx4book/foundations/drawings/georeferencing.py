@@ -152,24 +152,8 @@ def three_flights() -> Figure:
     return fig
 
 
-def missed(kind: str, way: int, height: float) -> tuple[float, float]:
-    """Return how far the ray starts and meets the ground beside the truth, in drawing units.
-
-    Parameters
-    ----------
-    kind : {"boresight", "lever arm", "GNSS shift"}
-    way : {1, -1}
-        Direction of flight.
-    height : float
-    """
-    if kind == "boresight":
-        return 0.0, 0.5 * way * height
-    shift = 0.5 * way if kind == "lever arm" else 0.5
-    return shift, shift
-
-
 def _flown(ax: Axes, at: float, way: int, height: float, kind: str, colour: str) -> None:
-    start, end = (at + d for d in missed(kind, way, height))
+    start, end = (at + d for d in _missed(kind, way, height))
     ax.plot([at, at], [height, 0], color=style.SOFT, ls="--", lw=1.0)
     ax.plot([start, end], [height, 0], color=colour, lw=1.6)
     ax.plot(at, 0, "^", color=style.INK)
@@ -178,6 +162,14 @@ def _flown(ax: Axes, at: float, way: int, height: float, kind: str, colour: str)
         ax, np.array([at - 0.6 * way, height]), np.array([at + 0.6 * way, height]), style.INK
     )
     ax.text(at, height + 0.13, "flown " + ("forth" if way > 0 else "back"), ha="center")
+
+
+def _missed(kind: str, way: int, height: float) -> tuple[float, float]:
+    """Return how far the ray starts and meets the ground beside the truth, in drawing units."""
+    if kind == "boresight":
+        return 0.0, 0.5 * way * height
+    shift = 0.5 * way if kind == "lever arm" else 0.5
+    return shift, shift
 
 
 # --- small parts -----------------------------------------------------------------------------

@@ -76,7 +76,7 @@ def _near(ax: Axes, results: Sequence[tuple[Array, Fit]], axis: int) -> None:
     own, P = [axis, 2], example.points()[0]
     for (x_m, fit), colour, text in zip(results, (TWO, FOUR), ("A1, A2", "all four"), strict=True):
         centre = 100 * (x_m - P)[own]
-        ax.add_patch(ellipse(centre, 1e4 * fit.cov[np.ix_(own, own)], colour))
+        ax.add_patch(_ellipse(centre, 1e4 * fit.cov[np.ix_(own, own)], colour))
         ax.plot(*centre, "o", color=colour)
         label: dict[str, Any] = {"color": colour, "fontsize": SMALL, "va": "center"}
         ax.annotate(text, (7, centre[1]), **label)
@@ -86,7 +86,7 @@ def _near(ax: Axes, results: Sequence[tuple[Array, Fit]], axis: int) -> None:
     ax.set_aspect("equal")
 
 
-def ellipse(centre: Array, cov: Array, colour: str, *, k: float = 1.0) -> Ellipse:
+def _ellipse(centre: Array, cov: Array, colour: str, *, k: float = 1.0) -> Ellipse:
     """Return the ellipse of k sigma of a covariance matrix, shape (2, 2)."""
     values, vectors = np.linalg.eigh(cov)
     width, height = 2 * k * np.sqrt(values)
@@ -111,7 +111,7 @@ def promise(errors: Array, fits: Sequence[Fit]) -> Figure:
         cov = 1e4 * fits[0].cov[EAST_HEIGHT]
         for share in (0.39, 0.95):
             k = np.sqrt(statistics.chi2_ppf(share, 2))
-            left.add_patch(ellipse(np.zeros(2), cov, FOUR, k=k))
+            left.add_patch(_ellipse(np.zeros(2), cov, FOUR, k=k))
             tip = (0.0, k * np.sqrt(cov[1, 1]))
             left.annotate(
                 f"{100 * share:.0f} %",
@@ -177,7 +177,7 @@ def valley(covs: Mapping[str, Array]) -> Figure:
         fig, ax = subplots(figsize=(WIDTH, 2.9))
         largest = np.zeros(2)
         for (name, cov), colour in zip(covs.items(), (BLUE, TEAL, ORANGE), strict=False):
-            ax.add_patch(ellipse(np.zeros(2), cov, colour))
+            ax.add_patch(_ellipse(np.zeros(2), cov, colour))
             sigma = np.sqrt(cov.diagonal())
             largest = np.maximum(largest, sigma)
             text: dict[str, Any] = {"color": colour, "fontsize": SMALL, "va": "center"}
@@ -200,7 +200,7 @@ def datums(free: FreeNetwork) -> Figure:
         for ax, (name, bundle) in zip(axes, parts, strict=True):
             x_m, cov = bundle.state.x_m, bundle.solution.cov_points
             for k in np.flatnonzero(bundle.network.free_points):
-                ax.add_patch(ellipse(x_m[k, :2], ENLARGED**2 * cov[k, :2, :2], TEAL))
+                ax.add_patch(_ellipse(x_m[k, :2], ENLARGED**2 * cov[k, :2, :2], TEAL))
             camera = bundle.T_m_c.r
             ax.plot(camera[:, 0], camera[:, 1], "v", color=BLUE, ms=5)
             ax.set(xlabel="east (m)", xlim=300 * PLUS_MINUS, ylim=210 * PLUS_MINUS, title=name)

@@ -76,21 +76,6 @@ def mistaken(opk: Array) -> dict[str, Array]:
     }
 
 
-def nadir_shift(R: Array, wrong: Array, height_m: float) -> Array:
-    """Return how far a wrong matrix carries the point below the camera's axis, east and north, m.
-
-    Parameters
-    ----------
-    R, wrong : ndarray, shape (3, 3)
-        Camera to mapping frame.
-    height_m : float
-        Above flat ground.
-    """
-    right, false = (height_m * axis[:2, 2] / -axis[2, 2] for axis in (R, wrong))
-    shift: Array = false - right
-    return shift
-
-
 def mistakes(height_m: float) -> Figure:
     """Draw where the axes of A1 and of B1 meet the ground with each mistaken matrix.
 
@@ -105,9 +90,16 @@ def mistakes(height_m: float) -> Figure:
             R = rotation_from_opk(opk)
             for ax, (name, wrong) in zip(panels, mistaken(opk).items(), strict=True):
                 ax.set(title=name, xlabel="to the east (m)", aspect="equal")
-                _shift(ax, nadir_shift(R, wrong, height_m), image, colour)
+                _shift(ax, _nadir_shift(R, wrong, height_m), image, colour)
         panels[0].set(xlim=(-19, 19), ylim=(-17, 11), ylabel="to the north (m)")
     return fig
+
+
+def _nadir_shift(R: Array, wrong: Array, height_m: float) -> Array:
+    """Return how far a wrong matrix carries the point below the axis, east and north, m."""
+    right, false = (height_m * axis[:2, 2] / -axis[2, 2] for axis in (R, wrong))
+    shift: Array = false - right
+    return shift
 
 
 def _shift(ax: Axes, shift: Array, image: str, colour: str) -> None:
@@ -160,38 +152,6 @@ def headings() -> Figure:
 # --- phi near 90 degrees ---------------------------------------------------------------------
 
 
-def turning_axes(phi: float) -> Array:
-    """Return the axes about which omega, phi and kappa turn, rows, in the mapping frame.
-
-    Parameters
-    ----------
-    phi : float
-        Radians; omega is zero.
-    """
-    return np.stack([np.eye(3)[0], np.eye(3)[1], turn(1, phi)[:, 2]])
-
-
-def angle_sigmas(phi: Array) -> tuple[Array, Array]:
-    """Return what a camera with equal sigma about all its axes has in its three angles.
-
-    Parameters
-    ----------
-    phi : ndarray, shape (n,)
-        Radians.
-
-    Returns
-    -------
-    sigma : ndarray, shape (n, 3)
-        Of omega, phi, kappa, over the sigma about the axes.
-    correlation : ndarray, shape (n,)
-        Between omega and kappa.
-    """
-    J = opk_jacobian(np.stack([0 * phi, phi, 0 * phi], axis=-1))
-    cov = J @ np.swapaxes(J, -1, -2)
-    sigma = np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1))
-    return sigma, cov[:, 0, 2] / (sigma[:, 0] * sigma[:, 2])
-
-
 def singularity() -> Figure:
     """Draw the axes of the three turns at phi = 0, 60 and 90 degrees, and what sigma becomes."""
     with style.applied():
@@ -209,7 +169,7 @@ def singularity() -> Figure:
 
 def _turning(ax: Axes, phi: float) -> None:
     seen = maps.view(-18, 26)
-    for axis, name, colour in zip(turning_axes(phi), ("ω", "φ", "κ"), COLOURS, strict=True):
+    for axis, name, colour in zip(_turning_axes(phi), ("ω", "φ", "κ"), COLOURS, strict=True):
         ends = seen.apply(np.array([-0.55, 1.0])[:, None] * axis)[:, :2]
         last = name == "κ"
         maps.arrow(ax, ends[0], ends[1], colour, width=3.2 if last else 1.8)
@@ -217,12 +177,25 @@ def _turning(ax: Axes, phi: float) -> None:
     ax.set(xlim=(-1.15, 1.15), ylim=(-0.85, 1.25))
 
 
+def _turning_axes(phi: float) -> Array:
+    """Return the axes about which omega, phi and kappa turn, rows, in the mapping frame."""
+    return np.stack([np.eye(3)[0], np.eye(3)[1], turn(1, phi)[:, 2]])
+
+
 def _sigmas(ax: Axes) -> None:
     degrees = np.linspace(0, 88, 177)
-    sigma, correlation = angle_sigmas(np.radians(degrees))
+    sigma, correlation = _angle_sigmas(np.radians(degrees))
     ax.plot(degrees, sigma[:, 0], color=COLOURS[0], lw=2.4, label="σ of ω, the same as of κ")
     ax.plot(degrees, sigma[:, 1], color=COLOURS[1], label="σ of φ")
     ax.plot(degrees, correlation, color=style.INK, ls="--", label="correlation of ω and κ")
     ax.axhline(0, color=style.SOFT, lw=0.6)
     ax.set(xlim=(0, 90), ylim=(-1.3, 10), xlabel="φ (deg)", ylabel="σ over σ about an axis (1)")
     ax.legend(loc="upper left")
+
+
+def _angle_sigmas(phi: Array) -> tuple[Array, Array]:
+    """Return what a camera with equal sigma about all its axes has in its three angles."""
+    J = opk_jacobian(np.stack([0 * phi, phi, 0 * phi], axis=-1))
+    cov = J @ np.swapaxes(J, -1, -2)
+    sigma = np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1))
+    return sigma, cov[:, 0, 2] / (sigma[:, 0] * sigma[:, 2])

@@ -1,5 +1,6 @@
 """One flight of many: run, kept, or failed with a reason in one line."""
 
+import csv
 import errno
 import json
 import os
@@ -7,6 +8,7 @@ import shutil
 import signal
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import distributed
@@ -25,6 +27,18 @@ from support.flights.planned import values
 from support.flights.spoilt import change
 
 
+def run(job):
+    """Run a flight in the folder of its results."""
+    with ThreadPoolExecutor(1) as pool:
+        return runs.run_all([job], job.results.parent, pool)[job.name]
+
+
+def rows(path):
+    """Rows of a table by flight."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return {row["flight"]: row for row in csv.DictReader(file)}
+
+
 @pytest.fixture
 def job(small_flights, settings, tmp_path):
     shutil.copytree(small_flights[0], tmp_path / "flight")
@@ -33,21 +47,21 @@ def job(small_flights, settings, tmp_path):
 
 
 def test_a_flight_is_run_once_and_again_when_it_was_changed(job):
-    first = runs.run(job)
+    first = run(job)
     assert (first.status, first.reason, first.kept) == (0, "", False)
     assert float(first.times["seconds"]) > 0
-    again = runs.run(job)
+    again = run(job)
     assert again == replace(first, kept=True, times={})
     change(job.flight, "control_points.csv", lambda t: t.assign(height_m=t["height_m"] + 0.01))
-    changed = runs.run(job)
+    changed = run(job)
     assert not changed.kept
     assert changed.row["lever_z_m"] != first.row["lever_z_m"]
 
 
 def test_bad_input_is_status_2_with_its_first_line_and_no_old_numbers(job):
-    runs.run(job)
+    run(job)
     change(job.flight, "calibration/image_points.csv", lambda t: t.assign(col_px=-1e9))
-    found = runs.run(job)
+    found = run(job)
     assert (found.status, found.row) == (2, {})
     assert found.reason.startswith(
         "calibration/image_points.csv:2: col_px: -1000000000.0; must lie"
@@ -59,7 +73,7 @@ def test_bad_input_is_status_2_with_its_first_line_and_no_old_numbers(job):
 def test_a_stage_that_fails_is_status_1_with_what_was_found_before_and_no_old_numbers(
     job, monkeypatch
 ):
-    runs.run(job)
+    run(job)
     change(job.flight, "control_points.csv", lambda t: t.assign(height_m=t["height_m"] + 0.01))
 
     def fail(*_):
@@ -68,16 +82,16 @@ def test_a_stage_that_fails_is_status_1_with_what_was_found_before_and_no_old_nu
 
     with monkeypatch.context() as patched:
         patched.setitem(functions.RUNS, "mounting", fail)
-        found = runs.run(job)
+        found = run(job)
     assert (found.status, found.row) == (1, {})
     assert found.reason == "mounting: does (and 1 more)"
-    assert runs.run(job).status == 0  # it is tried again
+    assert run(job).status == 0  # it is tried again
 
 
 def test_what_a_run_says_of_the_results_is_said_of_kept_ones_too(job, monkeypatch):
-    runs.run(job)
+    run(job)
     monkeypatch.setattr(runner, "wrong", lambda *_: iter(["mounting/single_step: weak"]))
-    found = runs.run(job)
+    found = run(job)
     assert (found.kept, found.status, found.reason) == (True, 1, "mounting/single_step: weak")
     assert found.row["f_mm"]
 
@@ -94,13 +108,13 @@ def test_any_error_is_a_line(job, monkeypatch, error, status, reason):
         raise error
 
     monkeypatch.setattr(runner, "run", fail)
-    found = runs.run(job)
+    found = run(job)
     assert (found.status, found.reason) == (status, reason)
 
 
 def test_a_seed_is_simulated_once_and_run_as_the_two_commands_would(tmp_path, settings):
     (job,) = runs.of_seeds(["single-head"], [3], tmp_path / "all", settings)
-    found = runs.run(job)
+    found = run(job)
     assert (found.status, found.reason) == (0, "")
     assert (tmp_path / "all" / "simulated" / "single-head-3.truth.json").is_file()
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=3), tmp_path / "alone")
@@ -108,7 +122,7 @@ def test_a_seed_is_simulated_once_and_run_as_the_two_commands_would(tmp_path, se
     for name in (*results.FILES, provenance.FILE):
         assert (job.results / name).read_bytes() == (tmp_path / "results" / name).read_bytes()
     before = (job.flight / "flight.toml").stat().st_mtime_ns
-    assert runs.run(job).kept
+    assert run(job).kept
     assert (job.flight / "flight.toml").stat().st_mtime_ns == before
 
 
@@ -117,24 +131,49 @@ def test_a_plan_is_flown_by_its_seeds_and_its_flights_are_not_those_of_another(t
     plan.write_text(plans.written(values()))
     job, other = runs.of_seeds([str(plan)], [1, 2], tmp_path / "all", settings)
     assert [job.name, other.name] == ["village-1", "village-2"]
-    found = runs.run(job)
+    found = run(job)
     assert (found.status, found.reason, found.kept) == (0, "", False)
-    assert (runs.plan_beside(job.flight)).read_bytes() == plan.read_bytes()
-    assert runs.run(job).kept
-    assert runs.run(other).row["f_mm"] != found.row["f_mm"]
+    assert job.flight.with_name("village-1.plan.toml").read_bytes() == plan.read_bytes()
+    assert run(job).kept
+    assert run(other).row["f_mm"] != found.row["f_mm"]
     plan.write_text(plans.written({**values(), "name": "another name"}))
-    refused = runs.run(job)
+    refused = run(job)
     assert refused.status == 2
     assert "was flown by another plan than" in refused.reason
     assert "choose another folder" in refused.reason
 
 
-def test_a_worker_that_died_is_a_line():
-    gone = runs.lost(FileNotFoundError(errno.ENOENT, "the current folder is no more"))
-    assert (gone.status, gone.reason) == (2, "the current folder is no more")
-    found = runs.lost(ProcessDiedError("its process was ended\nby signal SIGKILL"))
-    assert found.status == 1
-    assert found.reason.startswith("its process was ended by signal SIGKILL; short of memory?")
+class Dying(ThreadPoolExecutor):
+    """Workers that die of an error before they tell anything."""
+
+    def __init__(self, error):
+        super().__init__(1)
+        self.error = error
+
+    def submit(self, _function, *_given):
+        return super().submit(self._die)
+
+    def _die(self):
+        raise self.error
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "reason"),
+    [
+        (FileNotFoundError(errno.ENOENT, "no current folder"), 2, "no current folder"),
+        (
+            ProcessDiedError("its process was ended\nby signal SIGKILL"),
+            1,
+            "its process was ended by signal SIGKILL; short of memory? use fewer workers",
+        ),
+    ],
+)
+def test_a_worker_that_died_is_a_line(job, error, status, reason):
+    folder = job.results.parent
+    with Dying(error) as pool:
+        found = runs.run_all([job], folder, pool)[job.name]
+    assert (found.status, found.reason) == (status, reason)
+    assert rows(folder / runs.TABLE)["flight"]["reason"] == reason
 
 
 # --- Many flights in one folder: equal bytes wherever they are run, whatever fails or is killed
@@ -210,11 +249,11 @@ def test_a_second_call_runs_only_what_is_missing_or_was_changed(
     said = []
     run_here(own[:2], tmp_path / "all")
     change(own[1], "control_points.csv", lambda t: t.assign(height_m=t["height_m"] + 0.01))
-    times = runs.read(tmp_path / "all" / runs.TIMES)
+    times = rows(tmp_path / "all" / runs.TIMES)
     found = run_here(own, tmp_path / "all", tell=lambda *now: said.append(now))
     assert [one.kept for one in found.values()] == [True, False, False]
     assert sorted(said) == sorted((p.name, done, 1) for p in own for done in (0, 1))
-    again = runs.read(tmp_path / "all" / runs.TIMES)
+    again = rows(tmp_path / "all" / runs.TIMES)
     assert again["flight1"] == times["flight1"]  # what it took when it was run
     assert again["flight2"] != times["flight2"]
     left = contents(tmp_path / "all")
@@ -230,11 +269,11 @@ def test_a_flight_that_fails_stops_no_other(run_here, small_flights, one_by_one,
     found = run_here(flights, tmp_path / "all")
     assert [one.status for one in found.values()] == [0, 2, 2, 0, 0]
     assert contents(tmp_path / "all") == one_by_one
-    rows = runs.read(tmp_path / "all" / runs.TABLE)
-    assert list(rows) == ["flight1", "bad", "nowhere", "flight2", "flight3"]
-    assert rows["bad"]["reason"].startswith("control_points.csv:2: sigma_east_m: -1")
-    assert rows["bad"]["f_mm"] == ""
-    assert float(rows["flight3"]["sigma_f_mm"]) > 0
+    table = rows(tmp_path / "all" / runs.TABLE)
+    assert list(table) == ["flight1", "bad", "nowhere", "flight2", "flight3"]
+    assert table["bad"]["reason"].startswith("control_points.csv:2: sigma_east_m: -1")
+    assert table["bad"]["f_mm"] == ""
+    assert float(table["flight3"]["sigma_f_mm"]) > 0
 
 
 def test_a_folder_of_something_else_is_left_alone(run_here, small_flights, tmp_path):
@@ -254,7 +293,7 @@ def test_an_interrupt_leaves_the_table_of_what_is_finished(run_here, small_fligh
 
     with pytest.raises(KeyboardInterrupt):
         run_here(small_flights, tmp_path / "all", tell=interrupt)
-    assert list(runs.read(tmp_path / "all" / runs.TABLE)) == ["flight1"]
+    assert list(rows(tmp_path / "all" / runs.TABLE)) == ["flight1"]
     found = run_here(small_flights, tmp_path / "all")
     assert found["flight1"].kept
     assert [one.status for one in found.values()] == [0, 0, 0]

@@ -30,9 +30,7 @@ def left(small_flights, tmp_path):
 
 def test_results_of_the_flight_as_it_is_are_whole(flight, left, settings, tmp_path):
     assert runs.is_whole(flight, left, settings)
-    assert runs.stages_of(left) == ["mounting"]
     assert not runs.is_whole(flight, tmp_path / "nowhere", settings)
-    assert runs.stages_of(tmp_path / "nowhere") == []
 
 
 def test_results_of_another_flight_are_not(small_flights, left, settings):
@@ -96,16 +94,9 @@ def test_notebooks_that_are_wanted_must_be_there_with_the_cells_that_they_have(
 # --- The table of many flights, beside what the results of each say
 
 
-@pytest.fixture(scope="module")
-def table_left(small_flights, tmp_path_factory):
-    path = tmp_path_factory.mktemp("table") / "results"
-    runner.run(small_flights[0], path, way=Functions())
-    return path
-
-
-def test_a_row_has_the_single_step_as_it_is_written(table_left):
-    row = runs.row_of(table_left, ["mounting", "validation"])
-    found = folder.read(table_left)
+def test_a_row_has_the_single_step_as_it_is_written(run_here, small_flights, tmp_path):
+    row = run_here(small_flights[:1], tmp_path / "all")["flight1"].row
+    found = folder.read(tmp_path / "all" / "flight1")
     parameters = folder.parameters(found, "mounting/single_step", row["camera"])
     assert len(parameters) >= 12
     for name, one in parameters.iterrows():
@@ -115,33 +106,20 @@ def test_a_row_has_the_single_step_as_it_is_written(table_left):
     assert float(row["sigma0_squared"]) == entry["sigma0_squared"]
     assert int(row["redundancy"]) == entry["redundancy"]
     assert "n_check_points" not in row  # there is no such block
-    assert set(row) <= set(runs.COLUMNS)
+    with (tmp_path / "all" / runs.TABLE).open(newline="", encoding="utf-8") as file:
+        (written_row,) = csv.DictReader(file)
+    assert tuple(written_row) == runs.COLUMNS
+    assert (
+        written_row == dict.fromkeys(runs.COLUMNS, "") | {"flight": "flight1", "status": "0"} | row
+    )
 
 
-def test_a_stage_of_an_earlier_run_has_no_part_in_it(table_left):
-    assert runs.row_of(table_left, ["validation"]) == {}
-
-
-def test_check_points_are_those_of_the_validation(tmp_path):
+def test_check_points_are_those_of_the_validation(run_here, tmp_path):
     flight = written.write_flight(tmp_path / "flight", blocks=("validation",))
-    runner.run(flight, tmp_path / "results", way=Functions())
-    row = runs.row_of(tmp_path / "results", ["validation"])
-    entry = folder.read(tmp_path / "results").summary["validation/given"]
+    row = run_here([flight], tmp_path / "all")["flight"].row
+    entry = folder.read(tmp_path / "all" / "flight").summary["validation/given"]
     assert int(row["n_check_points"]) == entry["n_points"]
     keys = ("rms_east_m", "rms_north_m", "rms_height_m")
     assert [float(row[key]) for key in keys] == entry["points"]["rms"]
     assert float(row["mean_height_m"]) == entry["points"]["mean"][2]
     assert row["normalised_rms_east"] == repr(entry["points"]["normalised_rms"][0])
-
-
-def test_tables_are_read_as_they_were_written(tmp_path):
-    rows = [{"flight": 'a,"b"', "seconds": "1.5"}, {"flight": "c", "other": "left out"}]
-    runs.write_rows(tmp_path / "times.csv", runs.TIME_COLUMNS, rows)
-    found = runs.read(tmp_path / "times.csv")
-    assert list(found) == ['a,"b"', "c"]
-    assert found['a,"b"']["seconds"] == "1.5"
-    assert found["c"] == dict.fromkeys(runs.TIME_COLUMNS, "") | {"flight": "c"}
-    assert runs.read(tmp_path / "nowhere.csv") == {}
-    with (tmp_path / "times.csv").open(newline="") as file:
-        assert tuple(next(csv.reader(file))) == runs.TIME_COLUMNS
-    assert [path.name for path in tmp_path.iterdir()] == ["times.csv"]
