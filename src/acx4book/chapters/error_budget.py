@@ -177,17 +177,6 @@ ROWS = {
 """What is shown: the slider on which it depends, and its sources; the first depends on none."""
 
 
-def unit_flight(height_m: float) -> MappingFlight:
-    """Return a mapping flight whose standard deviations are one unit of each slider."""
-    degree = float(np.radians(1.0))
-    return MappingFlight(
-        height_m=height_m,
-        sigma_position_m=(0.01, 0.01, 0.01),
-        sigma_attitude=(degree, degree, degree),
-        sigma_px=1.0,
-    )
-
-
 def _sliders(values: Sequence[float]) -> list[Slider]:
     """Return the sliders between whose ends values lie: those of `SLIDERS`, or scaled."""
     return [_around(slider, value) for slider, value in zip(SLIDERS, values, strict=True)]
@@ -204,10 +193,21 @@ def _effects(calibration: Calibration, height: Slider) -> Array:
     """Return what one unit of each slider makes of a ground point, at every stop of the height."""
     found = []
     for height_m in height.stops:
-        mean = plan_and_height(over_ground(calibration, unit_flight(height_m)).mean)
+        mean = plan_and_height(over_ground(calibration, _unit_flight(height_m)).mean)
         own = [[budget.SOURCES.index(name) for name in sources] for _, sources in ROWS.values()]
         found.append([[part[columns].sum() for columns in own] for part in mean])
     return 100 * np.sqrt(np.maximum(np.array(found), 0.0))
+
+
+def _unit_flight(height_m: float) -> MappingFlight:
+    """Return a mapping flight whose standard deviations are one unit of each slider."""
+    degree = float(np.radians(1.0))
+    return MappingFlight(
+        height_m=height_m,
+        sigma_position_m=(0.01, 0.01, 0.01),
+        sigma_attitude=(degree, degree, degree),
+        sigma_px=1.0,
+    )
 
 
 def shown(calibration: Calibration, flown: MappingFlight) -> Shown:

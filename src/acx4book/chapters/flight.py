@@ -75,7 +75,7 @@ def _depth(at: Array) -> float:
 
 def _places(ways: Sequence[Array]) -> list[Array]:
     """Return where heads are on the mount; those that look one way stand around its middle."""
-    at = [aside(way) for way in ways]
+    at = [_aside(way) for way in ways]
     of_place: dict[tuple[float, ...], list[int]] = {}
     for i, place in enumerate(at):
         of_place.setdefault(tuple(place.round(1) + 0.0), []).append(i)
@@ -87,7 +87,7 @@ def _places(ways: Sequence[Array]) -> list[Array]:
     return at
 
 
-def aside(way: Array) -> Array:
+def _aside(way: Array) -> Array:
     """Return where a head is on the mount: aside to where it looks."""
     flat = way * [1.0, 1.0, 0.0]
     length = float(np.hypot(*flat[:2]))
@@ -104,14 +104,14 @@ def _draw_mount(ax: Axes) -> None:
 def _draw_head(ax: Axes, at: Array, way: Array, colour: str, name: str) -> None:
     """Draw a lens below the mount, the camera above it, and the axis along which it looks."""
     tip = at + LENS * way
-    _solid(ax, np.concatenate([ring(at, way, RADIUS), ring(tip, way, 1.2 * RADIUS)]), colour)
-    back = ring(at, way, 1.5 * RADIUS)
+    _solid(ax, np.concatenate([_ring(at, way, RADIUS), _ring(tip, way, 1.2 * RADIUS)]), colour)
+    back = _ring(at, way, 1.5 * RADIUS)
     _solid(ax, np.concatenate([back, back - 0.4 * way]), colour, zorder=4)
     arrow(ax, VIEW.apply(tip)[:2], VIEW.apply(at + 1.35 * way)[:2], colour, width=1.4)
     note(ax, VIEW.apply(at + 1.5 * way)[:2], style.plain(name), style.INK, shift=(0, -3))
 
 
-def ring(centre: Array, way: Array, radius: float) -> Array:
+def _ring(centre: Array, way: Array, radius: float) -> Array:
     """Return points of a circle around a direction, shape (24, 3)."""
     across = np.linalg.svd(way[None])[2][1:]
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
@@ -131,7 +131,7 @@ def _draw_imu(ax: Axes) -> None:
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     _solid(ax, IMU_AT + signs * np.array([0.3, 0.3, 0.22]), BODY, zorder=5)
     triad(ax, VIEW, IMU_AT, 1.3 * np.eye(3), ["$x$ forward", "$y$ left", "$z$ up"], BODY)
-    rim = ring(ANTENNA_AT, np.array([0.0, 0.0, 1.0]), 0.28)
+    rim = _ring(ANTENNA_AT, np.array([0.0, 0.0, 1.0]), 0.28)
     _solid(ax, np.concatenate([rim, rim + np.array([0.0, 0.0, 0.1])]), style.SOFT, zorder=5)
     line = VIEW.apply(np.stack([IMU_AT, ANTENNA_AT]))[:, :2]
     ax.plot(*line.T, color=style.SOFT, lw=1.0, ls=(0, (3, 2)), zorder=3)
@@ -194,7 +194,7 @@ def target(flight: Flight) -> Figure | None:
         )
         _draw_target(axes[0], diameter)
         for ax, (height, gsd) in zip(axes[1:], found, strict=True):
-            grey = pixels(diameter / gsd, OFF, half=int(np.ceil(SIDE_M / gsd / 2)))
+            grey = _pixels(diameter / gsd, OFF, half=int(np.ceil(SIDE_M / gsd / 2)))
             reach = gsd * len(grey) / 2
             ax.imshow(grey, cmap="gray", vmin=-0.25, vmax=1, extent=(-reach, reach, -reach, reach))
             ax.set_title(f"from {height:.0f} m")
@@ -213,22 +213,8 @@ def _levels(flight: Flight) -> list[tuple[float, float]]:
     return sorted(one for one in found if np.isfinite(one[0]))
 
 
-def pixels(diameter_px: float, centre_px: Array, *, half: int) -> Array:
-    """Return how much of each pixel a disc covers.
-
-    Parameters
-    ----------
-    diameter_px : float
-    centre_px : ndarray, shape (2,)
-        Of the disc, from the middle of the middle pixel.
-    half : int
-        Pixels on each side of the middle one.
-
-    Returns
-    -------
-    ndarray, shape (2 half + 1, 2 half + 1)
-        From zero to one.
-    """
+def _pixels(diameter_px: float, centre_px: Array, *, half: int) -> Array:
+    """Return how much of each pixel a disc covers."""
     n = 2 * half + 1
     at = (np.arange(n * SAMPLES) + 0.5) / SAMPLES - n / 2
     col, row = np.meshgrid(at - centre_px[0], at - centre_px[1])

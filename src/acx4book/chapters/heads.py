@@ -236,8 +236,8 @@ def held_focal_lengths(held: Mapping[float, Heads]) -> Figure:
         for ax, label in zip(axes.flat, labels, strict=True):
             ax.set_ylabel(label)
             ax.set_xticks(change, ticks)
-        axes[0, 0].set_ylim(0, 1.35 * max(map(variance, tried)))
-        axes[0, 1].set_ylim(0, 1600 * max(map(control_rms, tried)))
+        axes[0, 0].set_ylim(0, 1.35 * max(map(_variance, tried)))
+        axes[0, 1].set_ylim(0, 1600 * max(map(_control_rms, tried)))
         axes[0, 2].axhline(0.0, color=style.BRICK, lw=0.9, zorder=1)
         for ax in axes[1]:
             ax.set_xlabel("change of the held $f$ (mm)")
@@ -348,8 +348,8 @@ def _reaction(heads: Heads, before: Heads) -> dict[str, object]:
         [[sound[name].cameras[0].interior.xp, sound[name].cameras[0].interior.yp] for name in fits]
     )
     return {
-        "Variance of unit weight": variance(heads),
-        "RMS at control points (mm)": 1000 * control_rms(heads),
+        "Variance of unit weight": _variance(heads),
+        "RMS at control points (mm)": 1000 * _control_rms(heads),
         "Cameras above GNSS, lowest (m)": min(rise.values()),
         "highest (m)": max(rise.values()),
         "Lifted by up to (m)": max(abs(rise[name] - above_gnss(sound[name])) for name in fits),
@@ -357,12 +357,12 @@ def _reaction(heads: Heads, before: Heads) -> dict[str, object]:
     }
 
 
-def variance(heads: Heads) -> float:
+def _variance(heads: Heads) -> float:
     """Return the variance of unit weight, mean of the heads."""
     return float(np.mean([fit.solution.sigma0_sq for fit in heads.bundles.values()]))
 
 
-def control_rms(heads: Heads) -> float:
+def _control_rms(heads: Heads) -> float:
     """Return the RMS of all components of the control points' residuals, all heads, m."""
     v = [fit.solution.group("control_point").v.ravel() for fit in heads.bundles.values()]
     squares = np.concatenate(v) ** 2
@@ -392,7 +392,7 @@ def by_wrong_lengths(reactions: pd.DataFrame) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        ``variance`` in per cent, ``control_mm``, ``moved_mm``, ``lifted_m``; empty where no head
+        ``_variance`` in per cent, ``control_mm``, ``moved_mm``, ``lifted_m``; empty where no head
         can be adjusted with its focal length unchanged.
     """
     if "unchanged" not in reactions.index:

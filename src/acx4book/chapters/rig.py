@@ -39,11 +39,8 @@ NO_OTHERS = "The heads are oriented in no other way."
 FACTORS = (1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500)
 
 
-def gains(before: RelativeOrientation, after: RelativeOrientation) -> Array:
-    """Return how many times smaller the standard deviations become, shape (n_heads, 6).
-
-    NaN where one of them is zero: Zc of the first head, where its focal length is held.
-    """
+def _gains(before: RelativeOrientation, after: RelativeOrientation) -> Array:
+    """Return how many times smaller the standard deviations become, shape (n_heads, 6)."""
     fixed = (before.sigma == 0) | (after.sigma == 0)
     return np.where(fixed, np.nan, before.sigma / np.where(fixed, 1.0, after.sigma))
 
@@ -54,7 +51,7 @@ def median_gains(
     """Return the medians of gains by kinds of parameters; empty for a way that failed."""
     if isinstance(before, Failed):
         return {}
-    found = gains(before, after)
+    found = _gains(before, after)
     parts = {"$X_c$ and $Y_c$": slice(0, 2), "$Z_c$": slice(2, 3), "the angles": slice(3, 6)}
     known = {
         name: own[np.isfinite(own)] for name, part in parts.items() for own in [found[:, part]]
@@ -81,7 +78,7 @@ def rig_gains(
             1, len(found), figsize=(style.WIDTH, 3.1), sharey=True, squeeze=False
         )
         for ax, (title, one) in zip(axes[0], found.items(), strict=True):
-            _draw_gains(ax, gains(one, rig))
+            _draw_gains(ax, _gains(one, rig))
             ax.set_title(title)
         axes[0, 0].set_ylabel("σ over that of the rig (1)")
         handles = [
@@ -389,15 +386,8 @@ def _without(own: Array, values: Array) -> Array:
 # --- The heads of a simulated flight as they truly are
 
 
-def true_heads(flight: Flight, cameras: Sequence[Camera]) -> tuple[Camera, ...]:
-    """Return heads as they truly are; none where the flight was not simulated.
-
-    Parameters
-    ----------
-    flight : Flight
-    cameras : sequence of Camera
-        Of the flight.
-    """
+def _true_heads(flight: Flight, cameras: Sequence[Camera]) -> tuple[Camera, ...]:
+    """Return heads as they truly are; none where the flight was not simulated."""
     path = truth_path(flight.pictures.resolve())
     if not path.is_file():
         return ()
@@ -433,7 +423,7 @@ def off_truth(flight: Flight, together: Mounting) -> pd.Series:
     Series
         By the rows of the mounting's table; empty where the flight was not simulated.
     """
-    true, table = true_heads(flight, together.calibration.cameras), together.table()
+    true, table = _true_heads(flight, together.calibration.cameras), together.table()
     if not true:
         return pd.Series(index=table.index[:0], dtype=float)
     exact = replace(together.calibration, cameras=true).table()["value"]
@@ -449,7 +439,7 @@ def true_orientation(flight: Flight, together: Mounting) -> RelativeOrientation 
     together : Mounting
         Their rig.
     """
-    heads = true_heads(flight, together.calibration.cameras)
+    heads = _true_heads(flight, together.calibration.cameras)
     if not heads:
         return None
     exact = replace(together, calibration=replace(together.calibration, cameras=heads))

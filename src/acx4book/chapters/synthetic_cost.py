@@ -112,13 +112,6 @@ def read(folder: str | Path = "") -> Study:
     return Study(about={**about, "noise": of_noise}, **tables)
 
 
-def variance_factors(study: Study, way: str) -> Array:
-    """Return the variance factor of every flight."""
-    own = study.parameters
-    chosen = (own["way"] == way) & (own["parameter"] == "sigma0_squared")
-    return own.loc[chosen, "value"].to_numpy()
-
-
 def scatter(study: Study, way: str) -> pd.DataFrame:
     """Return how estimates scatter over flights, beside their a posteriori sigma.
 
@@ -165,33 +158,6 @@ def rms_by_flight(study: Study, way: str) -> pd.DataFrame:
     )
 
 
-def accuracy(study: Study) -> pd.DataFrame:
-    """Return the accuracy at check points of both ways, over all flights.
-
-    Returns
-    -------
-    DataFrame
-        One row per over and axis: for either way RMS and predicted sigma (m); and by how many
-        percent the synthetic image's RMS is larger, with the standard error of that, for which
-        both ways of a flight are a pair.
-    """
-    squared = study.points.assign(
-        rms=study.points["rms_m"] ** 2, predicted=study.points["sigma_m"] ** 2
-    )
-    rows = []
-    for (over, axis), own in squared.groupby(["over", "axis"], sort=False):
-        squares, predicted = (
-            own.pivot_table(index="seed", columns="way", values=name)
-            for name in ("rms", "predicted")
-        )
-        row: dict[str, Any] = {"over": over, "axis": axis}
-        for way in (SYNTHETIC, RIG):
-            row |= {f"rms_{way}": np.sqrt(squares[way].mean())}
-            row |= {f"sigma_{way}": np.sqrt(predicted[way].mean())}
-        rows.append(row | _percent_larger(squares[SYNTHETIC].to_numpy(), squares[RIG].to_numpy()))
-    return pd.DataFrame(rows)
-
-
 def _percent_larger(first: Array, second: Array) -> dict[str, float]:
     """Return by how many percent one RMS over flights is larger, from squares by flight.
 
@@ -219,7 +185,7 @@ def excess(study: Study) -> dict[str, float]:
         flight and its standard error ``sigma``; and in how many flights that of the synthetic
         image is ``beyond`` one by more than twice its scatter.
     """
-    single, rig = (variance_factors(study, way) for way in (SYNTHETIC, RIG))
+    single, rig = (_variance_factors(study, way) for way in (SYNTHETIC, RIG))
     difference = single - rig
     return {
         "rig": float(rig.mean()),
@@ -228,6 +194,13 @@ def excess(study: Study) -> dict[str, float]:
         "sigma": float(np.std(difference, ddof=1) / np.sqrt(len(difference))),
         "beyond": int(np.sum(single > 1 + 2 * np.std(single, ddof=1))),
     }
+
+
+def _variance_factors(study: Study, way: str) -> Array:
+    """Return the variance factor of every flight."""
+    own = study.parameters
+    chosen = (own["way"] == way) & (own["parameter"] == "sigma0_squared")
+    return own.loc[chosen, "value"].to_numpy()
 
 
 def scatter_with_heads(study: Study) -> pd.DataFrame:
@@ -317,18 +290,6 @@ def at_height(pattern: pd.DataFrame, height_m: float) -> pd.DataFrame:
 def rms_px(found: pd.DataFrame) -> float:
     """Return the root mean square of a pattern's vectors, by coordinate, px."""
     return float(np.sqrt(np.mean(found[D].to_numpy() ** 2)))
-
-
-def largest_px(found: pd.DataFrame) -> float:
-    """Return the length of the longest vector, px."""
-    return float(np.hypot(found[D[0]], found[D[1]]).max())
-
-
-def largest_step_px(found: pd.DataFrame) -> float:
-    """Return the largest step between neighbouring nodes of different heads, px."""
-    head = _grid(found, "head")
-    d = np.stack([_grid(found, name).astype(float) for name in D], axis=-1)
-    return float(max(_steps(head, d), _steps(head.T, np.swapaxes(d, 0, 1))))
 
 
 def _grid(found: pd.DataFrame, name: str) -> Array:
@@ -558,7 +519,9 @@ def pattern(found: Study) -> Figure:
     width, height = (printed.value(2, name, "SYN") for name in ("width_px", "height_px"))
     flown = np.unique(found.pattern["height_m"])
     fields = {h: found.pattern[found.pattern["height_m"] == h] for h in flown}
-    key = style.round_length(max(map(largest_px, fields.values())))
+    key = style.round_length(
+        max(float(np.hypot(own[D[0]], own[D[1]]).max()) for own in fields.values())
+    )
     names = sorted(found.pattern["head"].unique())
     with style.applied():
         fig, axes = style.subplots(1, len(fields), figsize=(style.WIDTH, 4.9), sharey=True)
@@ -630,7 +593,7 @@ def _index(names: Iterable[str]) -> pd.MultiIndex:
 
 def accuracy_table(found: Study) -> pd.DataFrame:
     """Return RMS and predicted sigma at check points for both ways, and how much larger one is."""
-    own = accuracy(found)
+    own = _accuracy(found)
     columns = {
         (title, way): own[f"{part}_{way}"]
         for title, part in (("RMS (m)", "rms"), ("predicted (m)", "sigma"))
@@ -644,6 +607,25 @@ def accuracy_table(found: Study) -> pd.DataFrame:
     axes = [axis.removesuffix("_m") for axis in own["axis"]]
     table.index = pd.MultiIndex.from_arrays([own["over"], axes], names=["over", "axis"])
     return _formatted(table, {f"{title}, {way}": ".3f" for title, way in list(columns)[:4]})
+
+
+def _accuracy(study: Study) -> pd.DataFrame:
+    """Return the accuracy at check points of both ways, over all flights."""
+    squared = study.points.assign(
+        rms=study.points["rms_m"] ** 2, predicted=study.points["sigma_m"] ** 2
+    )
+    rows = []
+    for (over, axis), own in squared.groupby(["over", "axis"], sort=False):
+        squares, predicted = (
+            own.pivot_table(index="seed", columns="way", values=name)
+            for name in ("rms", "predicted")
+        )
+        row: dict[str, Any] = {"over": over, "axis": axis}
+        for way in (SYNTHETIC, RIG):
+            row |= {f"rms_{way}": np.sqrt(squares[way].mean())}
+            row |= {f"sigma_{way}": np.sqrt(predicted[way].mean())}
+        rows.append(row | _percent_larger(squares[SYNTHETIC].to_numpy(), squares[RIG].to_numpy()))
+    return pd.DataFrame(rows)
 
 
 def parameters(found: Study) -> pd.DataFrame:
@@ -700,13 +682,13 @@ def heights(found: Study, heights_m: Iterable[float] = HEIGHTS_M) -> pd.DataFram
     rows = []
     for height_m in heights_m:
         own = at_height(found.pattern, height_m)
-        step = largest_step_px(own)
+        step = _largest_step_px(own)
         ground_cm = 100 * height_m * printed.pixel_mm("SYN") / printed.value(3, "f_mm", PAPERS)
         rows.append(
             {
                 "flying height (m)": height_m,
                 "RMS (px)": rms_px(own),
-                "largest (px)": largest_px(own),
+                "largest (px)": float(np.hypot(own[D[0]], own[D[1]]).max()),
                 "largest step at a seam (px)": step,
                 "that step on the ground (cm)": step * ground_cm,
             }
@@ -714,6 +696,13 @@ def heights(found: Study, heights_m: Iterable[float] = HEIGHTS_M) -> pd.DataFram
     table = pd.DataFrame(rows)
     whole = dict.fromkeys(("flying height (m)", "that step on the ground (cm)"), ".0f")
     return _formatted(table, dict.fromkeys(table, ".2f") | whole)
+
+
+def _largest_step_px(found: pd.DataFrame) -> float:
+    """Return the largest step between neighbouring nodes of different heads, px."""
+    head = _grid(found, "head")
+    d = np.stack([_grid(found, name).astype(float) for name in D], axis=-1)
+    return float(max(_steps(head, d), _steps(head.T, np.swapaxes(d, 0, 1))))
 
 
 PAPERS = "single_step"

@@ -26,7 +26,6 @@ from acx4book.typesetting.plain_text import Markup, shown
 from acx4book.typesetting.sentences import say, sections
 from acx4lib.calibration.determination import Absorption, absorption
 from acx4lib.expected import Array, Mask
-from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.geometry.camera import Interior, correct, distort, distortion
 from acx4lib.geometry.frames import rotation_from_opk
@@ -205,11 +204,7 @@ def absorbed_of_run(flight: Flight, found: folder.Results) -> Absorption | None:
     """
     if "mounting/single_step" not in found.summary:
         return None
-    return absorbed_of_block(flight, mounted_block(flight, "calibration", found))
-
-
-def absorbed_of_block(flight: Flight, block: Block) -> Absorption | None:
-    """Do what `absorbed_of_run` does for a block that is measured in the synthetic image."""
+    block = mounted_block(flight, "calibration", found)
     return absorption(mounting.calibrate(flight, block).mountings)
 
 
@@ -258,25 +253,10 @@ def _equations() -> Values:
     return {"cited": _whole(cited), "last": _whole(last)}
 
 
-def literal(as_printed: str) -> float:
-    """Return a printed coefficient with the sign of its exponent as printed.
-
-    Parameters
-    ----------
-    as_printed : str
-        For example ``2.57^07 +/- 2.14^08``.
-    """
-    found = re.match(r"(-?[\d.]+)\^(-?\d+)", as_printed)
-    if found is None:
-        msg = f"not a printed power of ten: {as_printed!r}"
-        raise ValueError(msg)
-    return float(found[1]) * 10.0 ** int(found[2])
-
-
 def _exponents() -> Values:
     """Item 3: the exponents of Table 3 lost their minus signs."""
     cells = [paper.printed(3, name, "two_step") for name in ("k1", "k2", "k3")]
-    k1, _, k3 = (literal(cell) for cell in cells)
+    k1, _, k3 = (_literal(cell) for cell in cells)
     r = _corner_radius()
     return {
         "coefficients": Markup(", ".join(cell.split(" ")[0] for cell in cells)),
@@ -285,6 +265,15 @@ def _exponents() -> Values:
         "k1_m": 1e-3 * k1 * r**3,
         "k3_m": 1e-3 * k3 * r**7,
     }
+
+
+def _literal(as_printed: str) -> float:
+    """Return a printed coefficient with the sign of its exponent as printed."""
+    found = re.match(r"(-?[\d.]+)\^(-?\d+)", as_printed)
+    if found is None:
+        msg = f"not a printed power of ten: {as_printed!r}"
+        raise ValueError(msg)
+    return float(found[1]) * 10.0 ** int(found[2])
 
 
 def _units() -> Values:
@@ -323,15 +312,6 @@ def _least_rms(accuracy: Accuracy) -> Triple:
     return triple(np.sqrt(mean**2 + (1 - 1 / accuracy.n) * std**2))
 
 
-def sample_size(mean: float, std: float, rms: float) -> float:
-    """Compute the number of errors with the given mean, standard deviation and RMS.
-
-    From rms^2 = mean^2 + (1 - 1/n) std^2; infinite where the RMS is at its upper limit.
-    """
-    rest = 1 - (rms**2 - mean**2) / std**2
-    return 1 / rest if rest > 0 else np.inf
-
-
 def _implied_sample_sizes() -> pd.DataFrame:
     """Compute for every axis of Table 4 the number of errors that its three numbers imply."""
     rows = []
@@ -343,12 +323,18 @@ def _implied_sample_sizes() -> pd.DataFrame:
                 {
                     "method": method,
                     "axis": axis,
-                    "n": sample_size(mean, std, rms),
-                    "n_low": sample_size(far, std + ROUNDING_M, rms - ROUNDING_M),
-                    "n_high": sample_size(near, std - ROUNDING_M, rms + ROUNDING_M),
+                    "n": _sample_size(mean, std, rms),
+                    "n_low": _sample_size(far, std + ROUNDING_M, rms - ROUNDING_M),
+                    "n_high": _sample_size(near, std - ROUNDING_M, rms + ROUNDING_M),
                 }
             )
     return pd.DataFrame(rows)
+
+
+def _sample_size(mean: float, std: float, rms: float) -> float:
+    """Compute the number of errors with the given mean, standard deviation and RMS."""
+    rest = 1 - (rms**2 - mean**2) / std**2
+    return 1 / rest if rest > 0 else np.inf
 
 
 def _matching_sizes(largest: int) -> list[int]:
@@ -381,19 +367,6 @@ def _within_probability(rms: float, *, axes: int = 3) -> float:
     return float(stats.chi2.cdf((_limit_m() / rms) ** 2, axes))
 
 
-def count_probability(rms: float) -> float:
-    """Compute the probability of the printed count, or a larger one, for normal errors."""
-    count = paper.value(4, "n_within_3_gsd", "two_step")
-    n = paper.value(4, "n_points", "two_step")
-    return float(stats.binom.sf(count - 1, n, _within_probability(rms)))
-
-
-def rms_of_count() -> float:
-    """Compute the RMS per axis of normal errors with the printed share, m."""
-    share = paper.value(4, "within_3_gsd_percent", "two_step") / 100
-    return float(_limit_m() / np.sqrt(stats.chi2.ppf(share, 3)))
-
-
 def _limit_m() -> float:
     return paper.statement("within_factor") * paper.value(4, "gsd_m", "two_step")
 
@@ -412,9 +385,22 @@ def _small_errors() -> Values:
         "share": share,
         "in_plan": in_plan,
         "on_axis": on_axis,
-        "p": count_probability(rms),
-        "needed": rms_of_count(),
+        "p": _count_probability(rms),
+        "needed": _rms_of_count(),
     }
+
+
+def _count_probability(rms: float) -> float:
+    """Compute the probability of the printed count, or a larger one, for normal errors."""
+    count = paper.value(4, "n_within_3_gsd", "two_step")
+    n = paper.value(4, "n_points", "two_step")
+    return float(stats.binom.sf(count - 1, n, _within_probability(rms)))
+
+
+def _rms_of_count() -> float:
+    """Compute the RMS per axis of normal errors with the printed share, m."""
+    share = paper.value(4, "within_3_gsd_percent", "two_step") / 100
+    return float(_limit_m() / np.sqrt(stats.chi2.ppf(share, 3)))
 
 
 def _ground_pixels_m(f: float) -> tuple[float, float]:
@@ -728,41 +714,19 @@ def _reference_camera() -> Values:
     return {"of_heads": _listed(phi, ".1f"), **two_digits}
 
 
-def footprint(head: str) -> Array:
-    """Project the corners of a head to the synthetic image plane with all of Table 1.
-
-    Parameters
-    ----------
-    head : str
-        One of `printed.HEADS`.
-
-    Returns
-    -------
-    ndarray, shape (4, 2)
-        mm. The angles of Table 1 are those of eq. (6) from the synthetic axes to the head's.
-    """
-    interior = paper.interior(1, head)
-    ideal = correct(interior, paper.corners(head))
-    rays = np.column_stack([ideal, np.full(4, -interior.f)]) @ rotation_from_opk(paper.opk(head)).T
-    r_s_h = paper.centre_mm(head)
-    xy: Array = r_s_h[:2] - rays[:, :2] * (r_s_h[2] / rays[:, 2])[:, None]
-    return xy
+def _uncovered() -> tuple[float, float]:
+    """Compute the share of the synthetic image that no head sees."""
+    half = paper.corners("SYN")[0]
+    x, y = (np.linspace(-side, side, 121) for side in half)
+    xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    rotations = [(head, rotation_from_opk(paper.opk(head))) for head in paper.HEADS]
+    as_read = np.any([_sees(head, xy, R) for head, R in rotations], axis=0)
+    transposed = np.any([_sees(head, xy, R.T) for head, R in rotations], axis=0)
+    return float(1 - as_read.mean()), float(1 - transposed.mean())
 
 
-def sees(head: str, xy: Array, R_s_h: Array) -> Mask:
-    """Tell which points of the synthetic image lie on the sensor of a head with given axes.
-
-    Parameters
-    ----------
-    head : str
-    xy : ndarray, shape (n, 2)
-        Synthetic image coordinates, mm.
-    R_s_h : ndarray, shape (3, 3)
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-    """
+def _sees(head: str, xy: Array, R_s_h: Array) -> Mask:
+    """Tell which points of the synthetic image lie on the sensor of a head with given axes."""
     interior = paper.interior(1, head)
     x_h = (np.column_stack([xy, np.zeros(len(xy))]) - paper.centre_mm(head)) @ R_s_h
     ideal = -interior.f * x_h[:, :2] / x_h[:, 2:]
@@ -773,20 +737,9 @@ def sees(head: str, xy: Array, R_s_h: Array) -> Mask:
     return on_sensor
 
 
-def _uncovered() -> tuple[float, float]:
-    """Compute the share of the synthetic image that no head sees."""
-    half = paper.corners("SYN")[0]
-    x, y = (np.linspace(-side, side, 121) for side in half)
-    xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    rotations = [(head, rotation_from_opk(paper.opk(head))) for head in paper.HEADS]
-    as_read = np.any([sees(head, xy, R) for head, R in rotations], axis=0)
-    transposed = np.any([sees(head, xy, R.T) for head, R in rotations], axis=0)
-    return float(1 - as_read.mean()), float(1 - transposed.mean())
-
-
 def _coverage() -> Values:
     """Item 17: do the heads cover the synthetic image, and why is its pixel smaller."""
-    feet = np.concatenate([footprint(head) for head in paper.HEADS])
+    feet = np.concatenate([_footprint(head) for head in paper.HEADS])
     x, y = ((low, high) for low, high in zip(feet.min(axis=0), feet.max(axis=0), strict=True))
     as_read, transposed = _uncovered()
     return {
@@ -797,6 +750,16 @@ def _coverage() -> Values:
         "as_read": 100 * as_read,
         "transposed": 100 * transposed,
     }
+
+
+def _footprint(head: str) -> Array:
+    """Project the corners of a head to the synthetic image plane with all of Table 1."""
+    interior = paper.interior(1, head)
+    ideal = correct(interior, paper.corners(head))
+    rays = np.column_stack([ideal, np.full(4, -interior.f)]) @ rotation_from_opk(paper.opk(head)).T
+    r_s_h = paper.centre_mm(head)
+    xy: Array = r_s_h[:2] - rays[:, :2] * (r_s_h[2] / rays[:, 2])[:, None]
+    return xy
 
 
 def _headline() -> Values:

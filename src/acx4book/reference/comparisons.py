@@ -171,21 +171,6 @@ def myst_table(table: pd.DataFrame, caption: str, *, name: str) -> str:
     return myst.myst_table(shown, Markup(caption), name=name, formats=formats)
 
 
-def compute(name: str) -> pd.DataFrame:
-    """Return one of `COMPARISONS`, computed from its measurements.
-
-    Parameters
-    ----------
-    name : str
-
-    Raises
-    ------
-    ReferenceDataError
-        Where a file is missing, or is not the indexed one.
-    """
-    return COMPARISONS[name][1]()
-
-
 def computed_or_stored(name: str, *, folder: str = "") -> Comparison:
     """Return one of `COMPARISONS`; the stored one if its measurements are missing.
 

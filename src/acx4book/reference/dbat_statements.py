@@ -43,15 +43,6 @@ def is_result(path: tuple[str, ...]) -> bool:
     return not any(path[: len(prefix)] == prefix for prefix in _NO_RESULT)
 
 
-def statements(project: Project) -> Statements:
-    """Return our statements on status, camera and exterior orientation."""
-    return {
-        **_status(project),
-        **_camera(project),
-        **_exterior(project),
-    }
-
-
 # --- covariances -----------------------------------------------------------------------------
 
 
@@ -442,22 +433,8 @@ def _precision(project: Project) -> Statements:
 # --- angles ----------------------------------------------------------------------------------
 
 
-def angles(project: Project) -> Array:
-    """Return for every point the angle of two of its rays that is nearest to 90 degrees, deg."""
-    network = project.bundle.network
-    points = network.image_points
-    x_m, poses = project.bundle.state.x_m, project.bundle.T_m_c
-    down = x_m[points.point_idx] - poses.r[points.image_idx]
-    rays = down / np.linalg.norm(down, axis=1, keepdims=True)
-    out = np.zeros(network.n_points)
-    for point in range(network.n_points):
-        own = rays[points.point_idx == point]
-        out[point] = np.degrees(np.arccos(min(np.abs(own @ own.T).min(), 1.0)))
-    return out
-
-
 def _angles(project: Project) -> Statements:
-    angle, number, kind = angles(project), _numbers(project), _kinds(project)
+    angle, number, kind = _nearest_to_right_angle(project), _numbers(project), _kinds(project)
     surveyed = project.surveyed
     labels = {
         int(point): f", label {label}"
@@ -476,6 +453,20 @@ def _angles(project: Project) -> Statements:
             out[(*path, label)] = say(text, angle[point], int(number[point]))
         out[(*path, "Average")] = say("{} degrees", float(angle[own].mean()))
     return {**out, **_smallest_angles(project, angle, number)}
+
+
+def _nearest_to_right_angle(project: Project) -> Array:
+    """Return for every point the angle of two of its rays that is nearest to 90 degrees, deg."""
+    network = project.bundle.network
+    points = network.image_points
+    x_m, poses = project.bundle.state.x_m, project.bundle.T_m_c
+    down = x_m[points.point_idx] - poses.r[points.image_idx]
+    rays = down / np.linalg.norm(down, axis=1, keepdims=True)
+    out = np.zeros(network.n_points)
+    for point in range(network.n_points):
+        own = rays[points.point_idx == point]
+        out[point] = np.degrees(np.arccos(min(np.abs(own @ own.T).min(), 1.0)))
+    return out
 
 
 def _smallest_angles(project: Project, angle: Array, number: Index) -> Statements:
@@ -583,7 +574,9 @@ def results(project: Project) -> pd.DataFrame:
     lines = dbat_files.read(project.report)
     printed = {place: line for place, line in lines.items() if is_result(place)}
     ours = {
-        **statements(project),
+        **_status(project),
+        **_camera(project),
+        **_exterior(project),
         **_misfit_statements(project),
         **_statements(project),
     }

@@ -111,11 +111,6 @@ def _read_camera(path: Path, *, pixel_mm: float) -> Camera:
     )
 
 
-def unaltered(heights: Array, *, ground: Array | float, scale: Array | float) -> Array:
-    """Return heights without the linear alteration Z' = z0 + k (Z - z0), shape (n,)."""
-    return np.asarray(ground + (heights - ground) / scale)
-
-
 def _indices(names: tuple[str, ...], within: tuple[str, ...]) -> Index:
     """Return the indices of names among others."""
     where = {name: k for k, name in enumerate(within)}
@@ -205,12 +200,6 @@ def intersected(flight: Flight, reading: Reading) -> Intersected:
     )
 
 
-def ground_pixel_m(flight: Flight) -> float:
-    """Return the size of a pixel on the ground, m."""
-    above = flight.orientations.enh[:, 2].mean()
-    return float(above * flight.camera.pixel_mm / flight.camera.interior.f)
-
-
 # --- tables ----------------------------------------------------------------------------------
 
 
@@ -237,10 +226,16 @@ def results() -> pd.DataFrame:
         table[f"d_{axis}_m"] = got.d[:, k]
     for k, axis in enumerate(AXES):
         table[f"sigma_{axis}_m"] = got.sigma[:, k]
-    pixel_m = ground_pixel_m(flight)
+    pixel_m = _ground_pixel_m(flight)
     table["ground_pixels"] = np.linalg.norm(got.d, axis=1) / pixel_m
     table["nearest_ground_pixels"] = np.linalg.norm(got.d_nearest, axis=1) / pixel_m
     return table.round(6)
+
+
+def _ground_pixel_m(flight: Flight) -> float:
+    """Return the size of a pixel on the ground, m."""
+    above = flight.orientations.enh[:, 2].mean()
+    return float(above * flight.camera.pixel_mm / flight.camera.interior.f)
 
 
 def forgotten_steps() -> pd.DataFrame:
@@ -401,7 +396,8 @@ def true_altitudes(flight: Flight, scale: Array | float) -> Array:
     """
     lonlat = flight.grid.lonlat_from_grid(flight.enh[:, :2])
     ground = float(np.mean(flight.enh[:, 2] - flight.altitudes.undulation(lonlat)))
-    return unaltered(flight.orientations.enh[:, 2], ground=ground, scale=scale)
+    # altered is Z' = z0 + k (Z - z0)
+    return np.asarray(ground + (flight.orientations.enh[:, 2] - ground) / scale)
 
 
 def _map_scale(flight: Flight) -> Array:

@@ -74,21 +74,37 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
         New.
     """
     name = flights.shown_name(student)
-    found = items(sheet, flights.case_of(flights.flight_of(sheet, name, key)))
+    found = _items(sheet, flights.case_of(flights.flight_of(sheet, name, key)))
     folder.mkdir()
     title = flights.title(sheet.name, name)
-    whole_files.write(folder / GIFT, gift(found, title))
-    whole_files.write(folder / QTI, qti(found, title))
+    whole_files.write(folder / GIFT, _gift(found, title))
+    whole_files.write(folder / QTI, _qti(found, title))
 
 
-def items(sheet: Sheet, case: Case) -> list[Item]:
-    """Return the questions of a sheet on one flight, each standard deviation as a question.
+def _gift(bank: Sequence[Item], title: str) -> str:
+    """Return questions as GIFT."""
+    category = title.replace("/", "-")  # which begins a category in another
+    return "\n\n".join([f"$CATEGORY: {category}", *map(_gift_item, bank)]) + "\n"
 
-    Parameters
-    ----------
-    sheet : Sheet
-    case : Case
-    """
+
+def _qti(bank: Sequence[Item], title: str) -> bytes:
+    """Return questions as a zip archive of QTI 1.2; the same bytes every time."""
+    root = ET.Element("questestinterop", xmlns=NAMESPACE)
+    section = ET.SubElement(root, "objectbank", ident="bank")
+    _metadata(section, "qtimetadata", {"bank_title": title})
+    for item in bank:
+        section.append(_qti_item(item))
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as pack:
+        for name, tree in ((MANIFEST, _manifest()), (ASSESSMENT, root)):
+            content = ET.tostring(tree, encoding="utf-8", xml_declaration=True)
+            entry = zipfile.ZipInfo(name, date_time=EARLIEST)
+            pack.writestr(entry, content, compress_type=zipfile.ZIP_DEFLATED)
+    return out.getvalue()
+
+
+def _items(sheet: Sheet, case: Case) -> list[Item]:
+    """Return the questions of a sheet on one flight, each standard deviation as a question."""
     right = sheet.solve(case)
     mistakes = [*sheet.mistakes(case, right)]
     told = " ".join(re.sub("`", "", line) for line in sheet.given(case))
@@ -159,19 +175,6 @@ def _by_factor(value: float, factor: float, says: str) -> Range:
 SPECIAL = re.compile(r"([~=#{}:\\])")
 
 
-def gift(bank: Sequence[Item], title: str) -> str:
-    """Return questions as GIFT.
-
-    Parameters
-    ----------
-    bank : sequence of Item
-    title : str
-        Name of their category.
-    """
-    category = title.replace("/", "-")  # which begins a category in another
-    return "\n\n".join([f"$CATEGORY: {category}", *map(_gift_item, bank)]) + "\n"
-
-
 def _gift_item(item: Item) -> str:
     lines = [
         f"={points}{_number(one.low)}..{_number(one.high)}#{_escaped(one.says)}"
@@ -197,29 +200,6 @@ NAMESPACE = "http://www.imsglobal.org/xsd/ims_qtiasiv1p2"
 PACKAGE = "http://www.imsglobal.org/xsd/imscp_v1p1"
 ASSESSMENT, MANIFEST = "questions.xml", "imsmanifest.xml"
 KIND = "imsqti_xmlv1p2"
-
-
-def qti(bank: Sequence[Item], title: str) -> bytes:
-    """Return questions as a zip archive of QTI 1.2; the same bytes every time.
-
-    Parameters
-    ----------
-    bank : sequence of Item
-    title : str
-        Name of the bank.
-    """
-    root = ET.Element("questestinterop", xmlns=NAMESPACE)
-    section = ET.SubElement(root, "objectbank", ident="bank")
-    _metadata(section, "qtimetadata", {"bank_title": title})
-    for item in bank:
-        section.append(_qti_item(item))
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as pack:
-        for name, tree in ((MANIFEST, _manifest()), (ASSESSMENT, root)):
-            content = ET.tostring(tree, encoding="utf-8", xml_declaration=True)
-            entry = zipfile.ZipInfo(name, date_time=EARLIEST)
-            pack.writestr(entry, content, compress_type=zipfile.ZIP_DEFLATED)
-    return out.getvalue()
 
 
 def _manifest() -> ET.Element:

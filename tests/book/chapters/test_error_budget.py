@@ -14,7 +14,7 @@ from acx4book.paper import printed
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import single_step, two_step
 from acx4lib.georeferencing import budget
-from acx4lib.georeferencing.budget import SOURCES, like, over_ground
+from acx4lib.georeferencing.budget import SOURCES, MappingFlight, like, over_ground
 from acx4lib.georeferencing.validation import validate
 from support.figures import drawn, panels
 
@@ -110,8 +110,8 @@ def shown(found):
 def straight(calibration, values):
     """Return σ in plan and in height, cm, of a flight with the sliders' values."""
     height_m, sigma_px, gnss_cm, tilt, heading = values
-    flight = replace(
-        error_budget.unit_flight(height_m),
+    flight = MappingFlight(
+        height_m=height_m,
         sigma_px=sigma_px,
         sigma_position_m=(gnss_cm / 100,) * 3,
         sigma_attitude=tuple(np.radians([tilt, tilt, heading])),

@@ -42,19 +42,6 @@ def test_another_system_has_no_part_of_the_papers(other):
     assert "POS-AV510" not in texts(other)
 
 
-def test_a_head_sits_on_the_side_to_which_it_looks_and_one_that_looks_down_in_the_middle():
-    way = np.array([np.sin(0.3), 0.0, -np.cos(0.3)])
-    assert_allclose(chapter.aside(way), [chapter.ASIDE, 0, 0])
-    assert_allclose(chapter.aside(np.array([0.0, 0.0, -1.0])), 0)
-
-
-def test_a_ring_is_a_circle_across_its_direction():
-    way = np.array([0.6, 0.0, -0.8])
-    circle = chapter.ring(np.ones(3), way, 0.5) - 1
-    assert_allclose(np.linalg.norm(circle, axis=1), 0.5)
-    assert_allclose(circle @ way, 0, atol=1e-12)
-
-
 def test_labels_of_heads_that_look_one_way_do_not_lie_over_each_other(tmp_path):
     parallel = acx4lib.read(unlike.write("parallel heads", tmp_path))
     fig = drawn(chapter.system(parallel))
@@ -66,19 +53,17 @@ def test_labels_of_heads_that_look_one_way_do_not_lie_over_each_other(tmp_path):
 # --- the target ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("diameter", [2.0, 5.3, 8.0])
-def test_pixels_sum_to_the_area_of_the_disc(diameter):
-    shares = chapter.pixels(diameter, np.array([0.23, -0.17]), half=6)
-    assert shares.sum() == pytest.approx(np.pi / 4 * diameter**2, rel=0.01)
-    assert shares.min() == 0
-    assert shares.max() == 1
-
-
-def test_the_disc_is_where_its_middle_is():
-    shares = chapter.pixels(4.0, np.array([1.0, -2.0]), half=5)
-    row, col = np.indices(shares.shape) - 5
-    assert (shares * col).sum() / shares.sum() == pytest.approx(1.0, abs=1e-3)
-    assert (shares * row).sum() / shares.sum() == pytest.approx(-2.0, abs=1e-3)
+def test_pixels_sum_to_the_disc_where_its_middle_is(flight):
+    diameter = printed.statement("target_diameter_m")
+    shown = [ax.images[0] for ax in drawn(chapter.target(flight)).axes if ax.images]
+    for image in shown:
+        shares = np.asarray(image.get_array())
+        gsd = np.ptp(image.get_extent()[:2]) / len(shares)
+        assert shares.sum() * gsd**2 == pytest.approx(np.pi / 4 * diameter**2, rel=0.01)
+        assert (shares.min(), shares.max()) == (0, 1)
+        row, col = np.indices(shares.shape) - len(shares) // 2
+        middle = [(shares * at).sum() / shares.sum() for at in (col, row)]
+        assert middle == pytest.approx(chapter.OFF, abs=0.02)  # of a twentieth of a pixel
 
 
 def test_each_flying_height_has_a_panel(flight):

@@ -20,7 +20,8 @@ def test_the_stored_study_has_all_flights_both_ways_and_through_the_heads_of_one
     assert found.n_flights == 48
     assert found.shared.groupby("heads_of")["seed"].nunique().tolist() == [16, 16, 16]
     for way in (synthetic_cost.SYNTHETIC, synthetic_cost.RIG):
-        assert len(synthetic_cost.variance_factors(found, way)) == 48
+        own = found.parameters[found.parameters["way"] == way]
+        assert (own["parameter"] == "sigma0_squared").sum() == 48
     assert found.about["design"] == "acx4"
 
 
@@ -35,9 +36,9 @@ def test_the_rig_keeps_its_promises(found):
     # a ratio of 48 flights is known to a tenth; those of one head are correlated
     assert table["ratio"].to_numpy() == pytest.approx(1, abs=0.33)
     assert np.sqrt(np.mean(table["ratio"] ** 2)) == pytest.approx(1, abs=0.1)
-    assert synthetic_cost.variance_factors(found, synthetic_cost.RIG).mean() == pytest.approx(
-        1, abs=0.005
-    )
+    own = found.parameters[found.parameters["way"] == synthetic_cost.RIG]
+    own = own[own["parameter"] == "sigma0_squared"]
+    assert own["value"].mean() == pytest.approx(1, abs=0.005)
 
 
 def made(first, second):
@@ -54,11 +55,11 @@ def made(first, second):
 
 def test_what_is_a_tenth_larger_in_every_flight_has_no_error():
     rig = np.array([0.1, 0.2, 0.3])
-    row = synthetic_cost.accuracy(made(1.1 * rig, rig)).iloc[0]
-    assert row["percent"] == pytest.approx(10)
-    assert row["sigma_percent"] == pytest.approx(0, abs=1e-9)
-    assert row["rms_rig"] == pytest.approx(np.sqrt(np.mean(rig**2)))
-    assert row["sigma_rig"] == pytest.approx(2 * row["rms_rig"])
+    row = synthetic_cost.accuracy_table(made(1.1 * rig, rig)).iloc[0]
+    assert row["larger by (%)", "value"] == pytest.approx(10)
+    assert row["larger by (%)", "sigma"] == pytest.approx(0, abs=1e-9)
+    assert row["RMS (m)", "rig"] == pytest.approx(np.sqrt(np.mean(rig**2)))
+    assert row["predicted (m)", "rig"] == pytest.approx(2 * row["RMS (m)", "rig"])
 
 
 def test_the_standard_error_of_a_percentage_is_that_of_repeated_studies():
@@ -67,9 +68,8 @@ def test_the_standard_error_of_a_percentage_is_that_of_repeated_studies():
     for _ in range(400):
         common = rng.normal(1, 0.3, 50)
         first, second = np.sqrt((common + rng.normal(0.1, 0.1, (2, 50))).clip(0.01))
-        found.append(
-            synthetic_cost.accuracy(made(first, second)).iloc[0][["percent", "sigma_percent"]]
-        )
+        table = synthetic_cost.accuracy_table(made(first, second))
+        found.append(table["larger by (%)"].iloc[0][["value", "sigma"]])
     percent, sigma = np.array(found, dtype=float).T
     assert sigma.mean() == pytest.approx(percent.std(), rel=0.1)  # 3.5 % of 400
 
@@ -142,20 +142,25 @@ def two_heights(at_1000, at_1500, heads=("CAM1", "CAM2")):
     )
 
 
+def left(pattern, height_m):
+    """What a pattern leaves at a height, as the table says."""
+    study = replace(synthetic_cost.read(), pattern=pattern)
+    return synthetic_cost.heights(study, [height_m]).iloc[0]
+
+
 def test_a_pattern_in_proportion_to_1_over_h_is_followed_to_any_height():
     pattern = two_heights((3.0, -6.0), (2.0, -4.0))
     found = synthetic_cost.at_height(pattern, 3000.0)
     assert found["d_col_px"].tolist() == pytest.approx([1.0, -2.0])
-    assert synthetic_cost.largest_px(found) == pytest.approx(2.0)
-    assert synthetic_cost.largest_step_px(found) == pytest.approx(3.0)
-    assert synthetic_cost.rms_px(found) == pytest.approx(np.sqrt(5 / 4))
+    row = left(pattern, 3000.0)
+    assert row["largest (px)"] == pytest.approx(2.0)
+    assert row["largest step at a seam (px)"] == pytest.approx(3.0)
+    assert row["RMS (px)"] == pytest.approx(np.sqrt(5 / 4))
 
 
 def test_a_step_within_one_head_is_none_of_a_seam():
-    found = synthetic_cost.at_height(
-        two_heights((3.0, -6.0), (2.0, -4.0), ("CAM1", "CAM1")), 1000.0
-    )
-    assert synthetic_cost.largest_step_px(found) == 0
+    row = left(two_heights((3.0, -6.0), (2.0, -4.0), ("CAM1", "CAM1")), 1000.0)
+    assert row["largest step at a seam (px)"] == 0
 
 
 def test_the_flying_heights_of_the_study_come_out_as_stored():
@@ -167,10 +172,10 @@ def test_the_flying_heights_of_the_study_come_out_as_stored():
 
 def test_the_largest_steps_are_at_the_seams():
     pattern = synthetic_cost.read().pattern
-    found = synthetic_cost.at_height(pattern, 1000.0)
-    whole = found.assign(head=[f"{c % 2}{r % 2}" for c, r in zip(*places(found), strict=True)])
-    within = synthetic_cost.largest_step_px(whole)  # every pair of neighbours counts as a seam
-    assert synthetic_cost.largest_step_px(found) == pytest.approx(within)
+    # every pair of neighbours counts as a seam
+    whole = pattern.assign(head=[f"{c % 2}{r % 2}" for c, r in zip(*places(pattern), strict=True)])
+    found, within = (left(p, 1000.0)["largest step at a seam (px)"] for p in (pattern, whole))
+    assert found == pytest.approx(within)
 
 
 def places(found):
@@ -271,9 +276,9 @@ def test_every_height_has_its_field_and_its_seams(found):
 def test_accuracy_has_points_and_pairs_by_axis(found):
     table = synthetic_cost.accuracy_table(found)
     assert [over for over, _ in table.index] == ["points"] * 3 + ["pairs"] * 3
-    own = synthetic_cost.accuracy(found)
-    assert list(table["larger by (%)", "value"]) == list(own["percent"])
-    assert list(table["RMS (m)", "rig"]) == list(own["rms_rig"])
+    own = found.points[found.points["way"] == synthetic_cost.RIG]
+    rms = (own["rms_m"] ** 2).groupby([own["over"], own["axis"]], sort=False).mean() ** 0.5
+    assert table["RMS (m)", "rig"].tolist() == pytest.approx(rms.tolist())
 
 
 def test_parameters_are_those_over_flights(found):

@@ -249,9 +249,7 @@ def test_an_ellipse_has_the_points_of_equal_probability():
     (patch,) = least_squares.valley({"one": cov}).axes[0].patches
     vertices = patch.get_patch_transform().transform(patch.get_path().vertices)
     square = np.einsum("ni,ij,nj->n", vertices, np.linalg.inv(cov), vertices)
-    # corners of the curves lie on the ellipse, their control points outside
-    assert_allclose(square.min(), 1.0)
-    assert_allclose(np.median(square), 1.0125, atol=0.0125)
+    assert_allclose(square[:-1:3], 1.0)  # every third vertex of the curves is no control point
 
 
 def test_rays_of_all_images_end_in_p_and_two_ellipses_are_enlarged(results):

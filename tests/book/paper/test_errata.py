@@ -11,7 +11,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.paper import errata, printed
+from acx4lib.calibration.determination import absorption
 from acx4lib.errors import FlightError
+from acx4lib.stages import mounting
 from support.flights.simulated import fly
 
 
@@ -128,12 +130,13 @@ def test_implied_sample_sizes_are_about_four():
     assert found["largest_sizes"].max() < 5
 
 
-@pytest.mark.parametrize("n", [2, 5, 36])
-def test_sample_size_of_a_sample_is_its_size(n):
-    d = np.random.default_rng(n).normal(0.3, 1.0, n)
-    rms = np.sqrt(np.mean(d**2))
-    assert errata.sample_size(d.mean(), d.std(ddof=1), rms) == pytest.approx(n)
-    assert errata.sample_size(0.0, 1.0, 1.0) == np.inf
+def test_a_sample_of_the_implied_size_has_the_printed_rms():
+    sizes = iter(errata.numbers(5)["sizes"])
+    for method in printed.METHODS:
+        for axis in ("east", "north", "height"):
+            mean, rms = (printed.value(4, f"{kind}_{axis}_m", method) for kind in ("mean", "rms"))
+            std = printed.sigma(4, f"mean_{axis}_m", method)
+            assert rms == pytest.approx(np.sqrt(mean**2 + (1 - 1 / next(sizes)) * std**2))
 
 
 def test_every_printed_rms_is_that_of_four_errors():
@@ -143,17 +146,15 @@ def test_every_printed_rms_is_that_of_four_errors():
 
 def test_fourteen_small_errors_of_36_do_not_happen_by_chance():
     assert errata.numbers(6)["share"] == pytest.approx(7.3, abs=0.05)
-    assert errata.count_probability(0.44) == pytest.approx(1e-7, rel=0.5)
-    assert errata.rms_of_count() == pytest.approx(0.22, abs=0.005)
+    assert errata.numbers(6)["p"] == pytest.approx(1e-7, rel=0.5)
+    assert errata.numbers(6)["needed"] == pytest.approx(0.22, abs=0.005)
 
 
-def test_count_probability_against_simulation():
-    """With errors of the needed size, the printed count or more is an even chance."""
-    rms = errata.rms_of_count()
+def test_errors_of_the_needed_size_have_the_printed_share_of_small_ones():
+    rms = errata.numbers(6)["needed"]
     d = np.random.default_rng(3).normal(0.0, rms, (4000, 36, 3))
-    counts = (np.linalg.norm(d, axis=2) <= 0.30).sum(axis=1)
-    share = np.mean(counts >= 14)
-    assert errata.count_probability(rms) == pytest.approx(share, abs=0.025)  # 3 sigma
+    share = np.mean(np.linalg.norm(d, axis=2) <= 0.30)
+    assert share == pytest.approx(14 / 36, abs=0.004)  # 3 sigma
 
 
 # --- heads ---------------------------------------------------------------------------------
@@ -173,20 +174,9 @@ def test_coverage_tells_which_way_the_angles_turn():
 
 def test_footprints_reach_beyond_the_synthetic_image():
     """An earlier count without distortion, principal points and Zc: -43.9..38.6, -56.2..56.0."""
-    feet = np.concatenate([errata.footprint(head) for head in printed.HEADS])
-    assert_allclose(feet.min(axis=0), (-43.9, -56.2), atol=0.3)
-    assert_allclose(feet.max(axis=0), (38.6, 56.0), atol=0.3)
-
-
-@pytest.mark.parametrize("head", printed.HEADS)
-def test_a_head_sees_its_own_footprint(head):
-    """Points just inside the projected corners are seen, points just outside are not."""
-    feet = errata.footprint(head)
-    middle = feet.mean(axis=0)
-    R_s_h = errata.rotation_from_opk(printed.opk(head))
-    inside, outside = (middle + share * (feet - middle) for share in (0.99, 1.01))
-    assert errata.sees(head, inside, R_s_h).all()
-    assert not errata.sees(head, outside, R_s_h).any()
+    found = errata.numbers(17)
+    for name, ends in (("x", (-43.9, 38.6)), ("y", (-56.2, 56.0))):
+        assert_allclose([float(end) for end in found[name].split(" to ")], ends, atol=0.3)
 
 
 def test_correlations_are_judged_by_the_largest():
@@ -241,7 +231,7 @@ def test_interior_orientation_absorbed_the_lever_arm():
 def absorbed_by_the_study():
     """By the simulated flight without noise, whose lever arm is Table 3's."""
     flight = fly("acx4-ideal", seed=1, blocks=("calibration",), exact=True).flight
-    return errata.absorbed_of_block(flight, flight.calibration)
+    return absorption(mounting.calibrate(flight, flight.calibration).mountings)
 
 
 def test_effective_heights_explain_the_paper_to_millimetres(absorbed_by_the_study):
@@ -286,12 +276,11 @@ def test_scatter_and_parameter_sigmas():
     assert_allclose(errata.numbers(12)["ratios"], (7.0, 12.6, 3.6), atol=0.05)
 
 
-def test_literal_exponents():
-    assert errata.literal("2.57^07 +/- 2.14^08") == 2.57e7
-    assert errata.literal("-1.04^10 +/- 1.53^11") == -1.04e10
-    assert errata.literal("2.27^-06 ± 7.70^-08") == pytest.approx(2.27e-6)
-    with pytest.raises(ValueError, match="ND"):
-        errata.literal("ND")
+def test_exponents_are_taken_literally():
+    """2.57^07, 2.28^14 and a corner at 56.4 mm."""
+    found, r = errata.numbers(3), np.hypot(33.6, 45.36)
+    assert found["k1_m"] == pytest.approx(1e-3 * 2.57e7 * r**3)
+    assert found["k3_m"] == pytest.approx(1e-3 * 2.28e14 * r**7)
 
 
 # --- text, budget, agreements --------------------------------------------------------------

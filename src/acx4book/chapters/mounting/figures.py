@@ -324,7 +324,7 @@ def view(mounting: Mounting) -> Shown:
     mounting : Mounting
     """
     bundle = mounting.bundle
-    layers, ties = [_ground(bundle), *_images(bundle)], tie_points(bundle)
+    layers, ties = [_ground(bundle), *_images(bundle)], _tie_points(bundle)
     if len(ties):
         layers += [_ties(bundle, ties), _rays(bundle, ties), _ellipsoids(bundle, ties)]
     layers.append(_control(bundle))
@@ -348,7 +348,7 @@ def view(mounting: Mounting) -> Shown:
     )
 
 
-def tie_points(bundle: Bundle) -> Index:
+def _tie_points(bundle: Bundle) -> Index:
     """Return the tie points of a bundle that have a covariance, shape (n,)."""
     measured = np.unique(bundle.network.image_points.point_idx)
     ties = np.setdiff1d(measured, bundle.network.control.point_idx)
@@ -388,7 +388,7 @@ def _images(bundle: Bundle) -> Iterator[Layer]:
         lines = [at[images[strips[images] == strip]] for strip in level.strips]
         pairs = [np.repeat(line, 2, axis=0)[1:-1] for line in lines if len(line) > 1]
         yield Layer(name=f"strips {name}", kind="lines", colour=colour, at=_joined(pairs))
-        chosen = thinned(images, MOST_IMAGES)
+        chosen = _thinned(images, MOST_IMAGES)
         deep = DEEP * level.height_m if np.isfinite(level.height_m) else DEEP * float(np.ptp(at))
         pyramids = [_pyramid(bundle, image, deep) for image in chosen]
         yield Layer(name=f"cameras {name}", kind="lines", colour=colour, at=_joined(pyramids))
@@ -426,7 +426,7 @@ def _control(bundle: Bundle) -> Layer:
 
 
 def _ties(bundle: Bundle, ties: Index) -> Layer:
-    at = bundle.state.x_m[thinned(ties, MOST_POINTS)]
+    at = bundle.state.x_m[_thinned(ties, MOST_POINTS)]
     return Layer(name="tie points", kind="points", colour="teal", at=at)
 
 
@@ -447,7 +447,7 @@ def _rays(bundle: Bundle, ties: Index) -> Layer:
 
 
 def _ellipsoids(bundle: Bundle, ties: Index) -> Layer:
-    chosen = thinned(ties, MOST_ELLIPSOIDS)
+    chosen = _thinned(ties, MOST_ELLIPSOIDS)
     values, vectors = np.linalg.eigh(bundle.solution.cov_points[chosen])
     largest = np.sqrt(np.linalg.eigvalsh(bundle.solution.cov_points[ties])[:, -1])
     extent = float(np.ptp(bundle.T_m_c.r, axis=0).max())
@@ -461,7 +461,7 @@ def _ellipsoids(bundle: Bundle, ties: Index) -> Layer:
     )
 
 
-def thinned(numbers: Index, most: int) -> Index:
+def _thinned(numbers: Index, most: int) -> Index:
     """Return all numbers, or of more than `most` every n-th."""
     return numbers[:: -(-len(numbers) // most)] if len(numbers) else numbers
 

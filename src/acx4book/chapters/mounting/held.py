@@ -85,7 +85,7 @@ class Held:
     @property
     def interior_um(self) -> Linear:
         """Two-step less single step of x_p, y_p and f, µm."""
-        return self.response([1000 * (interior(c) - interior(self.single)) for c in self.cameras])
+        return self.response([1000 * (_interior(c) - _interior(self.single)) for c in self.cameras])
 
     @property
     def boresight(self) -> Linear:
@@ -101,7 +101,7 @@ class Held:
         )
 
 
-def interior(camera: Camera) -> Array:
+def _interior(camera: Camera) -> Array:
     """Return x_p, y_p and f, mm."""
     xp, yp, f = (getattr(camera.interior, name) for name in (*ABSORBING[1:], ABSORBING[0]))
     return np.array([xp, yp, f])
