@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from acx4book.report.campaigns.tables import SMALL, Study
+from acx4book.report.campaigns.tables import SMALL, Study, rows_of
 from acx4book.report.words import listed
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS, p_value
@@ -293,7 +293,7 @@ def table(found: pd.DataFrame, *, level: float) -> pd.DataFrame:
                 "Head that turned most": row.head or None,
                 "by (″)": f"{row.turn_arcsec:+.1f} ± {row.sigma_arcsec:.1f}" if row.head else None,
             }
-            for row in found.itertuples(index=False)
+            for row in rows_of(found)
         ]
     )
 

@@ -31,7 +31,7 @@ from acx4tools.campaigns.tables import NOUN, trends_of
 def campaigns(study: Study) -> pd.DataFrame:
     """Return the campaigns: when, how warm, how calibrated, how well the σ fit."""
     rows = []
-    for row in study.tables["campaigns"].itertuples(index=False):
+    for row in rows_of(study.tables["campaigns"]):
         warm = row.temperature_c
         rows.append(
             {
@@ -55,7 +55,7 @@ def tests(study: Study) -> pd.DataFrame:
     equal = {study.title(one): " = ".join(study.names(one)) for one in study.found}
     rows = [
         {"Hypothesis": equal.get(row.test, row.test), **_tested(row, study.level)}
-        for row in whole.itertuples(index=False)
+        for row in rows_of(whole)
     ]
     return pd.DataFrame(rows).rename(columns={"Significant": "Rejected"})
 
@@ -73,7 +73,7 @@ def parts(study: Study, one: Difference) -> pd.DataFrame:
                 "Ground (m)": f"{row.ground_rms_m:.3f}",
                 "by chance (m)": f"{row.ground_sigma_m:.3f}",
             }
-            for row in mine.itertuples(index=False)
+            for row in rows_of(mine)
         ]
     )
 
@@ -97,7 +97,7 @@ def singles(study: Study, one: Difference) -> pd.DataFrame:
     mine = table[(table["later"] == names[0]) & (table["earlier"] == names[1])]
     several = _cameras_to_say(study.comparison.parameters)
     rows = []
-    for row in mine.itertuples(index=False):
+    for row in rows_of(mine):
         factor, unit = _scale(row.unit)
         rows.append(
             {
@@ -125,7 +125,7 @@ def pooled(study: Study) -> pd.DataFrame:
                 "p, joint": p_value(row.p_joint),
                 "Significant": _answer(row.p_joint < study.level),
             }
-            for row in study.tables["pooled"].itertuples(index=False)
+            for row in rows_of(study.tables["pooled"])
         ]
     )
 
@@ -142,7 +142,7 @@ def trends(study: Study, what: str) -> pd.DataFrame:
     several = _cameras_to_say(study.comparison.parameters)
     table = study.tables["trends"]
     rows = []
-    for row in table[table["over"] == what].itertuples(index=False):
+    for row in rows_of(table[table["over"] == what]):
         unit, _, per = row.unit.partition(" per ")
         factor, sign = _scale(unit)
         rows.append(
@@ -282,6 +282,11 @@ SMALL = {"mm": (1e3, "µm"), "m": (1e3, "mm"), "deg": (3600.0, "″")}
 """Factor and sign of the unit for changes, by the unit of results."""
 
 
+def rows_of(table: pd.DataFrame) -> Iterator[Any]:
+    """Yield the rows of a table with its columns as attributes."""
+    yield from table.itertuples(index=False)
+
+
 def _scale(unit: str) -> tuple[float, str]:
     """Return the factor to the unit for changes, and its sign."""
     return SMALL.get(unit, (1.0, unit))
@@ -334,7 +339,7 @@ def _where(study: Study) -> str:
         return "No parameter by itself has changed at the joint level."
     several = _cameras_to_say(study.comparison.parameters)
     most = changed.reindex(changed["t"].abs().sort_values(ascending=False).index)
-    said = [_change(row, several) for row in most.head(NAMED).itertuples(index=False)]
+    said = [_change(row, several) for row in rows_of(most.head(NAMED))]
     more = f", and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
     return f"Significant at the joint level {_are(len(changed))}: {listed(said)}{more}."
 
@@ -343,8 +348,7 @@ def _together(study: Study) -> str:
     """Say which campaigns differ although no parameter by itself does."""
     tests, singles = study.tables["tests"], study.tables["differences"]
     changed = {
-        (row.later, row.earlier)
-        for row in singles[singles["p_joint"] < study.level].itertuples(index=False)
+        (row.later, row.earlier) for row in rows_of(singles[singles["p_joint"] < study.level])
     }
     whole = tests[tests["part"] == "all"]
     p = dict(zip(whole["test"], whole["p_joint"], strict=True))
@@ -458,6 +462,6 @@ def for_terminal(study: Study) -> list[str]:
             f"{row.camera} {row.parameter}: {row.difference:+.4g} {row.unit}, sigma "
             f"{row.sigma:.2g}, from {row.earlier} to {row.later}; {row.ground_rms_m:.3f} m on the "
             "ground"
-            for row in changed.itertuples(index=False)
+            for row in rows_of(changed)
         ),
     ]
