@@ -79,11 +79,6 @@ def convergence_deg(flight: SimulatedFlight) -> Array:
 def late(flight: SimulatedFlight, by_s: float) -> pd.DataFrame:
     """Return the positions that the aircraft has a little later, strip by strip.
 
-    Parameters
-    ----------
-    flight : SimulatedFlight
-    by_s : float
-
     Returns
     -------
     DataFrame
@@ -171,12 +166,7 @@ def _quoted(lines: Sequence[str]) -> str:
 
 
 def examine(flight: SimulatedFlight) -> Examined:
-    """Write a flight into an empty folder, check it, and run its calibration.
-
-    Parameters
-    ----------
-    flight : SimulatedFlight
-    """
+    """Write a flight into an empty folder, check it, and run its calibration."""
     with tempfile.TemporaryDirectory() as temporary:
         written, results = Path(temporary) / "flight", Path(temporary) / "results"
         files.write(flight, written)
@@ -262,10 +252,6 @@ def _of_group(found: Examined, name: str) -> pd.DataFrame:
 def standardised(found: Examined) -> pd.Series:
     """Return the RMS of the standardised residuals of every group; one where all is right.
 
-    Parameters
-    ----------
-    found : Examined
-
     Returns
     -------
     Series
@@ -306,12 +292,7 @@ Draw = Callable[[Axes, Examined], object]
 
 
 def fingerprints(found: Mapping[str, Examined]) -> Figure:
-    """Draw the standardised residuals of every group of observations, mistake by mistake.
-
-    Parameters
-    ----------
-    found : mapping of str to Examined
-    """
+    """Draw the standardised residuals of every group of observations, mistake by mistake."""
     with style.applied():
         fig, axes = _panels(found, _draw_fingerprint, height=1.75, sharex=True, sharey=True)
         first = axes[0, 0]
@@ -332,12 +313,7 @@ def _draw_fingerprint(ax: Axes, one: Examined) -> None:
 
 
 def maps(found: Mapping[str, Examined]) -> Figure:
-    """Draw where residuals are: of positions in plan as arrows, of attitudes as colours.
-
-    Parameters
-    ----------
-    found : mapping of str to Examined
-    """
+    """Draw where residuals are: of positions in plan as arrows, of attitudes as colours."""
     with style.applied():
         fig, axes = _panels(found, _draw_map, height=2.2)
         reach = 1.35 * max(float(one.places_km.abs().to_numpy().max()) for one in found.values())
@@ -419,12 +395,7 @@ def _panels(
 
 
 def table(found: Mapping[str, Examined]) -> pd.DataFrame:
-    """Return what every mistake leaves in residuals and parameters, as text.
-
-    Parameters
-    ----------
-    found : mapping of str to Examined
-    """
+    """Return what every mistake leaves in residuals and parameters, as text."""
     return pd.DataFrame([{"Mistake": name, **_cells(one)} for name, one in found.items()])
 
 

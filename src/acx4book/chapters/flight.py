@@ -43,12 +43,7 @@ ANTENNA_AT = np.array([-1.9, 0.6, 1.5])
 
 
 def system(flight: Flight) -> Figure:
-    """Draw the cameras of a flight on their mount, with the IMU and the GNSS antenna.
-
-    Parameters
-    ----------
-    flight : Flight
-    """
+    """Draw the cameras of a flight on their mount, with the IMU and the GNSS antenna."""
     cameras = _heads(flight)
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 4.4))
@@ -175,10 +170,6 @@ SAMPLES = 20
 def target(flight: Flight) -> Figure | None:
     """Draw the target of the paper, and its image from each flying height over the field.
 
-    Parameters
-    ----------
-    flight : Flight
-
     Returns
     -------
     Figure or None
@@ -296,10 +287,6 @@ def scene(flight: Flight) -> Scene | None:
     """Return the middle exposure of the lowest strip; None where the ground is not known.
 
     Of the calibration block, or of the first block where there is none.
-
-    Parameters
-    ----------
-    flight : Flight
     """
     name = "calibration" if flight.calibration is not None else next(iter(flight.blocks))
     block, mounted = flight.block(name), flight.mounted(name)

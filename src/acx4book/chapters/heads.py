@@ -42,10 +42,6 @@ NO_HEADS = "No head could be adjusted."
 def mean_residuals(fits: Mapping[str, Bundle]) -> Figure:
     """Draw the mean residual vectors of the cells of every head's image.
 
-    Parameters
-    ----------
-    fits : mapping of str to Bundle
-
     Returns
     -------
     Figure
@@ -85,10 +81,6 @@ def radial_distortion(
         The paper's at the corner, by head.
     claim_px : float, optional
         What the paper's text says of the border.
-
-    Returns
-    -------
-    Figure
     """
     if not fits:
         return style.nothing(NO_HEADS)

@@ -206,10 +206,6 @@ def _variance_factors(study: Study, way: str) -> Array:
 def scatter_with_heads(study: Study) -> pd.DataFrame:
     """Return how the synthetic camera scatters over a sigma that has its heads' part.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     DataFrame

@@ -56,12 +56,7 @@ def predicted(results_path: str | Path) -> str:
 
 
 def difference_map(validation: Validation) -> Figure:
-    """Draw the differences of all check points, from all rays: arrows in plan, colours in height.
-
-    Parameters
-    ----------
-    validation : Validation
-    """
+    """Draw the differences of all check points: arrows in plan, colours in height."""
     block, points = validation.block, validation.points
     enh = block.frame.to_grid(block.check.x_m[points.point_idx])
     cameras = block.frame.to_grid(block.T_m_b_images.r)
@@ -149,12 +144,7 @@ def normalised_differences(validations: Mapping[str, Validation]) -> Figure:
 
 
 def pair_histograms(validation: Validation) -> Figure:
-    """Draw the differences of all pairs with the distribution that their sigma predict.
-
-    Parameters
-    ----------
-    validation : Validation
-    """
+    """Draw the differences of all pairs with the distribution that their sigma predict."""
     pairs = validation.pairs
     limit = 3.2 * float(np.quantile(pairs.sigma, 0.9)) if len(pairs) else 1.0
     grid = np.linspace(-limit, limit, 201)

@@ -217,10 +217,6 @@ def spans(ratios: pd.DataFrame, kind: str) -> dict[str, tuple[float, float]]:
 def height_errors(seed: int) -> pd.DataFrame:
     """Return the height error of every exposure of one flight, for white and for slow noise.
 
-    Parameters
-    ----------
-    seed : int
-
     Returns
     -------
     DataFrame
@@ -454,10 +450,6 @@ def reached(points: Mapping[str, Differences]) -> pd.DataFrame:
 
 def reached_in_block(bundle: Bundle) -> pd.DataFrame:
     """Return the same for the check points of a block that are tie points in its adjustment.
-
-    Parameters
-    ----------
-    bundle : Bundle
 
     Returns
     -------

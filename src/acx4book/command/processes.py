@@ -44,10 +44,6 @@ class ProcessDiedError(RuntimeError):
 class Processes(Executor):
     """An executor with a fixed number of processes, started when they are needed.
 
-    Parameters
-    ----------
-    n : int
-
     Raises
     ------
     FileNotFoundError

@@ -81,10 +81,6 @@ def start(boresight_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> State:
 def equations(state: State) -> tuple[Array, Array, Array]:
     """Return the derivatives, the misclosures and the standard deviations of all observations.
 
-    Parameters
-    ----------
-    state : State
-
     Returns
     -------
     A : ndarray, shape (46, 33)

@@ -276,10 +276,6 @@ def fly_and_read(
 def read(simulated: SimulatedFlight) -> Flight:
     """Return a simulated flight as its files say.
 
-    Parameters
-    ----------
-    simulated : SimulatedFlight
-
     Raises
     ------
     FlightError

@@ -364,12 +364,7 @@ def cameras(flight: Flight, declared: Sequence[Camera]) -> dict[str, list[Camera
 
 
 def applies(flight: Flight) -> bool:
-    """Tell whether a flight has the paper's cameras, so that its numbers can be compared.
-
-    Parameters
-    ----------
-    flight : Flight
-    """
+    """Tell whether a flight has the paper's cameras, so that its numbers can be compared."""
     synthetic = flight.cameras.get("SYN")
     if synthetic is None or not set(HEADS) <= set(flight.cameras):
         return False

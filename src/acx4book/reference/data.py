@@ -81,12 +81,7 @@ def folder() -> Path:
 
 @contextmanager
 def at(place: str) -> Iterator[None]:
-    """Set ACX4_REFERENCE_DATA for the duration of a context; an empty path changes nothing.
-
-    Parameters
-    ----------
-    place : str
-    """
+    """Set ACX4_REFERENCE_DATA for the duration of a context; an empty path changes nothing."""
     before = os.environ.get(VARIABLE)
     if place:
         os.environ[VARIABLE] = place
@@ -112,10 +107,6 @@ def path(file: str) -> Path:
     ----------
     file : str
         Its name in the index.
-
-    Returns
-    -------
-    Path
 
     Raises
     ------

@@ -267,10 +267,6 @@ class Line:
 def read(path: Path) -> dict[tuple[str, ...], Line]:
     """Read a report.
 
-    Parameters
-    ----------
-    path : Path
-
     Returns
     -------
     dict

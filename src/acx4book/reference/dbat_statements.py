@@ -562,10 +562,6 @@ def _largest(project: Project, path: tuple[str, ...], rows: Index, d: Array) -> 
 def results(project: Project) -> pd.DataFrame:
     """Return every number and statement of a report's results with ours.
 
-    Parameters
-    ----------
-    project : Project
-
     Returns
     -------
     DataFrame

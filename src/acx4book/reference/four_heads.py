@@ -70,10 +70,6 @@ MOST = 5
 def thinned(block: Block) -> Mask:
     """Choose points of many rays, in several exposures, that cover every picture evenly.
 
-    Parameters
-    ----------
-    block : Block
-
     Returns
     -------
     ndarray of bool, shape (n,)
@@ -97,12 +93,7 @@ def thinned(block: Block) -> Mask:
 
 
 def rig(flight: Flight) -> Mounting:
-    """Adjust all heads of the flight with the trajectory, as the chapter does.
-
-    Parameters
-    ----------
-    flight : Flight
-    """
+    """Adjust all heads of the flight with the trajectory, as the chapter does."""
     free = ("f", *flight.estimate_heads)
     return single_step(heads_of(flight), free=free, fix=("lever_arm",), gnss=("deviation",))
 

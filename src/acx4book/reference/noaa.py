@@ -59,16 +59,7 @@ class Frame:
 
 
 def read(path: Path) -> Frame:
-    """Read a frame.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    Frame
-    """
+    """Read a frame."""
     lines = (line.partition(":") for line in path.read_text(encoding="ascii").splitlines())
     words = {key.strip(): value.strip() for key, _, value in lines}
 

@@ -239,10 +239,6 @@ def _turns_told(title: str, told: Mapping[str, Any]) -> Turns:
 def boresights(material: Material) -> pd.DataFrame:
     """Return the boresight of every image, eq. (13), minus the mean of its camera.
 
-    Parameters
-    ----------
-    material : Material
-
     Returns
     -------
     DataFrame

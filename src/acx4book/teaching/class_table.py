@@ -27,13 +27,7 @@ TOTALS = ("student", "points", "of")
 
 @dataclass(frozen=True, kw_only=True)
 class Marks:
-    """One student's marks on one sheet.
-
-    Attributes
-    ----------
-    student, sheet : str
-    verdicts : tuple of Verdict
-    """
+    """One student's marks on one sheet."""
 
     student: str
     sheet: str

@@ -360,13 +360,7 @@ class Mistake:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One student's flight, with its truth.
-
-    Attributes
-    ----------
-    flight : Flight
-    truth : mapping
-    """
+    """One student's flight, with its truth."""
 
     flight: Flight
     truth: Mapping[str, Any]

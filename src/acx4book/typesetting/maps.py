@@ -67,10 +67,6 @@ def control_maps(*blocks: Block | None) -> Figure:
     *blocks : Block or None
         Blocks with the same points share one map; None stands for a block that the flight does
         not have.
-
-    Returns
-    -------
-    Figure
     """
     fields = _fields([block for block in blocks if block is not None])
     if not fields:

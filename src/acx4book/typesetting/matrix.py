@@ -262,10 +262,6 @@ def sigma_figure(shown: Format) -> Figure:
     """Draw standard deviations of ground points over the format of the image that shows them.
 
     In plan, in height, and what the calibration makes of the height; NaN is left white.
-
-    Parameters
-    ----------
-    shown : Format
     """
     variance = shown.variance
     total, calibrated = variance.sum(axis=-1), variance[..., -len(CALIBRATION) :].sum(axis=-1)

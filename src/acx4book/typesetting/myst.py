@@ -53,10 +53,6 @@ def myst_table(
         Label for cross-references, such as ``tab-errata``.
     formats : mapping, optional
         Format of the numbers by column, such as ``{"value": ".3f"}``.
-
-    Returns
-    -------
-    str
     """
     formats = formats or {}
     unknown = sorted(set(formats) - set(map(str, table.columns)))

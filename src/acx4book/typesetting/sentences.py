@@ -17,12 +17,7 @@ from acx4book.typesetting.plain_text import Markup, shown
 
 @dataclass(frozen=True)
 class Sentence:
-    """Text in Markdown that Jupyter and the book show.
-
-    Attributes
-    ----------
-    text : str
-    """
+    """Text in Markdown that Jupyter and the book show."""
 
     text: str
 

@@ -141,12 +141,7 @@ def _draw_vectors(ax: Axes, camera: Camera, field: tuple[Array, Array], *, key: 
 
 
 def seam_profiles(profile: SeamProfile) -> Figure:
-    """Draw grey values along a line across a seam: as taken, equalised, and blended.
-
-    Parameters
-    ----------
-    profile : SeamProfile
-    """
+    """Draw grey values along a line across a seam: as taken, equalised, and blended."""
     thousand = 1000.0
     titles = (
         ("As the heads took them", _disagreement(profile.taken)),
@@ -191,12 +186,7 @@ def _disagreement(values: Array) -> str:
 
 
 def overlap_differences(picture: OverlapPicture) -> Figure:
-    """Draw a part of an overlap, and how two heads differ there after each step.
-
-    Parameters
-    ----------
-    picture : OverlapPicture
-    """
+    """Draw a part of an overlap, and how two heads differ there after each step."""
     limit = 0.15
     steps = tuple(picture.differences.items())
     with style.applied():

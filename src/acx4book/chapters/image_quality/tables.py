@@ -48,11 +48,6 @@ PER_SIDE = 8
 def zone_table(known: KnownExposure, examined: Examined) -> pd.DataFrame:
     """Return the deviations of an image from geometry, by parts of the frame.
 
-    Parameters
-    ----------
-    known : KnownExposure
-    examined : Examined
-
     Returns
     -------
     DataFrame
@@ -91,11 +86,6 @@ def _zone_row(left: Array, reduce: int) -> dict[str, float]:
 
 def acceptance(known: KnownExposure, examined: Examined) -> dict[str, object]:
     """Return whether measured points are where geometry puts them, as well as matching can tell.
-
-    Parameters
-    ----------
-    known : KnownExposure
-    examined : Examined
 
     Returns
     -------
@@ -195,10 +185,6 @@ def lens_fits(examined: Mapping[str, Examined]) -> dict[str, Bundle]:
 def agreement(examined: Mapping[str, Examined]) -> dict[str, float]:
     """Return how well measured deviations follow the geometry of the wrong orientations.
 
-    Parameters
-    ----------
-    examined : mapping of str to Examined
-
     Returns
     -------
     dict of str to float
@@ -247,10 +233,6 @@ def self_calibration_fields(examined: Mapping[str, Examined]) -> dict[str, Devia
 
 def self_calibration(examined: Examined) -> dict[str, float]:
     """Return what the self-calibration of an image finds, and what it cannot tell apart.
-
-    Parameters
-    ----------
-    examined : Examined
 
     Returns
     -------

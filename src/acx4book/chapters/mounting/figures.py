@@ -115,10 +115,6 @@ def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None
 def weak_places(mounting: Mounting) -> Figure:
     """Draw a block in plan with what its tests find at every point and exposure.
 
-    Parameters
-    ----------
-    mounting : Mounting
-
     Returns
     -------
     Figure
@@ -232,10 +228,6 @@ def _km(bundle: Bundle, x_m: Array) -> Array:
 def image_redundancy(mounting: Mounting) -> Figure:
     """Draw the mean redundancy numbers of measurements over the image plane.
 
-    Parameters
-    ----------
-    mounting : Mounting
-
     Returns
     -------
     Figure
@@ -317,12 +309,7 @@ LARGE = 0.03
 
 
 def view(mounting: Mounting) -> Shown:
-    """Return the block of the single step as the reader turns it.
-
-    Parameters
-    ----------
-    mounting : Mounting
-    """
+    """Return the block of the single step as the reader turns it."""
     bundle = mounting.bundle
     layers, ties = [_ground(bundle), *_images(bundle)], _tie_points(bundle)
     if len(ties):

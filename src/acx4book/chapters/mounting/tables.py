@@ -299,10 +299,6 @@ def _cov_lever(single: Mounting, k: int) -> Array:
 def variants(methods: Mapping[str, Mounting | Failed]) -> pd.DataFrame:
     """Return several adjustments, a row each, by their titles.
 
-    Parameters
-    ----------
-    methods : mapping of str to Mounting or Failed
-
     Returns
     -------
     DataFrame
@@ -343,10 +339,6 @@ def _alike(row: Mapping[tuple[str, str], Any], other: Mapping[tuple[str, str], A
 def chi_square_seen(found: Absorption | None) -> dict[str, float]:
     """Return the test of the lever arm that was taken up against the estimated one.
 
-    Parameters
-    ----------
-    found : Absorption or None
-
     Returns
     -------
     dict of str to float
@@ -362,11 +354,6 @@ def chi_square_seen(found: Absorption | None) -> dict[str, float]:
 
 def taken_up(mountings: Mountings, found: Absorption | None) -> dict[str, object]:
     """Return what the first camera's interior orientation took up, for a sentence.
-
-    Parameters
-    ----------
-    mountings : Mountings
-    found : Absorption or None
 
     Returns
     -------

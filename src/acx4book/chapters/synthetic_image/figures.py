@@ -72,10 +72,6 @@ def footprints(
         One drawing each.
     synthetic : Camera
     titles : sequence of str
-
-    Returns
-    -------
-    Figure
     """
     n = len(orientations)
     with style.applied():
@@ -161,11 +157,6 @@ def _draw_outlines(ax: Axes, orientation: RelativeOrientation, *, faint: bool = 
 
 def refinements(refined: Refinement, synthetic: Camera) -> Figure:
     """Draw the differences between heads at tie points, and what refinements take away of them.
-
-    Parameters
-    ----------
-    refined : Refinement
-    synthetic : Camera
 
     Returns
     -------

@@ -173,10 +173,6 @@ def _rms_mm(found: Sequence[Overlap]) -> float:
 def between_exposures(refinement: Refinement) -> float:
     """Return how many times larger σ of the turns are by their scatter between exposures.
 
-    Parameters
-    ----------
-    refinement : Refinement
-
     Returns
     -------
     float
@@ -195,10 +191,6 @@ def between_exposures(refinement: Refinement) -> float:
 
 def turns(refinement: Refinement) -> pd.DataFrame:
     """Return how the refinement turns every head, with the standard deviations, 0.001°.
-
-    Parameters
-    ----------
-    refinement : Refinement
 
     Returns
     -------

@@ -76,12 +76,7 @@ def _cells(ax: Axes, filled: Array, kinds: Index, title: str) -> None:
 
 
 def of_block(block: Block) -> Figure:
-    """Draw which images see which points, and which images share a point.
-
-    Parameters
-    ----------
-    block : Block
-    """
+    """Draw which images see which points, and which images share a point."""
     seen = np.zeros((len(block.images), len(block.points)))
     seen[block.image_points.image_idx, block.image_points.point_idx] = 1.0
     first = np.argmax(seen, axis=0)

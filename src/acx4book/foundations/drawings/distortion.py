@@ -115,12 +115,7 @@ def balance(k1: float, far: float) -> float:
 
 
 def balanced(head: str) -> Figure:
-    """Draw a head's distortion for the f of Table 1, and for the f that balances it.
-
-    Parameters
-    ----------
-    head : str
-    """
+    """Draw a head's distortion for the f of Table 1, and for the f that balances it."""
     lens, far = printed.interior(1, head), border(head)
     scale = balance(lens.k1, far)
     r = np.linspace(0, far, 120)
@@ -145,12 +140,7 @@ LABELS = {
 
 
 def directions(head: str) -> Figure:
-    """Draw what is wrong where k1 is evaluated at the ideal point, for a head and a strong lens.
-
-    Parameters
-    ----------
-    head : str
-    """
+    """Draw what is wrong where k1 is evaluated at the ideal point, for a head and a strong lens."""
     pixel, k1 = printed.pixel_mm(head), printed.interior(1, head).k1
     r = np.linspace(4, border(head), 100)
     colours = (style.BRICK, style.BLUE, style.TEAL)

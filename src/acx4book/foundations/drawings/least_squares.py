@@ -188,12 +188,7 @@ def valley(covs: Mapping[str, Array]) -> Figure:
 
 
 def datums(free: FreeNetwork) -> Figure:
-    """Draw the ellipses of the points of a block in two datums.
-
-    Parameters
-    ----------
-    free : FreeNetwork
-    """
+    """Draw the ellipses of the points of a block in two datums."""
     with applied():
         fig, axes = subplots(1, 2, figsize=(WIDTH, 3.0), sharex=True, sharey=True)
         parts = (("seven unknowns held", free.minimal), ("inner constraints", free.inner))

@@ -77,12 +77,7 @@ def mistaken(opk: Array) -> dict[str, Array]:
 
 
 def mistakes(height_m: float) -> Figure:
-    """Draw where the axes of A1 and of B1 meet the ground with each mistaken matrix.
-
-    Parameters
-    ----------
-    height_m : float
-    """
+    """Draw where the axes of A1 and of B1 meet the ground with each mistaken matrix."""
     with style.applied():
         fig, panels = style.subplots(1, 3, figsize=(style.WIDTH, 3.2), sharex=True, sharey=True)
         for row, colour in ((0, style.BLUE), (2, style.ORANGE)):

@@ -404,12 +404,7 @@ RESAMPLED = 20_000
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """A share with its confidence interval.
-
-    Attributes
-    ----------
-    value, low, high : float
-    """
+    """A share with its confidence interval."""
 
     value: float
     low: float

@@ -329,12 +329,7 @@ def for_terminal(found: Rigidity, *, level: float) -> list[str]:
 
 
 def turns(found: Rigidity) -> Figure:
-    """Draw how every head turned at every exposure, axis by axis, with error bars.
-
-    Parameters
-    ----------
-    found : Rigidity
-    """
+    """Draw how every head turned at every exposure, axis by axis, with error bars."""
     at = np.arange(len(found.exposures))
     arcsec = 3600 * np.degrees(np.stack([found.turns, found.sigma]))
     with style.applied():
