@@ -77,9 +77,9 @@ def _prose(page: str) -> str:
     return SOLUTION.sub("", "\n\n".join(parts))
 
 
-def _pages(contents: Path = BOOK / "_toc.yml") -> Iterator[str]:
+def _pages() -> Iterator[str]:
     """Yield the pages that are read, in the order of the table of contents."""
-    told = yaml.safe_load(contents.read_text("utf-8"))
+    told = yaml.safe_load((BOOK / "_toc.yml").read_text("utf-8"))
     yield told["root"]
     for part in told["parts"]:
         for chapter in part["chapters"]:

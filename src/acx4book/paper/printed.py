@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
-from acx4book.typesetting.myst import SUPERSCRIPTS, myst_table
+from acx4book.typesetting.myst import SUPERSCRIPTS
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
@@ -435,11 +435,3 @@ def sentence(card: pd.DataFrame) -> str:
         f"{len(agree) - means - strong} depend on the noise that was chosen. Evidence about the "
         f"study are the {strong} others: $f$, $x_p$ and $y_p$ of the two-step method."
     )
-
-
-def roles_table() -> str:
-    """Return the roles and what they mean as a MyST table."""
-    rows = pd.DataFrame(
-        [{"Role": role, "What its agreement means": meaning} for role, meaning in ROLES.items()]
-    )
-    return myst_table(rows, "Roles of the printed numbers", name="tab-roles")

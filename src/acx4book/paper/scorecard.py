@@ -448,7 +448,7 @@ def _tables(card: pd.DataFrame) -> str:
     sigma = pd.DataFrame(list(OUR_SIGMA), columns=["Number", "Our standard deviation"])
     combined = myst_table(sigma, "Our standard deviations in the rule", name="tab-our-sigma")
     both = [IDEAL] if "chain" in card else []
-    parts = [ALL, *both, paper.roles_table(), counted, RULE, combined]
+    parts = [ALL, *both, _roles_table(), counted, RULE, combined]
     for number, lines in card.groupby("table"):
         name = f"tab-card-{number}"
         caption = f"The paper's Table {number}, number by number"
@@ -458,6 +458,14 @@ def _tables(card: pd.DataFrame) -> str:
         title = f"The paper's Table {number}: {len(lines)} numbers"
         parts.append(f"::::{{dropdown}} {title}\n\n{table}\n\n{why}\n::::")
     return "\n\n".join(parts) + "\n"
+
+
+def _roles_table() -> str:
+    """Return the roles and what they mean as a MyST table."""
+    rows = pd.DataFrame(
+        [{"Role": role, "What its agreement means": meaning} for role, meaning in ROLES.items()]
+    )
+    return myst_table(rows, "Roles of the printed numbers", name="tab-roles")
 
 
 def _standing_out(card: pd.DataFrame, found: folder.Results, flight: Flight) -> str:

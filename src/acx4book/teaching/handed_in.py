@@ -276,7 +276,7 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
         for file, content in sheet.hand_out(case).items():
             whole_files.write(folder / file, content)
     whole_files.write(folder / README, _readme(sheet, name, sheet.given(case)))
-    whole_files.write(folder / ANSWERS, answers(sheet, name))
+    whole_files.write(folder / ANSWERS, _to_fill_in(sheet, name))
 
 
 def _readme(sheet: Sheet, student: str, given: Sequence[str]) -> str:
@@ -301,7 +301,7 @@ sigma empty where none is asked for. Hand in this one file.
 """
 
 
-def answers(sheet: Sheet, student: str) -> str:
+def _to_fill_in(sheet: Sheet, student: str) -> str:
     """Return the file to fill in."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")

@@ -352,12 +352,14 @@ class OverlapPicture:
     differences: dict[str, Array]
 
 
+PAIR = (0, 3)
+"""The left and the right one of the lower heads."""
+
+
 def seam_profile(
     known: KnownExposure,
     orientation: RelativeOrientation,
     response: Response,
-    *,
-    pair: tuple[int, int] = (0, 3),
 ) -> SeamProfile:
     """Return grey values across the seam of two heads that stand beside each other.
 
@@ -367,17 +369,15 @@ def seam_profile(
     orientation : RelativeOrientation
         Full size.
     response : Response
-    pair : tuple of int
-        The left and the right one of the lower heads.
     """
-    row, col = _seam(known, orientation, pair)
+    row, col = _seam(known, orientation)
     half = int(2.5 * FEATHER_PX / known.reduce)
     window = (row, row + AVERAGED_ROWS, col - half, col + half)
-    taken = [_seen(known, orientation, k, window, None)[..., BAND].mean(axis=0) for k in pair]
-    equal = [_seen(known, orientation, k, window, response)[..., BAND].mean(axis=0) for k in pair]
+    taken = [_seen(known, orientation, k, window, None)[..., BAND].mean(axis=0) for k in PAIR]
+    equal = [_seen(known, orientation, k, window, response)[..., BAND].mean(axis=0) for k in PAIR]
     blended = _mean_rows(render_known(known, orientation, response), window)
     return SeamProfile(
-        names=_names(known, pair),
+        names=_names(known),
         x_px=known.reduce * (np.arange(-half, half) + 0.5),
         taken=np.stack(taken),
         equalised=np.stack(equal),
@@ -391,7 +391,6 @@ def overlap_picture(
     orientations: tuple[RelativeOrientation, RelativeOrientation],
     response: Response,
     *,
-    pair: tuple[int, int] = (0, 3),
     size_px: tuple[int, int] = (130, 174),
 ) -> OverlapPicture:
     """Return a part of an overlap, and the differences of its heads before and after.
@@ -402,41 +401,37 @@ def overlap_picture(
     orientations : tuple of RelativeOrientation
         As calibrated and refined, full size.
     response : Response
-    pair : tuple of int
-        The left and the right one of the lower heads.
     size_px : tuple of int
         Rows and columns, of the picture at hand.
     """
-    row, col = _seam(known, orientations[1], pair)
+    row, col = _seam(known, orientations[1])
     rows, cols = size_px
     window = (row - rows // 2, row + rows // 2, col - cols // 2, col + cols // 2)
     calibrated, refined = orientations
     return OverlapPicture(
-        names=_names(known, pair),
-        grey=_seen(known, refined, pair[0], window, None).mean(axis=2),
+        names=_names(known),
+        grey=_seen(known, refined, PAIR[0], window, None).mean(axis=2),
         differences={
-            "as taken": _difference(known, calibrated, pair, window, None),
-            "equalised": _difference(known, calibrated, pair, window, response),
-            "equalised and refined": _difference(known, refined, pair, window, response),
+            "as taken": _difference(known, calibrated, window, None),
+            "equalised": _difference(known, calibrated, window, response),
+            "equalised and refined": _difference(known, refined, window, response),
         },
     )
 
 
-def _names(known: KnownExposure, pair: tuple[int, int]) -> tuple[str, str]:
-    first, second = (known.orientation.heads[k].name for k in pair)
+def _names(known: KnownExposure) -> tuple[str, str]:
+    first, second = (known.orientation.heads[k].name for k in PAIR)
     return first, second
 
 
-def _seam(
-    known: KnownExposure, orientation: RelativeOrientation, pair: tuple[int, int]
-) -> tuple[int, int]:
+def _seam(known: KnownExposure, orientation: RelativeOrientation) -> tuple[int, int]:
     """Return row and column, of the picture at hand, where both heads' borders are as far."""
     small = reduced_camera(known.synthetic, known.reduce)
     row = int(ROW_SHARE * small.height_px)
     cols = np.arange(small.width_px, dtype=float)
     xy = xy_from_colrow(small, np.column_stack([cols, np.full(len(cols), row)]))
     left, right = (
-        border_depth(orientation.heads[k], head_from_synthetic(orientation, k, xy)) for k in pair
+        border_depth(orientation.heads[k], head_from_synthetic(orientation, k, xy)) for k in PAIR
     )
     shared = np.flatnonzero((left > 0) & (right > 0))
     return row, int(shared[np.argmin(np.abs(left - right)[shared])])
@@ -466,11 +461,10 @@ def _seen(
 def _difference(
     known: KnownExposure,
     orientation: RelativeOrientation,
-    pair: tuple[int, int],
     window: Window,
     response: Response | None,
 ) -> Array:
-    a, b = (_seen(known, orientation, k, window, response).mean(axis=2) for k in pair)
+    a, b = (_seen(known, orientation, k, window, response).mean(axis=2) for k in PAIR)
     return 2 * (b - a) / (a + b)
 
 
