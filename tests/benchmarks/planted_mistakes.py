@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from itertools import cycle, islice, product
 from pathlib import Path
 
-from acx4lib.conventions.search import best_reading
+from acx4lib.conventions import best_reading
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import read
 from support.flights import planted, sized

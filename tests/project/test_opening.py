@@ -72,7 +72,7 @@ OTHERS = {
         "tifffile.TiffFile": "of bytes, after a look, or an image that a command wrote",
         "TemporaryFile": "has no name, and is gone in the end",
     },
-    "acx4tools/exchange/pictures/headings.py": {"tifffile.imread": "of bytes, after a look"},
+    "acx4tools/exchange/pictures/folder.py": {"tifffile.imread": "of bytes, after a look"},
     "acx4tools/measuring/views.py": {"cv2.imread": "looks first"},
     "acx4tools/measuring/pairs.py": {
         "np.savez": "into the draft that is open",
@@ -88,7 +88,7 @@ OTHERS = {
     "acx4lib/georeferencing/accuracy.py": {"table.read_text": "a table of the library"},
     "acx4sim/files.py": {"path.write_text": "into a draft of the whole folder"},
     "acx4sim/pictures.py": {"tifffile.imwrite": "into a draft of the whole folder"},
-    "acx4sim/scenery/scenery.py": {"np.fromfile": "looks first", "os.open": "the null device"},
+    "acx4sim/scenery.py": {"np.fromfile": "looks first", "os.open": "the null device"},
     "acx4book/command/terminal.py": {
         "os.open": "the null device",
         "Path(os.devnull).open": "the null device",

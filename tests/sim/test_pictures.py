@@ -17,6 +17,7 @@ from scipy.ndimage import gaussian_filter
 import acx4sim
 from acx4sim import earth, pictures
 from acx4sim.designs import acx4_plan
+from acx4sim.drawing import cell_m
 from acx4sim.files import photograph, truth_path
 from acx4sim.pictures import (
     Tiles,
@@ -28,8 +29,7 @@ from acx4sim.pictures import (
     reduced,
     station,
 )
-from acx4sim.scenery.drawing import cell_m
-from acx4sim.scenery.scenery import read_photo
+from acx4sim.scenery import read_photo
 from support.helpers import repeats
 from support.pictures.targets import cut_out, middle_of_disc
 

@@ -15,7 +15,7 @@ SECONDS = 60
 """A small command takes a few; one that takes longer waits for something, and is ended."""
 
 LOADED = (
-    *("acx4lib.conventions.search", "acx4lib.flight.summary", "acx4tools.exchange.programs.opf"),
+    *("acx4lib.conventions", "acx4lib.flight.summary", "acx4tools.exchange.programs.opf"),
     *("acx4book.report.page", "acx4book.report.campaigns.written", "acx4tools.planning.design"),
     *(
         "acx4book.command.runs",

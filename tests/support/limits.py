@@ -15,7 +15,7 @@ from support.fuzz.said import said
 MEMORY = 2**30
 """Bytes of address space beyond that of the libraries."""
 
-PRELOADED = ("support.limits", "acx4tools.exchange.flight_folder", "acx4lib.conventions.search")
+PRELOADED = ("support.limits", "acx4tools.exchange.flight_folder", "acx4lib.conventions")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from acx4book.typesetting import style
 from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib.conventions import search
+from acx4lib import conventions
 from acx4lib.errors import Acx4Error
 from acx4lib.expected import Array
 from acx4lib.flight.reader import read
@@ -199,7 +199,7 @@ def _checked(path: Path) -> tuple[str, ...]:
     """Return what the command check adds to its summary, or why it refuses the flight."""
     try:
         flight = read(path)
-        return (*flight.notes, *search.notes(flight))
+        return (*flight.notes, *conventions.notes(flight))
     except Acx4Error as error:
         return tuple(str(error).splitlines())
 

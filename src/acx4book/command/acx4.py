@@ -120,11 +120,11 @@ Example:
 )
 def check(flight: terminal.Flight) -> None:
     """Read a flight and print a summary."""
-    from acx4lib.conventions.search import notes  # noqa: PLC0415 quick help
+    from acx4lib.conventions import notes  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
     from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
     from acx4lib.flight.summary import summary  # noqa: PLC0415 quick help
-    from acx4lib.production.picture_sizes import is_cut_off  # noqa: PLC0415 quick help
+    from acx4lib.production.image_files import is_cut_off  # noqa: PLC0415 quick help
 
     found = read(flight)
     files = (path for paths in found.image_files.values() for path in paths if path is not None)

@@ -210,7 +210,7 @@ def _place(brought: Brought, out: Path) -> None:
 
 def missing(flight: Path) -> list[str]:
     """Return what a folder still lacks to be a flight, or what the readings of a flight say."""
-    from acx4lib.conventions.search import notes  # noqa: PLC0415 quick help
+    from acx4lib.conventions import notes  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
     from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
 
@@ -353,7 +353,7 @@ def _orientations(  # noqa: PLR0913 options of a command
     heights: Heights = "",
 ) -> None:
     """Read a table of orientations with declared columns."""
-    from acx4tools.exchange.trajectories import orientations as lists  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = system_of(out, crs, heights)
@@ -366,14 +366,14 @@ def _orientations(  # noqa: PLR0913 options of a command
         ellipsoidal=ellipsoidal,
         ground_m=scaled_above,
     )
-    options = lists.TableOptions(
+    options = orientations.TableOptions(
         columns=columns,
         separator=separator or "",
         of=of,
         block=block,
         camera=camera,
     )
-    _place(lists.read(source, meaning, options), out)
+    _place(orientations.read(source, meaning, options), out)
 
 
 @app.command(
@@ -399,13 +399,13 @@ def _pospac_text(
     heights: Heights = "",
 ) -> None:
     """Read a text export of POSPac."""
-    from acx4tools.exchange.trajectories import orientations as lists  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system)
-    options = lists.TableOptions(block=block, camera=camera)
-    _place(lists.read_pospac(source, meaning, options), out)
+    options = orientations.TableOptions(block=block, camera=camera)
+    _place(orientations.read_pospac(source, meaning, options), out)
 
 
 # --- points measured in images, and surveyed
@@ -439,16 +439,16 @@ def _image_points(
     camera: Camera = "",
 ) -> None:
     """Read a table of measurements with declared columns."""
-    from acx4tools.exchange.trajectories import point_tables  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
 
-    options = point_tables.MeasuredOptions(
+    options = orientations.MeasuredOptions(
         columns=columns,
         separator=separator or "",
         first=float(first),
         block=block,
         camera=camera,
     )
-    _place(point_tables.measured(sources, options), out)
+    _place(orientations.measured(sources, options), out)
 
 
 @app.command(
@@ -481,12 +481,12 @@ def _control_points(  # noqa: PLR0913 options of a command
     heights: Heights = "",
 ) -> None:
     """Read a table of surveyed points with declared columns."""
-    from acx4tools.exchange.trajectories import point_tables  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system, ellipsoidal=ellipsoidal)
-    brought = point_tables.surveyed(
+    brought = orientations.surveyed(
         source, meaning, columns=columns, separator=separator or "", role=role or ""
     )
     _place(brought, out)

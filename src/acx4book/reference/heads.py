@@ -26,7 +26,7 @@ from acx4book.typesetting.pictures import HALO
 from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.expected import Array, Raster
-from acx4lib.flight.setup import camera_of
+from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
 from acx4lib.least_squares.covariance import sigmas

@@ -20,7 +20,7 @@ from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.calibration.estimates import TWO_STEP
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import levels
-from acx4lib.flight.setup import Certificate, Device
+from acx4lib.flight.settings import Certificate, Device
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares.gauss_markov import GaussMarkov
 from acx4lib.results import folder

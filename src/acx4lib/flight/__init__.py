@@ -3,9 +3,9 @@
 `reader` says everything that is wrong with a folder at once, or returns the whole `Flight`; what
 is merely odd becomes a note; `from_tables` does the same with tables in memory. A flight's blocks
 are plain arrays, `block`; `design` tells how they were flown. `tables`, `table_files` and
-`toml_file` are the files as text; `settings`, `checks` and `readings` say what is wrong with them.
+`toml_file` are the files as text; `settings`, `reader` and `readings` say what is wrong with them.
 Layout and rules of the folder: part *Your own flight* of the book. Begin with `reader`, then
-`block`; after them `setup`, `block_from_tables`, `problems`, `summary`.
+`block`; after them `settings`, `block_from_tables`, `problems`, `summary`.
 """
 
 from acx4lib.flight.reader import Flight, from_tables, read, read_kept

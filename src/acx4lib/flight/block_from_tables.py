@@ -15,7 +15,7 @@ import numpy as np
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.flight.problems import NO_ROWS, Problem
-from acx4lib.flight.setup import Setup
+from acx4lib.flight.settings import Setup
 from acx4lib.flight.table_files import read_columns
 from acx4lib.flight.tables import GEOGRAPHIC, SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
 from acx4lib.geometry.distances import Distances

@@ -17,7 +17,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import BlockTables, assemble, lonlat_of, measured_control
 from acx4lib.flight.problems import SHOWN, Problem
-from acx4lib.flight.setup import Setup
+from acx4lib.flight.settings import Setup
 from acx4lib.flight.tables import Table
 from acx4lib.flight.toml_file import Toml
 from acx4lib.geometry.camera import Camera, correct, xy_from_colrow

@@ -12,7 +12,7 @@ from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import flying_heights, forward_overlaps
 from acx4lib.flight.reader import Flight
-from acx4lib.flight.setup import Session
+from acx4lib.flight.settings import Session
 from acx4lib.geometry.geodesy import SHOWN, GridSystem
 
 

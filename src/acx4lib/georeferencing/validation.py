@@ -25,7 +25,7 @@ from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.picture_turns import by_turns
 from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight import checks
+from acx4lib.flight import reader
 from acx4lib.flight.block import Block, SurveyedPoints
 from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
 from acx4lib.geometry.frames import transform
@@ -180,7 +180,7 @@ def validate(
     try:
         return _validated(block, calibration, method, refraction)
     except np.linalg.LinAlgError as error:
-        where = f"the equations of the check points{checks.sentence(block)}"
+        where = f"the equations of the check points{reader.sentence(block)}"
         raise unsolvable(str(error), where) from error
 
 

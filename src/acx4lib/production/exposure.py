@@ -37,9 +37,8 @@ from acx4lib.synthetic_image.response import (
     fit_response,
     overlap_samples,
 )
-from acx4lib.tie_points.overlap_check import check_overlaps
 from acx4lib.tie_points.refinement import refine_by_rotations
-from acx4lib.tie_points.search import find_ties
+from acx4lib.tie_points.search import check_overlaps, find_ties
 
 FRAME = (
     "An ideal central perspective without distortion. Image coordinates are mm from the middle of "

@@ -170,7 +170,7 @@ def _rendered(
     outcomes = []
     for job in jobs:
         tell(job.exposure, 0, job.synthetic.height_px)
-    for job, outcome in made(jobs, executor, tell):
+    for job, outcome in _outcomes(jobs, executor, tell):
         outcomes.append(outcome)
         if outcome.problems:
             tell(job.exposure, 0, 0)
@@ -358,19 +358,10 @@ def _list(folder: Path, rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
 # --- Synthetic images made one after the other, or by the workers of an executor
 
 
-def made(
+def _outcomes(
     jobs: Sequence[RenderJob], executor: Executor | None, tell: TellRows
 ) -> Iterator[tuple[RenderJob, Outcome]]:
-    """Yield every image with its outcome, as they are finished.
-
-    Parameters
-    ----------
-    jobs : sequence of RenderJob
-    executor : Executor or None
-        Its workers must be able to read the files; without one, images are made here.
-    tell : callable
-        Called with exposure, rows finished and all rows; of an executor, for whole images.
-    """
+    """Yield every image with its outcome, as they are finished."""
     if executor is None:
         yield from ((job, render_exposure(job, tell)) for job in jobs)
         return

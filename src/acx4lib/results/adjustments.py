@@ -298,22 +298,13 @@ def _weak_entries(key: str, method: str, bundle: Bundle, *, over_ground: bool) -
         shares = weak.shares_at_corners(calibration, block)
         found += weak.of_calibration(calibration, shares, of=weak.CORNERS)
     late = bool(bundle.network.layout.delay[0] >= 0)
-    return weak_entries(key, weak.together(found), features(block), late=late)
+    return _entries_of_weak(key, weak.together(found), features(block), late=late)
 
 
-def weak_entries(
+def _entries_of_weak(
     key: str, found: Sequence[Weak], has: frozenset[str] = frozenset(), *, late: bool = False
 ) -> dict[str, object]:
-    """Return the entries of summary.json on weak parameters.
-
-    Parameters
-    ----------
-    key : str
-        Of the entry.
-    found : sequence of Weak
-    has, late
-        As `weak.sentences` takes them.
-    """
+    """Return the entries of summary.json on weak parameters."""
     return {
         "weak": [f"{key}: {line}" for line in weak.sentences(found, has, late=late)],
         "weak_parameters": {
@@ -501,7 +492,7 @@ def _weak_entries_of_validation(
         return {}
     shares = weak.shares(validation.points.sources, calibration)
     found = weak.of_calibration(calibration, shares)
-    return weak_entries(f"validation/{validation.method}", found, features, late=late)
+    return _entries_of_weak(f"validation/{validation.method}", found, features, late=late)
 
 
 def of_validation(validation: Validation, **said: object) -> Record:

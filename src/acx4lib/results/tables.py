@@ -11,7 +11,7 @@ from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import index_of
 from acx4lib.flight.problems import did_you_mean, lines_of, quoted
-from acx4lib.flight.setup import Apriori
+from acx4lib.flight.settings import Apriori
 from acx4lib.flight.table_files import Columns, table_in_memory
 from acx4lib.flight.tables import SIGMA_POSITION, Schema
 from acx4lib.geometry.parameters import AXES

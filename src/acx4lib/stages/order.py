@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from acx4lib import conventions
 from acx4lib.calibration.heads import not_calibrated
-from acx4lib.conventions import search
 from acx4lib.errors import AdjustmentError, unsolvable
-from acx4lib.flight import checks
+from acx4lib.flight import reader
 from acx4lib.flight.block import unobserved
 from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record
@@ -101,7 +101,7 @@ def _unmeasured(flight: Flight, stage: str, block: str) -> str:
 
 def _reading(flight: Flight, block_name: str) -> str:
     """Return a sentence on the reading of a block that fits much better; empty for none."""
-    found = search.best_reading(flight, block_name)
+    found = conventions.best_reading(flight, block_name)
     return found.sentence if found else ""
 
 
@@ -169,6 +169,6 @@ def solving(flight: Flight, block_name: str) -> Iterator[None]:
     try:
         yield
     except np.linalg.LinAlgError as error:
-        odd = checks.sentence(flight.block(block_name))
+        odd = reader.sentence(flight.block(block_name))
         where = f"the equations of block {block_name!r}{odd}"
         raise unsolvable(str(error), where) from error

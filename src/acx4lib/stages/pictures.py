@@ -18,8 +18,7 @@ from acx4lib.production.exposure import spread
 from acx4lib.production.head_images import head_files, read_heads
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.response import ResponseFit, fit_response, overlap_samples
-from acx4lib.tie_points.overlap_check import check_overlaps
-from acx4lib.tie_points.search import ImageTies, OverlapTies, find_ties
+from acx4lib.tie_points.search import ImageTies, OverlapTies, check_overlaps, find_ties
 from acx4lib.tie_points.ties import TiePoints
 
 if TYPE_CHECKING:

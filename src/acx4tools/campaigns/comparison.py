@@ -26,7 +26,7 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.flight.design import flying_heights
 from acx4lib.flight.reader import Flight
-from acx4lib.flight.setup import Session
+from acx4lib.flight.settings import Session
 from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose

@@ -15,7 +15,7 @@ import numpy as np
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
-from acx4lib.flight import setup
+from acx4lib.flight import settings
 from acx4lib.flight.problems import RANGES
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose
@@ -215,7 +215,7 @@ class Refitted:
 
 def _table(camera: Camera) -> dict[str, Any]:
     """Return the table of flight.toml, with ten digits and without what is zero."""
-    values = setup.camera_table(camera)
+    values = settings.camera_table(camera)
     short = {  # a pixel size is printed from single precision by some programs
         key: float(f"{value:.{7 if key == PITCH else 10}g}") if isinstance(value, float) else value
         for key, value in values.items()

@@ -18,7 +18,7 @@ from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy, mountings,
 from acx4lib.geometry.collinearity import project, rays
 from acx4lib.geometry.frames import Pose
 from acx4lib.opening import opened
-from acx4lib.production import picture_sizes
+from acx4lib.production import image_files
 from acx4lib.production.image_files import image_from_file
 from acx4lib.synthetic_image.frame import reduced_camera
 
@@ -161,10 +161,10 @@ def _require_size(path: Path, camera: Camera) -> None:
         raise FlightError([f"{path}: there is no such file"])
     with opened(path) as file:
         data = file.read()
-    size = picture_sizes.size_of(data)
+    size = image_files.size_of(data)
     if size is None:
         raise FlightError([f"{path}: is damaged, its header has no size; copy it again"])
-    if not picture_sizes.is_whole(data):
+    if not image_files.is_whole(data):
         raise FlightError([f"{path}: is cut off, its pixels have no end; copy it again"])
     cols, rows = size
     k = max(camera.width_px // max(cols, 1), 1)
@@ -172,7 +172,7 @@ def _require_size(path: Path, camera: Camera) -> None:
         says = f"has {cols} x {rows} px; {camera.name} has {camera.width_px} x {camera.height_px}"
         raise FlightError([f"{path}: {says}, and its pictures that or 1/K of it, K a whole number"])
     # A progressive JPEG is kept as coefficients, of 2 bytes and three colours, until it is whole.
-    fault = picture_sizes.fault(cols * rows, len(data), 8 * cols * rows)
+    fault = image_files.fault(cols * rows, len(data), 8 * cols * rows)
     if fault:
         raise FlightError([f"{path}: {fault}"])
 

@@ -17,7 +17,6 @@ from acx4lib import expected
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
 from acx4lib.flight.block_from_tables import BLOCKS
-from acx4lib.flight.checks import of_degrees
 from acx4lib.flight.problems import (
     METRES,
     NOT_NEGATIVE,
@@ -28,8 +27,8 @@ from acx4lib.flight.problems import (
     lines_of,
     quoted,
 )
-from acx4lib.flight.settings import CAMERA, flight_table
-from acx4lib.flight.setup import Setup, camera_of, setup_of
+from acx4lib.flight.reader import of_degrees
+from acx4lib.flight.settings import CAMERA, Setup, camera_of, flight_table, setup_of
 from acx4lib.flight.toml_file import (
     Entries,
     Keys,

@@ -23,7 +23,7 @@ from acx4lib.calibration.estimates import (
 )
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
-from acx4lib.flight.checks import area_notes
+from acx4lib.flight.reader import area_notes
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.georeferencing import budget, weak
 from acx4lib.georeferencing.weak import Weak

@@ -92,7 +92,7 @@ def test_a_wrong_sign_is_a_note_of_the_check_with_the_reading_that_fits(acx4, fl
 def test_trying_readings_compiles_nothing(flight):
     code = (
         "import sys\n"
-        "from acx4lib.conventions.search import notes\n"
+        "from acx4lib.conventions import notes\n"
         "from acx4lib.flight.reader import read\n"
         "assert not list(notes(read(sys.argv[1])))\n"
         "assert not {'numba', 'scipy', 'pandas'} & set(sys.modules)"

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from acx4book.reference import data, ign
-from acx4lib.conventions.search import best_reading
+from acx4lib.conventions import best_reading
 from acx4lib.flight.reader import read
 from support.flights.spoilt import CONTROL, TRAJECTORY, change
 from support.reference_files import needs

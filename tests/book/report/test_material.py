@@ -11,7 +11,7 @@ from acx4book.report import findings, identity, markdown
 from acx4book.report.markdown import Document, to_html
 from acx4book.report.material import Material, block_of, image_residuals
 from acx4lib import flight as flights
-from acx4lib.flight.setup import Certificate, Device, Session
+from acx4lib.flight.settings import Certificate, Device, Session
 from acx4lib.results import adjustments, folder
 from acx4lib.results.adjustments import of_carried
 from acx4lib.results.provenance import Provenance

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from acx4lib.flight.setup import camera_of
+from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.distances import Distances, lengths
 from acx4lib.geometry.frames import Pose, rotation_from_opk

@@ -7,7 +7,7 @@ from acx4lib import flight as flights
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation
 from acx4lib.calibration.mounting import single_step, two_step, two_step_gnss
 from acx4lib.calibration.rig import calibrate as calibrate_rig
-from acx4lib.conventions.search import Found
+from acx4lib.conventions import Found
 from acx4lib.errors import AdjustmentError
 from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder
@@ -125,7 +125,7 @@ def failing(_block, **_settings):
 
 
 def test_methods_that_all_fail_are_explained_by_the_reading_that_fits(alone, monkeypatch):
-    monkeypatch.setattr(order.search, "best_reading", lambda _flight, _block: SAID)
+    monkeypatch.setattr(order.conventions, "best_reading", lambda _flight, _block: SAID)
     failing.__name__ = "single_step"
     failed = attempt(failing, alone.calibration, free=("f",))
     with pytest.raises(AdjustmentError) as raised:
@@ -136,7 +136,7 @@ def test_methods_that_all_fail_are_explained_by_the_reading_that_fits(alone, mon
 def test_a_method_that_fails_beside_others_is_left_out_with_its_explanation(
     alone, monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(order.search, "best_reading", lambda _flight, _block: SAID)
+    monkeypatch.setattr(order.conventions, "best_reading", lambda _flight, _block: SAID)
     failing.__name__ = "single_step"
     failed = attempt(failing, alone.calibration, free=("f",))
     two = two_step(alone.calibration, free=alone.estimate_mounting, after=failed)

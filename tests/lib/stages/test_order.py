@@ -10,7 +10,7 @@ import pytest
 
 import acx4sim
 from acx4lib import flight as flights
-from acx4lib.conventions.search import Found
+from acx4lib.conventions import Found
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.block import select_cameras
 from acx4lib.results import folder, read_back
@@ -192,7 +192,7 @@ SAID = "with pitch of opposite sign the residuals of attitude fall from 0.61° t
 
 @pytest.fixture(params=[PITCH, None], ids=["another fits", "none fits"])
 def best(request, monkeypatch):
-    monkeypatch.setattr(order.search, "best_reading", lambda _flight, _block: request.param)
+    monkeypatch.setattr(order.conventions, "best_reading", lambda _flight, _block: request.param)
     return request.param
 
 

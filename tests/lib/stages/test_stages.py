@@ -16,7 +16,7 @@ from acx4lib.calibration.heads import relative_orientation as of_heads
 from acx4lib.calibration.rig import relative_orientation
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.block import select_images
-from acx4lib.results import adjustments, folder
+from acx4lib.results import adjustments
 from acx4lib.results import folder as results
 from acx4lib.stages import attempt, heads, order, rig, synthetic
 from acx4lib.stages import pictures as taken
@@ -111,18 +111,18 @@ def rig_stage(rig_flight):
 
 
 def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, rig_stage):
-    folder.replace(tmp_path, ["mounting"], tables={}, summary={"mounting/single_step": {}})
+    results.replace(tmp_path, ["mounting"], tables={}, summary={"mounting/single_step": {}})
     adjustments.write(tmp_path, "mounting/rig", rig.records(rig_stage))
-    found = folder.read(tmp_path)
+    found = results.read(tmp_path)
     assert set(found.summary) == {"mounting/single_step", "mounting/rig"}
-    assert folder.cameras(found, "mounting/rig") == ("CAM1", "CAM2", "CAM3", "CAM4")
-    head = folder.parameters(found, "mounting/rig", "CAM3")
+    assert results.cameras(found, "mounting/rig") == ("CAM1", "CAM2", "CAM3", "CAM4")
+    head = results.parameters(found, "mounting/rig", "CAM3")
     assert list(head.index[:3]) == ["f_mm", "xp_mm", "yp_mm"]
     assert len(head) == 12
-    assert folder.covariance(found, "mounting/rig").shape == (48, 48)
-    images = folder.rows(found, "exterior_orientation", "mounting/rig")
+    assert results.covariance(found, "mounting/rig").shape == (48, 48)
+    images = results.rows(found, "exterior_orientation", "mounting/rig")
     assert len(images) == len(rig_stage.block.images)
-    kinds = folder.rows(found, "residuals", "mounting/rig")["kind"]
+    kinds = results.rows(found, "residuals", "mounting/rig")["kind"]
     assert set(kinds) == {"image_point", "control_point", "gnss", "attitude"}
     entry = found.summary["mounting/rig"]
     assert entry["converged"]

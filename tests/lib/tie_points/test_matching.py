@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy import ndimage
 
 from acx4lib.tie_points.matching import BLOCK, K, best_of_cells, noise_level, response
-from acx4lib.tie_points.overlap_check import check_overlaps
+from acx4lib.tie_points.search import check_overlaps
 from support.helpers import repeats
 from support.pictures import taken
 

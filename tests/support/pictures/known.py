@@ -8,7 +8,7 @@ import numpy as np
 from acx4book.chapters.image_quality.deviations import known_exposure
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
 from acx4lib.synthetic_image.response import estimate_response
-from acx4sim.scenery.drawing import cell_m
+from acx4sim.drawing import cell_m
 
 LEVEL, SWING = 30_000.0, 15_000.0
 """Mean of the grey values, and about how far they go to both sides."""

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from acx4lib import conventions
 from acx4lib.bundle import adjust, gross_errors, observations, unknowns, uses, variance_components
 from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.calibration import estimates, heads, mounting, rig, weights
-from acx4lib.conventions import search
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight import block
 from acx4lib.geometry import camera
@@ -105,7 +105,7 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(lambda: mounting.two_step(None, free=FREE), "block: expected a Block, got None"),
         Wrong(
-            lambda: search.best_reading(flown(), "calibration"),
+            lambda: conventions.best_reading(flown(), "calibration"),
             "flight: expected a Flight, got a SimulatedFlight",
         ),
         Wrong(lambda: uses.free_orientation(None, free=FREE), "block: expected a Block, got None"),

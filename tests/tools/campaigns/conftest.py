@@ -7,7 +7,7 @@ import pytest
 
 import acx4sim
 from acx4lib.calibration.mounting import single_step
-from acx4lib.flight.setup import Session
+from acx4lib.flight.settings import Session
 from acx4sim.designs import single_head_plan
 from acx4sim.files import simulate_plan
 from acx4tools.campaigns import comparison

@@ -14,7 +14,7 @@ from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import parameters, reported_covariance
 from acx4lib.calibration.stability import FTest, Rigidity
 from acx4lib.errors import FlightError
-from acx4lib.flight.setup import Session
+from acx4lib.flight.settings import Session
 from acx4lib.least_squares.statistics import holm
 from acx4lib.results.own_folder import MARK
 from acx4tools.campaigns import comparison, tables

@@ -2,6 +2,7 @@ import json
 import re
 import shutil
 
+import cv2
 import numpy as np
 import pytest
 
@@ -9,7 +10,7 @@ from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight.reader import read
 from acx4tools.measuring.levels import MeasureOptions
-from acx4tools.measuring.measure import measure_flight
+from acx4tools.measuring.measure import SURVEYED, measure_flight, write_pictures
 from support.pictures import measured
 
 LARGEST = 0.06
@@ -119,3 +120,16 @@ def test_a_trajectory_whose_sigma_exceeds_what_is_searched_is_not_relied_on(whol
     measure_flight(tmp_path / "flight", tmp_path / "out", tell=lambda name, *_: asked.append(name))
     assert "calibration features" in asked
     assert measured.tie_errors(tmp_path / "out").rms < LARGEST
+
+
+def test_every_picture_is_shown_with_its_points(whole, tmp_path):
+    write_pictures([whole.outcome], tmp_path)
+    files = sorted(path.name for path in (tmp_path / "calibration").iterdir())
+    assert files == ["C1-04.jpg", "C2-04.jpg", "C4-04.jpg"]
+    image = cv2.imread(str(tmp_path / "calibration" / "C4-04.jpg")).astype(int)
+    assert max(image.shape) <= 1400
+    coloured = np.ptp(image, axis=2) > 40
+    rays = whole.outcome.matched.rays
+    assert 15 < coloured.sum() / np.sum(rays.view == 2) < 130  # a dot has some 60, and its rim
+    red = np.abs(image - SURVEYED).max(axis=2) < 40
+    assert red.any()

@@ -8,7 +8,7 @@ import numpy as np
 
 from acx4lib.calibration.estimates import parameters
 from acx4lib.expected import Array
-from acx4lib.flight.setup import SIGMAS, camera_toml
+from acx4lib.flight.settings import SIGMAS, camera_toml
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4tools.exchange.outward.calibrated import Calibrated
 from acx4tools.exchange.outward.taken import Taken

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,21 +11,26 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+import tifffile
 
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
-from acx4lib.flight.setup import LEVER, camera_table
+from acx4lib.flight.problems import quoted
+from acx4lib.flight.settings import LEVER, camera_table
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
+from acx4lib.production import image_files
+from acx4lib.production import tiff as tiff_files
 from acx4tools.exchange.flight_folder import Brought, number_of
 from acx4tools.exchange.lens import WARNED_PX, WORST_PX, too_far
-from acx4tools.exchange.pictures import marks, metadata
+from acx4tools.exchange.pictures import metadata
 from acx4tools.exchange.pictures.lens import Lens, lens_of
-from acx4tools.exchange.pictures.marks import Mark
-from acx4tools.exchange.pictures.metadata import Attitude, Head
-from acx4tools.exchange.pictures.tags import Tags, rational, read
-from acx4tools.exchange.safe.opened import refusal
+from acx4tools.exchange.pictures.metadata import ANOTHER_COURSE_DEG, Attitude, Head, apart
+from acx4tools.exchange.pictures.tags import BROKEN, Tags, rational, read
+from acx4tools.exchange.safe import opened
+from acx4tools.exchange.safe.opened import Opened, refusal
 
 SUFFIXES = (".tif", ".tiff", ".jpg", ".jpeg")
 MOST = 100_000
@@ -126,7 +133,7 @@ def bring(
             for one in shot.taken
         },
         warnings=(
-            *(marks.warnings_of(_marks(shots))),
+            *(_warnings_of(_marks(shots))),
             *_cut(taken),
             *decided,
             *(
@@ -217,9 +224,9 @@ def _read_all(source: Path) -> list[_Taken]:
 def _marked(taken: Sequence[_Taken]) -> tuple[list[_Taken], dict[str, str]]:
     """Return the pictures with the marks of files beside them, and the checksums of these."""
     folders = {one.tags.path.parent for one in taken}
-    found = {folder: marks.marks_of(folder) for folder in sorted(folders)}
+    found = {folder: marks_of(folder) for folder in sorted(folders)}
     sums = {name: value for _, own in found.values() for name, value in own.items()}
-    numbers = [marks.number_in(metadata.name_of(one.tags)) for one in taken]
+    numbers = [_number_in(metadata.name_of(one.tags)) for one in taken]
     return [
         replace(one, mark=None if k is None else found[one.tags.path.parent][0].get(k))
         for one, k in zip(taken, numbers, strict=True)
@@ -258,9 +265,8 @@ def _decided(shots: Sequence[_Shot]) -> tuple[list[_Shot], list[str]]:
     other = [k for k, two in both.items() if metadata.apart(*two) > metadata.ANOTHER_COURSE_DEG]
     if not other:
         return list(shots), []
-    from acx4tools.exchange.pictures.headings import decided  # noqa: PLC0415 loads OpenCV
 
-    is_aircraft, said = decided([(shot.taken[0].tags, _place(shot)) for shot in shots], both, other)
+    is_aircraft, said = _judged([(shot.taken[0].tags, _place(shot)) for shot in shots], both, other)
     turned = {k: replace(shots[k], heading=both[k][1]) for k in other if is_aircraft}
     return [turned.get(k, shot) for k, shot in enumerate(shots)], [said]
 
@@ -491,7 +497,7 @@ def _whose_positions(shots: Sequence[_Shot]) -> Iterator[str]:
             "surface"
         )
     if len(own) < len(shots):
-        yield marks.sentence(_marks(shots), _beside(shots))
+        yield _sentence(_marks(shots), _beside(shots))
         if own:
             names = _some([shot.name for shot in own])
             yield f"{number_of(len(own), 'exposures')} without a mark have EXIF's heights: {names}"
@@ -507,7 +513,7 @@ def _beside(shots: Sequence[_Shot]) -> dict[str, tuple[float, float]]:
     ]
     if not both:
         return {}
-    metre = np.pi / 180 * marks.AXIS_M
+    metre = np.pi / 180 * AXIS_M
     d = [
         (
             metre * np.hypot(lat - m.lat_deg, (lon - m.lon_deg) * np.cos(np.radians(lat))),
@@ -580,3 +586,259 @@ def _take_off(shots: Sequence[_Shot]) -> list[str]:
         f"of {number_of(len(ground), 'exposures')}, within {spread:.1f} m): where the ground "
         f"is level, acx4 measure takes it by --ground {middle:.0f}"
     ]
+
+
+# --- Timestamp.MRK of DJI and Autel: positions of an antenna, brought to the camera
+#
+# A line is an exposure: its number, GPS time, the way from the antenna to the camera along north,
+# east and down in mm, latitude, longitude and ellipsoidal height of the antenna, three sigma
+# (north, east, height) in m, and a flag of the solution: 50 is fixed, 34 float, 16 single.
+
+
+SUFFIX = ".mrk"
+FIXED = 50
+FLAGS = {0: "none", 16: "single", 34: "float"}
+
+AXIS_M, FLATTENING = 6378137.0, 1 / 298.257223563
+"""Of WGS 84, for ways of a metre."""
+
+POLE_DEG = 90.0
+
+_NUMBER = r"\s*([-+\d.eE]++)\s*"
+_LINE = re.compile(
+    rf"\s*(\d++){_NUMBER}\[\d++\]{_NUMBER},\s*N{_NUMBER},\s*E{_NUMBER},\s*V{_NUMBER},\s*Lat"
+    rf"{_NUMBER},\s*Lon{_NUMBER},\s*Ellh{_NUMBER},{_NUMBER},\s*([-+\d.eE]++)\s+(\d++),\s*Q\s*",
+    re.ASCII | re.IGNORECASE,
+)
+_OF_FILE = re.compile(r"_(\d{4,5})(?:_[A-Za-z]+(?:_\d+)?)?$")
+"""The number of an exposure in a file's name: ``DJI_0024``, ``DJI_20240501102030_0024_V``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """Where the camera was at an exposure.
+
+    Attributes
+    ----------
+    lat_deg, lon_deg, height_m : float
+        Of the camera, WGS 84, above the ellipsoid.
+    sigma_m : tuple of float
+        East, north, height.
+    flag : int
+    offset_m : float
+        Length of the way from the antenna.
+    """
+
+    lat_deg: float
+    lon_deg: float
+    height_m: float
+    sigma_m: tuple[float, float, float]
+    flag: int
+    offset_m: float
+
+
+def marks_of(folder: Path) -> tuple[dict[int, Mark], dict[str, str]]:
+    """Return the marks beside pictures by their numbers, and the checksums of the files.
+
+    Raises
+    ------
+    FlightError
+        For a line that is none, and a number that comes twice.
+    """
+    found: dict[int, Mark] = {}
+    sums: dict[str, str] = {}
+    for path in sorted(p for p in folder.iterdir() if p.suffix.lower() == SUFFIX):
+        file = opened.read(path)
+        sums[path.name] = file.sha256
+        for number, text in enumerate(file.text().splitlines(), start=1):
+            if text.strip():
+                exposure, mark = _mark(file, number, text)
+                if exposure in found:
+                    expected = "must be there once in the files of a folder"
+                    raise file.wrong("number", f"line {number}: {exposure} again", expected)
+                found[exposure] = mark
+    return found, sums
+
+
+def _mark(file: Opened, number: int, text: str) -> tuple[int, Mark]:
+    """Return an exposure's number, and where its camera was."""
+    match = _LINE.fullmatch(text)
+    try:
+        values = [] if match is None else [float(one) for one in match.groups()]
+    except ValueError:
+        values = []
+    if not values or not np.all(np.isfinite(values)) or abs(values[5]) >= POLE_DEG:
+        expected = "must be number, time, N, E, V, Lat, Lon, Ellh, three sigma and Q"
+        raise file.wrong(f"line {number}", quoted(text.strip()), expected)
+    north, east, down = (value / 1000 for value in values[2:5])
+    lat, lon, height, sigma_north, sigma_east, sigma_up, flag = values[5:12]
+    by_north, by_east = _degrees_of_metre(lat)
+    return int(values[0]), Mark(
+        lat_deg=lat + north * by_north,
+        lon_deg=lon + east * by_east,
+        height_m=height - down,
+        sigma_m=(sigma_east, sigma_north, sigma_up),
+        flag=int(flag),
+        offset_m=float(np.linalg.norm([north, east, down])),
+    )
+
+
+def _degrees_of_metre(lat_deg: float) -> tuple[float, float]:
+    """Return a metre to the north, and to the east, in degrees."""
+    e2 = FLATTENING * (2 - FLATTENING)
+    lat = np.radians(lat_deg)
+    w = np.sqrt(1 - e2 * np.sin(lat) ** 2)
+    meridian, normal = AXIS_M * (1 - e2) / w**3, AXIS_M / w
+    return float(np.degrees(1 / meridian)), float(np.degrees(1 / (normal * np.cos(lat))))
+
+
+def _number_in(stem: str) -> int | None:
+    """Return the number of an exposure in the name of its picture; None where it has none."""
+    match = _OF_FILE.search(stem)
+    return int(match[1]) if match else None
+
+
+def _warnings_of(marks: Sequence[Mark]) -> list[str]:
+    """Return a warning where marks of exposures are no fixed solutions."""
+    bad = Counter(mark.flag for mark in marks if mark.flag != FIXED)
+    if not bad:
+        return []
+    kinds = ", ".join(
+        f"{n} with flag {flag} ({FLAGS.get(flag, 'not fixed')})" for flag, n in sorted(bad.items())
+    )
+    of = number_of(len(marks), "exposures")
+    return [f"positions of {of} are by Timestamp.MRK, of which not all are fixed: {kinds}"]
+
+
+def _sentence(marks: Sequence[Mark], others: Mapping[str, tuple[float, float]]) -> str:
+    """Return what was done with the marks of exposures."""
+    offset = float(np.median([mark.offset_m for mark in marks]))
+    said = (
+        f"positions of {number_of(len(marks), 'exposures')} are those of the antenna in "
+        f"Timestamp.MRK, joined by number and moved by {offset:.3f} m (median) to the camera; "
+        "heights are above the ellipsoid"
+    )
+    for whose, (plane, height) in others.items():
+        said += f"; {whose} lie {plane:.3f} m beside them and {height:+.3f} m above (medians)"
+    return said
+
+
+# --- Where the top of a picture points, by the next picture of its strip and the way between them
+
+
+SIDE = 1000
+"""Pixels of the longer side at which pictures are compared."""
+
+LEAST, RATIO, WITHIN_PX = 12, 0.8, 4.0
+"""Of features that agree; of the best distance to the second; from the common shift."""
+
+PAIRS = 7
+"""Pairs of pictures that decide between two headings at most."""
+
+Taken = tuple[Tags, tuple[float, float, float]]
+"""The metadata of a picture; latitude and longitude, degrees, and height."""
+
+Both = Mapping[int, tuple[float, float]]
+"""Headings of the gimbal and of the aircraft, degrees, by the numbers of exposures."""
+
+
+def _judged(taken: Sequence[Taken], both: Both, other: Sequence[int]) -> tuple[bool, str]:
+    """Let the pictures decide where gimbal and aircraft look in other directions."""
+    by = np.median([apart(*both[k]) for k in other])
+    begin = (
+        f"at {len(other)} of {number_of(len(both), 'exposures')} the yaw of the gimbal and that of "
+        f"the aircraft differ by {by:.0f}° (median): "
+    )
+    votes = _votes(taken, both, other)
+    if 3 * max(votes) < 2 * sum(votes) or not any(votes):
+        return False, f"{begin}the pictures do not say which is right, and the gimbal's is taken"
+    is_aircraft = votes[1] > votes[0]
+    return is_aircraft, (
+        f"{begin}{max(votes)} of {number_of(sum(votes), 'pairs')} of pictures agree with the "
+        f"{'aircraft' if is_aircraft else 'gimbal'}'s, which is taken"
+    )
+
+
+def _votes(taken: Sequence[Taken], both: Both, other: Sequence[int]) -> tuple[int, int]:
+    """Count pairs of neighbours whose pictures agree with the gimbal, and with the aircraft."""
+    pairs = [k for k in other if k + 1 in other and _is_straight(both[k], both[k + 1])]
+    votes = [0, 0]
+    for k in pairs[:: max(len(pairs) // PAIRS, 1)][:PAIRS]:
+        (a, (lat, lon, _)), (b, (next_lat, next_lon, _)) = taken[k : k + 2]
+        step = next_lat - lat, (next_lon - lon) * np.cos(np.radians(lat))
+        found = _heading_by(a.path, b.path, step, (a.width_px, a.height_px))
+        if found is not None:
+            off = [apart(found, heading) for heading in both[k]]
+            if min(off) < ANOTHER_COURSE_DEG:
+                votes[int(off[1] < off[0])] += 1
+    return votes[0], votes[1]
+
+
+def _is_straight(first: tuple[float, float], second: tuple[float, float]) -> bool:
+    """Return whether gimbal and aircraft kept their headings from one exposure to the next."""
+    return max(apart(a, b) for a, b in zip(first, second, strict=True)) < ANOTHER_COURSE_DEG / 2
+
+
+def _heading_by(
+    first: Path, second: Path, step: tuple[float, float], size: tuple[int, int]
+) -> float | None:
+    """Return the heading of the top of two pictures that look down, taken one after the other.
+
+    What is on the ground moves through the picture against the way of the camera.
+    """
+    grey = [picture for path in (first, second) if (picture := _grey(path, size)) is not None]
+    if len(grey) < 2:
+        return None
+    sift = cv2.SIFT.create(nfeatures=3000, contrastThreshold=0.02)
+    (at_a, words_a), (at_b, words_b) = (sift.detectAndCompute(one, None) for one in grey)
+    if min(len(at_a), len(at_b)) < LEAST:
+        return None
+    pairs = cv2.BFMatcher().knnMatch(words_a, words_b, k=2)
+    alike = [two[0] for two in pairs if len(two) == 2 and two[0].distance < RATIO * two[1].distance]
+    if len(alike) < LEAST:
+        return None
+    a, b = (
+        np.array([points[getattr(match, which)].pt for match in alike])
+        for points, which in ((at_a, "queryIdx"), (at_b, "trainIdx"))
+    )
+    turn, inside = cv2.estimateAffinePartial2D(a, b, ransacReprojThreshold=WITHIN_PX)
+    if turn is None or int(inside.sum()) < LEAST:
+        return None
+    shift = np.mean(b[inside.ravel() == 1] - a[inside.ravel() == 1], axis=0)
+    if np.hypot(*shift) < 5 * WITHIN_PX:
+        return None
+    right, ahead = -shift[0], shift[1]  # the way of the camera; rows count downwards
+    way = np.degrees(np.arctan2(step[1], step[0]) - np.arctan2(right, ahead))
+    return float(way % 360.0)
+
+
+def _grey(path: Path, size: tuple[int, int]) -> Array | None:
+    """Return a picture in 8 bit, at most `SIDE` px long; None where it cannot be unpacked."""
+    data = opened.read(path).data
+    n = size[0] * size[1]
+    if image_files.fault(n, len(data), 8 * n):
+        return None
+    try:
+        picture = _pixels(data)
+    except (*BROKEN, cv2.error):
+        return None
+    share = min(1.0, SIDE / max(picture.shape))
+    small = cv2.resize(
+        picture.astype(np.float32), None, fx=share, fy=share, interpolation=cv2.INTER_AREA
+    )
+    low, high = np.percentile(small, (0.5, 99.5))
+    bright = (small - low) * (255 / max(float(high - low), 1e-6))
+    return np.asarray(np.clip(bright, 0, 255).astype(np.uint8))
+
+
+def _pixels(data: bytes) -> Array:
+    """Return the pixels of a JPEG or a TIFF, (rows, cols)."""
+    if data[:2] == b"\xff\xd8":
+        how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), how)
+        if decoded is None:
+            raise ValueError("is damaged")
+        return np.asarray(decoded, dtype=float)
+    with tiff_files.in_silence():
+        picture = tifffile.imread(io.BytesIO(data)).astype(float)
+    return np.asarray(picture.mean(axis=-1) if picture.ndim > 2 else picture)

@@ -14,7 +14,7 @@ import tifffile
 
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import quoted
-from acx4lib.production import picture_sizes
+from acx4lib.production import image_files
 from acx4lib.production import tiff as tiff_files
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
@@ -197,8 +197,8 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
     """Return size, tags and XMP of a JPEG."""
     exif: dict[str, Any] = {}
     size, packet = (0, 0, 0, 0), b""
-    for marker, part in picture_sizes.segments(data):
-        if marker in picture_sizes.FRAMES:
+    for marker, part in image_files.segments(data):
+        if marker in image_files.FRAMES:
             bits, height, width, samples = struct.unpack(">BHHB", part[:6])
             size = (width, height, samples, bits)
         elif marker == _APP1 and part.startswith(_EXIF_HEADER) and not exif:
@@ -208,7 +208,7 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
             packet = part[len(_XMP_HEADER) :]
     if not size[0]:
         raise ValueError("no frame header")
-    if not picture_sizes.is_whole(data):
+    if not image_files.is_whole(data):
         raise ValueError("is cut off: its pixels have no end")
     return size, exif, _cut(packet)
 

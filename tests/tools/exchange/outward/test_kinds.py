@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.flight.setup import camera_of
+from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.camera import correct, xy_from_colrow
 from acx4lib.geometry.frames import turn
 from acx4tools.exchange.outward.kinds import KINDS

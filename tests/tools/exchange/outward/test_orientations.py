@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from acx4book.reference import data
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.flight.setup import camera_of
+from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.frames import exp
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
 from acx4tools.exchange.lens import Left, Pinhole

@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import correct, xy_from_colrow
-from acx4tools.exchange.pictures import lens, marks, tags
+from acx4tools.exchange.pictures import folder as pictures_folder
+from acx4tools.exchange.pictures import lens, tags
 from acx4tools.exchange.pictures.folder import bring
 from acx4tools.exchange.pictures.tags import properties, read
 from support.pictures import tagged
@@ -145,7 +146,7 @@ def folder(path, *, flags=(50, 50, 50), **exif):
 
 def test_the_camera_is_beside_the_antenna_by_millimetres_north_east_and_down(tmp_path):
     """PROJ's geodesic between both is as long, and points as the offset does."""
-    found, sums = marks.marks_of(folder(tmp_path))
+    found, sums = pictures_folder.marks_of(folder(tmp_path))
     assert set(found) == {7, 8, 9}
     assert list(sums) == ["DJI_20240501_Timestamp.MRK"]
     camera = found[7]

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4book.reference import data
 from acx4lib.errors import FlightError
-from acx4lib.flight.setup import camera_of
+from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.frames import rotation_from_opk
 from acx4tools.exchange.programs import colmap as reading
 from support.projects import colmap, scene

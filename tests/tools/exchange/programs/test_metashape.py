@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4book.reference import data
 from acx4lib.errors import FlightError
-from acx4lib.flight.setup import camera_of
+from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.geodesy import GridSystem, LocalFrame, mean_origin
 from acx4tools.exchange.programs import metashape as reading

@@ -10,7 +10,7 @@ from pyopf.pointcloud import GlTFPointCloud
 
 from acx4book.reference import data
 from acx4lib.errors import FlightError
-from acx4lib.flight.setup import camera_of
+from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.frames import log, rotation_from_opk
 from acx4tools.exchange.programs import opf as reading
 from support.projects import opf, scene

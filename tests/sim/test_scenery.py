@@ -7,10 +7,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm
 
-from acx4sim.scenery import scenery
-from acx4sim.scenery.country import Country
-from acx4sim.scenery.drawing import GroundWindow, cell_m, draw, fractal, rectangles, shapes, white
-from acx4sim.scenery.scenery import Landscape
+from acx4sim import scenery
+from acx4sim.drawing import GroundWindow, cell_m, draw, fractal, rectangles, shapes, white
+from acx4sim.scenery import Country, Landscape
 
 MIDDLE = (671_000.0, 7_189_500.0)
 COUNTRY = Country(seed=1, middle=MIDDLE)

@@ -10,10 +10,21 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.conventions import mounted as conventions_mounted
-from acx4lib.conventions.mounted import measuring_noise, mounted, size
-from acx4lib.conventions.readings import MOST_IMAGES, MOST_MEASUREMENTS, sightings
-from acx4lib.conventions.search import RIGHT, SHARED, Found, best_reading, notes, other_unit
+from acx4lib import conventions
+from acx4lib.conventions import (
+    MOST_IMAGES,
+    MOST_MEASUREMENTS,
+    RIGHT,
+    SHARED,
+    Found,
+    best_reading,
+    measuring_noise,
+    mounted,
+    notes,
+    other_unit,
+    sightings,
+    size,
+)
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import select_images
 from acx4lib.flight.reader import read
@@ -235,17 +246,17 @@ def test_a_delay_is_told_from_a_lever_arm_that_cannot_be(mounted_block):
 def test_derivatives_agree_with_differences(mounted_block):
     seen = sightings(mounted_block)
     velocity = np.random.default_rng(1).normal(size=(len(seen.exposures), 3))
-    state = replace(conventions_mounted.started(seen, body(mounted_block, seen)), delay_s=0.1)
-    v, A, B = conventions_mounted._linear(seen, body(mounted_block, seen), state, velocity)
+    state = replace(conventions.started(seen, body(mounted_block, seen)), delay_s=0.1)
+    v, A, B = conventions._linear(seen, body(mounted_block, seen), state, velocity)
     steps = np.array([*[1e-6] * 3, *[1e-3] * 6, 1e-9, 1e-12, 1e-15, 1e-8, 1e-8, 1e-4])
     for column, h in enumerate(steps):
         dx = np.zeros(len(steps))
         dx[column] = h
         there, back = (
-            conventions_mounted._linear(
+            conventions._linear(
                 seen,
                 body(mounted_block, seen),
-                conventions_mounted._moved(state, s * dx, state.x_m),
+                conventions._moved(state, s * dx, state.x_m),
                 velocity,
             )[0]
             for s in (1, -1)
@@ -254,7 +265,7 @@ def test_derivatives_agree_with_differences(mounted_block):
         assert_allclose(A[:, :, column], numeric, atol=1e-5 * np.abs(numeric).max())
     shifted = replace(state, x_m=state.x_m + np.array([0.0, 0.0, 1e-3]))
     numeric = (
-        conventions_mounted._linear(seen, body(mounted_block, seen), shifted, velocity)[0] - v
+        conventions._linear(seen, body(mounted_block, seen), shifted, velocity)[0] - v
     ) / 1e-3
     assert_allclose(B[:, :, 2], numeric, atol=1e-5 * np.abs(numeric).max())
 
