@@ -3,7 +3,7 @@
 import pytest
 
 KINDS = (
-    *("intro.html", "_executed/19-from-pictures.html", "scorecard.html"),
+    *("intro.html", "_executed/19-from-pictures.html"),
     *("_generated/api/acx4lib/conventions.html", "search.html"),
 )
 """One page of each kind, of the shorter ones."""

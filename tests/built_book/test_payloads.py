@@ -18,6 +18,7 @@ import nbformat
 import pytest
 from bs4 import BeautifulSoup, Comment
 
+from acx4book.pages import flight_book
 from acx4book.typesetting.plain_text import shown
 from acx4lib import flight
 from acx4lib.flight.problems import QUOTED
@@ -31,6 +32,7 @@ BIN = Path(sys.executable).parent
 PAGES = """
 import os
 import sys
+sys.modules["rfc3987_syntax"] = None
 from pathlib import Path
 
 from acx4book.pages import build
@@ -126,7 +128,8 @@ def build_book(folder, flown, found):
     toc, left_out = (book / "_generated" / name for name in ("_toc.yml", "left_out.json"))
     titles = {f"_executed/{name}": name for name in OTHERS}
     left_out.write_text(json.dumps(json.loads(left_out.read_text()) | titles))
-    call(folder, BIN / "jupyter-book", "build", book, "--toc", toc, "--quiet", "-W", "--keep-going")
+    build = (sys.executable, "-c", flight_book.BUILD, "build", book, "--toc", toc)
+    call(folder, *build, "--quiet", "-W", "--keep-going")
     return book / "_build" / "html"
 
 

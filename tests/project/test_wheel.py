@@ -289,6 +289,7 @@ def whole(installed):
     return folder
 
 
+@pytest.mark.repeats  # as the tests themselves do
 def test_an_editable_install_finds_data_and_notebooks(copy, tmp_path):
     editable = ("--no-build-isolation", "--editable", copy)
     environment(tmp_path / "env", *editable, present=PRESENT)

@@ -71,7 +71,7 @@ TOGETHER = {
 }
 """Settings that are run through the notebooks of the flight of one camera, some at a time."""
 
-USUAL = [("surveyed lever arm", Notebooks), ("held lever arm and delays", Functions)]
+USUAL = [("surveyed lever arm", Functions), ("held lever arm and delays", Functions)]
 """Of these, and which way, in the usual tests."""
 
 

@@ -159,7 +159,7 @@ def test_heads_one_by_one_are_cleaned():
 
 
 @pytest.mark.parametrize("seed", [0, 1, repeats(2), repeats(3)])
-@pytest.mark.parametrize("head", ["CAM1", "CAM2"])
+@pytest.mark.parametrize("head", [repeats("CAM1"), "CAM2"])
 def test_a_head_with_errors_that_let_no_adjustment_converge_is_still_cleaned(head, seed):
     """2 % of the points 100 to 1000 px off; half of these heads diverge with all of them."""
     block = select_cameras(fly("acx4", seed=1, blocks=("heads",)).flight.heads, [head])

@@ -14,6 +14,7 @@ from acx4book.notebooks.functions import Functions
 from acx4book.pages import release
 from acx4lib.flight import reader
 from acx4lib.results import provenance
+from acx4lib.results.folder import STAGES
 from acx4lib.results.table_files import NOTEBOOKS
 from support.flights import in_heads
 from support.helpers import ROOT, repeats
@@ -25,8 +26,10 @@ WITHOUT_HEADS = {
     "02-synthetic-image": "the flight has no block heads",
     "08-rig": "there are no heads",
 }
-USUAL = ("00-flight", "03-mounting-calibration", "04-validation")
-"""Notebooks that are run in the usual tests, on a flight of one camera."""
+USUAL = {"mounting": "03-mounting-calibration"}
+"""Notebooks that are run in the usual tests, on a flight of one camera, by their stages.
+
+What is downloaded below runs that of the validation."""
 
 DIRECTIVE = re.compile(r"^\s*(`{3,}|:{3,})\{", re.MULTILINE)
 
@@ -39,8 +42,8 @@ def ran(request, tmp_path_factory):
     flown = in_heads.small() if heads else acx4sim.DESIGNS["single-head"](seed=1)
     acx4sim.write(flown, at / "flight")
     (at / "empty").mkdir()
-    names = USUAL if request.param == "single" else NOTEBOOKS.values()
-    outputs = {name: run(at, name, "results") for name in names}
+    stages = USUAL if request.param == "single" else NOTEBOOKS
+    outputs = {name: run(at, name, "results") for name in stages.values()}
     assert not list((at / "empty").iterdir())
     return request.param, at, outputs
 
@@ -82,8 +85,9 @@ def test_a_block_that_is_not_there_ends_a_notebook_in_one_sentence(ran):
 
 
 def test_the_results_are_those_of_a_run_and_name_the_flight(ran):
-    _, at, _ = ran
-    runner.run(at / "flight", at / "by_run", way=Functions())
+    kind, at, _ = ran
+    stages = [*USUAL] if kind == "single" else STAGES
+    runner.run(at / "flight", at / "by_run", way=Functions(), stages=stages)
     plain, by_run = (
         {p.relative_to(at / name): p.read_bytes() for p in (at / name).rglob("*") if p.is_file()}
         for name in ("results", "by_run")

@@ -19,7 +19,7 @@ from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import MARK
 from support.flights.spoilt import change
-from support.helpers import hears_interrupts, write_notebook
+from support.helpers import hears_interrupts, repeats, write_notebook
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
 LEFT = {*results.FILES, provenance.FILE, provenance.KEPT, MARK}
@@ -267,7 +267,7 @@ def test_an_error_of_the_library_is_said_as_it_is(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("sent", "status", "said"),
-    [(signal.SIGINT, 130, "interrupted\n"), (signal.SIGTERM, 143, "terminated\n")],
+    [repeats(signal.SIGINT, 130, "interrupted\n"), (signal.SIGTERM, 143, "terminated\n")],
 )
 def test_a_stopped_run_says_so_and_leaves_nothing_half_done(
     flight, tmp_path, notebooks, sent, status, said

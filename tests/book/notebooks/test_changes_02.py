@@ -10,6 +10,7 @@ from acx4lib import flight as flights
 from acx4lib.stages import heads
 from support.changed_notebook import changed
 from support.flights import in_heads, pictured
+from support.helpers import repeats
 
 READ = "orientation = synthetic.read_heads(flight, results_path)"
 TIED = "ties = found.ties if found else shared_points(flight.heads, orientation)"
@@ -98,7 +99,9 @@ def other(tmp_path_factory):
     return flight, folder / "results"
 
 
-@pytest.mark.parametrize("lacking", LACKING)
+@pytest.mark.parametrize(
+    "lacking", [repeats(one) if one == "no control" else one for one in LACKING]
+)
 def test_flights_that_lack_something_go_through(other, tmp_path, lacking):
     results = shutil.copytree(other[1], tmp_path / "results")
     change = {FLIGHT: BLOCK % LACKING[lacking]}

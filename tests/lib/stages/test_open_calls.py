@@ -99,6 +99,7 @@ def written(path):
     return {file.name: file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
 
 
+@pytest.mark.repeats  # `book/notebooks/test_functions` has heads, whose notebooks call the same
 def test_open_calls_leave_the_bytes_of_a_run_of_a_flight_of_heads(flown, tmp_path):
     assert (flown.refraction, flown.weights) == ("none", "given")
     run(flown, tmp_path / "run")
