@@ -7,7 +7,6 @@ import pytest
 from PIL import Image
 
 from acx4book.chapters.mounting import figures
-from acx4book.typesetting import moving
 from acx4book.typesetting.moving import Layer, Scene
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import Mounting
@@ -153,7 +152,7 @@ NAMES = ["</script><img src=x onerror=window.alive=1>", "<!-- <script>", "a & b"
 def named():
     at = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, 50.0, 20.0]])
     points = Layer(name=NAMES[0], kind="points", colour="ink", at=at, labels=NAMES)
-    return moving.view(Scene(name="block", alt="points", caption=NAMES[0], layers=[points])).html
+    return Scene(name="block", alt="points", caption=NAMES[0], layers=[points]).html
 
 
 @pytest.mark.parametrize("figure", ["named"], indirect=True)
@@ -176,7 +175,7 @@ def crowd():
     """Names at places in a row away from the eye, on one spot, and far apart."""
     at = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [90.0, -90.0, 0.0]])
     points = Layer(name="p", kind="points", colour="ink", at=at, labels=["a", "b", "c", "d"])
-    return moving.view(Scene(name="block", alt="points", caption="", layers=[points])).html
+    return Scene(name="block", alt="points", caption="", layers=[points]).html
 
 
 @pytest.mark.parametrize("figure", ["crowd"], indirect=True)

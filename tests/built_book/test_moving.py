@@ -32,16 +32,14 @@ def held_lever_arm():
     block, free = flight.calibration, flight.estimate_mounting
     single = single_step(block, free=free)
     two = two_step_gnss(block, free=free, after=single)
-    return held.explorer(held.held(block, two, single, free=free))
+    return held.view(block, two, single, free=free)
 
 
 def turned():
     orientation, synthetic = taken.heads(1), taken.synthetic(1)
     ties, _ = tied.tied(orientation, (0, 1), 40)
     refinement = tied.refined(orientation, ties)
-    return turned_head.explorer(
-        refinement, synthetic, turned_head.seams(orientation, synthetic, 1), 1
-    )
+    return turned_head.view(refinement, synthetic, head=1)
 
 
 EXPLORERS = {
@@ -81,7 +79,7 @@ def opened(browser, tmp_path):
 
     def opened(explorer):
         path, script = tmp_path / "page.html", f'<script src="{SCRIPT.as_uri()}"></script>'
-        text = f"<!doctype html><meta charset=utf-8>{moving.explorer(explorer).html}{script}"
+        text = f"<!doctype html><meta charset=utf-8>{explorer.html}{script}"
         path.write_text(text, encoding="utf-8")
         page = browser.new_page()
         page.on("pageerror", lambda error: complaints.append(str(error)))

@@ -14,10 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acx4book.paper import printed
-from acx4book.typesetting import moving as html
 from acx4book.typesetting import style
 from acx4book.typesetting.labels import TITLES, inside
-from acx4book.typesetting.moving import Column, Explorer, Roots, Shown, Slider, along, bars
+from acx4book.typesetting.moving import Column, Explorer, Roots, Slider, along, bars
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array
@@ -177,11 +176,6 @@ ROWS = {
 """What is shown: the slider on which it depends, and its sources; the first depends on none."""
 
 
-def _sliders(values: Sequence[float]) -> list[Slider]:
-    """Return the sliders between whose ends values lie: those of `SLIDERS`, or scaled."""
-    return [_around(slider, value) for slider, value in zip(SLIDERS, values, strict=True)]
-
-
 def _around(slider: Slider, value: float) -> Slider:
     least = max(slider.low, slider.step)
     scale = next((s for s in SCALES if s * least <= value <= s * slider.high), 1.0)
@@ -210,11 +204,6 @@ def _unit_flight(height_m: float) -> MappingFlight:
     )
 
 
-def shown(calibration: Calibration, flown: MappingFlight) -> Shown:
-    """Return the explorer as the page shows it."""
-    return html.explorer(explorer(calibration, flown))
-
-
 def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
     """Return the explorer for a calibration and a flight.
 
@@ -227,7 +216,9 @@ def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
     """
     tilt, _, heading = np.degrees(flown.sigma_attitude)
     values = (flown.height_m, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
-    own = _sliders([float(value) for value in values])
+    own = [
+        _around(slider, value) for slider, value in zip(SLIDERS, map(float, values), strict=True)
+    ]
     size = _effects(calibration, own[0])
     table = np.zeros((*size.shape[:2], len(ROWS) + 1, len(own)))
     for k, (slider, _) in enumerate(ROWS.values()):

@@ -26,10 +26,6 @@ from acx4lib.flight.design import levels
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 
-# --- Figures of chapter 0: the system in space, and a signalised point, after the paper's 2
-# and 4b
-
-
 # --- the system ------------------------------------------------------------------------------
 
 VIEW = view(-28, 30)
@@ -50,7 +46,7 @@ def system(flight: Flight) -> Figure:
         _draw_mount(ax)
         down = [camera.T_b_c.R @ [0.0, 0.0, -1.0] for camera in cameras]
         places = _places(down)
-        for i in np.argsort([_depth(at) for at in places]):
+        for i in np.argsort([float(VIEW.apply(at)[2]) for at in places]):
             _draw_head(ax, places[i], down[i], style.colour(int(i)), cameras[i].name)
         _draw_imu(ax)
         _label(ax, flight, cameras)
@@ -61,11 +57,6 @@ def system(flight: Flight) -> Figure:
 def _heads(flight: Flight) -> tuple[Camera, ...]:
     names = flight.synthetic.heads if flight.synthetic else tuple(flight.cameras)
     return tuple(flight.cameras[name] for name in names)
-
-
-def _depth(at: Array) -> float:
-    """Return how near to the viewer a head is."""
-    return float(VIEW.apply(at)[2])
 
 
 def _places(ways: Sequence[Array]) -> list[Array]:

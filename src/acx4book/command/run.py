@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -221,7 +221,7 @@ def _run_many(
     jobs = _jobs(flights, results, seeds, settings)
     with where.executor() as executor, terminal.counting_bar("flights") as tell:
         outcomes = runs.run_all(jobs, results, executor, tell)
-    for line in _table_of(outcomes):
+    for line in terminal.aligned([HEADER, *(_shown(name, one) for name, one in outcomes.items())]):
         terminal.show(line)
     failed = {name: one for name, one in outcomes.items() if one.status}
     there = sum(one.kept for one in outcomes.values())
@@ -255,11 +255,6 @@ def _simulated(flight: Path) -> str:
     name = str(flight)
     simulated.check(name)
     return str(runs.absolute(flight)) if simulated.is_plan(name) else name
-
-
-def _table_of(outcomes: Mapping[str, Outcome]) -> list[str]:
-    """Return the table for the screen, a line for each flight under a header."""
-    return terminal.aligned([HEADER, *(_shown(name, one) for name, one in outcomes.items())])
 
 
 def _shown(name: str, outcome: Outcome) -> tuple[str, ...]:

@@ -190,15 +190,11 @@ def _table_3(found: folder.Results, flight: Flight, name: str, column: str) -> O
     method = f"mounting/{_method(column)}"
     if name == "sigma0_squared":
         return _variance(found, method)
-    camera = _synthetic_name(flight)
+    camera = flight.synthetic.camera if flight.synthetic else next(iter(flight.cameras))
     if name not in folder.parameters(found, method, camera).index:
         return None
     value, sigma = _parameter(found, method, camera, name)
     return Ours(value=value, sigma=sigma)
-
-
-def _synthetic_name(flight: Flight) -> str:
-    return flight.synthetic.camera if flight.synthetic else next(iter(flight.cameras))
 
 
 def _sigma_of(
@@ -615,7 +611,7 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
                 with_unit(_label(q), u)
                 for q, u in zip(lines["quantity"], lines["unit"], strict=True)
             ],
-            "column": [_column_title(c) for c in lines["column"]],
+            "column": [TITLES.get(c, c) for c in lines["column"]],
             "paper": lines["as_printed"],
             "this book": ours,
             **chain,
@@ -646,10 +642,6 @@ def _label(quantity: str) -> str:
     if name == quantity:
         return label
     return Markup(label.replace("mean", "scatter") if "mean" in label else f"σ of {shown(label)}")
-
-
-def _column_title(column: str) -> str:
-    return TITLES.get(column, column)
 
 
 def _plain(value: float) -> str:

@@ -189,21 +189,6 @@ def store() -> None:
     _store(COMPARISONS)
 
 
-def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return numbers of agreeing values and the largest differences for a report."""
-    return dbat_files.summary(table)
-
-
-def nist_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the digits that agree for every data set of NIST."""
-    return reference_nist.summary(table)
-
-
-def ign_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the surveyed points and the tie points' statistics of IGN's images."""
-    return ign.summary(table)
-
-
 def answer(
     camcal: Comparison, sxb: Comparison, nist: Comparison, noaa: Comparison, ign: Comparison
 ) -> str:

@@ -197,9 +197,6 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, int | str | None) else str(value)  # a date
 
 
-# --- The report as one document: a page of HTML, the same as JSON, and as PDF/A
-
-
 # --- The report as files: one page of HTML without external files, JSON, and a PDF/A
 
 

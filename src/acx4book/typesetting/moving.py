@@ -262,8 +262,25 @@ class Column:
     digits: int
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Explorer:
+class _Shown:
+    """What a notebook's cell shows as HTML; a terminal and other outputs have the caption."""
+
+    caption: str
+
+    @property
+    def html(self) -> str:
+        """As a part of a page."""
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        return self.html
+
+    def __repr__(self) -> str:
+        return self.caption
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Explorer(_Shown):
     """A figure that follows sliders.
 
     Attributes
@@ -288,6 +305,11 @@ class Explorer:
     columns: Sequence[Column]
     rows: Mapping[str, Sequence[Response]]
     presets: Mapping[str, Sequence[float]]
+
+    @property
+    def html(self) -> str:
+        """As a part of a page."""
+        return _html(self)
 
     @property
     def start(self) -> list[float]:
@@ -589,31 +611,6 @@ def _rows(
 # --- an explorer as HTML
 
 
-class Shown:
-    """What a notebook's cell returns to show HTML; other outputs have the text.
-
-    Parameters
-    ----------
-    html : str
-    text : str
-        For readers of the notebook in a terminal.
-    """
-
-    def __init__(self, html: str, text: str) -> None:
-        self.html, self.text = html, text
-
-    def _repr_html_(self) -> str:
-        return self.html
-
-    def __repr__(self) -> str:
-        return self.text
-
-
-def explorer(shown: Explorer) -> Shown:
-    """Return an explorer for a page."""
-    return Shown(_html(shown), shown.caption)
-
-
 def _html(shown: Explorer) -> str:
     """Return the HTML of an explorer."""
     panels = "".join(_panel_html(panel, shown) for panel in shown.panels)
@@ -709,8 +706,8 @@ class Layer:
     size: float = 3.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Scene(_Shown):
     """Layers, and what is said of them.
 
     Attributes
@@ -726,6 +723,11 @@ class Scene:
     alt: str
     caption: str
     layers: Sequence[Layer]
+
+    @property
+    def html(self) -> str:
+        """As a part of a page."""
+        return _scene_html(self)
 
     @property
     def middle(self) -> Array:
@@ -752,11 +754,6 @@ class Scene:
                 for layer in self.layers
             ],
         }
-
-
-def view(scene: Scene) -> Shown:
-    """Return a scene for a page."""
-    return Shown(_scene_html(scene), scene.caption)
 
 
 def _scene_html(scene: Scene) -> str:

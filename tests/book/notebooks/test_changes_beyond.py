@@ -331,7 +331,7 @@ def test_a_mistake_of_a_reader_is_planted_in_the_same_way():
 
 """Chapters of the paper are changed in every run of the tests; these take minutes."""
 
-NEVER = "moving.explorer(design.explorer(plan))"
+NEVER = "design.explorer(plan)"
 """The figure that moves has flights of its own, which take long."""
 
 

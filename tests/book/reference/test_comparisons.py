@@ -72,7 +72,7 @@ def test_without_the_measurements_the_date_is_said(name, nowhere):
 
 def test_summary_counts_every_value_once(nowhere):
     table = stored("camcal")
-    summary = comparisons.summary(table).set_index("kind")
+    summary = dbat_files.summary(table).set_index("kind")
     assert summary.loc["all", "values"] == len(table)
     assert summary["values"].sum() == 2 * len(table)
     assert summary.loc["all", "agree"] == len(table)

@@ -216,7 +216,7 @@ def test_the_outline_of_an_ellipsoid_is_where_its_rays_touch_it():
 
 
 def test_the_drawing_is_inside_its_frame_and_in_proportion(made):
-    text = moving.view(made).html
+    text = made.html
     first = re.search(r'd="M(\S+) (\S+)L(\S+) (\S+)"', text)
     x0, y0, x1, y1 = map(float, first.groups())
     turn = maps.view(moving.FROM_DEG, moving.ABOVE_DEG)
@@ -227,7 +227,7 @@ def test_the_drawing_is_inside_its_frame_and_in_proportion(made):
 
 
 def test_names_are_text_in_the_page(made):
-    page = BeautifulSoup(moving.view(made).html, "html.parser")
+    page = BeautifulSoup(made.html, "html.parser")
     assert [item.get_text().strip() for item in page.select("li")] == ["line", "<b>", "e"]
     assert page.select_one("svg text").get_text() == "<i>"
     assert page.select_one("svg")["aria-label"] == made.alt
@@ -258,7 +258,7 @@ def shown_made():
 
 
 def test_without_a_script_it_shows_the_start(shown_made):
-    page = BeautifulSoup(moving.explorer(shown_made).html, "html.parser")
+    page = BeautifulSoup(shown_made.html, "html.parser")
     assert page.select_one("li").get_text() == "</script><b> = −0.5\N{NO-BREAK SPACE}m"
     assert page.select_one("tbody td").get_text() == "−50.0"
     assert page.select_one(".marks path")["d"] == moving.path(shown_made.panels[0].marks[0], [-0.5])
@@ -267,13 +267,12 @@ def test_without_a_script_it_shows_the_start(shown_made):
 
 
 def test_data_come_out_of_the_page_as_they_went_in(shown_made):
-    text = moving.explorer(shown_made).html
+    text = shown_made.html
     assert text.count("<script") == text.count("</script") == 1
     element = BeautifulSoup(text, "html.parser").select_one("script")
     assert json.loads(element.string) == json.loads(json.dumps(shown_made.data()))
 
 
 def test_a_notebook_shows_the_html_and_a_terminal_the_caption(shown_made):
-    output = moving.explorer(shown_made)
-    assert output._repr_html_() == moving.explorer(shown_made).html
-    assert repr(output) == shown_made.caption
+    assert shown_made._repr_html_() == shown_made.html
+    assert repr(shown_made) == shown_made.caption

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from acx4book.typesetting import maps, moving, style
-from acx4book.typesetting.moving import Layer, Scene, Shown
+from acx4book.typesetting import maps, style
+from acx4book.typesetting.moving import Layer, Scene
 from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.style import round_length
 from acx4lib.attempts import Failed
@@ -308,30 +308,28 @@ LARGE = 0.03
 """Largest half axis of a median ellipsoid, as a share of the block."""
 
 
-def view(mounting: Mounting) -> Shown:
+def view(mounting: Mounting) -> Scene:
     """Return the block of the single step as the reader turns it."""
     bundle = mounting.bundle
     layers, ties = [_ground(bundle), *_images(bundle)], _tie_points(bundle)
     if len(ties):
         layers += [_ties(bundle, ties), _rays(bundle, ties), _ellipsoids(bundle, ties)]
     layers.append(_control(bundle))
-    return moving.view(
-        Scene(
-            name="block-in-space",
-            alt=(
-                "Strips of cameras at their heights over a grid on the ground, with control "
-                "points, tie points, the rays of one point, and ellipsoids that are long at the "
-                "rim and point to the cameras."
-            ),
-            caption=(
-                "The block of the single step, with its adjusted positions and attitudes. Each "
-                "pyramid is a camera with its image, far larger than they are. The ellipsoids are "
-                "of one standard deviation, a priori. They point towards the cameras, since the "
-                "distance along the rays is known least, and are long at the rim of the block, "
-                "where the rays come from one side only."
-            ),
-            layers=[layer for layer in layers if len(layer.at)],
-        )
+    return Scene(
+        name="block-in-space",
+        alt=(
+            "Strips of cameras at their heights over a grid on the ground, with control "
+            "points, tie points, the rays of one point, and ellipsoids that are long at the "
+            "rim and point to the cameras."
+        ),
+        caption=(
+            "The block of the single step, with its adjusted positions and attitudes. Each "
+            "pyramid is a camera with its image, far larger than they are. The ellipsoids are "
+            "of one standard deviation, a priori. They point towards the cameras, since the "
+            "distance along the rays is known least, and are long at the rim of the block, "
+            "where the rays come from one side only."
+        ),
+        layers=[layer for layer in layers if len(layer.at)],
     )
 
 

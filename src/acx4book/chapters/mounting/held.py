@@ -13,7 +13,6 @@ from itertools import product
 
 import numpy as np
 
-from acx4book.typesetting import moving
 from acx4book.typesetting.moving import (
     Column,
     Explorer,
@@ -195,7 +194,7 @@ def view(
     free: Sequence[str],
     fix: Sequence[str] = (),
     refraction: str = "none",
-) -> moving.Shown | None:
+) -> Explorer | None:
     """Return the explorer; None for several cameras, one that looks aside, or without outcomes.
 
     Parameters
@@ -206,10 +205,10 @@ def view(
     if len(block.cameras) > 1 or not looks_down(single.calibration.cameras[0]):
         return None
     found = held(block, two, single, free=free, fix=fix, refraction=refraction)
-    return None if found is None else moving.explorer(explorer(found))
+    return None if found is None else _explorer(found)
 
 
-def explorer(found: Held) -> Explorer:
+def _explorer(found: Held) -> Explorer:
     """Return the explorer."""
     estimated, declared = found.single.T_b_c.r, found.declared_m
     sliders = [

@@ -297,15 +297,11 @@ def response_curves(fit: ResponseFit | None, orientation: RelativeOrientation) -
         axes = upper.subplots(1, n_bands, sharey=True, squeeze=False)[0]
         for band, ax in enumerate(axes):
             _draw_band(ax, fit, band)
-            ax.set_title(_band(band, n_bands))
+            ax.set_title(BANDS[n_bands][band] if n_bands in BANDS else f"band {band + 1}")
         axes[0].set_ylabel("response (%)")
         _draw_overlaps(lower.subplots(), fit.overlaps, names)
         style.legend_below(fig, _handles(names), ncols=len(names) + 3)
     return fig
-
-
-def _band(i: int, n: int) -> str:
-    return BANDS[n][i] if n in BANDS else f"band {i + 1}"
 
 
 def _draw_band(ax: Axes, fit: ResponseFit, band: int) -> None:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acx4book.typesetting import moving
 from acx4book.typesetting.moving import Column, Explorer, Linear, Mark, Panel, Plane, Slider
 from acx4book.typesetting.plain_text import shown as in_text
 from acx4lib.calibration.heads import RelativeOrientation
@@ -101,7 +100,7 @@ def _by_turns(orientation: RelativeOrientation, head: int, xy: Array) -> Array:
     return np.stack(moved, axis=-1) / STEP_DEG
 
 
-def view(refinement: Refinement, synthetic: Camera, *, head: int = 1) -> moving.Shown | None:
+def view(refinement: Refinement, synthetic: Camera, *, head: int = 1) -> Explorer | None:
     """Return the explorer; None for a head that shares no ground with another.
 
     Parameters
@@ -114,23 +113,13 @@ def view(refinement: Refinement, synthetic: Camera, *, head: int = 1) -> moving.
     if head >= len(refinement.orientation.heads):
         return None
     found = seams(refinement.orientation, synthetic, head)
-    return moving.explorer(explorer(refinement, synthetic, found, head)) if found else None
+    return _explorer(refinement, synthetic, found, head) if found else None
 
 
-def explorer(
+def _explorer(
     refinement: Refinement, synthetic: Camera, found: Sequence[Seam], head: int
 ) -> Explorer:
-    """Return the explorer.
-
-    Parameters
-    ----------
-    refinement : Refinement
-        Its orientation is that of the start; what it changed is a preset.
-    synthetic : Camera
-    found : sequence of Seam
-        As `seams` returns them, at least one.
-    head : int
-    """
+    """Return the explorer, which starts at the orientation of a refinement."""
     orientation = refinement.orientation
     names = [in_text(camera.name, "terminal") for camera in orientation.heads]
     changed = np.degrees(refinement.before.opk[head] - orientation.opk[head])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -80,10 +80,6 @@ def _jacobian() -> Array:
     return np.column_stack([um(replace(none, **{name: 1.0})) for name in LENS])
 
 
-def _lens(of: Mapping[str, float]) -> Interior:
-    return Interior(f=1.0, **{name: of[name] for name in LENS})
-
-
 def _covariance(calibration: Calibration) -> Array:
     names = [f"CAM/{name}" for name in LENS]
     return covariance(calibration).loc[names, names].to_numpy()
@@ -100,7 +96,7 @@ def _solve(case: Case) -> Rights:
     sigma = np.sqrt(np.diagonal(J @ _covariance(calibration) @ J.T))
     found = parameters(calibration, case.true_camera)
     lens = um(calibration.cameras[0].interior)
-    true = um(_lens(case.true_camera))
+    true = um(Interior(f=1.0, **{name: case.true_camera[name] for name in LENS}))
     return {
         **{name: found[name] for name in INNER},
         **{

@@ -56,13 +56,9 @@ def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly the cheapest strips that reach the student's target, with the student's seed."""
     plan, seed = _plan(truth, title), errors % 1_000_000
     cheap = _cheap(truth, plan)
-    flight = _flown(cheap.plan, seed)
+    flight = simulated.simulate(cheap.plan, seed=seed, options=Options())
     own = {"name": "lab", SEED: seed, PLAN: {**plan.values, "name": ""}, TARGET: _target(cheap)}
     return replace(flight, truth={**flight.truth, **own})
-
-
-def _flown(plan: Plan, seed: int) -> SimulatedFlight:
-    return simulated.simulate(plan, seed=seed, options=Options())
 
 
 def _plan(truth: int, title: str) -> Plan:

@@ -182,7 +182,9 @@ def column(shown, values, row):
 
 
 def test_readings_are_those_of_the_two_step_method_with_this_lever_arm(ideal, mountings, found):
-    values, shown = [0.6, -0.1, 0.35], held.explorer(found)
+    values = [0.6, -0.1, 0.35]
+    given = (ideal.calibration, mountings["two_step_gnss"], mountings["single_step"])
+    shown = held.view(*given, free=ideal.estimate_mounting)
     again = two_step_gnss(
         design.with_lever_arm(ideal.calibration, values),
         free=ideal.estimate_mounting,

@@ -273,12 +273,7 @@ def turned_head_synthetic():
 @pytest.fixture(scope="module")
 def shown(orientation, turned_head_synthetic):
     refinement = refined(orientation, tied(orientation, (0, 1), 40)[0])
-    return turned_head.explorer(
-        refinement,
-        turned_head_synthetic,
-        turned_head.seams(orientation, turned_head_synthetic, 1),
-        1,
-    )
+    return turned_head.view(refinement, turned_head_synthetic, head=1)
 
 
 TURN = [0.013, -0.021, 0.03]
