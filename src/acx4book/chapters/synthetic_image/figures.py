@@ -386,24 +386,12 @@ COLUMNS = ("as taken", "heads refined", "and equalised", "and blended")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Seams:
-    """The reduced synthetic image, pixel by pixel.
+    """The reduced synthetic image, pixel by pixel."""
 
-    Attributes
-    ----------
-    xy : ndarray, shape (rows, cols, 2)
-        mm.
-    distance : ndarray, shape (n_heads, rows, cols)
-        From the heads' borders, px.
-    grey : ndarray, shape (rows, cols)
-        Logarithm, equalised.
-    step : ndarray, shape (rows, cols)
-        How far a step of brightness would stand out from the ground.
-    """
-
-    xy: Array
-    distance: Array
-    grey: Array
-    step: Array
+    xy: Array  # mm
+    distance: Array  # of every head's borders, px
+    grey: Array  # logarithm, equalised
+    step: Array  # how far a step of brightness would stand out from the ground
 
     @property
     def first(self) -> NDArray[np.uint8]:
