@@ -103,18 +103,14 @@ def inside(title: str) -> str:
 
 def value_and_sigma(value: float, sigma: float) -> Markup:
     """Return a value and its standard deviation, both to two digits of the standard deviation."""
-    return Markup(_value_and_sigma(value, sigma))
-
-
-def _value_and_sigma(value: float, sigma: float) -> str:
     if not np.isfinite(value):
-        return ""
+        return Markup("")
     if not (np.isfinite(sigma) and sigma > 0):
-        return f"{value:.4g}"
+        return Markup(f"{value:.4g}")
     if abs(value) < 1e-3 and sigma < 1e-3:
-        return f"{scientific(value, digits=2)} ± {scientific(sigma, digits=1)}"
+        return Markup(f"{scientific(value, digits=2)} ± {scientific(sigma, digits=1)}")
     digits = max(0, 1 - int(np.floor(np.log10(sigma))))
-    return f"{unsigned_zero(f'{value:.{digits}f}')} ± {sigma:.{digits}f}"
+    return Markup(f"{unsigned_zero(f'{value:.{digits}f}')} ± {sigma:.{digits}f}")
 
 
 def unsigned_zero(text: str) -> str:
