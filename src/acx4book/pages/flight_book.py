@@ -64,7 +64,7 @@ TAKEN = ("_ext", "_static", "_moving", "images", "references.bib", *(f"{p}.md" f
 
 OF_CODE = {
     *("sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"),
-    *("sphinx_exercise", "short_signatures", "docstrings", "seldom_collected", "forwards"),
+    *("sphinx_exercise", "short_signatures", "docstrings", "forwards"),
 }
 """Extensions for pages that the book of a flight does not have, or never had."""
 
