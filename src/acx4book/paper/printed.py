@@ -126,6 +126,7 @@ def digits(as_printed: str, number: float) -> str:
     raise ValueError(msg)
 
 
+@cache
 def _row(number: int, parameter: str, column: str) -> pd.Series:
     rows = table(number)
     found = rows[(rows["parameter"] == parameter) & (rows["column"] == column)]

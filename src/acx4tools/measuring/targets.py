@@ -38,6 +38,7 @@ _BLUR, _SAMPLES = 0.5, 4
 _WEIGHT = 0.05  # of the usual blur and the template's radius: small discs determine neither
 _SMALL_PX, _PHASES = 1.8, ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 _PLAY = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+_TINY_PX = 1e-9  # of a sample in the very middle, which has no direction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +129,17 @@ def _image(x: Array, y: Array, radius: float, blur: float) -> Array:
     return np.asarray(ndtr((radius - away) / blur).mean(axis=(-1, -2)))
 
 
+def _image_jacobian(x: Array, y: Array, radius: float, blur: float) -> Array:
+    """Return the derivatives of `_image` by the middle and by ln radius and ln blur, (n, 4)."""
+    xx, yy = (x[:, None] + _PLAY)[:, None, :], (y[:, None] + _PLAY)[:, :, None]
+    away = np.hypot(xx, yy)
+    z = (radius - away) / blur
+    density = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi)
+    outward = density / np.maximum(away, _TINY_PX) / blur
+    parts = (outward * xx, outward * yy, density * (radius / blur), -density * z)
+    return np.stack([part.mean(axis=(-1, -2)) for part in parts], axis=-1)
+
+
 def _centred(
     grey: Array, col: float, row: float, radius: float, *, correlation: float
 ) -> Disc | None:
@@ -155,7 +167,14 @@ def _centred(
         usual = _WEIGHT * (p[2:4] - start[2:4])
         return np.append(p[4] + p[5] * share - values / contrast, usual)
 
-    fit = least_squares(misfit, start, method="lm", max_nfev=120)
+    def jacobian(p: Array) -> Array:
+        at = x - p[0], y - p[1], np.exp(p[2]), np.exp(p[3])
+        J = np.zeros((len(x) + 2, 6))
+        J[:-2, :4], J[:-2, 4], J[:-2, 5] = p[5] * _image_jacobian(*at), 1.0, _image(*at)
+        J[[-2, -1], [2, 3]] = _WEIGHT
+        return J
+
+    fit = least_squares(misfit, start, jacobian, method="lm", max_nfev=60)
     return _judged(fit.x, fit.fun, np.asarray(fit.jac), (col, row, radius, contrast, correlation))
 
 
