@@ -20,7 +20,7 @@ from acx4lib.flight.design import ground_height
 from acx4lib.geometry.frames import rotation_from_opk
 from acx4lib.georeferencing.validation import validate
 from acx4lib.least_squares.statistics import critical_tau
-from acx4lib.results.adjustments import of_validation
+from acx4lib.results.adjustments import of_validations
 from support import blocks
 from support.flights.simulated import HEADS, fly, named, of_calibration
 from support.helpers import repeats
@@ -388,12 +388,12 @@ def test_an_absurd_check_point_is_rejected_and_the_others_stay(tmp_path, kind):
     spoilt = flight.read(path).validation
     clean = fly("single-head", seed=1, blocks=("validation",)).flight.validation
     found, reference = (validate(b, given(b.cameras), method="given") for b in (spoilt, clean))
-    record = of_validation(found).tables
+    record = of_validations([found])[0].tables
     rejected = record["rejected"]
     rejected = rejected[rejected["kind"] == "control_point"]
     assert list(rejected["point"]) == names
     assert rejected["reason"].str.fullmatch(r"position: w = \d+\.\d exceeds 3.9").all()
-    other = of_validation(reference).tables["check_points"]
+    other = of_validations([reference])[0].tables["check_points"]
     other = other[~other["point"].isin(names)]
     np.testing.assert_array_equal(record["check_points"]["d_east_m"], other["d_east_m"])
     assert found.n_left_out == reference.n_left_out

@@ -2,7 +2,6 @@
 
 import pytest
 
-from acx4lib.results import adjustments
 from acx4lib.stages import heads
 from support.flights.simulated import fly
 
@@ -18,8 +17,8 @@ def stage(flight):
 
 
 @pytest.fixture(scope="session")
-def folder(tmp_path_factory, stage):
+def folder(tmp_path_factory, flight, stage):
     """Return a results folder that the heads stage has left."""
     folder = tmp_path_factory.mktemp("results")
-    adjustments.write(folder, "heads", heads.records(stage))
+    heads.write(flight, folder, stage.heads, stage.orientation)
     return folder

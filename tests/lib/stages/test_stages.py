@@ -29,10 +29,6 @@ from support.flights.simulated import HEADS
 # --- the stage of the heads: what it leaves, also where heads fail ---------------------------
 
 
-def oriented(flight, fits):
-    return heads.gathered(fits, attempt(of_heads, fits, flight.synthetic_camera))
-
-
 def without_control(block):
     nothing = np.zeros(len(block.control), dtype=bool)
     return replace(block, control=block.control[nothing])
@@ -52,8 +48,8 @@ def test_the_stage_leaves_every_head_its_orientation_and_its_correlations(folder
 
 def test_a_head_that_fails_leaves_the_orientation_out(flight, stage, tmp_path):
     kept = {name: fit for name, fit in stage.heads.bundles.items() if name != "CAM2"}
-    failed = oriented(flight, Heads(bundles=kept, failures={"CAM2": "too few"}))
-    adjustments.write(tmp_path, "heads", heads.records(failed))
+    failed = Heads(bundles=kept, failures={"CAM2": "too few"})
+    heads.write(flight, tmp_path, failed, attempt(of_heads, failed, flight.synthetic_camera))
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["heads/bundle/CAM2"]["not_determined"] == ["heads/bundle/CAM2: too few"]
     assert summary["heads/bundle/CAM1"]["converged"] is True
@@ -87,8 +83,7 @@ def test_heads_whose_block_has_tie_points_alone_are_taken_as_declared(flight, tm
 
 def test_heads_of_which_nothing_is_estimated_go_all_the_way(flight, tmp_path):
     as_declared = replace(flight, estimate_heads=())
-    stage = heads.calibrate(as_declared)
-    adjustments.write(tmp_path, "heads", heads.records(stage))
+    heads.run(as_declared, tmp_path)
     read = synthetic.read_heads(as_declared, tmp_path)
     assert [head.interior.k1 for head in read.heads] == [0.0] * 4
 

@@ -278,7 +278,7 @@ def test_differences_tests_and_covariances_agree(every):
 def test_what_a_focal_length_moves_on_the_ground_grows_with_the_height(compared):
     found = differences(compared)
     by_height = [
-        tables.differences(compared, found, ground_of(compared, height_m=h))
+        tables.every(compared, found, ground_of(compared, height_m=h))["differences"]
         for h in (500.0, 1000.0)
     ]
     low, high = (table["ground_rms_m"].to_numpy() for table in by_height)
@@ -298,7 +298,8 @@ def test_the_slope_of_the_focal_length_is_significant(every):
 def test_two_campaigns_have_no_trend(fly):
     two = compare([fly(1, temperature_c=1.0), fly(2, temperature_c=9.0)])
     assert tables.trends_of(two) == {}
-    assert list(tables.trends(two).columns) == list(tables.SLOPES)
+    trends = tables.every(two, differences(two), ground_of(two))["trends"]
+    assert list(trends.columns) == list(tables.SLOPES)
 
 
 def test_the_rig_has_a_row_for_each_exposure_and_one_for_all():

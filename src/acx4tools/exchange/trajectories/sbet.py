@@ -98,7 +98,7 @@ def read(trajectory: Path, events: Path, deviations: Path | None, options: SbetO
         seconds are given, or an event lies outside the trajectory or in a gap.
     """
     track = read_track(_opened(trajectory))
-    listed = read_events(
+    listed = _read_events(
         opened.of_windows(_opened(events)),
         columns=options.columns,
         separator=options.separator,
@@ -106,7 +106,7 @@ def read(trajectory: Path, events: Path, deviations: Path | None, options: SbetO
     )
     if len(track.time) < 2:
         raise track.source.wrong("file", "has one record", "must have two at least")
-    t = on_clock(listed.stamps, track.time, ahead=_ahead(listed, options), week=options.week)
+    t = _on_clock(listed.stamps, track.time, ahead=_ahead(listed, options), week=options.week)
     _refuse_outside(track, listed, t, options)
     spread = read_deviations(_opened(deviations)) if deviations else None
     if spread is not None:
@@ -134,7 +134,7 @@ def _ahead(listed: Events, options: SbetOptions) -> float:
 def _refuse_outside(track: Track, listed: Events, t: Array, options: SbetOptions) -> None:
     first, last = track.time[[0, -1]].tolist()
     file = Path(track.source.file).name
-    at = between(track.time, t)
+    at = _between(track.time, t)
     outside = (t < first) | (t > last)
     gap = ~outside & (at.interval > options.gap_s)
     places = f"must lie between {first:.3f} and {last:.3f} s, of {file}"
@@ -171,8 +171,8 @@ def _brought(
     t: Array,
     options: SbetOptions,
 ) -> Brought:
-    at = between(track.time, t)
-    off, speed = velocity_misfit(track, at)
+    at = _between(track.time, t)
+    off, speed = _velocity_misfit(track, at)
     faithful = off <= max(FAITHFUL_MS, FAITHFUL * speed)
     lonlath = positions(track, at, by_velocity=faithful)
     rph = np.degrees(attitudes(track, at))
@@ -187,7 +187,7 @@ def _brought(
         "time_s": np.round(t, 7),
     }
     if spread is not None:
-        sigma = np.round(deviations(spread, t), 7)
+        sigma = np.round(_deviations(spread, t), 7)
         table |= dict(zip((*SIGMA_POSITION, *SIGMA_ATTITUDE), sigma.T, strict=True))
     tables = {f"{options.block}/trajectory.csv": table}
     if options.camera:
@@ -388,7 +388,7 @@ def read_deviations(source: Opened) -> Deviations:
 def _increasing(source: Opened, record: NDArray[Any]) -> Array:
     values = record["time"]
     _refuse(source, "time", values, ~np.isfinite(values), "seconds of the week")
-    time = continued(values)
+    time = _continued(values)
     _refuse(source, "time", values, np.diff(time, prepend=-np.inf) <= 0, "after that before")
     return time
 
@@ -427,7 +427,7 @@ class Between:
     interval: Array
 
 
-def between(times: Array, t: Array) -> Between:
+def _between(times: Array, t: Array) -> Between:
     """Return where times lie between increasing ones, two at least; outside: the end interval."""
     before = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
     interval = times[before + 1] - times[before]
@@ -476,12 +476,12 @@ def attitudes(track: Track, at: Between) -> Array:
     return np.column_stack([rph[:, :2], rph[:, 2] % (2 * np.pi)])
 
 
-def deviations(of: Deviations, t: Array) -> Array:
+def _deviations(of: Deviations, t: Array) -> Array:
     """Return standard deviations at times, linear between records, shape (n, 6)."""
     return np.stack([np.interp(t, of.time, column) for column in of.sigma.T], axis=-1)
 
 
-def velocity_misfit(track: Track, at: Between) -> tuple[float, float]:
+def _velocity_misfit(track: Track, at: Between) -> tuple[float, float]:
     """Return how much velocities and changes of position differ, and the speed; medians, m/s."""
     rows = np.unique(at.before)
     first, last = track.lonlath(rows), track.lonlath(rows + 1)
@@ -523,21 +523,8 @@ class Stamps:
     weeks: Array
 
 
-def stamp(line: Line, base: str, *, time: int, week: int | None) -> tuple[float, float]:
-    """Return the GPS week, NaN if not stated, and the seconds of the week of one event.
-
-    Parameters
-    ----------
-    line : Line
-    base : str
-        One of `BASES`.
-    time, week : int
-        Positions of the cells.
-
-    Raises
-    ------
-    FlightError
-    """
+def _stamp(line: Line, base: str, *, time: int, week: int | None) -> tuple[float, float]:
+    """Return the GPS week, NaN if not stated, and the seconds of the week of one event."""
     if base.startswith(ISO):
         return _of_date(line, base, line.cell(time, "time"))
     seconds = line.number_at(time, "time", SECONDS)
@@ -569,31 +556,14 @@ def _is_utc(base: str) -> bool:
     return base in (UTC_SOW, ISO, ISO_UTC)
 
 
-def continued(times: Array) -> Array:
+def _continued(times: Array) -> Array:
     """Return seconds of the week that count on through the end of a week."""
     falls = np.diff(times, prepend=times[:1]) < -WEEK_S / 2
     return times + WEEK_S * np.cumsum(falls)
 
 
-def on_clock(stamps: Stamps, times: Array, *, ahead: float, week: int | None) -> Array:
-    """Return the times of events on the clock of a trajectory.
-
-    Parameters
-    ----------
-    stamps : Stamps
-    times : ndarray, shape (m,)
-        Of the trajectory, counting on through the end of a week.
-    ahead : float
-        Seconds by which the trajectory's clock is ahead of that of the events: the leap seconds
-        where it counts GPS time and they UTC, the negative ones in the reverse case.
-    week : int, optional
-        GPS week of the trajectory's first record. Without it the events are placed in the week
-        that is nearest; from the first on by their own weeks, where they have them.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+def _on_clock(stamps: Stamps, times: Array, *, ahead: float, week: int | None) -> Array:
+    """Return the times of events on the clock of a trajectory."""
     seconds = stamps.seconds + ahead
     nearest = np.round((times[[0, -1]].mean() - seconds) / WEEK_S)
     dated: Mask = np.isfinite(stamps.weeks)
@@ -623,22 +593,8 @@ class Events:
     stamps: Stamps
 
 
-def read_events(source: Opened, *, columns: str, separator: str, base: str) -> Events:
-    """Return the events of a text.
-
-    Parameters
-    ----------
-    source : Opened
-    columns, separator : str
-        As `read_list` takes them.
-    base : str
-        Of the times, one of `times.BASES`.
-
-    Raises
-    ------
-    FlightError
-        With the line of what is wrong.
-    """
+def _read_events(source: Opened, *, columns: str, separator: str, base: str) -> Events:
+    """Return the events of a text."""
     listed = read_list(source, columns, separator=separator, numbers=("time", "week"))
     name = next((one for one in ("exposure", "image") if listed.has(one)), "")
     needed = ("time", "week") if base == WEEK_SOW else ("time",)
@@ -650,7 +606,7 @@ def read_events(source: Opened, *, columns: str, separator: str, base: str) -> E
             "columns", "'week' is there", f"needs --time {WEEK_SOW}; or declare skip"
         )
     week = position_of(listed.columns, "week")
-    pairs = [stamp(row, base, time=listed.at("time"), week=week) for row in listed.rows]
+    pairs = [_stamp(row, base, time=listed.at("time"), week=week) for row in listed.rows]
     weeks, seconds = np.array(pairs, dtype=float).T
     stamps = Stamps(seconds=seconds, weeks=weeks)
     return Events(listed=listed, names=listed.unique(name), stamps=stamps)

@@ -5,7 +5,6 @@ import shutil
 import numpy as np
 import pytest
 
-from acx4lib.results import adjustments
 from acx4lib.stages import heads, synthetic
 from acx4lib.synthetic_image.frame import reduced_heads
 from acx4lib.synthetic_image.response import OverlapResponse, Response, ResponseFit
@@ -15,10 +14,10 @@ from support.pictures.tied import PIXEL_MM, K, joined, pictured, tied
 
 
 @pytest.fixture(scope="session")
-def folder(tmp_path_factory, stage):
+def folder(tmp_path_factory, flight, stage):
     """Return a results folder that the heads stage has left."""
     folder = tmp_path_factory.mktemp("results")
-    adjustments.write(folder, "heads", heads.records(stage))
+    heads.write(flight, folder, stage.heads, stage.orientation)
     return folder
 
 

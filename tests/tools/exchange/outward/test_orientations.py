@@ -1,5 +1,6 @@
 """What exports write: pictures taken, settings, orientations, Brown's model."""
 
+import io
 import tomllib
 from dataclasses import replace
 
@@ -19,7 +20,7 @@ from acx4tools.exchange.lens_models import OPF, Lens
 from acx4tools.exchange.outward import brown, calibrated, flight_toml, orientations, taken
 from acx4tools.exchange.outward.calibrated import Calibrated
 from acx4tools.exchange.outward.orientations import orient
-from acx4tools.exchange.outward.taken import Taken, require_near, sentences
+from acx4tools.exchange.outward.taken import Taken, near, sentences
 from support.reference_files import needs
 from support.run_results import estimated
 
@@ -50,9 +51,13 @@ def test_the_grid_table_is_a_trajectory_of_the_cameras_themselves(oriented):
     assert (table["sigma_east_m"] > 0.05).all()  # of the trajectory, and of the lever arm
 
 
+def written(made):
+    return pd.read_csv(io.StringIO(made.files["orientations.csv"]))
+
+
 def test_positions_are_where_proj_has_them(oriented):
     """Three tables, one point: grid, geographic by PROJ, earth-centred through the origin."""
-    grid, geographic = orientations.in_grid(oriented), orientations.geographic(oriented)
+    grid, geographic = orientations.in_grid(oriented), written(orientations.rph(oriented))
     lonlat = geographic[["lon_deg", "lat_deg"]].to_numpy()
     to_grid = pyproj.Transformer.from_crs("EPSG:4674", "EPSG:31982", always_xy=True)
     assert_allclose(
@@ -66,7 +71,8 @@ def test_positions_are_where_proj_has_them(oriented):
         f"+step +proj=topocentric +ellps=GRS80 +lon_0={lon!r} +lat_0={lat!r} +h_0=0"
     )
     xyz = np.stack(local.transform(*lonlat.T, geographic["height_m"].to_numpy()), 1)
-    assert_allclose(orientations.topocentric(oriented)[["x_m", "y_m", "z_m"]], xyz, atol=1e-4)
+    topocentric = written(orientations.topocentric_table(oriented))
+    assert_allclose(topocentric[["x_m", "y_m", "z_m"]], xyz, atol=1e-4)
 
 
 @needs("formats/orthority")
@@ -132,10 +138,10 @@ def test_a_folder_of_others_is_left_alone(tmp_path):
 
 def test_a_lens_that_is_too_far_is_refused_with_what_would_allow_it():
     with pytest.raises(OutputError, match=r"A: .* differs by 0\.2 px .* 0\.05 px; --allow 0\.21 "):
-        taken.require_near(FAR)
-    taken.require_near(FAR, 0.21)
+        taken.near(FAR, 0.05)
+    assert taken.near(FAR, 0.21) == FAR
     with pytest.raises(OutputError, match="nan px"):
-        taken.require_near(Taken(files={}, lenses={"A": Left(largest_px=float("nan"), rms_px=0)}))
+        taken.near(Taken(files={}, lenses={"A": Left(largest_px=float("nan"), rms_px=0)}), 0.05)
 
 
 # --- tables for flight.toml: read back they are the calibration, digit by digit --------------
@@ -257,8 +263,8 @@ def test_what_goes_back_as_it_came_is_not_held_against_the_refit():
     lenses = brown.lenses(brown.of_all(brown_calibrated(camera, touched=False)))
     assert lenses["CAM"].largest_px > 0.05
     taken = Taken(files={}, lenses=lenses)
-    require_near(taken)
+    assert near(taken, 0.05) == taken
     assert "not estimated, so that it goes back as it came" in sentences(taken)[0]
     nearest = brown.lenses(brown.of_all(brown_calibrated(camera, touched=True)))
     with pytest.raises(OutputError, match=r"more than 0\.05 px"):
-        require_near(Taken(files={}, lenses=nearest))
+        near(Taken(files={}, lenses=nearest), 0.05)

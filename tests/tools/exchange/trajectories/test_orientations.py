@@ -1,6 +1,8 @@
 """Orientations of a list, in the forms of a flight."""
 
 import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pyproj
@@ -16,8 +18,7 @@ from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
 from acx4tools.exchange import flight_folder
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.trajectories import orientations
-from acx4tools.exchange.trajectories.listed import NUMBERS as listed_NUMBERS
-from acx4tools.exchange.trajectories.listed import Column, column, declared, left_out, read_list
+from acx4tools.exchange.trajectories.listed import Column, left_out, read_list
 from acx4tools.exchange.trajectories.orientations import Meaning, MeasuredOptions, TableOptions
 from support.reference_files import needs
 
@@ -28,9 +29,11 @@ EAST, NORTH, CONVERGENCE = 675960.7544160, 7184067.8846027, -0.7522096122
 
 
 def table(text, **meaning):
-    source = Opened(file="a.txt", data=text.encode())
-    listed, meaning = read_list(source, "", numbers=listed_NUMBERS), Meaning(**meaning)
-    return orientations.trajectory(listed, orientations.oriented(listed, meaning), meaning)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.txt"
+        path.write_text(text)
+        brought = orientations.read(path, Meaning(**meaning), TableOptions())
+    return brought.tables["calibration/trajectory.csv"]
 
 
 def message(text, **meaning):
@@ -103,14 +106,11 @@ def test_other_lists_are_refused(text, meaning, says):
 def test_positions_in_two_forms_must_agree():
     text = f"image x y lat lon z omega phi kappa\nA {EAST} {NORTH} {{}} -49.25 1 0 0 0\n"
     for lat, good in (("-25.45", True), ("-25.4500000", True), ("-25.5000000", False)):
-        source = Opened(file="a.txt", data=text.format(lat).encode())
-        listed, meaning = read_list(source, "", numbers=listed_NUMBERS), Meaning(crs=CRS)
-        found = orientations.oriented(listed, meaning)
         if good:
-            assert orientations.apart(listed, found, meaning) < 0.001
+            assert table(text.format(lat), crs=CRS)["east_m"][0] == pytest.approx(EAST, abs=1e-5)
         else:
-            with pytest.raises(FlightError, match=r"must be within 1.011 m of lat, lon in EPSG"):
-                orientations.apart(listed, found, meaning)
+            said = message(text.format(lat), crs=CRS)
+            assert "must be within 1.011 m of lat, lon in EPSG" in said
 
 
 # --- Tables of orientations that other programs wrote
@@ -534,16 +534,16 @@ def test_igns_control_lies_where_it_was_measured(tmp_path):
     ],
 )
 def test_a_word_has_a_name_and_may_have_a_unit(word, name, unit):
-    assert column(word) == Column(name=name, unit=unit)
+    listed = point_tables_read(f"strip,{word}\nA,1\n")
+    assert listed.columns[1] == Column(name=name, unit=unit)
 
 
 def test_borea_letters_and_repeated_words():
-    names = [one.name for one in declared("N X Y Z O P K C S S")]
+    listed = point_tables_read("A 1 2 3 4 5 6 B x y\n", "N X Y Z O P K C S S")
     expected = "image east north height omega phi kappa camera skip skip"
-    assert names == expected.split()
-    assert column("temperature") is None
-    with pytest.raises(ValueError, match="stands twice"):
-        declared("x y x")
+    assert [one.name for one in listed.columns] == expected.split()
+    with pytest.raises(FlightError, match="stands twice"):
+        point_tables_read("1 2 3\n", "x y x")
 
 
 # --- Rows with declared columns
