@@ -212,7 +212,7 @@ def of_bundle(
         "sigma_factors": as_json(found),
         "sigma_tests": _tests_as_json(sigma_tests(bundle)),
         "sigma_beyond": [f"{key}: {line}" for line in _beyond(judged)],
-        "height_scale_error": height_scale(bundle) - 1,
+        "height_scale_error": _height_scale(bundle) - 1,
         "height_scale_sigma": _focal_sigma(said),
         "notes": [f"{key}: {line}" for line in (*_notes(method, bundle, said), *sentences(judged))],
     }
@@ -333,7 +333,7 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     # the two-step methods take over what the single step rejected, and this was said of it
     if n_rejected > MANY_REJECTED * n_measured and method not in TWO_STEP:
         notes.append(f"{n_rejected} of {n_measured} image points rejected: see rejected.csv")
-    scale = height_scale(bundle)
+    scale = _height_scale(bundle)
     if abs(scale - 1) > max(LIMIT_SCALE, SIGMAS_OF_SCALE * _focal_sigma(calibration)):
         notes.append(
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
@@ -353,7 +353,7 @@ def _focal_sigma(calibration: Calibration) -> float:
     return float(sigma) if np.isfinite(sigma) else 0.0
 
 
-def height_scale(bundle: Bundle) -> float:
+def _height_scale(bundle: Bundle) -> float:
     """Return the ratio of flying heights over control: from the bundle, over the trajectory's.
 
     One where control or trajectory give no height. The estimated focal length is part of the
@@ -473,7 +473,7 @@ def of_validations(
         return [of_left_out("validation", "all", reason)]
     known = {name: c for name, c in (calibrations or {}).items() if name not in TWO_STEP}
     return [
-        of_validation(
+        _of_validation(
             validation, **_weak_entries_of_validation(validation, known, features, late=late)
         )
         for validation in validations
@@ -495,7 +495,7 @@ def _weak_entries_of_validation(
     return _entries_of_weak(f"validation/{validation.method}", found, features, late=late)
 
 
-def of_validation(validation: Validation, **said: object) -> Record:
+def _of_validation(validation: Validation, **said: object) -> Record:
     """Return the record of one method's validation; keywords become entries of the summary."""
     method, block = validation.method, validation.block
     points = validation.points

@@ -79,17 +79,11 @@ def calibrate(flight: Flight) -> HeadsStage:
         free=flight.estimate_heads,
         refraction=flight.refraction,
     )
-    return gathered(heads, attempt(relative_orientation, heads, flight.synthetic_camera))
+    return _gathered(heads, attempt(relative_orientation, heads, flight.synthetic_camera))
 
 
-def gathered(heads: Heads, orientation: RelativeOrientation | Failed) -> HeadsStage:
-    """Return the heads and their orientation as one value.
-
-    Parameters
-    ----------
-    heads : Heads
-    orientation : RelativeOrientation or Failed
-    """
+def _gathered(heads: Heads, orientation: RelativeOrientation | Failed) -> HeadsStage:
+    """Return the heads and their orientation as one value."""
     if isinstance(orientation, Failed):
         return HeadsStage(heads=heads, orientation=None, left_out=orientation.reason)
     return HeadsStage(heads=heads, orientation=orientation)
@@ -110,16 +104,16 @@ def write(
     heads : Heads
     orientation : RelativeOrientation or Failed
     """
-    _write(flight, results_path, gathered(heads, orientation))
+    _write(flight, results_path, _gathered(heads, orientation))
 
 
 def _write(flight: Flight, results_path: str | Path, stage: HeadsStage) -> None:
     with solving(flight, "heads"):
-        said = explained(records(stage), flight, "heads")
+        said = explained(_records(stage), flight, "heads")
     adjustments.write(results_path, "heads", said, flight=flight)
 
 
-def records(stage: HeadsStage) -> list[adjustments.Record]:
+def _records(stage: HeadsStage) -> list[adjustments.Record]:
     """Return what the stage leaves in a results folder, failures included."""
     out = [_record(name, fit) for name, fit in stage.heads.bundles.items()]
     for name, reason in stage.heads.failures.items():

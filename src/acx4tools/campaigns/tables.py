@@ -30,9 +30,9 @@ def every(
     return {
         "campaigns": _campaigns(comparison),
         "tests": _tests(comparison, found, ground),
-        "differences": differences(comparison, found, ground),
+        "differences": _differences(comparison, found, ground),
         "pooled": _pooled(comparison),
-        "trends": trends(comparison),
+        "trends": _trends(comparison),
         "covariance": _covariances(comparison, found),
     }
 
@@ -58,17 +58,10 @@ def _campaigns(comparison: Comparison) -> pd.DataFrame:
     )
 
 
-def differences(
+def _differences(
     comparison: Comparison, found: Sequence[Difference], ground: Ground
 ) -> pd.DataFrame:
-    """Return one row for each parameter of each difference.
-
-    Returns
-    -------
-    DataFrame
-        earlier, later, camera, parameter, unit, difference (later minus earlier), sigma, t, p,
-        p_joint (Holm, over all rows), ground_rms_m (over the format, of this parameter alone).
-    """
+    """Return one row for each parameter of each difference."""
     rows = [row for one in found for row in _difference_rows(comparison, one, ground)]
     table = pd.DataFrame(rows)
     return table.assign(p_joint=holm(table["p"].to_numpy()))[[*DIFFERENCES]]
@@ -205,14 +198,8 @@ PER = {"year": "year", "temperature": "°C"}
 """What a slope is per."""
 
 
-def trends(comparison: Comparison) -> pd.DataFrame:
-    """Return one row for each slope of each trend.
-
-    Returns
-    -------
-    DataFrame
-        over, camera, parameter, unit, slope, sigma, t, p, p_joint (Holm, over the rows of a trend).
-    """
+def _trends(comparison: Comparison) -> pd.DataFrame:
+    """Return one row for each slope of each trend."""
     parts = [_slopes(comparison, what, line) for what, line in trends_of(comparison).items()]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*SLOPES])
 

@@ -115,7 +115,7 @@ def in_grid(oriented: Oriented) -> pd.DataFrame:
     return exterior_table(oriented.block, oriented.names, T_m_c=oriented.T_m_c, cov=cov)
 
 
-def topocentric(oriented: Oriented) -> pd.DataFrame:
+def _topocentric(oriented: Oriented) -> pd.DataFrame:
     """Return positions and omega, phi, kappa in the block's topocentric frame: x_m, ..., kappa_deg.
 
     Its axes are east, north, up at `Oriented.origin`.
@@ -124,7 +124,7 @@ def topocentric(oriented: Oriented) -> pd.DataFrame:
     return _table(oriented, ("x_m", "y_m", "z_m"), T.r, ("omega", "phi", "kappa"), T.opk)
 
 
-def geographic(oriented: Oriented) -> pd.DataFrame:
+def _geographic(oriented: Oriented) -> pd.DataFrame:
     """Return latitude, longitude, ellipsoidal height, and roll, pitch, heading of the image.
 
     The image counts as a body that looks down: its top edge is ahead, its right edge right.
@@ -202,12 +202,12 @@ def opk(oriented: Oriented) -> Taken:
 def topocentric_table(oriented: Oriented) -> Taken:
     """Return positions and angles in topocentric axes."""
     axes = f"east, north, up at {oriented.origin}"
-    return _taken(topocentric, oriented, (CENTRE, OPK.format(axes)))
+    return _taken(_topocentric, oriented, (CENTRE, OPK.format(axes)))
 
 
 def rph(oriented: Oriented) -> Taken:
     """Return geographic positions and roll, pitch, heading of the images."""
-    return _taken(geographic, oriented, (CENTRE, ELLIPSOIDAL, RPH))
+    return _taken(_geographic, oriented, (CENTRE, ELLIPSOIDAL, RPH))
 
 
 def _taken(

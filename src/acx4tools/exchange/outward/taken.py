@@ -59,7 +59,7 @@ def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
         Where a lens differs by more than is allowed and nothing is worth having without.
     """
     try:
-        require_near(taken, allowed_px)
+        _require_near(taken, allowed_px)
     except OutputError as error:
         if taken.without_lenses is None:
             raise
@@ -68,7 +68,7 @@ def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
     return taken
 
 
-def require_near(taken: Taken, allowed_px: float = LARGEST_PX) -> None:
+def _require_near(taken: Taken, allowed_px: float = LARGEST_PX) -> None:
     """Raise an OutputError where a lens differs by more than is allowed."""
     far = {
         name: one

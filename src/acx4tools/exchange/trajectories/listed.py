@@ -100,7 +100,7 @@ class Column:
     unit: str = ""
 
 
-def column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
+def _column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
     """Return the column that a word means, such as ``omega``, ``kappa_gon``, ``x``; or None."""
     plain = re.sub(r"\s+", "_", word.strip().lower())
     for unit in UNITS:
@@ -115,18 +115,12 @@ def column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
     return Column(name=name) if name else None
 
 
-def declared(text: str, known: Mapping[str, str] = KNOWN) -> tuple[Column, ...]:
-    """Return the columns that a user declares: words with commas or spaces between.
-
-    Raises
-    ------
-    ValueError
-        For a word that is not known, or a column that stands twice.
-    """
+def _declared(text: str, known: Mapping[str, str] = KNOWN) -> tuple[Column, ...]:
+    """Return the columns that a user declares: words with commas or spaces between."""
     words = [word for word in re.split(r"[\s,;]+", text) if word]
     found = []
     for word in words:
-        one = column(word, known)
+        one = _column(word, known)
         if one is None:
             words_known = ", ".join(dict.fromkeys(known.values()))
             hint = did_you_mean(word.lower(), known)
@@ -239,7 +233,7 @@ def left_out(listed: Listed, what: str, known: Mapping[str, str] = KNOWN) -> tup
 
 def _unread_heading(heading: Line, columns: Sequence[Column], known: Mapping[str, str]) -> str:
     """Return a sentence on a heading beside columns that are declared, and what it calls others."""
-    of_heading = (column(cell, known) for cell in heading.cells)
+    of_heading = (_column(cell, known) for cell in heading.cells)
     others = [
         f"{quoted(cell)} over {one.name}"
         for cell, said, one in zip(heading.cells, of_heading, columns, strict=False)
@@ -292,7 +286,7 @@ def read_list(
         raise source.wrong("file", f"has {len(found)} rows", f"must have 1 to {MOST}")
     if columns:
         try:
-            named = declared(columns, known)
+            named = _declared(columns, known)
         except ValueError as error:
             what, _, words = str(error).partition("; ")
             raise source.wrong("--columns", what, words or "every column once") from None
@@ -323,7 +317,7 @@ def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]
         words = [word for word in re.split(r"[\s;,]+", line.strip()) if word][:MOST_WORDS]
         if not words or words[0].startswith(COMMENTS):
             continue
-        columns = {one.name for word in words if (one := column(word, known))} - {SKIP}
+        columns = {one.name for word in words if (one := _column(word, known))} - {SKIP}
         if len(columns) >= max(2, len(words) / 2):
             return tuple(text[:k])
         if sum(bool(NUMBER.fullmatch(word)) for word in words) >= len(words) / 2:
@@ -349,7 +343,7 @@ def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -
 
 
 def _of_heading(line: Line, known: Mapping[str, str]) -> tuple[Column, ...]:
-    found = [column(cell, known) for cell in line.cells]
+    found = [_column(cell, known) for cell in line.cells]
     said = [one for one in found if one is not None and one.name != SKIP]
     if len(said) < 2:
         raise _undeclared(line, f"is no heading: {quoted(' '.join(line.cells))}")

@@ -100,14 +100,8 @@ class Oriented:
         return meaning.north or ("true" if self.opk is None else "grid")
 
 
-def oriented(listed: Listed, meaning: Meaning) -> Oriented:
-    """Return the numbers of a list.
-
-    Raises
-    ------
-    FlightError
-        Where a column is missing, both forms of an attitude are there, or a number is out of range.
-    """
+def _oriented(listed: Listed, meaning: Meaning) -> Oriented:
+    """Return the numbers of a list."""
     forms = [form for form in (OPK, RPH) if listed.has(*form)]
     if len(forms) != 1 or not _is_located(listed):
         names = [one.name for one in listed.columns]
@@ -138,16 +132,11 @@ def _located(listed: Listed) -> Oriented:
     return Oriented(east_north=east_north, lonlat=lonlat, height=listed.numbers("height"))
 
 
-def trajectory(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Any]:
+def _trajectory(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Any]:
     """Return the columns of trajectory.csv but for the exposures.
 
     Omega, phi, kappa against the grid stay what they are; all else becomes latitude, longitude,
     roll, pitch and true heading.
-
-    Raises
-    ------
-    FlightError
-        Where the CRS is needed and not given, cannot be used, or does not reach the positions.
     """
     if found.opk is not None:
         R_a_b = _rotation(found.opk, meaning.order)
@@ -206,14 +195,8 @@ def _lonlat_of(listed: Listed, found: Oriented, meaning: Meaning) -> Array:
     return _reached(listed, grid.lonlat_from_grid(np.asarray(found.east_north)))
 
 
-def apart(listed: Listed, found: Oriented, meaning: Meaning) -> float:
-    """Return the largest distance of the grid positions from the geographic ones, m.
-
-    Raises
-    ------
-    FlightError
-        Where it is more than the last digit of the geographic ones explains.
-    """
+def _apart(listed: Listed, found: Oriented, meaning: Meaning) -> float:
+    """Return the largest distance of the grid positions from the geographic ones, m."""
     grid = _grid_system(listed.source, meaning, "positions in two forms")
     off = grid.grid_from_lonlat(np.asarray(found.lonlat)) - np.asarray(found.east_north)
     far = np.hypot(*off.T)
@@ -413,9 +396,9 @@ def _brought(
     says: tuple[str, ...] = (),
 ) -> Brought:
     """Return what a list of orientations brings of a flight; `says` is what it states itself."""
-    found = oriented(listed, meaning)
+    found = _oriented(listed, meaning)
     names = _names(listed)
-    table = {"exposure": names, **trajectory(listed, found, meaning)}
+    table = {"exposure": names, **_trajectory(listed, found, meaning)}
     tables: dict[str, Any] = {f"{options.block}/trajectory.csv": table}
     if options.camera or listed.has("camera"):
         tables[f"{options.block}/images.csv"] = _images(listed, names, options.camera)
@@ -503,7 +486,7 @@ def _found(listed: Listed, found: Oriented, meaning: Meaning) -> tuple[str, ...]
     ranges = zip(_angles(found), low, high, strict=True)
     lines.append("; ".join(f"{n} {a:.2f} to {b:.2f} deg" for n, a, b in ranges) + ".")
     if found.east_north is not None and found.lonlat is not None and meaning.crs:
-        largest = apart(listed, found, meaning)
+        largest = _apart(listed, found, meaning)
         lines.append(
             f"East and north, and latitude and longitude in {meaning.crs}, differ by at most "
             f"{largest:.3f} m."

@@ -174,8 +174,8 @@ def _brought(
     at = _between(track.time, t)
     off, speed = _velocity_misfit(track, at)
     faithful = off <= max(FAITHFUL_MS, FAITHFUL * speed)
-    lonlath = positions(track, at, by_velocity=faithful)
-    rph = np.degrees(attitudes(track, at))
+    lonlath = _positions(track, at, by_velocity=faithful)
+    rph = np.degrees(_attitudes(track, at))
     meaning, lonlat = options.meaning, lonlath[:, :2]
     height = orientations.in_flight(track.source, meaning, lonlat, lonlath[:, 2])
     table: dict[str, Any] = {
@@ -434,17 +434,8 @@ def _between(times: Array, t: Array) -> Between:
     return Between(before=before, share=(t - times[before]) / interval, interval=interval)
 
 
-def positions(track: Track, at: Between, *, by_velocity: bool) -> Array:
-    """Return longitude, latitude (deg) and height (m), shape (n, 3).
-
-    Parameters
-    ----------
-    track : Track
-    at : Between
-    by_velocity : bool
-        Whether the velocities hold: then a cubic through positions and velocities, whose error
-        grows with the fourth power of the interval; else a straight line.
-    """
+def _positions(track: Track, at: Between, *, by_velocity: bool) -> Array:
+    """Return longitude, latitude (deg) and height (m), shape (n, 3)."""
     first, last = track.lonlath(at.before), track.lonlath(at.before + 1)
     step = last - first
     step[:, 0] = (step[:, 0] + np.pi) % (2 * np.pi) - np.pi
@@ -468,7 +459,7 @@ def _rates(track: Track, rows: Index) -> Array:
     return np.stack([east / (across * np.cos(lat)), north / along, -down], axis=-1)
 
 
-def attitudes(track: Track, at: Between) -> Array:
+def _attitudes(track: Track, at: Between) -> Array:
     """Return roll, pitch and true heading, rad, shape (n, 3); the body turns at a constant rate."""
     R_n_b, after = (frames.rotation_from_rph(track.rph(at.before + k)) for k in (0, 1))
     turned = frames.log(np.swapaxes(R_n_b, -1, -2) @ after)
