@@ -27,7 +27,13 @@ from acx4tools.exchange.flight_folder import Brought, number_of
 from acx4tools.exchange.lens import WARNED_PX, WORST_PX, too_far
 from acx4tools.exchange.pictures import metadata
 from acx4tools.exchange.pictures.lens import Lens, lens_of
-from acx4tools.exchange.pictures.metadata import ANOTHER_COURSE_DEG, Attitude, Head, apart
+from acx4tools.exchange.pictures.metadata import (
+    ANOTHER_COURSE_DEG,
+    DOWN,
+    Attitude,
+    Head,
+    rotation,
+)
 from acx4tools.exchange.pictures.tags import BROKEN, Tags, rational, read
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened, refusal
@@ -262,13 +268,18 @@ def _decided(shots: Sequence[_Shot]) -> tuple[list[_Shot], list[str]]:
         aircraft = tags.number(metadata.FLIGHT_YAW)
         if aircraft is not None and all(tags.number(name) is not None for name in metadata.GIMBAL):
             both[k] = (_attitude(shot, 0.0).heading, float(aircraft) % 360.0)
-    other = [k for k, two in both.items() if metadata.apart(*two) > metadata.ANOTHER_COURSE_DEG]
+    other = [k for k, two in both.items() if _apart(*two) > metadata.ANOTHER_COURSE_DEG]
     if not other:
         return list(shots), []
 
     is_aircraft, said = _judged([(shot.taken[0].tags, _place(shot)) for shot in shots], both, other)
     turned = {k: replace(shots[k], heading=both[k][1]) for k in other if is_aircraft}
     return [turned.get(k, shot) for k, shot in enumerate(shots)], [said]
+
+
+def _apart(a: float, b: float) -> float:
+    """Return the angle between two headings, degrees."""
+    return abs((a - b + 180.0) % 360.0 - 180.0)
 
 
 def _alike(taken: Sequence[_Taken]) -> tuple[list[_Taken], list[str]]:
@@ -353,7 +364,7 @@ def _settings(
     *,
     in_heads: bool,
 ) -> dict[str, Any]:
-    mounts = metadata.mountings(heads)
+    mounts = _mountings(heads)
     cameras = {name: _camera(lens.camera, mounts[name]) for name, lens in lenses.items()}
     places = np.array([_place(shot) for shot in shots])
     out: dict[str, Any] = {
@@ -373,6 +384,15 @@ def _settings(
         if in_heads:
             out["synthetic"]["measured_in"] = "heads"
     return out
+
+
+def _mountings(heads: Sequence[Head]) -> Mapping[str, Array]:
+    """Return R_b_c of every head: looking down, the top of the image ahead, by its angles."""
+    turned = {
+        head.name: DOWN @ rotation(head.relatives_deg) if head.relatives_deg else DOWN
+        for head in heads
+    }
+    return {name: np.asarray(R) for name, R in turned.items()}
 
 
 def _camera(camera: Camera, R_b_c: Array) -> dict[str, Any]:
@@ -744,7 +764,7 @@ Both = Mapping[int, tuple[float, float]]
 
 def _judged(taken: Sequence[Taken], both: Both, other: Sequence[int]) -> tuple[bool, str]:
     """Let the pictures decide where gimbal and aircraft look in other directions."""
-    by = np.median([apart(*both[k]) for k in other])
+    by = np.median([_apart(*both[k]) for k in other])
     begin = (
         f"at {len(other)} of {number_of(len(both), 'exposures')} the yaw of the gimbal and that of "
         f"the aircraft differ by {by:.0f}° (median): "
@@ -768,7 +788,7 @@ def _votes(taken: Sequence[Taken], both: Both, other: Sequence[int]) -> tuple[in
         step = next_lat - lat, (next_lon - lon) * np.cos(np.radians(lat))
         found = _heading_by(a.path, b.path, step, (a.width_px, a.height_px))
         if found is not None:
-            off = [apart(found, heading) for heading in both[k]]
+            off = [_apart(found, heading) for heading in both[k]]
             if min(off) < ANOTHER_COURSE_DEG:
                 votes[int(off[1] < off[0])] += 1
     return votes[0], votes[1]
@@ -776,7 +796,7 @@ def _votes(taken: Sequence[Taken], both: Both, other: Sequence[int]) -> tuple[in
 
 def _is_straight(first: tuple[float, float], second: tuple[float, float]) -> bool:
     """Return whether gimbal and aircraft kept their headings from one exposure to the next."""
-    return max(apart(a, b) for a, b in zip(first, second, strict=True)) < ANOTHER_COURSE_DEG / 2
+    return max(_apart(a, b) for a, b in zip(first, second, strict=True)) < ANOTHER_COURSE_DEG / 2
 
 
 def _heading_by(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -190,11 +190,6 @@ ANOTHER_COURSE_DEG = 45.0
 """Headings that are farther apart are two."""
 
 
-def apart(a: float, b: float) -> float:
-    """Return the angle between two headings, degrees."""
-    return abs((a - b + 180.0) % 360.0 - 180.0)
-
-
 # --- Which head took a picture, and how the heads of a rig are turned to each other
 #
 # `RigRelatives` of MicaSense are three angles of every head to its reference. The vendor's own
@@ -272,15 +267,6 @@ def in_order(heads: Sequence[Head]) -> list[Head]:
     named = [head.reference for head in heads if head.reference is not None]
     first = next((h for h in sorted_heads if named and h.index == named[0]), sorted_heads[0])
     return [first, *(head for head in sorted_heads if head is not first)]
-
-
-def mountings(heads: Sequence[Head]) -> Mapping[str, Array]:
-    """Return R_b_c of every head: looking down, the top of the image ahead, by its angles."""
-    turned = {
-        head.name: DOWN @ rotation(head.relatives_deg) if head.relatives_deg else DOWN
-        for head in heads
-    }
-    return {name: np.asarray(R) for name, R in turned.items()}
 
 
 def sentence(heads: Sequence[Head]) -> str:
