@@ -407,17 +407,7 @@ def _usual(sigma: Array) -> float:
 
 
 def _right(quantity: str, units: dict[str, float], misfit: float, rest: float) -> Iterator[Unit]:
-    """Yield the units in which a misfit agrees with sigma.
-
-    Parameters
-    ----------
-    quantity : str
-    units : dict of str to float
-        What a standard deviation must be multiplied by.
-    misfit, rest : float
-        In terms of sigma: the residuals, and the part of them that is expected of other
-        observations.
-    """
+    """Yield the units in which a misfit agrees with sigma."""
     before = misfit / np.hypot(1.0, rest)
     if not (before > OFF or before < 1 / OFF):
         return

@@ -110,20 +110,7 @@ def _strew_tie_points(
     track: Track,
     rng: np.random.Generator,
 ) -> tuple[Array, Sight]:
-    """Spread tie points over the ground until every camera has enough with three rays.
-
-    Returns
-    -------
-    x_g : ndarray, shape (n, 3)
-        East, north, height, m.
-    sight : Sight
-        Its `seen` tells in which images a point is measured.
-
-    Raises
-    ------
-    ValueError
-        Where the block does not see that many.
-    """
+    """Spread tie points over the ground until every camera has enough with three rays."""
     grounds, sights = [], []
     missing = np.full(len(cameras), block.tie_points)
     for _ in range(_MAX_BATCHES):

@@ -164,15 +164,6 @@ def _positions(orientation: RelativeOrientation, k: int, x: Array, y: Array, wan
 
     The map is smooth. Therefore a polynomial through few points is as good as the map itself, and
     much faster. A few nodes are used to check it; if it is not good enough, all are computed.
-
-    Parameters
-    ----------
-    orientation : RelativeOrientation
-    k : int
-        Number of the head.
-    x, y : ndarray, shape (cols,), (rows,)
-        mm.
-    wanted : ndarray of bool, shape (rows, cols)
     """
     if wanted.sum() > 4 * DEGREE**2:
         (points_x, by_x), (points_y, by_y) = _through_points(x), _through_points(y)
@@ -197,19 +188,7 @@ def _exact(orientation: RelativeOrientation, k: int, x: Array, y: Array) -> Arra
 
 
 def _through_points(at: Array) -> tuple[Array, Array]:
-    """Return the points of an interpolating polynomial, and their weights at given positions.
-
-    Parameters
-    ----------
-    at : ndarray, shape (n,)
-        Evenly spaced.
-
-    Returns
-    -------
-    points : ndarray, shape (DEGREE + 1,)
-        Zeros of a Chebyshev polynomial over the range of `at`.
-    weights : ndarray, shape (n, DEGREE + 1)
-    """
+    """Return the points of an interpolating polynomial, and their weights at given positions."""
     unit = chebpts1(DEGREE + 1)
     middle, half = (at[0] + at[-1]) / 2, (at[-1] - at[0]) / 2
     from_values = chebvander(unit, DEGREE).T * (2 / (DEGREE + 1))
@@ -218,16 +197,7 @@ def _through_points(at: Array) -> tuple[Array, Array]:
 
 
 def _near_sensor(orientation: RelativeOrientation, k: int, x: Array, y: Array) -> Mask:
-    """Tell which nodes a head may see, and which belong to a cell that it may see in part.
-
-    Parameters
-    ----------
-    orientation : RelativeOrientation
-    k : int
-        Number of the head.
-    x, y : ndarray, shape (cols,), (rows,)
-        Synthetic image, mm.
-    """
+    """Tell which nodes a head may see, and which belong to a cell that it may see in part."""
     camera = orientation.heads[k]
     rows, cols = (np.unique(np.r_[0:n:COARSE, n - 1]) for n in (len(y), len(x)))
     colrow = _exact(orientation, k, *np.meshgrid(x[cols], y[rows]))

@@ -516,11 +516,6 @@ def _saturation(often: Index) -> Array:
 
     It is the largest value of the data type, or the largest value found if it is unusually
     frequent, as some heads clip at a smaller value.
-
-    Parameters
-    ----------
-    often : ndarray, shape (n_bands, values)
-        Number of pixels with each value of the data type.
     """
     levels = np.full(len(often), often.shape[1] - 1.0)
     for band, level in enumerate(levels):

@@ -807,13 +807,7 @@ def _whose_accuracy(references: tuple[Element, ...]) -> tuple[str, ...]:
 
 
 def _sigmas(whole: _Chunk, references: tuple[Element, ...]) -> dict[str, list[float]]:
-    """Return the columns of accuracies that any reference has; the chunk's for those that lack one.
-
-    Raises
-    ------
-    FlightError
-        Where a reference lacks what others have, and the chunk has none for all.
-    """
+    """Return the columns of accuracies of references; the chunk's for those that lack one."""
     kinds = (
         (LOCATION, ("east_m", "north_m", "height_m"), "accuracy_cameras"),
         (ANGLES, ("heading_deg", "pitch_deg", "roll_deg"), "accuracy_cameras_ypr"),

@@ -524,13 +524,7 @@ STATE = Range(1e-3, 1e9, "must be positive")
 
 
 def _measured(model: Element) -> Model:
-    """Return the map from ideal pixels to measured ones, shape (n, 2), of an element ModUnif.
-
-    Raises
-    ------
-    FlightError
-        For parameters that are not those of a fisheye.
-    """
+    """Return the map from ideal pixels to measured ones, shape (n, 2), of an element ModUnif."""
     kind = model.one("TypeModele").text
     values = np.array([one.number() for one in model.each("Params")])
     if len(values) > N:
