@@ -5,6 +5,8 @@ ifeq ($(origin PYTHON),undefined)
 PYTHON  := $(shell command -v python3.11 || command -v python3)
 endif
 PORT    ?= 8000
+# What Python makes of the sources is kept: hundreds of processes load the same ones.
+unexport PYTHONDONTWRITEBYTECODE
 # Pictures in the flight that ships: at which exposures of blocks 1 and 2, and at what part of the size.
 IMAGES  ?= H1-05,H3-04,C2-05
 REDUCE  ?= 4

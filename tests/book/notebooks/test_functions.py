@@ -59,35 +59,46 @@ def test_the_results_of_heads_and_rig_are_those_of_the_notebooks(tmp_path):
     own_folder.verify(tmp_path / "results", cure="")
 
 
-def test_nothing_that_draws_or_runs_notebooks_is_loaded(tmp_path, flight_path):
+@pytest.fixture(scope="module")
+def told(tmp_path_factory, flight_path):
+    """A folder of results, and what their run said, in an environment that asks for two threads."""
+    results = tmp_path_factory.mktemp("told") / "results"
     code = (
         "import atexit, sys\n"
         f"unwanted = {set(BOOK) - {'yaml'}!r}  # numba loads yaml where it is installed\n"
         "atexit.register(lambda: print('loaded', sorted(unwanted & set(sys.modules))))\n" + COMMAND
     )
-    given = ("run", flight_path, "--results", tmp_path / "results", "--numbers-only")
+    given = ("run", flight_path, "--results", results, "--numbers-only")
     done = subprocess.run(
-        [sys.executable, "-c", code, *given], capture_output=True, text=True, check=False
+        [sys.executable, "-c", code, *given],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | dict.fromkeys(ONE_THREAD, "2"),
     )
+    return results, done
+
+
+def test_nothing_that_draws_or_runs_notebooks_is_loaded(told):
+    results, done = told
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines() == [
         "mounting: done",
         "validation: done",
         "heads: skipped, the flight has no block heads",
         "synthetic: skipped, the flight has no block heads",
-        f"results in {tmp_path / 'results'}",
+        f"results in {results}",
         "loaded []",
     ]
 
 
 @pytest.mark.slow
-def test_threads_of_linear_algebra_change_no_bit(tmp_path, flight_path):
+def test_threads_of_linear_algebra_change_no_bit(told, tmp_path, flight_path):
     """Whatever the user's environment asks for."""
-    for n in ("1", "2"):
-        environment = os.environ | dict.fromkeys(ONE_THREAD, n)
-        given = ("run", flight_path, "--results", tmp_path / n, "--numbers-only")
-        subprocess.run([sys.executable, "-c", COMMAND, *given], check=True, env=environment)
-    assert tables(tmp_path / "1") == tables(tmp_path / "2")
+    given = ("run", flight_path, "--results", tmp_path / "1", "--numbers-only")
+    environment = os.environ | dict.fromkeys(ONE_THREAD, "1")
+    subprocess.run([sys.executable, "-c", COMMAND, *given], check=True, env=environment)
+    assert tables(tmp_path / "1") == tables(told[0])
 
 
 def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path):
