@@ -68,9 +68,11 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
 ) -> None:
     """Measure the pictures of a flight."""
     from acx4lib.results import own_folder  # noqa: PLC0415 quick help
-    from acx4tools.measuring import measure as measuring_measure  # noqa: PLC0415 quick help
     from acx4tools.measuring.levels import MeasureOptions  # noqa: PLC0415 quick help
-    from acx4tools.measuring.measure import measure_flight  # noqa: PLC0415 quick help
+    from acx4tools.measuring.measure import (  # noqa: PLC0415 quick help
+        measure_flight,
+        write_pictures,
+    )
 
     if flight.resolve() == out.resolve():
         refuse(f"{out}: is the flight itself; choose another folder for the measured one")
@@ -82,7 +84,7 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
         found = measure_flight(flight, out, options=options, executor=executor, tell=tell)
     if show_in is not None:
         with own_folder.placed(show_in, command="acx4 measure --show") as draft:
-            measuring_measure.write_pictures(found, draft)
+            write_pictures(found, draft)
     say_if_not_kept()
     for one in found:
         for sentence in one.sentences:
