@@ -15,7 +15,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight import readings as flight_readings
+from acx4lib.flight import readings
 from acx4lib.flight.block import Block, ImagePoints
 from acx4lib.flight.block_from_tables import index_of, poses
 from acx4lib.flight.design import strip_of_exposure
@@ -149,9 +149,9 @@ def _of_trajectory(block: Block, table: Table, given: Reading) -> Iterator[Readi
     names = [block.trajectory.exposures[i] for i in given.seen.exposures]
     table = _with_neighbours(table, index_of(names, table.text["exposure"]))
     rows = index_of(names, table.text["exposure"])
-    others = list(flight_readings.readings(table, block.frame.grid))
+    others = list(readings.readings(table, block.frame.grid))
     if len(block.cameras) == 1:
-        others += flight_readings.of_cameras(table, block.cameras[0].T_b_c.R)
+        others += readings.of_cameras(table, block.cameras[0].T_b_c.R)
     for other in others:
         with np.errstate(all="ignore"):  # changed positions may not be on the earth
             T_m_b = _poses(other.table, rows, block.frame)
@@ -189,11 +189,11 @@ def _of_control(frame: MappingFrame, given: Reading) -> Iterator[Reading]:
     lonlat = frame.grid.lonlat_from_grid(enh[:, :2])
     others = [
         (f"height of control points {meaning}", np.column_stack([enh[:, :2], height]))
-        for meaning, height in flight_readings.height_readings(enh[:, 2], lonlat, frame.grid)
+        for meaning, height in readings.height_readings(enh[:, 2], lonlat, frame.grid)
     ]
     others += [
         (f"east, north of control points {meaning}", np.column_stack([east_north, enh[:, 2]]))
-        for meaning, east_north in flight_readings.plane_readings(enh[:, :2])
+        for meaning, east_north in readings.plane_readings(enh[:, :2])
     ]
     for name, other in others:
         x_m = given.seen.x_m.copy()
@@ -209,7 +209,7 @@ def _of_images(given: Reading) -> Iterator[Reading]:
     size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
     pixel_mm = np.array([[c.pixel_mm] for c in seen.cameras])[seen.camera_idx]
     yield from _north_up(given, size)
-    for columns, meaning, colrow in flight_readings.pixel_readings(seen.colrow, size, pixel_mm):
+    for columns, meaning, colrow in readings.pixel_readings(seen.colrow, size, pixel_mm):
         name = f"{columns.replace('_px', '')} {meaning}"
         yield replace(given, name=name, quantity="image", seen=replace(seen, colrow=colrow))
 

@@ -288,11 +288,11 @@ def _sbet(  # noqa: PLR0913 options of a command
     heights: Heights = "",
 ) -> None:
     """Read an SBET at the times of events."""
-    from acx4tools.exchange.trajectories import sbet as trajectories_sbet  # noqa: PLC0415 quick help
+    from acx4tools.exchange.trajectories import sbet  # noqa: PLC0415 quick help
     from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = system_of(out, crs, heights)
-    options = trajectories_sbet.SbetOptions(
+    options = sbet.SbetOptions(
         time=time,
         columns=columns,
         separator=separator or "",
@@ -304,7 +304,7 @@ def _sbet(  # noqa: PLR0913 options of a command
         camera=camera,
         meaning=Meaning(crs=crs, heights=system),
     )
-    _place(trajectories_sbet.read(source, events, smrmsg, options), out)
+    _place(sbet.read(source, events, smrmsg, options), out)
 
 
 @app.command(

@@ -282,8 +282,12 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
 ) -> None:
     """Write a simulated flight, or the plan of one."""
     from acx4lib.results import own_folder  # noqa: PLC0415 quick help
-    from acx4sim.files import TRUTH_MARK, photograph, truth_path  # noqa: PLC0415 quick help
-    from acx4sim.files import write as files_write  # noqa: PLC0415 quick help
+    from acx4sim.files import (  # noqa: PLC0415 quick help
+        TRUTH_MARK,
+        photograph,
+        truth_path,
+        write,
+    )
     from acx4sim.plan import GrossErrors, Options, SlowErrors  # noqa: PLC0415 quick help
 
     if (out is None) == (plan is None):
@@ -313,7 +317,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
         terminal.stage_bars("rows") as tell,
         own_folder.placed(out, command="acx4 simulate") as draft,
     ):
-        files_write(flight, draft, tell=tell)
+        write(flight, draft, tell=tell)
     terminal.show(f"{out}; its truth in {truth}")
 
 

@@ -27,8 +27,7 @@ from acx4lib.flight.reader import area_notes
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.georeferencing import budget, weak
 from acx4lib.georeferencing.weak import Weak
-from acx4lib.least_squares.covariance import correlation
-from acx4lib.least_squares.covariance import sigmas as covariance_sigmas
+from acx4lib.least_squares.covariance import correlation, sigmas
 from acx4lib.least_squares.statistics import norm_ppf
 from acx4lib.results.rows import parameter_tables, unit_of
 from acx4lib.results.table_files import COLUMNS, COMPONENTS
@@ -123,7 +122,7 @@ def _predicted(design: Design, method: str) -> _Predicted:
 
 def _spread(outcomes: Sequence[Outcome], method: str) -> Array:
     """Return by what share sigma of the wanted unknowns differs from wind to wind, shape (n,)."""
-    found = np.array([covariance_sigmas(one.covariances[method]) for one in outcomes])
+    found = np.array([sigmas(one.covariances[method]) for one in outcomes])
     mean = found.mean(axis=0)
     return found.std(axis=0, ddof=1) / mean if len(found) > 1 else np.full(len(mean), np.nan)
 

@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from acx4book.report import page as report_page
+from acx4book.report import page
 from acx4book.report.campaigns import figures, tables
 from acx4book.report.campaigns.tables import Study
 from acx4book.report.markdown import Document, number_labels, table_labels, to_html
@@ -233,7 +233,7 @@ def _page(title: str, name: str, parts: Sequence[str | Drawn]) -> str:
 
 def _style() -> str:
     colours = "".join(f"  --figure-{name}: {value};\n" for value, name in style.NAMES.items())
-    sheets = (report_page.STYLE, ADDED)
+    sheets = (page.STYLE, ADDED)
     own, added = (sheet.read_text(encoding="utf-8") for sheet in sheets)
     return f"{own}\n:root {{\n{colours}}}\n{added}"
 
