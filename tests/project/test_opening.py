@@ -61,7 +61,7 @@ OTHERS = {
         "read_text": "of the one place that reads",
     },
     "acx4lib/flight/toml_file.py": {"read_text": "of the one place that reads"},
-    "acx4book/report/material.py": {"pd.read_csv": "of a file that is open"},
+    "acx4book/report/mounting.py": {"pd.read_csv": "of a file that is open"},
     "acx4book/teaching/flights.py": {"read_bytes": "of the one place that reads"},
     "acx4lib/results/own_folder.py": {
         "os.open": "a lock is the file that is open, and is gone in the end",

@@ -206,30 +206,6 @@ def interior_to_dbat(camera: Camera, cov: Array) -> tuple[Array, Array]:
     return values, by_ours @ cov[np.ix_(order, order)] @ by_ours.T
 
 
-def sensor_size_mm(camera: Camera) -> Array:
-    """Return width and height of the format as in DBAT's report, mm, shape (2,)."""
-    size = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
-    return size * np.array([1 + camera.interior.b1, 1.0])
-
-
-def largest_distortion_mm(camera: Camera) -> float:
-    """Return DBAT's value of the distortion in the corners of the image, mm.
-
-    Computed as in its report: with square pixels, with ``|dx| + |dy|`` instead of their root sum
-    of squares, and with P1 and P2 exchanged in dx and in dy.
-    """
-    values, _ = interior_to_dbat(camera, np.zeros(2 * (len(INTERIOR),)))
-    _, px, py, _, k1, k2, k3, p1, p2 = values
-    size = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
-    corners = _HALF_PIXEL * camera.pixel_mm + size * np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
-    x, y = corners[:, 0] - px, corners[:, 1] - py
-    r2 = x * x + y * y
-    radial = r2 * (k1 + r2 * (k2 + r2 * k3))
-    dx = x * radial + p1 * (r2 + 2 * x * x) + 2 * p1 * x * y
-    dy = y * radial + p2 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return float(np.max(np.abs(dx) + np.abs(dy)))
-
-
 # --- DBAT's report: every printed number with its place
 #
 # The report is a tree with indentation. The place of a line is the path of headings above it and

@@ -227,12 +227,12 @@ def _significance(values: Array, cov: Array, camera: tuple[str, ...]) -> Stateme
 
 def _sensor(project: Project, path: tuple[str, ...]) -> Statements:
     camera = project.bundle.cameras[0]
-    size_mm = dbat_files.sensor_size_mm(camera)
     size_px = np.array([camera.width_px, camera.height_px])
     rated_mm = camera.pixel_mm * size_px
+    size_mm = rated_mm * np.array([1 + camera.interior.b1, 1.0])
     diagonal_mm = float(np.hypot(*rated_mm))
     view = 2 * np.degrees(np.arctan(np.append(rated_mm, diagonal_mm) / 2 / camera.interior.f))
-    distortion_mm = dbat_files.largest_distortion_mm(camera)
+    distortion_mm = _largest_distortion_mm(project)
     out: Statements = {}
     for k, (side, axis) in enumerate((("width", "X"), ("height", "Y"))):
         out[(*path, f"Format {side}", "Value")] = say("{} mm", size_mm[k])
@@ -247,6 +247,21 @@ def _sensor(project: Project, path: tuple[str, ...]) -> Statements:
         200 * distortion_mm / diagonal_mm,
     )
     return out
+
+
+def _largest_distortion_mm(project: Project) -> float:
+    """Return DBAT's value of the distortion in the corners of the image, mm, as it computes it."""
+    # with square pixels, with |dx| + |dy|, and with P1 and P2 exchanged in dx and in dy
+    camera, (values, _) = project.bundle.cameras[0], _interior(project)
+    _, px, py, _, k1, k2, k3, p1, p2 = values
+    size = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
+    corners = 0.5 * camera.pixel_mm + size * np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
+    x, y = corners[:, 0] - px, corners[:, 1] - py
+    r2 = x * x + y * y
+    radial = r2 * (k1 + r2 * (k2 + r2 * k3))
+    dx = x * radial + p1 * (r2 + 2 * x * x) + 2 * p1 * x * y
+    dy = y * radial + p2 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return float(np.max(np.abs(dx) + np.abs(dy)))
 
 
 def _exterior(project: Project) -> Statements:

@@ -15,7 +15,6 @@ from acx4book.report.material import (
     Material,
     checked_points,
     earlier_calibrations,
-    sentences,
     validated,
 )
 from acx4book.report.mounting import turns_of
@@ -273,12 +272,18 @@ def _weak(material: Material) -> Iterator[Finding]:
     names = (*material.decisive, validated(material))
     found = [
         line.partition(": ")[2]
-        for line in sentences(material, "weak")
+        for line in _sentences(material, "weak")
         if line.startswith(tuple(f"{name}: " for name in names))
     ]
     if found:
         answer = "; ".join(dict.fromkeys(found)) + "."
         yield Finding(question="Weak parameters", state=NOTE, answer=answer)
+
+
+def _sentences(material: Material, key: str) -> Iterator[str]:
+    """Yield the sentences of all methods under a key of the summary."""
+    for entry in material.found.summary.values():
+        yield from results.messages(entry, key)
 
 
 def _other_methods(material: Material) -> Iterator[Finding]:
@@ -356,7 +361,7 @@ def _estimated_weights(material: Material) -> Iterator[Finding]:
     factors = [said for entry in entries for said in _factors(entry).values()]
     if all(said.get("applied") in (None, 1.0) for said in factors):
         return
-    lines = [*sentences(material, "sigma_beyond")]
+    lines = [*_sentences(material, "sigma_beyond")]
     if lines:
         answer = f"{begun('; '.join(lines))}. No result holds that rests on such weights."
         yield Finding(question="Estimated weights within bounds", state=FAILS, answer=answer)
@@ -409,7 +414,7 @@ def _gross_errors(material: Material) -> Iterator[Finding]:
     n_rejected = sum(int(str(entry["n_rejected"])) for entry in entries)
     n = sum(int(str(entry["n_observations"])) for entry in entries)
     answer = begun(f"{plural(n_rejected, 'observation')} of {n:,} taken out as gross errors")
-    mixed = dict.fromkeys(s.partition(": ")[2] for s in sentences(material, "exchanged"))
+    mixed = dict.fromkeys(s.partition(": ")[2] for s in _sentences(material, "exchanged"))
     if mixed:
         answer = f"{begun('; '.join(mixed))}. Correct the names and run again. {answer}"
     elif any(messages(entry, "stopped") for entry in entries):
@@ -755,7 +760,7 @@ def _spreads(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
 
 def _said(material: Material) -> Iterator[Finding]:
     """Repeat what the run said: methods left out, notes of stages and of the flight."""
-    lines = [*sentences(material, "left_out"), *sentences(material, "notes")]
+    lines = [*_sentences(material, "left_out"), *_sentences(material, "notes")]
     lines += list(material.flight.notes)
     if lines:
         answer = "; ".join(dict.fromkeys(lines))

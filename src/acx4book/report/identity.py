@@ -299,13 +299,6 @@ def _names(keys: tuple[str, ...]) -> str:
 # --- data ------------------------------------------------------------------------------------
 
 
-def mapped(material: Material) -> tuple[Block, ...]:
-    """Return the blocks used for the calibration; without any, that of the validation."""
-    blocks = material.flight.blocks
-    used = [blocks[name] for name in ("heads", "calibration") if name in blocks]
-    return tuple(used or blocks.values())
-
-
 def _data_table(material: Material) -> pd.DataFrame:
     """Return the content of every block and its standard deviations, a column per block."""
     columns = {name: _of_block(block) for name, block in material.flight.blocks.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ import pandas as pd
 from acx4lib.calibration.estimates import METHODS, RIGS
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import Block
-from acx4lib.opening import opened
 from acx4lib.results import folder as results
 from acx4lib.results.provenance import FILE, KEPT, Run, read_run
 
@@ -204,20 +203,3 @@ def _measured(block: Block) -> pd.DataFrame:
             "row_px": points.colrow[:, 1],
         }
     )
-
-
-def exposure_times(material: Material, block: Block) -> pd.Series:
-    """Return the times of a block's exposures, s, by their names; NaN where not given."""
-    path = material.folder / KEPT / block.name / "trajectory.csv"
-    with opened(path) as file:
-        table = pd.read_csv(file, dtype=str, keep_default_na=False, encoding="utf-8-sig")
-    table.columns = table.columns.str.strip()
-    times = table["time_s"] if "time_s" in table else pd.Series("", index=table.index)
-    known = pd.Series(pd.to_numeric(times, errors="coerce").to_numpy(), index=table["exposure"])
-    return known.reindex(list(block.trajectory.exposures))
-
-
-def sentences(material: Material, key: str) -> Iterator[str]:
-    """Yield the sentences of all methods under a key of the summary."""
-    for entry in material.found.summary.values():
-        yield from results.messages(entry, key)

@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acx4book.report.material import Material, block_of, exposure_times
+from acx4book.report.material import Material, block_of
 from acx4book.report.parameters import head_table
 from acx4book.report.words import Text, parameter_title, show, table
 from acx4book.typesetting import style
@@ -25,7 +25,9 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import log, mean_rotation, opk_jacobian
 from acx4lib.geometry.parameters import LEVER_ARM, REPORTED
 from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.opening import opened
 from acx4lib.results import folder
+from acx4lib.results.provenance import KEPT
 
 # --- The lever arm: as it was surveyed, and as the calibration estimates it
 
@@ -254,7 +256,7 @@ def boresights(material: Material) -> pd.DataFrame:
     block = block_of(material, source)
     image_idx = pd.Index(block.images.names).get_indexer(pd.Index(rows["image"]))
     turns, sigma = _of_images(block, image_idx, rows)
-    times = exposure_times(material, block).to_numpy()[block.images.exposure_idx[image_idx]]
+    times = _exposure_times(material, block).to_numpy()[block.images.exposure_idx[image_idx]]
     frame = pd.DataFrame(
         {
             "camera": [block.cameras[k].name for k in block.images.camera_idx[image_idx]],
@@ -268,6 +270,17 @@ def boresights(material: Material) -> pd.DataFrame:
     known = np.isfinite(times).all()
     frame = frame.sort_values("time_s", kind="stable") if known else frame
     return frame.assign(number=np.arange(1, len(frame) + 1)).reset_index(drop=True)
+
+
+def _exposure_times(material: Material, block: Block) -> pd.Series:
+    """Return the times of a block's exposures, s, by their names; NaN where not given."""
+    path = material.folder / KEPT / block.name / "trajectory.csv"
+    with opened(path) as file:
+        table = pd.read_csv(file, dtype=str, keep_default_na=False, encoding="utf-8-sig")
+    table.columns = table.columns.str.strip()
+    times = table["time_s"] if "time_s" in table else pd.Series("", index=table.index)
+    known = pd.Series(pd.to_numeric(times, errors="coerce").to_numpy(), index=table["exposure"])
+    return known.reindex(list(block.trajectory.exposures))
 
 
 def _of_images(block: Block, image_idx: Index, rows: pd.DataFrame) -> tuple[Array, Array]:

@@ -40,6 +40,7 @@ from acx4book.typesetting import maps, matrix
 from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.svg import vector
 from acx4lib.errors import OutputError
+from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import INTERIOR, Camera, xy_from_colrow
 from acx4lib.geometry.parameters import LEVER_ARM, REPORTED
 from acx4lib.opening import text_of
@@ -411,7 +412,7 @@ def computed(run: Material, found: Sequence[Finding]) -> dict[str, Callable[[], 
         "statement": lambda: findings.section(found),
         "identity": lambda: identity.identity(run),
         "method": lambda: identity.method_and_data(run),
-        "blocks": lambda: maps.block_maps(*identity.mapped(run)),
+        "blocks": lambda: maps.block_maps(*_used_blocks(run)),
         "adjustment": lambda: adjustment.section(run),
         "parameters": lambda: parameters.section(run),
         "correlations": lambda: matrix.correlation_matrix(parameters.correlation_picture(run)),
@@ -426,6 +427,13 @@ def computed(run: Material, found: Sequence[Finding]) -> dict[str, Callable[[], 
         "budget": lambda: ground.section(mapped()),
         "format": lambda: ground.over_format(mapped()),
     }
+
+
+def _used_blocks(material: Material) -> tuple[Block, ...]:
+    """Return the blocks used for the calibration; without any, that of the validation."""
+    blocks = material.flight.blocks
+    used = [blocks[name] for name in ("heads", "calibration") if name in blocks]
+    return tuple(used or blocks.values())
 
 
 def _planes(material: Material, stage: str) -> dict[str, pd.DataFrame]:

@@ -21,7 +21,6 @@ from acx4book.teaching.grading import named, scaled, values, wrong_sign
 from acx4lib.calibration import estimates
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array
-from acx4lib.geometry.parameters import REPORTED
 from acx4lib.georeferencing.validation import Validation, validate
 from acx4lib.stages.mounting import calibrate
 from acx4sim.files import SimulatedFlight
@@ -38,11 +37,6 @@ TITLES = {
     "boresight_kappa_deg": "κ of the boresight",
 }
 """Parameters in words."""
-
-
-def units(name: str) -> str:
-    """Return the unit of a parameter."""
-    return next(unit for reported, unit in REPORTED.values() if reported == name)
 
 
 def parameters(calibration: Calibration, truth: Mapping[str, float]) -> dict[str, Right]:

@@ -18,7 +18,7 @@ from acx4book.teaching.grading import (
     variances,
     wrong_sign,
 )
-from acx4book.teaching.sheets.estimates import TITLES, parameters, units
+from acx4book.teaching.sheets.estimates import TITLES, parameters
 from acx4lib.calibration.mounting import Mountings
 from acx4lib.expected import Array
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk, turn
@@ -36,7 +36,7 @@ QUESTIONS = (
     *(
         Question(
             name=name,
-            unit=units(name),
+            unit="deg" if name in BORESIGHT else "m",
             asks=f"{TITLES[name]}, single-step method",
             digits=4,
             with_sigma=True,
@@ -53,7 +53,7 @@ QUESTIONS = (
     *(
         Question(
             name=f"image_{name}",
-            unit=units(name),
+            unit="deg" if name in BORESIGHT else "m",
             asks=f"{TITLES[name]}, from your image alone",
             digits=3 if name in BORESIGHT else 2,
         )
