@@ -282,8 +282,8 @@ def observed_sigmas(block):
     }
 
 
-def numeric_covariance(block, estimate, *, share=0.05, kinds=None):
-    """Propagate every observation's sigma numerically through an estimate of the whole block.
+def numeric_covariance(block, estimate, *, share=1e-3, kinds=None):
+    """Propagate every observation's sigma by forward differences of an estimate of the block.
 
     Parameters
     ----------
@@ -296,15 +296,14 @@ def numeric_covariance(block, estimate, *, share=0.05, kinds=None):
     kinds : sequence of str, optional
         Kinds of observations, by default all.
     """
-    cov = 0.0
+    cov, exact = 0.0, estimate(block)
     for kind, sigma in observed_sigmas(block).items():
         if kinds is not None and kind not in kinds:
             continue
         for i, d in np.argwhere(np.isfinite(sigma) & (sigma > 0)):
             by = np.zeros_like(sigma)
             by[i, d] = share * sigma[i, d]
-            ahead, behind = estimate(changed(block, kind, by)), estimate(changed(block, kind, -by))
-            effect = (ahead - behind) / (2 * share)
+            effect = (estimate(changed(block, kind, by)) - exact) / share
             cov = cov + np.outer(effect, effect)
     return cov
 

@@ -176,8 +176,8 @@ def test_probabilities_of_sigma_are_those_of_simulated_residuals(block, rng):
     """Errors of the given sigma, and the residuals that any adjustment leaves of them."""
     v, W, owner = dense(block)
     found = {test.group: test for test in variance_components.sigma_tests(bundle_of(block))}
-    errors = rng.normal(size=(len(W), 8_000))
-    left = W @ errors
+    errors = rng.standard_normal((len(W), 8_000), dtype=np.float32)
+    left = W.astype(np.float32) @ errors
     for name, kind, components in [("image points", "image_point", (0, 1)), *SIGMA_GROUPS]:
         own = [k == kind and d in components for k, d in owner]
         part, test = W[np.ix_(own, own)], found[name]

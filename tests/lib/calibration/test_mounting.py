@@ -277,7 +277,7 @@ def test_covariances_carry_every_observation_to_the_parameters(method):
     calibration = method(block, free=free).calibration
     numeric = blocks.numeric_covariance(block, estimate)
     sigma = np.sqrt(np.diag(numeric))
-    # steps of a twentieth of a sigma: curvature leaves some 1e-5 of it
+    # steps of a thousandth of a sigma: curvature leaves less than 1e-5 of it
     assert_allclose(
         calibration.cov / np.outer(sigma, sigma), numeric / np.outer(sigma, sigma), atol=1e-4
     )
