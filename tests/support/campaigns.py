@@ -5,7 +5,7 @@ from acx4book.notebooks.simulated import read
 from acx4lib.calibration.mounting import single_step
 from acx4lib.calibration.stability import rigidity
 from acx4lib.stages import rig
-from acx4tools.campaigns.comparison import of_mounting
+from acx4tools.campaigns import of_mounting
 
 
 def campaign(flight):

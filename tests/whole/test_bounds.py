@@ -15,7 +15,7 @@ from acx4lib.flight.toml_file import read_toml
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.production.image_files import image_from_file
 from acx4lib.results import table_files
-from acx4tools.exchange import written_toml
+from acx4tools.exchange import flight_folder
 from acx4tools.exchange.pictures import tags
 from acx4tools.exchange.programs import micmac
 from acx4tools.exchange.safe import opened
@@ -97,7 +97,7 @@ def test_settings_of_many_cameras_are_added_in_linear_time():
     for n in (500, 2_000):
         cameras = {f"C{k}": {f"k{j}": 1.0 for j in range(10)} for k in range(n)}
         start = time.process_time()
-        found = written_toml.added("# remark\nname = 'x'\n", {"cameras": cameras})
+        found = flight_folder.added("# remark\nname = 'x'\n", {"cameras": cameras})
         seconds.append(time.process_time() - start)
         assert found.startswith("# remark")
     assert seconds[1] < LESS * seconds[0]

@@ -17,7 +17,7 @@ from acx4lib.bundle import uses
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.frames import Pose, rotation_from_opk
-from acx4tools.exchange import written_toml
+from acx4tools.exchange import flight_folder
 from acx4tools.measuring.measure import measure_flight
 from support.reference_files import needs
 
@@ -57,7 +57,7 @@ def flight(folder, project, rng):
     camera = {"width_px": lens.width_px, "height_px": lens.height_px, "pixel_um": 6.0}
     camera |= {f"{key}_mm": getattr(lens.interior, key) for key in ("xp", "yp")}
     camera["focal_mm"] = lens.interior.f
-    text = written_toml.written({**SETTINGS, "cameras": {"RMK": camera}})
+    text = flight_folder.written({**SETTINGS, "cameras": {"RMK": camera}})
     (folder / "flight.toml").write_text(text)
     rough = dbat_statements.exterior(project)[0][list(PHOTOGRAPHS)]
     rough = rough + rng.normal(size=(3, 6)) * ([2.0] * 3 + [0.2] * 3)

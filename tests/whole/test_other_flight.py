@@ -23,7 +23,7 @@ from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder, own_folder, provenance
 from acx4lib.results.own_folder import MARK
 from acx4lib.stages import mounting, validation
-from acx4tools.campaigns import comparison
+from acx4tools import campaigns
 from acx4tools.exchange.outward import calibrated
 from support.flights import written
 
@@ -302,6 +302,6 @@ def test_mixed_results_of_the_version_before_are_not_exported_or_compared(flown,
     with own_folder.claim(results, command=runner.COMMAND) as own:
         provenance.keep(own, reader.read(flown / "B"))
         own.seal()
-    for read in (comparison.read, calibrated.read):
+    for read in (campaigns.read, calibrated.read):
         with pytest.raises(FlightError, match="run all stages of one flight again"):
             read(results)

@@ -11,7 +11,7 @@ from acx4book.command import terminal
 
 if TYPE_CHECKING:
     from acx4tools.exchange.outward.calibrated import Calibrated
-    from acx4tools.exchange.outward.kinds import Kind
+    from acx4tools.exchange.outward.programs import Kind
     from acx4tools.exchange.outward.taken import Taken
 
 HELP = """Write a calibration, or orientations by it, for another program.
@@ -74,11 +74,11 @@ def export(
     ] = 0.05,
 ) -> None:
     """Write a calibration for another program."""
-    from acx4tools.exchange.outward import calibrated, kinds, taken  # noqa: PLC0415 quick help
+    from acx4tools.exchange.outward import calibrated, programs, taken  # noqa: PLC0415 quick help
 
-    kind = kinds.KINDS.get(to)
+    kind = programs.KINDS.get(to)
     if kind is None:
-        terminal.refuse(f"--to {to}: must be one of {', '.join(kinds.KINDS)}")
+        terminal.refuse(f"--to {to}: must be one of {', '.join(programs.KINDS)}")
     known = (*calibrated.CAMERA, *calibrated.HEADS)
     if method and method not in known:
         terminal.refuse(f"--method {method}: must be one of {', '.join(known)}")
@@ -99,14 +99,14 @@ def export(
 
 def _made(kind: Kind, found: Calibrated, block: str, flight: Path | None) -> Taken:
     """Return the files of a kind, with orientations where a block is named."""
-    from acx4tools.exchange.outward import kinds  # noqa: PLC0415 quick help
+    from acx4tools.exchange.outward import programs  # noqa: PLC0415 quick help
     from acx4tools.exchange.outward.orientations import orient, read_flown  # noqa: PLC0415 quick help
 
     if not block and kind.cameras is not None:
         return kind.cameras(found)
     flown = found.flight if flight is None else read_flown(flight)
     if kind.on_map and flown.grid.is_local:
-        fits = [name for name, one in kinds.KINDS.items() if one.oriented and not one.on_map]
+        fits = [name for name, one in programs.KINDS.items() if one.oriented and not one.on_map]
         terminal.refuse(
             f"{flown.path}: crs is {flown.grid.crs!r}, on no map, which these orientations need; "
             f"--to {', '.join(fits)} need none"

@@ -536,6 +536,9 @@ def write_api(book: Path) -> None:
 def _api_page(name: str, rooms: Sequence[str] = ()) -> Iterator[str]:
     """Yield the parts of the page of a house or a room, in MyST; rooms have pages of their own."""
     yield f"# {name.rpartition('.')[2]}\n"
+    if not hasattr(import_module(name), "__path__"):  # a room of one file
+        yield _directive("automodule", name)
+        return
     yield _directive("automodule", name, ":no-members:")
     inside = [other for other in _contents(name) if other not in rooms]
     yield _summary(name, [*rooms, *inside])

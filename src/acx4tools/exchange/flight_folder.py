@@ -6,7 +6,11 @@ A file that the user changed is not replaced: a table is an error, and flight.to
 from __future__ import annotations
 
 import csv
+import datetime as dt
 import io
+import json
+import re
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,7 +27,6 @@ from acx4lib.flight.toml_file import read_toml
 from acx4lib.geometry.geodesy import LOCAL
 from acx4lib.opening import text_of
 from acx4lib.results import own_folder, whole_files
-from acx4tools.exchange import written_toml
 
 COMMAND = "acx4 import"
 """Whose the folders are."""
@@ -198,7 +201,7 @@ def statement(brought: Brought, *, edited: bool = False) -> str:
     if brought.lenses:
         lines += ["## Lenses", "", *_lens_table(brought.lenses), ""]
     if edited and brought.settings:
-        text = written_toml.written(brought.settings).rstrip("\n")
+        text = written(brought.settings).rstrip("\n")
         lines += ["## Settings", "", "```toml", *text.split("\n"), "```", ""]
     return "\n".join(lines) + "\n"
 
@@ -234,7 +237,7 @@ def _settings(folder: Path, brought: Mapping[str, Any]) -> str:
             raise OutputError(msg)
     name = folder.resolve().name
     named = {} if "name" in known or name_fault(name) else {"name": name}
-    return written_toml.added(before, named | dict(brought))
+    return added(before, named | dict(brought))
 
 
 def _read(path: Path) -> str:
@@ -414,17 +417,157 @@ def files(name: str, *, cameras: Sequence[str], crs: str, heights: str | float) 
         As flight.toml takes them.
     """
     known = {"name": name, "crs": crs, "heights": heights}
-    value = {key: written_toml.value_of(one) for key, one in known.items()}
+    value = {key: _value_of(one) for key, one in known.items()}
     text = HEAD.format(**value)
     is_rig = len(cameras) > 1
     synthetic = next(name for name in VIRTUAL if name not in cameras[: len(VIRTUAL) - 1])
     for camera in (*cameras, *([synthetic] if is_rig else [])):
-        text += CAMERA.format(camera=written_toml.key_of(camera))
+        text += CAMERA.format(camera=_key_of(camera))
     if is_rig:
         names = {"camera": synthetic, "heads": list(cameras)}
-        text += _SYNTHETIC_TABLE.format(
-            **{key: written_toml.value_of(one) for key, one in names.items()}
-        )
+        text += _SYNTHETIC_TABLE.format(**{key: _value_of(one) for key, one in names.items()})
     block = "heads" if is_rig else "calibration"
     tables = {f"{block}/{file}": header for file, header in TABLES.items()}
     return {"flight.toml": text + END, "control_points.csv": CONTROL, **tables}
+
+
+# --- Nested tables as TOML text, and values added to a text with its remarks
+
+
+ROW = 5
+"""Lists inside a list that stand on one line."""
+
+
+def written(values: Mapping[str, Any], *, inline: str = "") -> str:
+    """Return the TOML text of nested tables: those of flight.toml, or of a plan.
+
+    Parameters
+    ----------
+    values : mapping
+        Text, numbers, truth values, dates, lists of them, and tables of these.
+    inline : str
+        Name of the table whose tables are a line each.
+    """
+    return "\n".join(_lines(values, (), inline)).strip("\n") + "\n"
+
+
+def added(text: str, values: Mapping[str, Any]) -> str:
+    """Return a TOML text with values added; of two the new one is taken.
+
+    Remarks stay. A key that stands there as a remark, ``# focal_mm = 74.0``, gets its value in
+    that place.
+
+    Parameters
+    ----------
+    text : str
+        Valid TOML.
+    values : mapping
+        As `written` takes them.
+    """
+    both = _merged(tomllib.loads(text), values)
+    if "#" in text:
+        sections = _sections(text)
+        _set(sections, (), values)
+        edited = "\n".join(line for section in sections.values() for line in section) + "\n"
+        try:
+            if tomllib.loads(edited) == both:
+                return edited
+        except tomllib.TOMLDecodeError:  # a form that is not edited line by line
+            pass
+    return written(both)
+
+
+def _merged(before: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    both = dict(before)
+    for key, value in new.items():
+        old = before.get(key)
+        if isinstance(value, Mapping) and isinstance(old, Mapping):
+            both[key] = _merged(old, value)
+        else:
+            both[key] = value
+    return both
+
+
+def _sections(text: str) -> dict[str, list[str]]:
+    """Return the lines of each table, its header the first of them, by headers; one has none."""
+    sections: dict[str, list[str]] = {"": []}
+    header = ""
+    for line in text.rstrip("\n").split("\n"):
+        if line.lstrip().startswith("["):
+            header = _bare(line)
+            if header in sections:  # a table of an array, or a list in a list
+                header += f"#{len(sections)}"
+        sections.setdefault(header, []).append(line)
+    return sections
+
+
+def _set(sections: dict[str, list[str]], keys: tuple[str, ...], values: Mapping[str, Any]) -> None:
+    """Set the values of a table, and of those in it, line by line."""
+    header = f"[{'.'.join(map(_key_of, keys))}]" if keys else ""
+    own = {key: value for key, value in values.items() if not isinstance(value, Mapping)}
+    if own and header not in sections:
+        sections[next(reversed(sections))].append("")
+        sections[header] = [header]
+    for key, value in own.items():
+        _set_line(sections[header], min(len(keys), 1), key, _value_of(value))
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            _set(sections, (*keys, key), value)
+
+
+def _set_line(lines: list[str], begin: int, key: str, value: str) -> None:
+    """Set a value in the lines of a table, those before `begin` left out."""
+    form = re.compile(rf"(?P<off>#\s*)?{re.escape(_key_of(key))}\s*=[^#]*(?P<remark>#.*)?")
+    end = len(lines)
+    found = [(k, match) for k in range(begin, end) if (match := form.fullmatch(lines[k].strip()))]
+    if found:
+        k, match = min(found, key=lambda one: bool(one[1]["off"]))
+        remark = f"  {match['remark']}" if match["remark"] else ""
+        lines[k] = f"{_key_of(key)} = {value}{remark}"
+        return
+    while end > begin and not lines[end - 1].strip():
+        end -= 1
+    lines.insert(end, f"{_key_of(key)} = {value}")
+
+
+def _bare(line: str) -> str:
+    return line.partition("#")[0].strip()
+
+
+def _lines(table: Mapping[str, Any], keys: tuple[str, ...], inline: str) -> Iterator[str]:
+    whole = keys[-1:] == (inline,)
+    plain = {key: value for key, value in table.items() if whole or not isinstance(value, Mapping)}
+    if keys and (plain or not table):
+        yield ""
+        yield f"[{'.'.join(map(_key_of, keys))}]"
+    yield from (f"{_key_of(key)} = {_value_of(value)}" for key, value in plain.items())
+    for key, value in table.items():
+        if key not in plain:
+            yield from _lines(value, (*keys, key), inline)
+
+
+def _key_of(name: str) -> str:
+    """Return a key as it stands in TOML."""
+    return name if re.fullmatch(r"[\w-]+", name, re.ASCII) else _text(name)
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _value_of(value: Any) -> str:
+    """Return a value as it stands in TOML."""
+    if isinstance(value, Mapping):
+        return (
+            f"{{{', '.join(f'{_key_of(key)} = {_value_of(one)}' for key, one in value.items())}}}"
+        )
+    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple):
+        lines = (value[i : i + ROW] for i in range(0, len(value), ROW))
+        return "[\n" + "".join(f"    {', '.join(map(_value_of, line))},\n" for line in lines) + "]"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value_of, value))}]"
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, dt.date | dt.time):
+        return value.isoformat()
+    return json.dumps(value)

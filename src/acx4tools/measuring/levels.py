@@ -16,9 +16,8 @@ from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import inside
 from acx4lib.tie_points.matching import response
 from acx4lib.tie_points.overlaps import grey
-from acx4tools.measuring.oriented import approximate, refined
+from acx4tools.measuring.oriented import TieRays, approximate, chosen, joined, refined
 from acx4tools.measuring.pairs import Both, Matching, MatchOptions, PairJob
-from acx4tools.measuring.points import TieRays, chosen, joined
 from acx4tools.measuring.views import Surface, View, ground_of, pixels_of, pixels_of_view, seen_at
 
 

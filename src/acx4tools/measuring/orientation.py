@@ -27,8 +27,7 @@ from acx4lib.geometry.camera import correct, mountings, xy_from_colrow
 from acx4lib.geometry.frames import Pose, exp, log, transform
 from acx4lib.geometry.intersection import R_C_CV
 from acx4lib.tie_points.overlaps import grey
-from acx4tools.measuring.oriented import approximate, refined
-from acx4tools.measuring.points import WANTED, TieRays, chosen
+from acx4tools.measuring.oriented import WANTED, TieRays, approximate, chosen, refined
 from acx4tools.measuring.views import Surface, View, pixels_of_view, seen_at, through
 
 MOST = 2500

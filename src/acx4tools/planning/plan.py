@@ -45,7 +45,7 @@ from acx4lib.flight.toml_file import (
     read_toml,
 )
 from acx4lib.geometry.camera import Camera
-from acx4tools.exchange import written_toml
+from acx4tools.exchange import flight_folder
 
 # --- A plan: the settings of flight.toml, terrain, control points, strips
 
@@ -507,7 +507,7 @@ def written(values: Mapping[str, Any]) -> str:
 
     A strip is one line. Values are text, numbers, truth values, dates, and lists of them.
     """
-    return written_toml.written(values, inline="strips")
+    return flight_folder.written(values, inline="strips")
 
 
 # --- The keys of a plan that flight.toml does not have

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from acx4book.chapters import stability
-from acx4tools.campaigns import comparison
-from acx4tools.campaigns.comparison import compare
+from acx4tools import campaigns as acx4tools_campaigns
+from acx4tools.campaigns import compare
 from support.campaigns import campaign, rigidity_of_a_turned_head
 from support.figures import assert_texts_apart, drawn, panels
 
@@ -84,10 +84,13 @@ def test_estimates_are_near_the_truth(every):
 
 
 def test_before_the_repair_the_campaigns_lie_on_lines_and_with_it_they_do_not(every, before):
-    lines = [comparison.trend(one, comparison.temperatures(one)) for one in (before, every)]
+    lines = [
+        acx4tools_campaigns.trend(one, acx4tools_campaigns.temperatures(one))
+        for one in (before, every)
+    ]
     assert lines[0].scatter.p > 1e-3
     assert lines[1].scatter.p < 1e-6
-    assert comparison.stability(before).p < 1e-6
+    assert acx4tools_campaigns.stability(before).p < 1e-6
 
 
 # --- A planted turn: of one head, at one exposure, by the collinearity equations

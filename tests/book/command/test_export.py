@@ -8,7 +8,7 @@ import pytest
 
 from acx4book.report.campaigns.written import PAGE
 from acx4lib.results import provenance
-from acx4tools.exchange.outward.kinds import KINDS
+from acx4tools.exchange.outward.programs import KINDS
 from support.run_results import estimated, leave_calibration
 
 # --- `acx4 export` as its user meets it: files, lines and statuses ---------------------------

@@ -113,6 +113,8 @@ def test_a_page_of_open_cells_shows_the_method_and_hides_what_only_the_page_need
 
 
 HOUSES = ("acx4lib", "acx4tools", "acx4sim")
+FILES = ("acx4lib/conventions", "acx4tools/campaigns", "acx4sim/scenery")
+"""Rooms of one file."""
 
 
 def test_every_room_has_a_page_in_the_book():
@@ -121,7 +123,13 @@ def test_every_room_has_a_page_in_the_book():
     rooms = [
         path.parent for house in HOUSES for path in (ROOT / "src" / house).glob("*/__init__.py")
     ]
-    assert sorted(listed) == sorted([*HOUSES, *(f"{r.parent.name}/{r.name}" for r in rooms)])
+    folders = [*HOUSES, *(f"{r.parent.name}/{r.name}" for r in rooms)]
+    assert sorted(listed) == sorted([*folders, *FILES])
+
+
+def test_a_room_of_one_file_shows_its_members(written):
+    page = written("acx4lib.conventions")
+    assert page == "# conventions\n\n```{eval-rst}\n.. automodule:: acx4lib.conventions\n```\n"
 
 
 @pytest.fixture

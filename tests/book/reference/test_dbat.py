@@ -19,8 +19,8 @@ from acx4lib.calibration.estimates import from_bundle
 from acx4lib.flight.block import select_images
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project as collinearity_project
-from acx4tools.campaigns import comparison
-from acx4tools.campaigns.comparison import Campaign
+from acx4tools import campaigns
+from acx4tools.campaigns import Campaign
 from support.reference_files import needs
 
 # --- two adjustments by another program, reproduced digit by digit ---------------------------
@@ -231,8 +231,8 @@ def campaign(block, images):
 
 def found(block, first, second):
     """Return the comparison of two groups of images, and their difference."""
-    both = comparison.compare([campaign(block, first), campaign(block, second)])
-    return both, comparison.difference(both, 0, 1)
+    both = campaigns.compare([campaign(block, first), campaign(block, second)])
+    return both, campaigns.difference(both, 0, 1)
 
 
 @needs("dbat-camcal")

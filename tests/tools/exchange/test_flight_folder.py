@@ -1,13 +1,23 @@
 """What was brought becomes a flight's folder; what the user changed is not replaced."""
 
+import datetime as dt
 import tomllib
+from dataclasses import replace
 
+import cv2
+import numpy as np
+import pyproj
 import pytest
+from numpy.testing import assert_allclose
 
 from acx4lib import flight
 from acx4lib.errors import FlightError, OutputError
-from acx4tools.exchange import flight_folder
+from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.frames import Pose
+from acx4tools.exchange import crs, flight_folder, tables
 from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.opencv import from_opencv, to_opencv
 
 POINTS = {"point": ["A", "B,1"], "east_m": [1.5, 2.0], "north_m": [0.1, 0.2], "height_m": [3, 4]}
 CAMERA = {"cameras": {"C 1": {"width_px": 10, "focal_mm": 8.25}}}
@@ -169,3 +179,262 @@ def test_several_cameras_are_heads_of_a_synthetic_image(tmp_path):
     assert settings["synthetic"] == {"camera": "SYN_1", "heads": ["SYN", 'b "2"']}
     assert list(settings["cameras"]) == ["SYN", 'b "2"', "SYN_1"]
     assert (tmp_path / "heads" / "images.csv").is_file()
+
+
+# --- Settings, tables and coordinate systems that imports write
+
+
+# --- TOML that is written is read back as it was ---------------------------------------------
+
+
+def test_nested_tables_come_back():
+    values = {
+        "name": 'a "quoted"\nname \x7f',
+        "n": 3,
+        "x": 1e-12,
+        "yes": True,
+        "day": dt.date(2025, 1, 2),
+        "cameras": {"C 1": {"f": 1.5}, "é": {"heads": ["a", "b"]}},
+        "points": [[float(i), 0.5] for i in range(12)],
+        "empty": {},
+    }
+    assert tomllib.loads(flight_folder.written(values)) == values
+
+
+def test_tables_of_one_name_may_stand_on_a_line_each():
+    values = {"block": {"strips": {"a": {"n": 1}, "b": {"n": 2}}}}
+    text = flight_folder.written(values, inline="strips")
+    assert "a = {n = 1}\n" in text
+    assert tomllib.loads(text) == values
+
+
+REMARKS = """\
+# A flight.
+crs = "EPSG:1"  # the map
+
+[cameras.CAM]  # the only one
+# focal_mm = 74.0  # about
+pixel_um = 5.0
+
+[apriori]
+image_point_px = 0.5
+"""
+
+
+def test_values_are_added_between_the_remarks():
+    values = {
+        "crs": "EPSG:2",
+        "heights": 1.5,
+        "cameras": {"CAM": {"focal_mm": 50.5, "k1": 1e-6}, "B 2": {"pixel_um": 4.0}},
+    }
+    assert (
+        flight_folder.added(REMARKS, values)
+        == """\
+# A flight.
+crs = "EPSG:2"  # the map
+heights = 1.5
+
+[cameras.CAM]  # the only one
+focal_mm = 50.5  # about
+pixel_um = 5.0
+k1 = 1e-06
+
+[apriori]
+image_point_px = 0.5
+
+[cameras."B 2"]
+pixel_um = 4.0
+"""
+    )
+
+
+def test_a_form_that_is_not_edited_line_by_line_is_written_anew():
+    before = 'cameras = {A = {b1 = 1}}  # inline\nname = """a\nheights = 2\n"""\n'
+    values = {"cameras": {"A": {"k1": 2.0}}, "heights": 3.0}
+    after = tomllib.loads(flight_folder.added(before, values))
+    name = "a\nheights = 2\n"
+    assert after == {"cameras": {"A": {"b1": 1, "k1": 2.0}}, "name": name, "heights": 3.0}
+
+
+# --- tables with the digits that they need, and names that a flight may use ------------------
+
+
+def test_numbers_have_the_digits_that_they_need():
+    points = tables.image_points(["a"], ["1"], np.array([[1.23456789, 2.0]]))
+    assert points == {"image": ["a"], "point": ["1"], "col_px": [1.2346], "row_px": [2.0]}
+    table = tables.trajectory_in_grid(
+        ["a"], np.array([[1.123456789, 2.0, 3.0]]), np.radians([[0.1, 0.2, 1 / 3]])
+    )
+    assert table["east_m"] == [1.12346]
+    assert table["kappa_deg"] == [0.333333333]
+
+
+def test_names_that_stand_twice_get_the_program_s_number():
+    assert tables.without_doubles(["a", "b", "a"], [7, 8, 9]) == (["a#7", "b", "a#9"], 2)
+    names, place = tables.first_use(["b", "a", "b"])
+    assert (names, place.tolist()) == (["b", "a"], [0, 1, 0])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("", "is empty"), ("=a", "would be computed"), ("a\nb", "U\\+000A")]
+)
+def test_a_name_that_no_flight_may_use_is_refused(name, said):
+    def wrong(name, found, expected):
+        return FlightError([f"f:1: name: {found}; {expected}"])
+
+    with pytest.raises(FlightError, match=f"f:1: name: .*{said}"):
+        tables.require_names(["good", name], wrong)
+
+
+# --- the flight's coordinate system from a project's own -------------------------------------
+
+
+AT = np.array([-49.2, -25.4])
+
+
+@pytest.mark.parametrize("form", ["WKT1_GDAL", "WKT2_2019"])
+def test_a_projected_system_is_found_again_by_its_code(form):
+    text = pyproj.CRS("EPSG:31982").to_wkt(form)
+    found = crs.chosen(text, None, None)
+    assert found.settings == {"crs": "EPSG:31982", "heights": "ellipsoidal"}
+    assert "no vertical part" in found.assumed[1]
+
+
+def test_a_geographic_system_becomes_the_zone_of_a_place():
+    found = crs.chosen("EPSG:4674", AT, None)
+    assert found.settings["crs"] == "EPSG:31982"
+    there = found.from_source(np.array([[*AT, 900.0]]))
+    to_map = pyproj.Transformer.from_crs("EPSG:4674", "EPSG:31982", always_xy=True)
+    assert_allclose(there, [[*to_map.transform(*AT), 900.0]])
+    assert crs.chosen("EPSG:4674", None, None) is None
+
+
+def test_a_vertical_system_is_kept_even_where_its_grid_is_not_here():
+    found = crs.chosen("EPSG:31982+5773", None, None)
+    assert found.settings == {"crs": "EPSG:31982", "heights": "EPSG:5773"}
+    assert found.assumed[1] == "Heights are in EGM96 height"
+
+
+def test_a_local_system_is_none():
+    text = 'LOCAL_CS["Local",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]'
+    assert crs.chosen(text, AT, None) is None
+    assert crs.chosen(text, AT, "EPSG:31982").crs == "EPSG:31982"
+
+
+def test_heights_are_converted_by_undulations():
+    system = replace(crs.chosen("EPSG:31982", None, None), heights=4.0)
+    enh = np.array([[676000.0, 7184000.0, 100.0]])
+    assert_allclose(crs.with_heights(system, enh, "ellipsoidal")[:, 2], 96.0)
+    assert_allclose(crs.with_heights(system, enh, 3.0)[:, 2], 99.0)
+    assert crs.with_heights(system, enh, 4.0) is enh
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted", "message"),
+    [
+        ("EPSG:1", None, "is none that PROJ knows"),
+        ("+proj=utm +zone=22 +nadgrids=/etc/passwd", None, "may name a file"),
+        ("EPSG:31982", "EPSG:4326", "is not a projected CRS"),
+        ("EPSG:4150", AT, None),
+    ],
+)
+def test_what_cannot_be_used_is_told(text, wanted, message):
+    if message is None:
+        with pytest.raises(ValueError, match="has no UTM zone that PROJ knows here"):
+            crs.chosen(text, wanted, None)
+        return
+    with pytest.raises(ValueError, match=message):
+        crs.chosen(text, AT, wanted)
+
+
+def test_axes_are_those_of_the_system():
+    assert crs.is_north_first(crs.parsed("EPSG:4326"))
+    assert not crs.is_north_first(crs.parsed("EPSG:31982"))
+
+
+# --- cameras to and from OpenCV, held against OpenCV's own projection and undistortion -------
+
+
+HEAD = Camera(  # Table 1 and section 3.1 of the paper, CAM1
+    name="CAM1",
+    width_px=8984,
+    height_px=6732,
+    pixel_mm=0.006,
+    interior=Interior(
+        f=74.1, xp=0.12, yp=-0.08, k1=2.27e-6, k2=-1.1e-10, p1=3.3e-6, p2=-7.2e-6, b1=2e-4
+    ),
+)
+LEVEL = Pose(R=np.eye(3)[None], r=np.zeros((1, 3)))
+
+
+def ahead(camera):
+    """Points all over the image, 100 m from the camera, in its axes."""
+    half = 0.49 * camera.pixel_mm * np.array([camera.width_px, camera.height_px])
+    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(-h, h, 9) for h in half)))
+    return 100 * np.column_stack([x, y, np.full(81, -camera.interior.f)]) / camera.interior.f
+
+
+def seen_by_opencv(camera, x_c):
+    points, zero = x_c * [1, -1, -1], np.zeros(3)
+    return cv2.projectPoints(points, zero, zero, camera.matrix, camera.distortion)[0][:, 0]
+
+
+def test_opencv_projects_points_to_where_the_library_does():
+    """As closely as it says, and no closer: the misfit is that of the two polynomials."""
+    x_c, found = ahead(HEAD), to_opencv(HEAD)
+    apart = np.linalg.norm(seen_by_opencv(found, x_c) - project(HEAD, LEVEL, x_c), axis=1)
+    assert (
+        apart.max() <= 1.001 * found.left.largest_px
+    )  # the corners are not among the nodes' image
+    assert apart.max() > 0.3 * found.left.largest_px
+    assert found.left.largest_px < 0.03  # of some 20 px of distortion
+
+
+def test_a_camera_without_distortion_is_the_same_to_opencv():
+    plain = replace(HEAD, interior=Interior(f=74.1, xp=0.12, yp=-0.08, b1=2e-4))
+    found = to_opencv(plain)
+    assert_allclose(found.distortion, 0.0, atol=1e-12)
+    assert_allclose(
+        seen_by_opencv(found, ahead(plain)), project(plain, LEVEL, ahead(plain)), atol=1e-8
+    )
+
+
+def test_a_camera_comes_back_from_opencv():
+    found = to_opencv(HEAD)
+    back, left = from_opencv(
+        found.matrix, found.distortion, name="CAM1", width_px=8984, height_px=6732, pixel_mm=0.006
+    )
+    x_c = ahead(HEAD)
+    apart = np.linalg.norm(project(back, LEVEL, x_c) - project(HEAD, LEVEL, x_c), axis=1)
+    assert apart.max() < 2 * (left.largest_px + found.left.largest_px)
+    assert_allclose(
+        back.interior.to_array()[:3], HEAD.interior.to_array()[:3], rtol=1e-12, atol=1e-12
+    )
+    assert_allclose(back.interior.b1, HEAD.interior.b1, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [4, 5, 8])
+def test_ideal_points_are_opencvs_own_undistortion(n):
+    """A consumer's camera with strong distortion; eight coefficients are the rational model."""
+    matrix = np.array([[3000.0, 0.0, 2010.0], [0.0, 3003.0, 1490.0], [0.0, 0.0, 1.0]])
+    distortion = np.array([-0.11, 0.08, 3e-4, -2e-4, -0.02, 0.01, 0.02, 0.001])[:n]
+    camera, left = from_opencv(
+        matrix, distortion, name="C", width_px=4000, height_px=3000, pixel_mm=0.002
+    )
+    colrow = np.array([[0.0, 0.0], [3999.0, 10.0], [2000.0, 2999.0], [777.0, 888.0]])
+    ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f * [1, -1]
+    x_c, zero = np.column_stack([ideal, np.ones(len(ideal))]), np.zeros(3)
+    seen = cv2.projectPoints(x_c, zero, zero, matrix, distortion)[0][:, 0]
+    assert np.hypot(*(seen - colrow).T).max() <= 1.01 * left.largest_px
+    assert left.largest_px < 1.0  # of some 100 px of distortion
+
+
+def test_what_is_no_camera_of_opencv_is_told():
+    matrix, size = np.diag([3000.0, 3000.0, 1.0]), {"width_px": 10, "height_px": 10}
+    with pytest.raises(
+        ValueError, match=r"len\(distortion\): expected one of 4, 5, 8, 12, 14, got 3"
+    ):
+        from_opencv(matrix, np.zeros(3), name="C", pixel_mm=0.002, **size)
+    matrix[0, 1] = 0.5
+    with pytest.raises(ValueError, match=r"matrix: expected no skew, got 0\.5"):
+        from_opencv(matrix, np.zeros(5), name="C", pixel_mm=0.002, **size)

@@ -7,7 +7,7 @@ import pytest
 from acx4lib.bundle.adjust import adjust
 from acx4lib.calibration.estimates import from_bundle, parameters, reported_covariance
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4tools.campaigns.comparison import KNOWN, joint_test
+from acx4tools.campaigns import KNOWN, joint_test
 from acx4tools.planning import design, tables
 from acx4tools.planning import plan as plans
 from support.flights.planned import strip, values

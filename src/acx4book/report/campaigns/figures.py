@@ -26,8 +26,8 @@ from acx4lib.expected import Array
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.results.provenance import read_run
 from acx4lib.stages import rig
-from acx4tools.campaigns import comparison as campaigns_comparison
-from acx4tools.campaigns.tables import trends_of
+from acx4tools import campaigns
+from acx4tools.campaigns import trends_of
 
 COLUMNS = 3
 BARS = 2.0
@@ -43,7 +43,7 @@ SPREAD = 0.25
 def time_line(study: Study) -> Figure:
     """Draw every parameter of every campaign, less its value of all campaigns, with error bars."""
     comparison = study.comparison
-    mean = campaigns_comparison.pooled(comparison)
+    mean = campaigns.pooled(comparison)
     at, dated = _places(study)
     d = comparison.values - mean.coefficients[0]  # noqa: PD011 no frame's
     band = sigmas(mean.cov[0, :, 0])
@@ -156,7 +156,7 @@ def on_the_ground(study: Study) -> Figure:
     return fig
 
 
-def _draw_ground(ax: Axes, study: Study, one: campaigns_comparison.Difference, camera: str) -> None:
+def _draw_ground(ax: Axes, study: Study, one: campaigns.Difference, camera: str) -> None:
     effects = study.ground.of[camera]
     own = study.comparison.of_camera(camera)
     moved = effects.moved(one.d[own])
@@ -276,7 +276,7 @@ def table(found: pd.DataFrame, *, level: float) -> pd.DataFrame:
     Parameters
     ----------
     found : DataFrame
-        As `acx4tools.campaigns.tables.rigidity` returns it.
+        As `acx4tools.campaigns.rigidity` returns it.
     level : float
     """
     if len(found) > MOST_ROWS:

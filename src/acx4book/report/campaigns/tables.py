@@ -15,8 +15,9 @@ from acx4book.typesetting.labels import LABELS, TITLES, p_value, value_and_sigma
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration.estimates import Parameter
 from acx4lib.errors import FlightError
-from acx4tools.campaigns import comparison, tables
-from acx4tools.campaigns.comparison import (
+from acx4tools import campaigns as acx4tools_campaigns
+from acx4tools.campaigns import (
+    NOUN,
     Campaign,
     Comparison,
     Difference,
@@ -24,8 +25,8 @@ from acx4tools.campaigns.comparison import (
     compare,
     differences,
     ground_of,
+    trends_of,
 )
-from acx4tools.campaigns.tables import NOUN, trends_of
 
 
 def campaigns(study: Study) -> pd.DataFrame:
@@ -175,7 +176,7 @@ class Study:
     ground : Ground
     level : float
     tables : dict of str to DataFrame
-        As `acx4tools.campaigns.tables.every` returns them.
+        As `acx4tools.campaigns.every` returns them.
     """
 
     comparison: Comparison
@@ -236,7 +237,7 @@ def study(
         found=found,
         ground=ground,
         level=level,
-        tables=tables.every(compared, found, ground),
+        tables=acx4tools_campaigns.every(compared, found, ground),
     )
 
 
@@ -259,7 +260,7 @@ def read(folders: Sequence[str | Path], *, methods: Sequence[str] = ()) -> list[
     problems: list[str] = []
     for name, folder, method in zip(_names_of(folders), folders, chosen, strict=True):
         try:
-            out.append(comparison.read(folder, method=method, name=name))
+            out.append(acx4tools_campaigns.read(folder, method=method, name=name))
         except FlightError as error:
             problems += error.problems
     if problems:

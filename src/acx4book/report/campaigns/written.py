@@ -24,8 +24,8 @@ from acx4book.typesetting.svg import inline, vector
 from acx4lib.calibration.stability import Rigidity
 from acx4lib.results import own_folder
 from acx4lib.results.whole_files import write_all
-from acx4tools.campaigns import tables as of_library
-from acx4tools.campaigns.tables import NOUN, trends_of
+from acx4tools import campaigns
+from acx4tools.campaigns import NOUN, trends_of
 
 FORM: Any = {"float_format": "%.10g", "lineterminator": "\n"}
 """How tables are written."""
@@ -66,7 +66,7 @@ def write_rigidity(found: Rigidity, out: Path, *, name: str, level: float) -> No
         Of the results.
     level : float
     """
-    table = of_library.rigidity(found)
+    table = campaigns.rigidity(found)
     with _claimed(out, {"rigidity": table}) as put:
         put(_page("Rigidity of the rig", name, [*_parts_of_rig(found, table, level)]))
 

@@ -21,7 +21,7 @@ from acx4book.typesetting.myst import SUPERSCRIPTS
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.results.own_folder import MARK
 from acx4sim import files
-from acx4tools.campaigns import comparison, tables
+from acx4tools import campaigns
 from support.figures import assert_texts_apart, drawn, panels, quivers, sentence
 from support.helpers import ROOT
 
@@ -248,7 +248,7 @@ def test_the_time_line_has_a_panel_for_each_parameter_with_error_bars(three):
     assert len(shown) == 14
     assert shown[0].get_title(loc="left") == "$f$ (µm)"
     dots = shown[0].lines[0]
-    pooled = comparison.pooled(three.comparison)
+    pooled = campaigns.pooled(three.comparison)
     mean = pooled.coefficients[0, 0]
     assert_allclose(dots.get_ydata(), 1e3 * (three.comparison.values[:, 0] - mean))  # noqa: PD011 no frame's
     assert_allclose(dots.get_xdata(), [2021.33, 2022.33, 2024.33], atol=0.01)
@@ -309,7 +309,7 @@ def found(figures_folder):
 
 
 def test_the_turned_head_is_named(found):
-    table = figures.table(tables.rigidity(found), level=0.05).set_index("Exposure")
+    table = figures.table(campaigns.rigidity(found), level=0.05).set_index("Exposure")
     assert table.loc[stability.EXPOSURE, "Turned"] == "yes"
     assert table.loc[stability.EXPOSURE, "Head that turned most"] == stability.HEAD
     assert (table["Turned"] == "yes").sum() == 1
@@ -321,7 +321,7 @@ def test_the_turned_head_is_named(found):
 
 
 def test_of_many_exposures_those_that_deviate_are_listed(found):
-    many = pd.concat([tables.rigidity(found)] * 3)
+    many = pd.concat([campaigns.rigidity(found)] * 3)
     shown = figures.table(many, level=0.05)["Exposure"].tolist()
     assert shown == [stability.EXPOSURE, "all at once"] * 3
 

@@ -13,7 +13,7 @@ from acx4book.command import endings
 from acx4book.notebooks import functions, runner
 from acx4book.report import findings, material, page
 from acx4lib.errors import UNSEEN
-from acx4tools.exchange.outward.kinds import KINDS as EXPORTS
+from acx4tools.exchange.outward.programs import KINDS as EXPORTS
 from support.flights import pictured, written
 from support.fuzz.results.spoil import spoil
 from support.fuzz.said import said, said_by

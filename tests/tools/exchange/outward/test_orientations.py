@@ -17,9 +17,10 @@ from acx4lib.geometry.frames import exp
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
 from acx4tools.exchange.lens import Left, Pinhole
 from acx4tools.exchange.lens_models import OPF, Lens
-from acx4tools.exchange.outward import brown, calibrated, flight_toml, orientations, taken
+from acx4tools.exchange.outward import brown, calibrated, orientations, programs, taken
 from acx4tools.exchange.outward.calibrated import Calibrated
 from acx4tools.exchange.outward.orientations import orient
+from acx4tools.exchange.outward.programs import KINDS
 from acx4tools.exchange.outward.taken import Taken, near, sentences
 from support.reference_files import needs
 from support.run_results import estimated
@@ -149,7 +150,7 @@ def test_a_lens_that_is_too_far_is_refused_with_what_would_allow_it():
 
 def test_the_cameras_come_back(rig):
     found = calibrated.read(rig)
-    tables = tomllib.loads(flight_toml.take(found).files["cameras.toml"])["cameras"]
+    tables = tomllib.loads(KINDS["toml"].cameras(found).files["cameras.toml"])["cameras"]
     assert list(tables) == ["LEFT", "RIGHT"]
     for camera in found.cameras:
         back = camera_of(camera.name, tables[camera.name])
@@ -161,7 +162,7 @@ def test_the_cameras_come_back(rig):
 def test_sigma_of_the_mounting_is_along_and_about_the_bodys_axes(single, rng):
     """As comments; about body axes they are the scatter of boresights drawn about camera axes."""
     found = calibrated.read(single)
-    text = flight_toml.take(found).files["cameras.toml"]
+    text = KINDS["toml"].cameras(found).files["cameras.toml"]
     said = tomllib.loads(text.replace("# lever_s", "lever_s").replace("# mount_s", "mount_s"))
     columns = found.calibration.layout.mount[0]
     cov = found.calibration.cov[np.ix_(columns, columns)]
@@ -175,8 +176,8 @@ def test_sigma_of_the_mounting_is_along_and_about_the_bodys_axes(single, rng):
 
 def test_a_mounting_that_was_not_estimated_is_said(rig):
     found = replace(calibrated.read(rig), method="refined")
-    made = flight_toml.take(found)
-    assert flight_toml.NOT_MOUNTED in made.assumed
+    made = KINDS["toml"].cameras(found)
+    assert programs.NOT_MOUNTED in made.assumed
     assert "lever_sigma_m" not in made.files["cameras.toml"]
 
 
@@ -184,8 +185,8 @@ def test_a_synthetic_camera_keeps_its_frame(rig):
     found = calibrated.read(rig)
     synthetic = replace(found.flight.synthetic, camera="LEFT")
     named = replace(found, flight=replace(found.flight, synthetic=synthetic))
-    assert flight_toml.FRAME.format("LEFT") in flight_toml.take(named).assumed
-    assert not any("synthetic" in one for one in flight_toml.take(found).assumed)
+    assert programs.FRAME.format("LEFT") in KINDS["toml"].cameras(named).assumed
+    assert not any("synthetic" in one for one in KINDS["toml"].cameras(found).assumed)
 
 
 # --- A lens that no calibration touched goes back to its program as it came ------------------

@@ -17,27 +17,23 @@ from pyopf.resolve import resolve
 from scipy.spatial.transform import Rotation
 
 from acx4lib.errors import OutputError
+from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.camera import correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.frames import turn as frames_turn
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4tools.exchange.opencv import from_opencv
-from acx4tools.exchange.outward import (
-    brown,
-    calibrated,
-    colmap,
-    metashape,
-    micasense,
-    micmac,
-    opencv,
-    opensfm,
-    opf,
-    orientations,
-    pix4d,
-)
+from acx4tools.exchange.outward import brown, calibrated, metashape, opf, orientations, programs
 from acx4tools.exchange.outward.calibrated import R_C_V
+from acx4tools.exchange.outward.programs import KINDS
 from acx4tools.exchange.pictures.lens import lens_of
 from acx4tools.exchange.pictures.tags import Tags
+from acx4tools.exchange.programs import colmap, micmac, opensfm
+from acx4tools.exchange.programs import metashape as programs_metashape
+from acx4tools.exchange.programs import opf as programs_opf
+from acx4tools.exchange.trajectories import orientations as trajectories_orientations
+from acx4tools.exchange.trajectories.orientations import Meaning
 
 # --- A model as COLMAP's own code reads it, and points where COLMAP projects them ------------
 
@@ -48,7 +44,7 @@ CORNER = 0.5  # of COLMAP's pixels
 @pytest.fixture(scope="module")
 def model(shown, tmp_path_factory):
     at = tmp_path_factory.mktemp("colmap")
-    made = colmap.images(shown.found, shown.oriented)
+    made = KINDS["colmap"].oriented(shown.found, shown.oriented)
     for name, text in made.files.items():
         (at / name).write_text(text)
     read = pycolmap.Reconstruction()
@@ -81,8 +77,8 @@ def test_colmaps_rig_takes_points_of_the_reference_into_the_other_head(shown, mo
 
 def test_frames_have_the_pose_of_the_reference_where_it_took_no_image(shown):
     """The rig's pose is the trajectory's, whichever heads exposed."""
-    lines = colmap.images(shown.found, shown.oriented).files["frames.txt"].splitlines()
-    images = colmap.images(shown.found, shown.oriented).files["images.txt"].splitlines()
+    lines = KINDS["colmap"].oriented(shown.found, shown.oriented).files["frames.txt"].splitlines()
+    images = KINDS["colmap"].oriented(shown.found, shown.oriented).files["images.txt"].splitlines()
     pose_of = {line.split()[-1]: line.split()[1:8] for line in images if line}
     reference = [name for name, head in shown.head.items() if head == "LEFT"]
     assert [line.split()[2:9] for line in lines] == [pose_of[name] for name in reference]
@@ -229,7 +225,7 @@ def turn(axis, degrees):
 
 @pytest.fixture(scope="module")
 def made(shown):
-    return micasense.cameras(shown.found)
+    return KINDS["micasense"].cameras(shown.found)
 
 
 def test_rays_of_the_reference_go_into_every_head_by_the_transpose(shown, made, agrees):
@@ -315,7 +311,7 @@ def micmac_projected(files, name, x_m):
 
 
 def test_points_of_the_ground_are_projected_into_every_image_of_micmac(shown, agrees):
-    made = micmac.images(shown.found, shown.oriented)
+    made = KINDS["micmac"].oriented(shown.found, shown.oriented)
     for name, head in shown.head.items():
         agrees(
             micmac_projected(made.files, name, shown.x_m[name]),
@@ -326,7 +322,9 @@ def test_points_of_the_ground_are_projected_into_every_image_of_micmac(shown, ag
 
 def test_b1_has_a_place(shown):
     """So that no more is lost than by a lens of two focal lengths."""
-    assert all(left.largest_px < 0.01 for left in micmac.cameras(shown.found).lenses.values())
+    assert all(
+        left.largest_px < 0.01 for left in KINDS["micmac"].cameras(shown.found).lenses.values()
+    )
 
 
 # --- opencv ----------------------------------------------------------------------------------
@@ -344,7 +342,7 @@ def read(text):
 def test_opencv_projects_points_of_the_body_into_every_head(rig, name):
     """Points in the reference head's axes go through R and T; the refit's difference is all."""
     found = calibrated.read(rig)
-    made = opencv.cameras(found)
+    made = KINDS["opencv"].cameras(found)
     reference = found.cameras[0]
     camera = next(camera for camera in found.cameras if camera.name == name)
     x_b = (camera.T_b_c.R @ ahead(camera).T).T + camera.T_b_c.r
@@ -368,7 +366,7 @@ def ahead(camera):
 
 
 def test_a_single_camera_has_no_other_head(single):
-    made = opencv.cameras(calibrated.read(single))
+    made = KINDS["opencv"].cameras(calibrated.read(single))
     assert list(made.files) == ["CAM.yaml"]
     assert_allclose(read(made.files["CAM.yaml"])["R"], np.eye(3))
     assert not any("R and T" in sentence for sentence in made.assumed)
@@ -376,7 +374,7 @@ def test_a_single_camera_has_no_other_head(single):
 
 def test_a_camera_comes_back_from_its_file(shown):
     """To twice what the refit loses, and its digits."""
-    made = opencv.cameras(shown.found)
+    made = KINDS["opencv"].cameras(shown.found)
     for camera in shown.found.cameras:
         own = read(made.files[f"{camera.name}.yaml"])
         size = {k: getattr(camera, k) for k in ("width_px", "height_px", "pixel_mm")}
@@ -416,7 +414,7 @@ def moved(pose, x):
 
 
 def test_points_of_the_ground_are_projected_into_every_image_of_opensfm(shown, agrees):
-    made = opensfm.images(shown.found, shown.oriented)
+    made = KINDS["opensfm"].oriented(shown.found, shown.oriented)
     (model,) = json.loads(made.files["reconstruction.json"])
     assert len(model["shots"]) == 12
     for name, shot in model["shots"].items():
@@ -425,7 +423,7 @@ def test_points_of_the_ground_are_projected_into_every_image_of_opensfm(shown, a
 
 
 def test_the_rig_takes_points_of_the_reference_into_the_other_head(shown, agrees):
-    made = opensfm.cameras(shown.found)
+    made = KINDS["opensfm"].cameras(shown.found)
     rig = json.loads(made.files["rig_cameras.json"])
     models = json.loads(made.files["cameras.json"])
     assert_allclose(rig["LEFT"]["rotation"] + rig["LEFT"]["translation"], 0.0)
@@ -436,7 +434,7 @@ def test_the_rig_takes_points_of_the_reference_into_the_other_head(shown, agrees
 
 def test_the_reference_is_where_positions_are_zero(shown):
     """PROJ's topocentric axes there have the camera where the translation says."""
-    made = opensfm.images(shown.found, shown.oriented)
+    made = KINDS["opensfm"].oriented(shown.found, shown.oriented)
     (model,) = json.loads(made.files["reconstruction.json"])
     at = model["reference_lla"]
     assert json.loads(made.files["reference_lla.json"]) == at
@@ -553,7 +551,7 @@ def cam(text):
 
 
 def test_points_ahead_are_projected_into_every_head(shown, agrees):
-    made = pix4d.cameras(shown.found)
+    made = KINDS["pix4d"].cameras(shown.found)
     for camera in shown.found.cameras:
         own, name = cam(made.files[f"{camera.name}.cam"]), shown.first_images()[camera.name]
         T = shown.oriented.T_m_c[shown.oriented.names.index(name)]
@@ -568,7 +566,7 @@ def test_points_ahead_are_projected_into_every_head(shown, agrees):
 
 
 def test_external_parameters_are_those_of_the_table(shown):
-    text = pix4d.images(shown.found, shown.oriented).files[pix4d.EXTERNAL]
+    text = KINDS["pix4d"].oriented(shown.found, shown.oriented).files[programs.PIX4D_EXTERNAL]
     head, *rows = text.splitlines()
     assert head == "imageName X Y Z Omega Phi Kappa"
     table = orientations.in_grid(shown.oriented)
@@ -583,4 +581,115 @@ def test_names_with_blanks_have_no_place_there(shown):
     images = replace(block.images, names=names)
     oriented = replace(shown.oriented, block=replace(block, images=images))
     with pytest.raises(OutputError, match="'a b': a name with blanks has no place"):
-        pix4d.images(shown.found, oriented)
+        KINDS["pix4d"].oriented(shown.found, oriented)
+
+
+# --- What is exported is read back by the importers: lenses, rigs, orientations, to rounding
+
+
+CRS = "EPSG:31982"
+
+
+def from_opk(folder):
+    meaning = Meaning(crs=CRS)
+    options = trajectories_orientations.TableOptions(of="camera")
+    return trajectories_orientations.read(folder / "orientations.csv", meaning, options)
+
+
+READERS = {
+    "metashape": lambda folder: programs_metashape.read(
+        folder / "chunk" / "cameras.xml", orientations="adjusted"
+    ),
+    "colmap": lambda folder: colmap.read(folder, pixel_um=5.0),
+    "opensfm": lambda folder: opensfm.read(folder, orientations="adjusted", crs=CRS, pixel_um=5.0),
+    "opf": lambda folder: programs_opf.read(folder / "project.opf", orientations="adjusted"),
+    "micmac": lambda folder: micmac.read(folder, pixel_um=5.0),
+    "opk": from_opk,
+    "rph": from_opk,
+}
+
+LENSES = ("metashape", "colmap", "opensfm", "opf", "micmac")
+ORIENTED = ("metashape", "opensfm", "opf", "opk")
+RIGS = ("colmap", "opf")
+
+
+@pytest.fixture(scope="module")
+def brought(shown, tmp_path_factory):
+    """What the readers bring of every export, and the exports."""
+    found = {}
+    for kind, read in READERS.items():
+        at = tmp_path_factory.mktemp(kind)
+        made = KINDS[kind].oriented(shown.found, shown.oriented)
+        for name, text in made.files.items():
+            (at / name).parent.mkdir(parents=True, exist_ok=True)
+            (at / name).write_text(text)
+        found[kind] = read(at), made
+    return found
+
+
+def cameras(brought):
+    tables = brought.settings["cameras"]
+    return {name: camera_of(name, table) for name, table in tables.items()}
+
+
+@pytest.mark.parametrize("kind", LENSES)
+def test_lenses_come_back(shown, brought, kind):
+    """Twice refitted, so that at most twice is lost what is said."""
+    read, made = brought[kind]
+    for own, back in zip(shown.found.cameras, cameras(read).values(), strict=True):
+        nodes = shown.colrow[shown.first_images()[own.name]]
+        rays = [correct(c.interior, xy_from_colrow(c, nodes)) / c.interior.f for c in (own, back)]
+        apart = np.linalg.norm(rays[0] - rays[1], axis=1).max() * own.interior.f / own.pixel_mm
+        assert apart <= 2.1 * made.lenses[own.name].largest_px + 1e-4
+
+
+@pytest.mark.parametrize("kind", RIGS)
+def test_rotations_of_the_heads_come_back(shown, brought, kind):
+    read, _ = brought[kind]
+    first, second = (camera.T_b_c.R for camera in cameras(read).values())
+    own = [camera.T_b_c.R for camera in shown.found.cameras]
+    assert_allclose(first.T @ second, own[0].T @ own[1], atol=2e-9)
+
+
+def test_roll_pitch_and_heading_are_a_trajectory_of_turned_cameras(shown, brought):
+    """As export.md says: mount_kappa_deg = -90, the lever arm zero."""
+    read, _ = brought["rph"]
+    rows = read.tables["calibration/trajectory.csv"]
+    lonlath = np.stack([rows[k] for k in ("lon_deg", "lat_deg", "height_m")], axis=1)
+    rph = np.stack([rows[k] for k in ("roll_deg", "pitch_deg", "heading_deg")], axis=1)
+    T = shown.oriented.block.frame.pose_from_geographic(
+        lonlath.astype(float), np.radians(rph.astype(float))
+    )
+    assert_allclose(T.R @ frames_turn(2, -np.pi / 2), shown.oriented.T_m_c.R, atol=1e-9)
+    assert_allclose(T.r, shown.oriented.T_m_c.r, atol=2e-4)
+
+
+@pytest.mark.parametrize("kind", ORIENTED)
+def test_orientations_come_back(shown, brought, kind):
+    """Body times mounting of what was imported is the camera's pose.
+
+    In a grid the base of a rig is not scaled like the map, and its verticals are not parallel:
+    0.0002 of 0.6 m, and 0.6 m of the earth's radius.
+    """
+    metres, radians = (2e-4, 1e-7) if kind == "opf" else (2e-5, 1e-9)
+    read, _ = brought[kind]
+    folder = next(n.rpartition("/")[0] for n in read.tables if n.endswith("trajectory.csv"))
+    rows = read.tables[f"{folder}/trajectory.csv"]
+    T_m_b = shown.oriented.block.frame.pose_from_grid(
+        np.stack([rows[k] for k in ("east_m", "north_m", "height_m")], axis=1).astype(float),
+        np.radians(
+            np.stack([rows[k] for k in ("omega_deg", "phi_deg", "kappa_deg")], axis=1).astype(float)
+        ),
+    )
+    where = {name: i for i, name in enumerate(rows["exposure"])}
+    images = read.tables.get(f"{folder}/images.csv")
+    for k, name in enumerate(shown.oriented.names):
+        exposure, T_b_c = name, None
+        if images is not None:
+            row = list(images["image"]).index(name)
+            exposure = images["exposure"][row]
+            T_b_c = cameras(read)[images["camera"][row]].T_b_c
+        T = T_m_b[where[exposure]]
+        T = T if T_b_c is None else T @ T_b_c
+        assert_allclose(T.r, shown.oriented.T_m_c.r[k], atol=metres)
+        assert_allclose(T.R, shown.oriented.T_m_c.R[k], atol=radians)
