@@ -18,7 +18,6 @@ from acx4book.teaching import flights, grading, handed_in
 from acx4book.teaching.grading import graded
 from acx4book.teaching.sheets import (
     estimates,
-    gross_errors,
     intersection,
     lens,
     mounting,
@@ -121,6 +120,10 @@ def strongest(bundle, kind):
     return max((r for r in bundle.rejected if r.kind == kind), key=lambda r: r.statistic).row
 
 
+def digits_of(name):
+    return int("".join(filter(str.isdigit, name)))
+
+
 def test_what_was_planted_is_what_the_library_finds(solved):
     """The sheet can be solved: for every student the three large errors are rejected."""
     for k in range(6):
@@ -128,10 +131,10 @@ def test_what_was_planted_is_what_the_library_finds(solved):
         block = case.block
         bundle = calibrate(case.flight).mountings["single_step"].bundle
         point = block.points[block.control.point_idx[strongest(bundle, "control_point")]]
-        assert gross_errors.number(point) == right["control_point"].truth
+        assert digits_of(point) == right["control_point"].truth
         for kind, question in (("gnss", "gnss_exposure"), ("attitude", "attitude_exposure")):
             name = block.trajectory.exposures[strongest(bundle, kind)]
-            assert gross_errors.number(name) == right[question].truth
+            assert digits_of(name) == right[question].truth
         found = sum(rejection.kind == "image_point" for rejection in bundle.rejected)
         assert abs(found - right["rejected_points"].truth) <= 2
 

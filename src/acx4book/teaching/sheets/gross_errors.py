@@ -85,11 +85,6 @@ def _planted(case: Case, kind: str) -> dict[str, Any]:
     return next(one for one in case.truth["gross_errors"] if one["kind"] == kind)
 
 
-def number(name: str) -> float:
-    """Return the digits of a name as a number: 7 of P07, 305 of C3-05."""
-    return float("".join(c for c in name if c.isdigit()))
-
-
 def _solve(case: Case) -> Rights:
     """Look for gross errors as the command does."""
     bundle = calibrate(case.flight).mountings["single_step"].bundle
@@ -98,16 +93,21 @@ def _solve(case: Case) -> Rights:
     control = _planted(case, "control_point")
     error = next(value for name, value in control.items() if name.endswith("_m"))
     return {
-        CONTROL: computed(number(control["point"]), 1),
+        CONTROL: computed(_number(control["point"]), 1),
         ERROR: Right(value=error, truth=error, bound=0.15),
-        GNSS: computed(number(_planted(case, "gnss")["image_or_exposure"]), 1),
-        ATTITUDE: computed(number(_planted(case, "attitude")["image_or_exposure"]), 1),
+        GNSS: computed(_number(_planted(case, "gnss")["image_or_exposure"]), 1),
+        ATTITUDE: computed(_number(_planted(case, "attitude")["image_or_exposure"]), 1),
         "rejected_points": Right(
             value=count, truth=planted, bound=max(0.5, abs(count - planted) + 0.5)
         ),
         "sigma0_squared": computed(bundle.solution.sigma0_sq, 2, share=0.03),
         "smallest_error_px": computed(CRITICAL * 0.4 / 0.8**0.5, 2),
     }
+
+
+def _number(name: str) -> float:
+    """Return the digits of a name as a number: 7 of P07, 305 of C3-05."""
+    return float("".join(c for c in name if c.isdigit()))
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
