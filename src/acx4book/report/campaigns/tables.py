@@ -423,28 +423,6 @@ def _line(study: Study, what: str) -> str:
     )
 
 
-def how(study: Study) -> str:
-    """Say how the numbers were obtained."""
-    sigma = (
-        "as they were stated before the adjustments"
-        if study.comparison.apriori
-        else "multiplied by the root of each campaign's own σ₀²"
-    )
-    p_of = "χ²" if study.comparison.apriori else "F, with the smallest redundancy of the campaigns"
-    return (
-        "Campaigns count as independent: the covariance of a difference is the sum of both, from "
-        f"covariance.csv. Standard deviations are {sigma}. χ² is $d^T C^{{-1}} d$ of the "
-        f"differences d with their joint covariance C; p is from {p_of}. *p, joint* is Holm's: "
-        "among all parameters of all differences, or all their parts, or all differences as a "
-        "whole, the probability of one false alarm or more is at most "
-        f"{study.level:g}, however the tests depend on each other. Values *of all campaigns* are "
-        "fitted by least squares with the full covariances; they hold where nothing has changed. "
-        f"*Ground* is what a difference moves in a single image from {study.ground.height_m:g} m "
-        "over level ground of known height, as RMS over the format; *by chance* is what it would "
-        "be if only errors of both calibrations made it."
-    )
-
-
 def for_terminal(study: Study) -> list[str]:
     """Return the verdict in lines without markup."""
     table = study.tables["differences"]

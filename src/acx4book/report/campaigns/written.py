@@ -114,7 +114,7 @@ def _parts(study: Study) -> Iterator[str | Drawn]:
         tables.pooled(study), "Values of all campaigns, with their stability", name="tab-pooled"
     )
     yield from _trends(study)
-    yield f"## How the numbers were obtained\n\n{tables.how(study)}"
+    yield f"## How the numbers were obtained\n\n{_how(study)}"
 
 
 def _differences(study: Study) -> Iterator[str]:
@@ -144,6 +144,28 @@ def _trends(study: Study) -> Iterator[str | Drawn]:
         )
         slopes = tables.trends(study, what)
         yield myst_table(slopes, f"Slopes over {NOUN[what]}", name=f"tab-over-{what}")
+
+
+def _how(study: Study) -> str:
+    """Say how the numbers were obtained."""
+    sigma = (
+        "as they were stated before the adjustments"
+        if study.comparison.apriori
+        else "multiplied by the root of each campaign's own σ₀²"
+    )
+    p_of = "χ²" if study.comparison.apriori else "F, with the smallest redundancy of the campaigns"
+    return (
+        "Campaigns count as independent: the covariance of a difference is the sum of both, from "
+        f"covariance.csv. Standard deviations are {sigma}. χ² is $d^T C^{{-1}} d$ of the "
+        f"differences d with their joint covariance C; p is from {p_of}. *p, joint* is Holm's: "
+        "among all parameters of all differences, or all their parts, or all differences as a "
+        "whole, the probability of one false alarm or more is at most "
+        f"{study.level:g}, however the tests depend on each other. Values *of all campaigns* are "
+        "fitted by least squares with the full covariances; they hold where nothing has changed. "
+        f"*Ground* is what a difference moves in a single image from {study.ground.height_m:g} m "
+        "over level ground of known height, as RMS over the format; *by chance* is what it would "
+        "be if only errors of both calibrations made it."
+    )
 
 
 def _parts_of_rig(found: Rigidity, table: pd.DataFrame, level: float) -> Iterator[str | Drawn]:

@@ -225,10 +225,12 @@ def test_a_trend_is_said_or_what_it_would_need(three):
     )
 
 
-def test_what_sigma_was_used_is_said(three):
-    assert "multiplied by the root of each campaign's own σ₀²" in campaigns_tables.how(three)
-    plain = study(three.comparison.campaigns, apriori=True)
-    assert "as they were stated before the adjustments" in campaigns_tables.how(plain)
+def test_what_sigma_was_used_is_said(three, folder, tmp_path):
+    text = (folder / written.PAGE).read_text(encoding="utf-8")
+    assert "multiplied by the root of each campaign" in text
+    written.write(study(three.comparison.campaigns[:2], apriori=True), tmp_path / "out")
+    text = (tmp_path / "out" / written.PAGE).read_text(encoding="utf-8")
+    assert "as they were stated before the adjustments" in text
 
 
 def test_notes_are_shown_as_they_are(three, tmp_path):
