@@ -153,7 +153,7 @@ def camera_of(
         Where a pixel has no ray ahead, or for values that no Camera has.
     """
     colrow = nodes(width_px, height_px)
-    with np.errstate(over="ignore"):  # a ray beyond all numbers is none
+    with np.errstate(over="ignore", invalid="ignore"):  # a ray beyond all numbers is none
         measured, rays = hole.points(colrow), ideal(colrow)
     lost = ~(np.abs(np.hstack([rays, measured])) < STEEPEST).all(axis=1)
     if lost.any():
