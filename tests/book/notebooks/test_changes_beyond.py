@@ -504,7 +504,7 @@ def test_a_flight_of_another_camera_ends_before_the_papers_budget(tmp_path):
 
 """Chapters of the paper are changed in every run of the tests; these take minutes."""
 
-FLIGHTS_18 = "flights = history.flights(seed)"
+FLIGHTS_18 = "flights = chapter.flights(seed)"
 
 
 @pytest.fixture(scope="module")
