@@ -248,7 +248,8 @@ def rotations(files: str) -> pd.DataFrame:
     -------
     DataFrame
         Head and reference; rotations, degrees; sigma of them by the loops of pairs, and the largest
-        by the noise of matching alone; less the factory's, NaN without; less the trial's.
+        of the refinement, which counts how blocks of the frame differ; less the factory's, NaN
+        without; less the trial's.
     """
     found = solved(files)
     loops = _pair_sigma_deg(found) * np.sqrt(2 / len(found.heads))
@@ -264,7 +265,7 @@ def rotations(files: str) -> pd.DataFrame:
                 "reference": found.names[reference],
                 **_three("deg", ours),
                 **_three("sigma_deg", loops),
-                "noise_deg": _noise_deg(found, k),
+                "blocks_sigma_deg": _blocks_sigma_deg(found, k),
                 **_three("minus_factory_deg", ours - _factory(found, k, reference)),
                 **_three("minus_trial_deg", ours - np.array(TRIAL[files][name])),
             }
@@ -282,7 +283,7 @@ def _factory(found: Solved, k: int, reference: int) -> Array:
     return turned_deg(found.factory, k, reference) if known else np.full(3, np.nan)
 
 
-def _noise_deg(found: Solved, k: int) -> float:
+def _blocks_sigma_deg(found: Solved, k: int) -> float:
     sigma = sigmas(found.fits["rotations"].cov).reshape(-1, 6)[k, 3:]
     return float(np.degrees(sigma.max()))
 
