@@ -71,6 +71,7 @@ def _response(xy_mm: Array) -> Array:
 def _moved(values: Array, xy_mm: Array) -> Array:
     """Return measured minus ideal points, mm, if the focal length is changed as well."""
     described = _lens(values)
+    # with a larger f the ideal point of the same ray lies farther from the middle
     larger = values[-1] / UM / described.f
     change: Array = distortion(described, xy_mm) - larger * xy_mm
     return change

@@ -333,6 +333,7 @@ def _implied_sample_sizes() -> pd.DataFrame:
 
 def _sample_size(mean: float, std: float, rms: float) -> float:
     """Compute the number of errors with the given mean, standard deviation and RMS."""
+    # rms² = mean² + (1 - 1/n) std²: infinite where the RMS is at its upper limit
     rest = 1 - (rms**2 - mean**2) / std**2
     return 1 / rest if rest > 0 else np.inf
 
@@ -754,6 +755,7 @@ def _coverage() -> Values:
 
 def _footprint(head: str) -> Array:
     """Project the corners of a head to the synthetic image plane with all of Table 1."""
+    # the angles of Table 1 are those of eq. (6), from the synthetic axes to the head's
     interior = paper.interior(1, head)
     ideal = correct(interior, paper.corners(head))
     rays = np.column_stack([ideal, np.full(4, -interior.f)]) @ rotation_from_opk(paper.opk(head)).T

@@ -441,7 +441,7 @@ def _positions(track: Track, at: Between, *, by_velocity: bool) -> Array:
     step[:, 0] = (step[:, 0] + np.pi) % (2 * np.pi) - np.pi
     s = at.share[:, None]
     x = first + s * step
-    if by_velocity:
+    if by_velocity:  # a cubic, whose error grows with the fourth power of the interval
         begin, end = (at.interval[:, None] * _rates(track, at.before + k) for k in (0, 1))
         x += s * (1 - s) * ((1 - s) * (begin - step) - s * (end - step))
     x[:, 0] = (x[:, 0] + np.pi) % (2 * np.pi) - np.pi
@@ -555,7 +555,7 @@ def _continued(times: Array) -> Array:
 
 def _on_clock(stamps: Stamps, times: Array, *, ahead: float, week: int | None) -> Array:
     """Return the times of events on the clock of a trajectory."""
-    seconds = stamps.seconds + ahead
+    seconds = stamps.seconds + ahead  # by leap seconds, where one counts UTC and the other GPS
     nearest = np.round((times[[0, -1]].mean() - seconds) / WEEK_S)
     dated: Mask = np.isfinite(stamps.weeks)
     if dated.all() and len(seconds):
