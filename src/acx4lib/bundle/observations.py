@@ -80,12 +80,6 @@ def picture_equations(
     """Linearise the places and the turns of pictures against the first ones of their exposures.
 
     Observed is that there are none. All have the errors of the first one in common.
-
-    Parameters
-    ----------
-    pictures : Pictures or None
-    state : State
-    columns : Layout
     """
     if pictures is None:
         return

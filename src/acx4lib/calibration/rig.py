@@ -313,10 +313,6 @@ def _less_first(J: Array, R_b_h: Array) -> None:
 def image_scale(rig: Mounting) -> float:
     """Return the mean image scale of the first head, mm per m on the ground.
 
-    Parameters
-    ----------
-    rig : Mounting
-
     Raises
     ------
     AdjustmentError

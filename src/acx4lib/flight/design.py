@@ -280,12 +280,7 @@ def _level_row(level: Level) -> dict[str, float]:
 
 
 def sigma_table(blocks: Mapping[str, Block]) -> pd.DataFrame:
-    """Return the medians of the standard deviations with which blocks come, a row for each.
-
-    Parameters
-    ----------
-    blocks : mapping of str to Block
-    """
+    """Return the medians of the standard deviations with which blocks come, a row for each."""
     import pandas as pd  # noqa: PLC0415 as above
 
     rows = {name: _sigmas(block) for name, block in blocks.items()}

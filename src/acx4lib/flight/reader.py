@@ -922,13 +922,7 @@ def _observed(block: Block) -> bool:
 
 
 def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
-    """Yield a note where a block is far outside the area of use of its CRS, if it has one.
-
-    Parameters
-    ----------
-    grid : GridSystem
-    blocks : dict of str to Block
-    """
+    """Yield a note where a block is far outside the area of use of its CRS, if it has one."""
     if grid.is_local:
         return
     crs = pyproj.CRS.from_user_input(grid.crs)

@@ -169,10 +169,6 @@ def solve(
     tolerance : float
         Largest next step at the end, in standard deviations of the unknowns.
 
-    Returns
-    -------
-    state, solution
-
     Raises
     ------
     AdjustmentError

@@ -36,12 +36,7 @@ ORIENTED = ("synthetic/refined", "heads/relative_orientation")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Earlier:
-    """The results of an earlier flight, whose calibrations a later one validates.
-
-    Attributes
-    ----------
-    run : Run
-    """
+    """The results of an earlier flight, whose calibrations a later one validates."""
 
     run: Run
 

@@ -95,15 +95,7 @@ def write(
     heads: Heads,
     orientation: RelativeOrientation | Failed,
 ) -> None:
-    """Write the results of the heads, with an explanation of those that failed.
-
-    Parameters
-    ----------
-    flight : Flight
-    results_path : path
-    heads : Heads
-    orientation : RelativeOrientation or Failed
-    """
+    """Write the results of the heads, with an explanation of those that failed."""
     _write(flight, results_path, _gathered(heads, orientation))
 
 

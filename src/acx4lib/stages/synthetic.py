@@ -231,13 +231,7 @@ def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | 
 
 
 def kept(ties: TiePoints, fit: Refined | Failed) -> TiePoints:
-    """Return the tie points that a refinement did not reject; all, where it failed.
-
-    Parameters
-    ----------
-    ties : TiePoints
-    fit : Refined or Failed
-    """
+    """Return the tie points that a refinement did not reject; all, where it failed."""
     return ties[~fit.rejected] if isinstance(fit, Refined) else ties
 
 

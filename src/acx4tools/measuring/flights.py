@@ -169,14 +169,7 @@ def finished(unmeasured: Unmeasured, own: OwnFolder) -> None:
 
 
 def write_points(own: OwnFolder, block: str, rows: Sequence[Measured]) -> None:
-    """Write the image points of a block.
-
-    Parameters
-    ----------
-    own : OwnFolder
-    block : str
-    rows : sequence of Measured
-    """
+    """Write the image points of a block."""
     name = f"{block}/image_points.csv"
     own.expect([name])
     header = ["image", "point", "col_px", "row_px", "sigma_px"]

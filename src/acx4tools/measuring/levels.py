@@ -74,13 +74,7 @@ STEEPEST = 1.1
 
 
 def overlapping(views: Sequence[View], surface: Surface) -> list[tuple[int, int]]:
-    """Return the pairs of views that show enough of the same ground, i < j.
-
-    Parameters
-    ----------
-    views : sequence of View
-    surface : Surface
-    """
+    """Return the pairs of views that show enough of the same ground, i < j."""
     grounds = [ground_of(view, surface, _grid(view)) for view in views]
     sizes = np.array([_ground_px(view, x_m) for view, x_m in zip(views, grounds, strict=True)])
     share = np.array([_shares(view, grounds) for view in views])

@@ -256,12 +256,7 @@ class Candidate:
 
 
 def elected(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates that are targets, one at most for a point in a picture.
-
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-    """
+    """Return the candidates that are targets, one at most for a point in a picture."""
     if not candidates:
         return []
     by_views, by_points = _votes(candidates)
