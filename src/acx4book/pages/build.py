@@ -18,11 +18,11 @@ import shlex
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import nbformat
 from matplotlib.figure import Figure
@@ -409,8 +409,8 @@ def _texts_of_examples(book: Path) -> list[tuple[str, str]]:
     """Return the names and the outputs of the code on the pages whose code is run."""
     texts = []
     for name in RUN_PAGES:
-        pieces = snippets((book / f"{name}.md").read_text(encoding="utf-8"))
-        for number, said in enumerate(outputs(pieces), 1):
+        page = (book / f"{name}.md").read_text(encoding="utf-8")
+        for number, said in enumerate(outputs(page), 1):
             text = speed.wrapped(said) if name in WRAPPED else said
             texts.append((f"{name}-{number}.txt", text))
     return texts
@@ -470,23 +470,17 @@ COLUMNS = "78"
 """Width of the terminal on which a page shows commands, so that its lines fit on the page."""
 
 
-class Piece(NamedTuple):
-    """A piece of code on a page: its language, python or shell, and its lines."""
+def outputs(page: str) -> Iterator[str]:
+    """Run the code of a page piece by piece, in an empty folder; yield what each piece prints.
 
-    language: str
-    code: str
-
-
-def snippets(page: str) -> list[Piece]:
-    """Return the code of a page that is run, piece by piece; fences of ``bash`` are not."""
-    return [Piece(*found) for found in FENCE.findall(page)]
-
-
-def outputs(pieces: Iterable[Piece]) -> Iterator[str]:
-    """Run pieces of code one after the other, in an empty folder; yield what each prints."""
+    Parameters
+    ----------
+    page : str
+        Its fences of ``python`` and ``shell`` are run, those of ``bash`` are not.
+    """
     names: dict[str, object] = {"__name__": "example"}
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-        for number, (language, code) in enumerate(pieces, 1):
+        for number, (language, code) in enumerate(FENCE.findall(page), 1):
             if language == "shell":
                 yield "".join(_printed(line) for line in code.splitlines())
                 continue

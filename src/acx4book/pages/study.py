@@ -51,25 +51,6 @@ Row = tuple[str, str, str]
 """What was chosen, its value here, and what the paper says or what comes out by it."""
 
 
-def chosen_page(flight: Flight, truth: Mapping[str, Any]) -> str:
-    """Return everything that was chosen as MyST text.
-
-    Parameters
-    ----------
-    flight : Flight
-        Of the study's design.
-    truth : mapping
-        Its truth.
-    """
-    rows = [
-        *(("chosen", *row) for row in _for_printed_numbers(flight, truth)),
-        *(("a guess", *row) for row in _guessed(flight, truth)),
-    ]
-    columns = ["Kind", "What", "This book", "Paper, and what comes out by it"]
-    table = pd.DataFrame(rows, columns=columns)
-    return f"{_say('chosen')}\n\n{myst_table(table, 'What was chosen', name='tab-chosen')}"
-
-
 def _for_printed_numbers(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
     """Return what was set so that printed numbers come out."""
     best, worst = (printed.statement(f"gnss_{end}_m") for end in ("best", "worst"))
@@ -287,7 +268,7 @@ def methods_page(found: folder.Results, camera: str, benchmarks: Path) -> str:
         key: of["boresight_omega_deg"] for key, of in (("omega", LABELS), ("omega_ratio", ratios))
     }
     heading = "## Does the single step beat the two-step method?"
-    return f"{heading}\n\n{_say('methods', **values)}\n\n{slow_errors(benchmarks)}"
+    return f"{heading}\n\n{_say('methods', **values)}\n\n{_slow_errors(benchmarks)}"
 
 
 def _rms(entry: dict[str, Any]) -> tuple[float, float]:
@@ -296,7 +277,7 @@ def _rms(entry: dict[str, Any]) -> tuple[float, float]:
     return float(np.hypot(east, north)), float(height)
 
 
-def slow_errors(benchmarks: Path) -> str:
+def _slow_errors(benchmarks: Path) -> str:
     """Say what errors of the trajectory that change slowly do to the boresight."""
     _, (errors,) = stored.read(benchmarks, "slow_errors", make="coverage")
     own = errors[(errors["weights"] == "white") & errors["parameter"].isin(BORESIGHT_ANGLES)]
@@ -332,9 +313,20 @@ def simulation_page(flight: Flight, truth: Truth | None) -> str:
         myst_table(_cameras(truth), "True values of the cameras", name="tab-truth"),
         _of_the_paper(flight, truth) if printed.applies(flight) else "",
         myst_table(_noise(flight), "Noise of the measurements", name="tab-noise"),
-        chosen_page(flight, truth) if printed.applies(flight) else "",
+        _chosen_page(flight, truth) if printed.applies(flight) else "",
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _chosen_page(flight: Flight, truth: Mapping[str, Any]) -> str:
+    """Return everything that was chosen as MyST text."""
+    rows = [
+        *(("chosen", *row) for row in _for_printed_numbers(flight, truth)),
+        *(("a guess", *row) for row in _guessed(flight, truth)),
+    ]
+    columns = ["Kind", "What", "This book", "Paper, and what comes out by it"]
+    table = pd.DataFrame(rows, columns=columns)
+    return f"{_say('chosen')}\n\n{myst_table(table, 'What was chosen', name='tab-chosen')}"
 
 
 def _cameras(truth: Truth) -> pd.DataFrame:
@@ -402,10 +394,10 @@ def _plan_height(sigma: Array) -> str:
 def geometry_page() -> str:
     """Return which geometry determines which parameter, as MyST text."""
     caption = "What a parameter needs, and the σ above which it counts as not determined"
-    return myst_table(geometry_table(), caption, name="tab-geometry") + "\n"
+    return myst_table(_geometry_table(), caption, name="tab-geometry") + "\n"
 
 
-def geometry_table() -> pd.DataFrame:
+def _geometry_table() -> pd.DataFrame:
     """Return limit and geometry for every parameter; neighbours with the same ones in one row."""
     rows: list[dict[str, str]] = []
     for key, (name, _) in REPORTED.items():

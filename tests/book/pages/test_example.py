@@ -15,12 +15,12 @@ FIRST_FLIGHT = (ROOT / "book" / "first-flight.md").read_text("utf-8")
 
 @pytest.fixture(scope="module")
 def printed():
-    return list(build.outputs(build.snippets(PAGE)))
+    return list(build.outputs(PAGE))
 
 
 @pytest.fixture(scope="module")
 def flown():
-    return list(build.outputs(build.snippets(FIRST_FLIGHT)))
+    return list(build.outputs(FIRST_FLIGHT))
 
 
 def places(page):
@@ -41,7 +41,7 @@ def test_the_output_of_every_piece_of_code_stands_under_it(printed, flown):
 
 @pytest.mark.repeats
 def test_other_programs_files_become_a_calibration():
-    said = list(build.outputs(build.snippets(FILES)))
+    said = list(build.outputs(FILES))
     own = [name for name in places(FILES) if not name.startswith("imports-")]
     shown = [name for name in own if name]
     assert shown == [name for name in expected("your-files", said) if name]
@@ -65,7 +65,7 @@ def test_the_planted_sign_is_named(flown):
 
 def test_a_command_that_fails_stops_the_page():
     with pytest.raises(CalledProcessError, match="nowhere"):
-        list(build.outputs([build.Piece("shell", "acx4 check nowhere\n")]))
+        list(build.outputs("```shell\nacx4 check nowhere\n```\n"))
 
 
 def test_the_page_has_no_code_that_is_not_run():
@@ -114,4 +114,4 @@ def test_pixels_have_sigma_near_what_the_height_alone_gives(printed):
 def test_code_runs_in_the_order_of_the_page_in_a_folder_of_its_own():
     first = "```python\nopen('a', 'w').close()\nn = 1\n```\n"
     page = f"text\n{first}\n```python\nimport os\nprint(n, os.listdir())\n```\n"
-    assert list(build.outputs(build.snippets(page))) == ["", "1 ['a']\n"]
+    assert list(build.outputs(page)) == ["", "1 ['a']\n"]

@@ -13,7 +13,6 @@ import yaml
 
 from acx4book.chapters import synthetic_cost
 from acx4book.pages import build, study
-from acx4book.pages.study import geometry_page, geometry_table
 from acx4book.paper import printed
 from acx4book.typesetting.labels import LABELS
 from acx4lib.calibration import estimates
@@ -26,9 +25,9 @@ from support.helpers import ROOT, write_notebook
 
 
 @pytest.fixture(scope="module")
-def page():
+def acx4():
     flown = fly("acx4-ideal", seed=1)
-    return study.chosen_page(flown.flight, flown.truth)
+    return study.simulation_page(flown.flight, flown.truth)
 
 
 @pytest.mark.parametrize(
@@ -49,12 +48,12 @@ def page():
         "a guess | site, relief, refraction, seed |",
     ],
 )
-def test_the_list_has_it(page, row):
-    assert row in html.unescape(page)
+def test_the_list_has_it(acx4, row):
+    assert row in html.unescape(acx4)
 
 
-def test_what_the_paper_says_of_gnss_stands_beside_it(page):
-    assert f"{printed.statement('gnss_best_m'):.2f} to" in page
+def test_what_the_paper_says_of_gnss_stands_beside_it(acx4):
+    assert f"{printed.statement('gnss_best_m'):.2f} to" in acx4
 
 
 # --- The accuracy that the front page tells is that of all stored flights
@@ -88,7 +87,7 @@ def test_flights_of_four_heads_stand_first():
 # --- One verdict on the two methods, from a run and from stored flights
 
 
-def test_the_verdict_has_the_ratios_of_standard_deviations(tmp_path):
+def test_the_verdict_has_the_ratios_of_sigma_and_slow_errors_of_all_stored_flights(tmp_path):
     results = run_results.leave_results(tmp_path)[1]
     found = folder.read(results)
     said = study.methods_page(found, "CAM", synthetic_cost.STORED)
@@ -100,11 +99,7 @@ def test_the_verdict_has_the_ratios_of_standard_deviations(tmp_path):
     assert f"{ratio:.0f} times smaller" in said
     rms = json.loads((results / "summary.json").read_text())["validation/single_step"]
     assert f"{rms['points']['rms'][2]:.2f} m in height with the single step" in said
-
-
-def test_slow_errors_are_those_of_all_stored_flights():
     errors = pd.read_csv(synthetic_cost.STORED / "slow_errors.csv")
-    said = study.slow_errors(synthetic_cost.STORED)
     assert f"Over {errors['seed'].nunique()} flights" in said
     assert "2.3 to 4.9 times its standard deviation" in said
 
@@ -118,12 +113,6 @@ def test_without_a_two_step_method_there_is_no_verdict(tmp_path):
 # --- What a simulated flight was given is said from its truth, and from nothing else
 
 
-@pytest.fixture(scope="module")
-def acx4():
-    flown = fly("acx4-ideal", seed=1)
-    return study.simulation_page(flown.flight, flown.truth)
-
-
 def test_the_true_values_are_those_of_the_truth(acx4):
     f = printed.value(3, "f_mm", "single_step")
     assert f"| {f:.4f} |" in acx4
@@ -133,10 +122,6 @@ def test_the_true_values_are_those_of_the_truth(acx4):
 
 def test_all_of_table_3_was_given_to_the_ideal_camera(acx4):
     assert "The synthetic camera's 14 values are those" in acx4
-
-
-def test_what_was_chosen_is_said_beside_what_the_paper_says(acx4):
-    assert "tab-chosen" in acx4
 
 
 def test_another_flight_is_not_said_to_be_the_papers():
@@ -156,19 +141,25 @@ def test_a_flight_without_truth_is_not_said_to_be_simulated():
 # --- The page on which geometry determines which parameter
 
 
-def test_every_parameter_stands_once_among_those_that_need_a_geometry():
-    listed = ", ".join(geometry_table()["Parameter"]).split(", ")
+@pytest.fixture(scope="module")
+def geometry():
+    """The limit of sigma and the geometry of the page, by the parameters of a row."""
+    page = html.unescape(study.geometry_page()).replace("\N{NO-BREAK SPACE}", " ")
+    assert ":name: tab-geometry" in page
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("|")]
+    return {names: told for names, *told in rows[2:]}
+
+
+def test_every_parameter_stands_once_among_those_that_need_a_geometry(geometry):
+    listed = ", ".join(geometry).split(", ")
     assert sorted(listed) == sorted(LABELS[name] for name, _ in REPORTED.values())
 
 
-def test_limits_and_geometries_are_those_of_the_messages():
-    rows = geometry_table().set_index("Parameter")
-    assert rows.loc["lever arm $z$", "It needs"] == needed("lever_z")
-    assert rows.loc["lever arm $z$", "Largest σ"] == f"{estimates.LIMIT_LEVER_M:g} m"
-    assert rows.loc["$x_p$, $y_p$", "Largest σ"] == "0.2 % of $f$"
-    assert rows.loc["boresight $\\kappa$", "Largest σ"] == "0.1°"
-    assert rows.loc["$k_1$", "Largest σ"] == "any"
-    assert ":name: tab-geometry" in geometry_page()
+def test_limits_and_geometries_are_those_of_the_messages(geometry):
+    assert geometry["lever arm $z$"] == [f"{estimates.LIMIT_LEVER_M:g} m", needed("lever_z")]
+    assert geometry["$x_p$, $y_p$"][0] == "0.2 % of $f$"
+    assert geometry["boresight $\\kappa$"][0] == "0.1°"
+    assert geometry["$k_1$"][0] == "any"
 
 
 # --- Chapters that depend on no flight, with two small ones in the place of the book's
