@@ -91,7 +91,7 @@ def smaller(svg: str) -> str:
     for i, part in enumerate(parts):
         parts[i] = _stored(part) if i % 2 else NUMBER.sub(_rounded, part)
     root = ET.fromstring("".join(parts))
-    compact(root)
+    _compact(root)
     return ET.tostring(root, encoding="unicode").replace(" />", "/>")
 
 
@@ -195,17 +195,11 @@ JOINED = "stroke-linejoin: round"
 PLACE = re.compile(r"translate\((-?[\d.]+)[ ,]+(-?[\d.]+)\)")
 STEP = re.compile(r"[A-Za-z]|-?\d*\.?\d+(?:e-?\d+)?")
 _POINTS = {"M": 1, "L": 1, "Q": 2, "C": 3}
-"""How many points follow a letter of a path."""
+"""How many points follow a letter of a path: matplotlib writes these and z alone."""
 
 
-def compact(root: Element) -> None:
-    """Shorten a drawing.
-
-    Parameters
-    ----------
-    root : Element
-        As matplotlib draws it, without texts; it is changed.
-    """
+def _compact(root: Element) -> None:
+    """Shorten a drawing of matplotlib's, without texts, in its place."""
     _drop_styles(root)
     _drop_repeated(root)
     used = {name for element in root.iter() for name in _references(element)}
@@ -214,7 +208,7 @@ def compact(root: Element) -> None:
         if element.get("id") not in {*used, _GROUND}:
             element.attrib.pop("id", None)
         for key, value in element.items():
-            element.set(key, value.replace(FONT, SHORT) if key != "d" else path(value))
+            element.set(key, value.replace(FONT, SHORT) if key != "d" else _path(value))
         _place(element)
     _group(root)
 
@@ -317,14 +311,8 @@ def _together(run: list[Element]) -> list[Element]:
 # --- paths -----------------------------------------------------------------------------------
 
 
-def path(d: str) -> str:
-    """Return the data of a path, relative to the last point, in hundredths that are not lost.
-
-    Parameters
-    ----------
-    d : str
-        Of the letters M, L, Q, C and z alone, as matplotlib writes them.
-    """
+def _path(d: str) -> str:
+    """Return the data of a path, relative to the last point, in hundredths that are not lost."""
     numbers, letter, last, start = [], "", (0, 0), (0, 0)
     written: list[str] = []
     for step in STEP.findall(d):
