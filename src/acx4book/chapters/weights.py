@@ -53,17 +53,8 @@ MODELLED = "modelled"
 DESIGN = "acx4-ideal"
 
 
-def adjusted(flown: Flown, block: Block | None = None, **how: object) -> Mounting:
-    """Return the single step of a simulated flight, without a search for gross errors.
-
-    Parameters
-    ----------
-    flown : Flown
-    block : Block, optional
-        In the place of the one that was flown.
-    **how
-        Further arguments of `single_step`.
-    """
+def _adjusted(flown: Flown, block: Block | None = None, **how: object) -> Mounting:
+    """Return the single step of a simulated flight, without a search for gross errors."""
     arguments: dict[str, object] = {"free": flown.flight.estimate_mounting, "snooping": False}
     call: Callable[..., Mounting] = single_step
     return call(flown.block if block is None else block, **(arguments | how))
@@ -123,23 +114,23 @@ Case = Callable[[Flown], Mounting]
 
 SHIFTS: Mapping[str, tuple[Options, Case]] = MappingProxyType(
     {
-        "shifted, none": (SHIFTED, adjusted),
-        "shifted, shift": (SHIFTED, lambda flown: adjusted(flown, gnss=("shift",))),
+        "shifted, none": (SHIFTED, _adjusted),
+        "shifted, shift": (SHIFTED, lambda flown: _adjusted(flown, gnss=("shift",))),
         "shifted, shift with lever arm held": (
             SHIFTED,
-            lambda flown: adjusted(flown, surveyed(flown), fix=("lever_arm",), gnss=("shift",)),
+            lambda flown: _adjusted(flown, surveyed(flown), fix=("lever_arm",), gnss=("shift",)),
         ),
-        "slow, none": (SLOW, adjusted),
-        "slow, shift and drift": (SLOW, lambda flown: adjusted(flown, gnss=("shift", "drift"))),
+        "slow, none": (SLOW, _adjusted),
+        "slow, shift and drift": (SLOW, lambda flown: _adjusted(flown, gnss=("shift", "drift"))),
     }
 )
 """The errors that a flight has, and what of them is unknown."""
 
 SLOWLY: Mapping[str, tuple[Options, Case]] = MappingProxyType(
     {
-        "white": (WHITE, adjusted),
-        "slow": (SLOW, adjusted),
-        MODELLED: (SLOW, lambda flown: adjusted(flown, modelled(flown.block))),
+        "white": (WHITE, _adjusted),
+        "slow": (SLOW, _adjusted),
+        MODELLED: (SLOW, lambda flown: _adjusted(flown, modelled(flown.block))),
     }
 )
 """Errors of the same size, and whether the weights know how they change."""

@@ -77,7 +77,7 @@ def test_height_errors_are_those_of_the_same_flight(errors):
 
 def test_errors_of_one_flight_stand_by_their_parameters():
     flown = fly_and_read("acx4-ideal", 1, weights.WHITE)
-    found = weights.adjusted(flown)
+    found = mounting.single_step(flown.block, free=flown.flight.estimate_mounting, snooping=False)
     table = weights.errors(flown, found)
     lever = found.calibration.cameras[0].T_b_c.r
     for axis in range(3):
@@ -131,8 +131,9 @@ def test_the_mounting_page_says_what_was_estimated_or_that_nothing_was():
 def test_noisier_heights_are_seen_in_f_and_lever_z():
     flown = fly_and_read("acx4-ideal", 1, weights.WHITE)
     noisy = {s: weights.with_height_noise(flown.block, s) for s in (0.005, 0.02, 0.08)}
+    how = {"free": flown.flight.estimate_mounting, "snooping": False}
     table = weights.height_noise_table(
-        {s: weights.adjusted(flown, block) for s, block in noisy.items()}
+        {s: mounting.single_step(block, **how) for s, block in noisy.items()}
     )
     for name in ("sigma_f_mm", "sigma_lever_z_m"):
         assert table[name].is_monotonic_increasing

@@ -579,7 +579,7 @@ def known_exposure(
     taken = head_images(at, ground, reduce=reduce, seed=seed)
     synthetic = _ideal_camera(at)
     ideal = picture(at, simulated(synthetic), ground, reduce=reduce)
-    over_frame = np.asarray(nodes(synthetic, 40), dtype=np.float64)
+    over_frame = np.asarray(_nodes(synthetic, 40), dtype=np.float64)
     heights = ground_from_pixels(at, simulated(synthetic), over_frame)[:, 2]
     height_m = float(at.track.x_g[0, 2] - heights.mean())
     return KnownExposure(
@@ -592,6 +592,15 @@ def known_exposure(
         height_m=height_m,
         relief_m=float(heights.std()),
     )
+
+
+def _nodes(camera: Camera, n: int) -> Array:
+    """Return a grid over an image, n nodes along its longer side, shape (m, 2), px."""
+    size = np.array([camera.width_px, camera.height_px])
+    n_cols, n_rows = np.maximum(np.rint(n * size / size.max()).astype(int), 2)
+    cols = np.linspace(-0.5, size[0] - 0.5, n_cols)
+    rows = np.linspace(-0.5, size[1] - 0.5, n_rows)
+    return np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)
 
 
 def _ideal_camera(at: Station) -> Camera:
@@ -644,15 +653,6 @@ def _true_orientation(at: Station, synthetic: Camera, height_m: float) -> Relati
         cov_joint=np.zeros((n, n)),
         n_exposures=1,
     )
-
-
-def nodes(camera: Camera, n: int) -> Array:
-    """Return a grid over an image, n nodes along its longer side, shape (m, 2), px."""
-    size = np.array([camera.width_px, camera.height_px])
-    n_cols, n_rows = np.maximum(np.rint(n * size / size.max()).astype(int), 2)
-    cols = np.linspace(-0.5, size[0] - 0.5, n_cols)
-    rows = np.linspace(-0.5, size[1] - 0.5, n_rows)
-    return np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)
 
 
 def seen_ground(known: KnownExposure, colrow: Array) -> Array:

@@ -189,7 +189,18 @@ def frame_deviations(orientation: RelativeOrientation, known: KnownExposure) -> 
     )
 
 
-def examine(known: KnownExposure, orientation: RelativeOrientation, response: Response) -> Examined:
+def examine_all(
+    known: KnownExposure,
+    orientations: Mapping[str, RelativeOrientation],
+    response: Response,
+) -> dict[str, Examined]:
+    """Examine the images of several orientations, by their names."""
+    return {name: _examine(known, one, response) for name, one in orientations.items()}
+
+
+def _examine(
+    known: KnownExposure, orientation: RelativeOrientation, response: Response
+) -> Examined:
     """Render an exposure by an orientation, measure the image and calibrate it by itself."""
     off = frame_deviations(orientation, known).d_px / known.reduce
     windows = Windows(search_px=2 + int(np.ceil(np.abs(off).max())))
@@ -200,15 +211,6 @@ def examine(known: KnownExposure, orientation: RelativeOrientation, response: Re
         geometry_px=predicted(known, orientation, found.ideal),
         fits=self_calibrations(known, found),
     )
-
-
-def examine_all(
-    known: KnownExposure,
-    orientations: Mapping[str, RelativeOrientation],
-    response: Response,
-) -> dict[str, Examined]:
-    """Examine the images of several orientations, by their names."""
-    return {name: examine(known, one, response) for name, one in orientations.items()}
 
 
 def geometry_errors(

@@ -26,7 +26,7 @@ from acx4book.chapters.image_quality.examined import (
     drawn_calibration,
     drawn_errors,
     errors_of,
-    examine,
+    examine_all,
     frame_deviations,
     measured_ties,
 )
@@ -236,12 +236,12 @@ def wrong(exposure):
 
 @pytest.fixture(scope="module")
 def true_image(exposure, response):
-    return examine(exposure, exposure.orientation, response)
+    return examine_all(exposure, {"true": exposure.orientation}, response)["true"]
 
 
 @pytest.fixture(scope="module")
 def wrong_image(exposure, response, wrong):
-    return examine(exposure, wrong, response)
+    return examine_all(exposure, {"wrong": wrong}, response)["wrong"]
 
 
 def not_geometry(one):
@@ -282,7 +282,8 @@ def test_errors_of_a_calibration_are_measured_as_large_as_they_are(wrong_image):
 
 def test_the_parallax_of_the_true_heads_is_that_of_their_bases_over_the_relief(exposure):
     """f B dh / (H (H - dh)), of a lens 8 cm aside in both directions."""
-    places = deviations.nodes(exposure.synthetic, 30)[1:-1]
+    cols, rows = np.linspace(-0.5, 11999.5, 22), np.linspace(-0.5, 16199.5, 30)
+    places = np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)[1:-1]
     shift = np.hypot(*deviations.predicted(exposure, exposure.orientation, places).T)
     dh = deviations.seen_ground(exposure, places)[:, 2] - (
         exposure.at.track.x_g[0, 2] - exposure.height_m
