@@ -100,7 +100,7 @@ def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | 
     if not np.isfinite(number) or ours is None:
         return None
     digits = paper.digits(printed.as_printed, number)
-    rounding = half_digit(digits, number)
+    rounding = _half_digit(digits, number)
     combined = np.sqrt(ours.sigma**2 + _paper_sigma(printed, what, ours) ** 2 + rounding**2 / 3)
     deviation = float(abs(ours.value - number) / combined)
     verdict = "agrees" if deviation <= 2 else "near" if deviation <= 3 else "differs"
@@ -129,7 +129,7 @@ def _paper_sigma(printed: Printed, what: str, ours: Ours) -> float:
     return ours.sharing * printed.sigma / np.sqrt(paper.value(4, "n_points", "single_step"))
 
 
-def half_digit(digits: str, number: float) -> float:
+def _half_digit(digits: str, number: float) -> float:
     """Return half a unit of the last of a printed number's digits, as `printed.digits` has them."""
     mantissa, _, power = digits.partition("·")
     tens = int(np.floor(np.log10(abs(number)))) if power else 0

@@ -23,7 +23,16 @@ from acx4book.paper.scorecard import Ours
     ],
 )
 def test_rounding_of_the_print_is_half_a_unit_of_its_last_digit(text, number, half):
-    assert scorecard.half_digit(printed.digits(text, number), number) == pytest.approx(half)
+    """An error that is uniform over a unit has a standard deviation of half of it over √3."""
+    cell = scorecard.Printed(
+        **dict.fromkeys(("parameter", "column", "role", "sigma_role", "unit"), ""),
+        table=3,
+        value=number,
+        sigma=np.nan,
+        as_printed=text,
+    )
+    row = scorecard.line(cell, "value", Ours(value=number + half, sigma=0.0))
+    assert row["deviation"] == pytest.approx(np.sqrt(3))
 
 
 @pytest.mark.parametrize(
