@@ -392,7 +392,7 @@ def _texts_of_benchmarks(
     timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts: speed, what imports say, errors over standard deviations."""
-    yield from speed.texts(timed)
+    yield from ((f"speed-{name}.md", speed.text(name, timed[name])) for name in speed.NAMES)
     yield from speed.of_imports(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)

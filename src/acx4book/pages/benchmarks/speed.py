@@ -54,12 +54,6 @@ def read(folder: Path) -> dict[str, Benchmark]:
     return found
 
 
-def texts(benchmarks: Mapping[str, Benchmark]) -> Iterator[tuple[str, str]]:
-    """Yield the names of the parts of the page, and each as MyST text: machine and tables."""
-    for name in NAMES:
-        yield f"speed-{name}.md", text(name, benchmarks[name])
-
-
 def text(name: str, benchmark: Benchmark) -> str:
     """Return the part of the page on a benchmark, as MyST text: machine and tables."""
     parts = {
@@ -162,7 +156,7 @@ def _many(benchmark: Benchmark) -> Iterator[str]:
 
 def _measuring(benchmark: Benchmark) -> Iterator[str]:
     """Yield the table of what `acx4 measure` takes, measured and computed."""
-    found = computed(benchmark.runs)
+    found = _computed(benchmark.runs)
     shown = found[found["pictures"] > 0]
     table = pd.DataFrame(
         {
@@ -182,18 +176,11 @@ def _measuring(benchmark: Benchmark) -> Iterator[str]:
     yield _table(table, caption, "measuring", formats)
 
 
-def computed(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return the runs with time and memory of the rows that have none.
-
-    A pair costs the same at each level of the search, and a picture by its pixels, which are read
-    at each level; what the library costs alone is a row without pictures. Memory grows with the
-    pixels of a picture, because a few are held at a time.
-
-    Parameters
-    ----------
-    runs : DataFrame
-        `pictures`, `megapixels`, `levels`, `pairs`, `cpu_s`, `tree_mb`.
-    """
+def _computed(runs: pd.DataFrame) -> pd.DataFrame:
+    """Return the runs with time and memory of the rows that have none."""
+    # a pair costs the same at each level of the search, and a picture by its pixels, which are read
+    # at each level; what the library costs alone is a row without pictures; memory grows with the
+    # pixels of a picture, because a few are held at a time
     found = runs.copy()
     run = found["cpu_s"].notna().to_numpy()
     columns = ("levels", "pairs", "pictures", "megapixels")
