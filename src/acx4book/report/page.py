@@ -275,9 +275,28 @@ def write(
     run = read(folder)
     found = findings.findings(run)
     shown = parts(TEXT.read_text(encoding="utf-8"), computed(run, found), on_part)
-    texts = page([*shown], run), text(run, found)
+    texts = _page([*shown], run), text(run, found)
     _check_places(out)  # again, as some seconds have passed
     whole_files.write_all(dict(zip((out, out.with_suffix(".json")), texts, strict=True)))
+
+
+def _page(parts: Sequence[Part], material: Material) -> str:
+    """Return the parts of a report, the heading first, as a page."""
+    document = Document(numbers=number_labels([name for part in parts for name in _labels(part)]))
+    rendered = [_rendered(part, document) for part in parts]
+    heading, _, first = rendered[0].partition("</h1>")
+    sections = [i for i, part in enumerate(rendered) if part.startswith("<h2")]
+    body = sections[1] if len(sections) > 1 else len(rendered)
+    return PAGE.format(
+        title=shown(f"Calibration report: {material.flight.name}", "html"),
+        style=STYLE.read_text(encoding="utf-8"),
+        heading=f"{heading}</h1>",
+        name=shown(material.flight.name, "html"),
+        date=f"{material.date.day} {material.date:%B %Y}",
+        day=f"{material.date:%Y-%m-%d}",
+        certificate="\n".join(rendered[1:body]),
+        body="\n".join([first, *rendered[body:]]),
+    )
 
 
 def _check_places(out: Path) -> None:
@@ -315,33 +334,6 @@ def write_pdf(out: str | Path) -> Path:
     place = out.with_suffix(".pdf")
     whole_files.write(place, typeset.pdf(text_of(out)))
     return place
-
-
-def page(parts: Sequence[Part], material: Material) -> str:
-    """Return the parts of a report as a page: text, tables and figures, no code.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        The heading comes first.
-    material : Material
-        Material from the same results; the heading of the page has their name.
-    """
-    document = Document(numbers=number_labels([name for part in parts for name in _labels(part)]))
-    rendered = [_rendered(part, document) for part in parts]
-    heading, _, first = rendered[0].partition("</h1>")
-    sections = [i for i, part in enumerate(rendered) if part.startswith("<h2")]
-    body = sections[1] if len(sections) > 1 else len(rendered)
-    return PAGE.format(
-        title=shown(f"Calibration report: {material.flight.name}", "html"),
-        style=STYLE.read_text(encoding="utf-8"),
-        heading=f"{heading}</h1>",
-        name=shown(material.flight.name, "html"),
-        date=f"{material.date.day} {material.date:%B %Y}",
-        day=f"{material.date:%Y-%m-%d}",
-        certificate="\n".join(rendered[1:body]),
-        body="\n".join([first, *rendered[body:]]),
-    )
 
 
 def _labels(part: Part) -> list[str]:

@@ -116,7 +116,7 @@ def pdf(page: str) -> bytes:
     Parameters
     ----------
     page : str
-        HTML as `page.page` returns it.
+        HTML as `page.write` writes it.
 
     Raises
     ------

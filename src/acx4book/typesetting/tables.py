@@ -60,7 +60,7 @@ HELD = "held"
 def register(shell: Any) -> None:
     """Let an IPython shell show DataFrames as this module does."""
     formatters = shell.display_formatter.formatters
-    formatters["text/html"].for_type(pd.DataFrame, html)
+    formatters["text/html"].for_type(pd.DataFrame, _html)
     formatters["text/markdown"].for_type(pd.DataFrame, markdown)
 
 
@@ -87,14 +87,8 @@ def markdown(table: pd.DataFrame) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
-def html(table: pd.DataFrame) -> str:
-    """Return a table as HTML; formulas stand between dollars, which Jupyter typesets.
-
-    Parameters
-    ----------
-    table : DataFrame
-        As in `markdown`.
-    """
+def _html(table: pd.DataFrame) -> str:
+    """Return a table as HTML; formulas stand between dollars, which Jupyter typesets."""
     if table.empty:
         return ""
     columns = _columns(table)

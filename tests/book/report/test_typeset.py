@@ -7,7 +7,6 @@ from bs4 import BeautifulSoup
 from pypdf import PdfReader
 
 from acx4book.report import page, typeset
-from acx4book.report.findings import findings
 
 PAGE = """<html><head><meta name="dcterms.date" content="2026-02-03"><title>no</title></head>
 <body>{}</body></html>"""
@@ -28,12 +27,10 @@ def squeezed(text):
 
 
 @pytest.fixture(scope="module")
-def html(run):
-    found = findings(run)
-    shown = page.parts(
-        page.TEXT.read_text(encoding="utf-8"), page.computed(run, found), lambda *_: None
-    )
-    return page.page([*shown], run)
+def html(made, tmp_path_factory):
+    out = tmp_path_factory.mktemp("page") / "report.html"
+    page.write(made[1], out)
+    return out.read_text("utf-8")
 
 
 @pytest.fixture(scope="module")

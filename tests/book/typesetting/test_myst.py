@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import html
+from types import SimpleNamespace
 
 import jinja2
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from IPython.core.formatters import DisplayFormatter
 from markdown_it import MarkdownIt
 
 from acx4book.paper import printed
@@ -197,7 +199,9 @@ def test_text_of_a_flight_is_shown_character_for_character():
     assert "*K" not in text
     assert "<b>" not in text
     assert "$k_1$" in text
-    shown = tables.html(table)
+    shell = SimpleNamespace(display_formatter=DisplayFormatter())
+    tables.register(shell)
+    shown = shell.display_formatter.format(table)[0]["text/html"]
     assert "&lt;b&gt;" in shown
     assert "<b>x</b>" in shown
     assert "*K|1*" in shown
