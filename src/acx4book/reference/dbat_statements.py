@@ -163,30 +163,9 @@ ALIKE, WITHOUT_ASPECT = ("1", "2", "3", "5"), ("4",)
 and skew, which is held at zero, after it. Model 4 scales after the lens: ours without an aspect."""
 
 
-def lens_model(lines: Mapping[tuple[str, ...], Line]) -> str:
-    """Return the lens model that a report names, as it stands there.
-
-    Raises
-    ------
-    ValueError
-        Where the library has no such lens.
-    """
-    named = [place[-1] for place in lines if place[:-1] == (LAST, "Lens distortion models")]
-    found = BACKWARD.fullmatch(named[0]) if len(named) == 1 else None
-    aspect = [float(line.numbers[0]) for place, line in lines.items() if place[-2:] == ASPECT]
-    known = (*ALIKE, *(() if any(aspect) else WITHOUT_ASPECT))
-    if found is None or found[1] not in known:
-        msg = (
-            f"lens distortion model {', '.join(named) or 'not named'}: expected a backward model, "
-            f"{', '.join(ALIKE)}, or {WITHOUT_ASPECT[0]} where as is zero"
-        )
-        raise ValueError(msg)
-    return named[0]
-
-
 def _camera(project: Project) -> Statements:
     values, cov = _interior(project)
-    model = lens_model(dbat_files.read(project.report))
+    model = _lens_model(dbat_files.read(project.report))
     camera = (LAST, "Cameras", "Camera1 (simple)")
     names = " ".join(dbat_files.INTERIOR_NAMES)
     out: Statements = {
@@ -204,6 +183,21 @@ def _camera(project: Project) -> Statements:
             out[(*path, "Deviation")] = say("{}" + unit, float(np.sqrt(cov[k, k])))
         _with_correlations(out, path, high.get(name, []))
     return {**out, **_significance(values, cov, camera), **_sensor(project, camera)}
+
+
+def _lens_model(lines: Mapping[tuple[str, ...], Line]) -> str:
+    """Return the lens model that a report names, as it stands there."""
+    named = [place[-1] for place in lines if place[:-1] == (LAST, "Lens distortion models")]
+    found = BACKWARD.fullmatch(named[0]) if len(named) == 1 else None
+    aspect = [float(line.numbers[0]) for place, line in lines.items() if place[-2:] == ASPECT]
+    known = (*ALIKE, *(() if any(aspect) else WITHOUT_ASPECT))
+    if found is None or found[1] not in known:
+        msg = (
+            f"lens distortion model {', '.join(named) or 'not named'}: expected a backward model, "
+            f"{', '.join(ALIKE)}, or {WITHOUT_ASPECT[0]} where as is zero"
+        )
+        raise ValueError(msg)
+    return named[0]
 
 
 def _significance(values: Array, cov: Array, camera: tuple[str, ...]) -> Statements:
@@ -581,6 +575,11 @@ def results(project: Project) -> pd.DataFrame:
     -------
     DataFrame
         As `dbat_files.compare` returns it.
+
+    Raises
+    ------
+    ValueError
+        Where the library has no such lens as the report names.
     """
     lines = dbat_files.read(project.report)
     printed = {place: line for place, line in lines.items() if is_result(place)}

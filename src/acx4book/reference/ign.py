@@ -214,7 +214,7 @@ def results() -> pd.DataFrame:
         same for the point nearest to the rays in space.
     """
     flight = load()
-    got = intersected(flight, complete(flight))
+    got = intersected(flight, _complete(flight))
     table = pd.DataFrame(
         {
             "point": flight.points,
@@ -406,7 +406,7 @@ def _map_scale(flight: Flight) -> Array:
     return np.asarray(factors.meridional_scale, dtype=float)
 
 
-def complete(flight: Flight) -> Reading:
+def _complete(flight: Flight) -> Reading:
     """Return the correct reading of the data."""
     return _topocentric(flight, flight.altitudes, true_altitudes(flight, SCALE))
 
@@ -434,7 +434,7 @@ def _without_geoid(flight: Flight) -> Reading:
 
 def _without_convergence(flight: Flight) -> Reading:
     """Return the reading with kappa relative to true north."""
-    reading = complete(flight)
+    reading = _complete(flight)
     R_g_t = turn(2, flight.grid.convergence(flight.lonlat))
     R_m_g = np.swapaxes(flight.frame.grid_axes(reading.T_m_c.r), -1, -2)
     R_m_c = R_m_g @ R_g_t @ rotation_from_opk(flight.orientations.opk)
@@ -443,7 +443,7 @@ def _without_convergence(flight: Flight) -> Reading:
 
 def _one_vertical(flight: Flight) -> Reading:
     """Return the reading with angles relative to the axes in the middle of the images."""
-    reading = complete(flight)
+    reading = _complete(flight)
     R_g_m = flight.frame.grid_axes(np.zeros((1, 3)))[0]
     R_m_c = R_g_m.T @ rotation_from_opk(flight.orientations.opk)
     return replace(reading, T_m_c=Pose(R=R_m_c, r=reading.T_m_c.r))
@@ -469,7 +469,7 @@ def _map_with_true_heights(flight: Flight) -> Reading:
 
 
 READINGS: dict[str, Callable[[Flight], Reading]] = {
-    "complete": complete,
+    "complete": _complete,
     "map scale at every image instead of 1.000283": _scale_at_images,
     "linear alteration left in": _altered,
     "geoid forgotten": _without_geoid,

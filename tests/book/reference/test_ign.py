@@ -36,7 +36,7 @@ def test_the_principal_point_counts_in_the_pixels_of_the_measurements(off_px):
     inner = flight.camera.interior
     moved = replace(inner, xp=inner.xp - off_px * flight.camera.pixel_mm)
     flight = replace(flight, camera=replace(flight.camera, interior=moved))
-    got = ign.intersected(flight, ign.complete(flight))
+    got = ign.intersected(flight, ign.READINGS["complete"](flight))
     is_tie = ~flight.is_surveyed[got.rays.group]
     mean = np.abs(got.misfit[is_tie].mean(axis=0))
     assert mean == pytest.approx([off_px, 0.0], abs=0.04)
@@ -45,7 +45,7 @@ def test_the_principal_point_counts_in_the_pixels_of_the_measurements(off_px):
 @needs("ign-uce-m3")
 def test_680_tie_points_intersect_within_a_fifth_of_a_pixel():
     flight = ign.load()
-    got = ign.intersected(flight, ign.complete(flight))
+    got = ign.intersected(flight, ign.READINGS["complete"](flight))
     is_tie = ~flight.is_surveyed[got.rays.group]
     assert len(np.unique(got.rays.group[is_tie])) == 680
     assert np.sqrt((got.found.v[is_tie] ** 2).mean(axis=0)).max() < 0.2  # px
