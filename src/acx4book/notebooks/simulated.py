@@ -311,11 +311,11 @@ def simulate(plan: FlightPlan, *, seed: int, options: Options) -> SimulatedFligh
     """
     slow = _slow(plan.values.get("apriori", {})) or options.slow_errors
     options = replace(options, refraction=plan.setup.refraction, slow_errors=slow)
-    flight = simulate_plan(simulated(plan), seed, options)
+    flight = simulate_plan(_simulated(plan), seed, options)
     return replace(flight, toml=plans.written(settings(plan.values)))
 
 
-def simulated(plan: FlightPlan) -> Plan:
+def _simulated(plan: FlightPlan) -> Plan:
     """Return the simulator's plan of a plan."""
     setup = plan.setup
     problems = [*_beyond(plan)]
