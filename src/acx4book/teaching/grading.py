@@ -98,7 +98,7 @@ def graded(
     in_units = _in_other_units(wrong, right, units)
     why = {
         name: in_units.get(name, says) if says == UNEXPLAINED else says
-        for name, says in explained(wrong, right, [*copied, *mistakes]).items()
+        for name, says in _explained(wrong, right, [*copied, *mistakes]).items()
     }
     why_sigma = _explained_sigma(wrong_sigma, right, [*copied, *mistakes], units)
     return [
@@ -152,21 +152,12 @@ def _verdict(
 # --- which mistake -----------------------------------------------------------------------------
 
 
-def explained(
+def _explained(
     wrong: Mapping[str, float], right: Rights, mistakes: Sequence[Mistake]
 ) -> dict[str, str]:
-    """Return for every wrong answer which mistake it is.
-
-    A mistake that explains several answers comes before those that explain fewer of them; of two
-    that explain as many, the one comes first whose values are nearer.
-
-    Parameters
-    ----------
-    wrong : mapping of str to float
-        Wrong answers by question.
-    right : mapping of str to Right
-    mistakes : sequence of Mistake
-    """
+    """Return for every wrong answer which mistake it is."""
+    # a mistake that explains several answers comes before those that explain fewer of them; of two
+    # that explain as many, the one comes first whose values are nearer
     left, said = dict(wrong), {}
     while left:
         fits = [_fit(left, right, mistake) for mistake in mistakes]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from acx4book.teaching import grading
-from acx4book.teaching.flights import Mistake, computed, estimated
+from acx4book.teaching.flights import Mistake, Question, computed, estimated
 from acx4book.teaching.handed_in import Answer
 from acx4book.teaching.sheets.every import SHEETS
 from support.helpers import repeats
@@ -72,11 +72,20 @@ def test_a_mistake_that_explains_more_answers_comes_first():
     right = {name: estimated(1.0, 0.01, 1.0) for name in "ab"}
     one = Mistake(says="one", gives={"a": 2.0})
     both = Mistake(says="both", gives={"a": 2.01, "b": 3.0})
-    assert grading.explained({"a": 2.0, "b": 3.0}, right, [one, both]) == {
-        "a": "both",
-        "b": "both",
-    }
-    assert grading.explained({"a": 2.0}, right, [both, one]) == {"a": "one"}
+    a, b = (Question(name=name, unit="", asks="", digits=2) for name in "ab")
+
+    def verdicts(mistakes, **wrong):
+        sheet = replace(
+            SHEETS["lab-1"],
+            questions=(a, b),
+            solve=lambda _case: right,
+            mistakes=lambda _case, _right: mistakes,
+        )
+        answers = {n: Answer(value=v, sigma=None, unit="") for n, v in wrong.items()}
+        return said(sheet, None, answers)
+
+    assert verdicts([one, both], a=2.0, b=3.0) == {"a": "both", "b": "both"}
+    assert verdicts([both, one], a=2.0, b=1.0) == {"a": "one", "b": ""}
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from acx4book.teaching.sheets import (
 from acx4book.teaching.sheets.every import SHEETS, sheet_of
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight.reader import read
-from acx4lib.geometry.camera import Interior
+from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder, tables
 from acx4lib.stages.mounting import calibrate
 from acx4sim.plan import Options
@@ -68,16 +68,20 @@ def test_the_lesson_shows_for_every_student(solved):
 # --- estimates -------------------------------------------------------------------------------
 
 
-def test_the_statistics_are_those_of_others():
-    d = np.random.default_rng(3).normal(0.05, 0.2, (17, 3))
-    found = estimates.statistics(d)
+def test_the_statistics_are_those_of_others(solved):
+    case, right = solved("lab-7", "Ada")
+    found = {name: one.value for name, one in right.items()}
+    single = calibrate(case.flight).mountings["single_step"].calibration
+    d = validate(case.flight.block("validation"), single, method="single_step").points.d
     height = d[:, 2].tolist()
-    assert found[estimates.N] == 17
+    assert found[estimates.N] == len(d)
     assert found["rms_east_m"] == pytest.approx(np.sqrt(np.mean(d[:, 0] ** 2)))
     assert found[estimates.MEAN] == pytest.approx(statistics.mean(height))
     assert found[estimates.STD] == pytest.approx(statistics.stdev(height))
     assert found[estimates.T] == pytest.approx(ttest_1samp(height, 0.0).statistic)
-    assert found[estimates.CHI] == pytest.approx(16 * statistics.variance(height) / 0.15**2)
+    assert found[estimates.CHI] == pytest.approx(
+        (len(d) - 1) * statistics.variance(height) / 0.15**2
+    )
 
 
 # --- the code of the lab pages, run on a student's flight ------------------------------------
@@ -197,15 +201,16 @@ def test_a_mistake_made_in_the_flights_files_is_named(changed, says, key, solved
 # --- lens ------------------------------------------------------------------------------------
 
 
-def test_the_distortion_is_browns_formula():
-    of = Interior(f=50.0, xp=1.0, k1=6e-6, k2=-2e-9, k3=3e-13, p1=2e-6, p2=-3e-6)
-    *radial, dx, dy = lens.um(of)
+def test_the_distortion_is_browns_formula(solved):
+    case, right = solved("lab-4", "Ada")
+    of = calibrate(case.flight).mountings["single_step"].calibration.cameras[0].interior
+    radial, (dx, dy) = ([right[n].value for n in names] for names in (lens.RADIAL, lens.AT_PLACE))
     r = np.array(lens.RADII_MM)
-    assert radial == pytest.approx(1e3 * (6e-6 * r**3 - 2e-9 * r**5 + 3e-13 * r**7))
+    assert radial == pytest.approx(1e3 * (of.k1 * r**3 + of.k2 * r**5 + of.k3 * r**7))
     x, y, r_sq = 20.0, 15.0, 625.0
-    scale = 6e-6 * r_sq - 2e-9 * r_sq**2 + 3e-13 * r_sq**3
-    assert dx == pytest.approx(1e3 * (x * scale + 2e-6 * (r_sq + 2 * x * x) - 6e-6 * x * y))
-    assert dy == pytest.approx(1e3 * (y * scale - 3e-6 * (r_sq + 2 * y * y) + 4e-6 * x * y))
+    scale = of.k1 * r_sq + of.k2 * r_sq**2 + of.k3 * r_sq**3
+    assert dx == pytest.approx(1e3 * (x * scale + of.p1 * (r_sq + 2 * x * x) + 2 * of.p2 * x * y))
+    assert dy == pytest.approx(1e3 * (y * scale + of.p2 * (r_sq + 2 * y * y) + 2 * of.p1 * x * y))
 
 
 def test_estimates_are_within_their_sigma_of_the_truth(solved):

@@ -92,7 +92,7 @@ def _validation(case: Case) -> Validation:
     return validate(case.flight.block("validation"), single, method="single_step")
 
 
-def statistics(d: Array, *, ddof: int = 1) -> dict[str, float]:
+def _statistics(d: Array, *, ddof: int = 1) -> dict[str, float]:
     """Return what is asked for of differences, shape (n, 3), m."""
     n, height = len(d), d[:, 2]
     mean, std = height.mean(), height.std(ddof=ddof)
@@ -108,7 +108,7 @@ def statistics(d: Array, *, ddof: int = 1) -> dict[str, float]:
 
 def _solve(case: Case) -> Rights:
     """Calibrate, and compare the check points."""
-    found = statistics(_validation(case).points.d)
+    found = _statistics(_validation(case).points.d)
     digits = {question.name: question.digits for question in QUESTIONS}
     right = {name: computed(value, digits[name]) for name, value in found.items()}
     return {**right, N: computed(found[N], 1)}
@@ -120,7 +120,7 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     d, (n, mean, std, chi) = checked.points.d, values(right, (N, MEAN, STD, CHI))
     yield Mistake(
         says="pairs are counted: pairs of one point are not independent; one difference per point",
-        gives=statistics(checked.pairs.d),
+        gives=_statistics(checked.pairs.d),
     )
     yield wrong_sign(right, [MEAN, T], "the sign is wrong: estimated less surveyed")
     yield Mistake(
@@ -131,7 +131,7 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
         says="these are standard deviations: the RMS holds the mean, too",
         gives=named(RMS, d.std(axis=0, ddof=1)),
     )
-    biased = statistics(d, ddof=0)
+    biased = _statistics(d, ddof=0)
     yield Mistake(
         says="divided by n; the mean was estimated, so by n − 1",
         gives={name: biased[name] for name in (STD, T, CHI)},

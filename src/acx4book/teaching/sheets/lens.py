@@ -66,7 +66,7 @@ def _given(case: Case) -> Sequence[str]:
     return [f"The corners of the images are {corner:.1f} mm from their middle."]
 
 
-def um(lens: Interior) -> Array:
+def _um(lens: Interior) -> Array:
     """Return all distortions that are asked for, shape (5,), micrometres."""
     bare = replace(lens, xp=0.0, yp=0.0)
     radial = replace(bare, p1=0.0, p2=0.0)
@@ -77,7 +77,7 @@ def um(lens: Interior) -> Array:
 def _jacobian() -> Array:
     """Return d(distortions) / d(k1, k2, k3, p1, p2), shape (5, 5): they are linear."""
     none = Interior(f=1.0)
-    return np.column_stack([um(replace(none, **{name: 1.0})) for name in LENS])
+    return np.column_stack([_um(replace(none, **{name: 1.0})) for name in LENS])
 
 
 def _covariance(calibration: Calibration) -> Array:
@@ -95,8 +95,8 @@ def _solve(case: Case) -> Rights:
     J = _jacobian()
     sigma = np.sqrt(np.diagonal(J @ _covariance(calibration) @ J.T))
     found = parameters(calibration, case.true_camera)
-    lens = um(calibration.cameras[0].interior)
-    true = um(Interior(f=1.0, **{name: case.true_camera[name] for name in LENS}))
+    lens = _um(calibration.cameras[0].interior)
+    true = _um(Interior(f=1.0, **{name: case.true_camera[name] for name in LENS}))
     return {
         **{name: found[name] for name in INNER},
         **{
@@ -124,7 +124,7 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
         ("p1 and p2 are forgotten", replace(lens, p1=0.0, p2=0.0)),
         ("p1 and p2 are swapped", replace(lens, p1=lens.p2, p2=lens.p1)),
     ):
-        yield Mistake(says=says, gives=named(names, um(wrong)))
+        yield Mistake(says=says, gives=named(names, _um(wrong)))
     r = np.array(RADII_MM)
     yield Mistake(
         says="divided by the radius: the distortion is r (k1 r² + k2 r⁴ + k3 r⁶)",
