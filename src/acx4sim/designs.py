@@ -8,7 +8,7 @@ from types import MappingProxyType
 from acx4sim import optics
 from acx4sim.earth import chained_deg
 from acx4sim.files import SimulatedFlight, simulate_plan, write
-from acx4sim.optics import HEADS, Camera
+from acx4sim.optics import Camera
 from acx4sim.plan import BlockPlan, Noise, Options, Plan, Strip, layout
 
 _FIELD = (671_000.0, 7_189_500.0)  # near Curitiba, Brazil
@@ -180,7 +180,7 @@ def _four_heads(name: str, title: str, *, mount_deg: tuple[float, float, float])
 
 def _mounted(name: str, mount_deg: tuple[float, float, float]) -> Camera:
     """Return a head on the IMU."""
-    head = HEADS[name]
+    head = optics.HEADS[name]
     return replace(head, boresight_deg=chained_deg(mount_deg, head.boresight_deg))
 
 

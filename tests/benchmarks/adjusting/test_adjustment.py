@@ -114,7 +114,7 @@ def test_start_values_lie_off_the_truth_as_stated(made, network):
     off = np.abs(network.start.x_m - made.x_m)[ties].max(axis=0)
     # the largest of 500 uniform ones lies within 2 % of the bound in all but e-5 of seeds
     assert_allclose(off, bench_blocks.START_TIES_M, rtol=0.02)
-    assert network.start.interiors[0].to_array().tolist() == [74.0] + 8 * [0.0]
+    assert network.start.interiors[0].to_array().tolist() == [74.0] + 9 * [0.0]
     assert_array_equal(network.start.T_b_c.R[0], np.eye(3))
     assert_array_equal(network.start.T_b_c.r[0], np.zeros(3))
     assert network.left_out == {}
