@@ -44,26 +44,15 @@ def leave_results(folder, *, design="single-head", seed=2):
     at, kept = Path(folder) / "flight", Path(folder) / "results"
     acx4sim.write(acx4sim.DESIGNS[design](seed=seed), at)
     flown = flight.read(at)
-    with own_folder.claim(kept, command=runner.COMMAND) as own:
-        own.expect([*results.FILES, provenance.FILE])
-        results.replace(kept, [], tables={}, summary={})
-        provenance.keep(own, flown)
-        _compute(flown, kept)
-        own.seal()
-    return at, kept
-
-
-def _compute(flown, kept):
     found = mounting.calibrate(flown.calibration, free=flown.estimate_mounting)
-    adjustments.write(kept, "mounting", adjustments.of_mountings(found))
-    provenance.stamp(kept, "mounting")
+    adjustments.write(kept, "mounting", adjustments.of_mountings(found), flight=flown)
     calibrations = read_back.calibrations_for(flown, results.read(kept), flown.validation.cameras)
     validated = [
         validation.validate(flown.validation, one, method=method)
         for method, one in calibrations.items()
     ]
-    adjustments.write(kept, "validation", adjustments.of_validations(validated))
-    provenance.stamp(kept, "validation")
+    adjustments.write(kept, "validation", adjustments.of_validations(validated), flight=flown)
+    return at, kept
 
 
 def edit(folder, name, change):
@@ -115,11 +104,10 @@ def leave_calibration(folder, calibration, *, method="single_step", related=None
             ),
         }
     with own_folder.claim(kept, command=runner.COMMAND) as own:
-        own.expect([*results.FILES, provenance.FILE])
+        provenance.prepare(own, flown, [])
         for name, tables in made.items():
             entry = {name: ADJUSTED if name.startswith("mounting/") else {"converged": True}}
             results.replace(kept, [name], tables=tables, summary=entry)
-        provenance.keep(own, flown)
         own.seal()
     return kept
 

@@ -21,7 +21,6 @@ from acx4lib.errors import FlightError
 from acx4lib.flight import reader
 from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder, own_folder, provenance
-from acx4lib.results.own_folder import MARK
 from acx4lib.stages import mounting, validation
 from acx4tools import campaigns
 from acx4tools.exchange.outward import calibrated
@@ -76,16 +75,21 @@ def test_a_stage_on_the_results_of_another_flight_stops_and_names_both(flown, tm
 
 def test_results_of_the_version_before_are_told_apart_by_their_provenance(flown, tmp_path):
     results = copied(flown, tmp_path, "results_A")
-    (results / MARK).unlink()
     summary = json.loads((results / "summary.json").read_text())
     for entry in summary.values():
         del entry["flight"]
     (results / "summary.json").write_text(json.dumps(summary))
+    own_folder.mark_all(results, runner.COMMAND)
     with pytest.raises(
         FlightError, match=f"{digest(flown / 'A')[:12]}.*{digest(flown / 'B')[:12]}"
     ):
-        provenance.check_left(results, reader.read(flown / "B"), ["validation"])
-    provenance.check_left(results, reader.read(flown / "A"), ["validation"])
+        prepared_to_validate(results, flown / "B")
+    prepared_to_validate(results, flown / "A")
+
+
+def prepared_to_validate(results, flight):
+    with own_folder.claim(results, command=runner.COMMAND) as own:
+        provenance.prepare(own, reader.read(flight), ["validation"])
 
 
 def test_a_table_that_was_changed_after_the_run_is_named(flown, tmp_path):
@@ -300,7 +304,7 @@ def test_an_earlier_calibration_is_for_the_validation_alone(flown, tmp_path, cap
 def test_mixed_results_of_the_version_before_are_not_exported_or_compared(flown, tmp_path):
     results = copied(flown, tmp_path, "results_A")
     with own_folder.claim(results, command=runner.COMMAND) as own:
-        provenance.keep(own, reader.read(flown / "B"))
+        provenance.prepare(own, reader.read(flown / "B"), folder.STAGES)
         own.seal()
     for read in (campaigns.read, calibrated.read):
         with pytest.raises(FlightError, match="run all stages of one flight again"):

@@ -96,7 +96,7 @@ def test_a_table_that_changed_after_it_was_read_is_not_kept(tmp_path):
         own_folder.claim(tmp_path / "results", command=runner.COMMAND) as own,
         pytest.raises(FlightError, match=r"trajectory\.csv: changed while it was read; run again"),
     ):
-        provenance.keep(own, read)
+        provenance.prepare(own, read, [])
     assert not (tmp_path / "results").exists()
 
 

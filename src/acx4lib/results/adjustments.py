@@ -125,7 +125,7 @@ def write(
         becomes, or must be, that of its results, as `provenance.written` has it; without a flight
         only the tables are replaced.
     calibration : mapping, optional
-        That of an earlier flight which is validated, as `provenance.stamp` takes it.
+        That of an earlier flight which is validated, as `provenance.written` takes it.
     methods : sequence of str
         Of the stage, those that are replaced; by default all.
 

@@ -183,39 +183,6 @@ def _not_run(folder: Path, stages: Sequence[str], flight: Flight) -> str:
     )
 
 
-def check_left(folder: Path, flight: Flight, stages: Sequence[str]) -> None:
-    """Check that the results of stages that a run leaves in a folder are of its flight.
-
-    Parameters
-    ----------
-    folder : Path
-        That of the results, before the flight's tables are kept there.
-    flight : Flight
-    stages : sequence of str
-        Those that the run replaces.
-
-    Raises
-    ------
-    FlightError
-        With both flights, and the tables that differ.
-    """
-    kept, summary, mine = _read(folder), results.entries(folder), identity(flight)
-    others = {
-        stage: _named(summary, stage, of=mine) or _stamped(folder, kept, stage, of=mine)
-        for stage in results.STAGES
-        if stage not in stages
-    }
-    found = {stage: other for stage, other in others.items() if other}
-    if found:
-        cure = (
-            "run all stages, or choose another folder; the calibration of an earlier flight is "
-            "validated by --calibration"
-        )
-        other = next(iter(found.values()))
-        differ = _differing(kept.files, checksums(flight))
-        raise FlightError([_of_another(folder, [*found], other, flight, differ=differ, cure=cure)])
-
-
 def check_kept(run: Run, stage: str) -> None:
     """Check that a stage was run with the flight that is kept beside its results.
 
@@ -302,65 +269,6 @@ def versions() -> dict[str, str]:
     return out
 
 
-def keep(own: OwnFolder, flight: Flight) -> None:
-    """Copy the tables of a flight into the results, replacing those of an earlier run.
-
-    Parameters
-    ----------
-    own : OwnFolder
-        The results folder.
-    flight : Flight
-        The flight, read and checked.
-
-    Raises
-    ------
-    FlightError
-        Where a table was changed after it was read.
-    """
-    names = [name.as_posix() for name in table_files(flight)]
-    before = _read(own.path)
-    with tempfile.TemporaryDirectory(dir=own.path, prefix=SCRATCH) as temporary:
-        new = Path(temporary)
-        for name in names:
-            (new / name).parent.mkdir(parents=True, exist_ok=True)
-            copy(flight.path / name, new / name)
-        files = {name: own_folder_written(new / name).sha256 or "" for name in sorted(names)}
-        changed = [name for name in flight.sha256 if files.get(name) != flight.sha256[name]]
-        if changed:
-            problems = [f"{flight.path / n}: changed while it was read; run again" for n in changed]
-            raise FlightError(problems)
-        own.remove([name for name in own.files if name.startswith(f"{KEPT}/")])
-        own.expect(f"{KEPT}/{name}" for name in names)
-        for name in names:
-            (own.path / KEPT / name).parent.mkdir(parents=True, exist_ok=True)
-            (new / name).replace(own.path / KEPT / name)
-    _write(own.path, Provenance(files=files, stages=before.stages))
-
-
-def stamp(folder: Path, stage: str, *, calibration: Mapping[str, object] | None = None) -> None:
-    """Record that a stage was run with the kept flight and the present software.
-
-    Parameters
-    ----------
-    folder : Path
-    stage : str
-    calibration : mapping, optional
-        The calibration of an earlier flight that it validated, as `earlier.Earlier.told` has it.
-    """
-    before = _read(folder)
-    entry: dict[str, object] = {"flight": before.digest, "versions": versions()}
-    if calibration:
-        entry["calibration"] = dict(calibration)
-    _write(folder, Provenance(files=before.files, stages={**before.stages, stage: entry}))
-
-
-def forget(folder: Path, stages: Sequence[str]) -> None:
-    """Remove stages whose results are removed."""
-    before = _read(folder)
-    left = {stage: entry for stage, entry in before.stages.items() if stage not in stages}
-    _write(folder, Provenance(files=before.files, stages=left))
-
-
 def verify(folder: Path) -> None:
     """Check that the tables of a results folder are what its run left.
 
@@ -397,11 +305,6 @@ def read(folder: Path) -> Provenance:
         )
         raise FlightError([problem])
     return found
-
-
-def recorded_stages(folder: Path) -> Mapping[str, Mapping[str, object]]:
-    """Return what is said of the stages that were run, without a look at the kept tables."""
-    return _read(folder).stages
 
 
 def _read(folder: Path) -> Provenance:
@@ -486,7 +389,7 @@ def written(
         ``mounting``, or ``mounting/rig`` for a part that leaves the others.
     flight : Flight
     calibration : mapping, optional
-        That of an earlier flight, as `provenance.stamp` takes it.
+        That of an earlier flight which the stage validated, as `earlier.Earlier.told` has it.
 
     Raises
     ------
@@ -541,14 +444,62 @@ def prepare(
         raise FlightError([f"{line}; run all stages again" for line in changed])
     if changed:
         own.remove(read)
-    check_left(own.path, flight, stages)
-    keep(own, flight)
+    _check_left(own.path, flight, stages)
+    _keep(own, flight)
     skipped = list(skipped)
     removed = [f"{PART_OF[s]}/{s}" if s in PART_OF else s for s in skipped]
     results.replace(own.path, removed, tables={}, summary={})
-    forget(own.path, skipped)
+    _forget(own.path, skipped)
     own.remove(name for stage in skipped for name in beside(stage))
     own.seal()
+
+
+def _check_left(folder: Path, flight: Flight, stages: Sequence[str]) -> None:
+    """Check that the results that a run leaves are of its flight, before its tables are kept."""
+    kept, summary, mine = _read(folder), results.entries(folder), identity(flight)
+    others = {
+        stage: _named(summary, stage, of=mine) or _stamped(folder, kept, stage, of=mine)
+        for stage in results.STAGES
+        if stage not in stages
+    }
+    found = {stage: other for stage, other in others.items() if other}
+    if found:
+        cure = (
+            "run all stages, or choose another folder; the calibration of an earlier flight is "
+            "validated by --calibration"
+        )
+        other = next(iter(found.values()))
+        differ = _differing(kept.files, checksums(flight))
+        raise FlightError([_of_another(folder, [*found], other, flight, differ=differ, cure=cure)])
+
+
+def _keep(own: OwnFolder, flight: Flight) -> None:
+    """Copy the tables of a flight as it was read into the results, instead of those before."""
+    names = [name.as_posix() for name in table_files(flight)]
+    before = _read(own.path)
+    with tempfile.TemporaryDirectory(dir=own.path, prefix=SCRATCH) as temporary:
+        new = Path(temporary)
+        for name in names:
+            (new / name).parent.mkdir(parents=True, exist_ok=True)
+            copy(flight.path / name, new / name)
+        files = {name: own_folder_written(new / name).sha256 or "" for name in sorted(names)}
+        changed = [name for name in flight.sha256 if files.get(name) != flight.sha256[name]]
+        if changed:
+            problems = [f"{flight.path / n}: changed while it was read; run again" for n in changed]
+            raise FlightError(problems)
+        own.remove([name for name in own.files if name.startswith(f"{KEPT}/")])
+        own.expect(f"{KEPT}/{name}" for name in names)
+        for name in names:
+            (own.path / KEPT / name).parent.mkdir(parents=True, exist_ok=True)
+            (new / name).replace(own.path / KEPT / name)
+    _write(own.path, Provenance(files=files, stages=before.stages))
+
+
+def _forget(folder: Path, stages: Sequence[str]) -> None:
+    """Remove stages whose results are removed."""
+    before = _read(folder)
+    left = {stage: entry for stage, entry in before.stages.items() if stage not in stages}
+    _write(folder, Provenance(files=before.files, stages=left))
 
 
 def check_calibration(
@@ -568,7 +519,7 @@ def check_calibration(
     ------
     FlightError
     """
-    left = {s: e for s, e in recorded_stages(folder).items() if s not in stages}
+    left = {s: e for s, e in _read(folder).stages.items() if s not in stages}
     own = "mounting" in (left if told else stages)
     if own and (told or "calibration" in left.get("validation", {})):
         problem = (
@@ -603,7 +554,7 @@ def replaced(
     stage : str
         Of `table_files.NOTEBOOKS`.
     calibration : mapping, optional
-        That of an earlier flight, as `provenance.stamp` takes it.
+        That of an earlier flight which the stage validated, as `earlier.Earlier.told` has it.
     """
     folder = own.path
     with tempfile.TemporaryDirectory(dir=folder, prefix=whole_files.SCRATCH) as temporary:
@@ -628,8 +579,17 @@ def replaced(
         _move(copied, folder, [*results.FILES, *left])
     of_folder = PART_OF.get(stage, stage)
     if of_folder in results.STAGES:
-        stamp(folder, of_folder, calibration=calibration)
+        _stamp(folder, of_folder, calibration)
     own.seal()
+
+
+def _stamp(folder: Path, stage: str, calibration: Mapping[str, object] | None) -> None:
+    """Record that a stage was run with the kept flight and the present software."""
+    before = _read(folder)
+    entry: dict[str, object] = {"flight": before.digest, "versions": versions()}
+    if calibration:
+        entry["calibration"] = dict(calibration)
+    _write(folder, Provenance(files=before.files, stages={**before.stages, stage: entry}))
 
 
 def _move(source: Path, folder: Path, names: Iterable[str]) -> None:

@@ -181,7 +181,7 @@ def write(flight: Flight, results_path: str | Path, stages: Sequence[RigStage]) 
     over_ground, found = "validation" not in flight.carried, []
     for stage in stages:
         with solving(flight, stage.block.name):
-            said = records(stage, over_ground=over_ground)
+            said = _records(stage, over_ground=over_ground)
             found.append(explained(said, flight, stage.block.name))
     for stage, rows in zip(stages, found, strict=True):
         adjustments.write(results_path, f"mounting/{stage.method}", rows, flight=flight)
@@ -203,15 +203,8 @@ def _oriented(flight: Flight, stage: RigStage) -> list[Record]:
     return [of_relative_orientation("heads", "relative_orientation", found)]
 
 
-def records(stage: RigStage, *, over_ground: bool = False) -> list[Record]:
-    """Return what the rig leaves in a results folder, a failure included.
-
-    Parameters
-    ----------
-    stage : RigStage
-    over_ground : bool
-        As `adjustments.of_bundle` takes it.
-    """
+def _records(stage: RigStage, *, over_ground: bool) -> list[Record]:
+    """Return what the rig leaves in a results folder, a failure included."""
     if stage.rig is None:
         return [of_left_out("mounting", stage.method, stage.left_out)]
     record = of_mounting(stage.rig, over_ground=over_ground)

@@ -291,11 +291,11 @@ def write(
         By block; empty where the flight is measured in synthetic images.
     """
     points = [of_carried(flight, carried)] if carried else []
-    rows = [*records(refinement), *points]
+    rows = [*_records(refinement), *points]
     adjustments.write(results_path, "synthetic", rows, flight=flight)
 
 
-def records(refinement: Refinement) -> list[Record]:
+def _records(refinement: Refinement) -> list[Record]:
     """Return what the stage leaves in a results folder."""
     reason = refinement.reasons.get("rotations")
     if reason is not None:

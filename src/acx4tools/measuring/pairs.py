@@ -70,7 +70,8 @@ class MatchOptions:
     def side(self) -> int:
         """Side of the patches."""
         half = max(self.window_px // 2 + MOVES, self.correlation_px // 2)
-        return side_of(half + self.search_px + SPLINE)
+        reach = half + self.search_px + SPLINE  # to every side; a whole number of steps
+        return 2 * STEP * -(-reach // STEP) + 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,16 +120,6 @@ class PairJob:
     at_a: Index
     at_b: Index
     options: MatchOptions
-
-
-def match_pair(job: PairJob) -> tuple[Found, Found]:
-    """Return the corners of the first picture found in the second, and the reverse."""
-    there = found_in(job.a, job.b, job.surface, job.at_a, job.options)
-    back = found_in(job.b, job.a, job.surface, job.at_b, job.options)
-    colrow_a = np.concatenate([job.at_a[there.which], back.colrow])
-    colrow_b = np.concatenate([there.colrow, job.at_b[back.which]])
-    near = agree(job.a, job.b, colrow_a, colrow_b, least_px=job.options.epipolar_px)
-    return there[near[: len(there)]], back[near[len(there) :]]
 
 
 def found_in(a: View, b: View, surface: Surface, at: Index, options: MatchOptions) -> Found:
@@ -294,11 +285,6 @@ class Patches:
         return np.asarray((1 - ty) * low + ty * high)
 
 
-def side_of(reach: int) -> int:
-    """Return the side of patches that extend by at least `reach` px to every side."""
-    return 2 * STEP * -(-reach // STEP) + 1
-
-
 def own_patches(view: View, at: Index, side: int) -> Patches:
     """Return a picture's own patches around pixels, shape (n, 2), as they are."""
     image, half = pixels_of_view(view), side // 2
@@ -406,9 +392,9 @@ class Matching:
 
     def _matched(self, jobs: Sequence[PairJob], left: Sequence[int]) -> Iterator[tuple[int, Both]]:
         if self.executor is None:
-            yield from ((k, match_pair(jobs[k])) for k in left)
+            yield from ((k, _match_pair(jobs[k])) for k in left)
             return
-        calls = {self.executor.submit(match_pair, jobs[k]): k for k in left}
+        calls = {self.executor.submit(_match_pair, jobs[k]): k for k in left}
         for call in as_completed(list(calls)):
             yield calls.pop(call), call.result()
 
@@ -426,6 +412,16 @@ def _keep(path: Path, both: Both) -> None:
     parts = {f"{k}_{name}": getattr(found, name) for k, found in enumerate(both) for name in _PARTS}
     with opened_new(path) as file:
         np.savez(file, **parts)
+
+
+def _match_pair(job: PairJob) -> tuple[Found, Found]:
+    """Return the corners of the first picture found in the second, and the reverse."""
+    there = found_in(job.a, job.b, job.surface, job.at_a, job.options)
+    back = found_in(job.b, job.a, job.surface, job.at_b, job.options)
+    colrow_a = np.concatenate([job.at_a[there.which], back.colrow])
+    colrow_b = np.concatenate([there.colrow, job.at_b[back.which]])
+    near = agree(job.a, job.b, colrow_a, colrow_b, least_px=job.options.epipolar_px)
+    return there[near[: len(there)]], back[near[len(there) :]]
 
 
 def _kept(path: Path) -> Both | None:

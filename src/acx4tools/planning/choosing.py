@@ -293,7 +293,7 @@ def of(target: Target) -> Candidates:
     full = _designed(target, target.plan)
     mounting = _mounting(full)
     information = of_strips(mounting.bundle.network)
-    listed = shared(mounting)
+    listed = _shared(mounting)
     wanted = [i for name in target.sigma for i in _places(name, listed)]
     n, k = mounting.calibration.n_columns, len(information.names)
     J = np.eye(k)
@@ -319,7 +319,7 @@ def _mounting(designed: Design) -> Mounting:
     return designed.mountings[design.methods(designed.plan)[BLOCK]]
 
 
-def shared(mounting: Mounting) -> list[Parameter]:
+def _shared(mounting: Mounting) -> list[Parameter]:
     """Return the parameters that belong to no strip, in the order of their columns."""
     of_gnss = [p for p in trajectory_errors.parameters(mounting.bundle) if p.key != "drift"]
     return [*parameters(mounting.calibration), *of_gnss]
@@ -335,7 +335,7 @@ def _places(name: str, listed: list[Parameter]) -> list[int]:
 
 def _found(designed: Design) -> dict[Key, float]:
     """Return standard deviations and RMS by their names."""
-    found = {(p.camera, p.name): p.sigma for p in shared(_mounting(designed))}
+    found = {(p.camera, p.name): p.sigma for p in _shared(_mounting(designed))}
     for validation in designed.validations.values():
         rms = np.sqrt(np.mean(validation.points.sigma**2, axis=0))
         found |= {

@@ -140,8 +140,9 @@ def parameter_table(design: Design) -> pd.DataFrame:
     DataFrame
         `value` is the plan's, and sigma a priori, infinite where the design says nothing.
         `determined` says whether the design determines it; `spread` by what share sigma differs
-        from flight to flight; `detectable_change` is `smallest_change`; `correlation` is the
-        largest, and `correlated_with` the unknown that it is with.
+        from flight to flight; `detectable_change` is the smallest that a second campaign of the
+        same plan finds in 80 %; `correlation` is the largest, and `correlated_with` the unknown
+        that it is with.
     """
     parts = [_parameters(method, _predicted(design, method)) for method in design.mountings]
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["parameters"], *ADDED])
@@ -156,13 +157,13 @@ def _parameters(method: str, found: _Predicted) -> pd.DataFrame:
     return tables["parameters"].assign(
         determined=found.determined,
         spread=found.spread,
-        detectable_change=[smallest_change(p.sigma) for p in listed],
+        detectable_change=[_smallest_change(p.sigma) for p in listed],
         correlation=related[np.arange(len(listed)), most],
         correlated_with=[listed[j].full_name for j in most],
     )
 
 
-def smallest_change(sigma: float) -> float:
+def _smallest_change(sigma: float) -> float:
     """Return the change of a parameter that a second campaign of the same plan finds in 80 %.
 
     The difference of two independent campaigns has the variance 2 sigma^2. It is tested alone, two
@@ -241,17 +242,6 @@ def check_point_table(design: Design) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def expected_rms(design: Design, method: str) -> dict[str, Expected]:
-    """Return what is expected of differences at check points: of all rays, and of pairs of rays.
-
-    Returns
-    -------
-    dict of str to Expected
-        ``points`` and ``pairs``.
-    """
-    return _expected_rms(design.outcomes, method)
-
-
 def _expected_rms(outcomes: Sequence[Outcome], method: str) -> dict[str, Expected]:
     """Return what is to be expected at check points, by `PARTS`."""
     found = {}
@@ -289,7 +279,7 @@ def _notes(design: Design) -> list[str]:
     return out
 
 
-def weak_sentences(design: Design) -> list[str]:
+def _weak_sentences(design: Design) -> list[str]:
     """Return one sentence per unknown that is determined, but weakly: why, and the cure."""
     out = []
     for method, mounting in design.mountings.items():
@@ -333,13 +323,14 @@ def summary(design: Design) -> dict[str, Any]:
         **{f"mounting/{name}": _adjusted(design, name) for name in design.mountings},
         **{
             f"validation/{name}": {
-                part: _of_check_points(found) for part, found in expected_rms(design, name).items()
+                part: _of_check_points(found)
+                for part, found in _expected_rms(design.outcomes, name).items()
             }
             for name in design.validations
         },
         "not_determined": sentences(design),
         "notes": _notes(design),
-        "weak": weak_sentences(design),
+        "weak": _weak_sentences(design),
     }
 
 
@@ -400,7 +391,7 @@ def lines(design: Design) -> Iterator[str]:
     for title, found in (
         ("notes", _notes(design)),
         ("not determined", sentences(design)),
-        ("weak", weak_sentences(design)),
+        ("weak", _weak_sentences(design)),
     ):
         if found:
             yield from ("", title, *(f"  {line}" for line in found))
@@ -471,7 +462,7 @@ def _validation_lines(design: Design) -> Iterator[str]:
         yield ""
         yield f"validation/{method}: predicted RMS of differences at check points, m"
         rows = []
-        for what, found in expected_rms(design, method).items():
+        for what, found in _expected_rms(design.outcomes, method).items():
             rows.append((f"{found.n:.0f} {what}", *(f"{value:.3f}" for value in found.rms)))
             if len(found.of_winds) > 1:
                 rows.append(("  of many flights, within", *(f"{x:.0%}" for x in found.tolerance)))

@@ -335,10 +335,12 @@ def test_the_predicted_rms_and_sigma_are_those_of_many_flights(n_flights):
         sigma.append([p.sigma / unit for p in parameters(found.calibration)])
     mean = np.mean(squares, axis=0)
     error = 0.5 * np.std(squares, axis=0, ddof=1) / mean / np.sqrt(n_flights)
-    for k, predicted in enumerate(tables.expected_rms(planned, "single_step").values()):
-        off = np.sqrt(mean[k]) / predicted.rms - 1
-        assert np.all(np.abs(off) < predicted.tolerance + 2.5 * error[k]), off
-        assert predicted.tolerance.max() < 0.04
+    predicted = tables.summary(planned)["validation/single_step"]
+    for k, part in enumerate(("points", "pairs")):
+        off = np.sqrt(mean[k]) / predicted[part]["rms"] - 1
+        tolerance = np.array(predicted[part]["tolerance"])
+        assert np.all(np.abs(off) < tolerance + 2.5 * error[k]), off
+        assert tolerance.max() < 0.04
     pooled = np.sqrt(np.mean(np.square(sigma), axis=0))
     ratio = pooled / tables.parameter_table(planned)["sigma"].to_numpy()
     assert np.all(np.abs(ratio - 1) < 0.03), ratio
@@ -392,7 +394,7 @@ def test_delays_of_strips_at_two_speeds_come_out_without_bias(planted):
 
 def test_a_delay_at_one_speed_is_weak_in_plan_and_flight_and_without_bias():
     plan = delayed(70.0, 70.0, 70.0, 70.0)
-    said = [line.split()[1] for line in tables.weak_sentences(design.of(plan))]
+    said = [line.split()[1] for line in tables.summary(design.of(plan))["weak"]]
     assert "gnss_delay_s" in said
     z = []
     for seed in range(1, 11):
@@ -445,7 +447,7 @@ def test_a_weak_parameter_is_named_by_the_run_which_has_its_row_and_succeeds(wea
 
 def test_the_plan_names_the_same_parameters_as_its_flight(weak_run):
     plan, done, _ = weak_run
-    planned = {line.split()[2] for line in tables.weak_sentences(design.of(plan))}
+    planned = {line.split()[2] for line in tables.summary(design.of(plan))["weak"]}
     named = {line.split()[2] for line in done.notes if " is weak (" in line}
     assert planned <= named
     assert {"f_mm", "lever_z_m"} <= planned

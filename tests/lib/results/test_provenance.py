@@ -9,6 +9,7 @@ import pytest
 import acx4sim
 from acx4lib import flight
 from acx4lib.errors import FlightError
+from acx4lib.results import folder as results
 from acx4lib.results import own_folder, provenance
 
 
@@ -17,14 +18,17 @@ def kept(tmp_path):
     """A flight with a geoid-free layout, kept in a results folder by one stage."""
     at, folder = tmp_path / "flight", tmp_path / "results"
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), at)
-    keep(folder, at)
-    provenance.stamp(folder, "mounting")
+    keep(folder, at, "mounting")
     return at, folder
 
 
-def keep(folder, at):
+def keep(folder, at, *stages, skipped=()):
+    """Keep a flight for all stages, of which these are run."""
     with own_folder.claim(folder, command="acx4 run") as own:
-        provenance.keep(own, flight.read(at))
+        provenance.prepare(own, flight.read(at), results.STAGES, skipped=skipped)
+        for stage in stages:
+            with provenance.replaced(own, stage):
+                pass
 
 
 def test_the_tables_are_kept_byte_for_byte_with_their_checksums(kept):
@@ -57,13 +61,12 @@ def test_a_changed_flight_changes_the_digest_but_not_that_of_older_stages(kept):
     before = provenance.read(folder).digest
     with (at / "flight.toml").open("a") as file:
         file.write("\n# one more line\n")
-    keep(folder, at)
-    provenance.stamp(folder, "validation")
+    keep(folder, at, "validation")
     said = provenance.read(folder)
     assert said.digest != before
     assert said.stages["mounting"]["flight"] == before
     assert said.stages["validation"]["flight"] == said.digest
-    provenance.forget(folder, ["mounting"])
+    keep(folder, at, skipped=["mounting"])
     assert set(provenance.read(folder).stages) == {"validation"}
 
 

@@ -16,7 +16,7 @@ from acx4lib.calibration.heads import relative_orientation as of_heads
 from acx4lib.calibration.rig import relative_orientation
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.block import select_images
-from acx4lib.results import adjustments
+from acx4lib.flight.reader import PLACE
 from acx4lib.results import folder as results
 from acx4lib.stages import attempt, heads, order, rig, synthetic
 from acx4lib.stages import pictures as taken
@@ -105,9 +105,9 @@ def rig_stage(rig_flight):
     return rig.calibrate(rig_flight)
 
 
-def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, rig_stage):
+def test_the_rig_leaves_rows_in_every_table_beside_other_methods(tmp_path, rig_flight, rig_stage):
     results.replace(tmp_path, ["mounting"], tables={}, summary={"mounting/single_step": {}})
-    adjustments.write(tmp_path, "mounting/rig", rig.records(rig_stage))
+    rig.write(replace(rig_flight, path=PLACE), tmp_path, [rig_stage])
     found = results.read(tmp_path)
     assert set(found.summary) == {"mounting/single_step", "mounting/rig"}
     assert results.cameras(found, "mounting/rig") == ("CAM1", "CAM2", "CAM3", "CAM4")
@@ -150,14 +150,19 @@ def with_block(flight, block):
     return replace(flight, blocks={"heads": block})
 
 
-def test_a_rig_that_is_not_determined_ends_no_run(rig_flight):
+def left_by(flight, stage, folder):
+    rig.write(replace(flight, path=PLACE), folder, [stage])
+    return results.read(folder).summary["mounting/rig"]
+
+
+def test_a_rig_that_is_not_determined_ends_no_run(rig_flight, tmp_path):
     """From one strip without control points, a lever arm is a shift of all tie points."""
     block = rig_flight.blocks["heads"]
     block = select_images(block, np.array(block.images.strips) == block.images.strips[0])
     points = block.image_points
     kept = ~np.isin(points.point_idx, block.control.point_idx)
     stage = rig.calibrate(with_block(rig_flight, replace(block, image_points=points[kept])))
-    entry = rig.records(stage)[0].summary["mounting/rig"]
+    entry = left_by(rig_flight, stage, tmp_path)
     assert any("lever" in line and "control points" in line for line in entry["left_out"])
     synthetic = rig_flight.synthetic_camera
     with pytest.raises(AdjustmentError, match=r"CAM1 .* is not determined.*; so are \d+ others"):
@@ -165,10 +170,9 @@ def test_a_rig_that_is_not_determined_ends_no_run(rig_flight):
     assert relative_orientation(stage.rig, synthetic, weak=True).n_exposures > 0
 
 
-def test_a_rig_that_cannot_be_adjusted_is_left_out_with_the_reason(rig_stage):
+def test_a_rig_that_cannot_be_adjusted_is_left_out_with_the_reason(rig_flight, rig_stage, tmp_path):
     failed = replace(rig_stage, rig=None, left_out="it does not converge")
-    (record,) = rig.records(failed)
-    entry = record.summary["mounting/rig"]
+    entry = left_by(rig_flight, failed, tmp_path)
     assert entry["left_out"] == ["mounting/rig: it does not converge"]
     assert not entry["converged"]
 
@@ -179,7 +183,7 @@ def test_a_flight_without_a_synthetic_image_has_a_rig_all_the_same(rig_flight):
         relative_orientation(stage.rig, None)
 
 
-def test_points_of_one_exposure_only_are_said(rig_flight):
+def test_points_of_one_exposure_only_are_said(rig_flight, tmp_path):
     """A tie point that two heads share loses its measurements at all other exposures."""
     block = rig_flight.blocks["heads"]
     points = block.image_points
@@ -189,7 +193,7 @@ def test_points_of_one_exposure_only_are_said(rig_flight):
     row = np.flatnonzero(tie & (np.bincount(together)[together] == 2))[0]
     kept = (points.point_idx != points.point_idx[row]) | (exposure == exposure[row])
     stage = rig.calibrate(with_block(rig_flight, replace(block, image_points=points[kept])))
-    entry = rig.records(stage)[0].summary["mounting/rig"]
+    entry = left_by(rig_flight, stage, tmp_path)
     assert entry["notes"] == [
         "mounting/rig: 1 point is shared by heads at one exposure only, as high as the nearest"
     ]
@@ -226,10 +230,10 @@ def test_the_refined_heads_are_written(refinement, refined):
     assert "beyond the noise of tie points" in note  # parallax of two flying heights
 
 
-def test_weights_that_did_not_settle_are_a_note(refinement):
+def test_weights_that_did_not_settle_are_a_note(flight, refinement, tmp_path):
     fit = replace(refinement.fits["rotations"], settled=False)
-    (record,) = synthetic.records(replace(refinement, fits={"rotations": fit}))
-    (note,) = record.summary["synthetic/refined"]["notes"]
+    synthetic.write(flight, tmp_path, replace(refinement, fits={"rotations": fit}), {})
+    (note,) = results.read(tmp_path).summary["synthetic/refined"]["notes"]
     assert note.startswith("synthetic/refined: the weights of tie points did not settle")
 
 

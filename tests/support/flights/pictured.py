@@ -106,9 +106,7 @@ def head_path(folder: Path, exposure: str, head: str) -> Path:
 def write_results(folder: Path, flight: Path) -> Path:
     """Write results of the heads stage, as exact as the flight is."""
     with own_folder.claim(folder, command=runner.COMMAND) as own:
-        own.expect([*results.FILES, provenance.FILE])
-        results.replace(folder, [], tables={}, summary={})
-        provenance.keep(own, flown.read(flight))
+        provenance.prepare(own, flown.read(flight), [])
         found = [
             adjustments.of_relative_orientation("heads", "relative_orientation", orientation())
         ]

@@ -13,9 +13,7 @@ from acx4tools.measuring.pairs import (
     distances,
     found_in,
     laid_patches,
-    match_pair,
     own_patches,
-    side_of,
 )
 from acx4tools.measuring.views import View, ground_of, pixels_of, pixels_of_view, transferred
 
@@ -42,12 +40,13 @@ def test_there_and_back_is_the_same_place(views, surface):
     assert np.median(np.hypot(*off.T)) < 0.1
 
 
-def test_a_pair_keeps_what_agrees_in_both_directions(views, surface):
+def test_a_pair_keeps_what_agrees_in_both_directions(views, surface, tmp_path):
     at = [corners(view, number=60, margin=13) for view in views[:2]]
     job = PairJob(
         a=views[0], b=views[1], surface=surface, at_a=at[0], at_b=at[1], options=MatchOptions()
     )
-    there, back = match_pair(job)
+    with own_folder.claim(tmp_path / "out", command="acx4 measure") as own:
+        ((there, back),) = Matching(own=own).run([job], lambda *_: None)
     assert len(there) > 10
     assert len(back) > 10
 
@@ -113,7 +112,8 @@ AT = np.array([[700, 500], [600, 420]])
 
 
 def test_sides_are_odd_and_reach_far_enough():
-    assert [side_of(n) for n in (1, 8, 9, 29)] == [17, 17, 33, 65]
+    """By whole steps of 8 px: windows, search and splines reach 24 px, 25 px and 29 px."""
+    assert [MatchOptions(search_px=n).side for n in (1, 2, 6)] == [49, 65, 65]
 
 
 def test_own_patches_are_the_pixels_themselves(views):

@@ -9,7 +9,7 @@ import pytest
 
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import select_images
-from acx4tools.planning import choosing, design, flown
+from acx4tools.planning import choosing, design, flown, tables
 from acx4tools.planning import plan as plans
 from acx4tools.planning.choosing import cheapest, in_order, of_strips, with_strips
 from acx4tools.planning.flown import flying_time_s
@@ -156,7 +156,7 @@ def test_what_is_wanted_is_what_the_plan_of_these_strips_has(found):
     """Boresight angles in degrees, a shift of GNSS, and RMS of check points, by `design.of`."""
     chosen = (0, 1, 3, 5, 8)
     designed = design.of(with_strips(found.target.plan, chosen))
-    parameters = {p.name: p.sigma for p in choosing.shared(designed.mountings["single_step"])}
+    parameters = tables.parameter_table(designed).set_index("parameter")["sigma"]
     rms = np.sqrt(np.mean(designed.validations["single_step"].points.sigma ** 2, axis=0))
     expected = [parameters[name] for name in WANTED["sigma"]] + [rms[2], rms[0]]
     assert found.planned(designed.plan) == pytest.approx(expected, rel=1e-12)

@@ -115,15 +115,14 @@ def test_the_rms_of_check_points_falls_with_the_height_of_the_mapping_flight():
         design.of(plans.from_values(values(validation={**VALIDATION, "strips": strips})))
         for strips in (VALIDATION["strips"], low)
     )
-    rms = [tables.expected_rms(found, "single_step")["pairs"].rms for found in (high, lower)]
-    assert np.all(rms[1] < rms[0])
+    told = [tables.summary(found)["validation/single_step"] for found in (high, lower)]
+    assert np.all(np.array(told[1]["pairs"]["rms"]) < told[0]["pairs"]["rms"])
     points = high.validations["single_step"].points
     assert np.abs(points.d).max() < 1e-6
     table = tables.check_point_table(high)
-    told = tables.summary(high)["validation/single_step"]["points"]
-    assert len(table) == len(points) == told["n"]
+    assert len(table) == len(points) == told[0]["points"]["n"]
     squares = (table.filter(like="sigma_") ** 2).mean()
-    assert told["rms"] == pytest.approx(np.sqrt(squares.to_numpy()))
+    assert told[0]["points"]["rms"] == pytest.approx(np.sqrt(squares.to_numpy()))
 
 
 def test_a_mapping_flight_alone_has_the_cameras_as_they_are_given():
@@ -237,10 +236,10 @@ def test_large_blocks_have_fewer_winds():
     )
 
 
-def test_a_change_of_the_smallest_size_is_found_by_four_comparisons_of_five():
+def test_a_change_of_the_smallest_size_is_found_by_four_comparisons_of_five(found):
     """20 000 pairs of campaigns, tested as `acx4 compare` tests them; 80 % to four sigma."""
-    rng, sigma = np.random.default_rng(8), 0.03
-    change = tables.smallest_change(sigma)
+    rng, table = np.random.default_rng(8), tables.parameter_table(found)
+    sigma, change = table[["sigma", "detectable_change"]].iloc[0]
     d = change + rng.normal(0, sigma, 20_000) - rng.normal(0, sigma, 20_000)
     cov = np.array([[2 * sigma**2]])
     p = [joint_test(one[None], cov, redundancy=KNOWN).p for one in d[:2000]]
