@@ -17,7 +17,7 @@ MADE_FROM = Path("_generated", "made_from.json")
 OTHER_PAGES = {
     "certificate": "acx4book.pages.build.certificate_page",
     "scorecard": "acx4book.paper.scorecard.texts",
-    "speed": "acx4book.pages.benchmarks.speed.texts",
+    "speed": "acx4book.pages.benchmarks.speed.text",
     "coverage": "acx4book.pages.benchmarks.sigma.page",
     "reproducibility": "acx4book.pages.reproducibility.page",
     "frames-and-notation": "acx4book.pages.frames.draw",
