@@ -152,9 +152,11 @@ def test_an_interrupt_ends_the_processes_and_leaves_whole_what_is_finished(acx4,
     command = [*COMMAND, "run", *flights, "--results", folder, "--jobs", "1"]
     how = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, **{**how, "preexec_fn": hears_interrupts}) as run:
+        out = run.stdout.readline()  # the next flight may begin before this is told
         owner = writing(folder / "flight2")
         run.send_signal(signal.SIGINT)
-        out, err = run.communicate(timeout=120)
+        run.wait(timeout=120)
+        out, err = out + run.stdout.read(), run.stderr.read()
     assert (run.returncode, out, err) == (130, "flight1: done\n", "interrupted\n")
     with pytest.raises(ProcessLookupError):
         os.kill(owner, 0)
