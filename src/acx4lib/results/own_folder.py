@@ -105,8 +105,12 @@ class OwnFolder:
 
     def _end(self) -> None:
         """List what is there, and what was and is gone."""
-        listed = self.files.items()
-        self.files = {n: w for n, w in listed if w.sha256 or (self.path / n).is_file()}
+        listed = self.files
+        self.files = {n: w for n, w in listed.items() if w.sha256 or (self.path / n).is_file()}
+        for name in listed.keys() - self.files.keys():  # what was to hold it may be there, empty
+            with contextlib.suppress(OutputError):  # through a link nothing is removed
+                self._check_links(name)
+                _prune((self.path / name).parent, self.path)
         if self.files:
             _write_mark(self.path, self.command, self.files)
         else:
@@ -280,6 +284,8 @@ def _prune(folder: Path, top: Path) -> None:
     while folder != top:
         try:
             folder.rmdir()
+        except FileNotFoundError:
+            pass
         except OSError:
             return
         folder = folder.parent

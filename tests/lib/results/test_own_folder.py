@@ -63,6 +63,31 @@ def test_a_new_folder_that_stays_empty_is_removed_and_one_that_was_there_is_not(
     assert [path.name for path in tmp_path.rglob("*")] == ["there"]
 
 
+def interrupted(folder, made):
+    """Claim a folder, and be interrupted when a folder of the first file is there."""
+    with claim(folder, command=RUN) as own:
+        own.expect(["flight/heads/images.csv"])
+        (folder / made).mkdir(parents=True)
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("made", ["flight", "flight/heads"])
+def test_an_interrupt_before_the_first_file_leaves_no_folder_that_is_then_refused(tmp_path, made):
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(tmp_path / "results", made)
+    assert not (tmp_path / "results").exists()
+
+
+def test_no_empty_folder_behind_a_link_is_removed(tmp_path):
+    folder, elsewhere = tmp_path / "results", tmp_path / "elsewhere"
+    (elsewhere / "heads").mkdir(parents=True)
+    fill(folder, a="1")
+    with claim(folder, command=RUN) as own:
+        own.expect(["flight/heads/images.csv"])
+        (folder / "flight").symlink_to(elsewhere)
+    assert (elsewhere / "heads").is_dir()
+
+
 def test_what_acx4_did_not_write_is_refused_and_stays(tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("years")
