@@ -36,6 +36,7 @@ A cell of a row shows its response where this is one number, and the length of a
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -262,15 +263,15 @@ class Column:
     digits: int
 
 
-class _Shown:
+class _Shown(ABC):
     """What a notebook's cell shows as HTML; a terminal and other outputs have the caption."""
 
     caption: str
 
     @property
+    @abstractmethod
     def html(self) -> str:
         """As a part of a page."""
-        raise NotImplementedError
 
     def _repr_html_(self) -> str:
         return self.html

@@ -25,7 +25,6 @@ from acx4lib.flight.toml_file import read_toml
 from acx4lib.results import agreement, own_folder, whole_files
 from acx4lib.results import folder as results
 from acx4lib.results.own_folder import MARK, OwnFolder, changes, is_below
-from acx4lib.results.own_folder import written as own_folder_written
 from acx4lib.results.summary_entries import Wrong, problem_of, read_object
 from acx4lib.results.table_files import NOTEBOOKS, PART_OF, STAGES, is_there
 from acx4lib.results.whole_files import SCRATCH, copy, write
@@ -125,7 +124,7 @@ def checksums(flight: Flight) -> dict[str, str]:
     names = [name.as_posix() for name in table_files(flight)] or [*flight.sha256]
     read = flight.sha256
     return {
-        n: read[n] if n in read else own_folder_written(flight.path / n).sha256 or "" for n in names
+        n: read[n] if n in read else own_folder.written(flight.path / n).sha256 or "" for n in names
     }
 
 
@@ -297,7 +296,7 @@ def read(folder: Path) -> Provenance:
     changed = [
         name
         for name, path in paths.items()
-        if not is_there(path, folder) or own_folder_written(path).sha256 != found.files[name]
+        if not is_there(path, folder) or own_folder.written(path).sha256 != found.files[name]
     ]
     if changed:
         problem = (
@@ -482,7 +481,7 @@ def _keep(own: OwnFolder, flight: Flight) -> None:
         for name in names:
             (new / name).parent.mkdir(parents=True, exist_ok=True)
             copy(flight.path / name, new / name)
-        files = {name: own_folder_written(new / name).sha256 or "" for name in sorted(names)}
+        files = {name: own_folder.written(new / name).sha256 or "" for name in sorted(names)}
         changed = [name for name in flight.sha256 if files.get(name) != flight.sha256[name]]
         if changed:
             problems = [f"{flight.path / n}: changed while it was read; run again" for n in changed]

@@ -118,28 +118,14 @@ def _tests(errors: Errors, method: str) -> Iterator[Test]:
     """Yield method, quantity, name of the test, value and p."""
     for name, z in errors.normalised(method).items():
         yield method, str(name), "mean", float(z.mean()), float(stats.ttest_1samp(z, 0.0).pvalue)
-        yield (
-            method,
-            str(name),
-            "spread",
-            float(z.std()),
-            two_sided_p(float((len(z) - 1) * z.var()), len(z) - 1),
-        )
+        dof = len(z) - 1
+        p_spread = two_sided_p(float(dof * z.var()), dof)
+        yield method, str(name), "spread", float(z.std()), p_spread
     squares, n = errors.chi_squares(method)
-    yield (
-        method,
-        "joint",
-        "sum",
-        float(squares.sum()),
-        two_sided_p(float(squares.sum()), n * len(squares)),
-    )
-    yield (
-        method,
-        "joint",
-        "distribution",
-        float(n),
-        float(stats.kstest(squares, stats.chi2(n).cdf).pvalue),
-    )
+    total = float(squares.sum())
+    yield method, "joint", "sum", total, two_sided_p(total, n * len(squares))
+    p_shape = float(stats.kstest(squares, stats.chi2(n).cdf).pvalue)
+    yield method, "joint", "distribution", float(n), p_shape
     validated = errors.validated(method)
     if len(validated):
         for test, power in (("mean", 1), ("spread", 2)):

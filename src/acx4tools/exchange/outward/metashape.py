@@ -18,9 +18,8 @@ from acx4lib.geometry.geodesy import rotation_enu_to_ecef
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.results.whole_files import file_stem
 from acx4tools.exchange.outward import brown
-from acx4tools.exchange.outward import calibrated as outward_calibrated
 from acx4tools.exchange.outward.brown import Brown
-from acx4tools.exchange.outward.calibrated import R_C_V, Calibrated
+from acx4tools.exchange.outward.calibrated import R_C_V, Calibrated, to_first
 from acx4tools.exchange.outward.orientations import Oriented
 from acx4tools.exchange.outward.taken import BODY, Taken, add_numbers, as_xml
 
@@ -102,7 +101,7 @@ def _chunk(calibrated: Calibrated, found: Mapping[str, Brown]) -> tuple[ET.Eleme
 
 def _rig(chunk: ET.Element, calibrated: Calibrated) -> None:
     """Make all sensors but the first its slaves."""
-    rig = outward_calibrated.to_first(calibrated.calibration)
+    rig = to_first(calibrated.calibration)
     for k, (sensor, one) in enumerate(zip(chunk.iter("sensor"), rig, strict=True)):
         if k:
             sensor.set("master_id", "0")

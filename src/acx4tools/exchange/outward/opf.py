@@ -15,9 +15,8 @@ import pyproj
 
 from acx4lib.geometry.geodesy import GridSystem
 from acx4tools.exchange.outward import brown, orientations
-from acx4tools.exchange.outward import calibrated as outward_calibrated
 from acx4tools.exchange.outward.brown import CORNER, Brown
-from acx4tools.exchange.outward.calibrated import Calibrated, Relative
+from acx4tools.exchange.outward.calibrated import Calibrated, Relative, to_first
 from acx4tools.exchange.outward.orientations import Oriented
 from acx4tools.exchange.outward.taken import BODY, Taken, as_json
 
@@ -97,7 +96,7 @@ def _head(name: str) -> dict[str, str]:
 
 
 def _input(calibrated: Calibrated, found: Mapping[str, Brown]) -> dict[str, Any]:
-    rig = outward_calibrated.to_first(calibrated.calibration)
+    rig = to_first(calibrated.calibration)
     sensors = []
     for i, (camera, one) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
         sensor = {
@@ -114,7 +113,7 @@ def _input(calibrated: Calibrated, found: Mapping[str, Brown]) -> dict[str, Any]
 
 
 def _calibrated(calibrated: Calibrated, found: Mapping[str, Brown]) -> dict[str, Any]:
-    rig = outward_calibrated.to_first(calibrated.calibration)
+    rig = to_first(calibrated.calibration)
     sensors = []
     for i, (camera, one) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
         sensor = {"id": i, "internals": _internals(found[camera.name])}

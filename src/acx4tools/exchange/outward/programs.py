@@ -28,9 +28,8 @@ from acx4lib.results.whole_files import file_stem
 from acx4tools.exchange import lens
 from acx4tools.exchange.lens import Left
 from acx4tools.exchange.outward import brown, metashape, opf, orientations
-from acx4tools.exchange.outward import calibrated as outward_calibrated
 from acx4tools.exchange.outward.brown import CORNER, Brown
-from acx4tools.exchange.outward.calibrated import R_C_V, Calibrated, Relative
+from acx4tools.exchange.outward.calibrated import R_C_V, Calibrated, Relative, to_first
 from acx4tools.exchange.outward.orientations import CENTRE, GRID, OPK, Oriented
 from acx4tools.exchange.outward.taken import (
     BODY,
@@ -139,7 +138,7 @@ OPENCV_RIG = "R and T take a point from the axes of {} to those of the head: x =
 def _opencv_cameras(calibrated: Calibrated) -> Taken:
     """Return a YAML file for every camera, with its place in the rig where there are several."""
     cameras = calibrated.cameras
-    rig = outward_calibrated.to_first(calibrated.calibration)
+    rig = to_first(calibrated.calibration)
     found = brown.of_all(calibrated)
     return Taken(
         files={
@@ -262,7 +261,7 @@ def _micasense_cameras(calibrated: Calibrated) -> Taken:
     """Return a text of XMP tags for every head, and a table of all RigRelatives with sigma."""
     first = calibrated.cameras[0].name
     found = brown.square(calibrated)
-    rig = outward_calibrated.to_first(calibrated.calibration)
+    rig = to_first(calibrated.calibration)
     rows = list(enumerate(zip(calibrated.cameras, rig, strict=True)))
     table = [MICASENSE_HEADER, *(_micasense_row(k, camera, one) for k, (camera, one) in rows)]
     tags = [line for k, (c, one) in rows for line in _micasense_tags(k, c, one, found[c.name])]
@@ -341,7 +340,7 @@ def _opensfm_cameras(calibrated: Calibrated) -> Taken:
     """Return cameras.json, and rig_cameras.json where there are several cameras."""
     found = brown.of_all(calibrated)
     files = {"cameras.json": as_json(_opensfm_models(calibrated, found))}
-    rig = outward_calibrated.to_first(calibrated.calibration)
+    rig = to_first(calibrated.calibration)
     if rig[1:]:
         names = [camera.name for camera in calibrated.cameras]
         poses = (_opensfm_pose(one.T_v_r_h.inverse) for one in rig)
@@ -465,7 +464,7 @@ def _colmap_camera_lines(calibrated: Calibrated, found: dict[str, Brown]) -> Ite
 
 
 def _colmap_rig_line(calibrated: Calibrated) -> str:
-    others = outward_calibrated.to_first(calibrated.calibration)[1:]
+    others = to_first(calibrated.calibration)[1:]
     placed = [
         f" CAMERA {i} 1 {_colmap_pose(one.T_v_r_h.inverse)}"
         for i, one in enumerate(others, start=2)
