@@ -98,14 +98,15 @@ class Shapes:
 
     @cached_property
     def boxes(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Lowest and highest east and north of every polygon."""
-        return self.outlines.min(axis=1), self.outlines.max(axis=1)
+        """Lowest and highest east and north of every polygon, shapes (2, n)."""
+        corners = np.ascontiguousarray(self.outlines.transpose(1, 2, 0))
+        return corners.min(axis=0), corners.max(axis=0)
 
     @cached_property
     def reach(self) -> tuple[Array, Array]:
         """Lowest and highest east and north of all polygons, in map coordinates."""
         low, high = self.boxes
-        return self.origin + low.min(axis=0), self.origin + high.max(axis=0)
+        return self.origin + low.min(axis=1), self.origin + high.max(axis=1)
 
     def touches(self, window: GroundWindow) -> bool:
         """Tell whether any polygon may touch a window."""
@@ -143,29 +144,32 @@ def _in_cells(
         return np.empty(0, np.int64), np.empty((0, 0, 2), np.int32)
     cell = window.cell_m
     start = of.origin / cell - 0.5 - [window.col, window.row]
-    low, high = (box / cell + start for box in of.boxes)
-    worth = np.all(high - low > of.least, axis=1)
-    touches = worth & np.all((high >= -1) & (low <= [window.cols + 1, window.rows + 1]), axis=1)
+    low, high = of.boxes
+    west, south = (cell * (-1 - start)).tolist()
+    east, north = (cell * ([window.cols + 1, window.rows + 1] - start)).tolist()
+    touches = (high[0] >= west) & (low[0] <= east) & (high[1] >= south) & (low[1] <= north)
     near = np.flatnonzero(touches)
-    corners = np.clip(
-        _shrunk(of.outlines[near].astype(float) / cell, border) + start, -_LIMIT, _LIMIT
-    )
-    return near, np.rint(corners * 2**_SHIFT).astype(np.int32)
+    sizes = np.subtract(high[:, near], low[:, near], dtype=np.float64)
+    near = near[np.all(sizes > of.least * cell, axis=0)]
+    outlines = np.ascontiguousarray(of.outlines[near].transpose(2, 1, 0), np.float64) / cell
+    corners = _shrunk(outlines, border) + start[:, None, None]
+    corners = np.rint(np.clip(corners, -_LIMIT, _LIMIT) * 2**_SHIFT)
+    return near, np.ascontiguousarray(corners.transpose(2, 1, 0), np.int32)
 
 
 def _shrunk(outlines: Array, by: float) -> Array:
-    """Return polygons, shape (n, m, 2), with every edge moved inwards; narrow ones to a line."""
+    """Return polygons, shape (2, m, n), with every edge moved inwards; narrow ones to a line."""
     after = np.roll(outlines, -1, axis=1)
     edges = after - outlines
-    lengths = np.linalg.norm(edges, axis=-1)
-    areas = np.sum(outlines[..., 0] * after[..., 1] - outlines[..., 1] * after[..., 0], axis=1) / 2
-    inwards = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)
-    inwards *= (np.sign(areas)[:, None] / np.maximum(lengths, 1e-9))[..., None]
+    lengths = np.linalg.norm(edges, axis=0)
+    areas = np.sum(outlines[0] * after[1] - outlines[1] * after[0], axis=0) / 2
+    inwards = np.stack([-edges[1], edges[0]])
+    inwards *= np.sign(areas) / np.maximum(lengths, 1e-9)
     before = np.roll(inwards, 1, axis=1)
-    cosine = np.sum(before * inwards, axis=-1)
-    corner = (before + inwards) / np.maximum(1 + cosine, 0.2)[..., None]
-    half_widths = np.abs(areas) / np.maximum(lengths.sum(axis=1), 1e-9)  # of a long rectangle
-    return outlines + np.minimum(half_widths, by)[:, None, None] * corner
+    cosine = np.sum(before * inwards, axis=0)
+    corner = (before + inwards) / np.maximum(1 + cosine, 0.2)
+    half_widths = np.abs(areas) / np.maximum(lengths.sum(axis=0), 1e-9)  # of a long rectangle
+    return outlines + np.minimum(half_widths, by) * corner
 
 
 def draw(canvas: Canvas, window: GroundWindow, of: Shapes) -> None:

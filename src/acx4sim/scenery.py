@@ -54,7 +54,7 @@ _PATCHES = {5: 0.02, 6: 0.025, 7: 0.03, 8: 0.03, 9: 0.03, 10: 0.03}
 _COLOURS = {2: 0.012, 4: 0.015, 6: 0.02, 8: 0.025}
 _WHEELS_M, _GAUGE_M = 24.0, 0.9
 _REPEAT_M = 504.0  # a multiple of the spacings of all rows and wheels
-_DISC_M, _PAD_M, _ISLET_M = 0.3, 0.9, 6.0
+_DISC_M, _PAD_M = 0.3, 0.9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -238,7 +238,7 @@ class Landscape:
         )
         cells = [_cell(self.country, a, b) for a, b in around]
         patches = fractal(window, _PATCHES, self.country.seed)
-        canvas = np.full((window.rows, window.cols, 4), _MEADOW, np.uint8)
+        canvas = np.tile(np.array(_MEADOW, np.uint8), (window.rows, window.cols, 1))
         _sow(canvas, window, [cell.fields for cell in cells], patches)
         for layer in ("ground", "tracks", "roads"):
             _draw_all(canvas, window, [getattr(cell, layer) for cell in cells])
@@ -247,7 +247,8 @@ class Landscape:
             _draw_all(canvas, window, [getattr(cell, layer) for cell in cells])
         dn = _textured(canvas, window, patches * (1 - wet), self.country.seed)
         _mark(dn, window, self.marks)
-        return np.asarray(np.clip(dn, 0, _CLIP) + 0.5).astype(np.uint16)
+        bands = [(np.clip(band, 0, _CLIP) + 0.5).astype(np.uint16) for band in dn]
+        return np.asarray(cv2.merge(bands), np.uint16)
 
 
 def _draw_all(canvas: Canvas, window: GroundWindow, layers: list[list[Shapes]]) -> None:
@@ -266,25 +267,26 @@ def _sow(canvas: Canvas, window: GroundWindow, sown: list[Fields], patches: Floa
         first += len(one.across)
     across = np.concatenate([[[0.0, 0.0]], *(one.across for one in sown)])
     rows = np.concatenate([[[1.0, 0.0, 0.0]], *(one.rows for one in sown)])
+    field = labels.astype(np.intp)
     east, north = window.en()
     cell = np.float32(window.cell_m)
     start = (across @ [east[0], north[0]]) % _REPEAT_M
     ce, cn = (across * window.cell_m).astype(np.float32).T
-    way = start.astype(np.float32)[labels]
-    way += ce[labels] * np.arange(window.cols, dtype=np.float32)
-    way += cn[labels] * np.arange(window.rows, dtype=np.float32)[:, None]
+    way = start.astype(np.float32).take(field)
+    way += ce.take(field) * np.arange(window.cols, dtype=np.float32)
+    way += cn.take(field) * np.arange(window.rows, dtype=np.float32)[:, None]
     spacing, contrast, wheels = rows.T
     seen = np.clip(spacing / window.cell_m / 4 - 0.5, 0, 1) * contrast
-    turns = (2 * np.pi / spacing).astype(np.float32)[labels] * way
-    tone = seen.astype(np.float32)[labels] * np.sin(turns) * (1 + 8 * patches)
+    turns = (2 * np.pi / spacing).astype(np.float32).take(field) * way
+    tone = seen.astype(np.float32).take(field) * np.sin(turns) * (1 + 8 * patches)
     off = np.abs(way - np.float32(_WHEELS_M) * np.rint(way / np.float32(_WHEELS_M)))
     wide = max(0.3, float(cell))
     tracks = np.maximum(1 - np.abs(off - np.float32(_GAUGE_M)) / np.float32(wide), 0)
-    tone -= (wheels * 0.3 / wide).astype(np.float32)[labels] * tracks
+    tone -= (wheels * 0.3 / wide).astype(np.float32).take(field) * tracks
     tone += 1
     tone = np.clip(tone, 0, 1.2, out=tone)
-    for band in range(3):
-        canvas[..., band] = canvas[..., band] * tone
+    *colours, rough = cv2.split(canvas)
+    cv2.merge([*((colour * tone).astype(np.uint8) for colour in colours), rough], canvas)
 
 
 def _shore(window: GroundWindow, country: Country) -> FloatImage:
@@ -315,28 +317,33 @@ def _flood(
     if shore.max() < -_BANK_M:
         return np.zeros((1, 1), np.float32)
     wet: FloatImage = np.clip(shore / window.cell_m + 0.5, 0, 1)
-    bank = np.clip((shore + _BANK_M) / 5, 0, 1)[..., None]
-    depth = np.clip(shore / 14, 0, 1)[..., None]
-    ground = canvas + bank * (_BANK - canvas)
-    water = _SHALLOW + depth * (_WATER - _SHALLOW)
-    canvas[:] = ground + wet[..., None] * (water - ground)
+    bank = np.clip((shore + _BANK_M) / 5, 0, 1)
+    depth = np.clip(shore / 14, 0, 1)
+    bands = []
+    for band, deep, shallow, sand in zip(cv2.split(canvas), _WATER, _SHALLOW, _BANK, strict=True):
+        ground = band + bank * (sand - band)
+        water = shallow + depth * (deep - shallow)
+        bands.append((ground + wet * (water - ground)).astype(np.uint8))
+    cv2.merge(bands, canvas)
     return wet
 
 
 def _textured(canvas: Canvas, window: GroundWindow, patches: FloatImage, seed: int) -> FloatImage:
-    """Convert colours to DN and add noise."""
+    """Convert colours to DN and add noise, shape (3, rows, cols)."""
+    *colours, roughness = cv2.split(canvas)
     rough = fractal(window, dict.fromkeys(range(-3, 6), _ROUGH), seed + 1)
-    rough *= _ROUGHNESS[canvas[..., 3]]
+    rough *= cv2.LUT(roughness, _ROUGHNESS)
     rough += patches
     hue = fractal(window, _COLOURS, seed + 2)
-    hue *= np.minimum(canvas[..., 3] * np.float32(1 / 60), 1)
+    hue *= np.minimum(roughness * np.float32(1 / 60), 1)
     squares = ((np.arange(256) / 255) ** 2 * _BRIGHTEST).astype(np.float32)
-    dn = cv2.LUT(np.ascontiguousarray(canvas[..., :3]), squares)
     bright = np.exp(rough, out=rough)
-    for band, turn in enumerate((1.0, 0.2, -1.2)):
-        dn[..., band] *= bright * (1 + np.float32(turn) * hue)
-    dn += np.array(_HAZE, np.float32)
-    return np.asarray(dn, np.float32)
+    dn = np.empty((3, window.rows, window.cols), np.float32)
+    for i, (turn, haze) in enumerate(zip((1.0, 0.2, -1.2), _HAZE, strict=True)):
+        tint = bright * (1 + np.float32(turn) * hue)
+        np.multiply(cv2.LUT(colours[i], squares), tint, out=dn[i])
+        dn[i] += np.float32(haze)
+    return dn
 
 
 def _mark(dn: FloatImage, window: GroundWindow, marks: Array) -> None:
@@ -344,13 +351,13 @@ def _mark(dn: FloatImage, window: GroundWindow, marks: Array) -> None:
     cell = window.cell_m
     for east, north in marks:
         col, row = east / cell - 0.5 - window.col, north / cell - 0.5 - window.row
-        reach = _ISLET_M / cell + 2
+        reach = _PAD_M / cell + 2
         cols = np.arange(max(int(col - reach), 0), min(int(col + reach) + 1, window.cols))
         rows = np.arange(max(int(row - reach), 0), min(int(row + reach) + 1, window.rows))
         if not (cols.size and rows.size):
             continue
         x, y = (cols - col) * cell, ((rows - row) * cell)[:, None]
-        part = dn[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+        part = dn[:, rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
         _blend(part, _covered(_PAD_M - np.maximum(np.abs(x), np.abs(y)), cell), 3200.0)
         _blend(part, _disc(x, y, cell), 46_000.0)
 
@@ -369,7 +376,7 @@ def _disc(x: Array, y: Array, cell: float) -> FloatImage:
 
 
 def _blend(part: FloatImage, share: FloatImage, dn: float) -> None:
-    part += share[..., None] * (np.float32(dn) - part)
+    part += share * (np.float32(dn) - part)
 
 
 # --- A real photograph on the ground

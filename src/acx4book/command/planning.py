@@ -281,6 +281,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     ] = None,
 ) -> None:
     """Write a simulated flight, or the plan of one."""
+    from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
     from acx4lib.results import own_folder  # noqa: PLC0415 quick help
     from acx4sim.files import (  # noqa: PLC0415 quick help
         TRUTH_MARK,
@@ -313,6 +314,7 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
             flight = photograph(flight, exposures, reduce=reduce, photo=ground)
         except ValueError as error:
             terminal.refuse(str(error))
+    processors.keep_memory()
     with (
         terminal.stage_bars("rows") as tell,
         own_folder.placed(out, command="acx4 simulate") as draft,
