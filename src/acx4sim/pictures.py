@@ -93,8 +93,8 @@ def _three(values: Array) -> tuple[float, float, float]:
 class Tiles:
     """A ground painted in tiles, which all pictures share.
 
-    It keeps the tiles used last; several threads may use it at the same time. Another ground by
-    `dataclasses.replace` has its tiles kept among these.
+    It keeps the tiles used last; several threads may use it at the same time. A copy with
+    another ground keeps the tiles of both.
 
     Attributes
     ----------
