@@ -11,9 +11,9 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -72,8 +72,14 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         logging.getLogger(library).addHandler(logging.NullHandler())
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run cleans up
     given = sys.argv[1:] if arguments is None else [*arguments]
-    command = partial(app, given, prog_name="acx4", standalone_mode=False)
+    command = partial(_parser(), given, prog_name="acx4", standalone_mode=False)
     sys.exit(status_of(command, given))
+
+
+@cache
+def _parser() -> Callable[..., object]:
+    """Return what reads the arguments of all commands; made once, for that takes a while."""
+    return typer.main.get_command(app)
 
 
 def _show_version(wanted: bool) -> None:

@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
 import re
 from collections.abc import Callable
 
-import typer.main
-
 from acx4book.command import acx4
 from acx4lib.errors import UNSEEN
-
-typer.main.get_command = functools.cache(typer.main.get_command)
-# the same commands each time, whose making takes longer than most cases
 
 LINE = re.compile(r"(?s).+:[1-9]\d*: [^:]+.*: .+; .+")
 """What is said of a wrong file: file, line, column, what was found and what was expected."""
