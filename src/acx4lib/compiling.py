@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numba.core.config
 from llvmlite import binding, ir
 from numba import njit
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.core.runtime.nrt import rtsys
 
 from acx4lib import system
@@ -153,6 +153,22 @@ _DAMAGED = (
 """Errors that truncated, overwritten or unreadable files of compiled code raise."""
 
 
+class _Place(UserProvidedCacheLocator):
+    """The folder of a module's code in the cache: the same for all copies of the same sources.
+
+    Numba's own has the path of the module in its name.
+    """
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder, in one that is known to be writable."""
+        Path(self.get_cache_path()).mkdir(exist_ok=True)  # type: ignore[no-untyped-call] # as below
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Return the room and the folder of a module."""
+        return "-".join(Path(py_file).parts[-3:-1])
+
+
 class _Kept(CompileResultCacheImpl):
     """Machine code; the code that other functions are compiled with is kept beside it.
 
@@ -160,6 +176,8 @@ class _Kept(CompileResultCacheImpl):
     longer to read than a small adjustment lasts, and is needed only where something else is
     compiled anew.
     """
+
+    _locator_classes: list[type[object]] = [_Place]  # noqa: RUF012 as numba declares it
 
     def reduce(self, data: Any) -> Any:
         """Return what is kept of a compiled function."""

@@ -140,20 +140,22 @@ def test_kept_code_is_loaded_without_all_that_numba_compiles_with(tmp_path):
 
 
 def test_functions_are_compiled_with_what_earlier_processes_have_kept(tmp_path):
-    (tmp_path / "functions.py").write_text(
-        "from acx4lib.compiling import compiled\n\n"
-        "@compiled\ndef twice(x):\n    return 2 * x\n\n"
-        "@compiled\ndef more(x):\n    return twice(x) + 1\n"
-    )
+    one, other = (tmp_path / name / "room" / "compiled" for name in ("one", "other"))
+    for folder in (one, other):
+        folder.mkdir(parents=True)
+        (folder / "functions.py").write_text(
+            "from acx4lib.compiling import compiled\n\n"
+            "@compiled\ndef twice(x):\n    return 2 * x\n\n"
+            "@compiled\ndef more(x):\n    return twice(x) + 1\n"
+        )
 
-    def run(call, used):
+    def run(call, used, folder):
         script = f"from functions import more, twice; print({call}, len({used}.stats.cache_hits))"
-        done = process(script, kept=tmp_path / "kept", cwd=tmp_path)
-        return done.stdout.split()
+        return process(script, kept=tmp_path / "kept", cwd=folder).stdout.split()
 
-    assert run("twice(3.0)", "twice") == ["6.0", "0"]
-    assert run("more(3.0)", "twice") == ["7.0", "1"]  # compiled with what the first has kept
-    assert run("more(3.0)", "more") == ["7.0", "1"]
+    assert run("twice(3.0)", "twice", one) == ["6.0", "0"]
+    assert run("more(3.0)", "twice", one) == ["7.0", "1"]  # compiled with what the first has kept
+    assert run("more(3.0)", "more", other) == ["7.0", "1"]  # by a copy of the same sources
 
 
 def test_kept_code_is_loaded_with_its_module_and_damaged_code_at_the_first_call(tmp_path):
