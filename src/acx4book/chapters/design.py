@@ -89,7 +89,7 @@ def curves(table: pd.DataFrame, label: str, *, beside: pd.DataFrame | None = Non
 def _ticked(ax: Axes) -> None:
     """Write plain numbers on a logarithmic axis of at least a factor of four.
 
-    A smaller axis would make a slope of what is nearly constant.
+    On a shorter axis a nearly constant line would look steep.
     """
     low, high = ax.get_ylim()
     wider = max(1.0, LEAST_RANGE * low / high) ** 0.5
@@ -117,16 +117,16 @@ def maps(flights: Mapping[str, Plan]) -> Figure:
 
 def _map(ax: Axes, plan: Plan) -> None:
     block = plan.blocks[BLOCK]
-    lowest = min(one.flying_height_m for one in block.strips.values())
-    for one in block.strips.values():
-        high = one.flying_height_m > 1.01 * lowest
+    lowest = min(strip.flying_height_m for strip in block.strips.values())
+    for strip in block.strips.values():
+        high = strip.flying_height_m > 1.01 * lowest
         colour = style.ORANGE if high else style.BLUE
-        ends, corners = _placed(plan, one)
+        ends, corners = _placed(plan, strip)
         arrow = {"arrowstyle": "-|>", "color": colour, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
         ax.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), arrowprops=arrow)
         ax.plot(*corners.T, color=colour, lw=0.6)
-    at = plans.on_map(block.area, plans.places(block.points)) - _middle(plan)
-    ax.plot(*at.T / 1000.0, "D", color=style.INK, mfc="none", ms=2)
+    control = plans.on_map(block.area, plans.places(block.points)) - _middle(plan)
+    ax.plot(*control.T / 1000.0, "D", color=style.INK, mfc="none", ms=2)
 
 
 def _middle(plan: Plan) -> Array:
@@ -134,22 +134,22 @@ def _middle(plan: Plan) -> Array:
     return np.array([area.east_m, area.north_m])
 
 
-def _placed(plan: Plan, one: Strip) -> tuple[Array, Array]:
+def _placed(plan: Plan, strip: Strip) -> tuple[Array, Array]:
     """Return a strip's ends and its middle footprint in km from the field's middle.
 
     Strips are drawn a little to the right, so that opposite ones do not coincide.
     """
     camera, area = plan.cameras(BLOCK)[0], plan.blocks[BLOCK].area
-    course = np.radians(one.course_deg)
+    course = np.radians(strip.course_deg)
     forward = np.array([np.sin(course), np.cos(course)])
     right = np.array([forward[1], -forward[0]])
-    local = np.array([[one.forward_m, one.left_m]])
+    local = np.array([[strip.forward_m, strip.left_m]])
     middle = plans.on_map(area, local)[0] - _middle(plan)
-    half = 0.5 * one.base_m * (one.n_exposures - 1)
+    half = 0.5 * strip.base_m * (strip.n_exposures - 1)
     aside = 60.0 * right
     ends = middle + aside + np.outer([-half, half], forward)
-    x = 0.5 * image_length_m(camera, one.flying_height_m)
-    y = 0.5 * image_length_m(camera, one.flying_height_m, across=True)
+    x = 0.5 * image_length_m(camera, strip.flying_height_m)
+    y = 0.5 * image_length_m(camera, strip.flying_height_m, across=True)
     square = np.array([[x, y], [-x, y], [-x, -y], [x, -y], [x, y]])
     return ends / 1000.0, (middle + square @ np.array([forward, right])) / 1000.0
 
@@ -193,9 +193,9 @@ def explorer(plan: Plan) -> Explorer:
     plan : Plan
         Whose camera is flown; its own strips are not.
     """
-    found = _sigma(plan)
+    sigma = _sigma(plan)
     rows = {
-        f"σ of {name}": [Stops(sliders=SLIDERS, table=found[..., [k]])]
+        f"σ of {name}": [Stops(sliders=SLIDERS, table=sigma[..., [k]])]
         for k, (name, _) in enumerate(SHOWN.values())
     }
     return Explorer(
@@ -219,7 +219,7 @@ def explorer(plan: Plan) -> Explorer:
             _explorer_map(plan),
             dots(
                 [name for name, _ in SHOWN.values()],
-                Stops(sliders=SLIDERS, table=along(logarithms(found, LEAST, MOST), -1)),
+                Stops(sliders=SLIDERS, table=along(logarithms(sigma, LEAST, MOST), -1)),
                 title="standard deviations",
                 alt="Six dots on a logarithmic axis, all far left: from one to about six units.",
                 ends=(LEAST, MOST),
@@ -233,18 +233,18 @@ def explorer(plan: Plan) -> Explorer:
 
 def _sigma(plan: Plan) -> Array:
     """Return σ in the units of `SHOWN`, shape (n_ratios, n_turns, n_controls, n_shown)."""
-    found = [
+    sigma = [
         [[_shown(plan, ratio, turn, int(n)) for n in CONTROL.stops] for turn in TURN.stops]
         for ratio in RATIO.stops
     ]
-    return np.array(found)
+    return np.array(sigma)
 
 
 def _shown(plan: Plan, ratio: float, turn_deg: float, control: int) -> Array:
     heights = (LOW_M, LOW_M * ratio)
     strips = [_strip(plan, height, turn) for height in heights for turn in (0.0, turn_deg)]
-    found = sigmas(plan.with_strips(strips).with_control(control, AREA_M))
-    return np.array([factor * found[name] for name, (_, factor) in SHOWN.items()])
+    sigma = sigmas(plan.with_strips(strips).with_control(control, AREA_M))
+    return np.array([factor * sigma[name] for name, (_, factor) in SHOWN.items()])
 
 
 def _strip(plan: Plan, height_m: float, turn_deg: float) -> Strip:
@@ -259,8 +259,8 @@ def _explorer_map(plan: Plan) -> Panel:
     turned = [[_outline(plan, LOW_M * r, turn) for turn in TURN.stops] for r in RATIO.stops]
     high = _curve(plane, "orange", np.array(turned)[:, :, None])
     points = plan.with_control(int(CONTROL.high), AREA_M).control
-    at = plans.places(points)[:, ::-1] * [-1, 1] / 1000.0
-    squares = [_square(plane, place, k) for k, place in enumerate(at)]
+    places = plans.places(points)[:, ::-1] * [-1, 1] / 1000.0
+    squares = [_square(plane, place, k) for k, place in enumerate(places)]
     return Panel(
         title="the flight in plan",
         alt="A blue strip upwards and an orange one downwards with their footprints, and squares.",
@@ -272,8 +272,8 @@ def _explorer_map(plan: Plan) -> Panel:
 
 def _outline(plan: Plan, height_m: float, turn_deg: float) -> Array:
     """Return a strip with an arrow's head, then its middle footprint; right and up, km."""
-    one, camera = _strip(plan, height_m, turn_deg), plan.cameras(BLOCK)[0]
-    half = 0.5 * one.base_m * (N_IMAGES - 1)
+    strip, camera = _strip(plan, height_m, turn_deg), plan.cameras(BLOCK)[0]
+    half = 0.5 * strip.base_m * (N_IMAGES - 1)
     x = 0.5 * image_length_m(camera, height_m)
     y = 0.5 * image_length_m(camera, height_m, across=True)
     aside, head = 60.0, 90.0
@@ -289,17 +289,17 @@ def _outline(plan: Plan, height_m: float, turn_deg: float) -> Array:
 
 def _curve(plane: Plane, colour: str, places: Array) -> Mark:
     """Return a line through places, shape (n_ratios, n_turns, n_controls, n, 2)."""
-    at = np.tile(plane.at(np.zeros((1, 2))), (places.shape[3], 1))
+    origins = np.tile(plane.at(np.zeros((1, 2))), (places.shape[3], 1))
     table = places.reshape(*places.shape[:3], -1)
     response = Stops(sliders=SLIDERS, table=table)
-    return Mark(kind="curve", colour=colour, at=at, scale=plane.scale, response=response)
+    return Mark(kind="curve", colour=colour, at=origins, scale=plane.scale, response=response)
 
 
 def _square(plane: Plane, place: Array, k: int) -> Mark:
-    """Return a control point that is out of the drawing where it is not surveyed."""
+    """Return the mark of a control point; it lies outside the drawing where it is not surveyed."""
     corners = 0.045 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
-    there = [place if k < n else np.array([99.0, 99.0]) for n in CONTROL.stops]
-    return _curve(plane, "ink", np.array([one + corners for one in there])[None, None])
+    centres = [place if k < n else np.array([99.0, 99.0]) for n in CONTROL.stops]
+    return _curve(plane, "ink", np.array([centre + corners for centre in centres])[None, None])
 
 
 # --- Tables of planned flights
@@ -326,7 +326,7 @@ def _column(plan: Plan, names: Sequence[str]) -> pd.Series:
     strips = [*plan.blocks[BLOCK].strips.values()]
     of_flight = {
         "strips": len(strips),
-        "images": sum(one.n_exposures for one in strips),
+        "images": sum(strip.n_exposures for strip in strips),
         "minutes": flying_time_s(tuple(strips)) / 60,
     }
     return pd.concat([pd.Series(of_flight), sigmas(plan)[[*names]]])
@@ -343,22 +343,22 @@ def written(numbers: pd.DataFrame) -> pd.DataFrame:
 
 
 def bought(found: Chosen) -> pd.DataFrame:
-    """Return what each chosen strip buys, as text: σ after it, and what leaving it out costs.
+    """Return σ after each chosen strip, and the cost of leaving the strip out, as text.
 
     A row for every strip in the order of `Chosen`; the last column names the parameter that
-    suffers most without the strip, and how many times its σ is then what is wanted.
+    suffers most without the strip, and the ratio of its σ to the wanted one.
     """
-    limits = pd.Series({one.name: one.limit for one in found.wanted})
+    limits = pd.Series({wanted.name: wanted.limit for wanted in found.wanted})
     rows = []
-    for k, one in enumerate(found.plan.blocks[BLOCK].strips.values()):
+    for k, strip in enumerate(found.plan.blocks[BLOCK].strips.values()):
         excess = pd.Series(found.without[k], index=limits.index) / limits
         after = dict(zip(limits.index, found.after[k], strict=True))
         rows.append(
             {
                 "strip": f"{k + 1}",
-                "height, m": f"{one.flying_height_m:.0f}",
-                "course": f"{one.course_deg:.0f}°",
-                "images": f"{one.n_exposures}",
+                "height, m": f"{strip.flying_height_m:.0f}",
+                "course": f"{strip.course_deg:.0f}°",
+                "images": f"{strip.n_exposures}",
                 "minutes": f"{found.minutes_after[k]:.1f}",
                 **{f"σ of {short}": f"{after[sigma]:.2g}" for sigma, short in BRIEF.items()},
                 "left out": Markup(f"{LABELS[str(excess.idxmax())]}: {excess.max():.2g} times"),

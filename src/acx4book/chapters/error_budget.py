@@ -1,6 +1,6 @@
 """Chapter 16, the error budget.
 
-Where the error of a map comes from, for a run and as the paper's numbers say.
+The sources of the error of a map, for a run and from the paper's numbers.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ def stacked(budgets: Mapping[str, Budget]) -> Figure:
     methods = [*budgets]
     with style.applied():
         fig, axes = style.subplots(1, 3, figsize=(style.WIDTH, 2.5), sharey=True)
-        means = [of.mean for of in budgets.values()]
+        means = [split.mean for split in budgets.values()]
         for axis, ax in enumerate(axes):
-            left = np.zeros(len(methods))
+            start = np.zeros(len(methods))
             for (name, sources), colour in zip(STACKED.items(), COLOURS, strict=True):
                 share = np.array([percent(mean[axis], *sources) for mean in means])
-                ax.barh(np.arange(len(methods)), share, 0.62, left, color=colour, label=name)
-                left = left + share
+                ax.barh(np.arange(len(methods)), share, 0.62, start, color=colour, label=name)
+                start = start + share
             ax.set_title(AXES[axis])
             ax.set(xlim=(0, 100), xlabel="share of the variance (%)")
             ax.grid(axis="y", visible=False)
@@ -80,7 +80,7 @@ def calibration(budgets: Mapping[str, Budget]) -> Figure:
         Of two methods.
     """
     names = [*budget.CALIBRATION, "together"]
-    at = np.arange(len(names))
+    rows = np.arange(len(names))
     with style.applied():
         fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 2.9), sharey=True)
         for k, (ax, title) in enumerate(zip(axes, COORDINATES, strict=True)):
@@ -89,12 +89,12 @@ def calibration(budgets: Mapping[str, Budget]) -> Figure:
                 share = [percent(part, name) for name in names[:-1]]
                 share.append(percent(part, *budget.CALIBRATION))
                 label = TITLES[method]
-                ax.barh(at + 0.4 * i - 0.2, share, 0.36, color=style.colour(i), label=label)
+                ax.barh(rows + 0.4 * i - 0.2, share, 0.36, color=style.colour(i), label=label)
             ax.axvline(0, color=style.INK, lw=0.8)
             ax.set_title(title)
             ax.set_xlabel("share of the variance (%)")
             ax.grid(axis="y", visible=False)
-        axes[0].set_yticks(at, names)
+        axes[0].set_yticks(rows, names)
         axes[0].invert_yaxis()
         style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
     return fig
@@ -135,12 +135,12 @@ def over_heights(
     return fig
 
 
-def _draw_heights(ax: Axes, heights_m: Array, own: Array) -> None:
-    ax.plot(heights_m, np.sqrt(own.sum(axis=-1)), color=style.INK, label="all together")
+def _draw_heights(ax: Axes, heights_m: Array, variances: Array) -> None:
+    ax.plot(heights_m, np.sqrt(variances.sum(axis=-1)), color=style.INK, label="all together")
     for i, (name, sources) in enumerate(budget.GROUPS.items()):
         columns = [budget.SOURCES.index(source) for source in sources]
         ax.plot(
-            *(heights_m, np.sqrt(own[:, columns].sum(axis=-1))),
+            *(heights_m, np.sqrt(variances[:, columns].sum(axis=-1))),
             color=style.colour(i),
             label=name,
         )
@@ -184,13 +184,13 @@ def _around(slider: Slider, value: float) -> Slider:
 
 
 def _effects(calibration: Calibration, height: Slider) -> Array:
-    """Return what one unit of each slider makes of a ground point, at every stop of the height."""
-    found = []
+    """Return the ground error by one unit of each slider, cm, shape (n_heights, 2, n_rows)."""
+    effects = []
     for height_m in height.stops:
         mean = plan_and_height(over_ground(calibration, _unit_flight(height_m)).mean)
-        own = [[budget.SOURCES.index(name) for name in sources] for _, sources in ROWS.values()]
-        found.append([[part[columns].sum() for columns in own] for part in mean])
-    return 100 * np.sqrt(np.maximum(np.array(found), 0.0))
+        rows = [[budget.SOURCES.index(name) for name in sources] for _, sources in ROWS.values()]
+        effects.append([[part[columns].sum() for columns in rows] for part in mean])
+    return 100 * np.sqrt(np.maximum(np.array(effects), 0.0))
 
 
 def _unit_flight(height_m: float) -> MappingFlight:
@@ -216,30 +216,33 @@ def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
     """
     tilt, _, heading = np.degrees(flown.sigma_attitude)
     values = (flown.height_m, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
-    own = [
+    sliders = [
         _around(slider, value) for slider, value in zip(SLIDERS, map(float, values), strict=True)
     ]
-    size = _effects(calibration, own[0])
-    table = np.zeros((*size.shape[:2], len(ROWS) + 1, len(own)))
+    size = _effects(calibration, sliders[0])
+    table = np.zeros((*size.shape[:2], len(ROWS) + 1, len(sliders)))
     for k, (slider, _) in enumerate(ROWS.values()):
         table[:, :, k, slider] = size[:, :, k]
         table[:, :, -1, slider] = size[:, :, k]  # all together
     names = [*ROWS, "all together"]
-    start = [round(float(value), slider.digits) for slider, value in zip(own, values, strict=True)]
+    start = [
+        round(float(value), slider.digits) for slider, value in zip(sliders, values, strict=True)
+    ]
     presets = {
         "this flight": start,
-        "poor positions": [*start[:2], own[2].high, *start[3:]],
-        "better targets": [start[0], round(start[1] / 3, own[1].digits), *start[2:]],
-        "twice as high": [min(2 * start[0], own[0].high), *start[1:]],
+        "poor positions": [*start[:2], sliders[2].high, *start[3:]],
+        "better targets": [start[0], round(start[1] / 3, sliders[1].digits), *start[2:]],
+        "twice as high": [min(2 * start[0], sliders[0].high), *start[1:]],
     }
     rows = {
-        name: [Roots(sliders=own, table=table[:, k, [i]]) for k in range(2)]
+        name: [Roots(sliders=sliders, table=table[:, k, [i]]) for k in range(2)]
         for i, name in enumerate(names)
     }
     largest = np.max(
-        [[part.at(at)[0] for part in rows[names[-1]]] for at in presets.values()], axis=0
+        [[part.at(settings)[0] for part in rows[names[-1]]] for settings in presets.values()],
+        axis=0,
     )
-    ends = [next(end for end in ENDS if end >= one) for one in largest]
+    ends = [next(end for end in ENDS if end >= sigma) for sigma in largest]
     return Explorer(
         name="explorer-error-budget",
         caption=(
@@ -247,12 +250,12 @@ def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
             "30\N{NO-BREAK SPACE}% of overlap and the calibration of this flight, without an error "
             "of the survey. The last bar is the root of the sum of the squares of the others."
         ),
-        sliders=own,
+        sliders=sliders,
         presets=presets,
         panels=[
             bars(
                 names,
-                Roots(sliders=own, table=along(table[:, k], 1)),
+                Roots(sliders=sliders, table=along(table[:, k], 1)),
                 title=name,
                 alt=f"Bars for the sources of the error in {name}, and for all of them together.",
                 ends=(0.0, ends[k]),
@@ -286,7 +289,7 @@ def plan_and_height(variance: Array) -> Array:
 
 
 def percent(variance: Array, *sources: str) -> float:
-    """Return which part of a variance some sources have, %.
+    """Return the share of some sources in a variance, %.
 
     Parameters
     ----------
@@ -294,8 +297,8 @@ def percent(variance: Array, *sources: str) -> float:
     *sources : str
         Names of `budget.SOURCES`.
     """
-    own = [budget.SOURCES.index(source) for source in sources]
-    return float(100 * variance[own].sum() / variance.sum())
+    columns = [budget.SOURCES.index(source) for source in sources]
+    return float(100 * variance[columns].sum() / variance.sum())
 
 
 def groups(
@@ -313,12 +316,12 @@ def groups(
         Of their points, each from all its rays, and of their pairs.
     """
     rows = {}
-    for method, found in validations.items():
-        for rays, split, own in (
-            ("all", points[method], found.points),
-            ("pairs", pairs[method], found.pairs),
+    for method, checks in validations.items():
+        for rays, split, differences in (
+            ("all", points[method], checks.points),
+            ("pairs", pairs[method], checks.pairs),
         ):
-            for name, row in _by_coordinate(split, own).items():
+            for name, row in _by_coordinate(split, differences).items():
                 rows[TITLES[method], rays, name] = row
     table = pd.DataFrame(rows.values())
     table.index = pd.MultiIndex.from_tuples(rows, names=["method", "rays", "coordinate"])
@@ -327,8 +330,8 @@ def groups(
     return table
 
 
-def _by_coordinate(split: Budget, own: Differences) -> dict[str, dict[str, float]]:
-    square = np.mean((own.d / own.sigma) ** 2, axis=0)
+def _by_coordinate(split: Budget, differences: Differences) -> dict[str, dict[str, float]]:
+    square = np.mean((differences.d / differences.sigma) ** 2, axis=0)
     normalised = np.sqrt([square[:2].mean(), square[2]])
     return {
         name: {
@@ -341,7 +344,7 @@ def _by_coordinate(split: Budget, own: Differences) -> dict[str, dict[str, float
 
 
 def printed_flight(cases: Sequence[Assumed], budgets: Sequence[Budget]) -> pd.DataFrame:
-    """Return what the paper's own accuracies predict, and what they leave of its RMS.
+    """Return the RMS predicted from the paper's accuracies, and the unexplained rest of its RMS.
 
     Parameters
     ----------
@@ -351,9 +354,9 @@ def printed_flight(cases: Sequence[Assumed], budgets: Sequence[Budget]) -> pd.Da
     """
     rms_, rows = rms(), []
     for assumed, split in zip(cases, budgets, strict=True):
-        left = unexplained(rms_, split.rms)
+        unexplained_rms = unexplained(rms_, split.rms)
         row = {"image σ (px)": assumed.sigma_px, "GNSS σ (m)": assumed.sigma_gnss_m}
-        for axis, predicted, rest in zip(AXES, split.rms, left, strict=True):
+        for axis, predicted, rest in zip(AXES, split.rms, unexplained_rms, strict=True):
             row[f"{axis}: predicted (m)"] = predicted
             row[f"{axis}: left (m)"] = rest if rest > 0 else np.nan
         rows.append(row)
@@ -363,16 +366,16 @@ def printed_flight(cases: Sequence[Assumed], budgets: Sequence[Budget]) -> pd.Da
 
 
 def suspects(found: Sequence[Suspect]) -> pd.DataFrame:
-    """Return which single error would explain what is left in plan, and what it does to heights."""
-    rows = {one.name: dict(zip(AXES, one.rms, strict=True)) for one in found}
+    """Return the single errors that each explain the rest in plan, with their effect on heights."""
+    rows = {suspect.name: dict(zip(AXES, suspect.rms, strict=True)) for suspect in found}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("error")
-    table.insert(0, "size needed", [one.needed for one in found])
+    table.insert(0, "size needed", [suspect.needed for suspect in found])
     table.columns = ["size needed", *(f"{axis} (m)" for axis in AXES)]
     table.attrs["formats"] = dict.fromkeys(table.columns[1:], ".2f")
     return table
 
 
-# --- The budget of the paper's own flight, from what the paper says of its accuracies
+# --- The budget of the paper's own flight, from the accuracies that the paper states
 #
 # The rays are those of the simulated flight, whose independent block has the paper's height,
 # overlaps, number of targets and, nearly, number of pairs. Every standard deviation is the
@@ -398,7 +401,7 @@ units is in it."""
 
 @dataclass(frozen=True, kw_only=True)
 class Assumed:
-    """What is assumed of the paper's flight where the paper gives a range, or nothing.
+    """Assumptions on the paper's flight where the paper gives a range, or nothing.
 
     Attributes
     ----------
@@ -464,8 +467,8 @@ def sources(
     georeferenced = direct.georeference(block, calibration)
     rays = validation.rays_of_pairs(block, pairs)
     rays = replace(rays, sigma_px=np.full(len(rays.group), assumed.sigma_px))
-    at = validation.differences_at(block, georeferenced, rays, pairs.point_idx, "none")
-    return at.sources, georeferenced.layout
+    differences = validation.differences_at(block, georeferenced, rays, pairs.point_idx, "none")
+    return differences.sources, georeferenced.layout
 
 
 def as_calibrated(calibration: Calibration) -> Calibration:
@@ -490,9 +493,9 @@ def as_calibrated(calibration: Calibration) -> Calibration:
 
 
 def unexplained(found_rms: Array, predicted_rms: Array) -> Array:
-    """Return what a budget leaves of an RMS, shape (3,), m; zero where it predicts more."""
-    left: Array = np.sqrt(np.maximum(found_rms**2 - predicted_rms**2, 0.0))
-    return left
+    """Return the unexplained part of an RMS, shape (3,), m; zero where the prediction is larger."""
+    unexplained_rms: Array = np.sqrt(np.maximum(found_rms**2 - predicted_rms**2, 0.0))
+    return unexplained_rms
 
 
 # --- which error leaves heights alone ----------------------------------------------------------
@@ -500,7 +503,7 @@ def unexplained(found_rms: Array, predicted_rms: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Suspect:
-    """An error that alone explains what the budget leaves of the printed RMS in plan.
+    """A single error that explains the rest of the printed RMS in plan.
 
     Attributes
     ----------
@@ -524,22 +527,22 @@ class Suspect:
 
 
 def printed_suspects(sources: ErrorSources, columns: Layout, assumed: Assumed) -> list[Suspect]:
-    """Return what one error at a time does to the pairs if it alone explains what is left in plan.
+    """Return each error that alone explains the rest of the RMS in plan, with its RMS of the pairs.
 
-    Every error is scaled until its RMS in plan is what the sources leave of the printed one.
+    Every error is scaled until its RMS in plan is the part of the printed one left unexplained.
 
     Parameters
     ----------
     sources, columns
         As `sources` returns them.
     assumed : Assumed
-        What they are of.
+        Assumed accuracies of these sources.
     """
     split = budget.of(sources, columns).mean
-    left = unexplained(rms(), np.sqrt(split.sum(axis=-1)))
-    size = float(np.sum(left[:2] ** 2))
+    unexplained_rms = unexplained(rms(), np.sqrt(split.sum(axis=-1)))
+    size = float(np.sum(unexplained_rms[:2] ** 2))
     degrees = {name: printed.statement(f"{name}_deg") for name in ("roll_pitch", "heading")}
-    own = {
+    sigma_of_source = {
         "image points": (assumed.sigma_px, "px"),
         "GNSS": (assumed.sigma_gnss_m, "m"),
         "roll": (degrees["roll_pitch"], "°"),
@@ -548,7 +551,7 @@ def printed_suspects(sources: ErrorSources, columns: Layout, assumed: Assumed) -
     }
     squares = [
         (name, unit, unity, split[:, budget.SOURCES.index(name)])
-        for name, (unity, unit) in own.items()
+        for name, (unity, unit) in sigma_of_source.items()
     ]
     by_column = np.mean(sources.by_parameters**2, axis=0)
     squares += [
@@ -556,10 +559,10 @@ def printed_suspects(sources: ErrorSources, columns: Layout, assumed: Assumed) -
         for name, (key, unit, unity) in SHARED.items()
     ]
     squares.append(("the targets themselves, in plan", "m", 1.0, np.array([0.5, 0.5, 0.0])))
-    found_all = []
+    errors = []
     for name, unit, unity, square in squares:
         factor = np.sqrt(size / square[:2].sum())
-        found_all.append(
+        errors.append(
             Suspect(name=name, unit=unit, size=factor * unity, rms=factor * np.sqrt(square))
         )
-    return found_all
+    return errors

@@ -1,6 +1,6 @@
 """Chapter 14, the failure clinic.
 
-Common mistakes planted in a flight, and what shows each of them.
+Common mistakes planted in a flight, and the signs of each.
 """
 
 from __future__ import annotations
@@ -64,8 +64,10 @@ def changed(
     tables : mapping of str to mapping of str to Series
         Columns by their names, by the file of the table.
     """
-    others = {path: flight.tables[path].assign(**columns) for path, columns in tables.items()}
-    return replace(flight, tables={**flight.tables, **others})
+    changed_tables = {
+        path: flight.tables[path].assign(**columns) for path, columns in tables.items()
+    }
+    return replace(flight, tables={**flight.tables, **changed_tables})
 
 
 def convergence_deg(flight: SimulatedFlight) -> Array:
@@ -87,14 +89,14 @@ def late(flight: SimulatedFlight, by_s: float) -> pd.DataFrame:
     table = flight.tables[TRAJECTORY]
     names = ["lat_deg", "lon_deg", "height_m"]
     rates = [
-        own[names].apply(lambda column, t=own["time_s"]: np.gradient(column, t))
-        for _, own in table.groupby(table["exposure"].str.partition("-")[0], sort=False)
+        strip[names].apply(lambda column, t=strip["time_s"]: np.gradient(column, t))
+        for _, strip in table.groupby(table["exposure"].str.partition("-")[0], sort=False)
     ]
     return table[names] + by_s * pd.concat(rates)
 
 
 def only(flight: SimulatedFlight, strips: Sequence[str]) -> SimulatedFlight:
-    """Return a flight of which only some strips are left."""
+    """Return a flight with only some of its strips."""
     images = flight.tables[f"{BLOCK}/images.csv"]
     images = images[images["strip"].isin(strips)]
     points = flight.tables[f"{BLOCK}/image_points.csv"]
@@ -119,7 +121,7 @@ COUNTED = ("tie points", "control points are not measured", "image points reject
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Examined:
-    """What a mistake leaves.
+    """The effects of a mistake on a flight and its calibration.
 
     Attributes
     ----------
@@ -147,18 +149,18 @@ class Examined:
 
     @property
     def named(self) -> bool:
-        """Whether a command says more than numbers of observations: what is wrong."""
+        """Whether a message of a command names a mistake, beside counts of observations."""
         lines = (*self.check, *self.run)
         return any(not any(words in line for words in COUNTED) for line in lines)
 
     def __repr__(self) -> str:
-        """Count what the commands say."""
+        """Count the messages of the commands."""
         return f"Examined: check says {len(self.check)} lines, run {len(self.run)}"
 
     def _repr_markdown_(self) -> str:
-        """Show what the two commands say of the flight, word for word."""
-        both = (("check", self.check), ("run", self.run))
-        return "\n\n".join(f"`acx4 {name}` says:\n\n{_quoted(lines)}" for name, lines in both)
+        """Show the messages of the two commands on the flight, word for word."""
+        commands = (("check", self.check), ("run", self.run))
+        return "\n\n".join(f"`acx4 {name}` says:\n\n{_quoted(lines)}" for name, lines in commands)
 
 
 def _quoted(lines: Sequence[str]) -> str:
@@ -174,16 +176,16 @@ def examine(flight: SimulatedFlight) -> Examined:
         try:
             outcome = runner.run(written, results, way=functions.Functions(), stages=("mounting",))
             run = outcome.not_determined + outcome.notes
-            found = folder.read(results)
+            stored = folder.read(results)
             residuals, rejected = (_of_method(results / f"{n}.csv") for n in TABLES)
         except Acx4Error as error:
-            said = (*getattr(error, "__notes__", ()), *str(error).splitlines())
-            run, found, residuals, rejected = said, None, pd.DataFrame(), pd.DataFrame()
+            lines = (*getattr(error, "__notes__", ()), *str(error).splitlines())
+            run, stored, residuals, rejected = lines, None, pd.DataFrame(), pd.DataFrame()
     return Examined(
         check=_plain(check, temporary),
         run=_plain(run, temporary),
         residuals=residuals,
-        parameters=pd.DataFrame() if found is None else _with_truth(found, flight),
+        parameters=pd.DataFrame() if stored is None else _with_truth(stored, flight),
         rejected=rejected,
         planted=flight.truth.get("gross_errors", []),
         places_km=_places(flight),
@@ -196,7 +198,7 @@ def _of_method(path: Path) -> pd.DataFrame:
 
 
 def _checked(path: Path) -> tuple[str, ...]:
-    """Return what the command check adds to its summary, or why it refuses the flight."""
+    """Return the notes of the command check, or its reasons to refuse the flight, line by line."""
     try:
         flight = read(path)
         return (*flight.notes, *conventions.notes(flight))
@@ -209,15 +211,15 @@ def _plain(lines: tuple[str, ...], temporary: str) -> tuple[str, ...]:
     return tuple(line.replace(f"{temporary}/flight/", "") for line in lines)
 
 
-def _with_truth(found: folder.Results, flight: SimulatedFlight) -> pd.DataFrame:
+def _with_truth(stored: folder.Results, flight: SimulatedFlight) -> pd.DataFrame:
     (camera,) = flight.plan.blocks[BLOCK].cameras
-    own = folder.parameters(found, f"mounting/{METHOD}", camera)
+    estimates = folder.parameters(stored, f"mounting/{METHOD}", camera)
     true = flight.truth["cameras"][camera]
-    return own.assign(true=[true[name] for name in own.index])
+    return estimates.assign(true=[true[name] for name in estimates.index])
 
 
 def _places(flight: SimulatedFlight) -> pd.DataFrame:
-    """Return where the exposures are, less their mean."""
+    """Return the places of the exposures, less their mean."""
     table = flight.tables[TRAJECTORY]
     geodetic = np.column_stack([np.radians(table[["lat_deg", "lon_deg"]]), table["height_m"]])
     grid = Grid(crs=flight.plan.crs).grid_from_geodetic(geodetic)[:, :2] / 1000
@@ -240,13 +242,13 @@ GROUPS: Mapping[str, tuple[str, tuple[str, ...]]] = {
 """Kinds and components of residuals.csv by the name of their group."""
 
 
-def _of_group(found: Examined, name: str) -> pd.DataFrame:
+def _of_group(examined: Examined, name: str) -> pd.DataFrame:
     """Return the residuals of one of `GROUPS`; no rows where there is no adjustment."""
-    if not len(found.residuals):
+    if not len(examined.residuals):
         return pd.DataFrame(columns=["image_or_exposure", "component", "v", "w"])
     kind, components = GROUPS[name]
-    own = found.residuals
-    return own[(own["kind"] == kind) & own["component"].isin(components)]
+    residuals = examined.residuals
+    return residuals[(residuals["kind"] == kind) & residuals["component"].isin(components)]
 
 
 def standardised(found: Examined) -> pd.Series:
@@ -262,7 +264,7 @@ def standardised(found: Examined) -> pd.Series:
 
 
 def worst(found: Examined) -> pd.Series | None:
-    """Return the parameter that is off by most of its sigma; None without an adjustment.
+    """Return the parameter with the largest error over sigma; None without an adjustment.
 
     Returns
     -------
@@ -304,8 +306,8 @@ def fingerprints(found: Mapping[str, Examined]) -> Figure:
     return fig
 
 
-def _draw_fingerprint(ax: Axes, one: Examined) -> None:
-    rms = standardised(one)
+def _draw_fingerprint(ax: Axes, examined: Examined) -> None:
+    rms = standardised(examined)
     colours = [style.BRICK if value > SEEN else style.BLUE for value in rms]
     ax.barh(np.arange(len(rms)), rms - 0.3, left=0.3, color=colours, height=0.68)
     ax.axvline(1.0, color=style.INK, lw=0.8)
@@ -313,10 +315,12 @@ def _draw_fingerprint(ax: Axes, one: Examined) -> None:
 
 
 def maps(found: Mapping[str, Examined]) -> Figure:
-    """Draw where residuals are: of positions in plan as arrows, of attitudes as colours."""
+    """Draw residuals in plan: of positions as arrows, of attitudes as colours."""
     with style.applied():
         fig, axes = _panels(found, _draw_map, height=2.2)
-        reach = 1.35 * max(float(one.places_km.abs().to_numpy().max()) for one in found.values())
+        reach = 1.35 * max(
+            float(examined.places_km.abs().to_numpy().max()) for examined in found.values()
+        )
         for ax in axes.flat:
             ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xticks=[], yticks=[])
         marks = axes[0, 0].collections[0]
@@ -327,13 +331,14 @@ def maps(found: Mapping[str, Examined]) -> Figure:
     return fig
 
 
-def _draw_map(ax: Axes, one: Examined) -> None:
-    names = one.places_km.index
-    at = one.places_km.to_numpy()
+def _draw_map(ax: Axes, examined: Examined) -> None:
+    names = examined.places_km.index
+    places = examined.places_km.to_numpy()
     turned = np.sqrt(
-        _by_exposure(one, "roll, pitch", names) ** 2 + _by_exposure(one, "heading", names) ** 2
+        _by_exposure(examined, "roll, pitch", names) ** 2
+        + _by_exposure(examined, "heading", names) ** 2
     )
-    east, north = at.T
+    east, north = places.T
     ax.scatter(
         east,
         north,
@@ -345,22 +350,24 @@ def _draw_map(ax: Axes, one: Examined) -> None:
         edgecolor=style.SOFT,
         lw=0.4,
     )
-    v = _of_group(one, "GNSS, plan").pivot_table(
+    v = _of_group(examined, "GNSS, plan").pivot_table(
         index="image_or_exposure", columns="component", values="v"
     )
     moved = v.reindex(names)[["east_m", "north_m"]].to_numpy()
     longest = float(np.nanmax(np.hypot(*moved.T)))
     arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "width": 0.008, "zorder": 4}
-    ax.quiver(*at.T, *moved.T, scale=longest / ARROW_KM, color=style.ORANGE, **arrows)
+    ax.quiver(*places.T, *moved.T, scale=longest / ARROW_KM, color=style.ORANGE, **arrows)
     ax.annotate(
         f"longest arrow {_length(longest)}", (0.02, 0.03), xycoords="axes fraction", fontsize=7.5
     )
 
 
-def _by_exposure(one: Examined, group: str, names: pd.Index) -> np.ndarray:
+def _by_exposure(examined: Examined, group: str, names: pd.Index) -> np.ndarray:
     """Return the RMS of the standardised residuals of a group, by exposure."""
-    own = _of_group(one, group)
-    mean = own.assign(square=own["w"] ** 2).groupby("image_or_exposure")["square"].mean()
+    residuals = _of_group(examined, group)
+    mean = (
+        residuals.assign(square=residuals["w"] ** 2).groupby("image_or_exposure")["square"].mean()
+    )
     out: np.ndarray = np.sqrt(mean.reindex(names).to_numpy())
     return out
 
@@ -370,19 +377,19 @@ def _length(metres: float) -> str:
 
 
 def _panels(
-    found: Mapping[str, Examined], draw: Draw, *, height: float, **shared: bool
+    flights: Mapping[str, Examined], draw: Draw, *, height: float, **shared: bool
 ) -> tuple[Figure, Any]:
-    """Return a figure with a panel for every mistake; what was refused says so."""
-    n_rows = -(-len(found) // COLUMNS)
+    """Return a figure with a panel for every mistake; a refused flight has a note in its panel."""
+    n_rows = -(-len(flights) // COLUMNS)
     fig, axes = style.subplots(
         n_rows, COLUMNS, figsize=(style.WIDTH, height * n_rows + 0.5), squeeze=False, **shared
     )
-    for ax in axes.flat[len(found) :]:
+    for ax in axes.flat[len(flights) :]:
         ax.axis("off")
-    for ax, (name, one) in zip(axes.flat, found.items(), strict=False):
+    for ax, (name, examined) in zip(axes.flat, flights.items(), strict=False):
         ax.set_title(name)
-        if len(one.residuals):
-            draw(ax, one)
+        if len(examined.residuals):
+            draw(ax, examined)
         else:
             ax.text(
                 *(0.5, 0.5, REFUSED), ha="center", va="center", color=style.SOFT,
@@ -395,12 +402,12 @@ def _panels(
 
 
 def table(found: Mapping[str, Examined]) -> pd.DataFrame:
-    """Return what every mistake leaves in residuals and parameters, as text."""
-    return pd.DataFrame([{"Mistake": name, **_cells(one)} for name, one in found.items()])
+    """Return the effect of every mistake on residuals and parameters, as text."""
+    return pd.DataFrame([{"Mistake": name, **_cells(examined)} for name, examined in found.items()])
 
 
-def _cells(one: Examined) -> dict[str, str]:
-    off = worst(one)
+def _cells(examined: Examined) -> dict[str, str]:
+    off = worst(examined)
     if off is None:
         return {
             "Largest residuals": "refused when it is read",
@@ -409,10 +416,10 @@ def _cells(one: Examined) -> dict[str, str]:
             "wrong by": "",
             "in its own σ": "",
         }
-    rms = standardised(one)
+    rms = standardised(examined)
     return {
         "Largest residuals": f"{rms.idxmax()}, {rms.max():.3g} σ",
-        "Rejected": f"{len(one.rejected)}",
+        "Rejected": f"{len(examined.rejected)}",
         "Parameter that is most wrong": Markup(LABELS[str(off.name)]),
         "wrong by": _with_unit(float(off["error"]), str(off["unit"])),
         "in its own σ": f"{off['off']:.3g}",

@@ -1,4 +1,4 @@
-"""Chapter 0, the flight that is read (section 3.2).
+"""Chapter 0, the flight as it is read (section 3.2).
 
 Its blocks beside the paper's, and a figure for the front page.
 """
@@ -46,7 +46,7 @@ def system(flight: Flight) -> Figure:
         _draw_mount(ax)
         down = [camera.T_b_c.R @ [0.0, 0.0, -1.0] for camera in cameras]
         places = _places(down)
-        for i in np.argsort([float(VIEW.apply(at)[2]) for at in places]):
+        for i in np.argsort([float(VIEW.apply(place)[2]) for place in places]):
             _draw_head(ax, places[i], down[i], style.colour(int(i)), cameras[i].name)
         _draw_imu(ax)
         _label(ax, flight, cameras)
@@ -60,21 +60,21 @@ def _heads(flight: Flight) -> tuple[Camera, ...]:
 
 
 def _places(ways: Sequence[Array]) -> list[Array]:
-    """Return where heads are on the mount; those that look one way stand around its middle."""
-    at = [_aside(way) for way in ways]
+    """Return the heads' places on the mount; heads that share a place stand in a ring around it."""
+    places = [_aside(way) for way in ways]
     of_place: dict[tuple[float, ...], list[int]] = {}
-    for i, place in enumerate(at):
+    for i, place in enumerate(places):
         of_place.setdefault(tuple(place.round(1) + 0.0), []).append(i)
     for together in of_place.values():
         angle = np.pi / 4 + 2 * np.pi * np.arange(len(together)) / len(together)
         if len(together) > 1:
             for i, a in zip(together, angle, strict=True):
-                at[i] = at[i] + 0.7 * ASIDE * np.array([np.cos(a), np.sin(a), 0.0])
-    return at
+                places[i] = places[i] + 0.7 * ASIDE * np.array([np.cos(a), np.sin(a), 0.0])
+    return places
 
 
 def _aside(way: Array) -> Array:
-    """Return where a head is on the mount: aside to where it looks."""
+    """Return the place of a head on the mount: off the middle, in its direction of view."""
     flat = way * [1.0, 1.0, 0.0]
     length = float(np.hypot(*flat[:2]))
     place: Array = ASIDE * flat / length if length > 0.05 else np.zeros(3)
@@ -87,14 +87,14 @@ def _draw_mount(ax: Axes) -> None:
     _solid(ax, slab, style.SOFT, alpha=0.3, zorder=3)
 
 
-def _draw_head(ax: Axes, at: Array, way: Array, colour: str, name: str) -> None:
+def _draw_head(ax: Axes, place: Array, way: Array, colour: str, name: str) -> None:
     """Draw a lens below the mount, the camera above it, and the axis along which it looks."""
-    tip = at + LENS * way
-    _solid(ax, np.concatenate([_ring(at, way, RADIUS), _ring(tip, way, 1.2 * RADIUS)]), colour)
-    back = _ring(at, way, 1.5 * RADIUS)
+    tip = place + LENS * way
+    _solid(ax, np.concatenate([_ring(place, way, RADIUS), _ring(tip, way, 1.2 * RADIUS)]), colour)
+    back = _ring(place, way, 1.5 * RADIUS)
     _solid(ax, np.concatenate([back, back - 0.4 * way]), colour, zorder=4)
-    arrow(ax, VIEW.apply(tip)[:2], VIEW.apply(at + 1.35 * way)[:2], colour, width=1.4)
-    note(ax, VIEW.apply(at + 1.5 * way)[:2], style.plain(name), style.INK, shift=(0, -3))
+    arrow(ax, VIEW.apply(tip)[:2], VIEW.apply(place + 1.35 * way)[:2], colour, width=1.4)
+    note(ax, VIEW.apply(place + 1.5 * way)[:2], style.plain(name), style.INK, shift=(0, -3))
 
 
 def _ring(centre: Array, way: Array, radius: float) -> Array:
@@ -107,8 +107,8 @@ def _ring(centre: Array, way: Array, radius: float) -> Array:
 
 def _solid(ax: Axes, points: Array, colour: str, *, alpha: float = 0.85, zorder: int = 2) -> None:
     """Draw the outline of a convex body and fill it."""
-    seen = VIEW.apply(points)[:, :2]
-    outline = seen[ConvexHull(seen).vertices]
+    projected = VIEW.apply(points)[:, :2]
+    outline = projected[ConvexHull(projected).vertices]
     ax.add_patch(Polygon(outline, fc=colour, ec=style.INK, lw=0.7, alpha=alpha, zorder=zorder))
 
 
@@ -124,23 +124,23 @@ def _draw_imu(ax: Axes) -> None:
 
 
 def _label(ax: Axes, flight: Flight, cameras: Sequence[Camera]) -> None:
-    """Write what the parts are."""
+    """Label the parts."""
     of_paper = printed.applies(flight)
     imu = "IMU (LN-200)\nof the POS-AV510" if of_paper else "IMU"
     antenna = "GNSS antenna\non the aeroplane" if of_paper else "GNSS antenna"
     first, n = cameras[0], len(cameras)
-    what = f"{n} heads of" if n > 1 else "one camera of"
+    subject = f"{n} heads of" if n > 1 else "one camera of"
     camera = (
-        f"{what}\n{first.width_px} × {first.height_px} px,\n{1000 * first.pixel_mm:g} µm,\n"
+        f"{subject}\n{first.width_px} × {first.height_px} px,\n{1000 * first.pixel_mm:g} µm,\n"
         f"focal length {first.interior.f:.4g} mm"
     )
-    for at, text in (
+    for place, text in (
         (np.array([2.3, 0.9, 1.0]), imu),
         (ANTENNA_AT + np.array([-0.9, 0.6, 0.3]), antenna),
         (np.array([-2.3, 0.3, -0.3]), "common mount" if n > 1 else "mount"),
         (np.array([2.6, -2.3, -0.5]), camera),
     ):
-        note(ax, VIEW.apply(at)[:2], text, style.INK, shift=(0, 0))
+        note(ax, VIEW.apply(place)[:2], text, style.INK, shift=(0, 0))
     to_imu = VIEW.apply(np.stack([IMU_AT + np.array([0.3, -0.3, 0.22]), [2.05, 0.9, 0.85]]))[:, :2]
     ax.plot(*to_imu.T, color=style.SOFT, lw=0.6, zorder=3)
     ax.set(xlim=(-3.6, 4.3), ylim=(-2.3, 2.5))
@@ -169,13 +169,13 @@ def target(flight: Flight) -> Figure | None:
     if not printed.applies(flight):
         return None
     diameter = printed.statement("target_diameter_m")
-    found = _levels(flight)
+    flown = _levels(flight)
     with style.applied():
         fig, ((*axes,),) = style.subplots(
-            1, 1 + len(found), figsize=(style.WIDTH, 2.1), squeeze=False
+            1, 1 + len(flown), figsize=(style.WIDTH, 2.1), squeeze=False
         )
         _draw_target(axes[0], diameter)
-        for ax, (height, gsd) in zip(axes[1:], found, strict=True):
+        for ax, (height, gsd) in zip(axes[1:], flown, strict=True):
             grey = _pixels(diameter / gsd, OFF, half=int(np.ceil(SIDE_M / gsd / 2)))
             reach = gsd * len(grey) / 2
             ax.imshow(grey, cmap="gray", vmin=-0.25, vmax=1, extent=(-reach, reach, -reach, reach))
@@ -191,15 +191,15 @@ def target(flight: Flight) -> Figure | None:
 def _levels(flight: Flight) -> list[tuple[float, float]]:
     """Return known heights and ground pixels of the blocks over the field, the lowest first."""
     blocks = [flight.mounted(name) for name in ("heads", "calibration") if name in flight.blocks]
-    found = [(level.height_m, level.gsd_m) for block in blocks for level in levels(block)]
-    return sorted(one for one in found if np.isfinite(one[0]))
+    flown = [(level.height_m, level.gsd_m) for block in blocks for level in levels(block)]
+    return sorted(pair for pair in flown if np.isfinite(pair[0]))
 
 
 def _pixels(diameter_px: float, centre_px: Array, *, half: int) -> Array:
-    """Return how much of each pixel a disc covers."""
+    """Return the share of each pixel that a disc covers."""
     n = 2 * half + 1
-    at = (np.arange(n * SAMPLES) + 0.5) / SAMPLES - n / 2
-    col, row = np.meshgrid(at - centre_px[0], at - centre_px[1])
+    positions = (np.arange(n * SAMPLES) + 0.5) / SAMPLES - n / 2
+    col, row = np.meshgrid(positions - centre_px[0], positions - centre_px[1])
     inside = np.hypot(col, row) <= diameter_px / 2
     shares: Array = inside.reshape(n, SAMPLES, n, SAMPLES).mean(axis=(1, 3))
     return shares
@@ -209,8 +209,8 @@ def _draw_target(ax: Axes, diameter: float) -> None:
     """Draw the disc with its measure."""
     ax.set_facecolor("#5c6166")
     ax.add_patch(Circle((0, 0), diameter / 2, fc="white", ec="none"))
-    how = {"arrowstyle": "<->", "color": style.BLACK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", (-diameter / 2, 0), (diameter / 2, 0), arrowprops=how)
+    arrow_style = {"arrowstyle": "<->", "color": style.BLACK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", (-diameter / 2, 0), (diameter / 2, 0), arrowprops=arrow_style)
     ax.text(0, 0.04, f"{100 * diameter:.0f} cm", ha="center", va="bottom", color=style.BLACK)
     ax.set_title("on the ground")
     ax.set_xlabel("a disc")
@@ -270,7 +270,7 @@ class Scene:
 
     @property
     def centre(self) -> Array:
-        """Where the exposure was taken, shape (3,)."""
+        """Place of the exposure, shape (3,), m."""
         return np.array(self.places[self.middle])
 
 
@@ -284,17 +284,17 @@ def scene(flight: Flight) -> Scene | None:
     lowest = design.levels(block)[-1]
     strip_of = np.array(design.strip_of_exposure(block), dtype=object)
     strip = lowest.strips[len(lowest.strips) // 2]
-    own = np.flatnonzero(strip_of == strip)
-    middle = own[len(own) // 2]
+    exposures = np.flatnonzero(strip_of == strip)
+    middle = exposures[len(exposures) // 2]
     to_strip = _along(block, middle)
     images = to_strip(design.footprints(block)[block.images.exposure_idx == middle])
-    frames = to_strip(design.footprints(mounted)[np.isin(mounted.images.exposure_idx, own)])
+    frames = to_strip(design.footprints(mounted)[np.isin(mounted.images.exposure_idx, exposures)])
     if not (np.isfinite(images).all() and np.isfinite(frames).all()):
         return None
     surveyed = to_strip(np.concatenate([block.control.x_m, block.check.x_m]))
     return Scene(
-        places=to_strip(block.trajectory.T_m_b.r[own]),
-        middle=len(own) // 2,
+        places=to_strip(block.trajectory.T_m_b.r[exposures]),
+        middle=len(exposures) // 2,
         images=images,
         synthetic=frames,
         control=surveyed * [1.0, 1.0, 0.0],
@@ -315,37 +315,37 @@ def _along(block: Block, exposure: int) -> Callable[[Array], Array]:
 
 
 def exposure(flight: Flight) -> Figure:
-    """Draw one exposure as one sees it who flies beside it.
+    """Draw one exposure as seen from behind, beside and above the aeroplane.
 
     Parameters
     ----------
     flight : Flight
-        With ground control, which says where the ground is.
+        With ground control, which gives the height of the ground.
     """
-    found = scene(flight)
-    if found is None:
+    strip = scene(flight)
+    if strip is None:
         return style.nothing("No surveyed point tells where the ground is.")
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 5.0))
-        look = Look.at(found)
-        _draw_ground(ax, found, look)
-        _draw_rays(ax, found, look)
-        _draw_aeroplane(ax, found, look)
-        _exposure_label(ax, found, look)
+        look = Look.at(strip)
+        _draw_ground(ax, strip, look)
+        _draw_rays(ax, strip, look)
+        _draw_aeroplane(ax, strip, look)
+        _exposure_label(ax, strip, look)
         blank(fig)
     return fig
 
 
 def caption(flight: Flight) -> str:
-    """Say what the drawing shows, with the numbers of the flight."""
-    found = scene(flight)
-    if found is None:
+    """Describe the drawing, with the numbers of the flight."""
+    strip = scene(flight)
+    if strip is None:
         return ""
-    n, each = len(found.images), np.ptp(found.synthetic[found.middle], axis=0)[:2]
+    n, each = len(strip.images), np.ptp(strip.synthetic[strip.middle], axis=0)[:2]
     cameras = f"{n} heads take {n} images at once" if n > 1 else "One camera takes one image"
     thick = "the synthetic image that is made of them" if n > 1 else "its frame"
     return (
-        f"{cameras}, {found.centre[2]:.0f} m above the ground, drawn from the trajectory and the "
+        f"{cameras}, {strip.centre[2]:.0f} m above the ground, drawn from the trajectory and the "
         f"cameras of the flight {shown(flight.name)}. Thick: {thick}, {each[0]:.0f} × "
         f"{each[1]:.0f} m on the ground. Thin: the other exposures of the strip."
     )
@@ -378,81 +378,81 @@ class Look:
 
     def __call__(self, points: Array) -> Array:
         """Return points on the picture, shape (..., 2), in the unit of the scene."""
-        seen = (points - self.eye) @ self.axes.T
-        picture: Array = -seen[..., :2] / seen[..., 2:] * np.linalg.norm(self.eye)
+        x_eye = (points - self.eye) @ self.axes.T
+        picture: Array = -x_eye[..., :2] / x_eye[..., 2:] * np.linalg.norm(self.eye)
         return picture
 
 
-def _draw_ground(ax: Axes, found: Scene, look: Look) -> None:
+def _draw_ground(ax: Axes, strip: Scene, look: Look) -> None:
     """Draw the frames of the whole strip and the surveyed points under it."""
-    for frame in found.synthetic:
+    for frame in strip.synthetic:
         ax.add_patch(_area(look(frame), style.SOFT, alpha=0.06))
         ax.add_patch(_outline(look(frame), style.SOFT, lw=0.5))
-    low, high = (f(found.synthetic.reshape(-1, 3), axis=0) for f in (np.min, np.max))
+    low, high = (f(strip.synthetic.reshape(-1, 3), axis=0) for f in (np.min, np.max))
     margin = 0.12 * (high - low)
-    near = np.all((found.control >= low - margin) & (found.control <= high + margin), axis=1)
-    ax.plot(*look(found.control[near]).T, "^", color=style.INK, ms=3.2)
+    near = np.all((strip.control >= low - margin) & (strip.control <= high + margin), axis=1)
+    ax.plot(*look(strip.control[near]).T, "^", color=style.INK, ms=3.2)
 
 
-def _draw_rays(ax: Axes, found: Scene, look: Look) -> None:
-    """Draw what every camera sees, from the lens through its image to the ground."""
-    centre = found.centre
-    far_first = np.argsort(-found.images.mean(axis=1) @ (look.eye - centre))[::-1]
+def _draw_rays(ax: Axes, strip: Scene, look: Look) -> None:
+    """Draw the rays of every camera, from the lens through its image to the ground."""
+    centre = strip.centre
+    far_first = np.argsort(-strip.images.mean(axis=1) @ (look.eye - centre))[::-1]
     for i in far_first:
-        corners, colour = found.images[i], style.colour(int(i))
+        corners, colour = strip.images[i], style.colour(int(i))
         ax.add_patch(_area(look(corners), colour, alpha=0.3))
         ax.add_patch(_outline(look(corners), colour, lw=1.1))
         for pair in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             ax.add_patch(_area(look(np.array([centre, *pair])), colour, alpha=0.05))
         for corner in corners:
             ax.plot(*look(np.array([centre, corner])).T, color=colour, lw=0.5, alpha=0.7)
-    frame = found.synthetic[found.middle]
+    frame = strip.synthetic[strip.middle]
     ax.add_patch(_outline(look(frame), style.INK, lw=2.2))
     for i in far_first:
-        pane = look(centre + PANE * (found.images[i] - centre))
+        pane = look(centre + PANE * (strip.images[i] - centre))
         ax.add_patch(_area(pane, style.colour(int(i)), alpha=0.6))
     ax.add_patch(_outline(look(centre + PANE * (frame - centre)), style.INK, lw=2.2))
 
 
-def _draw_aeroplane(ax: Axes, found: Scene, look: Look) -> None:
-    """Draw the line of flight, its exposures, and an aeroplane that is much too large."""
-    ax.plot(*look(found.places).T, "-", color=style.SOFT, lw=0.8)
-    ax.plot(*look(found.places).T, "o", color=style.SOFT, ms=3)
+def _draw_aeroplane(ax: Axes, strip: Scene, look: Look) -> None:
+    """Draw the line of flight, its exposures, and a much enlarged aeroplane."""
+    ax.plot(*look(strip.places).T, "-", color=style.SOFT, lw=0.8)
+    ax.plot(*look(strip.places).T, "o", color=style.SOFT, ms=3)
     outline = np.concatenate([AEROPLANE, AEROPLANE[::-1] * [1.0, -1.0]])
-    flat = np.column_stack([outline * 0.13 * found.centre[2], np.zeros(len(outline))])
-    ax.add_patch(_area(look(found.centre + flat), style.INK, alpha=1.0))
+    flat = np.column_stack([outline * 0.13 * strip.centre[2], np.zeros(len(outline))])
+    ax.add_patch(_area(look(strip.centre + flat), style.INK, alpha=1.0))
 
 
-def _exposure_label(ax: Axes, found: Scene, look: Look) -> None:
-    """Write what is seen beside it."""
-    centre, frame = found.centre, found.synthetic[found.middle]
-    for name, corners in zip(found.names, found.images, strict=True):
+def _exposure_label(ax: Axes, strip: Scene, look: Look) -> None:
+    """Label the parts of the drawing."""
+    centre, frame = strip.centre, strip.synthetic[strip.middle]
+    for name, corners in zip(strip.names, strip.images, strict=True):
         outermost = corners[np.argmax(np.hypot(*corners.T[:2]))]
-        at = look(0.8 * corners.mean(axis=0) + 0.2 * outermost)
+        place = look(0.8 * corners.mean(axis=0) + 0.2 * outermost)
         ax.annotate(
             style.plain(name),
-            (at[0], at[1]),
+            (place[0], place[1]),
             color=style.INK,
             ha="center",
             va="center",
             weight="bold",
         )  # colours of the palette are too light for letters
     pane = centre + PANE * (frame - centre)
-    right = max(look(pane), key=lambda at: float(at[0]))
-    left = min(look(pane), key=lambda at: float(at[0]))
-    what = "one synthetic image" if len(found.images) > 1 else "one image"
-    note(ax, right, f"{what}\n(thick frame)", style.INK, shift=(66, 6))
-    if len(found.images) > 1:
+    right = max(look(pane), key=lambda place: float(place[0]))
+    left = min(look(pane), key=lambda place: float(place[0]))
+    subject = "one synthetic image" if len(strip.images) > 1 else "one image"
+    note(ax, right, f"{subject}\n(thick frame)", style.INK, shift=(66, 6))
+    if len(strip.images) > 1:
         note(
             ax,
             left,
-            f"{len(found.images)} images\nof {len(found.images)} heads",
+            f"{len(strip.images)} images\nof {len(strip.images)} heads",
             style.INK,
             shift=(-42, 8),
         )
-    last = look(found.places)[np.argmax(look(found.places)[:, 0])]
+    last = look(strip.places)[np.argmax(look(strip.places)[:, 0])]
     note(ax, last, f"exposures, {centre[2]:.0f} m\nabove the ground", style.SOFT, shift=(10, -18))
-    points = look(found.control)
+    points = look(strip.control)
     note(ax, points[np.argmin(points[:, 1])], "surveyed points", style.SOFT, shift=(54, 0))
 
 
@@ -464,7 +464,7 @@ def _outline(corners: Array, colour: str, *, lw: float) -> Polygon:
     return Polygon(corners, facecolor="none", edgecolor=colour, lw=lw, zorder=3)
 
 
-# --- What the paper says of its flight (section 3), in the form of the tables of a flight
+# --- The paper's statements on its flight (section 3), in the form of a flight's tables
 
 
 PRINTED: dict[tuple[str, int], dict[str, str]] = {
@@ -533,7 +533,7 @@ COLUMNS = {
 
 
 def beside_paper(flown: pd.DataFrame, flight: Flight) -> pd.DataFrame:
-    """Return levels of blocks, each above what the paper says of its own.
+    """Return the levels of blocks, each above the paper's level of the same block.
 
     Parameters
     ----------
@@ -544,16 +544,16 @@ def beside_paper(flown: pd.DataFrame, flight: Flight) -> pd.DataFrame:
     """
     table = flown.copy()
     if printed.applies(flight):
-        said = pd.DataFrame([_said(*key) for key in flown.index], index=flown.index)
-        said = said.dropna(how="all")
-        both = pd.concat({"this book": flown, "paper": said}, names=["of"])
+        of_paper = pd.DataFrame([_said(*key) for key in flown.index], index=flown.index)
+        of_paper = of_paper.dropna(how="all")
+        joined = pd.concat({"this book": flown, "paper": of_paper}, names=["of"])
         order = [
-            (of, *key)
+            (source, *key)
             for key in flown.index
-            for of in ("this book", "paper")
-            if of == "this book" or key in said.index
+            for source in ("this book", "paper")
+            if source == "this book" or key in of_paper.index
         ]
-        table = both.loc[order].reorder_levels(["block", "level", "of"])
+        table = joined.loc[order].reorder_levels(["block", "level", "of"])
     table.attrs["formats"] = {
         **dict.fromkeys(table, ".0f"),
         "ground pixel (cm)": ".1f",
@@ -573,9 +573,9 @@ def _said(block: str, level: int) -> dict[str, float]:
 def printed_contents(flight: Flight) -> pd.DataFrame:
     """Return the paper's numbers of images and of surveyed points, to be joined by the block."""
     names = list(flight.blocks) if printed.applies(flight) else []
-    said = {
+    columns = {
         "paper: images each": {n: printed.statement(PRINTED_IMAGES[n]) for n in names},
         "paper: surveyed": {n: printed.statement(PRINTED_POINTS[n]) for n in names},
     }
-    found = pd.DataFrame(said, index=pd.Index(names, name="block", dtype=object))
-    return found if names else found[[]]
+    table = pd.DataFrame(columns, index=pd.Index(names, name="block", dtype=object))
+    return table if names else table[[]]

@@ -50,7 +50,7 @@ STORED = Path(str(resources.files("acx4book.chapters") / "stored"))
 @shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Whole:
-    """A flight, and what was measured in its pictures.
+    """A flight and the measurements in its pictures.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Whole:
     def truth(self, mounting: Mounting) -> list[float]:
         """Return the true values of the estimated parameters, in their order."""
         values: dict[str, float] = self.simulated.truth["cameras"]["CAM"]
-        return [values[one.name] for one in parameters(mounting.calibration)]
+        return [values[parameter.name] for parameter in parameters(mounting.calibration)]
 
 
 def written(simulated: SimulatedFlight) -> tempfile.TemporaryDirectory[str]:
@@ -108,8 +108,8 @@ def measured(seed: int) -> tuple[Whole, Mounting]:
     (outcome,) = measure_flight(f"{folder.name}/flight", f"{folder.name}/measured")
     flight = read(f"{folder.name}/measured")
     block = flight.block("calibration")
-    found = Whole(simulated=simulated, outcome=outcome, block=block, folder=folder)
-    return found, single_step(block, free=flight.estimate_mounting)
+    whole = Whole(simulated=simulated, outcome=outcome, block=block, folder=folder)
+    return whole, single_step(block, free=flight.estimate_mounting)
 
 
 # --- Measurements in pictures against the simulator's exact geometry
@@ -138,7 +138,7 @@ class Errors:
 
     @property
     def rms(self) -> float:
-        """Root mean square of one coordinate of one measurement, px."""
+        """RMS error of a measurement in one coordinate, px."""
         return float(np.sqrt(np.sum(self.off**2) / self.redundancy))
 
     def of_points(self, own: Mask) -> Errors:
@@ -154,7 +154,7 @@ class Errors:
 
     @property
     def wrong(self) -> int:
-        """Number of measurements that are off by more than a pixel."""
+        """Number of measurements with an error of more than a pixel."""
         return int(np.sum(np.hypot(*self.off.T) > 1))
 
 
@@ -168,15 +168,15 @@ def of_ties(whole: Whole) -> Errors:
     stations = _stations(whole)
     ground = np.zeros((len(image), 3))
     camera = whole.simulated.plan.cameras["CAM"]
-    for k, at in enumerate(stations):
-        ground[image == k] = ground_from_pixels(at, camera, colrow[image == k])
+    for k, exposure in enumerate(stations):
+        ground[image == k] = ground_from_pixels(exposure, camera, colrow[image == k])
     code = np.unique(point, return_inverse=True)[1]
     weight = sigma**-2.0
     total = np.bincount(code, weight)
     mean = np.stack([np.bincount(code, weight * x) / total for x in ground.T], axis=1)[code]
-    left = np.sqrt(np.maximum(1 - weight / total[code], 1e-6))
+    factor = np.sqrt(np.maximum(1 - weight / total[code], 1e-6))
     n = 2 * (len(code) - len(total))
-    return _against(whole, image, point, (colrow, sigma * left, mean), n)
+    return _against(whole, image, point, (colrow, sigma * factor, mean), n)
 
 
 def of_control(whole: Whole) -> Errors:
@@ -188,18 +188,23 @@ def of_control(whole: Whole) -> Errors:
 
 
 def same_height(whole: Whole, errors: Errors) -> Mask:
-    """Tell which measurements are of points that pictures of one height alone show."""
+    """Mark the measurements of points that are seen from one flying height only, shape (n,)."""
     low = np.array([whole.block.images.strips[i] in ("1", "2", "3") for i in errors.image_idx])
     n = np.bincount(errors.point_idx)
     n_low = np.bincount(errors.point_idx, low)
-    one: Mask = ((n_low == 0) | (n_low == n))[errors.point_idx]
-    return one
+    alike: Mask = ((n_low == 0) | (n_low == n))[errors.point_idx]
+    return alike
 
 
 def _measurements(whole: Whole, *, control: bool) -> tuple[Index, Index, Array, Array]:
-    seen, surveyed = whole.block.image_points, whole.block.control.point_idx
-    own = np.isin(seen.point_idx, surveyed) == control
-    return seen.image_idx[own], seen.point_idx[own], seen.colrow[own], seen.sigma_px[own]
+    points, surveyed = whole.block.image_points, whole.block.control.point_idx
+    rows = np.isin(points.point_idx, surveyed) == control
+    return (
+        points.image_idx[rows],
+        points.point_idx[rows],
+        points.colrow[rows],
+        points.sigma_px[rows],
+    )
 
 
 def _stations(whole: Whole) -> list[Station]:
@@ -209,13 +214,17 @@ def _stations(whole: Whole) -> list[Station]:
 
 
 def _against(
-    whole: Whole, image: Index, point: Index, seen: tuple[Array, Array, Array], redundancy: int
+    whole: Whole,
+    image: Index,
+    point: Index,
+    measurements: tuple[Array, Array, Array],
+    redundancy: int,
 ) -> Errors:
-    colrow, sigma, ground = seen
+    colrow, sigma, ground = measurements
     off, camera = np.zeros((len(image), 2)), whole.simulated.plan.cameras["CAM"]
-    for k, at in enumerate(_stations(whole)):
-        own = image == k
-        off[own] = colrow[own] - pixels_from_ground(at, camera, ground[own])
+    for k, exposure in enumerate(_stations(whole)):
+        rows = image == k
+        off[rows] = colrow[rows] - pixels_from_ground(exposure, camera, ground[rows])
     return Errors(
         image_idx=image,
         point_idx=point,
@@ -241,22 +250,22 @@ SHOWN = 4
 
 
 def patches(outcome: Outcome) -> Figure:
-    """Draw a place in four pictures: as it is there, and laid into the first one's pixels.
+    """Draw a place in four pictures: in their own pixels, and resampled to the first picture.
 
     Parameters
     ----------
     outcome : Outcome
-        Of measuring the chapter's flight; its pictures are still there.
+        Of measuring the chapter's flight, whose pictures must still exist.
     """
     views = [_view(outcome, name) for name in CHOSEN]
-    at = _shared_corner(outcome.matched, views)
+    corner = _shared_corner(outcome.matched, views)
     surface = outcome.matched.surface
     with style.applied():
         fig, axes = style.subplots(2, len(views), figsize=(style.WIDTH, 3.7))
         for k, view in enumerate(views):
-            there = np.rint(transferred(views[0], view, surface, at.astype(float))).astype(int)
-            as_it_is = own_patches(view, there, SIDE).grey
-            laid = laid_patches(views[0], view, surface, at, SIDE).grey if k else as_it_is
+            place = np.rint(transferred(views[0], view, surface, corner.astype(float))).astype(int)
+            as_it_is = own_patches(view, place, SIDE).grey
+            laid = laid_patches(views[0], view, surface, corner, SIDE).grey if k else as_it_is
             for ax, image in zip(axes[:, k], (as_it_is, laid), strict=True):
                 ax.imshow(image, cmap="gray", interpolation="nearest")
                 style.bare(ax)
@@ -275,10 +284,10 @@ def _shared_corner(matched: Matched, views: list[View]) -> Index:
     wanted = [number[view.name] for view in views]
     rays = matched.rays
     first = rays.view == wanted[0]
-    own = np.flatnonzero(first & np.all(rays.colrow == np.rint(rays.colrow), axis=1))
-    seen = np.isin(rays.view, wanted)
-    count = np.bincount(rays.point, seen)[rays.point[own]]
-    best = own[int(np.argmax(count))]
+    candidates = np.flatnonzero(first & np.all(rays.colrow == np.rint(rays.colrow), axis=1))
+    in_views = np.isin(rays.view, wanted)
+    count = np.bincount(rays.point, in_views)[rays.point[candidates]]
+    best = candidates[int(np.argmax(count))]
     return np.rint(rays.colrow[best]).astype(np.intp)[None]
 
 
@@ -294,10 +303,10 @@ def cover(outcome: Outcome, block: Block) -> Figure:
     view = _view(outcome, COVER)
     small = pixels_of_view(view)[::SHOWN, ::SHOWN].mean(axis=2)
     points = block.image_points
-    own = points.image_idx == block.images.names.index(COVER)
-    rays = block.rays[points.point_idx[own]]
-    colrow = points.colrow[own] / REDUCE / SHOWN
-    control = np.isin(points.point_idx[own], block.control.point_idx)
+    in_picture = points.image_idx == block.images.names.index(COVER)
+    rays = block.rays[points.point_idx[in_picture]]
+    colrow = points.colrow[in_picture] / REDUCE / SHOWN
+    control = np.isin(points.point_idx[in_picture], block.control.point_idx)
     with style.applied():
         fig, ax = style.subplots(figsize=(0.8 * style.WIDTH, 4.4))
         ax.imshow(small, cmap="gray", vmin=0, vmax=2.2 * np.median(small))
@@ -316,24 +325,24 @@ def cover(outcome: Outcome, block: Block) -> Figure:
 
 
 def sizes(ties: Errors, alike: Mask) -> Figure:
-    """Draw how large the errors of tie points are, for one flying height and for both.
+    """Draw the sizes of the tie points' errors, for one flying height and for both.
 
     Parameters
     ----------
     ties : Errors
     alike : ndarray of bool, shape (n,)
-        Measurements of points that pictures of one height alone show.
+        Measurements of points that are seen from one flying height only.
     """
     length = np.hypot(*ties.off.T)
     with style.applied():
         fig, ax = style.subplots(figsize=(0.8 * style.WIDTH, 3.0))
-        for own, colour, words in (
+        for chosen, colour, words in (
             (alike, style.TEAL, "seen from one height"),
             (~alike, style.BLUE, "seen from both heights"),
         ):
-            at = np.sort(length[own])
-            share = np.arange(1, len(at) + 1) / max(len(at), 1)
-            ax.plot(at, share, color=colour, label=words)
+            lengths = np.sort(length[chosen])
+            share = np.arange(1, len(lengths) + 1) / max(len(lengths), 1)
+            ax.plot(lengths, share, color=colour, label=words)
         ax.set(xscale="log", xlim=(1e-3, 2), ylim=(0, 1), ylabel="share of the measurements")
         ax.set_xlabel("error, at most (px)")
         style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
@@ -350,10 +359,10 @@ def pictures(block: Block) -> pd.DataFrame:
     surveyed = np.median(block.control.x_m[:, 2])
     rows = []
     for k, (name, strip) in enumerate(zip(block.images.names, block.images.strips, strict=True)):
-        own = points.image_idx == k
+        in_picture = points.image_idx == k
         pose = block.T_m_b_images[k : k + 1]
         nose = pose.R[0] @ [1.0, 0, 0]
-        tie = own & ~control
+        tie = in_picture & ~control
         rows.append(
             {
                 "picture": name,
@@ -362,7 +371,7 @@ def pictures(block: Block) -> pd.DataFrame:
                 "height (m)": float(pose.r[0, 2] - surveyed),
                 "tie points": int(tie.sum()),
                 "of 3 rays and more": int(np.sum(rays[points.point_idx[tie]] >= 3)),
-                "control points": int(np.sum(own & control)),
+                "control points": int(np.sum(in_picture & control)),
             }
         )
     table = pd.DataFrame(rows)

@@ -115,7 +115,7 @@ def radial_distortion(
 
 
 def _claims(axes: Sequence[Axes], claim_px: float | None, *, some: bool) -> list[Line2D]:
-    """Draw the paper's statement and return the legend's handles of what is the paper's."""
+    """Draw the paper's statement and return the legend's handles of the paper's numbers."""
     handles = []
     if some:
         label = "the paper's Table 1"
@@ -238,7 +238,7 @@ def held_focal_lengths(held: Mapping[float, Heads]) -> Figure:
 
 
 def _reactions(fits: Sequence[Bundle], start: int) -> list[Array]:
-    """Return what reacts in one head: fit, control, height, principal point, attitude."""
+    """Return how one head reacts: variance, control (mm), height, principal point, attitude (°)."""
     control = [fit.solution.group("control_point").v for fit in fits]
     xy = np.array([[fit.cameras[0].interior.xp, fit.cameras[0].interior.yp] for fit in fits])
     R_m_c = fits[start].T_m_c.R
@@ -294,7 +294,7 @@ def held(
     orientations: Mapping[str, RelativeOrientation | Failed],
     before: Heads,
 ) -> pd.DataFrame:
-    """Return what the heads show when their focal lengths are held at other values.
+    """Return fit, heights and orientation of heads whose focal lengths are held at other values.
 
     Parameters
     ----------
@@ -361,10 +361,10 @@ def _control_rms(heads: Heads) -> float:
     return float(np.sqrt(squares.mean())) if len(squares) else np.nan
 
 
-def _orientation(found: RelativeOrientation | Failed) -> dict[str, object]:
-    if isinstance(found, Failed):
+def _orientation(heads: RelativeOrientation | Failed) -> dict[str, object]:
+    if isinstance(heads, Failed):
         return {}
-    xyz = found.xyz_mm
+    xyz = heads.xyz_mm
     return {
         PLACE: np.abs(xyz[:, :2]).max(),
         Markup("$Z_c$ less the first head's (mm)"): ", ".join(
@@ -374,7 +374,7 @@ def _orientation(found: RelativeOrientation | Failed) -> dict[str, object]:
 
 
 def by_wrong_lengths(reactions: pd.DataFrame) -> dict[str, float]:
-    """Return what changes at most where all focal lengths are wrong, for a sentence.
+    """Return the largest changes where all focal lengths are held wrong, for a sentence.
 
     Parameters
     ----------

@@ -51,12 +51,16 @@ def median_gains(
     """Return the medians of gains by kinds of parameters; empty for a way that failed."""
     if isinstance(before, Failed):
         return {}
-    found = _gains(before, after)
+    gains = _gains(before, after)
     parts = {"$X_c$ and $Y_c$": slice(0, 2), "$Z_c$": slice(2, 3), "the angles": slice(3, 6)}
     known = {
-        name: own[np.isfinite(own)] for name, part in parts.items() for own in [found[:, part]]
+        name: of_kind[np.isfinite(of_kind)]
+        for name, part in parts.items()
+        for of_kind in [gains[:, part]]
     }
-    return {Markup(name): float(np.median(own)) for name, own in known.items() if own.size}
+    return {
+        Markup(name): float(np.median(of_kind)) for name, of_kind in known.items() if of_kind.size
+    }
 
 
 def rig_gains(
@@ -70,15 +74,19 @@ def rig_gains(
         Other ways to orient the heads, by their titles; a way that failed is left out.
     rig : RelativeOrientation
     """
-    found = {title: one for title, one in others.items() if not isinstance(one, Failed)}
-    if not found:
+    oriented = {
+        title: orientation
+        for title, orientation in others.items()
+        if not isinstance(orientation, Failed)
+    }
+    if not oriented:
         return style.nothing(NO_OTHERS)
     with style.applied():
         fig, axes = style.subplots(
-            1, len(found), figsize=(style.WIDTH, 3.1), sharey=True, squeeze=False
+            1, len(oriented), figsize=(style.WIDTH, 3.1), sharey=True, squeeze=False
         )
-        for ax, (title, one) in zip(axes[0], found.items(), strict=True):
-            _draw_gains(ax, _gains(one, rig))
+        for ax, (title, orientation) in zip(axes[0], oriented.items(), strict=True):
+            _draw_gains(ax, _gains(orientation, rig))
             ax.set_title(title)
         axes[0, 0].set_ylabel("σ over that of the rig (1)")
         handles = [
@@ -89,14 +97,14 @@ def rig_gains(
     return fig
 
 
-def _draw_gains(ax: Axes, found: Array) -> None:
+def _draw_gains(ax: Axes, gains: Array) -> None:
     """Draw a row of dots for each parameter, one per head, on a logarithmic axis."""
     ax.axhline(1.0, color=style.SOFT, lw=0.9, zorder=1)
-    spread = 0.09 * (np.arange(len(found)) - (len(found) - 1) / 2)
-    for k, ratios in enumerate(found):
+    spread = 0.09 * (np.arange(len(gains)) - (len(gains) - 1) / 2)
+    for k, ratios in enumerate(gains):
         ax.plot(np.arange(len(RELATIVE)) + spread[k], ratios, "o", color=style.colour(k), ms=4.5)
     ax.set_xticks(range(len(RELATIVE)), [LABELS[name] for name in RELATIVE])
-    known = found[np.isfinite(found)]
+    known = gains[np.isfinite(gains)]
     highest = 1.3 * known.max(initial=2.0)
     low, high = ax.get_ylim() if ax.get_yscale() == "log" else (0.8, highest)
     ax.set_yscale("log")
@@ -116,13 +124,17 @@ def rig_correlations(ways: Mapping[str, RelativeOrientation | Failed]) -> Figure
     ways : mapping of str to RelativeOrientation or Failed
         By their titles; a way that failed is left out.
     """
-    found = {title: one for title, one in ways.items() if not isinstance(one, Failed)}
-    if not found:
+    oriented = {
+        title: orientation
+        for title, orientation in ways.items()
+        if not isinstance(orientation, Failed)
+    }
+    if not oriented:
         return style.nothing(NO_OTHERS)
     with style.applied():
-        fig, axes = style.subplots(1, len(found), figsize=(style.WIDTH, 2.55), squeeze=False)
-        for ax, (title, one) in zip(axes[0], found.items(), strict=True):
-            _draw_correlations(ax, one, title)
+        fig, axes = style.subplots(1, len(oriented), figsize=(style.WIDTH, 2.55), squeeze=False)
+        for ax, (title, orientation) in zip(axes[0], oriented.items(), strict=True):
+            _draw_correlations(ax, orientation, title)
         matrix.scale(fig, axes[0].tolist(), shrink=0.75, aspect=28)
     return fig
 
@@ -156,24 +168,24 @@ def rig_deformations(synthetic: Camera, found: Mapping[str, Deformation]) -> Fig
         Ground: the standard deviation, the largest of the heads at a node. Arrows: the true
         errors of a simulated flight. A sentence where the heads see one ground.
     """
-    if all(one.coincides for one in found.values()):
+    if all(image.coincides for image in found.values()):
         return style.nothing(
             "The heads see the same ground: an error of one is the misfit of its whole band."
         )
     pixel = synthetic.pixel_mm
-    most = max(one.sigma.max() for one in found.values()) / pixel
-    lengths = [np.hypot(*one.d.T) for one in found.values()]
+    most = max(image.sigma.max() for image in found.values()) / pixel
+    lengths = [np.hypot(*image.d.T) for image in found.values()]
     longest = max(float(np.nanmax(d, initial=0.0)) for d in lengths) / pixel
     key = style.round_length(longest) if longest > 0 else 0.0
     with style.applied():
         fig, axes = style.subplots(
             1, len(found), figsize=(style.WIDTH, 4.9), sharey=True, squeeze=False
         )
-        for ax, (title, one) in zip(axes[0], found.items(), strict=True):
-            marks = _draw_sigma(ax, one, synthetic, most)
+        for ax, (title, image) in zip(axes[0], found.items(), strict=True):
+            marks = _draw_sigma(ax, image, synthetic, most)
             if key > 0:
-                _draw_errors(ax, one, key=key, pixel=pixel)
-            style.heading(ax, title, f"overlaps misfit by {one.gap_sigma_mm / pixel:.2f} px")
+                _draw_errors(ax, image, key=key, pixel=pixel)
+            style.heading(ax, title, f"overlaps misfit by {image.gap_sigma_mm / pixel:.2f} px")
             ax.set_xlabel("$x$ (mm)")
         axes[0, 0].set_ylabel("$y$ (mm)")
         bar = fig.colorbar(marks, ax=axes[0].tolist(), location="bottom", shrink=0.5, aspect=40)
@@ -182,11 +194,11 @@ def rig_deformations(synthetic: Camera, found: Mapping[str, Deformation]) -> Fig
     return fig
 
 
-def _draw_sigma(ax: Axes, one: Deformation, synthetic: Camera, most: float) -> QuadMesh:
+def _draw_sigma(ax: Axes, image: Deformation, synthetic: Camera, most: float) -> QuadMesh:
     """Draw the standard deviation over the frame, the largest of the heads at a node."""
-    (x, column), (y, row) = (_places(one, i) for i in (0, 1))
+    (x, column), (y, row) = (_places(image, i) for i in (0, 1))
     largest = np.full((len(y), len(x)), np.nan)
-    np.fmax.at(largest, (row, column), one.sigma / synthetic.pixel_mm)
+    np.fmax.at(largest, (row, column), image.sigma / synthetic.pixel_mm)
     shading: Any = "gouraud" if np.isfinite(largest).all() else "nearest"
     mesh = ax.pcolormesh(
         x, y, largest, cmap=style.SHADES, vmin=0, vmax=most, shading=shading, rasterized=True
@@ -200,21 +212,21 @@ def _draw_sigma(ax: Axes, one: Deformation, synthetic: Camera, most: float) -> Q
     return mesh
 
 
-def _places(one: Deformation, axis: int) -> tuple[Array, Index]:
-    """Return the places of the nodes along an axis, and which of them each row has."""
-    places, idx = np.unique(one.xy[:, axis].round(6), return_inverse=True)
+def _places(image: Deformation, axis: int) -> tuple[Array, Index]:
+    """Return the places of the nodes along an axis, and the index of each row's place."""
+    places, idx = np.unique(image.xy[:, axis].round(6), return_inverse=True)
     return places, idx
 
 
-def _draw_errors(ax: Axes, one: Deformation, *, key: float, pixel: float) -> None:
+def _draw_errors(ax: Axes, image: Deformation, *, key: float, pixel: float) -> None:
     """Draw the true errors of every other node, in the colours of the heads."""
-    (x, column), (_, row) = (_places(one, i) for i in (0, 1))
+    (x, column), (_, row) = (_places(image, i) for i in (0, 1))
     some = (column % 2 == 1) & (row % 2 == 1)
     gap = 2 * float(np.min(np.diff(x)))
     arrows = ax.quiver(
-        *one.xy[some].T,
-        *(one.d[some].T * gap / (key * pixel)),
-        color=[style.colour(k) for k in one.head[some]],
+        *image.xy[some].T,
+        *(image.d[some].T * gap / (key * pixel)),
+        color=[style.colour(k) for k in image.head[some]],
         angles="xy",
         scale_units="xy",
         scale=1,
@@ -231,9 +243,9 @@ def _draw_errors(ax: Axes, one: Deformation, *, key: float, pixel: float) -> Non
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deformation:
-    """Errors of a synthetic image, at nodes over its frame, once for every head that sees one.
+    """Errors of a synthetic image at nodes of its frame, a row for each head that sees the node.
 
-    What the synthetic camera's own calibration takes up is no part of them: focal length,
+    The part that the synthetic camera's own calibration takes up is removed: focal length,
     principal point and a turn of the whole image.
 
     Attributes
@@ -291,7 +303,7 @@ def deformation(
     *,
     truth: RelativeOrientation | None = None,
 ) -> Deformation:
-    """Return what a relative orientation has wrong in the synthetic image.
+    """Return the errors of a relative orientation in the synthetic image.
 
     Parameters
     ----------
@@ -300,11 +312,11 @@ def deformation(
     truth : RelativeOrientation, optional
         The same heads as they truly are.
     """
-    found = coverage(orientation, synthetic, spacing_px=600)
-    nodes, seen = found.xy.reshape(-1, 2), found.seen.reshape(len(orientation.heads), -1)
+    grid = coverage(orientation, synthetic, spacing_px=600)
+    nodes, seen = grid.xy.reshape(-1, 2), grid.seen.reshape(len(orientation.heads), -1)
     head, node = np.nonzero(seen)
     xy = nodes[node]
-    own = _taken_up(xy, synthetic.interior.f)
+    taken_up = _taken_up(xy, synthetic.interior.f)
     effects, cov = _effects(orientation, head, xy)
     # a frame that no two heads share has no pairs
     pairs = np.array(
@@ -317,8 +329,8 @@ def deformation(
     ).reshape(-1, 2)
     d = np.full_like(xy, np.nan)
     if truth is not None:
-        d = _without(own, (xy - _seen_by(orientation, truth, head, xy)).ravel()).reshape(-1, 2)
-    A = _without(own, effects).reshape(len(xy), 2, -1)
+        d = _without(taken_up, (xy - _seen_by(orientation, truth, head, xy)).ravel()).reshape(-1, 2)
+    A = _without(taken_up, effects).reshape(len(xy), 2, -1)
     return Deformation(
         xy=xy,
         head=head,
@@ -327,7 +339,7 @@ def deformation(
         pairs=pairs,
         gap=d[pairs[:, 1]] - d[pairs[:, 0]],
         gap_variance=_variance(A[pairs[:, 1]] - A[pairs[:, 0]], cov),
-        coincides=found.coincides,
+        coincides=grid.coincides,
     )
 
 
@@ -340,11 +352,13 @@ def _variance(A: Array, cov: Array) -> Array:
 def _seen_by(
     orientation: RelativeOrientation, other: RelativeOrientation, head: Index, xy: Array
 ) -> Array:
-    """Return where others have the pixels that show points of a synthetic image, mm."""
+    """Return points of a synthetic image as the other orientation places the same pixels, mm."""
     out = np.empty_like(xy)
     for k in range(len(orientation.heads)):
-        own = head == k
-        out[own] = synthetic_from_head(other, k, head_from_synthetic(orientation, k, xy[own]))
+        in_head = head == k
+        out[in_head] = synthetic_from_head(
+            other, k, head_from_synthetic(orientation, k, xy[in_head])
+        )
     return out
 
 
@@ -363,7 +377,7 @@ def _effects(orientation: RelativeOrientation, head: Index, xy: Array) -> tuple[
 
 
 def _taken_up(xy: Array, f: float) -> Array:
-    """Return what focal length, principal point and a turn of a camera move, shape (2 n, 6)."""
+    """Return the effects of focal length, principal point and a turn of a camera, (2 n, 6)."""
     x, y = xy.T
     zero, one = np.zeros_like(x), np.ones_like(x)
     fields = [
@@ -377,9 +391,9 @@ def _taken_up(xy: Array, f: float) -> Array:
     return np.stack([np.column_stack(field).ravel() for field in fields], axis=1)
 
 
-def _without(own: Array, values: Array) -> Array:
+def _without(columns: Array, values: Array) -> Array:
     """Return values less their least-squares fit by columns."""
-    q = np.linalg.qr(own)[0]
+    q = np.linalg.qr(columns)[0]
     return values - q @ (q.T @ values)
 
 
@@ -387,16 +401,16 @@ def _without(own: Array, values: Array) -> Array:
 
 
 def _true_heads(flight: Flight, cameras: Sequence[Camera]) -> tuple[Camera, ...]:
-    """Return heads as they truly are; none where the flight was not simulated."""
+    """Return the true heads of a simulated flight; none where it was not simulated."""
     path = truth_path(flight.pictures.resolve())
     if not path.is_file():
         return ()
-    told = json.loads(text_of(path))["cameras"]
-    return tuple(true_head(camera, told[camera.name]) for camera in cameras)
+    truth = json.loads(text_of(path))["cameras"]
+    return tuple(true_head(camera, truth[camera.name]) for camera in cameras)
 
 
 def true_head(camera: Camera, told: Mapping[str, Any]) -> Camera:
-    """Return a camera with what the truth of a simulated flight says of it."""
+    """Return a camera with its true parameters in a simulated flight."""
     angles = [told[f"boresight_{angle}_deg"] for angle in ("omega", "phi", "kappa")]
     lens = {name: told[name] for name in ("k1", "k2", "k3", "p1", "p2")}
     return replace(
@@ -410,7 +424,7 @@ def true_head(camera: Camera, told: Mapping[str, Any]) -> Camera:
 
 
 def off_truth(flight: Flight, together: Mounting) -> pd.Series:
-    """Return how far estimates are from the truth, in standard deviations.
+    """Return the errors of the estimates, in standard deviations.
 
     Parameters
     ----------
@@ -431,7 +445,7 @@ def off_truth(flight: Flight, together: Mounting) -> pd.Series:
 
 
 def true_orientation(flight: Flight, together: Mounting) -> RelativeOrientation | None:
-    """Return how the heads truly stand in the synthetic frame; None where nobody knows.
+    """Return the heads' true orientation in the synthetic frame; None where it is not known.
 
     Parameters
     ----------
@@ -443,5 +457,5 @@ def true_orientation(flight: Flight, together: Mounting) -> RelativeOrientation 
     if not heads:
         return None
     exact = replace(together, calibration=replace(together.calibration, cameras=heads))
-    found = attempt(rig.relative_orientation, exact, flight.synthetic_camera)
-    return None if isinstance(found, Failed) else found
+    orientation = attempt(rig.relative_orientation, exact, flight.synthetic_camera)
+    return None if isinstance(orientation, Failed) else orientation

@@ -33,16 +33,16 @@ Vector = tuple[Array, Array]
 
 
 def hidden(pair: Vector, rest: Vector, *, label: str, n_tests: int) -> Figure:
-    """Draw a difference of f and lever arm z with what chance makes of it.
+    """Draw a difference of f and lever arm z with its limits of chance.
 
     Parameters
     ----------
     pair : tuple of ndarray
         The difference in micrometres and millimetres, shape (2,), and its covariance.
     rest : tuple of ndarray
-        What the other parameters leave of both, likewise.
+        The rest of both after the other parameters, likewise.
     label : str
-        What is less what.
+        Names of both terms of the difference.
     n_tests : int
         Of single parameters, that share a level.
 
@@ -57,12 +57,12 @@ def hidden(pair: Vector, rest: Vector, *, label: str, n_tests: int) -> Figure:
         fig, ax = style.subplots(figsize=(0.7 * style.WIDTH, 3.6))
         ax.axvspan(-single[0], single[0], color=style.SHEET, alpha=0.6, lw=0)
         ax.axhspan(-single[1], single[1], color=style.SHEET, alpha=0.6, lw=0)
-        for (at, own), colour, words in (
+        for (difference, cov), colour, words in (
             (pair, style.BLUE, label),
             (rest, style.BRICK, "what the other parameters leave"),
         ):
-            ax.plot(*_ellipse(own), color=colour)
-            ax.plot(*at, "o", ms=6, color=colour, label=words)
+            ax.plot(*_ellipse(cov), color=colour)
+            ax.plot(*difference, "o", ms=6, color=colour, label=words)
         ax.plot([], [], "s", color=style.SHEET, ms=8, label="chance, one by one")
         ax.plot([], [], color=style.SOFT, label="chance, both together")
         ax.set(xlabel="difference of $f$ (µm)", ylabel="difference of lever arm $z$ (mm)")
@@ -71,7 +71,7 @@ def hidden(pair: Vector, rest: Vector, *, label: str, n_tests: int) -> Figure:
 
 
 def _ellipse(cov: Array) -> Array:
-    """Return the ellipse that chance leaves in one case of twenty, shape (2, n)."""
+    """Return the ellipse that chance leaves in one of twenty cases, shape (2, n)."""
     turn = np.linspace(0, 2 * np.pi, 200)
     reach = np.sqrt(statistics.chi2_isf(LEVEL, 2))
     out: Array = reach * half(cov) @ np.array([np.cos(turn), np.sin(turn)])
@@ -79,7 +79,7 @@ def _ellipse(cov: Array) -> Array:
 
 
 def alarms(shares: Mapping[str, Array], levels: Sequence[float] | Array) -> Figure:
-    """Draw how often tests alarm where nothing has changed, over the level of the test.
+    """Draw the share of false alarms over the level of the test.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ REPAIR_DEG = (0.012, -0.008, 0.015)
 
 @dataclass(frozen=True, kw_only=True)
 class Flown:
-    """When a campaign was flown, at which temperature, and whether after the repair."""
+    """Date and temperature of a campaign, and whether it came after the repair."""
 
     date: dt.date
     temperature_c: float
@@ -153,7 +153,7 @@ def flight(seed: int, flown: Flown) -> Flight:
 
 
 def plan_of(flown: Flown) -> Plan:
-    """Return the plan of a campaign: the design's, with the camera as it is then."""
+    """Return the plan of the design with the camera as it is at a campaign."""
     plan = single_head_plan()
     camera = plan.cameras[CAMERA]
     warm = UM_PER_DEGREE / 1000 * (flown.temperature_c - AT_DEGREES)
@@ -185,8 +185,8 @@ def turning(flight: SimulatedFlight) -> SimulatedFlight:
     """
     camera, table = flight.plan.cameras[HEAD], flight.tables[POINTS].copy()
     images = flight.tables["heads/images.csv"]
-    own = images[(images["camera"] == HEAD) & (images["exposure"] == EXPOSURE)]["image"]
-    rows = table["image"].isin(own)
+    names = images[(images["camera"] == HEAD) & (images["exposure"] == EXPOSURE)]["image"]
+    rows = table["image"].isin(names)
     f_px = camera.f_mm / camera.pixel_um * 1000
     x = table.loc[rows, "col_px"] - (camera.width_px - 1) / 2
     y = (camera.height_px - 1) / 2 - table.loc[rows, "row_px"]
@@ -197,13 +197,15 @@ def turning(flight: SimulatedFlight) -> SimulatedFlight:
 
 
 def planted(found: Rigidity) -> pd.Series:
-    """Return the test of the exposure at which the head turned, with the turn that was found.
+    """Return the test of the exposure where the head turned, with the estimated turn.
 
     Returns
     -------
     Series
         p_joint, turn_arcsec, sigma_arcsec (about the head's y axis).
     """
-    at, head = found.exposures.index(EXPOSURE), found.heads.index(HEAD)
-    arcsec = 3600 * np.degrees([found.turns[at, head, 1], found.sigma[at, head, 1]])
-    return pd.Series([found.p_joint[at], *arcsec], index=["p_joint", "turn_arcsec", "sigma_arcsec"])
+    exposure, head = found.exposures.index(EXPOSURE), found.heads.index(HEAD)
+    arcsec = 3600 * np.degrees([found.turns[exposure, head, 1], found.sigma[exposure, head, 1]])
+    return pd.Series(
+        [found.p_joint[exposure], *arcsec], index=["p_joint", "turn_arcsec", "sigma_arcsec"]
+    )

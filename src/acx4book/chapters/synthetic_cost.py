@@ -33,7 +33,7 @@ STORED = Path(str(resources.files("acx4book.chapters") / "stored"))
 """Folder of the flights that the project brings."""
 
 SYNTHETIC, RIG = "synthetic", "rig"
-"""The two ways: a single step of carried points, and a rig of four heads."""
+"""The two ways: a single step of transferred points, and a rig of four heads."""
 
 ALPHA = 0.01
 """Probability that the noise of any parameter lies outside its bounds, if sigma is right."""
@@ -43,7 +43,7 @@ PARTS = ("parameters", "points", "classes", "shared", "noise", "sweep", "pattern
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """What both ways make of many flights, and of exact ones.
+    """Results of both ways for many flights, and for exact ones.
 
     Attributes
     ----------
@@ -89,12 +89,12 @@ class Study:
     @property
     def squares(self) -> pd.DataFrame:
         """The single step of `centres` by side, at the height that the simulated rig has."""
-        own = self.centres
-        return own[(own["method"] == "single_step") & (own["lowered_m"] == 0)]
+        estimates = self.centres
+        return estimates[(estimates["method"] == "single_step") & (estimates["lowered_m"] == 0)]
 
 
 def read(folder: str | Path = "") -> Study:
-    """Read what ``make chain`` left in a folder; by default, what the project brings.
+    """Read the output of ``make chain`` from a folder; by default, the project's stored one.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def read(folder: str | Path = "") -> Study:
 
 
 def scatter(study: Study, way: str) -> pd.DataFrame:
-    """Return how estimates scatter over flights, beside their a posteriori sigma.
+    """Return the scatter of estimates over flights, beside their a posteriori sigma.
 
     Returns
     -------
@@ -121,8 +121,12 @@ def scatter(study: Study, way: str) -> pd.DataFrame:
         One row per camera and parameter: mean, scatter (standard deviation over flights), sigma
         (root mean square), ratio of the last two and the ratio's own standard deviation.
     """
-    own = study.parameters[(study.parameters["way"] == way) & study.parameters["sigma"].notna()]
-    grouped = own.assign(variance=own["sigma"] ** 2).groupby(["camera", "parameter"], sort=False)
+    estimates = study.parameters[
+        (study.parameters["way"] == way) & study.parameters["sigma"].notna()
+    ]
+    grouped = estimates.assign(variance=estimates["sigma"] ** 2).groupby(
+        ["camera", "parameter"], sort=False
+    )
     table = pd.DataFrame(
         {
             "mean": grouped["value"].mean(),
@@ -136,23 +140,25 @@ def scatter(study: Study, way: str) -> pd.DataFrame:
 
 
 def scatter_of_shared(study: Study) -> pd.Series:
-    """Return how estimates scatter over their sigma among flights carried through the same heads.
+    """Return scatter over sigma among flights whose points went through the same heads.
 
     Returns
     -------
     Series
         By parameter, from the variances within groups of such flights.
     """
-    own = study.shared[study.shared["sigma"].notna()]
-    grouped = own.assign(variance=own["sigma"] ** 2).groupby(["parameter", "heads_of"], sort=False)
+    estimates = study.shared[study.shared["sigma"].notna()]
+    grouped = estimates.assign(variance=estimates["sigma"] ** 2).groupby(
+        ["parameter", "heads_of"], sort=False
+    )
     within = grouped["value"].var() / grouped["variance"].mean()
     return within.groupby("parameter", sort=False).mean() ** 0.5
 
 
 def rms_by_flight(study: Study, way: str) -> pd.DataFrame:
     """Return the RMS at check points of every flight: a column for plan and one for height, m."""
-    own = study.points[(study.points["way"] == way) & (study.points["over"] == "points")]
-    wide = own.pivot_table(index="seed", columns="axis", values="rms_m")
+    points = study.points[(study.points["way"] == way) & (study.points["over"] == "points")]
+    wide = points.pivot_table(index="seed", columns="axis", values="rms_m")
     return pd.DataFrame(
         {"plan": np.hypot(wide["east_m"], wide["north_m"]), "height": wide["height_m"]}
     )
@@ -171,12 +177,12 @@ def _percent_larger(first: Array, second: Array) -> dict[str, float]:
 
 def _exact(sweep: pd.DataFrame, camera: str, parameter: str) -> pd.DataFrame:
     """Return a parameter over the focal length of head 1: a column for each kind of heads."""
-    own = sweep[(sweep["camera"] == camera) & (sweep["parameter"] == parameter)]
-    return own.pivot_table(index="f_1_mm", columns="heads", values="value")
+    estimates = sweep[(sweep["camera"] == camera) & (sweep["parameter"] == parameter)]
+    return estimates.pivot_table(index="f_1_mm", columns="heads", values="value")
 
 
 def excess(study: Study) -> dict[str, float]:
-    """Return how much larger variance factors are with the synthetic image.
+    """Return the excess of the variance factors with the synthetic image.
 
     Returns
     -------
@@ -198,13 +204,13 @@ def excess(study: Study) -> dict[str, float]:
 
 def _variance_factors(study: Study, way: str) -> Array:
     """Return the variance factor of every flight."""
-    own = study.parameters
-    chosen = (own["way"] == way) & (own["parameter"] == "sigma0_squared")
-    return own.loc[chosen, "value"].to_numpy()
+    estimates = study.parameters
+    chosen = (estimates["way"] == way) & (estimates["parameter"] == "sigma0_squared")
+    return estimates.loc[chosen, "value"].to_numpy()
 
 
 def scatter_with_heads(study: Study) -> pd.DataFrame:
-    """Return how the synthetic camera scatters over a sigma that has its heads' part.
+    """Return the synthetic camera's scatter over a sigma that includes that of its heads.
 
     Returns
     -------
@@ -215,23 +221,23 @@ def scatter_with_heads(study: Study) -> pd.DataFrame:
         of the same geometry, and of these exact data (``exact``); the bounds of noise, ``low`` and
         ``high``, from the chi-square distribution.
     """
-    own = study.noise.assign(
+    estimates = study.noise.assign(
         noise=study.noise["value"] - study.noise["exact"],
         variance=study.noise["sigma"] ** 2,
         of_heads=study.noise["sigma_of_heads"] ** 2,
     )
-    grouped = own.groupby("parameter", sort=False)
+    grouped = estimates.groupby("parameter", sort=False)
     mean = grouped[["variance", "of_heads"]].mean()
-    both = np.sqrt(mean.sum(axis=1))
+    combined_sigma = np.sqrt(mean.sum(axis=1))
     dof, tail = study.noise["seed"].nunique() - 1, ALPHA / len(mean) / 2
     low, high = np.sqrt(stats.chi2.ppf([tail, 1 - tail], dof) / dof)
     return pd.DataFrame(
         {
             "sigma": np.sqrt(mean["variance"]),
             "sigma_of_heads": np.sqrt(mean["of_heads"]),
-            "ratio": grouped["value"].std() / both,
-            "noise": grouped["noise"].std() / both,
-            "exact": grouped["exact"].std() / both,
+            "ratio": grouped["value"].std() / combined_sigma,
+            "noise": grouped["noise"].std() / combined_sigma,
+            "exact": grouped["exact"].std() / combined_sigma,
             "low": low,
             "high": high,
         }
@@ -265,7 +271,7 @@ def at_height(pattern: pd.DataFrame, height_m: float) -> pd.DataFrame:
     Parameters
     ----------
     pattern : DataFrame
-        As `study.Study` has it, of two flying heights.
+        As `Study` has it, of two flying heights.
     height_m : float
 
     Returns
@@ -288,9 +294,9 @@ def rms_px(found: pd.DataFrame) -> float:
     return float(np.sqrt(np.mean(found[D].to_numpy() ** 2)))
 
 
-def _grid(found: pd.DataFrame, name: str) -> Array:
+def _grid(field: pd.DataFrame, name: str) -> Array:
     """Return a column of a pattern as rows and columns of the image; None where no head sees it."""
-    return found.pivot_table(
+    return field.pivot_table(
         index="row_px", columns="col_px", values=name, aggfunc="first"
     ).to_numpy()
 
@@ -306,7 +312,7 @@ def _steps(head: Array, d: Array) -> float:
 
 
 def apparent_rise_m(side_m: float, f_mm: float, size_mm: Array) -> float:
-    """Return how much higher the lens centre of the synthetic camera appears, m.
+    """Return the apparent rise of the synthetic camera's lens centre, m.
 
     Parameters
     ----------
@@ -331,13 +337,15 @@ def true_centre_m() -> Array:
 
 RADIAL = ("k1", "k2", "k3")
 HEADS = ("refined", "calibrated")
-"""Kinds of heads, through which points are carried."""
+"""Kinds of heads, through which points are transferred."""
 
 
 def printed_with_sigma() -> tuple[Array, Array]:
     """Return k1, k2, k3 of Table 3's single step, and their sigma."""
-    of = [(3, name, "single_step") for name in RADIAL]
-    return np.array([printed.value(*o) for o in of]), np.array([printed.sigma(*o) for o in of])
+    cells = [(3, name, "single_step") for name in RADIAL]
+    return np.array([printed.value(*cell) for cell in cells]), np.array(
+        [printed.sigma(*cell) for cell in cells]
+    )
 
 
 def in_sigma(found: Study) -> dict[str, pd.DataFrame]:
@@ -345,19 +353,22 @@ def in_sigma(found: Study) -> dict[str, pd.DataFrame]:
     each = zip(RADIAL, *printed_with_sigma(), strict=True)
     wide = {name: (_exact(found.sweep, "SYN", name) - v) / s for name, v, s in each}
     return {
-        heads: pd.DataFrame({name: own[heads] for name, own in wide.items()}) for heads in HEADS
+        heads: pd.DataFrame({name: differences[heads] for name, differences in wide.items()})
+        for heads in HEADS
     }
 
 
 def focal_lengths(differences: pd.DataFrame) -> Array:
-    """Return the focal length of head 1 at which each coefficient is the printed one, mm.
+    """Return the focal length of head 1 at which each coefficient has its printed value, mm.
 
     Parameters
     ----------
     differences : DataFrame
         As `in_sigma` has it for one kind of heads: in it each coefficient is a line.
     """
-    lines = [np.polyfit(differences.index, own, 1) for _, own in differences.items()]
+    lines = [
+        np.polyfit(differences.index, coefficient, 1) for _, coefficient in differences.items()
+    ]
     return np.array([-offset / slope for slope, offset in lines])
 
 
@@ -369,8 +380,8 @@ def by_side(found: Study) -> pd.DataFrame:
 
 def weakest_correlation(found: Study) -> float:
     """Return the smallest absolute correlation of k1-k3, over flights."""
-    own = found.parameters[found.parameters["way"] == SYNTHETIC]
-    values = own.pivot_table(index="seed", columns="parameter", values="value")[list(RADIAL)]
+    estimates = found.parameters[found.parameters["way"] == SYNTHETIC]
+    values = estimates.pivot_table(index="seed", columns="parameter", values="value")[list(RADIAL)]
     return float(np.abs(np.corrcoef(values.to_numpy().T)).min())
 
 
@@ -418,11 +429,13 @@ def scatter_over_sigma(found: Study) -> Figure:
 def _draw_ratios(ax: Axes, table: pd.DataFrame, names: list[str], tint: str) -> None:
     """Draw ratios with bars; the cameras of a parameter stand beside each other."""
     cameras = list(dict.fromkeys(table["camera"]))
-    for k, (_, own) in enumerate(table.groupby("camera", sort=False)):
+    for k, (_, ratios) in enumerate(table.groupby("camera", sort=False)):
         beside = 0.11 * (k - (len(cameras) - 1) / 2) + (0.0 if len(cameras) > 1 else -0.32)
-        at = [names.index(name) + beside for name in own["parameter"]]
-        bars = 2 * own["sigma_ratio"]
-        ax.errorbar(at, own["ratio"], yerr=bars, color=tint, fmt="o", ms=4, lw=1.0, capsize=1.5)
+        places = [names.index(name) + beside for name in ratios["parameter"]]
+        bars = 2 * ratios["sigma_ratio"]
+        ax.errorbar(
+            places, ratios["ratio"], yerr=bars, color=tint, fmt="o", ms=4, lw=1.0, capsize=1.5
+        )
 
 
 def fingerprint(found: Study) -> Figure:
@@ -430,8 +443,10 @@ def fingerprint(found: Study) -> Figure:
     with style.applied():
         fig, (left, right) = style.subplots(1, 2, figsize=(style.WIDTH, 3.4))
         for heads, differences in in_sigma(found).items():
-            for i, (_, own) in enumerate(differences.items()):
-                left.plot(own.index, own, DASHES[heads], color=style.colour(i), lw=1.3)
+            for i, (_, coefficient) in enumerate(differences.items()):
+                left.plot(
+                    coefficient.index, coefficient, DASHES[heads], color=style.colour(i), lw=1.3
+                )
         left.axhspan(-2, 2, color=style.SOFT, alpha=0.15, lw=0)
         left.set(xlabel="$f$ of head 1 (mm)", ylabel="difference from the paper (its σ)")
         style.heading(left, "Coefficient by coefficient", "grey: within 2σ of the printed value")
@@ -444,10 +459,10 @@ def fingerprint(found: Study) -> Figure:
     return fig
 
 
-def _draw_curves(ax: Axes, found: Study) -> None:
+def _draw_curves(ax: Axes, study: Study) -> None:
     """Draw radial distortion over the radius for squares of lens centres, and Table 3's."""
     r = radius_mm()
-    squares = by_side(found)
+    squares = by_side(study)
     for i, (side, ks) in enumerate(zip(squares.index, squares.to_numpy(), strict=True)):
         curve = radial_um(ks, r)
         ax.plot(r, curve, color=style.colour(3 + i), lw=1.3)
@@ -460,12 +475,12 @@ def _draw_curves(ax: Axes, found: Study) -> None:
 
 
 def _name_curve(
-    ax: Axes, name: str, at: tuple[float, float], align: Literal["left", "right"]
+    ax: Axes, name: str, place: tuple[float, float], align: Literal["left", "right"]
 ) -> None:
     """Write the name of a curve beside a place on it."""
     ax.annotate(
         name,
-        xy=at,
+        xy=place,
         xytext=(4 if align == "left" else -4, 0),
         textcoords="offset points",
         ha=align,
@@ -480,9 +495,9 @@ def centres(found: Study) -> Figure:
     misfit = centre_misfit(found)
     with style.applied():
         fig, ax = style.subplots(figsize=(0.6 * style.WIDTH, 2.9))
-        for i, (name, own) in enumerate(misfit.items()):
+        for i, (name, rms) in enumerate(misfit.items()):
             tint = style.colour(i)
-            ax.plot(own.index, own, "o-", color=tint, ms=3, label=LABELS[str(name)])
+            ax.plot(rms.index, rms, "o-", color=tint, ms=3, label=LABELS[str(name)])
         ax.set(xlabel="$f$ of head 1 (mm)", ylabel="RMS over heads (mm)")
         ax.set_ylim(bottom=0)
         style.heading(ax, "Lens centres beside the paper's", "differences from the printed values")
@@ -496,9 +511,9 @@ def centre_misfit(found: Study) -> pd.DataFrame:
     return pd.DataFrame({name: np.sqrt(_squares_from_print(found, name)) for name in names})
 
 
-def _squares_from_print(found: Study, name: str) -> pd.Series:
+def _squares_from_print(study: Study, name: str) -> pd.Series:
     each = [
-        (_exact(found.sweep, head, name)["calibrated"] - printed.value(1, name, head)) ** 2
+        (_exact(study.sweep, head, name)["calibrated"] - printed.value(1, name, head)) ** 2
         for head in printed.HEADS
     ]
     return sum(each[1:], each[0]) / len(each)
@@ -511,23 +526,23 @@ EVERY = 2
 
 
 def pattern(found: Study) -> Figure:
-    """Draw what a single step of exact data leaves over the synthetic image."""
+    """Draw the residuals of a single step of exact data over the synthetic image."""
     width, height = (printed.value(2, name, "SYN") for name in ("width_px", "height_px"))
     flown = np.unique(found.pattern["height_m"])
     fields = {h: found.pattern[found.pattern["height_m"] == h] for h in flown}
     key = style.round_length(
-        max(float(np.hypot(own[D[0]], own[D[1]]).max()) for own in fields.values())
+        max(float(np.hypot(field[D[0]], field[D[1]]).max()) for field in fields.values())
     )
     names = sorted(found.pattern["head"].unique())
     with style.applied():
         fig, axes = style.subplots(1, len(fields), figsize=(style.WIDTH, 4.9), sharey=True)
-        for ax, (height_m, own) in zip(np.atleast_1d(axes), fields.items(), strict=True):
-            _draw_vectors(ax, own, names, key)
-            _draw_seams(ax, own, names)
+        for ax, (height_m, field) in zip(np.atleast_1d(axes), fields.items(), strict=True):
+            _draw_vectors(ax, field, names, key)
+            _draw_seams(ax, field, names)
             ax.set(xlim=(0, width), ylim=(height, 0), aspect="equal")
             ax.set(xlabel="column (px)")
             ax.locator_params(nbins=5)
-            rms = rms_px(own)
+            rms = rms_px(field)
             style.heading(ax, f"From {height_m:.0f} m", f"RMS {rms:.2f} px")
         np.atleast_1d(axes)[0].set_ylabel("row (px)")
         handles = [Line2D([], [], color=style.colour(k), label=n) for k, n in enumerate(names)]
@@ -535,11 +550,11 @@ def pattern(found: Study) -> Figure:
     return fig
 
 
-def _draw_vectors(ax: Axes, own: pd.DataFrame, names: list[str], key: float) -> None:
+def _draw_vectors(ax: Axes, field: pd.DataFrame, names: list[str], key: float) -> None:
     """Draw the vectors of every `EVERY`-th node, in the colours of the heads."""
-    places = [np.unique(own[name], return_inverse=True)[1] for name in AT]
-    some = own[(places[0] % EVERY == 0) & (places[1] % EVERY == 0)]
-    gap = EVERY * float(np.min(np.diff(np.unique(own["col_px"]))))
+    places = [np.unique(field[name], return_inverse=True)[1] for name in AT]
+    some = field[(places[0] % EVERY == 0) & (places[1] % EVERY == 0)]
+    gap = EVERY * float(np.min(np.diff(np.unique(field["col_px"]))))
     arrows = ax.quiver(
         *(some["col_px"], some["row_px"]),
         *(gap / key * some[name] for name in D),
@@ -556,10 +571,10 @@ def _draw_vectors(ax: Axes, own: pd.DataFrame, names: list[str], key: float) -> 
     )
 
 
-def _draw_seams(ax: Axes, own: pd.DataFrame, names: list[str]) -> None:
-    """Draw where the head changes from which a pixel is taken."""
-    head = _grid(own, "head")
-    rows, cols = (np.unique(own[name]) for name in AT)
+def _draw_seams(ax: Axes, field: pd.DataFrame, names: list[str]) -> None:
+    """Draw the seams, where the used head changes."""
+    head = _grid(field, "head")
+    rows, cols = (np.unique(field[name]) for name in AT)
     for name in names:
         inside = (head == name).astype(float)
         ax.contour(cols, rows, inside, levels=[0.5], colors=style.SOFT, linewidths=0.9)
@@ -589,19 +604,19 @@ def _index(names: Iterable[str]) -> pd.MultiIndex:
 
 def accuracy_table(found: Study) -> pd.DataFrame:
     """Return RMS and predicted sigma at check points for both ways, and how much larger one is."""
-    own = _accuracy(found)
+    accuracy = _accuracy(found)
     columns = {
-        (title, way): own[f"{part}_{way}"]
+        (title, way): accuracy[f"{part}_{way}"]
         for title, part in (("RMS (m)", "rms"), ("predicted (m)", "sigma"))
         for way in (SYNTHETIC, RIG)
     }
     columns |= {
-        ("larger by (%)", "value"): own["percent"],
-        ("larger by (%)", "sigma"): own["sigma_percent"],
+        ("larger by (%)", "value"): accuracy["percent"],
+        ("larger by (%)", "sigma"): accuracy["sigma_percent"],
     }
     table = pd.DataFrame(columns)
-    axes = [axis.removesuffix("_m") for axis in own["axis"]]
-    table.index = pd.MultiIndex.from_arrays([own["over"], axes], names=["over", "axis"])
+    axes = [axis.removesuffix("_m") for axis in accuracy["axis"]]
+    table.index = pd.MultiIndex.from_arrays([accuracy["over"], axes], names=["over", "axis"])
     return _formatted(table, {f"{title}, {way}": ".3f" for title, way in list(columns)[:4]})
 
 
@@ -611,9 +626,9 @@ def _accuracy(study: Study) -> pd.DataFrame:
         rms=study.points["rms_m"] ** 2, predicted=study.points["sigma_m"] ** 2
     )
     rows = []
-    for (over, axis), own in squared.groupby(["over", "axis"], sort=False):
+    for (over, axis), group in squared.groupby(["over", "axis"], sort=False):
         squares, predicted = (
-            own.pivot_table(index="seed", columns="way", values=name)
+            group.pivot_table(index="seed", columns="way", values=name)
             for name in ("rms", "predicted")
         )
         row: dict[str, Any] = {"over": over, "axis": axis}
@@ -626,14 +641,14 @@ def _accuracy(study: Study) -> pd.DataFrame:
 
 def parameters(found: Study) -> pd.DataFrame:
     """Return the synthetic camera: mean and scatter over flights, and scatter over stated sigma."""
-    own = scatter(found, SYNTHETIC)
+    spread = scatter(found, SYNTHETIC)
     columns = {
-        ("mean and scatter over flights", "value"): own["mean"],
-        ("mean and scatter over flights", "sigma"): own["scatter"],
-        ("scatter over stated σ", "value"): own["ratio"],
-        ("scatter over stated σ", "sigma"): own["sigma_ratio"],
+        ("mean and scatter over flights", "value"): spread["mean"],
+        ("mean and scatter over flights", "sigma"): spread["scatter"],
+        ("scatter over stated σ", "value"): spread["ratio"],
+        ("scatter over stated σ", "sigma"): spread["sigma_ratio"],
     }
-    return pd.DataFrame(columns).set_index(_index(own["parameter"]))
+    return pd.DataFrame(columns).set_index(_index(spread["parameter"]))
 
 
 def both_sigma(calibration: Calibration, of_heads: Array) -> pd.DataFrame:
@@ -645,29 +660,33 @@ def both_sigma(calibration: Calibration, of_heads: Array) -> pd.DataFrame:
     of_heads : ndarray, shape (n, n)
         From `transferred_points.parameter_covariance`.
     """
-    own = parameters_of(calibration)
-    table = pd.DataFrame({"σ stated": [p.sigma for p in own], "σ of the heads": sigmas(of_heads)})
-    return _formatted(table.set_index(_index(p.name for p in own)), dict.fromkeys(table, ".2g"))
+    estimates = parameters_of(calibration)
+    table = pd.DataFrame(
+        {"σ stated": [p.sigma for p in estimates], "σ of the heads": sigmas(of_heads)}
+    )
+    return _formatted(
+        table.set_index(_index(p.name for p in estimates)), dict.fromkeys(table, ".2g")
+    )
 
 
 def with_heads(found: Study) -> pd.DataFrame:
     """Return the two parts of sigma, and the scatter over flights over both together."""
-    own = scatter_with_heads(found)
+    spread = scatter_with_heads(found)
     columns = {
-        "σ stated": own["sigma"],
-        "σ of the heads": own["sigma_of_heads"],
-        "scatter over both": own["ratio"],
-        "of noise alone": own["noise"],
-        "of exact data": own["exact"],
+        "σ stated": spread["sigma"],
+        "σ of the heads": spread["sigma_of_heads"],
+        "scatter over both": spread["ratio"],
+        "of noise alone": spread["noise"],
+        "of exact data": spread["exact"],
     }
-    table = pd.DataFrame(columns).set_index(_index(own.index))
+    table = pd.DataFrame(columns).set_index(_index(spread.index))
     return _formatted(
         table, dict.fromkeys(list(columns)[:2], ".2g") | dict.fromkeys(list(columns)[2:], ".2f")
     )
 
 
 def heights(found: Study, heights_m: Iterable[float] = HEIGHTS_M) -> pd.DataFrame:
-    """Return what the synthetic camera leaves at several flying heights.
+    """Return the residuals of the synthetic camera at several flying heights.
 
     Parameters
     ----------
@@ -677,14 +696,14 @@ def heights(found: Study, heights_m: Iterable[float] = HEIGHTS_M) -> pd.DataFram
     """
     rows = []
     for height_m in heights_m:
-        own = at_height(found.pattern, height_m)
-        step = _largest_step_px(own)
+        field = at_height(found.pattern, height_m)
+        step = _largest_step_px(field)
         ground_cm = 100 * height_m * printed.pixel_mm("SYN") / printed.value(3, "f_mm", PAPERS)
         rows.append(
             {
                 "flying height (m)": height_m,
-                "RMS (px)": rms_px(own),
-                "largest (px)": float(np.hypot(own[D[0]], own[D[1]]).max()),
+                "RMS (px)": rms_px(field),
+                "largest (px)": float(np.hypot(field[D[0]], field[D[1]]).max()),
                 "largest step at a seam (px)": step,
                 "that step on the ground (cm)": step * ground_cm,
             }
@@ -694,10 +713,10 @@ def heights(found: Study, heights_m: Iterable[float] = HEIGHTS_M) -> pd.DataFram
     return _formatted(table, dict.fromkeys(table, ".2f") | whole)
 
 
-def _largest_step_px(found: pd.DataFrame) -> float:
+def _largest_step_px(field: pd.DataFrame) -> float:
     """Return the largest step between neighbouring nodes of different heads, px."""
-    head = _grid(found, "head")
-    d = np.stack([_grid(found, name).astype(float) for name in D], axis=-1)
+    head = _grid(field, "head")
+    d = np.stack([_grid(field, name).astype(float) for name in D], axis=-1)
     return float(max(_steps(head, d), _steps(head.T, np.swapaxes(d, 0, 1))))
 
 
@@ -706,10 +725,12 @@ PAPERS = "single_step"
 
 
 def squares(found: Study) -> pd.DataFrame:
-    """Return what exact data give for squares of lens centres of different size."""
-    own = found.squares.set_index(["side_m", "parameter"])
+    """Return the estimates of exact data for squares of lens centres of different size."""
+    estimates = found.squares.set_index(["side_m", "parameter"])
     columns = {
-        (f"square of {100 * side:.0f} cm", part): [own[part][side, name] for name in SQUARE_ROWS]
+        (f"square of {100 * side:.0f} cm", part): [
+            estimates[part][side, name] for name in SQUARE_ROWS
+        ]
         for side in np.unique(found.squares["side_m"])
         for part in ("value", "sigma")
     }
@@ -718,8 +739,10 @@ def squares(found: Study) -> pd.DataFrame:
 
 def factors(found: Study) -> pd.DataFrame:
     """Return the variance factors of exact data for squares of lens centres of different size."""
-    own = found.squares[found.squares["parameter"] == "sigma0_squared"].set_index("side_m")["value"]
-    columns = {f"square of {100 * side:.0f} cm": [own[side]] for side in own.index}
+    sigma0_sq = found.squares[found.squares["parameter"] == "sigma0_squared"].set_index("side_m")[
+        "value"
+    ]
+    columns = {f"square of {100 * side:.0f} cm": [sigma0_sq[side]] for side in sigma0_sq.index}
     table = pd.DataFrame(columns, index=["variance of unit weight"])
     return _formatted(table, dict.fromkeys(table, ".4f"))
 
@@ -739,20 +762,20 @@ def shifts(found: Study) -> pd.DataFrame:
         arm must cause; all mm.
     """
     rows = []
-    for (side, lowered), own in found.centres.groupby(["side_m", "lowered_m"]):
-        by = own.pivot_table(index="parameter", columns="method", values="value")
-        shift = by["two_step_gnss"] - by[PAPERS]
-        row = {"side_m": side, "lowered_m": lowered, "lever_z_m": by[PAPERS]["lever_z_m"]}
+    for (side, lowered), group in found.centres.groupby(["side_m", "lowered_m"]):
+        by_method = group.pivot_table(index="parameter", columns="method", values="value")
+        shift = by_method["two_step_gnss"] - by_method[PAPERS]
+        row = {"side_m": side, "lowered_m": lowered, "lever_z_m": by_method[PAPERS]["lever_z_m"]}
         row |= {name: shift[name] for name in SHIFTED}
-        rows.append(row | {f"expected_{name}": by["expected"][name] for name in SHIFTED})
+        rows.append(row | {f"expected_{name}": by_method["expected"][name] for name in SHIFTED})
     return pd.DataFrame(rows)
 
 
 def shifts_beside_print(found: Study) -> pd.DataFrame:
     """Return `shifts` by the place of the lens centres, with the paper's in the last row."""
-    own = shifts(found)
-    places = [_place(row["side_m"], row["lowered_m"]) for row in own.to_dict("records")]
-    table = own.drop(columns=["side_m", "lowered_m"]).set_index(
+    by_place = shifts(found)
+    places = [_place(row["side_m"], row["lowered_m"]) for row in by_place.to_dict("records")]
+    table = by_place.drop(columns=["side_m", "lowered_m"]).set_index(
         pd.Index(places, name="lens centres")
     )
     table.loc["paper", "lever_z_m"] = printed.value(3, "lever_z_m", PAPERS)

@@ -30,26 +30,26 @@ LEAST_FOR_NORMAL = 3
 
 
 def predicted(results_path: str | Path) -> str:
-    """Return how well exposures that took no part in the calibrations fit them, in a sentence.
+    """Return the fit of exposures that took no part in the calibrations, in a sentence.
 
     Parameters
     ----------
     results_path : path
         With the results of stage validation, of a block without check points.
     """
-    found = {
+    entries = {
         name.partition("/")[2]: entry
         for name, entry in folder.entries(Path(results_path)).items()
         if name.startswith("validation/") and entry.get("rays_rms_px") is not None
     }
-    said = [
+    sentences = [
         f"{TITLES[method]}: rays meet within {entry['rays_rms_px']:.2f} px, positions are off by "
         f"{', '.join(f'{v:.2f}' for v in np.array(entry['position_rms_m'], dtype=float))} m (east, "
         f"north, height; RMS), σ0² {entry['sigma0_squared']:.2f}"
-        for method, entry in found.items()
+        for method, entry in entries.items()
     ]
     start = "there are no check points, but exposures that took no part in the calibration"
-    return f"{start}. {'; '.join(said)}" if said else "there are no check points"
+    return f"{start}. {'; '.join(sentences)}" if sentences else "there are no check points"
 
 
 # --- Figures of the validation: where the check points are off, and whether the sigma is honest
@@ -172,10 +172,10 @@ def pair_histograms(validation: Validation) -> Figure:
     return fig
 
 
-def _density(at: Array, sigma: Array) -> Array:
+def _density(places: Array, sigma: Array) -> Array:
     """Return the mean of the densities of normal distributions about zero, shape (n,)."""
     highest = 1 / (np.sqrt(2 * np.pi) * sigma)
-    return np.array([np.mean(highest * np.exp(-0.5 * (x / sigma) ** 2)) for x in at])
+    return np.array([np.mean(highest * np.exp(-0.5 * (x / sigma) ** 2)) for x in places])
 
 
 def mistakes(validations: Mapping[str, Validation]) -> Figure:
@@ -187,12 +187,14 @@ def mistakes(validations: Mapping[str, Validation]) -> Figure:
         By what was forgotten.
     """
     rows = np.arange(len(validations))
-    rms = np.array([_rms(found.points.d) for found in validations.values()]).reshape(-1, 3)
+    rms = np.array([_rms(validation.points.d) for validation in validations.values()]).reshape(
+        -1, 3
+    )
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 0.9 + 0.36 * len(rows)))
         for axis, name in enumerate(AXES):
-            at, colour = rows + 0.26 * (axis - 1), style.colour(axis)
-            ax.plot(rms[:, axis], at, "osD"[axis], ms=5, color=colour, label=name)
+            places, colour = rows + 0.26 * (axis - 1), style.colour(axis)
+            ax.plot(rms[:, axis], places, "osD"[axis], ms=5, color=colour, label=name)
         ax.set_xscale("log")
         ax.set_yticks(rows, [*validations])
         ax.invert_yaxis()
@@ -242,10 +244,16 @@ def differences(
         As `Validation.table`, and the RMS in ground pixels; m.
     """
     rows = {
-        title: found.table()
+        title: validation.table()
         .droplevel("unit")
-        .assign(**{RMS_PX: lambda table, one=found: table["RMS"] / ground_sample_m(one.block)})
-        for title, found in validations.items()
+        .assign(
+            **{
+                RMS_PX: lambda table, outcome=validation: (
+                    table["RMS"] / ground_sample_m(outcome.block)
+                )
+            }
+        )
+        for title, validation in validations.items()
     }
     table = pd.concat([_stacked(rows), paper])
     columns = {name: f"{name} (m)" for name in ("mean", "scatter", "RMS", "expected RMS")}
@@ -296,20 +304,20 @@ def counts(
     paper : DataFrame, optional
         Rows of `printed_counts`.
     """
-    rows = {title: _counts(found) for title, found in validations.items()}
+    rows = {title: _counts(validation) for title, validation in validations.items()}
     table = pd.concat([pd.DataFrame.from_dict(rows, orient="index"), paper])
     return _formatted(table.rename_axis("method"), {SHARE: ".1f"})
 
 
-def _counts(found: Validation) -> dict[str, float]:
-    size = np.linalg.norm(found.points.d, axis=1)
-    within = int(np.sum(size <= 3 * ground_sample_m(found.block)))
+def _counts(validation: Validation) -> dict[str, float]:
+    size = np.linalg.norm(validation.points.d, axis=1)
+    within = int(np.sum(size <= 3 * ground_sample_m(validation.block)))
     return {
-        PAIRS: len(found.pairs),
-        FAILED: found.n_failed,
-        POINTS: len(found.points),
+        PAIRS: len(validation.pairs),
+        FAILED: validation.n_failed,
+        POINTS: len(validation.points),
         WITHIN: within,
-        SHARE: 100 * within / max(len(found.points), 1),
+        SHARE: 100 * within / max(len(validation.points), 1),
     }
 
 
@@ -349,13 +357,15 @@ def together(validations: Mapping[str, Validation]) -> pd.DataFrame:
     """Return the joint tests of all differences of a method, with their full covariance."""
     rows = {
         title: {
-            "points": len(found.points),
-            "degrees of freedom": found.joint_dof,
-            "χ²": found.joint_chi_square,
-            "p": found.joint_chi_square_p,
-            "χ² as if independent": float(np.sum((found.points.d / found.points.sigma) ** 2)),
+            "points": len(validation.points),
+            "degrees of freedom": validation.joint_dof,
+            "χ²": validation.joint_chi_square,
+            "p": validation.joint_chi_square_p,
+            "χ² as if independent": float(
+                np.sum((validation.points.d / validation.points.sigma) ** 2)
+            ),
         }
-        for title, found in validations.items()
+        for title, validation in validations.items()
     }
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("method")
     return _formatted(table, {"χ²": ".1f", "p": ".3f", "χ² as if independent": ".1f"})
@@ -375,21 +385,21 @@ def bias(
     """
     rows = {}
     for title, test in tests.items():
-        found, said = validations[title], sizes[title]
-        spread = sigmas(found.mean_cov)
-        among = error_sources.axis_covariances(found.points.sources)
+        validation, size = validations[title], sizes[title]
+        spread = sigmas(validation.mean_cov)
+        among = error_sources.axis_covariances(validation.points.sources)
         for axis, name in enumerate(AXES):
             low, high = accuracy.rms_interval(
-                said.rms[axis], accuracy.effective_number(among[axis])
+                size.rms[axis], accuracy.effective_number(among[axis])
             )
             rows[title, name] = {
-                "points": said.n,
-                MEAN: said.mean[axis],
+                "points": size.n,
+                MEAN: size.mean[axis],
                 "σ of the mean (m)": spread[axis],
                 "mean / σ": test.statistic[axis],
                 "critical": test.critical,
                 "bias": "none seen" if test.accepted[axis] else "significant",
-                RMS: said.rms[axis],
+                RMS: size.rms[axis],
                 "RMS, from (m)": low,
                 "RMS, to (m)": high,
             }
@@ -402,7 +412,7 @@ def bias(
 
 
 def most_shared(validations: Mapping[str, Validation]) -> dict[str, object]:
-    """Return where the mean of the points would seem known best if they were independent.
+    """Return the mean whose sigma grows most by the points' correlation, by method and axis.
 
     Parameters
     ----------
@@ -417,16 +427,19 @@ def most_shared(validations: Mapping[str, Validation]) -> dict[str, object]:
     """
     if not validations:
         return {}
-    found = [*validations.values()]
-    mean = np.array([sigmas(one.mean_cov) for one in found])
+    checked = [*validations.values()]
+    mean = np.array([sigmas(validation.mean_cov) for validation in checked])
     apart = np.array(
-        [np.sqrt(np.sum(one.points.sigma**2, axis=0)) / len(one.points) for one in found]
+        [
+            np.sqrt(np.sum(validation.points.sigma**2, axis=0)) / len(validation.points)
+            for validation in checked
+        ]
     )
     k, axis = np.unravel_index(np.argmax(mean / apart), mean.shape)
     return {
         "method": inside([*validations][k]),
         "axis": AXES[axis],
-        "n": len(found[k].points),
+        "n": len(checked[k].points),
         "sigma": mean[k, axis],
         "if_independent": apart[k, axis],
     }
@@ -445,17 +458,17 @@ def classes(
         Denominators of the map scales of PEC-PCD.
     """
     columns: dict[str, dict[str, str]] = {}
-    for title, said in sizes.items():
-        found = validations[title]
-        survey = found.block.check.sigma_m[found.points.point_idx]
+    for title, size in sizes.items():
+        validation = validations[title]
+        survey = validation.block.check.sigma_m[validation.points.point_idx]
         sigma = accuracy.triple(np.sqrt(np.mean(survey**2, axis=0)))
         cells: dict[str, str] = {}
         for scale in scales:
-            reached = accuracy.pec_pcd(said, scale)
+            reached = accuracy.pec_pcd(size, scale)
             cells[f"PEC-PCD 1:{scale}, plan / height"] = f"{reached.plan} / {reached.height}"
-        cells["NSSDA"] = accuracy.nssda(said).statement
-        old = accuracy.asprs_2014(said, survey_sigma=sigma)
-        new = accuracy.asprs_2023(said, survey_sigma=sigma)
+        cells["NSSDA"] = accuracy.nssda(size).statement
+        old = accuracy.asprs_2014(size, survey_sigma=sigma)
+        new = accuracy.asprs_2023(size, survey_sigma=sigma)
         cells["ASPRS 2014, horizontal / vertical"] = f"{old.horizontal} / {old.vertical}"
         cells["ASPRS 2023, horizontal / vertical / 3D"] = (
             f"{new.horizontal} / {new.vertical} / {new.three_d}"

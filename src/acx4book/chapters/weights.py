@@ -76,18 +76,18 @@ def errors(flown: Flown, mounting: Mounting) -> pd.DataFrame:
         By ``parameter`` and ``unit``, as `Mounting.table` has them: the error as ``value``, its
         ``sigma``, and ``error / σ``.
     """
-    found = parameters(mounting.calibration)
-    error = [p.value - flown.truth[p.name] for p in found]
-    names = [SHOWN[p.key] for p in found]
+    estimates = parameters(mounting.calibration)
+    error = [p.value - flown.truth[p.name] for p in estimates]
+    names = [SHOWN[p.key] for p in estimates]
     index = pd.MultiIndex.from_tuples(names, names=["parameter", "unit"])
-    table = pd.DataFrame({"value": error, "sigma": [p.sigma for p in found]}, index=index)
+    table = pd.DataFrame({"value": error, "sigma": [p.sigma for p in estimates]}, index=index)
     table["error / σ"] = table["value"] / table["sigma"]
     table.attrs["formats"] = {"error / σ": "+.1f"}
     return table
 
 
 def modelled(block: Block, slow: SlowErrors = SLOWLY_BY_DEFAULT) -> Block:
-    """Return the block with the correlation in time that its trajectory's errors have."""
+    """Return the block with correlation in time of its trajectory's errors."""
     positions = GaussMarkov(share=slow.gnss, time_constant_s=slow.gnss_constant_s)
     attitudes = GaussMarkov(share=slow.attitude, time_constant_s=slow.attitude_constant_s)
     trajectory = replace(block.trajectory, slow_positions=positions, slow_attitudes=attitudes)
@@ -102,7 +102,7 @@ def with_height_noise(block: Block, sigma_m: float) -> Block:
 
 
 def surveyed(flown: Flown) -> Block:
-    """Return the block of a flight with its lever arm declared as it is."""
+    """Return the block of a flight with its true lever arm declared."""
     (camera,) = flown.block.cameras
     lever = np.array([flown.truth[f"lever_{axis}_m"] for axis in "xyz"])
     return replace(flown.block, cameras=(replace(camera, T_b_c=Pose(R=camera.T_b_c.R, r=lever)),))
@@ -167,7 +167,7 @@ def calibrated(seeds: Iterable[int], cases: Mapping[str, tuple[Options, Case]]) 
 
 
 def scatter(found: pd.DataFrame) -> pd.DataFrame:
-    """Return how large errors are against their sigma, by kind and parameter.
+    """Return the ratio of errors to their sigma, by kind and parameter.
 
     Parameters
     ----------
@@ -197,12 +197,12 @@ def spans(ratios: pd.DataFrame, kind: str) -> dict[str, tuple[float, float]]:
         As `scatter` returns it.
     kind : str
     """
-    own = ratios[ratios["kind"] == kind]
-    found = {}
-    for what in ("boresight", "lever"):
-        ratio = own["ratio"][own["parameter"].str.startswith(what)]
-        found[what] = (float(ratio.min()), float(ratio.max()))
-    return found
+    rows = ratios[ratios["kind"] == kind]
+    ranges = {}
+    for group in ("boresight", "lever"):
+        ratio = rows["ratio"][rows["parameter"].str.startswith(group)]
+        ranges[group] = (float(ratio.min()), float(ratio.max()))
+    return ranges
 
 
 def height_errors(seed: int) -> pd.DataFrame:
@@ -213,10 +213,12 @@ def height_errors(seed: int) -> pd.DataFrame:
     DataFrame
         Columns kind, exposure (number), strip and error_m.
     """
-    true, white, slow = (_heights(fly_and_read(DESIGN, seed, how)) for how in (EXACT, WHITE, SLOW))
+    true, white, slow = (
+        _heights(fly_and_read(DESIGN, seed, noise)) for noise in (EXACT, WHITE, SLOW)
+    )
     parts = [
-        true.assign(kind=kind, error_m=found["height_m"] - true["height_m"])
-        for kind, found in (("white", white), ("slow", slow))
+        true.assign(kind=kind, error_m=heights["height_m"] - true["height_m"])
+        for kind, heights in (("white", white), ("slow", slow))
     ]
     return pd.concat(parts, ignore_index=True)[["kind", "exposure", "strip", "error_m"]]
 
@@ -231,7 +233,7 @@ def _heights(flown: Flown) -> pd.DataFrame:
     )
 
 
-# --- Figures of what trajectory errors do to a calibration and to what it says of itself
+# --- Figures of trajectory errors and their effect on a calibration and its sigma
 
 
 TINTS = {"white": style.BLUE, "slow": style.ORANGE, MODELLED: style.TEAL}
@@ -243,7 +245,7 @@ NAMES = {
 
 
 def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
-    """Draw slow and white errors of a trajectory, and what both do to calibrations.
+    """Draw slow and white errors of a trajectory, and their effect on calibrations.
 
     Parameters
     ----------
@@ -258,16 +260,16 @@ def trajectory_errors(heights: pd.DataFrame, scatter: pd.DataFrame) -> Figure:
         fig, (left, right) = style.subplots(
             1, 2, figsize=(style.WIDTH, 3.5), width_ratios=(1, 1.15)
         )
-        for kind, own in heights.groupby("kind", sort=False):
-            _draw_by_strip(left, own, TINTS[str(kind)])
+        for kind, group in heights.groupby("kind", sort=False):
+            _draw_by_strip(left, group, TINTS[str(kind)])
         left.axhline(0, color=style.INK, lw=0.7)
         left.set(xlabel="exposure number", ylabel="error in height (cm)")
         style.heading(left, "The same size, another course", "one flight; lines join a strip")
         rows = np.arange(len(shown))
-        for offset, (kind, own) in zip(
+        for offset, (kind, group) in zip(
             (-0.22, 0.0, 0.22), scatter.groupby("kind", sort=False), strict=True
         ):
-            ratio = own.set_index("parameter").loc[shown]
+            ratio = group.set_index("parameter").loc[shown]
             right.errorbar(
                 *(ratio["ratio"], rows + offset),
                 xerr=2 * ratio["sigma_ratio"],
@@ -346,7 +348,7 @@ RATIO = "ratio"
 
 
 def promised(geometry: Calibration, found: Calibration) -> pd.DataFrame:
-    """Return the sigma that a geometry promises, and those of an adjustment, by parameter.
+    """Return the sigma predicted from a geometry and those of an adjustment, by parameter.
 
     Parameters
     ----------
@@ -359,20 +361,20 @@ def promised(geometry: Calibration, found: Calibration) -> pd.DataFrame:
 
 def side_by_side(found: Mapping[str, Mounting | Failed | None]) -> pd.DataFrame:
     """Return the sigma of two adjustments and their ratio; empty where one has no outcome."""
-    tables = {title: one.table() for title, one in found.items() if one}
+    tables = {title: mounting.table() for title, mounting in found.items() if mounting}
     return _beside(tables) if len(tables) == len(found) else pd.DataFrame()
 
 
 def _beside(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return the sigma of two tables of parameters, of those that both estimate."""
-    sigma = pd.DataFrame({f"σ, {title}": own["sigma"] for title, own in tables.items()})
+    """Return the sigma of the parameters that two tables both estimate, and their ratio."""
+    sigma = pd.DataFrame({f"σ, {title}": table["sigma"] for title, table in tables.items()})
     order = next(iter(tables.values())).index
     estimated = sigma.replace(np.inf, np.nan).mask(sigma <= 0).dropna()
-    both = estimated.reindex([key for key in order if key in estimated.index])
-    first, second = both.columns
-    both[RATIO] = both[second] / both[first]
-    both.attrs["formats"] = {first: ".2g", second: ".2g", RATIO: ".2f"}
-    return both
+    shared = estimated.reindex([key for key in order if key in estimated.index])
+    first, second = shared.columns
+    shared[RATIO] = shared[second] / shared[first]
+    shared.attrs["formats"] = {first: ".2g", second: ".2g", RATIO: ".2f"}
+    return shared
 
 
 def of_boresight(table: pd.DataFrame) -> tuple[float, float] | None:
@@ -388,7 +390,7 @@ def _names(table: pd.DataFrame) -> list[str]:
 
 
 def changes(without: Mounting | Failed, given: Mounting | Failed) -> pd.DataFrame:
-    """Return by how much the parameters of one adjustment differ from those of another.
+    """Return the differences of the parameters of two adjustments, second less first.
 
     Parameters
     ----------
@@ -419,7 +421,7 @@ def largest_change(table: pd.DataFrame) -> float:
 
 
 def reached(points: Mapping[str, Differences]) -> pd.DataFrame:
-    """Return the RMS at check points that a geometry predicts, and that of the differences.
+    """Return the RMS at check points: predicted from a geometry, and of the differences.
 
     Parameters
     ----------
@@ -433,10 +435,10 @@ def reached(points: Mapping[str, Differences]) -> pd.DataFrame:
         By coordinate: points, RMS in m, that of d / σ, and the limits of this one that chance
         leaves in 95 % of all cases. Empty where the points are not the same.
     """
-    if len({len(one) for one in points.values()} - {0}) != 1:
+    if len({len(differences) for differences in points.values()} - {0}) != 1:
         return pd.DataFrame()
-    said, found = points.values()
-    return _reached(found.d, said.sigma, error_sources.axis_covariances(said.sources))
+    predicted, actual = points.values()
+    return _reached(actual.d, predicted.sigma, error_sources.axis_covariances(predicted.sources))
 
 
 def reached_in_block(bundle: Bundle) -> pd.DataFrame:
@@ -447,8 +449,8 @@ def reached_in_block(bundle: Bundle) -> pd.DataFrame:
     DataFrame
         As `reached` has it; the limits take the points for independent. Empty without points.
     """
-    block, seen = bundle.network.block, bundle.network.image_points.point_idx
-    rays = np.bincount(seen, minlength=bundle.network.n_points)
+    block, point_idx = bundle.network.block, bundle.network.image_points.point_idx
+    rays = np.bincount(point_idx, minlength=bundle.network.n_points)
     check = np.flatnonzero(rays[block.check.point_idx] >= 2)
     if not len(check):
         return pd.DataFrame()
@@ -478,7 +480,7 @@ D_OVER_SIGMA = "RMS of d / σ"
 
 
 def outside(table: pd.DataFrame) -> list[str]:
-    """Return the coordinates of `reached` whose differences chance does not leave."""
+    """Return the coordinates of `reached` whose differences exceed the limits of chance."""
     if table.empty:
         return []
     ratio = table[D_OVER_SIGMA]
@@ -492,7 +494,7 @@ def wrong_sigma(
     wrong: Mapping[str, float],
     estimated: Mapping[str, float],
 ) -> pd.DataFrame:
-    """Return the factors of a flight as it is and with wrong sigma, and what undoes the mistake.
+    """Return the factors of a flight's sigma, given right and wrong, and those that correct them.
 
     Parameters
     ----------
@@ -502,10 +504,10 @@ def wrong_sigma(
     estimated : mapping of str to float
         With what the iteration ends, by group; one for those that keep theirs.
     """
-    own, factor = given.table(), mistaken.table()
+    as_given, factor = given.table(), mistaken.table()
     table = pd.DataFrame(
         {
-            "as it is": own["factor of σ", "value"],
+            "as it is": as_given["factor of σ", "value"],
             "factor": factor["factor of σ", "value"],
             "its σ": factor["factor of σ", "sigma"],
         }
@@ -520,7 +522,7 @@ def wrong_sigma(
 
 
 def ratios(scatter: pd.DataFrame) -> pd.DataFrame:
-    """Return how large errors are against their sigma, a column for each kind.
+    """Return the ratio of errors to their sigma, a column for each kind.
 
     Parameters
     ----------
@@ -568,13 +570,13 @@ def height_noise_table(adjusted: Mapping[float, Mounting | Failed]) -> pd.DataFr
             continue
         unit = np.sqrt(mounting.bundle.solution.sigma0_sq)
         listed = reversed(parameters(mounting.calibration))
-        found = {p.name: p.sigma / unit for p in listed if p.sigma > 0}
-        rows.append((sigma_m, *(found.get(name, np.nan) for name in ("f_mm", "lever_z_m"))))
+        sigma = {p.name: p.sigma / unit for p in listed if p.sigma > 0}
+        rows.append((sigma_m, *(sigma.get(name, np.nan) for name in ("f_mm", "lever_z_m"))))
     return pd.DataFrame(rows, columns=["gnss_height_m", "sigma_f_mm", "sigma_lever_z_m"])
 
 
 def met_at_cm(table: pd.DataFrame, name: str) -> float:
-    """Return the noise of heights at which the sigma of a parameter is the printed one, cm.
+    """Return the noise of heights at which a parameter has its printed sigma, cm.
 
     Parameters
     ----------

@@ -1,7 +1,6 @@
 """Chapter 10, how true the synthetic image is: points against an ideal picture (section 4.1).
 
-`known_exposure` simulates an exposure whose every pixel is known; `deviations` and `examined`
-measure its synthetic image, `seams` the places where two heads meet; `one_camera` fits one
-lens to what the heads leave; `tables` and `figures` show
-them.
+`deviations` simulates an exposure with its truth and measures points of its synthetic image;
+`examined` measures whole images and calibrates them by themselves; `figures` and `tables` show
+both; `tables` also fits one lens to the residuals of the heads.
 """

@@ -123,7 +123,7 @@ class Deviations:
 
     def __getitem__(self, keep: Index | Mask) -> Deviations:
         """Select points."""
-        return Deviations(**{one.name: getattr(self, one.name)[keep] for one in fields(self)})
+        return Deviations(**{field.name: getattr(self, field.name)[keep] for field in fields(self)})
 
 
 def measure(image: np.ndarray, ideal: np.ndarray, *, windows: Windows | None = None) -> Deviations:
@@ -144,34 +144,39 @@ def measure(image: np.ndarray, ideal: np.ndarray, *, windows: Windows | None = N
         raise ValueError(msg)
     windows = windows or Windows()
     a, b = grey(ideal), grey(image)
-    at = _corners(a, windows)
+    corners = _corners(a, windows)
     near, coefficient = correlate(
-        a, b, at, at.astype(float), half=windows.correlation_px // 2, search=windows.search_px
+        a,
+        b,
+        corners,
+        corners.astype(float),
+        half=windows.correlation_px // 2,
+        search=windows.search_px,
     )
     alike = np.isfinite(near[:, 0]) & (coefficient >= LEAST_CORRELATION)
-    found = match(a, b, at[alike], near[alike], half=windows.matching_px // 2)
-    sigma = np.sqrt(np.mean(found.sigma_px**2, axis=1))
-    good = np.isfinite(found.colrow[:, 0]) & (sigma <= windows.largest_sigma_px)
-    places = at[alike][good].astype(float)
-    return Deviations(ideal=places, d_px=found.colrow[good] - places, sigma_px=sigma[good])
+    matches = match(a, b, corners[alike], near[alike], half=windows.matching_px // 2)
+    sigma = np.sqrt(np.mean(matches.sigma_px**2, axis=1))
+    good = np.isfinite(matches.colrow[:, 0]) & (sigma <= windows.largest_sigma_px)
+    places = corners[alike][good].astype(float)
+    return Deviations(ideal=places, d_px=matches.colrow[good] - places, sigma_px=sigma[good])
 
 
 def _corners(grey_ideal: Array, windows: Windows) -> Index:
     margin = windows.matching_px // 2 + windows.search_px + 4  # and the spline's reach
     allowed = np.zeros(grey_ideal.shape, dtype=bool)
     allowed[margin:-margin, margin:-margin] = True
-    at, _ = best_of_cells(response(grey_ideal), allowed, windows.cell_px)
-    return at
+    corners, _ = best_of_cells(response(grey_ideal), allowed, windows.cell_px)
+    return corners
 
 
 def consistent(found: Deviations, *, neighbours: int = 9) -> Mask:
-    """Tell which points agree with those around them, shape (n,).
+    """Mark the points that agree with their neighbours, shape (n,).
 
     Parameters
     ----------
     found : Deviations
     neighbours : int
-        How many of the nearest are asked for their median.
+        Number of nearest points whose median is compared.
 
     Returns
     -------
@@ -190,7 +195,7 @@ def consistent(found: Deviations, *, neighbours: int = 9) -> Mask:
 
 
 def zones(orientation: RelativeOrientation, synthetic: Camera, colrow: Array) -> dict[str, Mask]:
-    """Tell which points lie where one head sees, or several, or near the border.
+    """Mark the points seen by one head, by several heads, and near the border.
 
     Parameters
     ----------
@@ -221,7 +226,7 @@ def zones(orientation: RelativeOrientation, synthetic: Camera, colrow: Array) ->
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownGround:
-    """Ground points with their coordinates, and where the camera was that saw them.
+    """Ground points with their coordinates, and the pose of the camera that sees them.
 
     Attributes
     ----------
@@ -295,7 +300,7 @@ def self_calibrate(block: Block, *, free: Sequence[str]) -> Bundle:
 
 
 def residuals_px(fit: Bundle) -> Array:
-    """Return what an adjustment leaves, measured less estimated, col and row, shape (n, 2), px."""
+    """Return the residuals of an adjustment, measured less estimated, col and row, (n, 2), px."""
     return -fit.solution.group("image_point").v
 
 
@@ -311,7 +316,7 @@ TURNED_DEG, TIE_PX = 0.01, 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrameErrors:
-    """What is wrong with the synthetic image of several wrong orientations.
+    """Errors of the synthetic images of several wrong orientations.
 
     Attributes
     ----------
@@ -350,21 +355,21 @@ def simulated_ties(
     """
     half = 0.5 * synthetic.pixel_mm * np.array([synthetic.width_px, synthetic.height_px])
     xy = rng.uniform(-half, half, (12 * per_overlap, 2))
-    seen = [head_from_synthetic(truth, k, xy) for k in range(len(truth.heads))]
-    within = [inside(head, colrow) for head, colrow in zip(truth.heads, seen, strict=True)]
+    places = [head_from_synthetic(truth, k, xy) for k in range(len(truth.heads))]
+    within = [inside(head, colrow) for head, colrow in zip(truth.heads, places, strict=True)]
     rows = [
         (np.flatnonzero(within[a] & within[b])[:per_overlap], a, b)
-        for a, b in combinations(range(len(seen)), 2)
+        for a, b in combinations(range(len(places)), 2)
     ]
-    n = sum(len(own) for own, _, _ in rows)
+    n = sum(len(points) for points, _, _ in rows)
     return TiePoints(
-        head_a=np.concatenate([np.full(len(own), a) for own, a, _ in rows]),
-        head_b=np.concatenate([np.full(len(own), b) for own, _, b in rows]),
+        head_a=np.concatenate([np.full(len(points), a) for points, a, _ in rows]),
+        head_b=np.concatenate([np.full(len(points), b) for points, _, b in rows]),
         exposure_idx=np.zeros(n, dtype=np.intp),
-        point_idx=np.concatenate([own for own, _, _ in rows]),
-        colrow_a=np.concatenate([seen[a][own] for own, a, _ in rows])
+        point_idx=np.concatenate([points for points, _, _ in rows]),
+        colrow_a=np.concatenate([places[a][points] for points, a, _ in rows])
         + rng.normal(0, sigma_px, (n, 2)),
-        colrow_b=np.concatenate([seen[b][own] for own, _, b in rows])
+        colrow_b=np.concatenate([places[b][points] for points, _, b in rows])
         + rng.normal(0, sigma_px, (n, 2)),
         sigma_px=np.full(n, max(sigma_px, 1e-6)),
     )
@@ -374,9 +379,9 @@ def with_turned_heads(
     truth: RelativeOrientation, *, rng: np.random.Generator, sigma_deg: float
 ) -> RelativeOrientation:
     """Return the heads with random rotations about all axes of all but the first."""
-    by = np.radians(sigma_deg) * rng.normal(size=(len(truth.heads), 3))
-    by[0] = 0.0
-    R_s_h = rotation_from_opk(truth.opk) @ exp(by)
+    turns = np.radians(sigma_deg) * rng.normal(size=(len(truth.heads), 3))
+    turns[0] = 0.0
+    R_s_h = rotation_from_opk(truth.opk) @ exp(turns)
     return replace(truth, opk=opk_from_rotation(R_s_h))
 
 
@@ -415,7 +420,7 @@ def refinements(
     *,
     exact: TiePoints,
 ) -> dict[str, FrameErrors]:
-    """Return what is wrong before and after all ways to refine, overlaps and frame apart.
+    """Return the errors before and after every refinement, in the overlaps and in the frame.
 
     Parameters
     ----------
@@ -424,17 +429,17 @@ def refinements(
         The same heads with errors; at least one.
     synthetic : Camera
     ties, exact : TiePoints
-        What the refinements are given, and others without noise that judge the overlaps.
+        Input of the refinements, and tie points without noise to judge the overlaps.
 
     Returns
     -------
     dict of str to FrameErrors
         By the ways of `every_refinement`.
     """
-    found = [every_refinement(heads, ties) for heads in wrong]
+    refined = [every_refinement(heads, ties) for heads in wrong]
     return {
-        way: _frame_errors([heads[way] for heads in found], truth, synthetic, exact)
-        for way in found[0]
+        way: _frame_errors([heads[way] for heads in refined], truth, synthetic, exact)
+        for way in refined[0]
     }
 
 
@@ -465,17 +470,17 @@ def _frame_errors(
     overlap = [np.hypot(*tie_differences(o, exact).T) / synthetic.pixel_mm for o in orientations]
     frame = [frame_differences(o, truth, synthetic) for o in orientations]
     return FrameErrors(
-        overlap_rms_px=np.array([np.sqrt(np.mean(one**2)) for one in overlap]),
-        overlap_largest_px=np.array([one.max() for one in overlap]),
-        frame_rms_px=np.array([one.rms_px for one in frame]),
-        frame_largest_px=np.array([one.largest_px for one in frame]),
+        overlap_rms_px=np.array([np.sqrt(np.mean(errors**2)) for errors in overlap]),
+        overlap_largest_px=np.array([errors.max() for errors in overlap]),
+        frame_rms_px=np.array([errors.rms_px for errors in frame]),
+        frame_largest_px=np.array([errors.largest_px for errors in frame]),
     )
 
 
 def repaired(
     truth: RelativeOrientation, synthetic: Camera, *, seed: int, trials: int = 4
 ) -> dict[str, dict[str, FrameErrors]]:
-    """Return what the ways to refine make of heads that are wrong by known amounts.
+    """Return the errors of heads with known mistakes, before and after every refinement.
 
     Parameters
     ----------
@@ -523,7 +528,7 @@ NODES_PX = 16
 @shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownExposure:
-    """One exposure of which all is known.
+    """One simulated exposure with its truth.
 
     Attributes
     ----------
@@ -560,7 +565,7 @@ class KnownExposure:
 def known_exposure(
     exposure: str = "H3-04", *, reduce: int, seed: int = 1, ground: Ground | None = None
 ) -> KnownExposure:
-    """Simulate the heads' pictures of one exposure and the one that an ideal camera takes.
+    """Simulate the heads' pictures of one exposure, and the picture of an ideal camera.
 
     Parameters
     ----------
@@ -634,22 +639,27 @@ def _true_orientation(at: Station, synthetic: Camera, height_m: float) -> Relati
     heads = tuple(
         Camera(
             name=name,
-            width_px=one.width_px,
-            height_px=one.height_px,
-            pixel_mm=one.pixel_um / 1000,
+            width_px=camera.width_px,
+            height_px=camera.height_px,
+            pixel_mm=camera.pixel_um / 1000,
             interior=Interior(
-                f=one.f_mm, xp=one.xp_mm, yp=one.yp_mm, k1=one.k1, p1=one.p1, p2=one.p2
+                f=camera.f_mm,
+                xp=camera.xp_mm,
+                yp=camera.yp_mm,
+                k1=camera.k1,
+                p1=camera.p1,
+                p2=camera.p2,
             ),
         )
-        for name, one in zip(at.plan.heads, truth, strict=True)
+        for name, camera in zip(at.plan.heads, truth, strict=True)
     )
     f = synthetic.interior.f
-    bases_m = np.array([one.lever_m for one in truth]) - synthetic.T_b_c.r
+    bases_m = np.array([camera.lever_m for camera in truth]) - synthetic.T_b_c.r
     n = len(heads) * (6 + len(INTERIOR))
     return RelativeOrientation(
         heads=heads,
         xyz_mm=f / height_m * bases_m + [0.0, 0.0, f],
-        opk=np.radians([one.boresight_deg for one in truth]),
+        opk=np.radians([camera.boresight_deg for camera in truth]),
         cov_joint=np.zeros((n, n)),
         n_exposures=1,
     )
@@ -704,18 +714,18 @@ def deviations(
         In pixels of the full-size image; points that stand out from those around are left out.
     """
     image = render_known(known, orientation, response)
-    found = measure(image, known.ideal, windows=windows)
-    found = found[consistent(found)]
+    points = measure(image, known.ideal, windows=windows)
+    points = points[consistent(points)]
     small = reduced_camera(known.synthetic, known.reduce)
     return Deviations(
-        ideal=colrow_from_xy(known.synthetic, xy_from_colrow(small, found.ideal)),
-        d_px=known.reduce * found.d_px,
-        sigma_px=known.reduce * found.sigma_px,
+        ideal=colrow_from_xy(known.synthetic, xy_from_colrow(small, points.ideal)),
+        d_px=known.reduce * points.d_px,
+        sigma_px=known.reduce * points.sigma_px,
     )
 
 
 def predicted(known: KnownExposure, orientation: RelativeOrientation, colrow: Array) -> Array:
-    """Return where geometry alone puts known points in a synthetic image, less their ideal places.
+    """Return the deviations of known points that geometry alone predicts for a synthetic image.
 
     Ground points are seen by the simulated heads, and put into the synthetic image through the
     given orientation; where heads are blended, so are they.
@@ -736,16 +746,16 @@ def predicted(known: KnownExposure, orientation: RelativeOrientation, colrow: Ar
     x_g = np.asarray(seen_ground(known, colrow), dtype=np.float64)
     places, depth = [], []
     for k, camera in enumerate(orientation.heads):
-        seen = pixels_from_ground(known.at, known.at.plan.cameras[camera.name], x_g)
-        places.append(synthetic_from_head(orientation, k, seen))
-        depth.append(border_depth(camera, seen))
+        colrow_head = pixels_from_ground(known.at, known.at.plan.cameras[camera.name], x_g)
+        places.append(synthetic_from_head(orientation, k, colrow_head))
+        depth.append(border_depth(camera, colrow_head))
     weight = _blend(np.stack(depth))
     blended = np.einsum("kn,kni->ni", weight, np.nan_to_num(np.stack(places)))
     return colrow_from_xy(known.synthetic, blended) - colrow
 
 
 def border_depth(camera: Camera, colrow: Array) -> Array:
-    """Return how far inside its border a head has a pixel, px; negative outside."""
+    """Return the distance of a pixel from the border of a head, px; negative outside."""
     size = np.array([camera.width_px, camera.height_px])
     inner = np.min(np.minimum(colrow + 0.5, size - 0.5 - colrow), axis=1)
     return np.nan_to_num(inner, nan=-1.0)

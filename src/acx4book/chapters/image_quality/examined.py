@@ -1,4 +1,4 @@
-"""Synthetic images against one ideal camera's: measured all over, and calibrated by themselves."""
+"""Synthetic images against one ideal camera's: their deviations and self-calibrations."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Examined:
 @shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TargetErrors:
-    """Radial distortion that errors of measurement invent.
+    """Radial distortion caused by errors of measurement alone.
 
     Attributes
     ----------
@@ -122,8 +122,10 @@ def measured_ties(known: KnownExposure, orientation: RelativeOrientation) -> Tie
     for side, heads in (("a", ties.head_a), ("b", ties.head_b)):
         colrow = getattr(ties, f"colrow_{side}").copy()
         for k, camera in enumerate(orientation.heads):
-            own = heads == k
-            colrow[own] = colrow_from_xy(camera, xy_from_colrow(small.heads[k], colrow[own]))
+            in_head = heads == k
+            colrow[in_head] = colrow_from_xy(
+                camera, xy_from_colrow(small.heads[k], colrow[in_head])
+            )
         sides[f"colrow_{side}"] = colrow
     return replace(ties, **sides, sigma_px=known.reduce * ties.sigma_px)
 
@@ -157,7 +159,7 @@ def known_block(known: KnownExposure, found: Deviations) -> Block:
 
 
 def _known_ground(known: KnownExposure, colrow: Array) -> KnownGround:
-    """Return that ground in a mapping frame under the aircraft, and the true camera over it."""
+    """Return the known ground in a mapping frame under the aircraft, and the true camera's pose."""
     grid, track = GridSystem(crs=known.at.plan.crs), known.at.track
     frame = mean_origin(grid, grid.lonlat_from_grid(track.x_g[:, :2]))
     # under the aircraft the mapping axes are east, north and up
@@ -170,7 +172,7 @@ def _known_ground(known: KnownExposure, colrow: Array) -> KnownGround:
 
 
 def frame_deviations(orientation: RelativeOrientation, known: KnownExposure) -> Deviations:
-    """Return where an orientation puts the nodes of the frame, less where the true one does.
+    """Return the deviations of the frame's nodes by an orientation from those by the true one.
 
     Exact, over a plane at the mean flying height, without pixels.
 
@@ -180,10 +182,10 @@ def frame_deviations(orientation: RelativeOrientation, known: KnownExposure) -> 
         px of the full-size image; sigma is one pixel.
     """
     camera = known.synthetic
-    found = frame_differences(orientation, known.orientation, camera, spacing_px=600)
-    d_px = found.d_px * [1.0, -1.0]  # y goes up, rows go down
+    differences = frame_differences(orientation, known.orientation, camera, spacing_px=600)
+    d_px = differences.d_px * [1.0, -1.0]  # y goes up, rows go down
     return Deviations(
-        ideal=colrow_from_xy(camera, found.xy) - d_px,
+        ideal=colrow_from_xy(camera, differences.xy) - d_px,
         d_px=d_px,
         sigma_px=np.ones(len(d_px)),
     )
@@ -195,7 +197,9 @@ def examine_all(
     response: Response,
 ) -> dict[str, Examined]:
     """Examine the images of several orientations, by their names."""
-    return {name: _examine(known, one, response) for name, one in orientations.items()}
+    return {
+        name: _examine(known, orientation, response) for name, orientation in orientations.items()
+    }
 
 
 def _examine(
@@ -204,22 +208,22 @@ def _examine(
     """Render an exposure by an orientation, measure the image and calibrate it by itself."""
     off = frame_deviations(orientation, known).d_px / known.reduce
     windows = Windows(search_px=2 + int(np.ceil(np.abs(off).max())))
-    found = deviations(known, orientation, response, windows=windows)
+    points = deviations(known, orientation, response, windows=windows)
     return Examined(
         orientation=orientation,
-        found=found,
-        geometry_px=predicted(known, orientation, found.ideal),
-        fits=self_calibrations(known, found),
+        found=points,
+        geometry_px=predicted(known, orientation, points.ideal),
+        fits=self_calibrations(known, points),
     )
 
 
 def geometry_errors(
     known: KnownExposure, examined: Mapping[str, Examined]
 ) -> dict[str, dict[str, float]]:
-    """Return `errors_of` what geometry alone says of the measured points, image by image."""
+    """Return `errors_of` the deviations that geometry alone predicts, image by image."""
     return {
-        name: errors_of(replace(one.found, d_px=one.geometry_px), known)
-        for name, one in examined.items()
+        name: errors_of(replace(image.found, d_px=image.geometry_px), known)
+        for name, image in examined.items()
     }
 
 
@@ -254,20 +258,22 @@ def drawn_errors(known: KnownExposure, n: int, *, seed: int, angle_deg: float) -
         wrong = drawn_calibration(known.orientation, seed=(seed, draw), angle_deg=angle_deg)
         every = every_refinement(wrong, ties)
         rows += [
-            {"draw": draw, "refinement": name, **errors_of(frame_deviations(one, known), known)}
-            for name, one in every.items()
+            {"draw": draw, "refinement": name, **errors_of(frame_deviations(heads, known), known)}
+            for name, heads in every.items()
         ]
     return pd.DataFrame(rows)
 
 
 def errors_of(found: Deviations, known: KnownExposure) -> dict[str, float]:
-    """Return the size of deviations, and what self-calibration leaves of them and finds, px."""
+    """Return deviations, their residuals after self-calibration, and the distortion found, px."""
     fits = self_calibrations(known, found)
-    left = {f"{name}_px": rms_of_coordinates(residuals_px(fit)) for name, fit in fits.items()}
+    residual_rms = {
+        f"{name}_px": rms_of_coordinates(residuals_px(fit)) for name, fit in fits.items()
+    }
     return {
         "rms_px": rms_of_coordinates(found.d_px),
         "largest_px": float(np.hypot(*found.d_px.T).max()),
-        **left,
+        **residual_rms,
         "radial_px": largest_radial(fits["calibrated"]),
         "decentring_px": largest_decentring(fits["calibrated"]),
     }
@@ -294,8 +300,8 @@ def border_distortion_of_targets(
     radial = []
     for _ in range(n):
         noise = sigma_px * rng.standard_normal(colrow.shape)
-        found = Deviations(ideal=colrow, d_px=noise, sigma_px=np.full(len(colrow), sigma_px))
-        radial.append(largest_radial(self_calibrate(known_block(known, found), free=LENS)))
+        targets = Deviations(ideal=colrow, d_px=noise, sigma_px=np.full(len(colrow), sigma_px))
+        radial.append(largest_radial(self_calibrate(known_block(known, targets), free=LENS)))
     return TargetErrors(n_targets=len(colrow), sigma_px=sigma_px, radial_px=np.array(radial))
 
 

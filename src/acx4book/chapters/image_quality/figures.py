@@ -69,7 +69,7 @@ def deviation_fields(
     orientation : RelativeOrientation
         For the heads' outlines.
     """
-    means = {title: _cell_means(one, synthetic) for title, one in fields.items()}
+    means = {title: _cell_means(field, synthetic) for title, field in fields.items()}
     longest = max(float(np.hypot(*d.T).max(initial=0.0)) for _, d in means.values())
     key = style.round_length(max(longest, 1e-6))
     n_rows = -(-len(fields) // 3)
@@ -79,11 +79,11 @@ def deviation_fields(
         )
         for ax in grid.flat[len(fields) :]:
             ax.remove()
-        for ax, (title, one) in zip(grid.flat, fields.items(), strict=False):
+        for ax, (title, field) in zip(grid.flat, fields.items(), strict=False):
             _draw_outlines(ax, synthetic, orientation)
             _draw_vectors(ax, synthetic, means[title], key=key)
-            rms = np.sqrt(np.mean(one.d_px**2))
-            style.heading(ax, title, f"{len(one)} points, rms {rms:.2f} px")
+            rms = np.sqrt(np.mean(field.d_px**2))
+            style.heading(ax, title, f"{len(field)} points, rms {rms:.2f} px")
         handles: list[Any] = [
             Line2D([], [], color=style.colour(k), lw=1, label=style.plain(head.name))
             for k, head in enumerate(orientation.heads)
@@ -92,14 +92,14 @@ def deviation_fields(
     return fig
 
 
-def _cell_means(found: Deviations, camera: Camera) -> tuple[Array, Array]:
+def _cell_means(points: Deviations, camera: Camera) -> tuple[Array, Array]:
     """Return middles of cells and mean deviations, px."""
     size = max(camera.width_px, camera.height_px) / CELLS
     cells, idx, count = np.unique(
-        np.floor((found.ideal + 0.5) / size), axis=0, return_inverse=True, return_counts=True
+        np.floor((points.ideal + 0.5) / size), axis=0, return_inverse=True, return_counts=True
     )
-    idx, enough = idx.ravel(), count >= min(LEAST, len(found))
-    sums = [np.bincount(idx, column, minlength=len(cells)) for column in found.d_px.T]
+    idx, enough = idx.ravel(), count >= min(LEAST, len(points))
+    sums = [np.bincount(idx, column, minlength=len(cells)) for column in points.d_px.T]
     return (cells[enough] + 0.5) * size, np.stack(sums, axis=1)[enough] / count[enough, None]
 
 
@@ -186,7 +186,7 @@ def _disagreement(values: Array) -> str:
 
 
 def overlap_differences(picture: OverlapPicture) -> Figure:
-    """Draw a part of an overlap, and how two heads differ there after each step."""
+    """Draw a part of an overlap, and the differences of two heads there after each step."""
     limit = 0.15
     steps = tuple(picture.differences.items())
     with style.applied():
@@ -210,8 +210,8 @@ def overlap_differences(picture: OverlapPicture) -> Figure:
             shown, ax=axes, orientation="horizontal", fraction=0.03, aspect=60, pad=0.03
         )
         bar.ax.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-        one, other = (style.plain(name) for name in picture.names)
-        bar.set_label(f"{other} less {one}, of the grey value")
+        first, second = (style.plain(name) for name in picture.names)
+        bar.set_label(f"{second} less {first}, of the grey value")
         bar.outline.set_visible(False)
     return fig
 
@@ -229,7 +229,7 @@ def distortion_taken_up(
     fits : mapping of str to Bundle
         Self-calibrations with the lens free, by the names of `deviations.every_refinement`.
     names : mapping of str to str
-        What these are called.
+        Their names for readers.
     draws : DataFrame
         As `examined.drawn_errors` returns it.
     targets : TargetErrors
@@ -276,8 +276,8 @@ def _draw_draws(
     border = printed.statement("synthetic_border_distortion_px")
     refined = draws[draws["refinement"] != "before"]
     groups: list[tuple[str, str, Array]] = [
-        (names[str(name)], TINTS[str(name)], own["radial_px"].to_numpy())
-        for name, own in refined.groupby("refinement", sort=False)
+        (names[str(name)], TINTS[str(name)], group["radial_px"].to_numpy())
+        for name, group in refined.groupby("refinement", sort=False)
     ]
     groups.append(
         (f"{targets.n_targets} targets\nin a perfect image", style.SOFT, targets.radial_px)
@@ -335,7 +335,7 @@ class SeamProfile:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OverlapPicture:
-    """A part of an overlap as two heads see it.
+    """A part of an overlap in the images of two heads.
 
     Attributes
     ----------
@@ -425,7 +425,7 @@ def _names(known: KnownExposure) -> tuple[str, str]:
 
 
 def _seam(known: KnownExposure, orientation: RelativeOrientation) -> tuple[int, int]:
-    """Return row and column, of the picture at hand, where both heads' borders are as far."""
+    """Return the row and column where the borders of both heads are equally far."""
     small = reduced_camera(known.synthetic, known.reduce)
     row = int(ROW_SHARE * small.height_px)
     cols = np.arange(small.width_px, dtype=float)
@@ -444,7 +444,7 @@ def _seen(
     window: Window,
     response: Response | None,
 ) -> Array:
-    """Return what a head sees of a window, equalised if its response is given."""
+    """Return a head's grey values in a window, equalised if its response is given."""
     small = reduced_camera(known.synthetic, known.reduce)
     heads = reduced_heads(orientation, known.reduce)
     grey, seen = resample(known.images[k], heads, k, small, window)

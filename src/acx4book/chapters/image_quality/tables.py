@@ -53,12 +53,16 @@ def zone_table(known: KnownExposure, examined: Examined) -> pd.DataFrame:
     DataFrame
         Pixels of the full-size synthetic image; the RMS in those of the picture at hand as well.
     """
-    left = _not_geometry(examined)
-    every = np.ones(len(left), dtype=bool)
+    residuals = _not_geometry(examined)
+    every = np.ones(len(residuals), dtype=bool)
     parts = zones(known.orientation, known.synthetic, examined.found.ideal)
     rows = {"whole frame": every, **parts}
     table = pd.DataFrame.from_dict(
-        {name: _zone_row(left[own], known.reduce) for name, own in rows.items() if own.any()},
+        {
+            name: _zone_row(residuals[within], known.reduce)
+            for name, within in rows.items()
+            if within.any()
+        },
         orient="index",
     ).astype({"Points": int})
     table.index.name = "part"
@@ -85,7 +89,7 @@ def _zone_row(left: Array, reduce: int) -> dict[str, float]:
 
 
 def acceptance(known: KnownExposure, examined: Examined) -> dict[str, object]:
-    """Return whether measured points are where geometry puts them, as well as matching can tell.
+    """Test whether measured points agree with geometry, within the accuracy of matching.
 
     Returns
     -------
@@ -95,15 +99,15 @@ def acceptance(known: KnownExposure, examined: Examined) -> dict[str, object]:
         ``degrees`` of freedom and ``p``; what the means have ``beyond`` noise; the correlation of
         ``neighbours``; the ``mean`` of all.
     """
-    found, left = examined.found, _not_geometry(examined)
-    cells = _cells(known, found.ideal, left)
+    measured, residuals = examined.found, _not_geometry(examined)
+    cells = _cells(known, measured.ideal, residuals)
     means = np.array([d.mean(axis=0) for d in cells])
     noise = np.array([d.var(axis=0) / len(d) for d in cells])
     chi_square = float(np.sum(means**2 / noise))
     return {
-        "n": len(found),
-        "promised": float(np.sqrt(np.mean(found.sigma_px**2))),
-        "left": rms_of_coordinates(left),
+        "n": len(measured),
+        "promised": float(np.sqrt(np.mean(measured.sigma_px**2))),
+        "left": rms_of_coordinates(residuals),
         "parts": len(means),
         "means": rms_of_coordinates(means),
         "noise": float(np.sqrt(noise.mean())),
@@ -111,8 +115,8 @@ def acceptance(known: KnownExposure, examined: Examined) -> dict[str, object]:
         "degrees": means.size,
         "p": float(chi2_sf(chi_square, means.size)),
         "beyond": float(np.sqrt(max(float(np.mean(means**2 - noise)), 0.0))),
-        "neighbours": _of_neighbours(found.ideal, left),
-        "mean": left.mean(axis=0),
+        "neighbours": _of_neighbours(measured.ideal, residuals),
+        "mean": residuals.mean(axis=0),
     }
 
 
@@ -123,12 +127,12 @@ def _of_neighbours(colrow: Array, d: Array) -> float:
 
 
 def _cells(known: KnownExposure, colrow: Array, d: Array) -> list[Array]:
-    """Return the vectors of each cell of the frame that has enough of them to be averaged."""
+    """Return the vectors of each cell of the frame that has enough of them to average."""
     size = max(known.synthetic.width_px, known.synthetic.height_px) / PER_SIDE
     col, row = np.floor(colrow.T / size).astype(int)
     idx = row * PER_SIDE + col
-    own: list[Mask] = [idx == i for i in np.unique(idx)]
-    return [d[one] for one in own if one.sum() >= 10]
+    masks: list[Mask] = [idx == i for i in np.unique(idx)]
+    return [d[mask] for mask in masks if mask.sum() >= 10]
 
 
 # --- a calibration with errors ---------------------------------------------------------------
@@ -137,7 +141,7 @@ def _cells(known: KnownExposure, colrow: Array, d: Array) -> list[Array]:
 def way_table(
     examined: Mapping[str, Examined], geometry: Mapping[str, Mapping[str, float]]
 ) -> pd.DataFrame:
-    """Return what is wrong with the image of every orientation, pixels beside geometry.
+    """Return the errors of the image of every orientation, measured beside geometry.
 
     Parameters
     ----------
@@ -155,16 +159,16 @@ def way_table(
     """
     rows = {
         NAMES[name]: {
-            ("RMS (px)", "measured"): rms_of_coordinates(one.found.d_px),
+            ("RMS (px)", "measured"): rms_of_coordinates(image.found.d_px),
             ("RMS (px)", "by geometry"): geometry[name]["rms_px"],
-            ("Oriented (px)", "measured"): _left_px(one, "oriented"),
+            ("Oriented (px)", "measured"): _left_px(image, "oriented"),
             ("Oriented (px)", "by geometry"): geometry[name]["oriented_px"],
-            ("Calibrated (px)", "measured"): _left_px(one, "calibrated"),
+            ("Calibrated (px)", "measured"): _left_px(image, "calibrated"),
             ("Calibrated (px)", "by geometry"): geometry[name]["calibrated_px"],
-            ("Radial (px)", "measured"): largest_radial(one.fits["calibrated"]),
+            ("Radial (px)", "measured"): largest_radial(image.fits["calibrated"]),
             ("Radial (px)", "by geometry"): geometry[name]["radial_px"],
         }
-        for name, one in examined.items()
+        for name, image in examined.items()
     }
     table = pd.DataFrame(rows).T
     table.index.name = "heads"
@@ -173,13 +177,13 @@ def way_table(
 
 
 def _left_px(examined: Examined, step: str) -> float:
-    """Return the RMS of a coordinate that a bundle of the image leaves, px."""
+    """Return the RMS residual of a coordinate after a bundle of the image, px."""
     return rms_of_coordinates(residuals_px(examined.fits[step]))
 
 
 def lens_fits(examined: Mapping[str, Examined]) -> dict[str, Bundle]:
     """Return the self-calibrations with a lens of all but the unrefined orientation."""
-    return {name: one.fits["calibrated"] for name, one in examined.items() if name != "before"}
+    return {name: image.fits["calibrated"] for name, image in examined.items() if name != "before"}
 
 
 def agreement(examined: Mapping[str, Examined]) -> dict[str, float]:
@@ -192,47 +196,49 @@ def agreement(examined: Mapping[str, Examined]) -> dict[str, float]:
         over those of geometry there, by least squares; the most that is left in a coordinate of
         wrong orientations (``worst``), and of the true one (``of_true``).
     """
-    left = {name: rms_of_coordinates(_not_geometry(one)) for name, one in examined.items()}
-    wrong = [one for name, one in examined.items() if name != "true"]
-    far = max(wrong, key=lambda one: np.hypot(*one.geometry_px.T).max())
+    residual_rms = {
+        name: rms_of_coordinates(_not_geometry(image)) for name, image in examined.items()
+    }
+    wrong = [image for name, image in examined.items() if name != "true"]
+    far = max(wrong, key=lambda image: np.hypot(*image.geometry_px.T).max())
     by_geometry, measured = far.geometry_px, far.found.d_px
     return {
         "far": float(np.hypot(*by_geometry.T).max()),
         "slope": float(np.sum(by_geometry * measured) / np.sum(by_geometry**2)),
-        "worst": max(value for name, value in left.items() if name != "true"),
-        "of_true": left["true"],
+        "worst": max(value for name, value in residual_rms.items() if name != "true"),
+        "of_true": residual_rms["true"],
     }
 
 
-def _not_geometry(one: Examined) -> Array:
-    return one.found.d_px - one.geometry_px
+def _not_geometry(image: Examined) -> Array:
+    return image.found.d_px - image.geometry_px
 
 
 def acceptance_fields(examined: Examined) -> dict[str, Deviations]:
-    """Return deviations as measured, as geometry has them, and what is between, by title."""
-    found, geometry = examined.found, examined.geometry_px
+    """Return the deviations measured, predicted by geometry, and their difference, by title."""
+    measured, geometry = examined.found, examined.geometry_px
     return {
-        "Measured": found,
-        "Parallax by relief": replace(found, d_px=geometry),
-        "What is left": replace(found, d_px=_not_geometry(examined)),
+        "Measured": measured,
+        "Parallax by relief": replace(measured, d_px=geometry),
+        "What is left": replace(measured, d_px=_not_geometry(examined)),
     }
 
 
 def self_calibration_fields(examined: Mapping[str, Examined]) -> dict[str, Deviations]:
-    """Return what is left step by step for the paper's refinement and for ours, by title."""
+    """Return the residuals after each step, for the paper's refinement and for ours, by title."""
     shown = {"mean shift": ("Mean differences", "Mean"), "rotations": ("Three rotations", "Turned")}
     fields = {}
     for name, (title, short) in shown.items():
-        one = examined[name]
-        fields[title] = one.found
+        image = examined[name]
+        fields[title] = image.found
         for step, words in (("oriented", "then oriented"), ("calibrated", "and with a lens")):
-            left = residuals_px(one.fits[step])
-            fields[f"{short}, {words}"] = replace(one.found, d_px=left)
+            residuals = residuals_px(image.fits[step])
+            fields[f"{short}, {words}"] = replace(image.found, d_px=residuals)
     return fields
 
 
 def self_calibration(examined: Examined) -> dict[str, float]:
-    """Return what the self-calibration of an image finds, and what it cannot tell apart.
+    """Return distortion, residuals and focal length of the self-calibration of an image.
 
     Returns
     -------
@@ -260,7 +266,7 @@ def self_calibration(examined: Examined) -> dict[str, float]:
 
 
 def draw_table(draws: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Return what drawn calibrations do to the synthetic image: medians and 95 % quantiles.
+    """Return errors of the synthetic image by drawn calibrations: medians and 95 % quantiles.
 
     Parameters
     ----------
@@ -270,9 +276,13 @@ def draw_table(draws: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
         Titles by its columns.
     """
     by_way = draws.groupby("refinement", sort=False)[list(columns)]
-    both = {"median": by_way.median(), "95 %": by_way.quantile(0.95)}
+    by_statistic = {"median": by_way.median(), "95 %": by_way.quantile(0.95)}
     table = pd.DataFrame(
-        {(title, of): both[of][key] for key, title in columns.items() for of in both}
+        {
+            (title, statistic): by_statistic[statistic][key]
+            for key, title in columns.items()
+            for statistic in by_statistic
+        }
     ).rename(index=NAMES)
     table.index.name = "heads"
     table.attrs["formats"] = {", ".join(column): ".2f" for column in table.columns}
@@ -280,17 +290,17 @@ def draw_table(draws: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
 
 
 def repaired(found: Mapping[str, Mapping[str, FrameErrors]]) -> pd.DataFrame:
-    """Return what the ways to refine make of wrong heads, as `repaired` returns it."""
+    """Return the errors of `deviations.repaired` before and after every refinement, as a table."""
     names = WAYS | {"before": "nothing"}
     rows = {
         (errors, names[way]): {
-            "Overlaps, RMS (px)": np.median(one.overlap_rms_px),
-            "at most (px)": np.median(one.overlap_largest_px),
-            "Frame, RMS (px)": np.median(one.frame_rms_px),
-            "at most in the frame (px)": np.median(one.frame_largest_px),
+            "Overlaps, RMS (px)": np.median(draws.overlap_rms_px),
+            "at most (px)": np.median(draws.overlap_largest_px),
+            "Frame, RMS (px)": np.median(draws.frame_rms_px),
+            "at most in the frame (px)": np.median(draws.frame_largest_px),
         }
         for errors, ways in found.items()
-        for way, one in ways.items()
+        for way, draws in ways.items()
     }
     index = pd.MultiIndex.from_tuples(rows, names=["errors", "refined by"])
     table = pd.DataFrame(list(rows.values()), index=index)
@@ -338,7 +348,7 @@ class Pattern:
 
 
 def pattern(camera: Camera) -> Pattern:
-    """Return the residuals that chapter 12 stored.
+    """Return the stored residuals of chapter 12.
 
     Parameters
     ----------
@@ -356,7 +366,7 @@ def pattern(camera: Camera) -> Pattern:
 
 
 def effects(pattern: Pattern, free: tuple[str, ...]) -> Array:
-    """Return what interior orientation, boresight and lever arm move, px per unit.
+    """Return the effects of interior orientation, boresight and lever arm, px per unit.
 
     Parameters
     ----------
@@ -373,12 +383,12 @@ def effects(pattern: Pattern, free: tuple[str, ...]) -> Array:
     xy, f = xy_from_colrow(camera, pattern.colrow), camera.interior.f
     interior = correct_jacobian(camera.interior, xy)
     interior[:, :, 0] = xy / f
-    own = interior[:, :, [INTERIOR.index(name) for name in free]]
+    by_interior = interior[:, :, [INTERIOR.index(name) for name in free]]
     (x, y), one, zero = xy.T, np.ones(len(xy)), np.zeros(len(xy))
     boresight = [[f + x * x / f, x * y / f, -y], [x * y / f, f + y * y / f, x]]
     lever = [[f * one, zero, x], [zero, f * one, y]]
     turned, moved = (np.moveaxis(np.array(part), 2, 0) for part in (boresight, lever))
-    mm = np.concatenate([own, turned, moved / pattern.height_m[:, None, None]], axis=2)
+    mm = np.concatenate([by_interior, turned, moved / pattern.height_m[:, None, None]], axis=2)
     return mm / np.array([camera.pixel_mm, -camera.pixel_mm])[:, None]
 
 
@@ -398,37 +408,37 @@ def waves(pattern: Pattern) -> Array:
     camera = pattern.camera
     size = np.array([camera.width_px, camera.height_px])
     phase = 2 * np.pi * (pattern.colrow / size - 0.5) @ np.array(WAVES).T
-    own = np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
-    none = np.zeros_like(own)
-    return np.stack([np.hstack([own, none]), np.hstack([none, own])], axis=1)
+    terms = np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+    none = np.zeros_like(terms)
+    return np.stack([np.hstack([terms, none]), np.hstack([none, terms])], axis=1)
 
 
 def left(d_px: Array, A: Array) -> Array:
-    """Return what a fit by least squares leaves of vectors.
+    """Return the residuals of vectors after a fit by least squares, shape (n, 2).
 
     Parameters
     ----------
     d_px : ndarray, shape (n, 2)
     A : ndarray, shape (n, 2, k)
-        What each unknown moves; columns may depend on each other.
+        Effect of each unknown; columns may depend on each other.
     """
     rows = A.reshape(-1, A.shape[2])
     rows = rows / np.linalg.norm(rows, axis=0)
-    found = np.linalg.lstsq(rows, d_px.ravel(), rcond=1e-9)[0]
-    return d_px - (rows @ found).reshape(d_px.shape)
+    coefficients = np.linalg.lstsq(rows, d_px.ravel(), rcond=1e-9)[0]
+    return d_px - (rows @ coefficients).reshape(d_px.shape)
 
 
 def left_by_heads(pattern: Pattern, A: Array) -> Array:
-    """Return what remains where each head has unknowns of its own."""
+    """Return the residuals where each head has unknowns of its own."""
     out = np.empty_like(pattern.d_px)
     for name in np.unique(pattern.head):
-        own = pattern.head == name
-        out[own] = left(pattern.d_px[own], A[own])
+        in_head = pattern.head == name
+        out[in_head] = left(pattern.d_px[in_head], A[in_head])
     return out
 
 
 def left_table(pattern: Pattern, fields: dict[str, Array]) -> pd.DataFrame:
-    """Return the root mean square of a coordinate, by what was fitted and by flying height, px."""
+    """Return the RMS residual of a coordinate, by fitted model and flying height, px."""
     return pd.DataFrame(
         {
             f"From {h:.0f} m (px)": [
@@ -443,12 +453,12 @@ def left_table(pattern: Pattern, fields: dict[str, Array]) -> pd.DataFrame:
 def left_figure(pattern: Pattern, fields: dict[str, Array]) -> Figure:
     """Draw residuals at the lower flying height, in the colours of the heads, to one scale."""
     low = pattern.height_m == pattern.height_m.min()
-    own = {title: d[low] for title, d in fields.items()}
-    key = style.round_length(max(float(np.hypot(*d.T).max()) for d in own.values()))
+    lower = {title: d[low] for title, d in fields.items()}
+    key = style.round_length(max(float(np.hypot(*d.T).max()) for d in lower.values()))
     names, head = np.unique(pattern.head[low], return_inverse=True)
     with style.applied():
-        fig, axes = style.subplots(1, len(own), figsize=(style.WIDTH, 3.9), sharey=True)
-        for ax, (title, d) in zip(axes, own.items(), strict=True):
+        fig, axes = style.subplots(1, len(lower), figsize=(style.WIDTH, 3.9), sharey=True)
+        for ax, (title, d) in zip(axes, lower.items(), strict=True):
             _draw(ax, pattern.camera, pattern.colrow[low], d / key, head)
             style.heading(ax, title[:1].upper() + title[1:], f"rms {np.sqrt(np.mean(d**2)):.2f} px")
         axes[0].set_ylabel("row (px)")

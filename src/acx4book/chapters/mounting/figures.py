@@ -43,7 +43,7 @@ FEW = 3
 
 
 def mounting_per_image(mounting: Mounting | Failed) -> Figure:
-    """Draw what every image says of boresight and lever arm, eqs (12) and (13), less their mean.
+    """Draw boresight and lever arm of every single image, eqs (12) and (13), less their mean.
 
     The band is one standard deviation of the trajectory's attitude.
 
@@ -87,22 +87,22 @@ def _draw_per_image(axes: Any, mounting: Mounting, T_b_c: Pose, averaged: Mask) 
     """Draw the boresights and lever arms of every camera's images, less their mean."""
     block = mounting.bundle.network.block
     for k, camera in enumerate(mounting.calibration.cameras):
-        own = np.flatnonzero(averaged & (block.images.camera_idx == k))
-        seen = T_b_c[own]
-        turn = np.degrees(log(seen.R @ camera.T_b_c.R.T))
-        shift = seen.r - seen.r.mean(axis=0)
-        strips = [block.images.strips[i] for i in own]
+        images = np.flatnonzero(averaged & (block.images.camera_idx == k))
+        poses = T_b_c[images]
+        turn = np.degrees(log(poses.R @ camera.T_b_c.R.T))
+        shift = poses.r - poses.r.mean(axis=0)
+        strips = [block.images.strips[i] for i in images]
         for axis in range(3):
-            _by_strip(axes[0, axis], own, turn[:, axis], strips)
-            _by_strip(axes[1, axis], own, shift[:, axis], strips)
+            _by_strip(axes[0, axis], images, turn[:, axis], strips)
+            _by_strip(axes[1, axis], images, shift[:, axis], strips)
 
 
 def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None:
     """Draw values over image numbers, a colour for every strip."""
     for i, strip in enumerate(dict.fromkeys(strips)):
-        own = np.array([s == strip for s in strips])
+        in_strip = np.array([s == strip for s in strips])
         ax.plot(
-            *(number[own] + 1, values[own], "o"),
+            *(number[in_strip] + 1, values[in_strip], "o"),
             ms=2.8,
             color=style.colour(i),
             label=f"strip {style.plain(strip)}" if strip else "",
@@ -113,7 +113,7 @@ def _by_strip(ax: Axes, number: Index, values: Array, strips: list[str]) -> None
 
 
 def weak_places(mounting: Mounting) -> Figure:
-    """Draw a block in plan with what its tests find at every point and exposure.
+    """Draw a block in plan with the largest detectable error of every point and exposure.
 
     Returns
     -------
@@ -140,9 +140,9 @@ def weak_places(mounting: Mounting) -> Figure:
 
 def _draw_rays(fig: Figure, ax: Axes, bundle: Bundle, measured: Index) -> None:
     """Draw the points, the weakest on top, with the largest detectable error of their rays."""
-    found = reliability(bundle.solution.group("image_point"))
+    tests = reliability(bundle.solution.group("image_point"))
     of_point = np.zeros(bundle.network.n_points)
-    np.maximum.at(of_point, bundle.network.image_points.point_idx, found.detectable.max(axis=1))
+    np.maximum.at(of_point, bundle.network.image_points.point_idx, tests.detectable.max(axis=1))
     places = _km(bundle, bundle.state.x_m[measured])
     some = style.largest_in_cells(places, of_point[measured])
     low, high = RANGE_PX
@@ -160,10 +160,10 @@ def _draw_rays(fig: Figure, ax: Axes, bundle: Bundle, measured: Index) -> None:
     )
     _bar(fig, ax, marks, "largest detectable error of a ray (px)", [2, 3, 5, 10, 20])
     over = int(np.sum(of_point[measured] > high))
-    said = f"{len(measured)} points, {over} of them above {high:g} px"
+    subtitle = f"{len(measured)} points, {over} of them above {high:g} px"
     if len(some) < len(measured):
-        said += f"\ndrawn: {len(some)}, the weakest of every cell"
-    style.heading(ax, "Object points", said)
+        subtitle += f"\ndrawn: {len(some)}, the weakest of every cell"
+    style.heading(ax, "Object points", subtitle)
 
 
 def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
@@ -171,10 +171,10 @@ def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
     network, state = bundle.network, bundle.state
     control = network.control[~network.held_control]
     places = {"gnss": state.T_m_b.r, "control_point": state.x_m[control.point_idx]}
-    found = {kind: _worst(bundle, kind) for kind in places}
+    detectable = {kind: _worst(bundle, kind) for kind in places}
     style.heading(ax, "Control and trajectory", "the weakest coordinate of each")
-    both = np.concatenate(list(found.values()))
-    known = both[np.isfinite(both)]
+    every = np.concatenate(list(detectable.values()))
+    known = every[np.isfinite(every)]
     if len(known) == 0:
         return []
     norm = LogNorm(known.min(), max(known.max(), 1.01 * known.min()), clip=True)
@@ -191,7 +191,7 @@ def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
             "edgecolor": style.INK,
             "zorder": 3,
         }
-        marks = ax.scatter(east, north, c=found[kind], norm=norm, cmap=style.SEQUENCE, **look)
+        marks = ax.scatter(east, north, c=detectable[kind], norm=norm, cmap=style.SEQUENCE, **look)
         handles.append(
             Line2D([], [], ls="", marker=marker, mfc=style.PAPER, mec=style.INK, label=name)
         )
@@ -203,9 +203,11 @@ def _draw_observed(fig: Figure, ax: Axes, bundle: Bundle) -> list[Line2D]:
 
 def _worst(bundle: Bundle, kind: str) -> Array:
     """Return the largest detectable error of every row of a group, NaN where none takes part."""
-    found = reliability(bundle.solution.group(kind)).detectable
+    detectable = reliability(bundle.solution.group(kind)).detectable
     return np.where(
-        np.isnan(found).all(axis=1), np.nan, np.nan_to_num(found, posinf=np.inf).max(axis=1)
+        np.isnan(detectable).all(axis=1),
+        np.nan,
+        np.nan_to_num(detectable, posinf=np.inf).max(axis=1),
     )
 
 
@@ -248,10 +250,10 @@ def image_redundancy(mounting: Mounting) -> Figure:
             sharey="row",
         )
         for k, (row, camera) in enumerate(zip(axes, cameras, strict=True)):
-            own = camera_idx == k
+            in_camera = camera_idx == k
             for d, (ax, name) in enumerate(zip(row, ("columns", "rows"), strict=True)):
-                image = _draw_cells(ax, camera, points.colrow[own], r[own, d])
-                mean = float(np.nanmean(r[own, d])) if own.any() else np.nan
+                image = _draw_cells(ax, camera, points.colrow[in_camera], r[in_camera, d])
+                mean = float(np.nanmean(r[in_camera, d])) if in_camera.any() else np.nan
                 style.heading(
                     ax, f"{style.plain(camera.name)}, along {name}", f"mean of all {mean:.2f}"
                 )
@@ -266,7 +268,7 @@ def image_redundancy(mounting: Mounting) -> Figure:
 
 
 def _limits(axes: Any) -> tuple[float, float]:
-    """Return the tenths that enclose what the axes show."""
+    """Return the range of the drawn values, widened to tenths."""
     shown = np.concatenate([np.asarray(ax.images[0].get_array()).ravel() for ax in axes.ravel()])
     known = shown[np.isfinite(shown)]
     if len(known) == 0:
@@ -275,7 +277,7 @@ def _limits(axes: Any) -> tuple[float, float]:
 
 
 def _draw_cells(ax: Axes, camera: Camera, colrow: Array, r: Array) -> Any:
-    """Draw the mean of values in square cells of a sensor, none where there are few."""
+    """Draw the mean of values in square cells of a sensor; cells with few values stay empty."""
     sides = np.array([camera.width_px, camera.height_px])
     size = sides.max() / CELLS
     n_cols, n_rows = np.ceil(sides / size).astype(int)
@@ -338,8 +340,8 @@ def _tie_points(bundle: Bundle) -> Index:
     measured = np.unique(bundle.network.image_points.point_idx)
     ties = np.setdiff1d(measured, bundle.network.control.point_idx)
     known = np.trace(bundle.solution.cov_points[ties], axis1=1, axis2=2)
-    found: Index = ties[np.isfinite(known) & (known > 0)]
-    return found
+    tie_points: Index = ties[np.isfinite(known) & (known > 0)]
+    return tie_points
 
 
 # --- layers ----------------------------------------------------------------------------------
@@ -347,8 +349,8 @@ def _tie_points(bundle: Bundle) -> Index:
 
 def _ground(bundle: Bundle) -> Layer:
     """Return a grid of squares of a round length at the mean height of the points."""
-    at = bundle.T_m_c.r[:, :2]
-    low, high = at.min(axis=0), at.max(axis=0)
+    centres = bundle.T_m_c.r[:, :2]
+    low, high = centres.min(axis=0), centres.max(axis=0)
     step = round_length(float((high - low).max()) / 4)
     height = float(bundle.state.x_m[bundle.network.image_points.point_idx, 2].mean())
     first, last = np.floor(low / step) * step, np.ceil(high / step) * step
@@ -365,16 +367,18 @@ def _ground(bundle: Bundle) -> Layer:
 
 def _images(bundle: Bundle) -> Iterator[Layer]:
     """Yield the strips and the cameras of each flying height."""
-    block, at = bundle.network.block, bundle.T_m_c.r
+    block, centres = bundle.network.block, bundle.T_m_c.r
     strips = np.array(block.images.strips, dtype=object)
     for level, colour in zip(design.levels(block), COLOURS * 9, strict=False):
         images = np.flatnonzero(np.isin(block.images.exposure_idx, level.exposure_idx))
         name = f"from {level.height_m:.0f} m"
-        lines = [at[images[strips[images] == strip]] for strip in level.strips]
+        lines = [centres[images[strips[images] == strip]] for strip in level.strips]
         pairs = [np.repeat(line, 2, axis=0)[1:-1] for line in lines if len(line) > 1]
         yield Layer(name=f"strips {name}", kind="lines", colour=colour, at=_joined(pairs))
         chosen = _thinned(images, MOST_IMAGES)
-        deep = DEEP * level.height_m if np.isfinite(level.height_m) else DEEP * float(np.ptp(at))
+        deep = (
+            DEEP * level.height_m if np.isfinite(level.height_m) else DEEP * float(np.ptp(centres))
+        )
         pyramids = [_pyramid(bundle, image, deep) for image in chosen]
         yield Layer(name=f"cameras {name}", kind="lines", colour=colour, at=_joined(pyramids))
 
@@ -384,14 +388,14 @@ def _pyramid(bundle: Bundle, image: int, deep: float) -> Array:
     k = bundle.network.block.images.camera_idx[image]
     camera = bundle.cameras[k]
     width, height = camera.width_px - 1.0, camera.height_px - 1.0
-    seen = Measurement(
+    measurement = Measurement(
         cameras=bundle.cameras,
         camera_idx=np.full(4, k),
         T_m_c=bundle.T_m_c[np.full(4, image)],
         colrow=np.array([[0, 0], [width, 0], [width, height], [0, height]]),
     )
     centre = bundle.T_m_c.r[image]
-    corners = centre + deep * directions(seen)
+    corners = centre + deep * directions(measurement)
     around = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
     edges = np.stack([np.tile(centre, (4, 1)), corners], axis=1)
     return np.concatenate([edges, around]).reshape(-1, 3)
@@ -411,17 +415,17 @@ def _control(bundle: Bundle) -> Layer:
 
 
 def _ties(bundle: Bundle, ties: Index) -> Layer:
-    at = bundle.state.x_m[_thinned(ties, MOST_POINTS)]
-    return Layer(name="tie points", kind="points", colour="teal", at=at)
+    places = bundle.state.x_m[_thinned(ties, MOST_POINTS)]
+    return Layer(name="tie points", kind="points", colour="teal", at=places)
 
 
 def _rays(bundle: Bundle, ties: Index) -> Layer:
-    """Return the rays of the tie point that most images have; of several the first."""
-    seen = bundle.network.image_points
-    n_rays = np.bincount(seen.point_idx, minlength=len(bundle.state.x_m))
+    """Return the rays of the tie point with most rays; of several, the first."""
+    image_points = bundle.network.image_points
+    n_rays = np.bincount(image_points.point_idx, minlength=len(bundle.state.x_m))
     point = ties[np.argmax(n_rays[ties])]
     name = bundle.network.block.points[point]
-    starts = bundle.T_m_c.r[seen.image_idx[seen.point_idx == point]]
+    starts = bundle.T_m_c.r[image_points.image_idx[image_points.point_idx == point]]
     target = np.broadcast_to(bundle.state.x_m[point], starts.shape)
     return Layer(
         name=f"the {len(starts)} rays of point {shown(name, 'terminal')}",
@@ -447,7 +451,7 @@ def _ellipsoids(bundle: Bundle, ties: Index) -> Layer:
 
 
 def _thinned(numbers: Index, most: int) -> Index:
-    """Return all numbers, or of more than `most` every n-th."""
+    """Return all indices, or every n-th of more than `most`."""
     return numbers[:: -(-len(numbers) // most)] if len(numbers) else numbers
 
 

@@ -1,6 +1,6 @@
-"""An explorer of the two methods: the reader sets the lever arm that the two-step method holds.
+"""An explorer of the two methods: the reader sets the held lever arm of the two-step method.
 
-The single step estimates the lever arm, so that it does not depend on what is held. The two-step
+The single step estimates the lever arm, so it does not depend on the held one. The two-step
 method puts the difference into the interior orientation and the boresight. On the ground the two
 parts cancel from the heights of the block, and from no other.
 """
@@ -41,7 +41,7 @@ STEP_M = 0.1
 """By which the held lever arm is changed to see what depends on it."""
 
 BEYOND_M = 0.5
-"""How far the sliders reach beyond the declared and the estimated lever arm."""
+"""How far the sliders go beyond the declared and the estimated lever arm."""
 
 AXES = {"x": "blue", "y": "orange", "z": "teal"}
 """Of the body, forward, left and up; and their colours."""
@@ -49,7 +49,7 @@ AXES = {"x": "blue", "y": "orange", "z": "teal"}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Held:
-    """What the two-step method finds for any held lever arm, by its own outcomes at four.
+    """Estimates of the two-step method for any held lever arm, linear in it, from four of them.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Held:
         return self.cameras[0].T_b_c.r
 
     def response(self, values: Sequence[Array]) -> Linear:
-        """Return what depends linearly on the held lever arm.
+        """Return values that depend linearly on the held lever arm.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ def _interior(camera: Camera) -> Array:
 
 
 def off_ground(camera: Camera, true: Camera, height_m: float) -> Array:
-    """Return where a camera sees a ground point that another one sees at the origin.
+    """Return a ground point as a camera intersects it; the true camera gives the origin.
 
     The point lies between two images of a level strip with 60 % of overlap, and is intersected
     from both.
@@ -132,13 +132,13 @@ def off_ground(camera: Camera, true: Camera, height_m: float) -> Array:
         R=np.tile(np.eye(3), (2, 1, 1)), r=np.array([[-half, 0, height_m], [half, 0, height_m]])
     )
     T_m_c = T_m_b @ camera.T_b_c
-    seen = Measurement(
+    measurement = Measurement(
         cameras=(camera,),
         camera_idx=np.zeros(2, dtype=np.intp),
         T_m_c=T_m_c,
         colrow=project(true, T_m_b @ true.T_b_c, np.zeros((2, 3))),
     )
-    return intersect(T_m_c.r, directions(seen), np.zeros(2, dtype=np.intp), 1)[0]
+    return intersect(T_m_c.r, directions(measurement), np.zeros(2, dtype=np.intp), 1)[0]
 
 
 def held(
@@ -150,9 +150,9 @@ def held(
     fix: Sequence[str] = (),
     refraction: str = "none",
 ) -> Held | None:
-    """Run the two-step method with three other lever arms; None where it has no outcome.
+    """Run the two-step method with three other lever arms; None where one of them fails.
 
-    Neither is there one where heights over ground are not known.
+    None also where heights over ground are not known.
 
     Parameters
     ----------
@@ -164,24 +164,24 @@ def held(
         As in `two_step_gnss`.
     """
     declared = two.calibration.cameras[0].T_b_c.r
-    found = [
+    attempts = [
         attempt(
             two_step_gnss,
-            design.with_lever_arm(block, declared + more),
+            design.with_lever_arm(block, declared + step),
             free=free,
             fix=fix,
             refraction=refraction,
             after=single,
         )
-        for more in STEP_M * np.eye(3)
+        for step in STEP_M * np.eye(3)
     ]
-    outcomes = [one for one in found if not isinstance(one, Failed)]
+    outcomes = [outcome for outcome in attempts if not isinstance(outcome, Failed)]
     heights = [level.height_m for level in design.levels(single.bundle.network.block)]
-    if len(outcomes) < len(found) or not np.all(np.isfinite(heights)):
+    if len(outcomes) < len(attempts) or not np.all(np.isfinite(heights)):
         return None
     return Held(
         single=single.calibration.cameras[0],
-        cameras=tuple(one.calibration.cameras[0] for one in (two, *outcomes)),
+        cameras=tuple(outcome.calibration.cameras[0] for outcome in (two, *outcomes)),
         heights_m=tuple(heights),
     )
 
@@ -195,7 +195,7 @@ def view(
     fix: Sequence[str] = (),
     refraction: str = "none",
 ) -> Explorer | None:
-    """Return the explorer; None for several cameras, one that looks aside, or without outcomes.
+    """Return the explorer; None for several cameras, an oblique camera, or without outcomes.
 
     Parameters
     ----------
@@ -204,13 +204,13 @@ def view(
     """
     if len(block.cameras) > 1 or not looks_down(single.calibration.cameras[0]):
         return None
-    found = held(block, two, single, free=free, fix=fix, refraction=refraction)
-    return None if found is None else _explorer(found)
+    outcome = held(block, two, single, free=free, fix=fix, refraction=refraction)
+    return None if outcome is None else _explorer(outcome)
 
 
-def _explorer(found: Held) -> Explorer:
+def _explorer(outcome: Held) -> Explorer:
     """Return the explorer."""
-    estimated, declared = found.single.T_b_c.r, found.declared_m
+    estimated, declared = outcome.single.T_b_c.r, outcome.declared_m
     sliders = [
         Slider(
             name=f"held lever arm {axis}",
@@ -226,14 +226,14 @@ def _explorer(found: Held) -> Explorer:
         f"only {axis} wrong": [round(v + 0.3 * (i == k), 2) for i, v in enumerate(as_estimated)]
         for k, axis in enumerate(AXES)
     }
-    low, high = min(found.heights_m), max(found.heights_m)
+    low, high = min(outcome.heights_m), max(outcome.heights_m)
     heights = {f"{h:.0f} m": h for h in (*sorted({low, high}), 2 * high)}
     grows = Linear(matrix=100 * np.eye(3), constant=-100 * estimated)
     rows = {
         "lever arm (cm)": grows,
-        "xₚ, yₚ, f (µm)": found.interior_um,
-        "boresight (0.001°)": found.boresight,
-        **{f"ground, {name} (cm)": found.ground_cm(h) for name, h in heights.items()},
+        "xₚ, yₚ, f (µm)": outcome.interior_um,
+        "boresight (0.001°)": outcome.boresight,
+        **{f"ground, {name} (cm)": outcome.ground_cm(h) for name, h in heights.items()},
     }
     presets = {
         "as declared": [float(v) for v in np.round(declared, 2)],
@@ -251,28 +251,28 @@ def _explorer(found: Held) -> Explorer:
         ),
         sliders=sliders,
         presets=presets,
-        panels=[_interior_panel(found, sliders), _ground_panel(found, [*presets.values()])],
+        panels=[_interior_panel(outcome, sliders), _ground_panel(outcome, [*presets.values()])],
         columns=[Column(title=name, digits=1) for name in "xyz"],
         rows={name: _each(response) for name, response in rows.items()},
     )
 
 
-def _each(of: Linear) -> list[Linear]:
+def _each(response: Linear) -> list[Linear]:
     """Return the three numbers of a response as three responses."""
-    constant = np.broadcast_to(of.constant, 3)
-    return [Linear(matrix=of.matrix[[k]], constant=constant[[k]]) for k in range(3)]
+    constant = np.broadcast_to(response.constant, 3)
+    return [Linear(matrix=response.matrix[[k]], constant=constant[[k]]) for k in range(3)]
 
 
-def _end(of: Sequence[Linear], settings: Iterable[Sequence[float]]) -> float:
-    """Return the next round number above all that responses reach at settings of the sliders."""
-    reached = [np.abs(one.at(values)).max() for values in settings for one in of]
+def _end(responses: Sequence[Linear], settings: Iterable[Sequence[float]]) -> float:
+    """Return the next round number above all responses at some settings of the sliders."""
+    reached = [np.abs(response.at(values)).max() for values in settings for response in responses]
     largest = max(1e-3, *map(float, reached))
     power = 10.0 ** np.floor(np.log10(largest))
     return float(power * next(step for step in (1, 2, 5, 10) if step * power >= largest))
 
 
-def _interior_panel(found: Held, sliders: Sequence[Slider]) -> Panel:
-    change = found.interior_um
+def _interior_panel(outcome: Held, sliders: Sequence[Slider]) -> Panel:
+    change = outcome.interior_um
     end = _end([change], product(*((slider.low, slider.high) for slider in sliders)))
     lengths = replace(
         change, matrix=along(change.matrix, 0), constant=along(np.asarray(change.constant), 0)
@@ -287,23 +287,23 @@ def _interior_panel(found: Held, sliders: Sequence[Slider]) -> Panel:
     )
 
 
-def _ground_panel(found: Held, settings: Sequence[Sequence[float]]) -> Panel:
-    lowest, highest = 0.5 * min(found.heights_m), 2 * max(found.heights_m)
-    ends = [found.ground_cm(h) for h in (lowest, highest)]
+def _ground_panel(outcome: Held, settings: Sequence[Sequence[float]]) -> Panel:
+    lowest, highest = 0.5 * min(outcome.heights_m), 2 * max(outcome.heights_m)
+    ends = [outcome.ground_cm(h) for h in (lowest, highest)]
     end = _end(ends, settings)
     plane = Plane(
         x=(0.0, highest), y=(-end, end), size=(360.0, 230.0), margin=(52.0, 14.0, 26.0, 40.0)
     )
-    at = plane.at(np.array([[lowest, 0.0], [highest, 0.0]]))
+    ends_of_line = plane.at(np.array([[lowest, 0.0], [highest, 0.0]]))
     marks = [
         Mark(
             kind="curve",
             colour=colour,
-            at=at,
+            at=ends_of_line,
             scale=plane.scale,
             response=Linear(
-                matrix=_upwards([one.matrix[[k]] for one in ends]),
-                constant=_upwards([np.asarray(one.constant)[[k]] for one in ends]),
+                matrix=_upwards([response.matrix[[k]] for response in ends]),
+                constant=_upwards([np.asarray(response.constant)[[k]] for response in ends]),
             ),
         )
         for k, colour in enumerate(AXES.values())
@@ -314,12 +314,12 @@ def _ground_panel(found: Held, settings: Sequence[Sequence[float]]) -> Panel:
         [-end, -end / 2, 0.0, end / 2, end],
         labels=("flying height over ground, m", "error on the ground, cm"),
     ) + plane.line([(0, 0), (highest, 0)])
-    fixed += "".join(plane.line([(h, -end), (h, end)], dash="2 3") for h in found.heights_m)
+    fixed += "".join(plane.line([(h, -end), (h, end)], dash="2 3") for h in outcome.heights_m)
     above = end - 16 / plane.scale[1]  # 16 px over the drawing, beside the name of the axis
     for k, (axis, colour) in enumerate(AXES.items()):
-        there = highest * (0.7 + 0.11 * k)
-        fixed += plane.line([(there, above), (there + 0.04 * highest, above)], colour, 1.6)
-        fixed += plane.text((there + 0.06 * highest, above), axis, shift=(0, 4))
+        start = highest * (0.7 + 0.11 * k)
+        fixed += plane.line([(start, above), (start + 0.04 * highest, above)], colour, 1.6)
+        fixed += plane.text((start + 0.06 * highest, above), axis, shift=(0, 4))
     return Panel(
         title="the ground point",
         alt="Three straight lines over the flying height, which cross near the block's heights.",
@@ -331,4 +331,4 @@ def _ground_panel(found: Held, settings: Sequence[Sequence[float]]) -> Panel:
 
 def _upwards(ends: Sequence[Array]) -> Array:
     """Return rows for x, zero, and y of both ends of a line."""
-    return np.concatenate([np.concatenate([np.zeros_like(one), one]) for one in ends])
+    return np.concatenate([np.concatenate([np.zeros_like(end), end]) for end in ends])

@@ -1,4 +1,4 @@
-"""Tables of chapter 3 that are more than a value's own: they put several values side by side."""
+"""Tables of chapter 3 that put several values side by side."""
 
 from __future__ import annotations
 
@@ -61,18 +61,18 @@ PARAMETERS = {
 
 
 def beside(outcomes: Mapping[str, Mounting | Failed]) -> pd.DataFrame:
-    """Return the parameters of methods beside each other; one without outcome says what it lacks.
+    """Return the parameters of methods side by side; a failed method shows its reason.
 
     Parameters
     ----------
     outcomes : mapping of str to Mounting or Failed
         By the words that stand above their columns.
     """
-    found = {words: one.table() for words, one in outcomes.items() if one}
-    table = pd.concat(found, axis=1)
-    for words, one in outcomes.items():
-        if isinstance(one, Failed):
-            table[words, "value"] = lacking(one.reason)
+    tables = {words: outcome.table() for words, outcome in outcomes.items() if outcome}
+    table = pd.concat(tables, axis=1)
+    for words, outcome in outcomes.items():
+        if isinstance(outcome, Failed):
+            table[words, "value"] = lacking(outcome.reason)
     return table
 
 
@@ -117,7 +117,7 @@ def _pair(pair: Pair, label: Callable[[str], str]) -> str:
 
 
 def _label(name: str, *, with_camera: bool) -> str:
-    """Return what a reader sees for ``camera/parameter`` or for an unknown of the poses."""
+    """Return the label of ``camera/parameter`` or of an unknown of the poses, for readers."""
     camera, _, parameter = name.rpartition("/")
     label = shown(NAMES.get(parameter, parameter))
     return f"{shown(camera)} {label}" if camera and with_camera else label
@@ -180,24 +180,24 @@ def reliability(bundle: Bundle, found: Sequence[Detectable]) -> pd.DataFrame:
         "Largest": ".3g",
         "Effect (σ)": ".2f",
     }
-    return _formatted(pd.DataFrame([_row(bundle, one) for one in found]), formats)
+    return _formatted(pd.DataFrame([_row(bundle, group) for group in found]), formats)
 
 
-def _row(bundle: Bundle, found: Detectable) -> dict[str, object]:
-    name, _, unit = COMPONENTS[found.kind][found.component].rpartition("_")
-    if found.kind in ("lever_arm", "boresight"):
-        name = f"{'about' if found.kind == 'boresight' else 'along'} {'xyz'[found.component]}"
-    bias = unit_of(found.kind, found.component) * found.bias
+def _row(bundle: Bundle, group: Detectable) -> dict[str, object]:
+    name, _, unit = COMPONENTS[group.kind][group.component].rpartition("_")
+    if group.kind in ("lever_arm", "boresight"):
+        name = f"{'about' if group.kind == 'boresight' else 'along'} {'xyz'[group.component]}"
+    bias = unit_of(group.kind, group.component) * group.bias
     return {
-        "Observation": f"{GROUPS[found.kind]}, {name} ({UNITS.get(unit, unit)})",
+        "Observation": f"{GROUPS[group.kind]}, {name} ({UNITS.get(unit, unit)})",
         "Number": len(bias),
-        "Redundancy, least": float(found.redundancy.min()),
-        "Median": float(np.median(found.redundancy)),
-        f"Below {WEAK:g} (%)": 100 * float(np.mean(found.redundancy < WEAK)),
+        "Redundancy, least": float(group.redundancy.min()),
+        "Median": float(np.median(group.redundancy)),
+        f"Below {WEAK:g} (%)": 100 * float(np.mean(group.redundancy < WEAK)),
         "Detectable, median": float(np.median(bias)),
         "Largest": float(bias.max()),
-        "Effect (σ)": found.effect,
-        "On": _parameter(bundle, found.on),
+        "Effect (σ)": group.effect,
+        "On": _parameter(bundle, group.on),
     }
 
 
@@ -228,7 +228,7 @@ SEEN = {
 
 
 def lever_arm_seen(mountings: Mountings, found: Absorption | None) -> pd.DataFrame:
-    """Compare what the two-step interior orientation took up with the lever arm it could not see.
+    """Compare the shift of the two-step interior orientation with the lever arm that causes it.
 
     Parameters
     ----------
@@ -253,29 +253,30 @@ def lever_arm_seen(mountings: Mountings, found: Absorption | None) -> pd.DataFra
     expected = found.by_lever @ found.lever_m
     rows = []
     for k, camera in enumerate(single.calibration.cameras):
-        own = slice(3 * k, 3 * k + 3)
+        camera_rows = slice(3 * k, 3 * k + 3)
         R_c_b = camera.T_b_c.R.T
         held = gnss.calibration.cameras[k].T_b_c.r
-        seen, estimated = (
-            transform(R_c_b, lever[own] + held) for lever in (found.lever_seen_m, found.lever_m)
+        apparent, estimated = (
+            transform(R_c_b, lever[camera_rows] + held)
+            for lever in (found.lever_seen_m, found.lever_m)
         )
         sigma_estimated = sigmas(propagate(R_c_b, _cov_lever(single, k)))
-        sigma_difference = sigmas(propagate(R_c_b, found.cov_lever_m[own, own]))
+        sigma_difference = sigmas(propagate(R_c_b, found.cov_lever_m[camera_rows, camera_rows]))
         for (key, axis), row in zip(PAIRS, (1, 2, 0), strict=True):
-            shift = found.shift_mm[own][row]
+            shift = found.shift_mm[camera_rows][row]
             rows.append(
                 {
                     "Camera": camera.name,
                     "Parameter": LABELS[f"{key}_mm"],
                     "Difference (mm)": shift,
-                    "Expected (mm)": expected[own][row],
+                    "Expected (mm)": expected[camera_rows][row],
                     "Effective height (m)": heights[k, axis],
                     "At the mean height (m)": -shift * mean_height / camera.interior.f
                     + (R_c_b @ held)[axis],
-                    "Lever arm seen (m)": seen[axis],
+                    "Lever arm seen (m)": apparent[axis],
                     "Estimated (m)": estimated[axis],
                     "σ of it (m)": sigma_estimated[axis],
-                    "Seen less estimated (mm)": 1e3 * (seen[axis] - estimated[axis]),
+                    "Seen less estimated (mm)": 1e3 * (apparent[axis] - estimated[axis]),
                     "σ of the difference (mm)": 1e3 * sigma_difference[axis],
                 }
             )
@@ -307,18 +308,18 @@ def variants(methods: Mapping[str, Mounting | Failed]) -> pd.DataFrame:
         one height of a block that has no other.
     """
     rows: dict[str, dict[tuple[str, str], object]] = {}
-    for title, found in methods.items():
+    for title, outcome in methods.items():
         row: dict[tuple[str, str], object] = {("images", ""): None}
-        if isinstance(found, Mounting):
-            row[("images", "")] = len(found.bundle.network.block.images)
-            row[("variance of unit weight", "")] = found.bundle.solution.sigma0_sq
-            estimates = found.table()
+        if isinstance(outcome, Mounting):
+            row[("images", "")] = len(outcome.bundle.network.block.images)
+            row[("variance of unit weight", "")] = outcome.bundle.solution.sigma0_sq
+            estimates = outcome.table()
             keys, columns = estimates.index.tolist(), (estimates["value"], estimates["sigma"])
             for key, value, sigma in zip(keys, *columns, strict=True):
                 *camera, name, unit = key
                 if name in ("f", "xp", "yp") or name.startswith("lever"):
-                    of = "".join(f"{shown(one)} " for one in camera)
-                    heading = Markup(f"{of}{SYMBOLS[name]} ({unit})")
+                    prefix = "".join(f"{shown(part)} " for part in camera)
+                    heading = Markup(f"{prefix}{SYMBOLS[name]} ({unit})")
                     row[(heading, "value")] = value
                     row[(heading, "sigma")] = sigma
         rows[title] = row
@@ -337,7 +338,7 @@ def _alike(row: Mapping[tuple[str, str], Any], other: Mapping[tuple[str, str], A
 
 
 def chi_square_seen(found: Absorption | None) -> dict[str, float]:
-    """Return the test of the lever arm that was taken up against the estimated one.
+    """Test the lever arm taken up by the interior orientation against the estimated one.
 
     Returns
     -------
@@ -353,7 +354,7 @@ def chi_square_seen(found: Absorption | None) -> dict[str, float]:
 
 
 def taken_up(mountings: Mountings, found: Absorption | None) -> dict[str, object]:
-    """Return what the first camera's interior orientation took up, for a sentence.
+    """Return the shift of the first camera's interior orientation, for a sentence.
 
     Returns
     -------
@@ -378,19 +379,19 @@ def taken_up(mountings: Mountings, found: Absorption | None) -> dict[str, object
 
 
 def mountings(single: Mounting) -> dict[str, tuple[list[Markup], list[Markup]]]:
-    """Return lever arm and boresight of every camera as they are estimated; nothing where held."""
-    found: dict[str, tuple[list[Markup], list[Markup]]] = {
+    """Return the estimated lever arm and boresight of every camera; nothing where held."""
+    texts: dict[str, tuple[list[Markup], list[Markup]]] = {
         camera.name: ([], []) for camera in single.calibration.cameras
     }
-    for one in parameters(single.calibration):
-        if one.sigma > 0 and one.key in MOUNT:
-            text = value_and_sigma(one.value, one.sigma).replace("-", "\N{MINUS SIGN}")
-            found[one.camera][one.key in MOUNT[3:]].append(Markup(text))
-    return found
+    for parameter in parameters(single.calibration):
+        if parameter.sigma > 0 and parameter.key in MOUNT:
+            text = value_and_sigma(parameter.value, parameter.sigma).replace("-", "\N{MINUS SIGN}")
+            texts[parameter.camera][parameter.key in MOUNT[3:]].append(Markup(text))
+    return texts
 
 
 def scatter(mounting: Mounting | Failed) -> pd.DataFrame:
-    """Return how the boresights of single images scatter, and the precision of their mean.
+    """Return the scatter of the boresights of single images, and the precision of their mean.
 
     Parameters
     ----------

@@ -78,12 +78,12 @@ def footprints(
         fig, axes = style.subplots(1, n, figsize=_size(synthetic, n), squeeze=False)
         most = 0
         for ax, orientation, title in zip(axes[0], orientations, titles, strict=True):
-            found = coverage(orientation, synthetic)
-            _draw_counts(ax, found)
+            cover = coverage(orientation, synthetic)
+            _draw_counts(ax, cover)
             _draw_frame(ax, synthetic, [orientation])
             _draw_outlines(ax, orientation)
-            style.heading(ax, title, f"{100 * found.share[0]:.1f} % seen by no head")
-            most = max(most, int(found.count.max()))
+            style.heading(ax, title, f"{100 * cover.share[0]:.1f} % seen by no head")
+            most = max(most, int(cover.count.max()))
         first = orientations[0]
         handles: list[Any] = [
             Line2D([], [], color=style.colour(k), label=style.plain(head.name))
@@ -108,10 +108,10 @@ def _count_patch(count: int, n_heads: int) -> Patch:
     return Patch(fc=COUNTS[count], ec=style.SOFT, lw=0.4, label=label)
 
 
-def _draw_counts(ax: Axes, found: Coverage) -> None:
-    x, y = found.xy[0, :, 0], found.xy[:, 0, 1]
+def _draw_counts(ax: Axes, cover: Coverage) -> None:
+    x, y = cover.xy[0, :, 0], cover.xy[:, 0, 1]
     ax.pcolormesh(
-        *(x, y, np.minimum(found.count, len(COUNTS) - 1)),
+        *(x, y, np.minimum(cover.count, len(COUNTS) - 1)),
         cmap=ListedColormap(list(COUNTS)),
         norm=BoundaryNorm(np.arange(len(COUNTS) + 1) - 0.5, len(COUNTS)),
         shading="flat",
@@ -156,7 +156,7 @@ def _draw_outlines(ax: Axes, orientation: RelativeOrientation, *, faint: bool = 
 
 
 def refinements(refined: Refinement, synthetic: Camera) -> Figure:
-    """Draw the differences between heads at tie points, and what refinements take away of them.
+    """Draw the differences between heads at tie points, and the part that refinements remove.
 
     Returns
     -------
@@ -172,8 +172,8 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
     pixel = synthetic.pixel_mm
     size = max(synthetic.width_px, synthetic.height_px) * pixel / CELLS
     before = next(iter(fields.values()))
-    drawn = {t: found if found is before else _taken(before, found) for t, found in fields.items()}
-    means = {title: [_cell_means(o, size) for o in found] for title, found in drawn.items()}
+    drawn = {t: pairs if pairs is before else _taken(before, pairs) for t, pairs in fields.items()}
+    means = {title: [_cell_means(o, size) for o in pairs] for title, pairs in drawn.items()}
     every = np.concatenate([d for field in means.values() for _, d in field])
     key = style.round_length(max(float(np.hypot(*every.T).max(initial=0.0)) / pixel, 1e-6))
     width, height = _size(synthetic, len(fields))
@@ -183,12 +183,12 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
         fig, axes = style.subplots(
             1, len(fields), figsize=(width, height), sharey=True, squeeze=False
         )
-        for ax, (title, found) in zip(axes[0], fields.items(), strict=True):
+        for ax, (title, pairs) in zip(axes[0], fields.items(), strict=True):
             _draw_outlines(ax, refined.orientation, faint=True)
             _draw_frame(ax, synthetic, [refined.orientation])
             _draw_vectors(ax, means[title], scale=scale, key=key, pixel=pixel, key_at=key_at)
-            d = np.concatenate([o.d for o in found]) / pixel
-            style.heading(ax, title, f"{'' if found is before else 'left: '}{_rms_and_largest(d)}")
+            d = np.concatenate([o.d for o in pairs]) / pixel
+            style.heading(ax, title, f"{'' if pairs is before else 'left: '}{_rms_and_largest(d)}")
             ax.set_ylabel(ax.get_ylabel() if ax is axes[0, 0] else "")
         handles = [
             Line2D([], [], color=style.colour(k), lw=1, label=style.plain(head.name))
@@ -199,13 +199,13 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
 
 
 def _taken(before: Sequence[Overlap], after: Sequence[Overlap]) -> list[Overlap]:
-    """Return the part of the differences that a refinement takes away."""
+    """Return the part of the differences that a refinement removes."""
     pairs = zip(before, after, strict=True)
-    return [replace(one, d=one.d - other.d) for one, other in pairs]
+    return [replace(earlier, d=earlier.d - later.d) for earlier, later in pairs]
 
 
 def _rms_and_largest(d: Array) -> str:
-    """Say the root mean square in one coordinate and the longest difference, px."""
+    """Write the root mean square in one coordinate and the longest difference, px."""
     rms, largest = float(np.sqrt((d**2).mean())), float(np.hypot(*d.T).max())
     digits = 3 if rms < 0.1 else 2
     return f"rms {rms:.{digits}f}, largest {largest:.2f} px"
@@ -322,12 +322,14 @@ def _draw_band(ax: Axes, fit: ResponseFit, band: int) -> None:
 
 
 def _draw_overlaps(ax: Axes, overlaps: Sequence[OverlapResponse], names: Sequence[str]) -> None:
-    """Draw for every pair of heads and band what their ratio was, is, and cannot be below."""
+    """Draw the disagreement of every pair of heads and band: before, after, and its lower bound."""
     n_bands = len(overlaps[0].before)
     offset = 0.17 * (np.arange(n_bands) - (n_bands - 1) / 2)
-    for line, one in enumerate(overlaps):
+    for line, overlap in enumerate(overlaps):
         y = line + offset
-        before, after, floor = (100 * np.expm1(v) for v in (one.before, one.after, one.floor))
+        before, after, floor = (
+            100 * np.expm1(v) for v in (overlap.before, overlap.after, overlap.floor)
+        )
         ax.hlines(y, after, before, color=style.SOFT, lw=0.8, alpha=0.7)
         ax.plot(before, y, "o", ms=4.5, mfc=style.PAPER, mec=style.INK, mew=1.0)
         ax.plot(after, y, "o", ms=4.5, color=style.INK)
@@ -493,19 +495,19 @@ def _places(
     synthetic: Camera,
     response: ResponseFit | None,
 ) -> list[_Place]:
-    """Return where misfit is seen best, where unequal brightness is, and the middle."""
-    found = _searched(images, heads[1], synthetic, response)
-    on_seam = _on_seams(found)
+    """Return the places of the clearest misfit, the clearest step of brightness, and the middle."""
+    searched = _searched(images, heads[1], synthetic, response)
+    on_seam = _on_seams(searched)
     chosen = []
-    for seen in (_jump(found, heads, synthetic), found.step):
+    for score in (_jump(searched, heads, synthetic), searched.step):
         if on_seam.any():
-            at = np.unravel_index(np.argmax(np.where(on_seam, seen, -1.0)), seen.shape)
-            nearest = np.sort(np.argsort(found.distance[:, at[0], at[1]])[-2:])
+            place = np.unravel_index(np.argmax(np.where(on_seam, score, -1.0)), score.shape)
+            nearest = np.sort(np.argsort(searched.distance[:, place[0], place[1]])[-2:])
             names = " | ".join(style.plain(heads[0].heads[k].name) for k in nearest)
-            chosen.append((names, found.xy[at]))
-            far = np.hypot(*np.moveaxis(found.xy - found.xy[at], -1, 0))
+            chosen.append((names, searched.xy[place]))
+            far = np.hypot(*np.moveaxis(searched.xy - searched.xy[place], -1, 0))
             on_seam &= far > 3 * SIDE_PX * synthetic.pixel_mm
-    chosen.append(("the middle", _finer(found.xy[_meeting(found.distance)], heads[1])))
+    chosen.append(("the middle", _finer(searched.xy[_meeting(searched.distance)], heads[1])))
     return [_Place(name=name, window=_window(xy, synthetic)) for name, xy in chosen]
 
 
@@ -519,9 +521,9 @@ def _searched(
     k = max(1, round(max(synthetic.width_px, synthetic.height_px) / SEARCH_PX))
     small, small_heads = reduced_camera(synthetic, k), reduced_heads(heads, k)
     whole = (0, small.height_px, 0, small.width_px)
-    less = [np.rint(smaller(image, k)).astype(image.dtype) for image in images]
+    reduced = [np.rint(smaller(image, k)).astype(image.dtype) for image in images]
     taken, equal = (
-        np.log(np.maximum(_rendered(less, small_heads, small, whole, fit, 0.0), 1.0))
+        np.log(np.maximum(_rendered(reduced, small_heads, small, whole, fit, 0.0), 1.0))
         for fit in (None, response)
     )
     xy = _window_xy(small, whole)
@@ -547,7 +549,7 @@ def _border_distances(orientation: RelativeOrientation, xy: Array) -> Array:
 
 
 def _step(response: Array, grey: Array) -> Array:
-    """Return how far the log response changes within three pixels, over the ground's texture."""
+    """Return the change of the log response within three pixels, over the ground's texture."""
     around = np.ones((3, 3), np.uint8)
     step = (cv2.dilate(response, around) - cv2.erode(response, around)).reshape(*grey.shape, -1)
     mean = cv2.blur(grey, (9, 9))
@@ -557,51 +559,51 @@ def _step(response: Array, grey: Array) -> Array:
     return out
 
 
-def _jump(found: _Seams, heads: Sequence[RelativeOrientation], synthetic: Camera) -> Array:
-    """Return how far grey values jump at a seam because heads do not fit, shape (rows, cols).
+def _jump(searched: _Seams, heads: Sequence[RelativeOrientation], synthetic: Camera) -> Array:
+    """Return the jump of grey values at a seam where heads do not fit, shape (rows, cols).
 
     The gradient times the misfit; a hundredth of a pixel of misfit is always assumed, so that
     texture decides where heads fit.
     """
-    off = np.zeros(found.xy.shape)
-    order = np.argsort(found.distance, axis=0)[::-1]
-    behind = np.take_along_axis(found.distance, order[1:2], axis=0)[0]
-    near = (behind > 0) & (found.distance.max(axis=0) - behind < 10)  # a seam is on its way
+    off = np.zeros(searched.xy.shape)
+    order = np.argsort(searched.distance, axis=0)[::-1]
+    behind = np.take_along_axis(searched.distance, order[1:2], axis=0)[0]
+    near = (behind > 0) & (searched.distance.max(axis=0) - behind < 10)  # a seam is on its way
     for used, sign in ((order[0], 1.0), (order[1], -1.0)):
         for k in range(len(heads[0].heads)):
-            own = near & (used == k)
-            colrow = head_from_synthetic(heads[1], k, found.xy[own])
-            off[own] += sign * synthetic_from_head(heads[0], k, colrow)
+            in_head = near & (used == k)
+            colrow = head_from_synthetic(heads[1], k, searched.xy[in_head])
+            off[in_head] += sign * synthetic_from_head(heads[0], k, colrow)
     off += 0.01 * synthetic.pixel_mm
-    down, right = np.gradient(cv2.GaussianBlur(found.grey, (0, 0), 1.0))
+    down, right = np.gradient(cv2.GaussianBlur(searched.grey, (0, 0), 1.0))
     jump = np.square(right * off[..., 0] - down * off[..., 1])
     out: Array = cv2.blur(jump, (9, 9))
     return out
 
 
-def _on_seams(found: _Seams) -> Mask:
-    """Tell which pixels lie on the seam of two heads, away from the frame and from others."""
-    first = found.first
+def _on_seams(searched: _Seams) -> Mask:
+    """Mark the pixels on the seam of two heads, away from the frame and from other seams."""
+    first = searched.first
     near = cv2.dilate(first, np.ones((3, 3))) != cv2.erode(first, np.ones((3, 3)))
     margin = max(first.shape) // 12
-    heads = np.arange(len(found.distance))[:, None, None] == first
+    heads = np.arange(len(searched.distance))[:, None, None] == first
     wide = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
     n_near = sum(cv2.dilate(head.astype(np.uint8), wide) for head in heads)
     inner = np.zeros(first.shape, dtype=bool)
     inner[margin:-margin, margin:-margin] = True
-    seen = cv2.erode((found.distance.max(axis=0) > 0).astype(np.uint8), wide) > 0
+    seen = cv2.erode((searched.distance.max(axis=0) > 0).astype(np.uint8), wide) > 0
     out: Mask = near & inner & seen & (n_near == 2)
     return out
 
 
 def _meeting(distance: Array) -> tuple[int, int]:
-    """Return where three heads meet, or as many as there are."""
+    """Return the pixel where three heads meet, or all heads if there are fewer."""
     nearest = np.sort(distance, axis=0)[::-1]
     for n in range(min(3, len(distance)), 0, -1):
         spread = np.where(nearest[n - 1] > 0, nearest[0] - nearest[n - 1], np.inf)
         if np.isfinite(spread).any():
-            at = np.unravel_index(np.argmin(spread), spread.shape)
-            return int(at[0]), int(at[1])
+            place = np.unravel_index(np.argmin(spread), spread.shape)
+            return int(place[0]), int(place[1])
     return 0, 0
 
 
@@ -628,25 +630,25 @@ def _window(xy: Array, synthetic: Camera) -> Window:
 
 
 def _mark_seam(ax: Axes, heads: RelativeOrientation, synthetic: Camera, window: Window) -> None:
-    """Draw at the margins of a crop where the head that is used changes."""
+    """Mark the seams at the margins of a crop."""
     xy = _window_xy(synthetic, window)
     first = np.argmax(_border_distances(heads, xy.reshape(-1, 2)), axis=0).reshape(xy.shape[:2])
     last = first.shape[0] - 0.5, first.shape[1] - 0.5
     dash: dict[str, Any] = {"color": style.BRICK, "lw": 1.1, "clip_on": False, "zorder": 6}
     out = 0.045 * first.shape[0]
     for row, start, way in ((0, -0.5, -1), (-1, last[0], 1)):
-        for at in np.flatnonzero(np.diff(first[row])) + 0.5:
-            ax.plot([at, at], [start, start + way * out], **dash)
+        for seam in np.flatnonzero(np.diff(first[row])) + 0.5:
+            ax.plot([seam, seam], [start, start + way * out], **dash)
     for col, start, way in ((0, -0.5, -1), (-1, last[1], 1)):
-        for at in np.flatnonzero(np.diff(first[:, col])) + 0.5:
-            ax.plot([start, start + way * out], [at, at], **dash)
+        for seam in np.flatnonzero(np.diff(first[:, col])) + 0.5:
+            ax.plot([start, start + way * out], [seam, seam], **dash)
     ax.set(xlim=(-0.5, last[1]), ylim=(last[0], -0.5))
 
 
 def _draw_plan(
     ax: Axes, orientation: RelativeOrientation, synthetic: Camera, place: _Place
 ) -> None:
-    """Draw where in the frame a place is."""
+    """Draw the place in the frame."""
     left, right, bottom, top = extent_mm(synthetic)
     ax.add_patch(
         Rectangle((left, bottom), right - left, top - bottom, fc=style.PAPER, ec=style.SOFT, lw=0.8)

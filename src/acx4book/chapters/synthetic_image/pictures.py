@@ -1,4 +1,4 @@
-"""Figures of pixels: what the heads took, what ties them, and what is made of them."""
+"""Figures of pixels: the heads' pictures, their tie points, and the synthetic image."""
 
 from __future__ import annotations
 
@@ -70,15 +70,15 @@ EDGE_PX = 5
 def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -> Figure:
     """Draw the images of all heads as they were taken, where each lies in the synthetic image.
 
-    One stretch for all heads and bands: what gain and falloff do is seen.
+    All heads and bands have one stretch, so that differences of gain and falloff are visible.
 
     Parameters
     ----------
     pictures : Pictures or None
         The exposure in the middle is drawn.
     orientation : RelativeOrientation
-        Of the full-size heads; says where flight goes, and where the middle of the synthetic
-        image lies.
+        Of the full-size heads; gives the direction of flight, and the middle of the synthetic
+        image.
 
     Returns
     -------
@@ -87,11 +87,11 @@ def head_pictures(pictures: Pictures | None, orientation: RelativeOrientation) -
     """
     if pictures is None:
         return style.nothing(NO_PICTURES)
-    one = pictures.middle
+    exposure = pictures.middle
     grid = _places(orientation)
     n_rows, n_cols = grid.shape
     wide = FRAMES_WIDTH / n_cols - 0.2
-    small = [smaller(image, _factor_for(image.shape[1], wide)) for image in one.images]
+    small = [smaller(image, _factor_for(image.shape[1], wide)) for image in exposure.images]
     stretch = common_stretch(small)
     first = orientation.heads[0]
     tall = n_rows * (wide * first.height_px / first.width_px + 0.3) + 0.1
@@ -127,8 +127,8 @@ def _places(orientation: RelativeOrientation) -> Index:
         return grid
     downwards = np.argsort(-middle[:, 1], kind="stable")
     for row, start in enumerate(range(0, n, n_cols)):
-        own = downwards[start : start + n_cols]
-        grid[row, : len(own)] = own[np.argsort(middle[own, 0], kind="stable")]
+        heads = downwards[start : start + n_cols]
+        grid[row, : len(heads)] = heads[np.argsort(middle[heads, 0], kind="stable")]
     return grid
 
 
@@ -143,7 +143,7 @@ def _draw_head(ax: Axes, image: Array, orientation: RelativeOrientation, k: int)
 
 
 def _draw_directions(ax: Axes, orientation: RelativeOrientation, k: int, synthetic: Camera) -> None:
-    """Draw where the flight goes, and where the middle of the synthetic image is."""
+    """Draw the direction of flight, and the middle of the synthetic image."""
     camera = orientation.heads[k]
     ends = _flight_arrow(synthetic, 0.13 * camera.width_px * camera.pixel_mm)
     tail, tip = head_from_synthetic(orientation, k, middle_xy(orientation, k) + ends)
@@ -187,14 +187,14 @@ def _draw_scheme(ax: Axes, orientation: RelativeOrientation, synthetic: Camera) 
     tail, tip = ends + np.array([0, 1.15 * low - ends[:, 1].max()])
     arrow = {"arrowstyle": "->", "color": style.INK, "lw": 1.4, "mutation_scale": 11}
     ax.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow)
-    said: dict[str, Any] = {
+    font: dict[str, Any] = {
         "ha": "center",
         "va": "top",
         "fontsize": style.SMALL,
         "color": style.SOFT,
     }
     under = min(tail[1], tip[1]) + 0.07 * bottom
-    ax.text(0, under, "arrow: flight\nring: middle of the image", **said)
+    ax.text(0, under, "arrow: flight\nring: middle of the image", **font)
     style.bare(ax)
     reach = max(float(np.nanmax(np.abs(outline[:, 0]))) for outline in outlines)
     wide = min(max(1.35 * right, 1.03 * reach), 2 * right)
@@ -370,7 +370,7 @@ def _draw_scale(ax: Axes, synthetic: Camera, height_m: float | None) -> None:
 def _busiest(image: Raster | Array, *, side: int = CROP_PX) -> list[Window]:
     """Return the two windows with most edges, at least a third of the image apart.
 
-    One, where no other is seen.
+    One window where no other has pixels.
     """
     side = min(side, *image.shape[:2])
     rows, cols = image.shape[0] // side, image.shape[1] // side
@@ -379,10 +379,10 @@ def _busiest(image: Raster | Array, *, side: int = CROP_PX) -> list[Window]:
         line = np.sqrt(smaller(image[i * side : (i + 1) * side], min(EDGE_PX, side)))
         edges = np.abs(np.diff(line, axis=1)).mean(axis=(0, 2))
         parts = np.array_split(edges, cols)
-        seen = np.array_split(image[i * side : (i + 1) * side].all(axis=2).mean(axis=0), cols)
+        filled = np.array_split(image[i * side : (i + 1) * side].all(axis=2).mean(axis=0), cols)
         score[i] = [
-            part.mean() if part.size and by.min() > SEEN else 0.0
-            for part, by in zip(parts, seen, strict=True)
+            part.mean() if part.size and share.min() > SEEN else 0.0
+            for part, share in zip(parts, filled, strict=True)
         ]
     inner = score[1:-1, 1:-1] if min(rows, cols) > 4 else score  # names stand at the border
     offset = (rows - inner.shape[0]) // 2
@@ -390,13 +390,13 @@ def _busiest(image: Raster | Array, *, side: int = CROP_PX) -> list[Window]:
     first = place[np.unravel_index(np.argmax(inner), inner.shape)]
     far = np.hypot(*np.moveaxis(place - first, -1, 0)) >= max(rows, cols) / 3
     second = place[np.unravel_index(np.argmax(np.where(far, inner, -1)), inner.shape)]
-    both = (first, second) if inner[tuple(second)] > 0 else (first,)
-    found = sorted({(int(i) + offset, int(j) + offset) for i, j in both})
-    return [(i * side, (i + 1) * side, j * side, (j + 1) * side) for i, j in found]
+    chosen = (first, second) if inner[tuple(second)] > 0 else (first,)
+    cells = sorted({(int(i) + offset, int(j) + offset) for i, j in chosen})
+    return [(i * side, (i + 1) * side, j * side, (j + 1) * side) for i, j in cells]
 
 
 def _mark(ax: Axes, synthetic: Camera, window: Window, letter: str) -> None:
-    """Draw where an enlarged part is."""
+    """Draw the frame of an enlarged part."""
     left, right, bottom, top = extent_mm(synthetic, window)
     for width, ink in ((2.4, style.BLACK), (1.2, "white")):
         ax.add_patch(
@@ -440,7 +440,7 @@ def overlap_ties(
     *,
     pair: tuple[int, int] | None = None,
 ) -> Figure:
-    """Draw tie points over the picture of an overlap, coloured by what differs there.
+    """Draw tie points over the picture of an overlap, coloured by the heads' differences.
 
     Parameters
     ----------
@@ -449,7 +449,7 @@ def overlap_ties(
     orientation : RelativeOrientation
         Of the full-size heads; the picture is drawn by it.
     refined : Refinement
-        Its orientation has the differences that are drawn: what is left.
+        The differences by its orientation are drawn.
     pair : tuple of int, optional
         Two heads; those with most tie points unless given.
 
@@ -467,15 +467,15 @@ def overlap_ties(
     """
     if pictures is None:
         return style.nothing(NO_PICTURES)
-    one = pictures.middle
-    own = refined.kept[refined.kept.exposure_idx == one.exposure_idx]
-    found = {(o.head_a, o.head_b): o for o in overlaps(own, refined.orientation)}
+    exposure = pictures.middle
+    ties = refined.kept[refined.kept.exposure_idx == exposure.exposure_idx]
+    by_pair = {(o.head_a, o.head_b): o for o in overlaps(ties, refined.orientation)}
     if pair is None:
-        pair = max(found, key=lambda heads: len(found[heads].d), default=(-1, -1))
-    if pair not in found:
+        pair = max(by_pair, key=lambda heads: len(by_pair[heads].d), default=(-1, -1))
+    if pair not in by_pair:
         return style.nothing(NO_TIES)
-    overlap = found[pair]
-    sigma = own.sigma_px[(own.head_a == pair[0]) & (own.head_b == pair[1])]
+    overlap = by_pair[pair]
+    sigma = ties.sigma_px[(ties.head_a == pair[0]) & (ties.head_b == pair[1])]
     pixel = pictures.synthetic.pixel_mm
     lengths = np.hypot(*overlap.d.T) / pixel
     last = _last_length(lengths)
@@ -486,7 +486,7 @@ def overlap_ties(
     )
     with style.applied():
         fig, (picture, plan, histogram) = _overlap_axes(shared.window)
-        _draw_overlap(picture, one, orientation, pictures, shared)
+        _draw_overlap(picture, exposure, orientation, pictures, shared)
         _draw_ties(picture, overlap.xy, lengths, last, size=_mark_size(shared, len(lengths)))
         names = " and ".join(style.plain(orientation.heads[k].name) for k in pair)
         style.heading(
@@ -501,7 +501,7 @@ def overlap_ties(
 
 
 def _last_length(lengths: Array) -> float:
-    """Return a round length that nearly all are shorter than."""
+    """Return a round length above nearly all lengths."""
     most = max(float(np.quantile(lengths, 0.99)), 1e-6)
     step = 10.0 ** np.floor(np.log10(most)) / 2
     return float(np.ceil(most / step) * step)
@@ -528,12 +528,12 @@ def _overlap_axes(window: Window) -> tuple[Figure, tuple[Axes, Axes, Axes]]:
 
 def _draw_overlap(
     ax: Axes,
-    one: Exposed,
+    exposure: Exposed,
     orientation: RelativeOrientation,
     pictures: Pictures,
     shared: SharedWindow,
 ) -> None:
-    """Draw what the first head of a pair sees of an overlap, grey and light, and nothing else."""
+    """Draw an overlap in the image of the pair's first head, in light grey."""
     rows, cols = (
         shared.window[1] - shared.window[0],
         shared.window[3] - shared.window[2],
@@ -545,7 +545,11 @@ def _draw_overlap(
     window = (first, max(last, first + 2), left, max(right, left + 2))
     head = shared.head_a
     image, seen = resample(
-        _whole(smaller(one.images[head], k), one.images[head]), heads, head, synthetic, window
+        _whole(smaller(exposure.images[head], k), exposure.images[head]),
+        heads,
+        head,
+        synthetic,
+        window,
     )
     grey = _greyed(image)
     stretch = common_stretch([grey])
@@ -555,7 +559,7 @@ def _draw_overlap(
 
 
 def _whole(means: Array, like: Raster) -> Raster:
-    """Return means in the type of the image that they are of."""
+    """Return means, rounded to the type of their image."""
     out: Raster = np.rint(means).astype(like.dtype)
     return out
 
@@ -590,7 +594,7 @@ def _bins(last: float) -> Array:
 def _draw_plan(
     ax: Axes, orientation: RelativeOrientation, synthetic: Camera, shared: SharedWindow
 ) -> None:
-    """Draw which part of the frame an overlap is."""
+    """Draw the part of the frame that an overlap covers."""
     left, right, bottom, top = extent_mm(synthetic)
     ax.add_patch(
         Rectangle((left, bottom), right - left, top - bottom, fc=style.PAPER, ec=style.INK, lw=1)
@@ -621,7 +625,7 @@ def _draw_plan(
 
 
 def _draw_lengths(ax: Axes, lengths: Array, last: float, sigma: Array) -> None:
-    """Draw how many differences are how long, and how many should be by their sigma."""
+    """Draw the histogram of the differences' lengths, and the one that their sigma predict."""
     bins = _bins(last)
     count, _ = np.histogram(lengths, bins)
     middle = (bins[1:] + bins[:-1]) / 2

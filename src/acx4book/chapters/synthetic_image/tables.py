@@ -1,4 +1,4 @@
-"""Tables of the synthetic image: Table 2, tie points, refinements, carried points."""
+"""Tables of the synthetic image: Table 2, tie points, refinements, transferred points."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def table_2(flight: Flight, synthetic: Camera) -> pd.DataFrame:
 
 
 def seen(shares: Mapping[str, Sequence[float]]) -> pd.DataFrame:
-    """Return which share of the synthetic image how many heads see, per cent.
+    """Return the shares of the synthetic image by the number of heads that see them, per cent.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def printed_heads(flight: Flight) -> dict[str, RelativeOrientation]:
 
 
 def carried(flight: Flight, carried: Mapping[str, CarriedPoints]) -> pd.DataFrame:
-    """Return what became of the points that were measured in heads, a row for each block."""
+    """Count the points measured in heads and transferred from them, a row for each block."""
     rows = {}
     for name, points in carried.items():
         sigma = np.median(points.sigma_px, axis=0) if len(points) else np.full(2, np.nan)
@@ -117,7 +117,7 @@ def carried(flight: Flight, carried: Mapping[str, CarriedPoints]) -> pd.DataFram
 
 
 def ways(refinement: Refinement, synthetic: Camera) -> pd.DataFrame:
-    """Return what every way to refine leaves in the overlaps, and what it moves in the frame.
+    """Return the differences in the overlaps after each refinement, and its moves of the frame.
 
     Parameters
     ----------
@@ -148,30 +148,30 @@ def ways(refinement: Refinement, synthetic: Camera) -> pd.DataFrame:
 
 
 def _left(
-    found: Sequence[tuple[RelativeOrientation, TiePoints]],
+    refined: Sequence[tuple[RelativeOrientation, TiePoints]],
     before: RelativeOrientation,
     synthetic: Camera,
 ) -> dict[str, float]:
-    """Return what is left of differences by heads that may differ between exposures."""
-    left = [overlap for heads, ties in found for overlap in overlaps(ties, heads)]
+    """Return the differences by pairs of heads and tie points, and the moves of the frame, px."""
+    remaining = [overlap for heads, ties in refined for overlap in overlaps(ties, heads)]
     moved = [
-        frame_differences(before, heads, synthetic) for heads, _ in found if heads is not before
+        frame_differences(before, heads, synthetic) for heads, _ in refined if heads is not before
     ]
     return {
-        RMS: _rms_mm(left) / synthetic.pixel_mm,
-        LARGEST: float(np.abs([o.mean for o in left]).max()) / synthetic.pixel_mm,
+        RMS: _rms_mm(remaining) / synthetic.pixel_mm,
+        LARGEST: float(np.abs([o.mean for o in remaining]).max()) / synthetic.pixel_mm,
         "moves the frame by, RMS (px)": float(np.mean([m.rms_px for m in moved] or [0.0])),
         "at most (px)": max((m.largest_px for m in moved), default=0.0),
     }
 
 
-def _rms_mm(found: Sequence[Overlap]) -> float:
+def _rms_mm(pairs: Sequence[Overlap]) -> float:
     """Return the root mean square of one coordinate's differences, mm."""
-    return float(np.sqrt(np.mean(np.concatenate([o.d for o in found]) ** 2)))
+    return float(np.sqrt(np.mean(np.concatenate([o.d for o in pairs]) ** 2)))
 
 
 def between_exposures(refinement: Refinement) -> float:
-    """Return how many times larger σ of the turns are by their scatter between exposures.
+    """Return the ratio of the turns' σ by their scatter between exposures to the stated σ.
 
     Returns
     -------
@@ -183,14 +183,14 @@ def between_exposures(refinement: Refinement) -> float:
     if not each or fit is None:
         return float("nan")
     turned = fit.turn_sigma > 0
-    found = np.stack([heads.opk - refinement.orientation.opk for heads, _ in each])
-    off = ((found + np.pi) % (2 * np.pi) - np.pi)[:, turned]
+    turn = np.stack([heads.opk - refinement.orientation.opk for heads, _ in each])
+    off = ((turn + np.pi) % (2 * np.pi) - np.pi)[:, turned]
     sigma = off.std(axis=0, ddof=1) / np.sqrt(len(each))
     return float(np.sqrt(np.mean((sigma / fit.turn_sigma[turned]) ** 2)))
 
 
 def turns(refinement: Refinement) -> pd.DataFrame:
-    """Return how the refinement turns every head, with the standard deviations, 0.001°.
+    """Return the turns of every head by the refinement, with standard deviations, 0.001°.
 
     Returns
     -------
@@ -198,8 +198,8 @@ def turns(refinement: Refinement) -> pd.DataFrame:
         ``value`` and ``sigma`` of each angle; the sigma of a head that is not turned is NaN.
     """
     before, fit = refinement.before, refinement.fits.get("rotations")
-    by = refinement.orientation.opk - before.opk
-    turned = np.degrees((by + np.pi) % (2 * np.pi) - np.pi)  # also from 180° to -180°
+    angles = refinement.orientation.opk - before.opk
+    turned = np.degrees((angles + np.pi) % (2 * np.pi) - np.pi)  # also from 180° to -180°
     sigma = np.full_like(turned, np.nan) if fit is None else np.degrees(fit.turn_sigma)
     names, columns = [head.name for head in before.heads], {}
     if fit is not None:

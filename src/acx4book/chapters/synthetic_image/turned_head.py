@@ -1,4 +1,4 @@
-"""An explorer of the seams: the reader turns one head, and what it shows moves against the others.
+"""An explorer of the seams: the reader turns one head, and its picture moves off the others.
 
 A turn moves every place of an overlap by another amount, so that no shift of the head takes it
 away: the reason to refine heads by rotations.
@@ -69,20 +69,20 @@ class Seam:
         across = across * np.sign(across[np.argmax(np.abs(across))])
         along = np.array([-across[1], across[0]])
         far = (self.xy - middle) @ along
-        at = np.linspace(0.9 * far.max(), 0.9 * far.min(), LINES)
-        return middle + at[:, None] * along, np.array([across, along])
+        positions = np.linspace(0.9 * far.max(), 0.9 * far.min(), LINES)
+        return middle + positions[:, None] * along, np.array([across, along])
 
 
 def seams(orientation: RelativeOrientation, synthetic: Camera, head: int) -> list[Seam]:
     """Return the overlaps of a head, the largest first."""
     side = max(synthetic.width_px, synthetic.height_px)
     grid = coverage(orientation, synthetic, spacing_px=max(side // NODES, 1))
-    found = [
-        (int(both.sum()), Seam(head=other, xy=_spread(grid.xy[both])))
+    counted = [
+        (int(shared.sum()), Seam(head=other, xy=_spread(grid.xy[shared])))
         for other in range(len(orientation.heads))
-        if other != head and (both := grid.seen[head] & grid.seen[other]).sum() > LINES
+        if other != head and (shared := grid.seen[head] & grid.seen[other]).sum() > LINES
     ]
-    return [seam for _, seam in sorted(found, key=lambda one: -one[0])]
+    return [seam for _, seam in sorted(counted, key=lambda pair: -pair[0])]
 
 
 def _spread(places: Array) -> Array:
@@ -90,7 +90,7 @@ def _spread(places: Array) -> Array:
 
 
 def _by_turns(orientation: RelativeOrientation, head: int, xy: Array) -> Array:
-    """Return how places of a head move in the synthetic image where it is turned."""
+    """Return the moves of a head's places in the synthetic image by turns of the head, mm per °."""
     colrow = head_from_synthetic(orientation, head, xy)
     moved = []
     for angle in range(3):
@@ -112,12 +112,12 @@ def view(refinement: Refinement, synthetic: Camera, *, head: int = 1) -> Explore
     """
     if head >= len(refinement.orientation.heads):
         return None
-    found = seams(refinement.orientation, synthetic, head)
-    return _explorer(refinement, synthetic, found, head) if found else None
+    of_head = seams(refinement.orientation, synthetic, head)
+    return _explorer(refinement, synthetic, of_head, head) if of_head else None
 
 
 def _explorer(
-    refinement: Refinement, synthetic: Camera, found: Sequence[Seam], head: int
+    refinement: Refinement, synthetic: Camera, of_head: Sequence[Seam], head: int
 ) -> Explorer:
     """Return the explorer, which starts at the orientation of a refinement."""
     orientation = refinement.orientation
@@ -129,17 +129,17 @@ def _explorer(
         float(np.clip(round(step * round(v / step), 4), low, high))
         for v, (low, high) in zip(changed, limits, strict=True)
     ]
-    moved = [_by_turns(orientation, head, seam.xy) / synthetic.pixel_mm for seam in found]
+    moved = [_by_turns(orientation, head, seam.xy) / synthetic.pixel_mm for seam in of_head]
     mean = np.concatenate(moved).mean(axis=0)
-    everywhere = dict(zip((f"with {names[seam.head]}" for seam in found), moved, strict=True))
+    everywhere = dict(zip((f"with {names[seam.head]}" for seam in of_head), moved, strict=True))
     everywhere["all overlaps"] = np.concatenate(moved)
     return Explorer(
         name="explorer-turned-head",
         caption=(
             f"{names[head]} is turned from where the refinement has it. Left, the heads in the "
             f"synthetic image; arrows show how far what {names[head]} sees moves in its overlaps. "
-            f"Right, {LINES} straight lines across the seam with {names[found[0].head]}, from one "
-            "end of the overlap to the other, enlarged: the blue halves are those of "
+            f"Right, {LINES} straight lines across the seam with {names[of_head[0].head]}, from "
+            "one end of the overlap to the other, enlarged: the blue halves are those of "
             f"{names[head]}. The table has the RMS of these shifts, and what the best shift of the "
             "head leaves of them."
         ),
@@ -150,14 +150,14 @@ def _explorer(
             "refined": [0.0, 0.0, 0.0],
         },
         panels=[
-            _frame(orientation, synthetic, found, moved, head),
-            _lines(orientation, synthetic, found[0], head),
+            _frame(orientation, synthetic, of_head, moved, head),
+            _lines(orientation, synthetic, of_head[0], head),
         ],
         columns=[
             Column(title="shift (px)", digits=2),
             Column(title="left by a shift (px)", digits=2),
         ],
-        rows={name: [_rms(one), _rms(one - mean)] for name, one in everywhere.items()},
+        rows={name: [_rms(moves), _rms(moves - mean)] for name, moves in everywhere.items()},
     )
 
 
@@ -169,7 +169,7 @@ def _rms(moved: Array) -> Linear:
 def _frame(
     orientation: RelativeOrientation,
     synthetic: Camera,
-    found: Sequence[Seam],
+    of_head: Sequence[Seam],
     moved: Sequence[Array],
     head: int,
 ) -> Panel:
@@ -188,8 +188,10 @@ def _frame(
             fixed += plane.text(
                 outline[:-1].mean(axis=0), in_text(orientation.heads[k].name, "terminal")
             )
-    arrow = 26.0 / max(0.02 * np.linalg.norm(one, axis=1).max() for one in moved)  # drawing per px
-    places, moves = np.concatenate([seam.xy for seam in found]), np.concatenate(moved)
+    arrow = 26.0 / max(
+        0.02 * np.linalg.norm(shift, axis=1).max() for shift in moved
+    )  # drawing per px
+    places, moves = np.concatenate([seam.xy for seam in of_head]), np.concatenate(moved)
     return Panel(
         title="the heads",
         alt="Outlines of the heads over the frame; arrows in the overlaps of the one in blue.",
@@ -230,9 +232,9 @@ def _lines(orientation: RelativeOrientation, synthetic: Camera, seam: Seam, head
             colour="blue",
             at=plane.at(np.array([[0.0, y], [side, y]])),
             scale=plane.scale,
-            response=Linear(matrix=np.concatenate([one, one])),
+            response=Linear(matrix=np.concatenate([shift, shift])),
         )
-        for y, one in zip(rows[known], moved[known], strict=True)
+        for y, shift in zip(rows[known], moved[known], strict=True)
     ]
     return Panel(
         title=f"the seam with {names[0]}",
