@@ -34,16 +34,16 @@ IMAGE, POSITION, ATTITUDE, CONTROL = slice(0, 16), slice(16, 28), slice(28, 40),
 
 
 def row_names() -> list[str]:
-    """Return what each observation is; attitudes are small turns about the axes of the body."""
+    """Name each observation; attitudes are small turns about the axes of the body."""
     images, points = example.EXPOSURES["image"], example.CONTROL["point"]
-    seen = [
+    coordinates = [
         f"{axis} of {point} in {image}" for image in images for point in points for axis in "xy"
     ]
     along = ("east", "north", "height")
     positions = [f"{axis} of {image}" for image in images for axis in along]
     turns = [f"turn of {image} about {axis}" for image in images for axis in "xyz"]
     return [
-        *seen,
+        *coordinates,
         *positions,
         *turns,
         *(f"{axis} of {point}" for point in points for axis in along),
@@ -98,10 +98,10 @@ def equations(state: State) -> tuple[Array, Array, Array]:
     A[POSITION, POSES.start + pose[:, :3].ravel()] = np.eye(12)
     A[ATTITUDE, POSES.start + pose[:, 3:].ravel()] = np.eye(12)  # errors are small angles
     A[CONTROL, POINTS] = np.eye(6)
-    given, R_b_m = start(), np.swapaxes(state.T_m_b.R, 1, 2)
-    dl[POSITION] = (given.T_m_b.r - state.T_m_b.r).ravel()
-    dl[ATTITUDE] = log(R_b_m @ given.T_m_b.R).ravel()
-    dl[CONTROL] = (given.x_m - state.x_m).ravel()
+    observed, R_b_m = start(), np.swapaxes(state.T_m_b.R, 1, 2)
+    dl[POSITION] = (observed.T_m_b.r - state.T_m_b.r).ravel()
+    dl[ATTITUDE] = log(R_b_m @ observed.T_m_b.R).ravel()
+    dl[CONTROL] = (observed.x_m - state.x_m).ravel()
     return A, dl, _sigma()
 
 
@@ -129,7 +129,7 @@ def _sigma() -> Array:
 
 
 def adjusted(state: State, *, steps: int = 6) -> tuple[State, list[Fit]]:
-    """Return the adjusted state and the steps that lead there, as full steps.
+    """Return the state after a number of full steps, and the fit of each step.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def _moved(state: State, dx: Array) -> State:
 # --- What single images of known points tell about their camera: f and the principal point
 #
 # The example's camera is held over ground that is flat or has hills. Every image has a pose of its
-# own; whatever a change of pose can imitate says nothing about the camera.
+# own; a change that a pose can imitate does not determine the camera.
 
 
 HEIGHT_M = 480.0
@@ -187,7 +187,7 @@ class View:
 
     @property
     def left(self) -> Array:
-        """What is left of `by_camera` where the pose moves to hide it, shape (2 n, 3)."""
+        """Residuals of `by_camera` after a least-squares fit by the pose, shape (2 n, 3)."""
         J = self.by_pose
         return self.by_camera - J @ np.linalg.lstsq(J, self.by_camera, rcond=1e-10)[0]
 
@@ -210,14 +210,14 @@ def view(opk_deg: Sequence[float], *, relief_m: float = 0.0) -> View:
     ray = np.column_stack([xy, np.full(n, -example.F_MM)]) @ R.T
     depth = relief_m * np.cos(np.arange(n) * 2.4) - HEIGHT_M  # scattered, since 2.4 rad is no grid
     T = Pose(R=np.tile(R, (n, 1, 1)), r=np.zeros((n, 3)))
-    seen = Measurement(
+    measurement = Measurement(
         cameras=(camera,),
         camera_idx=np.zeros(n, dtype=np.intp),
         T_m_c=T,
         colrow=colrow_from_xy(camera, xy),
     )
-    _, *derivatives = image_derivatives(seen, ray * (depth / ray[:, 2])[:, None])
-    to_mm = 1 / seen.px_per_mm[:, :, None]
+    _, *derivatives = image_derivatives(measurement, ray * (depth / ray[:, 2])[:, None])
+    to_mm = 1 / measurement.px_per_mm[:, :, None]
     by_camera, by_pose, _ = ((to_mm * J).reshape(2 * n, -1) for J in derivatives)
     return View(xy=xy, by_camera=by_camera[:, :3], by_pose=by_pose)
 
@@ -299,7 +299,7 @@ def linearised(T_m_c: Pose, xy: Array, x_m: Array) -> tuple[Array, Array]:
 
 
 def intersected(T_m_c: Pose, xy: Array) -> tuple[Array, Fit]:
-    """Return the point where rays meet best, m, and the last step of its adjustment.
+    """Return the least-squares intersection of rays, m, and the last step of its adjustment.
 
     Parameters
     ----------
@@ -432,7 +432,7 @@ def elimination(n_points: int, rays: float, *, n_shared: int) -> int:
 
 
 def reduced(n_images: int, n_points: int, rays: float, *, n_shared: int) -> int:
-    """Return the multiplications that eliminate the points and factor what remains.
+    """Return the multiplications that eliminate the points and factor the reduced matrix.
 
     Parameters
     ----------

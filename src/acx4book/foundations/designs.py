@@ -1,4 +1,4 @@
-"""Flights that are only planned: what their geometry determines, before anything is measured.
+"""Planned flights: the precision that their geometry gives, before anything is measured.
 
 A covariance needs derivatives and standard deviations, no measurement. So a planned block has the
 image points where they would be, without errors, and the adjustment gives its normal matrix.
@@ -119,7 +119,7 @@ def planned(lines: Sequence[Line], *, control: int = 5) -> Block:
 def covariance(
     block: Block, *, free: Sequence[str] = (), fix: Sequence[str] = (), gnss: Sequence[str] = ()
 ) -> pd.DataFrame:
-    """Return the covariance a priori of what one adjustment of a planned block estimates.
+    """Return the a priori covariance of the parameters that a planned block estimates.
 
     Parameters
     ----------
@@ -197,8 +197,8 @@ def _tie_points() -> Array:
 
 
 def _seen(camera: Camera, T_m_b: Pose, x_m: Array) -> tuple[Index, Index, Array]:
-    """Return image, point and pixel of every point in every image that has it."""
+    """Return image index, point index and pixel of every projection inside an image."""
     images, points = np.divmod(np.arange(len(T_m_b) * len(x_m)), len(x_m))
     colrow = project(camera, (T_m_b @ camera.T_b_c)[images], x_m[points])
-    here = inside(camera, colrow)
-    return images[here], points[here], colrow[here]
+    in_frame = inside(camera, colrow)
+    return images[in_frame], points[in_frame], colrow[in_frame]

@@ -152,7 +152,7 @@ def placed(*, east_m: float = PLACE_M[0]) -> Block:
 
 
 def map_scale(frame: MappingFrame, height_m: float) -> float:
-    """Return what a metre on the ground at this height is on the map, at the frame's origin.
+    """Return the map length of a metre on the ground at this height, at the frame's origin.
 
     The mean of the directions east and north, from the map coordinates of points 100 m apart.
     """

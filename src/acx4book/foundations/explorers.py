@@ -57,13 +57,13 @@ EXAGGERATED = 60.0
 
 
 def _lens(values: Array) -> Interior:
-    """Return the lens that the sliders describe; the change of f is none of it."""
+    """Return the lens set by the sliders, without their change of f."""
     named = {key: unit * v for (key, unit), v in zip(KEYS.items(), values, strict=False)}
     return Interior(f=printed.interior(1, HEAD).f, **named)
 
 
 def _response(xy_mm: Array) -> Array:
-    """Return `_moved` for one unit of each slider, shape (2 n, 6), mm: it is linear in them."""
+    """Return `_moved`, which is linear in the sliders, for one unit of each, (2 n, 6), mm."""
     one_by_one = [_moved(unit, xy_mm).ravel() for unit in np.eye(len(_SLIDERS))]
     return np.stack(one_by_one, axis=1)
 
@@ -162,11 +162,15 @@ def _curve(corner: Array) -> Panel:
         radial = np.einsum(
             "nks,k->ns", _response(way * np.outer(r, along)).reshape(len(r), 2, -1), way * along
         )
-        both = np.stack([np.zeros_like(radial), UM * radial], axis=1).reshape(2 * len(r), -1)
+        matrix = np.stack([np.zeros_like(radial), UM * radial], axis=1).reshape(2 * len(r), -1)
         at = plane.at(np.column_stack([r, np.zeros_like(r)]))
         marks.append(
             Mark(
-                kind="curve", colour=colour, at=at, scale=plane.scale, response=Linear(matrix=both)
+                kind="curve",
+                colour=colour,
+                at=at,
+                scale=plane.scale,
+                response=Linear(matrix=matrix),
             )
         )
     return Panel(
@@ -180,9 +184,9 @@ def _curve(corner: Array) -> Panel:
         )
         + plane.line([(0, 0), (35, 0)])
         + "".join(
-            plane.line([(20, at), (22, at)], colour, 1.6)
-            + plane.text((22.8, at), f"to the {where}", anchor="start", shift=(0, 4))
-            for at, colour, where in ((142, "blue", "upper right"), (125, "orange", "lower left"))
+            plane.line([(20, y), (22, y)], colour, 1.6)
+            + plane.text((22.8, y), f"to the {where}", anchor="start", shift=(0, 4))
+            for y, colour, where in ((142, "blue", "upper right"), (125, "orange", "lower left"))
         ),
         marks=marks,
     )
@@ -227,7 +231,7 @@ _EXAGGERATED = 80.0
 
 
 def on_ground(azimuth_deg: float, height_m: float, xy_mm: Array, mounting: Array) -> Array:
-    """Return where image points are on flat ground, computed with a wrong mounting, eq. (14).
+    """Return image points on flat ground, computed with a wrong mounting, eq. (14).
 
     Parameters
     ----------
@@ -260,13 +264,13 @@ def _derivatives(azimuth_deg: float, height_m: float, xy_mm: Array) -> Array:
     level = Pose(R=np.tile(np.eye(3), (n, 1, 1)), r=np.zeros((n, 3)))
     x_m = np.column_stack([on_ground(azimuth_deg, height_m, xy_mm, np.zeros(6)), np.zeros(n)])
     camera = example.camera()
-    seen = Measurement(
+    measurement = Measurement(
         cameras=(camera,),
         camera_idx=np.zeros(n, dtype=np.intp),
         T_m_c=T_m_b @ level,
         colrow=colrow_from_xy(camera, xy_mm),
     )
-    _, _, by_pose, by_point = image_derivatives(seen, x_m)
+    _, _, by_pose, by_point = image_derivatives(measurement, x_m)
     by_lever_and_turn = by_pose @ mounted_jacobian(T_m_b, level)[1]
     moved: Array = -np.linalg.solve(by_point[:, :, :2], by_lever_and_turn)
     return moved[:, :, [3, 4, 5, 0, 1, 2]] * UNITS
@@ -313,7 +317,7 @@ def _panel(name: str, azimuth_deg: float, colour: str) -> Panel:
     size = (172.0, 172.0)
     plane = Plane(x=(-260.0, 260.0), y=(-260.0, 260.0), size=size)
     scale = _EXAGGERATED * plane.scale[0], _EXAGGERATED * plane.scale[1]
-    at, outline = (
+    points, outline = (
         on_ground(azimuth_deg, HEIGHT_M, xy, np.zeros(6)) for xy in (POINTS_MM, HALF_MM * AROUND)
     )
     azimuth = np.radians(azimuth_deg)
@@ -322,7 +326,7 @@ def _panel(name: str, azimuth_deg: float, colour: str) -> Panel:
     arrows = Mark(
         kind="arrows",
         colour=colour,
-        at=plane.at(at),
+        at=plane.at(points),
         scale=scale,
         response=Linear(matrix=moved),
     )
@@ -407,12 +411,12 @@ def two_heights_explorer() -> Explorer:
 def _covariances(ratios: Sequence[float] | Array) -> Array:
     """Return covariances of the unknowns in the units of `SHOWN`, shape (n_ratios, 5, 5)."""
     names, scale = [*SHOWN], np.array([factor for _, factor in SHOWN.values()])
-    found = []
+    covariances = []
     for ratio in ratios:
         flown = lines(90, 270, height_m=LOWER_M) + lines(90, 270, height_m=LOWER_M * ratio)
         cov = covariance(planned(flown), free=["f", "xp", "yp"], gnss=["shift"])
-        found.append(cov.loc[names, names].to_numpy())
-    return np.array(found) * np.outer(scale, scale)
+        covariances.append(cov.loc[names, names].to_numpy())
+    return np.array(covariances) * np.outer(scale, scale)
 
 
 def _ellipse(cov: Array) -> Panel:
@@ -420,7 +424,7 @@ def _ellipse(cov: Array) -> Panel:
     plane = Plane(x=(-limit, limit), y=(-limit, limit), size=size, margin=(44.0, 12.0, 26.0, 40.0))
     points = _ellipses(cov)
     table = points.reshape(len(cov), -1)
-    at = np.tile(plane.at(np.zeros((1, 2))), (points.shape[1], 1))
+    origins = np.tile(plane.at(np.zeros((1, 2))), (points.shape[1], 1))
     ticks = [-40, -20, 0, 20, 40]
     return Panel(
         title="errors of f and z together",
@@ -433,7 +437,7 @@ def _ellipse(cov: Array) -> Panel:
             Mark(
                 kind="curve",
                 colour="blue",
-                at=at,
+                at=origins,
                 scale=plane.scale,
                 response=Stops(sliders=[RATIO], table=table),
             )

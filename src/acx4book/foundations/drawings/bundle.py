@@ -1,4 +1,4 @@
-"""Figures of the bundle: what is zero, what it costs, what a camera cannot hide."""
+"""Figures of the bundle: zeros of its matrices, its cost, changes of a camera in the image."""
 
 from __future__ import annotations
 
@@ -117,10 +117,10 @@ def cost(*, points_per_image: int = 100, rays: float = 6.0, width: int = 60) -> 
     for i, n in enumerate(n_images.tolist()):
         n_points = points_per_image * n
         band = adjusting.banded_cholesky(6 * n, 6 * width)
-        own = adjusting.elimination(n_points, rays, n_shared=14)
+        elimination = adjusting.elimination(n_points, rays, n_shared=14)
         ways["whole system"][1][i] = adjusting.whole(n, n_points, n_shared=14)
         ways["points eliminated"][1][i] = adjusting.reduced(n, n_points, rays, n_shared=14)
-        ways["and a band"][1][i] = own + band
+        ways["and a band"][1][i] = elimination + band
     with applied():
         fig, ax = subplots(figsize=(WIDTH, 3.2))
         for name, (colour, count) in ways.items():
@@ -132,7 +132,7 @@ def cost(*, points_per_image: int = 100, rays: float = 6.0, width: int = 60) -> 
 
 
 def convergence(steps: Mapping[str, Sequence[float]]) -> Figure:
-    """Draw how long the steps of an iteration are, from several starts.
+    """Draw the lengths of the steps of an iteration, from several starts.
 
     Parameters
     ----------
@@ -144,8 +144,8 @@ def convergence(steps: Mapping[str, Sequence[float]]) -> Figure:
         fig, ax = subplots(figsize=(WIDTH, 2.9))
         colours = (BLUE, TEAL, ORANGE, PLUM)
         for (name, lengths), colour in zip(steps.items(), colours, strict=False):
-            at = np.arange(1, len(lengths) + 1)
-            ax.semilogy(at, np.maximum(lengths, ROUNDING), "o-", color=colour, label=name)
+            number = np.arange(1, len(lengths) + 1)
+            ax.semilogy(number, np.maximum(lengths, ROUNDING), "o-", color=colour, label=name)
         ax.axhline(1.0, color=SOFT, lw=1.0, ls="--")
         ax.annotate(
             "one standard deviation", (len(lengths), 2.0), ha="right", color=SOFT, fontsize=SMALL
@@ -156,7 +156,7 @@ def convergence(steps: Mapping[str, Sequence[float]]) -> Figure:
 
 
 def what_is_left(views: Mapping[str, View]) -> Figure:
-    """Draw what a change of the camera does to an image, and what no change of pose can hide.
+    """Draw a change of the camera in an image, and the part that no change of pose can hide.
 
     Parameters
     ----------
@@ -172,8 +172,8 @@ def what_is_left(views: Mapping[str, View]) -> Figure:
             _arrows(row[0], first.xy, change, colour, factor=5.0)
             row[0].set_ylabel(f"{name} + {CHANGE_MM:g} mm")
             for ax, view in zip(row[1:], views.values(), strict=True):
-                left = CHANGE_MM * view.left[:, column].reshape(-1, 2)
-                _arrows(ax, view.xy, left, colour, factor=100.0)
+                residuals = CHANGE_MM * view.left[:, column].reshape(-1, 2)
+                _arrows(ax, view.xy, residuals, colour, factor=100.0)
         axes[0, 0].set_title("the change (× 5)")
         for ax, title in zip(axes[0, 1:], views, strict=True):
             ax.set_title(f"{title} (× 100)")

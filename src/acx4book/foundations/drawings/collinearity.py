@@ -1,4 +1,4 @@
-"""Figures of chapter 3: differences in the image and on the ground, and what moves the image."""
+"""Figures of chapter 3: differences in the image and on the ground, and effects of a camera."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LOOK_ALIKE_MM = 0.02
 
 
 def differences(d_xy: Array, R_m_c: Array) -> Figure:
-    """Draw the differences of the eight measured points in the image, and carried to the ground.
+    """Draw the differences of the eight measured points in the image, and on the ground.
 
     Parameters
     ----------
@@ -46,16 +46,16 @@ def differences(d_xy: Array, R_m_c: Array) -> Figure:
     with style.applied():
         fig, (image, ground) = style.subplots(1, 2, figsize=(style.WIDTH, 3.9))
         for i, strip in enumerate("AABB"):
-            how = {"color": STRIPS[strip], "width": 0.008, "angles": "xy", "scale_units": "xy"}
-            image.quiver(*example.measured()[i].T, *d_xy[i].T, scale=1 / 16, **how)
-            ground.quiver(*example.points()[:, :2].T, *d_m[i].T, scale=1 / 16, **how)
+            look = {"color": STRIPS[strip], "width": 0.008, "angles": "xy", "scale_units": "xy"}
+            image.quiver(*example.measured()[i].T, *d_xy[i].T, scale=1 / 16, **look)
+            ground.quiver(*example.points()[:, :2].T, *d_m[i].T, scale=1 / 16, **look)
         _sensor(image)
         image.set(xlabel="x (mm)", ylabel="y (mm)")
         ground.set(xlim=(-110, 110), ylim=(-165, 165), aspect="equal")
         ground.set(xlabel="east (m)", ylabel="north (m)")
-        for name, at in zip(example.CONTROL["point"], example.points(), strict=True):
+        for name, place in zip(example.CONTROL["point"], example.points(), strict=True):
             ground.annotate(
-                name, at[:2], (-13, 5), textcoords="offset points", fontsize=10, weight="bold"
+                name, place[:2], (-13, 5), textcoords="offset points", fontsize=10, weight="bold"
             )
         style.heading(image, "In the image", "measured minus computed, 16 times as long")
         style.heading(ground, "On the ground", "the same, carried down; 16 times as long")
@@ -99,7 +99,7 @@ def by_turn(xy: Array) -> Array:
 
 
 def effects(xy: Array, height_m: float) -> dict[str, Array]:
-    """Return what small changes of a camera do to image points, each (n, 2), mm, by its name."""
+    """Return the effects of small changes of a camera on image points, each (n, 2), mm, by name."""
     turn = np.radians(DEGREES) * by_turn(xy)
     shift = METRES * _by_shift(xy, height_m)
     return {
@@ -146,16 +146,16 @@ def _field(ax: Axes, xy: Array, d: Array, colour: str) -> None:
 
 
 def look_alike(height_m: float) -> Figure:
-    """Draw a turn about y, the shift along -x that comes nearest to it, and what is left."""
+    """Draw a turn about y, the most similar shift along -x, and their difference."""
     xy = grid()
     fields = effects(xy, height_m)
     turn, shift = fields["turn about y"], fields["shift along −x"]
     factor = float(np.sum(turn * shift) / np.sum(shift * shift))
-    left = turn - factor * shift
+    residual = turn - factor * shift
     drawn = (
         (f"{DEGREES}° about y", turn, 1, KINDS["turn"]),
         (f"{factor * METRES:.2f} m along −x", factor * shift, 1, KINDS["shift"]),
-        ("what is left", left, 5, style.BRICK),
+        ("what is left", residual, 5, style.BRICK),
     )
     with style.applied():
         fig, panels = style.subplots(1, 3, figsize=(style.WIDTH, 2.4))

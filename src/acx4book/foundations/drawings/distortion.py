@@ -1,4 +1,4 @@
-"""Figures of chapter 4: what the lenses of Table 1 do to a point, and what programs make of it."""
+"""Figures of chapter 4: distortion of Table 1's lenses, and errors where programs misread it."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def curves() -> Figure:
         for head, colour in zip(printed.HEADS, style.PALETTE, strict=False):
             values = UM * _radial(printed.interior(1, head), r)
             ax.plot(r, values, color=colour, label=head)
-        said = pixel * printed.statement("head_border_distortion_px")
-        at = [border("CAM1")], [said]
-        ax.plot(*at, "D", color=style.PRINTED, mfc="none", ms=7, label="as printed")
+        border_um = pixel * printed.statement("head_border_distortion_px")
+        place = [border("CAM1")], [border_um]
+        ax.plot(*place, "D", color=style.PRINTED, mfc="none", ms=7, label="as printed")
         ax.set(xlabel="radius (mm)", ylabel="radial distortion (µm)", ylim=(0, 110))
         ax.set_xlim(0, 35)
         to_px, to_um = partial(np.multiply, 1 / pixel), partial(np.multiply, pixel)
@@ -140,15 +140,15 @@ LABELS = {
 
 
 def directions(head: str) -> Figure:
-    """Draw what is wrong where k1 is evaluated at the ideal point, for a head and a strong lens."""
+    """Draw the errors of a k1 evaluated at the ideal point, for a head and a strong lens."""
     pixel, k1 = printed.pixel_mm(head), printed.interior(1, head).k1
     r = np.linspace(4, border(head), 100)
     colours = (style.BRICK, style.BLUE, style.TEAL)
     with style.applied():
         fig, panels = style.subplots(1, 2, figsize=(style.WIDTH, 3.5), sharey=True)
         for ax, times in zip(panels, (1, 10), strict=True):
-            found = _mistaken(times * k1, r)
-            for (name, error), colour in zip(found.items(), colours, strict=True):
+            errors = _mistaken(times * k1, r)
+            for (name, error), colour in zip(errors.items(), colours, strict=True):
                 ax.semilogy(r, np.abs(error) / pixel, color=colour, label=LABELS[name])
             ax.axhline(0.1, color=style.INK, lw=0.8, ls=":")
             ax.set_xlabel("radius (mm)")
@@ -160,7 +160,7 @@ def directions(head: str) -> Figure:
 
 
 def _mistaken(k1: float, r: Array) -> dict[str, Array]:
-    """Return by how much an image point is wrong where another program reads a k1, mm."""
+    """Return the errors of an image point where another program misreads a k1, mm."""
     measured = r.copy()
     for _ in range(50):
         measured = r + k1 * measured**3

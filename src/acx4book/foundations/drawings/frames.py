@@ -33,10 +33,10 @@ def _meridian(ax: Axes) -> None:
     angle = np.linspace(-0.25, np.pi / 2 + 0.2, 120)
     maps.scene(ax, (-0.55, 1.75), (-0.55, 1.5))
     ax.plot(np.cos(angle), FLAT * np.sin(angle), color=style.SOFT)
-    at, up = _on_ellipsoid(np.radians(40.0))
-    top = at + 0.22 * up
+    foot, up = _on_ellipsoid(np.radians(40.0))
+    top = foot + 0.22 * up
     north = np.array([-up[1], up[0]])
-    axis = at - at[0] / up[0] * up  # where the normal meets the Earth's axis
+    axis = foot - foot[0] / up[0] * up  # where the normal meets the Earth's axis
     for tip, name in (([1.4, 0.0], "$X$"), ([0.0, 1.2], "$Z$")):
         maps.arrow(ax, np.zeros(2), np.array(tip), style.INK)
         ax.text(tip[0] + 0.03, tip[1] + 0.03, name)
@@ -45,14 +45,14 @@ def _meridian(ax: Axes) -> None:
     maps.arrow(ax, top, top + 0.42 * north, style.TEAL)
     ax.plot(*top, "o", color=style.INK)
     around = np.linspace(0, np.radians(40.0), 30)
-    meets = at[0] - at[1] * up[0] / up[1]
+    meets = foot[0] - foot[1] * up[0] / up[1]
     ax.plot(meets + 0.25 * np.cos(around), 0.25 * np.sin(around), color=style.BLUE, lw=1.2)
     for (x, y), text, colour in (
         (np.array([meets + 0.27, 0.06]), "$B$", style.BLUE),
         (top + 0.42 * up + [0.02, 0.0], "up", style.TEAL),
         (top + 0.42 * north + [-0.18, 0.05], "north", style.TEAL),
-        ((at + top) / 2 + [0.05, -0.1], "$h_e$", style.INK),
-        ((axis + at) / 2 + [-0.05, -0.22], r"$\nu$", style.BLUE),
+        ((foot + top) / 2 + [0.05, -0.1], "$h_e$", style.INK),
+        ((axis + foot) / 2 + [-0.05, -0.22], r"$\nu$", style.BLUE),
     ):
         ax.text(x, y, text, color=colour)
     style.heading(ax, "Earth-centred and topocentric", "flattening exaggerated; east points away")
@@ -61,8 +61,8 @@ def _meridian(ax: Axes) -> None:
 def _on_ellipsoid(latitude: float) -> tuple[Array, Array]:
     """Return the drawn ellipsoid's point at a geodetic latitude, rad, and its normal."""
     up = np.array([np.cos(latitude), np.sin(latitude)])
-    at = np.array([up[0], FLAT**2 * up[1]]) / np.hypot(up[0], FLAT * up[1])
-    return at, up
+    point = np.array([up[0], FLAT**2 * up[1]]) / np.hypot(up[0], FLAT * up[1])
+    return point, up
 
 
 def _heights(ax: Axes) -> None:
@@ -109,11 +109,11 @@ def projection(scales: Mapping[float, tuple[Array, Array]], *, focal_mm: float) 
         left.axvline(example.PLACE_M[0] / 1000, color=style.SOFT, ls="--", lw=1.0)
         left.set(xlabel="east (km)", ylabel="map less ground (mm per km)")
         left.legend(title="height over ellipsoid", loc="upper center", fontsize=style.SMALL)
-        other = left.secondary_yaxis(
+        focal_axis = left.secondary_yaxis(
             "right",
             functions=(lambda ppm: -ppm * focal_mm / 1000, lambda um: -um * 1000 / focal_mm),
         )
-        other.set_ylabel(f"change of f = {focal_mm:.0f} mm (µm)")
+        focal_axis.set_ylabel(f"change of f = {focal_mm:.0f} mm (µm)")
         left.set_title("Scale")
         _graticule(right)
     return fig

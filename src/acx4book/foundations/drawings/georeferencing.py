@@ -36,7 +36,7 @@ def vector_sum() -> Figure:
         maps.arrow(ax, b, c, LEVER_ARM)
         maps.arrow(ax, c, i, BORESIGHT)
         ax.plot(*np.stack([b, c, a, i]).T, "o", color=style.INK)
-        for at, beside, text, colour in (
+        for place, beside, text, colour in (
             (m, (0.1, -0.45), "mapping frame $m$", style.INK),
             (b, (-0.15, 0.3), "IMU, $b$", style.INK),
             (c, (0.25, 0.25), "perspective centre, $c$", style.INK),
@@ -46,7 +46,7 @@ def vector_sum() -> Figure:
             ((b + c) / 2, (-0.75, -0.5), r"$R_b^m r_c^b$", LEVER_ARM),
             ((a + i) / 2, (0.35, 0.0), r"$\lambda\, R_b^m R_c^b\, r_i^c$", BORESIGHT),
         ):
-            x, y = at + np.array(beside)
+            x, y = place + np.array(beside)
             ax.text(x, y, text, color=colour, fontsize=9.0)
     return fig
 
@@ -54,7 +54,7 @@ def vector_sum() -> Figure:
 def ground_errors(
     *, height_m: float, half_m: tuple[float, float], position_m: Array, attitude_rad: Array
 ) -> Figure:
-    """Draw where one standard deviation of each observation moves the points of one image.
+    """Draw the effect of one standard deviation of each observation on the points of an image.
 
     Parameters
     ----------
@@ -66,14 +66,14 @@ def ground_errors(
         Errors forward, left and up, and about these axes.
     """
     forward, left = (h * np.linspace(-1, 1, 5) for h in half_m)
-    at = np.stack([x.ravel() for x in np.meshgrid(forward, left)], axis=-1)
+    points = np.stack([x.ravel() for x in np.meshgrid(forward, left)], axis=-1)
     kinds = [("position forward", 0), ("height", 2), ("roll", 3), ("pitch", 4), ("heading", 5)]
     errors = np.diag(np.concatenate([position_m, attitude_rad]))
     with style.applied():
         fig, axes = style.subplots(2, 3, figsize=(style.WIDTH, 4.1))
         for ax, (title, row) in zip(axes.flat, kinds, strict=False):
-            d = moved_on_ground(at, height_m, errors[row, :3], errors[row, 3:])
-            _arrows(ax, at, d, half_m, colour=POSITION if row < 3 else BORESIGHT)
+            d = moved_on_ground(points, height_m, errors[row, :3], errors[row, 3:])
+            _arrows(ax, points, d, half_m, colour=POSITION if row < 3 else BORESIGHT)
             longest = 100 * np.hypot(*d.T).max()
             style.heading(ax, title, f"at most {longest:.1f} cm")
         _legend(axes.flat[-1])
@@ -81,7 +81,7 @@ def ground_errors(
 
 
 def moved_on_ground(at: Array, height_m: float, shift_m: Array, turned: Array) -> Array:
-    """Return where errors of position and attitude move points of flat ground, m, shape (n, 2).
+    """Return the shifts of points of flat ground by errors of position and attitude, m, (n, 2).
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def misclosures(xy_mm: Array, before_um: Array, after_um: Array) -> Figure:
 
 
 def three_flights() -> Figure:
-    """Draw from the side where a forgotten boresight, lever arm or GNSS shift sends the ray.
+    """Draw from the side how a forgotten boresight, lever arm or GNSS shift misdirects the ray.
 
     Each of them on a line flown forth, one flown back, and one flown forth twice as high.
     """
@@ -146,8 +146,8 @@ def three_flights() -> Figure:
         ):
             maps.scene(ax, (-0.6, 9.6), (-0.35, 2.6))
             ax.axhline(0, color=style.SOFT, lw=1.0)
-            for at, way, height in ((1.5, 1, 1.0), (4.5, -1, 1.0), (7.5, 1, 2.0)):
-                _flown(ax, at, way, height, title, colour)
+            for start, way, height in ((1.5, 1, 1.0), (4.5, -1, 1.0), (7.5, 1, 2.0)):
+                _flown(ax, start, way, height, title, colour)
             style.heading(ax, title, subtitle)
     return fig
 
@@ -165,7 +165,7 @@ def _flown(ax: Axes, at: float, way: int, height: float, kind: str, colour: str)
 
 
 def _missed(kind: str, way: int, height: float) -> tuple[float, float]:
-    """Return how far the ray starts and meets the ground beside the truth, in drawing units."""
+    """Return the errors of the ray at its start and on the ground, in drawing units."""
     if kind == "boresight":
         return 0.0, 0.5 * way * height
     shift = 0.5 * way if kind == "lever arm" else 0.5
@@ -175,21 +175,21 @@ def _missed(kind: str, way: int, height: float) -> tuple[float, float]:
 # --- small parts -----------------------------------------------------------------------------
 
 
-def _quiver(ax: Axes, at: Array, d: Array, colour: str, label: str) -> None:
+def _quiver(ax: Axes, points: Array, d: Array, colour: str, label: str) -> None:
     scale: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.008}
-    ax.quiver(*at.T, *d.T, color=colour, label=label, **scale)
+    ax.quiver(*points.T, *d.T, color=colour, label=label, **scale)
 
 
 EXAGGERATED = 1200.0
 """Factor by which `ground_errors` draws displacements too long."""
 
 
-def _arrows(ax: Axes, at: Array, d: Array, half_m: tuple[float, float], *, colour: str) -> None:
+def _arrows(ax: Axes, points: Array, d: Array, half_m: tuple[float, float], *, colour: str) -> None:
     """Draw displacements over a footprint; forward is to the right."""
     maps.scene(ax, (-1.45 * half_m[0], 1.45 * half_m[0]), (-1.3 * half_m[1], 1.3 * half_m[1]))
     x, y = half_m
     ax.plot([-x, x, x, -x, -x], [-y, -y, y, y, -y], color=style.SOFT, lw=0.8)
-    _quiver(ax, at, EXAGGERATED * d, colour, "")
+    _quiver(ax, points, EXAGGERATED * d, colour, "")
 
 
 def _legend(ax: Axes) -> None:

@@ -1,4 +1,4 @@
-"""Figures of chapter 1: the ray and its similar triangles, and where a program has its (0, 0)."""
+"""Figures of chapter 1: the ray and its similar triangles, and the pixel origin of programs."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def _points(ax: Axes, to_a: float) -> None:
         ((to_a, -F), "image point $a$", maps.RAY, (58, 10)),
         ((TO_A, -H), "point $A$", maps.RAY, (34, 10)),
     )
-    for at, name, colour, shift in named:
-        ax.plot(*at, "o", color=colour, ms=6, zorder=5)
-        maps.note(ax, np.array(at), name, colour, shift=shift)
+    for place, name, colour, shift in named:
+        ax.plot(*place, "o", color=colour, ms=6, zorder=5)
+        maps.note(ax, np.array(place), name, colour, shift=shift)
     maps.note(ax, np.array([-1.6, -F]), "image", maps.CAMERA, shift=(-24, 0))
     maps.note(ax, np.array([-4.0, -H]), "ground", maps.MAPPING, shift=(0, 11))
 
@@ -55,8 +55,8 @@ def _lengths(ax: Axes, to_a: float) -> None:
         ((0, -H - 0.35), (TO_A, -H - 0.35), "$(x - x_p)\\,H / f$", (0, -12)),
     )
     for start, end, name, shift in sides:
-        how = {"arrowstyle": "<|-|>", "color": style.INK, "lw": 1, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", xy=end, xytext=start, arrowprops=how)
+        arrow = {"arrowstyle": "<|-|>", "color": style.INK, "lw": 1, "shrinkA": 0, "shrinkB": 0}
+        ax.annotate("", xy=end, xytext=start, arrowprops=arrow)
         middle = 0.5 * (np.array(start) + np.array(end))
         maps.note(ax, middle, name, style.INK, shift=shift)
     ax.plot([-2.9, 0], [0, 0], color=style.SOFT, lw=0.7, ls=":")
@@ -66,17 +66,20 @@ def first_pixels() -> Figure:
     """Draw the corner of an image with (0, 0) at a pixel's centre, and at its corner."""
     with style.applied():
         fig, panels = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
-        for ax, at, place in zip(panels, (0.5, 0.0), ("centre", "corner"), strict=True):
+        for ax, origin, place in zip(panels, (0.5, 0.0), ("centre", "corner"), strict=True):
             for column, row in np.ndindex(4, 3):
                 ax.add_patch(Rectangle((column, row), 1, 1, fc="none", ec=style.SOFT, lw=0.8))
-            start = np.array([at, at])
-            for name, tip, shift in (("col", (4.5, at), (14, 0)), ("row", (at, 3.5), (0, -9))):
+            start = np.array([origin, origin])
+            for name, tip, shift in (
+                ("col", (4.5, origin), (14, 0)),
+                ("row", (origin, 3.5), (0, -9)),
+            ):
                 maps.arrow(ax, start, np.array(tip), maps.CAMERA)
                 maps.note(ax, np.array(tip), name, maps.CAMERA, shift=shift)
             target = np.array([2.5, 1.5])
             ax.plot(*target, "+", color=maps.RAY, ms=11, mew=2)
-            said = "({:g}, {:g})".format(*(target - start))
-            maps.note(ax, target, said, maps.RAY, shift=(2, 13))
+            text = "({:g}, {:g})".format(*(target - start))
+            maps.note(ax, target, text, maps.RAY, shift=(2, 13))
             ax.set(xlim=(-0.3, 5.0), ylim=(3.8, -0.4))
             ax.set_title(f"(0, 0) at the {place} of the first pixel")
         maps.blank(fig)

@@ -73,10 +73,10 @@ def where_rays_meet(T_m_c: Pose, results: Sequence[tuple[Array, Fit]]) -> Figure
 
 def _near(ax: Axes, results: Sequence[tuple[Array, Fit]], axis: int) -> None:
     """Draw the ellipses of one sigma in a vertical plane, cm from the surveyed P."""
-    own, P = [axis, 2], example.points()[0]
+    plane, P = [axis, 2], example.points()[0]
     for (x_m, fit), colour, text in zip(results, (TWO, FOUR), ("A1, A2", "all four"), strict=True):
-        centre = 100 * (x_m - P)[own]
-        ax.add_patch(_ellipse(centre, 1e4 * fit.cov[np.ix_(own, own)], colour))
+        centre = 100 * (x_m - P)[plane]
+        ax.add_patch(_ellipse(centre, 1e4 * fit.cov[np.ix_(plane, plane)], colour))
         ax.plot(*centre, "o", color=colour)
         label: dict[str, Any] = {"color": colour, "fontsize": SMALL, "va": "center"}
         ax.annotate(text, (7, centre[1]), **label)
@@ -96,7 +96,7 @@ def _ellipse(centre: Array, cov: Array, colour: str, *, k: float = 1.0) -> Ellip
 
 
 def promise(errors: Array, fits: Sequence[Fit]) -> Figure:
-    """Draw what many repetitions do: errors of P with their ellipses, and the test's statistic.
+    """Draw many repetitions: errors of P with their ellipses, and the test's statistic.
 
     Parameters
     ----------
@@ -130,11 +130,11 @@ def promise(errors: Array, fits: Sequence[Fit]) -> Figure:
 
 
 def _against_chi_square(ax: Axes, squares: Array, degrees: int) -> None:
-    at = np.linspace(0.01, 20, 400)
-    step = at[1] - at[0]
-    below = np.array([statistics.chi2_cdf(x, degrees) for x in at])
+    statistic = np.linspace(0.01, 20, 400)
+    step = statistic[1] - statistic[0]
+    below = np.array([statistics.chi2_cdf(x, degrees) for x in statistic])
     ax.hist(squares, bins=np.arange(0, 20.5, 0.5).tolist(), density=True, color=MUTED)
-    ax.plot(at, np.gradient(below, step), color=FOUR)
+    ax.plot(statistic, np.gradient(below, step), color=FOUR)
     limit = statistics.chi2_isf(0.05, degrees)
     ax.axvline(limit, color=INK, lw=1.0, ls="--")
     ax.annotate("exceeded by\n1 in 20", (limit + 0.3, 0.1), fontsize=SMALL)

@@ -27,36 +27,38 @@ COLOURS = (style.ORANGE, style.TEAL, style.PLUM)
 
 def axes() -> Figure:
     """Draw the body axes of A1 and B1 above the ground, omega and phi `TIMES` too large."""
-    seen = maps.view(18, 22)
+    view = maps.view(18, 22)
     with style.applied():
         fig, ax = style.subplots(figsize=(style.WIDTH, 3.4))
         ground = np.array([[-7.2, -3, 0], [8.6, -3, 0], [8.6, 4, 0], [-7.2, 4, 0]])
-        ax.add_patch(Polygon(seen.apply(ground)[:, :2], fc=style.PAPER, ec=style.LAND_EDGE, lw=1))
+        ax.add_patch(Polygon(view.apply(ground)[:, :2], fc=style.PAPER, ec=style.LAND_EDGE, lw=1))
         corner = np.array([-6.2, -2.2, 0.0])
-        maps.triad(ax, seen, corner, 1.6 * np.eye(3), ("east", "north", "up"), maps.MAPPING)
+        maps.triad(ax, view, corner, 1.6 * np.eye(3), ("east", "north", "up"), maps.MAPPING)
         for row, east in ((0, -4.0), (2, 5.6)):
-            at = np.array([east, 0.6, 4.2])
-            _body(ax, seen, at, example.attitudes()[row] * [TIMES, TIMES, 1])
-            ax.plot(*seen.apply([at, at * [1, 1, 0]])[:, :2].T, color=style.SOFT, lw=0.8, ls=":")
+            place = np.array([east, 0.6, 4.2])
+            _body(ax, view, place, example.attitudes()[row] * [TIMES, TIMES, 1])
+            ax.plot(
+                *view.apply([place, place * [1, 1, 0]])[:, :2].T, color=style.SOFT, lw=0.8, ls=":"
+            )
             name = f"{example.EXPOSURES['image'][row]}, flown {'east' if row == 0 else 'west'}"
-            maps.note(ax, seen.apply(at)[:2], name, style.INK, shift=(44, -46))
+            maps.note(ax, view.apply(place)[:2], name, style.INK, shift=(44, -46))
         maps.blank(fig)
     return fig
 
 
-def _body(ax: Axes, seen: Rotation, at: Array, opk: Array) -> None:
+def _body(ax: Axes, view: Rotation, place: Array, opk: Array) -> None:
     """Draw the axes of a body, and thin ones that point to the east, to the north and up."""
     for axis in 1.9 * np.eye(3):
-        ax.plot(*seen.apply([at, at + axis])[:, :2].T, color=maps.MAPPING, lw=1, ls="--")
+        ax.plot(*view.apply([place, place + axis])[:, :2].T, color=maps.MAPPING, lw=1, ls="--")
     names = ("$x$ forward", "$y$ left", "$z$ up")
-    maps.triad(ax, seen, at, 2.1 * rotation_from_opk(opk).T, names, maps.BODY)
+    maps.triad(ax, view, place, 2.1 * rotation_from_opk(opk).T, names, maps.BODY)
 
 
 # --- mistakes --------------------------------------------------------------------------------
 
 
 def mistaken(opk: Array) -> dict[str, Array]:
-    """Return what three usual mistakes make of omega, phi, kappa in place of M^T.
+    """Return the matrices of omega, phi, kappa by three usual mistakes, in place of M^T.
 
     Parameters
     ----------
@@ -91,14 +93,14 @@ def mistakes(height_m: float) -> Figure:
 
 
 def _nadir_shift(R: Array, wrong: Array, height_m: float) -> Array:
-    """Return how far a wrong matrix carries the point below the axis, east and north, m."""
+    """Return the shift of the point below the axis by a wrong matrix, east and north, m."""
     right, false = (height_m * axis[:2, 2] / -axis[2, 2] for axis in (R, wrong))
     shift: Array = false - right
     return shift
 
 
 def _shift(ax: Axes, shift: Array, image: str, colour: str) -> None:
-    """Draw how far the point below an image's axis is carried."""
+    """Draw the shift of the point below an image's axis."""
     length = np.hypot(*shift)
     if long := length > 1:
         maps.arrow(ax, np.zeros(2), shift, colour)
@@ -130,8 +132,8 @@ def headings() -> Figure:
             (pitch, -phi, "pitch", COLOURS[1]),
         ):
             ax.plot(kappa, angles, color=colour, lw=2, label=name)
-            of = "ω" if name == "roll" else "−φ"
-            ax.axhline(np.degrees(angle), color=colour, lw=1, ls="--", label=of)
+            symbol = "ω" if name == "roll" else "−φ"
+            ax.axhline(np.degrees(angle), color=colour, lw=1, ls="--", label=symbol)
         for row in (0, 2):
             flown = np.degrees(example.attitudes()[row, 2])
             ax.axvline(flown, color=style.INK, lw=0.8, ls=":")
@@ -148,7 +150,7 @@ def headings() -> Figure:
 
 
 def singularity() -> Figure:
-    """Draw the axes of the three turns at phi = 0, 60 and 90 degrees, and what sigma becomes."""
+    """Draw the axes of the three turns at phi = 0, 60 and 90 degrees, and sigma of the angles."""
     with style.applied():
         fig = style.figure(figsize=(style.WIDTH, 5.0))
         panels = fig.subplot_mosaic("abc;ddd", height_ratios=(1.1, 1))
@@ -163,9 +165,9 @@ def singularity() -> Figure:
 
 
 def _turning(ax: Axes, phi: float) -> None:
-    seen = maps.view(-18, 26)
+    view = maps.view(-18, 26)
     for axis, name, colour in zip(_turning_axes(phi), ("ω", "φ", "κ"), COLOURS, strict=True):
-        ends = seen.apply(np.array([-0.55, 1.0])[:, None] * axis)[:, :2]
+        ends = view.apply(np.array([-0.55, 1.0])[:, None] * axis)[:, :2]
         last = name == "κ"
         maps.arrow(ax, ends[0], ends[1], colour, width=3.2 if last else 1.8)
         maps.note(ax, ends[1], name, colour, shift=(-9 if last else 9, 9))
@@ -189,7 +191,7 @@ def _sigmas(ax: Axes) -> None:
 
 
 def _angle_sigmas(phi: Array) -> tuple[Array, Array]:
-    """Return what a camera with equal sigma about all its axes has in its three angles."""
+    """Return the sigma of the three angles of a camera with equal sigma about all its axes."""
     J = opk_jacobian(np.stack([0 * phi, phi, 0 * phi], axis=-1))
     cov = J @ np.swapaxes(J, -1, -2)
     sigma = np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1))
