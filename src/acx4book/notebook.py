@@ -1,4 +1,4 @@
-"""What a notebook calls besides the library: how it begins, and where it ends early.
+"""Calls of a notebook besides the library: its beginning, and its early end.
 
 It works in any kernel, under plain papermill, and in the interpreter of ``acx4 run``. Outside of
 IPython nothing is shown.
@@ -35,7 +35,7 @@ class End(Exception):
 
 
 def begin() -> None:
-    """Begin a notebook: check the parameters that it was given, and let tables show themselves.
+    """Begin a notebook: check its parameters, and let tables show themselves.
 
     Linear algebra then has one thread, as in ``acx4 run``, so that results are equal byte by byte.
 
@@ -54,16 +54,16 @@ def begin() -> None:
 
 
 def _check_parameters(cells: Sequence[str]) -> None:
-    """Compare the last cell of papermill among those that were run with the one before it."""
-    given = max((i for i, cell in enumerate(cells) if cell.startswith(INJECTED)), default=0)
-    own = _assigned(cells[given - 1]) if given else {}
-    if not own:
+    """Compare the parameters injected last by papermill with the cell of defaults before them."""
+    injected = max((i for i, cell in enumerate(cells) if cell.startswith(INJECTED)), default=0)
+    defaults = _assigned(cells[injected - 1]) if injected else {}
+    if not defaults:
         return
-    for name, value in _assigned(cells[given]).items():
-        if name not in own:
-            msg = f"unknown parameter {name}; this notebook has {', '.join(own)}"
+    for name, value in _assigned(cells[injected]).items():
+        if name not in defaults:
+            msg = f"unknown parameter {name}; this notebook has {', '.join(defaults)}"
             raise ValueError(msg)
-        wanted = type(own[name])
+        wanted = type(defaults[name])
         if type(value) is not wanted and (wanted, type(value)) != (float, int):
             hint = f"; papermill takes text as it is by -r {name}" if wanted is str else ""
             msg = f"parameter {name}: {value!r}; must be {wanted.__name__}{hint}"
@@ -71,17 +71,17 @@ def _check_parameters(cells: Sequence[str]) -> None:
 
 
 def _assigned(cell: str) -> dict[str, object]:
-    """Return the plain values by the names that a cell gives them; empty where it does more."""
-    found: dict[str, object] = {}
+    """Return the constants that a cell assigns, by name; empty where a cell does more."""
+    values: dict[str, object] = {}
     try:
         for node in ast.parse(cell).body:
             target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", 0)
             if not isinstance(target, ast.Name):
                 return {}
-            found[target.id] = ast.literal_eval(getattr(node, "value", None) or "None")
+            values[target.id] = ast.literal_eval(getattr(node, "value", None) or "None")
     except (SyntaxError, ValueError):
         return {}
-    return found
+    return values
 
 
 def needs(flight: Flight, stage: str) -> None:

@@ -46,7 +46,7 @@ class NotebookError(Acx4Error):
         super().__init__(f"notebook {notebook}, cell {cell}: {message}")
 
     def __reduce__(self) -> tuple[type[NotebookError], tuple[str, int, str]]:
-        """Return what it is made of again in the process that asked for the notebook."""
+        """Return class and arguments, from which the calling process rebuilds the error."""
         return NotebookError, (self.notebook, self.cell, self.message)
 
 
@@ -201,7 +201,7 @@ SHOWS = "acx4book.typesetting.svg"
 
 
 def digest(notebook: Path, sources: Path, data: Iterable[Path]) -> str:
-    """Return the SHA-256 of a notebook, of all modules that it reaches, and of its data.
+    """Return the SHA-256 of a notebook, its data and all modules it imports, directly or not.
 
     Parameters
     ----------
@@ -218,38 +218,38 @@ def digest(notebook: Path, sources: Path, data: Iterable[Path]) -> str:
 
 
 def modules(notebook: Path, sources: Path) -> set[Path]:
-    """Return the files of all modules of the houses that a notebook imports, and those they do.
+    """Return the files of the project's modules that a notebook imports, directly or not.
 
-    A package that is only on the way to a module is read; what it loads on demand is not followed.
+    Packages above a module are included, but imports that they make on demand are not followed.
     """
     read = nbformat.read(notebook, as_version=4)  # type: ignore[no-untyped-call] # untyped
     cells = [cell.source for cell in read.cells if cell.cell_type == "code"]
     waiting = [SHOWS, *_imported("\n".join(cells))]
-    found: set[Path] = set()
+    files: set[Path] = set()
     while waiting:
         name = waiting.pop()
         path = _file(name, sources)
-        if path is None or path in found:
+        if path is None or path in files:
             continue
-        found.add(path)
+        files.add(path)
         above = name.split(".")[:-1]
         waiting += [".".join(above[:n]) for n in range(2, len(above) + 1)]
         if above:
-            found.add(sources / above[0] / "__init__.py")
+            files.add(sources / above[0] / "__init__.py")
         waiting += _imported(path.read_text("utf-8"))
-    return found
+    return files
 
 
 def _file(name: str, sources: Path) -> Path | None:
-    """Return the file of a module, or None for a name that is none."""
+    """Return the file of a module, or None where the name is no module."""
     base = sources.joinpath(*name.split("."))
     return next((p for p in (base.with_suffix(".py"), base / "__init__.py") if p.is_file()), None)
 
 
 @cache
 def _imported(source: str) -> tuple[str, ...]:
-    """Return what may be names of modules of the houses in the imports of a source."""
-    found: list[str] = []
+    """Return possible names of the project's modules in the imports of a source."""
+    candidates: list[str] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -257,8 +257,8 @@ def _imported(source: str) -> tuple[str, ...]:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         else:
             continue
-        found += (name for name in names if name.partition(".")[0] in HOUSES)
-    return tuple(found)
+        candidates += (name for name in names if name.partition(".")[0] in HOUSES)
+    return tuple(candidates)
 
 
 # --- The way of the notebooks: every stage by its notebook, executed with parameters
@@ -273,7 +273,7 @@ GIVEN = {"flight_path", "pictures_path", "results_path", "calibration_path"}
 
 @dataclass(frozen=True, kw_only=True)
 class Notebooks:
-    """Stages run by their notebooks; the notebook of the flight, which only shows it, comes first.
+    """Stages run by their notebooks, after the notebook that shows the flight.
 
     Attributes
     ----------
@@ -289,7 +289,7 @@ class Notebooks:
     def steps(
         self, flight: Flight, folder: Path, stages: Sequence[str], calibration: str
     ) -> dict[str, Step]:
-        """Return what runs each stage, as `runner.Way` has it.
+        """Return the step of each stage, as `runner.Way` requires.
 
         Raises
         ------
@@ -298,14 +298,14 @@ class Notebooks:
         FileNotFoundError
             A notebook is not there.
         """
-        given = {
+        parameters = {
             **self.parameters,
             "flight_path": str(folder / provenance.KEPT),
             "pictures_path": str(flight.path),
             "calibration_path": calibration,
         }
         notebooks = {stage: self._notebook(stage) for stage in ("flight", *stages)}
-        values = {s: with_defaults(path, given) for s, path in notebooks.items()}
+        values = {s: with_defaults(path, parameters) for s, path in notebooks.items()}
         _check_known(self.parameters, values)
         if calibration and "calibration_path" not in values.get("validation", {}):
             msg = f"{notebooks['validation'].stem}: has no parameter calibration_path"
@@ -320,10 +320,10 @@ class Notebooks:
         return notebook
 
 
-def _check_known(given: Mapping[str, Any], values: Mapping[str, Mapping[str, Any]]) -> None:
+def _check_known(parameters: Mapping[str, Any], values: Mapping[str, Mapping[str, Any]]) -> None:
     known = {name for of_one in values.values() for name in of_one} - GIVEN
-    if given.keys() - known:
-        unknown = ", ".join(sorted(given.keys() - known))
+    if parameters.keys() - known:
+        unknown = ", ".join(sorted(parameters.keys() - known))
         msg = f"no notebook has a parameter {unknown}; known: {', '.join(sorted(known))}"
         raise ValueError(msg)
 
@@ -334,11 +334,11 @@ def _execute(
     staging: Path,
     on_cell: Callable[[int, int], None],
 ) -> None:
-    """Execute a notebook in a copy of the results; if it fails, it is left in another folder."""
+    """Execute a notebook in a copy of the results; a failed one is kept in the folder `FAILED`."""
     executed = staging / EXECUTED / notebook.name
-    given = {**values, "results_path": str(staging)}
+    parameters = {**values, "results_path": str(staging)}
     try:
-        execute(notebook, executed, parameters=given, on_cell=on_cell)
+        execute(notebook, executed, parameters=parameters, on_cell=on_cell)
     except Acx4Error:
         if executed.is_file():
             executed.parent.rename(staging / FAILED)

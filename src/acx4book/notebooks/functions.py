@@ -46,7 +46,7 @@ class Functions:
         stages: Sequence[str],
         calibration: str,
     ) -> dict[str, Step]:
-        """Return what runs each stage, as `runner.Way` has it."""
+        """Return the step of each stage, as `runner.Way` requires."""
         validate = partial(validation.run, calibration_path=calibration)
         runs: dict[str, Callable[[Flight, Path], object]] = {**RUNS, "validation": validate}
         return {stage: partial(_compute, runs[stage], flight) for stage in stages}
@@ -85,10 +85,10 @@ def prepare(
     design: str = "acx4",
     stages: Sequence[str] = (),
 ) -> None:
-    """Simulate the flight of the book where there is none, and run the stages that come before.
+    """Simulate the flight of the book where it is missing, and run the earlier stages.
 
-    What is there already stays as it is: a flight of one's own, and results of an earlier run. The
-    stages before are those of the flight that is given, and only the book's flight is simulated.
+    An existing flight and results of an earlier run stay as they are. The earlier
+    stages are those of the given flight; only the book's flight is simulated.
 
     Parameters
     ----------

@@ -94,8 +94,8 @@ def execute(
     its.close()
     index = 0
     try:
-        while isinstance(told := ours.recv(), int):
-            index = told
+        while isinstance(message := ours.recv(), int):
+            index = message
             on_cell(index)
     except EOFError:
         process.join()
@@ -104,12 +104,12 @@ def execute(
         process.kill()
         process.join()
         ours.close()
-    if told:
-        raise Failed(index, *told)
+    if message:
+        raise Failed(index, *message)
 
 
 def _ended(status: int | None) -> str:
-    """Return how a process ended, whose exit status is negative if a signal ended it."""
+    """Describe the end of a process; a negative exit status is the number of a signal."""
     if status is not None and status < 0:
         return f"its process was ended by signal {-status} ({signal.strsignal(-status)})"
     return f"its process ended with status {status}"
@@ -142,15 +142,15 @@ def _run(
 
 
 def _alone(home: str) -> None:
-    """Free a copied process from what was set in the one that it is a copy of."""
+    """Reset the state that a copied process inherits: signals, streams, paths and figures."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
     system.hear_interruptions()
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in range(3):
         os.dup2(nowhere, stream)
-    here = {"", str(Path.cwd())}
-    sys.path[:] = [folder for folder in sys.path if folder not in here]
+    working_folders = {"", str(Path.cwd())}
+    sys.path[:] = [folder for folder in sys.path if folder not in working_folders]
     os.environ["IPYTHONDIR"] = home
     plt.close("all")  # figures that it left open would be shown under the first cell that draws
     TextDisplayObject.__init__ = _of_text  # type: ignore[method-assign,assignment] # IPython's
@@ -208,7 +208,7 @@ class Interpreter(Engine):
 
 
 class Whole(LocalHandler):
-    """How papermill writes a notebook: whole or not at all."""
+    """Writer for papermill: a notebook is written whole or not at all."""
 
     def write(self, buf: str, path: str) -> None:
         """Write a notebook."""

@@ -1,6 +1,6 @@
 """Runs of a flight, stage after stage, in one of two ways; their results are kept.
 
-A way runs a stage by its notebook (`executed`) or by its function alone (`functions`), in a copy of
+A way runs a stage by its notebook (`execute`) or by its function alone (`functions`), in a copy of
 the results folder, beside it; only a stage without errors changes the folder.
 """
 
@@ -30,16 +30,16 @@ Tell = Callable[[str, int, int], None]
 """It is called with the stage, the number of its finished parts, and of all its parts."""
 
 Step = Callable[[Path, Callable[[int, int], None]], None]
-"""What runs a stage in a copy of the results, whose folder it is given, and tells the progress."""
+"""Function that runs a stage in a copy of the results, in a given folder, with its progress."""
 
 
 class Way(Protocol):
-    """How the stages of a flight are run."""
+    """A way to run the stages of a flight."""
 
     def steps(
         self, flight: Flight, folder: Path, stages: Sequence[str], calibration: str
     ) -> dict[str, Step]:
-        """Return what runs each of these stages, and shows the flight, in their order.
+        """Return the steps that show the flight and run each of these stages, in their order.
 
         Parameters
         ----------
@@ -142,18 +142,22 @@ def run(
     flight = reader.read(flight_path)
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
     ran = order.ordered(flight, [stage for stage in wanted if stage not in skipped])
-    told = _earlier(calibration, flight) if str(calibration) else None
+    earlier_results = _earlier(calibration, flight) if str(calibration) else None
     steps = way.steps(flight, folder, ran, str(calibration))
-    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
-        provenance.check_calibration(own.path, stages, told)
-        provenance.prepare(own, flight, stages, skipped=skipped)
-        own.remove(name for stage in {"flight"} - steps.keys() for name in provenance.beside(stage))
+    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as claimed:
+        provenance.check_calibration(claimed.path, stages, earlier_results)
+        provenance.prepare(claimed, flight, stages, skipped=skipped)
+        claimed.remove(
+            name for stage in {"flight"} - steps.keys() for name in provenance.beside(stage)
+        )
         ends = {stage for stage in steps if order.is_end(flight, stage)}
         del flight  # a notebook reads it in its own process
-        done, failed = _run_steps(steps, ends, own, tell, told)
+        done, failed = _run_steps(steps, ends, claimed, tell, earlier_results)
     return RunOutcome(
         ran=ran,
-        skipped=tuple(f"{s}: skipped, {why}" for s, why in skipped.items() if why != order.NO_RIG),
+        skipped=tuple(
+            f"{s}: skipped, {cause}" for s, cause in skipped.items() if cause != order.NO_RIG
+        ),
         not_determined=(*wrong(folder, done), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
         notes=tuple(line for key in NOTED for line in _messages(folder, done, key, done)),
@@ -161,7 +165,7 @@ def run(
 
 
 def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
-    """Return what is said of the results of an earlier flight."""
+    """Return the summary of the results of an earlier flight."""
     from acx4lib.results import earlier  # noqa: PLC0415 loads what adjusts
 
     return earlier.read(calibration, flight).told
@@ -170,17 +174,17 @@ def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
 def _run_steps(
     steps: Mapping[str, Step],
     ends: Container[str],
-    own: OwnFolder,
+    claimed: OwnFolder,
     tell: Tell,
-    told: Mapping[str, object] | None,
+    earlier_results: Mapping[str, object] | None,
 ) -> tuple[list[str], list[str]]:
-    """Run the stages; return those that ran, and the errors that stopped one that is an end."""
+    """Run the stages; return those that ran, and errors of stages that no later one needs."""
     done: list[str] = []
     failed: list[str] = []
     try:
         for stage, step in steps.items():
             try:
-                with provenance.replaced(own, stage, calibration=told) as staging:
+                with provenance.replaced(claimed, stage, calibration=earlier_results) as staging:
                     step(staging, partial(tell, stage))
                 done.append(PART_OF.get(stage, stage))
             except AdjustmentError as error:
@@ -188,14 +192,14 @@ def _run_steps(
                     raise
                 failed += str(error).splitlines()
     except Acx4Error as error:
-        for line in wrong(own.path, done):
+        for line in wrong(claimed.path, done):
             error.add_note(line)
         raise
     return done, failed
 
 
 def parts_of(stages: Sequence[str]) -> tuple[str, ...]:
-    """Return what is run of some stages, by the names of `NOTEBOOKS`, in their order.
+    """Return the parts of some stages, by the names of `NOTEBOOKS`, in their order.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Plans and the simulator, which reads none.
+"""Plans of a flight, translated to plans of the simulator and back.
 
 A plan as it takes it, and the plan of a design of it.
 """
@@ -36,7 +36,7 @@ from acx4tools.planning.plan import PlannedBlock, settings
 
 
 def is_plan(name: str) -> bool:
-    """Tell whether a name is that of a plan's file."""
+    """Tell whether a name is a plan's file."""
     return Path(name).suffix == ".toml"
 
 
@@ -154,7 +154,7 @@ def _synthetic(plan: Plan) -> dict[str, Any]:
 
 
 def _is_real(plan: Plan, name: str) -> bool:
-    """Tell whether a camera has true parameters: not the one that heads make."""
+    """Tell whether a camera has true parameters; a synthetic camera made of heads has none."""
     return not (plan.measured_in_heads and name == plan.synthetic)
 
 
@@ -350,7 +350,7 @@ def _simulated(plan: FlightPlan) -> Plan:
 
 
 def _beyond(plan: FlightPlan) -> list[str]:
-    """Return what a plan asks for and the simulator does not have, a line each."""
+    """Return the features of a plan that the simulator does not have, a line each."""
     out = []
     if plan.setup.grid.heights != "ellipsoidal":
         out.append("heights: a simulated flight has ellipsoidal heights; plan it with those")
@@ -365,13 +365,13 @@ def _beyond(plan: FlightPlan) -> list[str]:
 
 
 def _slow(apriori: Mapping[str, float]) -> SlowErrors | None:
-    """Return the errors that change slowly, as a plan has them; None where all are white."""
-    given = {}
-    for of in ("gnss", "attitude"):
-        given[of] = float(apriori.get(f"{of}_correlated_share", 0.0))
-        if given[of] > 0:
-            given[f"{of}_constant_s"] = float(apriori[f"{of}_correlation_s"])
-    return SlowErrors(**given) if any(given.values()) else None
+    """Return the slowly changing errors of a plan; None where all are white."""
+    errors = {}
+    for sensor in ("gnss", "attitude"):
+        errors[sensor] = float(apriori.get(f"{sensor}_correlated_share", 0.0))
+        if errors[sensor] > 0:
+            errors[f"{sensor}_constant_s"] = float(apriori[f"{sensor}_correlation_s"])
+    return SlowErrors(**errors) if any(errors.values()) else None
 
 
 def _camera(camera: PlannedCamera) -> Camera:
@@ -399,7 +399,7 @@ def _approximate(values: Mapping[str, Any], name: str) -> dict[str, float]:
 
 def _to_simulator_block(plan: FlightPlan, block: PlannedBlock) -> BlockPlan:
     """Return a block; only a validation has points of its own."""
-    own = block.name == "validation"
+    has_points = block.name == "validation"
     points, frame = block.points, plan.frame(block.name)
     target_px = points.sigma_px or plan.setup.apriori.image_point_px
     area = block.area
@@ -428,7 +428,7 @@ def _to_simulator_block(plan: FlightPlan, block: PlannedBlock) -> BlockPlan:
         tie_places=_doubles(flown.over(plan, block.name).tie_places())
         if block.tie_points
         else None,
-        targets=_doubles(plans.places(points)) if own else np.empty((0, 2)),
+        targets=_doubles(plans.places(points)) if has_points else np.empty((0, 2)),
         target_m=points.sigma_m,
         target_px=(target_px, target_px),
     )
