@@ -1,4 +1,4 @@
-"""Errata of the paper: 22 findings on how its numbers, units and words go together.
+"""Errata of the paper: 22 findings on the agreement of its numbers, units and words.
 
 The text of the findings is in ``errata.md``. Every number in it is computed here from the
 transcribed tables (`acx4book.paper.printed`); three findings say more with the results of a run.
@@ -71,7 +71,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """What findings take from a run; without one they say less.
+    """Numbers of a run that findings use; empty without a run.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def _finding(heading: str, text: str, run: Run) -> Finding:
 
 
 def errata(findings: Sequence[Finding]) -> pd.DataFrame:
-    """Return what is misprinted, contradictory or open: a table of the findings, kind by kind."""
+    """Return the misprints, contradictions and open questions as a table, kind by kind."""
     kinds = (CONTRADICTION, OPEN, MISPRINT)
     wrong = [finding for finding in findings if finding.kind in kinds]
     return _table(sorted(wrong, key=lambda finding: kinds.index(finding.kind)))
@@ -134,12 +134,12 @@ def consistent(findings: Sequence[Finding]) -> pd.DataFrame:
 def _table(findings: Sequence[Finding]) -> pd.DataFrame:
     """Return findings as a table: number, kind, place, paper, computed, verdict."""
     columns = [*Finding.__dataclass_fields__]
-    found = pd.DataFrame([asdict(finding) for finding in findings], columns=columns)
-    return marked(found.rename(columns={"printed": "paper"}))
+    table = pd.DataFrame([asdict(finding) for finding in findings], columns=columns)
+    return marked(table.rename(columns={"printed": "paper"}))
 
 
 def answer(findings: Sequence[Finding]) -> str:
-    """Return sentences on how many findings of each kind there are, and where numbers disagree."""
+    """Return sentences on the number of findings of each kind, and the places that disagree."""
     n = Counter(finding.kind for finding in findings)
     against = dict.fromkeys(f.place for f in findings if f.kind == CONTRADICTION)
     return (
@@ -154,7 +154,7 @@ def answer(findings: Sequence[Finding]) -> str:
 
 
 def read_run(results_path: str | Path) -> Run:
-    """Read what findings take from a run.
+    """Read the numbers of a run that findings use.
 
     Parameters
     ----------
@@ -172,13 +172,13 @@ def read_run(results_path: str | Path) -> Run:
     if not kept.is_dir():
         return Run(correlations=_largest_correlations(folder.read(results_path)))
     flight = read_kept(kept)
-    found = agreement.read(results_path, flight)
+    stored = agreement.read(results_path, flight)
     if not paper.applies(flight):
-        return Run(correlations=_largest_correlations(found))
+        return Run(correlations=_largest_correlations(stored))
     return Run(
-        correlations=_largest_correlations(found),
-        absorbed=absorbed_of_run(flight, found),
-        predicted_m=_predicted(found),
+        correlations=_largest_correlations(stored),
+        absorbed=absorbed_of_run(flight, stored),
+        predicted_m=_predicted(stored),
     )
 
 
@@ -208,22 +208,22 @@ def absorbed_of_run(flight: Flight, found: folder.Results) -> Absorption | None:
     return absorption(mounting.calibrate(flight, block).mountings)
 
 
-def _largest_correlations(found: folder.Results) -> dict[str, float]:
+def _largest_correlations(stored: folder.Results) -> dict[str, float]:
     """Return the optional objects ``largest_correlations`` of ``heads/bundle/...``."""
     stage = "heads/bundle/"
     return {
         f"{name.removeprefix(stage)} {pair}": float(correlation)
-        for name, entry in found.summary.items()
+        for name, entry in stored.summary.items()
         if name.startswith(stage) and isinstance(pairs := entry.get("largest_correlations"), dict)
         for pair, correlation in pairs.items()
     }
 
 
-def _predicted(found: folder.Results) -> Array | None:
-    """Return the RMS that is predicted over all pairs of the single step; None without any."""
-    if "validation/single_step" not in found.summary:
+def _predicted(stored: folder.Results) -> Array | None:
+    """Return the predicted RMS over all pairs of the single step, (3,), m; None without pairs."""
+    if "validation/single_step" not in stored.summary:
         return None
-    pairs = folder.rows(found, "validation", "validation/single_step")
+    pairs = folder.rows(stored, "validation", "validation/single_step")
     sigma = pairs[["sigma_east_m", "sigma_north_m", "sigma_height_m"]].to_numpy(dtype=float)
     return np.sqrt(np.mean(sigma**2, axis=0)) if len(sigma) else None
 
@@ -269,11 +269,11 @@ def _exponents() -> Values:
 
 def _literal(as_printed: str) -> float:
     """Return a printed coefficient with the sign of its exponent as printed."""
-    found = re.match(r"(-?[\d.]+)\^(-?\d+)", as_printed)
-    if found is None:
+    match = re.match(r"(-?[\d.]+)\^(-?\d+)", as_printed)
+    if match is None:
         msg = f"not a printed power of ten: {as_printed!r}"
         raise ValueError(msg)
-    return float(found[1]) * 10.0 ** int(found[2])
+    return float(match[1]) * 10.0 ** int(match[2])
 
 
 def _units() -> Values:
@@ -422,16 +422,16 @@ def _focal_lengths_of_heads() -> Array:
 def _focal_length() -> Values:
     """Item 7: two nominal focal lengths."""
     nominal, fixed = paper.statement("head_f_nominal_mm"), paper.statement("head_f_fixed_mm")
-    given = 100 * np.array([paper.statement(f"block_1_{k}_gsd_m") for k in ("high", "low")])
+    printed_cm = 100 * np.array([paper.statement(f"block_1_{k}_gsd_m") for k in ("high", "low")])
     pixels = {_whole(f): 100 * np.array(_ground_pixels_m(f)) for f in (nominal, fixed)}
     return {
         "nominal": _whole(nominal),
         "fixed": _whole(fixed),
-        "given": given,
+        "given": printed_cm,
         "pixels": list(pixels.items()),
         "synthetic": paper.value(3, "f_mm", "single_step"),
         "heads": _focal_lengths_of_heads(),
-        "missed": [np.abs(both - given).max() for both in pixels.values()],
+        "missed": [np.abs(computed - printed_cm).max() for computed in pixels.values()],
     }
 
 
@@ -535,8 +535,8 @@ def _boresight_sigmas() -> list[list[float]]:
 
 def _scatter_ratios() -> tuple[float, float, float]:
     """Compute ratios of boresight standard deviations: two-step over single-step."""
-    two, one = _boresight_sigmas()
-    omega, phi, kappa = (a / b for a, b in zip(two, one, strict=True))
+    two, single = _boresight_sigmas()
+    omega, phi, kappa = (a / b for a, b in zip(two, single, strict=True))
     return omega, phi, kappa
 
 
@@ -549,15 +549,15 @@ def _angle_sigmas() -> Values:
 
 def _variance_factors() -> Values:
     """Item 13: a posteriori variances in different units of weight."""
-    two, one = (paper.value(3, "sigma0_squared", method) for method in paper.METHODS)
+    two, single = (paper.value(3, "sigma0_squared", method) for method in paper.METHODS)
     heads = np.array([paper.value(1, "sigma0_squared", head) for head in paper.HEADS])
     return {
         "two_step": two,
-        "single_step": one,
+        "single_step": single,
         "heads": heads,
         "of_heads": np.sqrt(heads),
-        "root": np.sqrt(one),
-        "root_px": np.sqrt(one) / paper.pixel_mm("SYN"),
+        "root": np.sqrt(single),
+        "root_px": np.sqrt(single) / paper.pixel_mm("SYN"),
         "too_large": 1 / np.sqrt(heads).mean(),
     }
 
@@ -576,7 +576,7 @@ def lever_arm_in_interior(absorbed: Absorption | None = None) -> pd.DataFrame:
 
     At one flying height H a lever arm (x, y, z) has the effect of (-x, -y) f/H in the principal
     point and of -z f/H in the focal length, because body and image axes are nearly parallel. Over
-    two heights least squares says what the effect is.
+    two heights the effect follows by least squares.
 
     Parameters
     ----------
@@ -607,13 +607,13 @@ def lever_arm_in_interior(absorbed: Absorption | None = None) -> pd.DataFrame:
 
 
 def _at_mean_height(name: str, lever: str) -> dict[str, object]:
-    two, one = (paper.value(3, name, method) for method in paper.METHODS)
-    at_ground = _mean_height() / paper.value(3, "f_mm", "single_step") * (two - one)
+    two, single = (paper.value(3, name, method) for method in paper.METHODS)
+    at_ground = _mean_height() / paper.value(3, "f_mm", "single_step") * (two - single)
     lever_m = paper.value(3, lever, "single_step")
     return {
         "parameter": name,
-        "shift_mm": two - one,
-        "shift_in_sigma": abs(two - one) / paper.sigma(3, name, "single_step"),
+        "shift_mm": two - single,
+        "shift_in_sigma": abs(two - single) / paper.sigma(3, name, "single_step"),
         "at_ground_m": at_ground,
         "lever": lever,
         "lever_m": lever_m,
@@ -628,18 +628,18 @@ def _mean_height() -> float:
 
 def lever_arm_table(absorbed: Absorption | None = None) -> pd.DataFrame:
     """Return the comparison of `lever_arm_in_interior` as a table for readers."""
-    found = lever_arm_in_interior(absorbed)
+    comparison = lever_arm_in_interior(absorbed)
     columns = {
-        "Difference (mm)": (found["shift_mm"], "+.4f"),
-        "Lever arm (m)": (found["lever_m"], "+.3f"),
-        "At the mean height (m)": (found["at_ground_m"], "+.3f"),
-        "Sum (mm)": (1e3 * found["sum_m"], "+.0f"),
+        "Difference (mm)": (comparison["shift_mm"], "+.4f"),
+        "Lever arm (m)": (comparison["lever_m"], "+.3f"),
+        "At the mean height (m)": (comparison["at_ground_m"], "+.3f"),
+        "Sum (mm)": (1e3 * comparison["sum_m"], "+.0f"),
     }
     if absorbed is not None:
         columns |= {
-            "Expected (mm)": (found["expected_mm"], "+.4f"),
-            "Effective height (m)": (found["height_m"], ".0f"),
-            "Sum at that height (mm)": (1e3 * found["sum_effective_m"], "+.0f"),
+            "Expected (mm)": (comparison["expected_mm"], "+.4f"),
+            "Effective height (m)": (comparison["height_m"], ".0f"),
+            "Sum at that height (mm)": (1e3 * comparison["sum_effective_m"], "+.0f"),
         }
     names = [(LABELS[name], LABELS[lever]) for name, lever in LEVER_ARM.items()]
     return pd.DataFrame(
@@ -683,16 +683,16 @@ def _listed(values: Iterable[float], spec: str) -> Markup:
 
 def _phi_difference() -> Values:
     """Item 15: the boresight φ of the two methods."""
-    two, one = (paper.value(3, "boresight_phi_deg", method) for method in paper.METHODS)
+    two, single = (paper.value(3, "boresight_phi_deg", method) for method in paper.METHODS)
     sigma_two, sigma_one = (paper.sigma(3, "boresight_phi_deg", m) for m in paper.METHODS)
     combined = np.hypot(sigma_two / np.sqrt(paper.statement("block_2_images")), sigma_one)
-    difference = abs(two - one)
+    difference = abs(two - single)
     height, f = paper.statement("block_3_m"), paper.value(3, "f_mm", "single_step")
     shift = abs(float(lever_arm_in_interior()["shift_mm"]["xp_mm"]))
     tangent = np.tan(np.radians(difference))
     return {
         "two_step": _listed([two], ".5f"),
-        "single_step": _listed([one], ".5f"),
+        "single_step": _listed([single], ".5f"),
         "difference": difference,
         "in_sigma": difference / sigma_one,
         "in_both": difference / combined,
@@ -727,7 +727,7 @@ def _uncovered() -> tuple[float, float]:
 
 
 def _sees(head: str, xy: Array, R_s_h: Array) -> Mask:
-    """Tell which points of the synthetic image lie on the sensor of a head with given axes."""
+    """Mark the points of the synthetic image on the sensor of a head with given axes."""
     interior = paper.interior(1, head)
     x_h = (np.column_stack([xy, np.zeros(len(xy))]) - paper.centre_mm(head)) @ R_s_h
     ideal = -interior.f * x_h[:, :2] / x_h[:, 2:]
@@ -809,9 +809,9 @@ def _map_scales() -> Values:
     """Item 20: map scales without an accuracy class."""
     small, large = (int(paper.statement(f"{size}_scale")) for size in ("smallest", "largest"))
     texts = [
-        f"1:{scale} {' or '.join(both['plan'].unique())} in plan,"
-        f" {' or '.join(both['height'].unique())} in height"
-        for scale, both in _map_scale_classes((large, small)).groupby("scale")
+        f"1:{scale} {' or '.join(group['plan'].unique())} in plan,"
+        f" {' or '.join(group['height'].unique())} in height"
+        for scale, group in _map_scale_classes((large, small)).groupby("scale")
     ]
     printed = _printed_accuracy("two_step")
     sigma = from_summary(printed.n, mean=printed.mean, std=printed.std, rms=printed.std)
@@ -836,8 +836,8 @@ def _attitude_budget_m(side: str) -> tuple[float, float, float]:
 def _error_budget(run: Run) -> Values:
     """Item 21: errors predicted from the accuracy of the trajectory, and those of a run."""
     sides = ("width_mm", "height_mm")
-    found = {side: _attitude_budget_m(side) for side in sides}
-    plan = found["width_mm"][0]
+    budgets = {side: _attitude_budget_m(side) for side in sides}
+    plan = budgets["width_mm"][0]
     east, up = (paper.value(4, f"rms_{axis}_m", "two_step") for axis in ("east", "height"))
     gnss = np.array([paper.statement("gnss_best_m"), paper.statement("gnss_worst_m")])
     with_positions = np.hypot(plan, gnss)
@@ -847,7 +847,7 @@ def _error_budget(run: Run) -> Values:
             "mm": paper.value(2, side, "SYN"),
             "ratio": ratio,
         }
-        for side, (_, ratio, height) in found.items()
+        for side, (_, ratio, height) in budgets.items()
     }
     values |= {
         "gnss": gnss,
@@ -886,7 +886,7 @@ def _wording() -> Values:
 
 
 def numbers(number: int, run: Run = Run()) -> Values:
-    """Return what is computed for a finding, by its number: values by their names in the text."""
+    """Return the computed values of a finding, given by its number, by their names in the text."""
     return _NUMBERS[number](run)
 
 
@@ -914,7 +914,7 @@ _NUMBERS: Mapping[int, Callable[[Run], Values]] = {
     21: _error_budget,
     22: lambda _: _wording(),
 }
-"""What is computed for each finding, from what a run says."""
+"""Computed values of each finding, from the numbers of a run."""
 
 
 # --- further checks of the paper, which agree
@@ -965,11 +965,12 @@ def _synthetic_ground_pixels() -> Agreement:
     """Compute the ground pixels of blocks 2 and 3."""
     s = paper.statement
     names = ("block_2_low", "block_2_high", "block_3")
-    given = [f"{100 * s(f'{name}_gsd_m'):.0f}" for name in names]
+    printed_cm = [f"{100 * s(f'{name}_gsd_m'):.0f}" for name in names]
     scale = paper.pixel_mm("SYN") / paper.value(3, "f_mm", "single_step")
     return (
         "3.2, 4.3",
-        f"ground pixels {given[0]} and {given[1]} cm in block 2, {given[2]} cm in block 3",
+        f"ground pixels {printed_cm[0]} and {printed_cm[1]} cm in block 2, {printed_cm[2]} cm in "
+        "block 3",
         ", ".join(f"{100 * scale * s(f'{name}_m'):.1f}" for name in names)
         + " cm, by the pixels of the synthetic image",
     )
@@ -1088,8 +1089,8 @@ def lever_arm(absorbed: Absorption | None = None) -> Figure:
     table = lever_arm_in_interior(absorbed)
     bars = {"at the mean flying height": (table["at_ground_m"], style.SOFT)}
     if absorbed is not None:
-        seen = table["sum_effective_m"] - table["lever_m"]
-        bars["at the effective heights"] = (seen, style.ORANGE)
+        shift_m = table["sum_effective_m"] - table["lever_m"]
+        bars["at the effective heights"] = (shift_m, style.ORANGE)
     bars["lever arm of the single step, sign changed"] = (-table["lever_m"], style.BLUE)
     place, width = np.arange(len(table)), 0.8 / len(bars)
     with style.applied():

@@ -1,4 +1,4 @@
-"""The numbers that the paper prints: Tables 1-4 and the checked statements of its text.
+"""The paper's printed numbers: Tables 1-4 and the checked statements of its text.
 
 They were transcribed once, into `data/paper`; no other file repeats them. Parameters have the
 names of a run's results (`parameters.csv`), so that both can be joined.
@@ -75,7 +75,7 @@ def statements() -> pd.DataFrame:
 
 
 def value(number: int, parameter: str, column: str) -> float:
-    """Return one printed value; NaN where the paper says ND.
+    """Return one printed value; NaN where the paper prints ND.
 
     Parameters
     ----------
@@ -100,17 +100,17 @@ def printed(number: int, parameter: str, column: str) -> str:
 def shown(number: int, parameter: str, column: str) -> Markup:
     """Return a value of a table, with its standard deviation, to the digits of the print.
 
-    Powers of ten are those that are read: ``2.57·10⁻⁷ ± 2.14·10⁻⁸`` is printed as ``2.57^07 +/-
+    Powers of ten are corrected: ``2.57·10⁻⁷ ± 2.14·10⁻⁸`` is printed as ``2.57^07 +/-
     2.14^08``. ND is what the paper did not determine.
     """
     row = _row(number, parameter, column)
     numbers = [row["value"], row["sigma"]]
-    found = [digits(row["as_printed"], number) for number in numbers if np.isfinite(number)]
-    return Markup(" ± ".join(found) or "ND")
+    texts = [digits(row["as_printed"], number) for number in numbers if np.isfinite(number)]
+    return Markup(" ± ".join(texts) or "ND")
 
 
 def digits(as_printed: str, number: float) -> str:
-    """Return a number to the digits that it has in a printed cell, with a power of ten if any.
+    """Return a number with the digits of its printed cell, and a power of ten if it has one.
 
     Raises
     ------
@@ -129,21 +129,21 @@ def digits(as_printed: str, number: float) -> str:
 @cache
 def _row(number: int, parameter: str, column: str) -> pd.Series:
     rows = table(number)
-    found = rows[(rows["parameter"] == parameter) & (rows["column"] == column)]
-    if len(found) != 1:
+    matches = rows[(rows["parameter"] == parameter) & (rows["column"] == column)]
+    if len(matches) != 1:
         msg = f"Table {number} has no parameter {parameter!r} in a column {column!r}"
         raise ValueError(msg)
-    return found.iloc[0]
+    return matches.iloc[0]
 
 
 def statement(name: str) -> float:
     """Return the number of one statement of the text, in the unit given by `statements`."""
     rows = statements()
-    found = rows.loc[rows["statement"] == name, "value"]
-    if len(found) != 1:
+    matches = rows.loc[rows["statement"] == name, "value"]
+    if len(matches) != 1:
         msg = f"no statement {name!r} of the paper is transcribed"
         raise ValueError(msg)
-    return float(found.iloc[0])
+    return float(matches.iloc[0])
 
 
 def interior(number: int, column: str) -> Interior:
@@ -242,7 +242,7 @@ def columns(
 
 
 def heads(flight: Flight, table: pd.DataFrame) -> pd.DataFrame:
-    """Return what Table 1 prints of the heads, to be joined to a table of the same parameters.
+    """Return the heads' values of Table 1, to be joined to a table of the same parameters.
 
     Parameters
     ----------
@@ -268,13 +268,13 @@ def heads(flight: Flight, table: pd.DataFrame) -> pd.DataFrame:
         "apart (σ)": off_heads(flight, table).abs() / combined,
         "σ over the paper's": table["sigma"] / spreads,
     }
-    found = pd.DataFrame(beside, index=table.index).dropna(axis=1, how="all")
-    found.attrs["formats"] = {"apart (σ)": ".1f", "σ over the paper's": ".1f"}
-    return found
+    compared = pd.DataFrame(beside, index=table.index).dropna(axis=1, how="all")
+    compared.attrs["formats"] = {"apart (σ)": ".1f", "σ over the paper's": ".1f"}
+    return compared
 
 
 def off_heads(flight: Flight, table: pd.DataFrame) -> pd.Series:
-    """Return by how much the values of a table are off those that Table 1 prints of the heads.
+    """Return the values of a table less the heads' values of Table 1.
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ def _of_table_1(table: pd.DataFrame) -> list[tuple[str, str]]:
 
 
 def of_heads(flight: Flight, parameter: str) -> pd.Series:
-    """Return what Table 1 prints of one parameter, by head; empty for other cameras.
+    """Return one parameter as Table 1 prints it, by head; empty for other cameras.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ def of_heads(flight: Flight, parameter: str) -> pd.Series:
 
 
 def _words(name: str) -> str:
-    """Return the name of a parameter in results as a calibration's table has it."""
+    """Return the name of a results file's parameter in a calibration's table."""
     words = re.sub(r"_(mm|m|deg)$", "", name).replace("_", " ")
     for word, letter in (("omega", "ω"), ("phi", "φ"), ("kappa", "κ")):
         words = words.replace(word, letter)
@@ -324,7 +324,7 @@ def _words(name: str) -> str:
 
 
 def _sign(unit: str) -> str:
-    """Return a unit of results files as a calibration's table has it."""
+    """Return the sign of a results file's unit in a calibration's table."""
     if unit == "deg":
         return "°"
     return re.sub(r"\^(-\d)", lambda m: m[1].translate(SUPERSCRIPTS), unit)
@@ -339,7 +339,7 @@ def _cell(number: int, parameter: str, column: str, part: str) -> str:
 
 
 def differences(number: int, column: str, other: str, parameters: Sequence[str]) -> list[float]:
-    """Return by how much the printed values of one column differ from those of another."""
+    """Return the printed values of one column less those of another."""
     return [value(number, p, column) - value(number, p, other) for p in parameters]
 
 
@@ -414,7 +414,7 @@ HARDLY = ("mean_east_m", "mean_north_m", "mean_height_m")
 
 
 def sentence(card: pd.DataFrame) -> str:
-    """Say how many of the printed numbers have which role, and which of them are evidence.
+    """Write the counts of printed numbers by role, and those that are evidence.
 
     Parameters
     ----------

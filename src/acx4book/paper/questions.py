@@ -152,8 +152,8 @@ def answers(executed: Path) -> dict[str, list[str]]:
         Folder of executed notebooks.
     """
     return {
-        one.chapter: _answer_of(executed / f"{one.chapter}.ipynb") or [UNANSWERED]
-        for one in QUESTIONS
+        question.chapter: _answer_of(executed / f"{question.chapter}.ipynb") or [UNANSWERED]
+        for question in QUESTIONS
     }
 
 
@@ -189,31 +189,41 @@ def text(
     beside_print : bool
         Whether the flight has the paper's cameras, so that its answers stand beside the paper's.
     """
-    both = {one.chapter: _beside(one.chapter, found, ideal or {}) for one in QUESTIONS}
-    whole = [_section(i, one, both, beside_print) for i, one in enumerate(QUESTIONS, 1)]
+    paragraphs = {
+        question.chapter: _beside(question.chapter, found, ideal or {}) for question in QUESTIONS
+    }
+    whole = [
+        _section(i, question, paragraphs, beside_print) for i, question in enumerate(QUESTIONS, 1)
+    ]
     return "\n\n".join(whole) + "\n"
 
 
 def _beside(
-    chapter: str, found: Mapping[str, Sequence[str]], ideal: Mapping[str, Sequence[str]]
+    chapter: str, flown: Mapping[str, Sequence[str]], ideal: Mapping[str, Sequence[str]]
 ) -> list[str]:
-    """Return the paragraphs of an answer, those of an ideal camera after the flight's own."""
-    own, other = found[chapter], ideal.get(chapter, [])
-    if not other or other == [UNANSWERED]:
-        return list(own)
-    first = f"*With images made of four heads:* {own[0]} *With one ideal camera:* {other[0]}"
-    ideally = [f"*With one ideal camera.* {other[1]}", *other[2:]] if len(other) > 1 else []
-    return [first, *own[1:], *ideally]
+    """Return the paragraphs of an answer, an ideal camera's after the flight's own."""
+    paragraphs, of_ideal = flown[chapter], ideal.get(chapter, [])
+    if not of_ideal or of_ideal == [UNANSWERED]:
+        return list(paragraphs)
+    first = (
+        f"*With images made of four heads:* {paragraphs[0]} *With one ideal camera:* {of_ideal[0]}"
+    )
+    ideally = (
+        [f"*With one ideal camera.* {of_ideal[1]}", *of_ideal[2:]] if len(of_ideal) > 1 else []
+    )
+    return [first, *paragraphs[1:], *ideally]
 
 
 def _section(
-    number: int, one: Question, found: Mapping[str, Sequence[str]], beside_print: bool
+    number: int, question: Question, paragraphs: Mapping[str, Sequence[str]], beside_print: bool
 ) -> str:
-    said = f"**The paper** ({one.sections}). {one.answered()}\n\n" if beside_print else ""
-    ours = "\n\n".join(found[one.chapter])
+    of_paper = (
+        f"**The paper** ({question.sections}). {question.answered()}\n\n" if beside_print else ""
+    )
+    ours = "\n\n".join(paragraphs[question.chapter])
     return (
-        f"## {number}. {one.asked}\n\n{said}**This book.** {ours}\n\n"
-        f"More in {{doc}}`_executed/{one.chapter}`."
+        f"## {number}. {question.asked}\n\n{of_paper}**This book.** {ours}\n\n"
+        f"More in {{doc}}`_executed/{question.chapter}`."
     )
 
 
@@ -222,7 +232,7 @@ def _section(
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """What a run tells of the four questions.
+    """A run's results and answers to the four questions.
 
     Attributes
     ----------
@@ -252,13 +262,13 @@ def side_by_side(four: Told, ideal: Told | None, camera: str) -> str:
     ours = (_sigma_of_heads(four), _quality(four), *_both(four, ideal, camera))
     rows = [
         {
-            "question": one.short,
-            "paper": Markup(said),
-            "this book": Markup(own),
-            "how independent": one.independence,
-            "chapter": Markup(f"{{doc}}`_executed/{one.chapter}`"),
+            "question": question.short,
+            "paper": Markup(paper_text),
+            "this book": Markup(our_text),
+            "how independent": question.independence,
+            "chapter": Markup(f"{{doc}}`_executed/{question.chapter}`"),
         }
-        for one, said, own in zip(QUESTIONS, printed, ours, strict=True)
+        for question, paper_text, our_text in zip(QUESTIONS, printed, ours, strict=True)
     ]
     return myst_table(pd.DataFrame(rows), CAPTION, name="tab-side-by-side") + "\n"
 
@@ -276,8 +286,8 @@ def _sigma_of_heads_printed() -> str:
     )
 
 
-def _sigma_of_heads(told: Told) -> str:
-    rows = folder.rows(told.found, "parameters", "heads/bundle")
+def _sigma_of_heads(run: Told) -> str:
+    rows = folder.rows(run.found, "parameters", "heads/bundle")
     return _between(list(1e3 * rows[rows["parameter"].isin(["xp_mm", "yp_mm"])]["sigma"]))
 
 
@@ -285,9 +295,9 @@ def _quality_printed() -> str:
     return f"residuals of about {printed.statement('synthetic_quality_um'):g} µm"
 
 
-def _quality(told: Told) -> str:
+def _quality(run: Told) -> str:
     """Return the number with which the chapter answers."""
-    sentence = told.answers["02-synthetic-image"][0]
+    sentence = run.answers["02-synthetic-image"][0]
     share = re.search(r"[\d.]+ µm", sentence)
     return f"{share[0]} where heads overlap" if share else UNANSWERED
 
@@ -300,12 +310,14 @@ def _both(four: Told, ideal: Told | None, camera: str) -> tuple[str, str]:
         (_shifts(ideal, camera), _shifts(four, camera, title="")),
         (_rms(ideal), _rms(four, title="")),
     )
-    by_shift, by_rms = (f"{one} (ideal camera); {other} (four heads)" for one, other in pairs)
+    by_shift, by_rms = (
+        f"{of_ideal} (ideal camera); {of_heads} (four heads)" for of_ideal, of_heads in pairs
+    )
     return by_shift, by_rms
 
 
 def _listed(shifts: Sequence[float], title: str) -> str:
-    return f"{title}{', '.join(f'{1e3 * one:+.1f}' for one in shifts)} µm"
+    return f"{title}{', '.join(f'{1e3 * shift:+.1f}' for shift in shifts)} µm"
 
 
 SHIFTS = "two-step less single-step $f$, $x_p$, $y_p$: "
@@ -315,12 +327,12 @@ def _shifts_printed() -> str:
     return _listed(printed.differences(3, "two_step", "single_step", SHIFTED), SHIFTS)
 
 
-def _shifts(told: Told, camera: str, title: str = SHIFTS) -> str:
-    two, one = (
-        folder.parameters(told.found, f"mounting/{method}", camera)["value"]
+def _shifts(run: Told, camera: str, title: str = SHIFTS) -> str:
+    two, single = (
+        folder.parameters(run.found, f"mounting/{method}", camera)["value"]
         for method in (TWO_STEP, "single_step")
     )
-    return _listed([two[name] - one[name] for name in SHIFTED], title)
+    return _listed([two[name] - single[name] for name in SHIFTED], title)
 
 
 SHIFTED = ("f_mm", "xp_mm", "yp_mm")
@@ -337,8 +349,8 @@ def _rms_printed() -> str:
     return _accuracy([printed.value(4, f"rms_{axis}_m", "single_step") for axis in AXES], RMS)
 
 
-def _rms(told: Told, title: str = RMS) -> str:
-    pairs = folder.rows(told.found, "validation", "validation/single_step")
+def _rms(run: Told, title: str = RMS) -> str:
+    pairs = folder.rows(run.found, "validation", "validation/single_step")
     return _accuracy([math.sqrt((pairs[f"d_{axis}_m"] ** 2).mean()) for axis in AXES], title)
 
 
@@ -362,8 +374,8 @@ def small_table_3(runs: Mapping[str, folder.Results], camera: str) -> str:
         ("single-step", "single_step", "single_step"),
     ):
         columns[f"paper, {title}"] = [printed.shown(3, name, column) for name in TABLE_3]
-        for made_of, found in runs.items():
-            ours = folder.parameters(found, f"mounting/{method}", camera)
+        for made_of, results in runs.items():
+            ours = folder.parameters(results, f"mounting/{method}", camera)
             columns[f"{made_of}, {title}"] = [
                 value_and_sigma(ours["value"][name], ours["sigma"][name])
                 if name in ours.index

@@ -22,7 +22,7 @@ from acx4lib.results import folder
 
 LATITUDE_OF_SIGMA = 0.2
 TWO_STEP = "two_step_gnss"
-"""The reading of the two-step method that gives the printed standard deviations."""
+"""The interpretation of the two-step method that gives the printed standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Ours:
 
 
 def _scorecard(
-    found: folder.Results, flight: Flight, *, tables: Collection[int] = (1, 2, 3, 4)
+    results: folder.Results, flight: Flight, *, tables: Collection[int] = (1, 2, 3, 4)
 ) -> pd.DataFrame:
     """Return one row per printed number."""
     rows = []
@@ -51,10 +51,10 @@ def _scorecard(
         if number not in tables:
             continue
         for printed in map(as_printed_row, paper.table(number).to_dict("records")):
-            ours = find(found, flight, printed.parameter, printed.column)
+            ours = find(results, flight, printed.parameter, printed.column)
             rows.append(line(printed, "value", ours))
             if np.isfinite(printed.sigma):
-                spread = _sigma_of(found, flight, number, printed.parameter, printed.column)
+                spread = _sigma_of(results, flight, number, printed.parameter, printed.column)
                 rows.append(line(printed, "sigma", spread))
     return pd.DataFrame([row for row in rows if row is not None])
 
@@ -120,9 +120,9 @@ def line(printed: Printed, what: str, ours: Ours | None) -> dict[str, object] | 
     }
 
 
-def _paper_sigma(printed: Printed, what: str, ours: Ours) -> float:
+def _paper_sigma(printed: Printed, number: str, ours: Ours) -> float:
     """Return the standard deviation of a printed value; for means of Table 4 it is computed."""
-    if what != "value" or not np.isfinite(printed.sigma):
+    if number != "value" or not np.isfinite(printed.sigma):
         return 0.0
     if printed.table != 4:
         return printed.sigma
@@ -139,31 +139,31 @@ def _half_digit(digits: str, number: float) -> float:
 # --- the numbers of a run --------------------------------------------------------------------
 
 
-def _parameter(found: folder.Results, method: str, camera: str, name: str) -> tuple[float, float]:
-    listed = folder.parameters(found, method, camera)
+def _parameter(results: folder.Results, method: str, camera: str, name: str) -> tuple[float, float]:
+    listed = folder.parameters(results, method, camera)
     return float(listed["value"][name]), float(listed["sigma"][name])
 
 
-def _summary(found: folder.Results, key: str, name: str) -> float:
-    return float(str(found.summary[key][name]))
+def _summary(results: folder.Results, key: str, name: str) -> float:
+    return float(str(results.summary[key][name]))
 
 
-def _variance(found: folder.Results, key: str) -> Ours:
-    value = _summary(found, key, "sigma0_squared")
-    spread = value * np.sqrt(2 / _summary(found, key, "redundancy"))
+def _variance(results: folder.Results, key: str) -> Ours:
+    value = _summary(results, key, "sigma0_squared")
+    spread = value * np.sqrt(2 / _summary(results, key, "redundancy"))
     return Ours(value=value, sigma=float(spread))
 
 
-def _table_1(found: folder.Results, flight: Flight, name: str, head: str) -> Ours | None:
+def _table_1(results: folder.Results, flight: Flight, name: str, head: str) -> Ours | None:
     if name == "sigma0_squared":
-        return _variance(found, f"heads/bundle/{head}")
+        return _variance(results, f"heads/bundle/{head}")
     if name == "f_mm":
         return Ours(value=flight.cameras[head].interior.f, sigma=0.0)
     if name in ("Xc_mm", "Yc_mm", "Zc_mm", "omega_deg", "phi_deg", "kappa_deg"):
-        value, sigma = _parameter(found, "heads/relative_orientation", head, name)
+        value, sigma = _parameter(results, "heads/relative_orientation", head, name)
         return Ours(value=value, sigma=sigma)
-    if name in folder.parameters(found, "heads/bundle", head).index:
-        value, sigma = _parameter(found, "heads/bundle", head, name)
+    if name in folder.parameters(results, "heads/bundle", head).index:
+        value, sigma = _parameter(results, "heads/bundle", head, name)
         return Ours(value=value, sigma=sigma)
     return None
 
@@ -186,40 +186,40 @@ def _method(column: str) -> str:
     return TWO_STEP if column == "two_step" else column
 
 
-def _table_3(found: folder.Results, flight: Flight, name: str, column: str) -> Ours | None:
+def _table_3(results: folder.Results, flight: Flight, name: str, column: str) -> Ours | None:
     method = f"mounting/{_method(column)}"
     if name == "sigma0_squared":
-        return _variance(found, method)
+        return _variance(results, method)
     camera = flight.synthetic.camera if flight.synthetic else next(iter(flight.cameras))
-    if name not in folder.parameters(found, method, camera).index:
+    if name not in folder.parameters(results, method, camera).index:
         return None
-    value, sigma = _parameter(found, method, camera, name)
+    value, sigma = _parameter(results, method, camera, name)
     return Ours(value=value, sigma=sigma)
 
 
 def _sigma_of(
-    found: folder.Results, flight: Flight, number: int, name: str, column: str
+    results: folder.Results, flight: Flight, number: int, name: str, column: str
 ) -> Ours | None:
-    """Return our standard deviation for a printed one; in Table 4 it is the scatter."""
+    """Return our standard deviation for a printed one; in Table 4 our scatter."""
     if number == 4:
-        return _table_4(found, flight, name.replace("mean", "std"), column)
+        return _table_4(results, flight, name.replace("mean", "std"), column)
     find: Callable[..., Ours | None] = _table_1 if number == 1 else _table_3
-    ours = find(found, flight, name, column)
+    ours = find(results, flight, name, column)
     if ours is None:
         return None
     latitude = LATITUDE_OF_SIGMA * ours.sigma
     return Ours(value=ours.sigma, sigma=latitude)
 
 
-def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> Ours | None:
+def _table_4(results: folder.Results, flight: Flight, name: str, column: str) -> Ours | None:
     key = f"validation/{_method(column)}"
-    entry = found.summary[key]
-    n_points, n_pairs = _summary(found, key, "n_points"), _summary(found, key, "n_pairs")
-    failed = _summary(found, key, "n_failed_pairs")
+    entry = results.summary[key]
+    n_points, n_pairs = _summary(results, key, "n_points"), _summary(results, key, "n_pairs")
+    failed = _summary(results, key, "n_failed_pairs")
     gsd = ground_sample_m(flight.mounted("validation")) if flight.validation else np.nan
     kind, _, rest = name.partition("_")
     axis = {"east": 0, "north": 1, "height": 2}.get(rest.partition("_")[0], -1)
-    points = folder.rows(found, "check_points", key)
+    points = folder.rows(results, "check_points", key)
     if axis >= 0 and kind in ("mean", "std", "rms"):
         return _moment(entry, name, axis, points=points, gsd=gsd)
     norm = np.linalg.norm(points[["d_east_m", "d_north_m", "d_height_m"]], axis=1)
@@ -244,7 +244,7 @@ def _table_4(found: folder.Results, flight: Flight, name: str, column: str) -> O
 def _moment(
     entry: dict[str, object], name: str, axis: int, *, points: pd.DataFrame, gsd: float
 ) -> Ours | None:
-    """Return a mean or an RMS over the pairs; it is as precise as that over the points."""
+    """Return a mean or an RMS over the pairs, with the sigma of the one over the points."""
     kind = name.split("_", maxsplit=1)[0]
     values, std = (np.array(entry[key], dtype=float) for key in (kind, "std"))
     scale = 1 / gsd if name.endswith("_px") else 1.0
@@ -314,9 +314,9 @@ REASONS: tuple[tuple[int, tuple[str, ...], str], ...] = (
 )
 
 
-def _reason(printed: Printed, what: str) -> str:
+def _reason(printed: Printed, number: str) -> str:
     """Return the reason why a number does not agree, if it is known."""
-    name = printed.parameter if what == "value" else f"sigma:{printed.parameter}"
+    name = printed.parameter if number == "value" else f"sigma:{printed.parameter}"
     for table, prefixes, reason in REASONS:
         if table == printed.table and name.startswith(prefixes):
             return reason
@@ -434,8 +434,8 @@ def beside_chain(card: pd.DataFrame, ideal: pd.DataFrame) -> pd.DataFrame:
     """
     keys = ["table", "quantity", "column"]
     chain = card[[*keys, "ours"]].rename(columns={"ours": "chain"})
-    others = card[~card["table"].isin(ideal["table"])]
-    return pd.concat([others, ideal.merge(chain, on=keys, how="left")], ignore_index=True)
+    rest = card[~card["table"].isin(ideal["table"])]
+    return pd.concat([rest, ideal.merge(chain, on=keys, how="left")], ignore_index=True)
 
 
 def _tables(card: pd.DataFrame) -> str:
@@ -443,16 +443,16 @@ def _tables(card: pd.DataFrame) -> str:
     counted = myst_table(counts(card), "The verdicts, by role", name="tab-verdicts")
     sigma = pd.DataFrame(list(OUR_SIGMA), columns=["Number", "Our standard deviation"])
     combined = myst_table(sigma, "Our standard deviations in the rule", name="tab-our-sigma")
-    both = [IDEAL] if "chain" in card else []
-    parts = [ALL, *both, _roles_table(), counted, RULE, combined]
+    ideal_text = [IDEAL] if "chain" in card else []
+    parts = [ALL, *ideal_text, _roles_table(), counted, RULE, combined]
     for number, lines in card.groupby("table"):
         name = f"tab-card-{number}"
         caption = f"The paper's Table {number}, number by number"
         notes = list(dict.fromkeys(reason for reason in lines["reason"] if reason))
         table = myst_table(_shown(lines, notes), caption, name=name, formats={"off by (σ)": ".1f"})
-        why = "\n".join(f"- **({_letter(i)})** {note}." for i, note in enumerate(notes))
+        reasons = "\n".join(f"- **({_letter(i)})** {note}." for i, note in enumerate(notes))
         title = f"The paper's Table {number}: {len(lines)} numbers"
-        parts.append(f"::::{{dropdown}} {title}\n\n{table}\n\n{why}\n::::")
+        parts.append(f"::::{{dropdown}} {title}\n\n{table}\n\n{reasons}\n::::")
     return "\n\n".join(parts) + "\n"
 
 
@@ -464,14 +464,14 @@ def _roles_table() -> str:
     return myst_table(rows, "Roles of the printed numbers", name="tab-roles")
 
 
-def _standing_out(card: pd.DataFrame, found: folder.Results, flight: Flight) -> str:
-    """Return what stands out, as a list."""
+def _standing_out(card: pd.DataFrame, results: folder.Results, flight: Flight) -> str:
+    """Return the main findings on the methods, Table 3 and Table 4, as a list."""
     lines = (
         _shift_of_methods(
-            card, errata.lever_arm_in_interior(errata.absorbed_of_run(flight, found))
+            card, errata.lever_arm_in_interior(errata.absorbed_of_run(flight, results))
         ),
         _sigma_of_table_3(card, flight),
-        _rms_of_table_4(card, found),
+        _rms_of_table_4(card, results),
     )
     return "\n".join(f"- {line}" for line in lines) + f"\n\n{MORE}\n"
 
@@ -485,33 +485,33 @@ def _pick(card: pd.DataFrame, table: int, quantity: str, column: str) -> tuple[f
 
 
 def _shift_of_methods(card: pd.DataFrame, absorbed_arm: pd.DataFrame) -> str:
-    """Say what the two methods differ by, in print and here, and what that rests on."""
+    """Write the differences of the two methods, in print and here, and their assumptions."""
     names = ", ".join(LABELS[name] for name in paper.STRONG)
     combined = [_apart(name) for name in paper.STRONG]
-    said = (
+    text = (
         f"**The evidence.** The two-step {names} less the single-step ones are printed as "
         f"{_shifts(card, 'printed')} mm, {min(combined):.1f} to {max(combined):.1f} of their "
         "combined standard deviations. The interior orientation absorbs the lever arm that the "
         f"two-step method holds at zero. Here they are {_shifts(card, 'ours')} mm"
     )
     if "chain" in card:
-        said += (
+        text += (
             " where *one ideal camera* takes the images, and "
             f"{_shifts(card, 'chain')} mm where the images are *made of four heads*, as in the "
             "study. In the latter $f$ does not follow, because four lens centres in a square give "
             "the synthetic camera another lever arm; with lenses that stand lower it does "
             "({doc}`_executed/12-synthetic-cost`)"
         )
-    said += (
+    text += (
         ". The agreement rests on two readings: of the two-step method that has GNSS positions in "
         "its bundle, and of the lever arm's axes as forward, left, up. The paper states neither."
     )
     if "expected_mm" not in absorbed_arm:
-        return said
+        return text
     off_um = 1e3 * (absorbed_arm["shift_mm"] - absorbed_arm["expected_mm"]).abs()
     rest_mm = 1e3 * absorbed_arm["sum_effective_m"].abs()
     return (
-        f"{said} By least squares over this block, the printed lever arm must shift them by "
+        f"{text} By least squares over this block, the printed lever arm must shift them by "
         f"{', '.join(f'{x:+.4f}' for x in absorbed_arm['expected_mm'])} mm. The paper's own "
         f"two columns agree with that to {off_um.max():.1f} µm, a lever arm of "
         f"{rest_mm.min():.0f} to {rest_mm.max():.0f} mm ({{doc}}`_executed/06-errata`)."
@@ -520,16 +520,16 @@ def _shift_of_methods(card: pd.DataFrame, absorbed_arm: pd.DataFrame) -> str:
 
 def _shifts(card: pd.DataFrame, column: str) -> str:
     """Return the two-step values of `printed.STRONG` less the single-step ones, mm."""
-    own = card[(card["table"] == 3) & card["quantity"].isin(paper.STRONG)]
-    wide = own.pivot_table(index="quantity", columns="column", values=column)
+    rows = card[(card["table"] == 3) & card["quantity"].isin(paper.STRONG)]
+    wide = rows.pivot_table(index="quantity", columns="column", values=column)
     shift = wide["two_step"] - wide["single_step"]
     return ", ".join(f"{shift[name]:+.4f}" for name in paper.STRONG)
 
 
 def _apart(name: str) -> float:
-    """Return how far the two printed values of a parameter are apart, in combined sigma."""
+    """Return the distance of the two printed values of a parameter, in combined sigma."""
     values, sigma = (
-        [of(3, name, method) for method in paper.METHODS] for of in (paper.value, paper.sigma)
+        [read(3, name, method) for method in paper.METHODS] for read in (paper.value, paper.sigma)
     )
     return float(abs(values[0] - values[1]) / np.linalg.norm(sigma))
 
@@ -549,9 +549,9 @@ def _sigma_of_table_3(card: pd.DataFrame, flight: Flight) -> str:
     )
 
 
-def _rms_of_table_4(card: pd.DataFrame, found: folder.Results) -> str:
-    """Say the RMS over pairs, as Table 4 has it, and over points, each from all its rays."""
-    points = folder.rows(found, "check_points", "validation/single_step")
+def _rms_of_table_4(card: pd.DataFrame, results: folder.Results) -> str:
+    """Write the RMS over pairs, as in Table 4, and over points, each from all its rays."""
+    points = folder.rows(results, "check_points", "validation/single_step")
     d = points[["d_east_m", "d_north_m", "d_height_m"]].to_numpy()
     over_points = np.sqrt(np.mean(d**2, axis=0))
     pairs = np.array([_pick(card, 4, f"rms_{axis}_m", "single_step") for axis in AXES])
@@ -575,9 +575,9 @@ def _other_flight(flight: Flight) -> str:
     )
 
 
-def _own_parameters(found: folder.Results) -> str:
+def _own_parameters(results: folder.Results) -> str:
     """Return the parameters from the run of another flight."""
-    listed = found.parameters
+    listed = results.parameters
     table = pd.DataFrame(
         {
             "method": listed["stage"] + "/" + listed["method"],
@@ -618,8 +618,10 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
             "off by (σ)": lines["deviation"],
             "role": lines["role"],
             "verdict": [
-                f"{said}\N{NO-BREAK SPACE}({_letter(notes.index(reason))})" if reason else said
-                for said, reason in zip(lines["verdict"], lines["reason"], strict=True)
+                f"{verdict}\N{NO-BREAK SPACE}({_letter(notes.index(reason))})"
+                if reason
+                else verdict
+                for verdict, reason in zip(lines["verdict"], lines["reason"], strict=True)
             ],
         }
     )
