@@ -1,6 +1,7 @@
-"""Other people's measurements and results, held against ours (chapters 5 and 11).
+"""Other people's measurements and results, compared with ours (chapters 5 and 11).
 
-`data` says which files they are and where they lie, `comparisons` computes all, or shows the last
-ones where files are missing. One file or folder for each source, which also converts its
-conventions: `dbat`, `nist`, `noaa`, `ign`, `heads`. Begin with `comparisons`.
+`comparisons` computes all comparisons, or shows stored ones where files are missing; `data` has the
+index of the files, and fetches them. One module or two for each source, which also convert its
+conventions: `dbat_files` and `dbat_statements`, `nist`, `noaa`, `ign`, `heads`, `four_heads`. Begin
+with `comparisons`.
 """

@@ -123,8 +123,8 @@ def computed_or_stored(name: str, *, folder: str = "") -> Comparison:
     files, compute = COMPARISONS[name]
     with data.at(folder):
         if data.is_here(files):
-            told = "Computed from the measurements for this page."
-            return Comparison(table=compute(), origin=told)
+            origin = "Computed from the measurements for this page."
+            return Comparison(table=compute(), origin=origin)
         known = pd.read_csv(FOLDER / "computed.csv", dtype=str).set_index("name").loc[name]
         versions = ", ".join(f"{package} {known[package]}" for package in PACKAGES)
         return Comparison(
@@ -175,7 +175,7 @@ def _write(table: pd.DataFrame, name: str) -> None:
 def answer(
     camcal: Comparison, sxb: Comparison, nist: Comparison, noaa: Comparison, ign: Comparison
 ) -> str:
-    """Return sentences on how far the numbers of others are met.
+    """Return sentences on the agreement with the numbers of others.
 
     Parameters
     ----------

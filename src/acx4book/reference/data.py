@@ -119,14 +119,14 @@ def path(file: str) -> Path:
     if entry is None:
         msg = f"the index of reference data has no file {file!r}"
         raise ValueError(msg)
-    found = folder() / file
-    if not found.is_file():
+    stored = folder() / file
+    if not stored.is_file():
         msg = f"{file} is missing in {folder()}: {HINT}"
         raise ReferenceDataError(msg)
-    if _sha256(found) != entry.sha256:
-        msg = f"{found} is not the file that was indexed (SHA-256): delete it, and {HINT}"
+    if _sha256(stored) != entry.sha256:
+        msg = f"{stored} is not the file that was indexed (SHA-256): delete it, and {HINT}"
         raise ReferenceDataError(msg)
-    return found
+    return stored
 
 
 def _sha256(file: Path) -> str:
@@ -209,8 +209,8 @@ def _selected(file: str, base: str) -> list[str]:
     images = {row.split()[0] for row in _rows(folder() / "ign-uce-m3/images.OPK")}
     measured, located = (rows[name] for name in TIE_POINTS)
     measured = [row for row in measured if row.split()[1] in images]
-    seen = Counter(row.split()[0] for row in measured)
-    points = {point for point in (row.split()[0] for row in located) if seen[point] >= 2}
+    rays = Counter(row.split()[0] for row in measured)
+    points = {point for point in (row.split()[0] for row in located) if rays[point] >= 2}
     return [row for row in (measured, located)[TIE_POINTS.index(file)] if row.split()[0] in points]
 
 

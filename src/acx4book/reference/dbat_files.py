@@ -93,9 +93,9 @@ def _table(path: Path, columns: tuple[str, ...], cure: str = "") -> Array:
     rows = _rows(path)
     for number, row in enumerate(rows, 1):
         if len(row) != len(columns):
-            lacks = ", ".join(columns[len(row) :]) or f"only {len(columns)} columns"
-            found = f"row {number} has {len(row)} of {len(columns)} columns"
-            msg = f"{path}: {found} ({', '.join(columns)}); expected {lacks}{cure}"
+            expected = ", ".join(columns[len(row) :]) or f"only {len(columns)} columns"
+            problem = f"row {number} has {len(row)} of {len(columns)} columns"
+            msg = f"{path}: {problem} ({', '.join(columns)}); expected {expected}{cure}"
             raise ValueError(msg)
     return np.array(rows, dtype=float).reshape(-1, len(columns))
 
@@ -289,8 +289,8 @@ def _table_depth(headings: list[tuple[int, str]]) -> int:
 def _split(content: str) -> tuple[str, str]:
     """Return a line's label and its statement."""
     for pattern in (_COUNTED, _RAYS):
-        if found := pattern.match(content):
-            first, second = found.groups()
+        if match := pattern.match(content):
+            first, second = match.groups()
             return (second, first) if pattern is _COUNTED else (first, second)
     if _ROW.match(content):
         label, _, statement = content.partition(",")
@@ -380,14 +380,14 @@ def _rows_of_path(
     quantity, kind = " > ".join(path), _kind(path)
     if line is None or statement is None or line.statement != statement.text:
         text = line.statement.format(*line.numbers) if line else ""
-        said = statement.text if statement else "nothing"
-        return [(f"{quantity} [{said}]", kind, text, *[np.nan] * 4, False)]
+        ours = statement.text if statement else "nothing"
+        return [(f"{quantity} [{ours}]", kind, text, *[np.nan] * 4, False)]
     if not line.numbers:
         return [(quantity, "statement", line.statement, np.nan, 0.0, np.nan, 0.0, True)]
     out: list[tuple[object, ...]] = []
-    many = len(line.numbers) > 1
+    several = len(line.numbers) > 1
     for number, (text, value) in enumerate(zip(line.numbers, statement.values, strict=True), 1):
-        name = f"{quantity} ({number})" if many else quantity
+        name = f"{quantity} ({number})" if several else quantity
         out.append((name, _kind(path, number), *_row(text, value)))
     return out
 
@@ -554,7 +554,7 @@ def _block(
 ) -> Block:
     """Return the block of measurements, control and resected images."""
     numbers, point_idx = np.unique(measured.point, return_inverse=True)
-    given = SurveyedPoints(
+    surveyed_points = SurveyedPoints(
         point_idx=np.searchsorted(numbers, surveyed.point),
         x_m=surveyed.x - origin,
         sigma_m=surveyed.sigma,
@@ -571,8 +571,8 @@ def _block(
             colrow=measured.colrow,
             sigma_px=measured.sigma_px,
         ),
-        control=given[~is_check],
-        check=given[is_check],
+        control=surveyed_points[~is_check],
+        check=surveyed_points[is_check],
         trajectory=Trajectory(exposures=names, T_m_b=unknown),
     )
     return resected(block)

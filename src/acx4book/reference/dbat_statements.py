@@ -83,13 +83,13 @@ def _correlations(cov: Array) -> Array:
 
 
 def _high(cov: Array, names: tuple[str, ...]) -> dict[str, list[tuple[str, float]]]:
-    """Return for every parameter the others with high correlations, and these in percent."""
+    """Return for every parameter the others with high correlations to it, in percent."""
     lower = _correlations(cov)
-    found: dict[str, list[tuple[str, float]]] = {}
+    high: dict[str, list[tuple[str, float]]] = {}
     for i, j in np.argwhere(np.abs(lower) > HIGH):
-        found.setdefault(names[i], []).append((names[j], 100 * lower[i, j]))
-        found.setdefault(names[j], []).append((names[i], 100 * lower[i, j]))
-    return found
+        high.setdefault(names[i], []).append((names[j], 100 * lower[i, j]))
+        high.setdefault(names[j], []).append((names[i], 100 * lower[i, j]))
+    return high
 
 
 def _with_correlations(
@@ -135,10 +135,10 @@ def _status(project: Project) -> Statements:
         ),
         (LAST, "Total error", "Last error"): say("{}", float(np.sqrt(solution.cost))),
     }
-    for is_high, what in ((high_interior, "camera"), (high_exterior, "camera station")):
+    for is_high, subject in ((high_interior, "camera"), (high_exterior, "camera station")):
         if is_high:
-            parameter = "parameter has" if what == "camera" else "parameters has"
-            text = f"One or more of the {what} {parameter} a high correlation (see below)."
+            parameter = "parameter has" if subject == "camera" else "parameters has"
+            text = f"One or more of the {subject} {parameter} a high correlation (see below)."
             out[(*related, text)] = say("")
     return out
 
@@ -186,12 +186,12 @@ def _camera(project: Project) -> Statements:
 
 
 def _lens_model(lines: Mapping[tuple[str, ...], Line]) -> str:
-    """Return the lens model that a report names, as it stands there."""
+    """Return the name of a report's lens model, word for word."""
     named = [place[-1] for place in lines if place[:-1] == (LAST, "Lens distortion models")]
-    found = BACKWARD.fullmatch(named[0]) if len(named) == 1 else None
+    match = BACKWARD.fullmatch(named[0]) if len(named) == 1 else None
     aspect = [float(line.numbers[0]) for place, line in lines.items() if place[-2:] == ASPECT]
     known = (*ALIKE, *(() if any(aspect) else WITHOUT_ASPECT))
-    if found is None or found[1] not in known:
+    if match is None or match[1] not in known:
         msg = (
             f"lens distortion model {', '.join(named) or 'not named'}: expected a backward model, "
             f"{', '.join(ALIKE)}, or {WITHOUT_ASPECT[0]} where as is zero"
@@ -210,10 +210,10 @@ def _significance(values: Array, cov: Array, camera: tuple[str, ...]) -> Stateme
             out[(*camera, HEADINGS[name][0], "Significance")] = say("p={}", p)
             if name != "as":
                 out[(*camera, HEADINGS[name][0], "Cumulative significance")] = say("p={}", p)
-    both = [dbat_files.INTERIOR_NAMES.index(name) for name in ("P1", "P2")]
-    if np.all(np.diag(cov)[both] > 0):
-        tangential = values[both]
-        statistic = tangential @ np.linalg.solve(cov[np.ix_(both, both)], tangential)
+    columns = [dbat_files.INTERIOR_NAMES.index(name) for name in ("P1", "P2")]
+    if np.all(np.diag(cov)[columns] > 0):
+        tangential = values[columns]
+        statistic = tangential @ np.linalg.solve(cov[np.ix_(columns, columns)], tangential)
         p = float(stats.chi2.cdf(statistic, 2))
         out[(*camera, HEADINGS["P1"][0], "Significance")] = say("p={}", p)
     return out
@@ -244,7 +244,7 @@ def _sensor(project: Project, path: tuple[str, ...]) -> Statements:
 
 
 def _largest_distortion_mm(project: Project) -> float:
-    """Return DBAT's value of the distortion in the corners of the image, mm, as it computes it."""
+    """Return the largest distortion in the corners of the image by DBAT's formula, mm."""
     # with square pixels, with |dx| + |dy|, and with P1 and P2 exchanged in dx and in dy
     camera, (values, _) = project.bundle.cameras[0], _interior(project)
     _, px, py, _, k1, k2, k3, p1, p2 = values
@@ -365,12 +365,12 @@ def _ray_counts(project: Project) -> Statements:
         (*path, "Number of check pts"): say("{}", int((kind == "CCP").sum())),
         (*path, "Number of object pts"): say("{}", int((kind == "OP").sum())),
     }
-    for name, own in groups.items():  # their OP count includes the check points
+    for name, in_group in groups.items():  # their OP count includes the check points
         place = (*path, f"{name} ray count")
-        if not own.any():
+        if not in_group.any():
             out[place] = say("-")
             continue
-        counts = rays[own]
+        counts = rays[in_group]
         out[place] = say("{}-{} ({} avg)", int(counts.min()), int(counts.max()), counts.mean())
         for count, points in zip(*np.unique(counts, return_counts=True), strict=True):
             out[(*place, f"points with {count} rays")] = say("{}", int(points))
@@ -407,8 +407,8 @@ def _residuals(project: Project) -> Statements:
     for (heading, idx, name), text in zip(groups, texts, strict=True):
         count = np.bincount(idx)
         rms = np.sqrt(np.bincount(idx, squared) / count)
-        for label, at in (("Minimum", int(rms.argmin())), ("Maximum", int(rms.argmax()))):
-            out[(*path, heading, label)] = say(text, rms[at], int(name[at]), int(count[at]))
+        for label, row in (("Minimum", int(rms.argmin())), ("Maximum", int(rms.argmax()))):
+            out[(*path, heading, label)] = say(text, rms[row], int(name[row]), int(count[row]))
     return out
 
 
@@ -425,13 +425,13 @@ def _precision(project: Project) -> Statements:
     path = (QUALITY, "Point Precision")
     heading = "Total standard deviation (RMS of X/Y/Z std)"
     out: Statements = {}
-    for label, at in (("Minimum", np.nanargmin(total)), ("Maximum", np.nanargmax(total))):
-        out[(*path, heading, label)] = say("{} (OP {})", total[at], int(number[at]))
+    for label, row in (("Minimum", np.nanargmin(total)), ("Maximum", np.nanargmax(total))):
+        out[(*path, heading, label)] = say("{} (OP {})", total[row], int(number[row]))
     for k, axis in enumerate("XYZ"):
-        at = np.nanargmax(sigma[:, k])
+        row = np.nanargmax(sigma[:, k])
         label = f"Maximum {axis} standard deviation"
-        out[(*path, label)] = say("{} (OP {})", sigma[at, k], int(number[at]))
-    lower = np.array([_correlations(own) for own in cov])
+        out[(*path, label)] = say("{} (OP {})", sigma[row, k], int(number[row]))
+    lower = np.array([_correlations(cov_point) for cov_point in cov])
     for percent in (95, 99):
         label = f"Points with correlation above {percent}%"
         above = int(np.sum(np.abs(lower) > percent / 100))
@@ -452,20 +452,23 @@ def _angles(project: Project) -> Statements:
     out: Statements = {}
     for name in ("CP", "CCP", "OP"):
         path = (QUALITY, "Point Angles", name)
-        own = np.flatnonzero(kind == name)
-        if len(own) == 0:
+        points = np.flatnonzero(kind == name)
+        if len(points) == 0:
             out |= {(*path, label): say("-") for label in ("Minimum", "Maximum", "Average")}
             continue
-        for label, at in (("Minimum", angle[own].argmin()), ("Maximum", angle[own].argmax())):
-            point = own[at]
+        for label, position in (
+            ("Minimum", angle[points].argmin()),
+            ("Maximum", angle[points].argmax()),
+        ):
+            point = points[position]
             text = f"{{}} degrees ({name} {{}}{labels.get(int(number[point]), '')})"
             out[(*path, label)] = say(text, angle[point], int(number[point]))
-        out[(*path, "Average")] = say("{} degrees", float(angle[own].mean()))
+        out[(*path, "Average")] = say("{} degrees", float(angle[points].mean()))
     return {**out, **_smallest_angles(project, angle, number)}
 
 
 def _nearest_to_right_angle(project: Project) -> Array:
-    """Return for every point the angle of two of its rays that is nearest to 90 degrees, deg."""
+    """Return for every point the angle of two rays that is nearest to 90 degrees, deg."""
     network = project.bundle.network
     points = network.image_points
     x_m, poses = project.bundle.state.x_m, project.bundle.T_m_c
@@ -473,8 +476,8 @@ def _nearest_to_right_angle(project: Project) -> Array:
     rays = down / np.linalg.norm(down, axis=1, keepdims=True)
     out = np.zeros(network.n_points)
     for point in range(network.n_points):
-        own = rays[points.point_idx == point]
-        out[point] = np.degrees(np.arccos(min(np.abs(own @ own.T).min(), 1.0)))
+        rays_of_point = rays[points.point_idx == point]
+        out[point] = np.degrees(np.arccos(min(np.abs(rays_of_point @ rays_of_point.T).min(), 1.0)))
     return out
 
 
@@ -486,16 +489,16 @@ def _smallest_angles(project: Project, angle: Array, number: Index) -> Statement
     """
     path = (QUALITY, "Point Angles", "OP", "Smallest angles (ID, angle [deg], vis in cameras)")
     points = project.bundle.network.image_points
-    own = np.flatnonzero(_kinds(project) == "OP")
-    order = np.argsort(angle[own], kind="stable")
-    limit = min(1.1 * angle[own][order[2]] + 0.1, 80.0)
-    n = max(int(np.sum(angle[own] < limit)), 3)
+    object_points = np.flatnonzero(_kinds(project) == "OP")
+    order = np.argsort(angle[object_points], kind="stable")
+    limit = min(1.1 * angle[object_points][order[2]] + 0.1, 80.0)
+    n = max(int(np.sum(angle[object_points] < limit)), 3)
     out: Statements = {}
     for row in order[:n]:
         photos = np.sort(points.image_idx[points.point_idx == row]) + 1
         text = "{} (" + " ".join(["{}"] * len(photos)) + ")"
-        values = (float(angle[own[row]]), *map(int, photos))
-        out[(*path, str(number[own[row]]))] = say(text, *values)
+        values = (float(angle[object_points[row]]), *map(int, photos))
+        out[(*path, str(number[object_points[row]]))] = say(text, *values)
     return out
 
 
@@ -518,19 +521,19 @@ def _table(project: Project, name: str, rows: Index) -> Statements:
     path = (QUALITY, f"{name} measurements")
     if len(rows) == 0:
         return {(*path, "none"): say("")}
-    given = project.surveyed
-    at = np.searchsorted(_numbers(project), given.point)
-    x = project.bundle.state.x_m[at] + project.origin
-    sigma = np.sqrt(np.diagonal(_point_covariances(project)[at], axis1=1, axis2=2))
-    rays = project.bundle.network.block.rays[at]
-    d = x - given.x
-    change = 100 * ((sigma + EPS) / (given.sigma + EPS) - 1)
+    surveyed = project.surveyed
+    point_idx = np.searchsorted(_numbers(project), surveyed.point)
+    x = project.bundle.state.x_m[point_idx] + project.origin
+    sigma = np.sqrt(np.diagonal(_point_covariances(project)[point_idx], axis1=1, axis2=2))
+    rays = project.bundle.network.block.rays[point_idx]
+    d = x - surveyed.x
+    change = 100 * ((sigma + EPS) / (surveyed.sigma + EPS) - 1)
     out: Statements = {}
     for row in rows:
-        point, label, n = str(given.point[row]), given.labels[row], int(rays[row])
+        point, label, n = str(surveyed.point[row]), surveyed.labels[row], int(rays[row])
         shift = (*d[row], np.hypot(*d[row, :2]), np.linalg.norm(d[row]))
         out[(*path, "Prior", point)] = say(
-            f"{{}}, {{}}, {{}}, {{}}, {{}}, {{}}, {label}", *given.x[row], *given.sigma[row]
+            f"{{}}, {{}}, {{}}, {{}}, {{}}, {{}}, {label}", *surveyed.x[row], *surveyed.sigma[row]
         )
         out[(*path, "Posterior", point)] = say(
             f"{{}}, {{}}, {{}}, {{}}, {{}}, {{}}, {{}}, {label}", *x[row], *sigma[row], n
@@ -545,12 +548,12 @@ def _table(project: Project, name: str, rows: Index) -> Statements:
 
 
 def _largest(project: Project, path: tuple[str, ...], rows: Index, d: Array) -> Statements:
-    given = project.surveyed
+    surveyed = project.surveyed
     length = np.linalg.norm(d, axis=1)[rows]
 
     def which(position: int) -> tuple[str, int]:
         row = rows[position]
-        return f"{{}} ou ({given.labels[row]}, pt {{}})", int(given.point[row])
+        return f"{{}} ou ({surveyed.labels[row]}, pt {{}})", int(surveyed.point[row])
 
     text, point = which(int(length.argmax()))
     rms = float(np.sqrt(np.mean(length**2)))

@@ -1,4 +1,4 @@
-"""Four real heads with their own IMU and GPS: a measured flight that the project brings, thinned.
+"""Four real heads with their own IMU and GPS: a measured flight, stored thinned.
 
 `make reference-results` imports, measures and adjusts the pictures where they are at hand, and
 stores what chapter 13 shows: a part of the measurements, the parameters by all of them, and two
@@ -78,17 +78,17 @@ def thinned(block: Block) -> Mask:
     """
     points, cameras, images = block.image_points, block.cameras, block.images
     size = np.array([[camera.width_px, camera.height_px] for camera in cameras])
-    at = (points.colrow + 0.5) / size[images.camera_idx[points.image_idx]] * CELLS
-    col, row = np.clip(at.astype(int), 0, np.array(CELLS) - 1).T
+    in_cells = (points.colrow + 0.5) / size[images.camera_idx[points.image_idx]] * CELLS
+    col, row = np.clip(in_cells.astype(int), 0, np.array(CELLS) - 1).T
     cell = np.ravel_multi_index((points.image_idx, row, col), (len(images), *CELLS[::-1]))
     order = np.argsort(points.point_idx, kind="stable")
     rays = np.split(order, np.flatnonzero(np.diff(points.point_idx[order])) + 1)
     taken, keep = np.zeros(cell.max() + 1, int), np.zeros(len(points), bool)
-    for own in sorted(rays, key=len, reverse=True):
-        several = len(np.unique(images.exposure_idx[points.image_idx[own]])) > 1
-        if several and np.mean(taken[cell[own]] < MOST) > 0.5:
-            np.add.at(taken, cell[own], 1)
-            keep[own] = True
+    for rows in sorted(rays, key=len, reverse=True):
+        several = len(np.unique(images.exposure_idx[points.image_idx[rows]])) > 1
+        if several and np.mean(taken[cell[rows]] < MOST) > 0.5:
+            np.add.at(taken, cell[rows], 1)
+            keep[rows] = True
     return keep
 
 
@@ -114,7 +114,7 @@ PARTS = {"GRE": "1 Green", "RED": "2 Red", "REG": "3 Red edge", "NIR": "4 NIR"}
 
 
 def store() -> None:
-    """Measure and adjust the pictures, and store the thinned flight and what goes with it.
+    """Measure and adjust the pictures; store the thinned flight, its results and pictures.
 
     Raises
     ------
@@ -125,14 +125,14 @@ def store() -> None:
         if entry.file.startswith(f"{FILES}/"):
             data.path(entry.file)
     with tempfile.TemporaryDirectory() as temporary:
-        brought = folder.bring(data.folder() / FILES)
-        flight_folder.write(brought, Path(temporary) / "flight")
+        imported = folder.bring(data.folder() / FILES)
+        flight_folder.write(imported, Path(temporary) / "flight")
         measure_flight(Path(temporary) / "flight", Path(temporary) / "measured")
         _store_measured(Path(temporary) / "measured")
 
 
 def _store_measured(measured: Path) -> None:
-    """Store a measured flight, thinned, what all of it gives, and its pictures."""
+    """Store a measured flight, thinned; the parameters from all of it; and its pictures."""
     flight = reader.read(measured)
     FLIGHT.mkdir(exist_ok=True)
     whole_files.copy(measured / "flight.toml", FLIGHT / "flight.toml")
@@ -140,8 +140,8 @@ def _store_measured(measured: Path) -> None:
     (FLIGHT / "heads").mkdir(exist_ok=True)
     for name, table in _tables(measured / "heads", thinned(flight.block("heads"))).items():
         _write(table, FLIGHT / "heads" / name)
-    found = rig(flight).table().reset_index()
-    _write(found[found["sigma"].notna()], ALL)
+    estimates = rig(flight).table().reset_index()
+    _write(estimates[estimates["sigma"].notna()], ALL)
     _store_pictures(flight)
 
 
@@ -151,7 +151,7 @@ def _write(table: pd.DataFrame, path: Path) -> None:
 
 
 def _tables(block: Path, keep: Mask) -> dict[str, pd.DataFrame]:
-    """Return the tables of a block with short names, strips, and the measurements that stay."""
+    """Return the tables of a block with short names, strips, and the kept measurements."""
     images, points, flown = (
         pd.read_csv(block / f"{name}.csv", dtype=str)
         for name in ("images", "image_points", "trajectory")
@@ -208,16 +208,16 @@ def photographs(block: Block) -> Figure:
         fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 3.1))
         for ax, part, name in zip(axes, np.split(shown, 2, axis=1), COMPOSITE[::-2], strict=True):
             k = names.index(name)
-            own = (block.images.exposure_idx == exposure) & (block.images.camera_idx == k)
-            rows = points.image_idx == int(np.flatnonzero(own)[0])
+            of_head = (block.images.exposure_idx == exposure) & (block.images.camera_idx == k)
+            rows = points.image_idx == int(np.flatnonzero(of_head)[0])
             ax.imshow(part, cmap="gray", vmin=0, vmax=1)
             rays = block.rays[points.point_idx[rows]]
             for few, colour, words in (
                 (True, style.ORANGE, f"up to {FEW - 1} pictures"),
                 (False, style.SKY, "more"),
             ):
-                at = (points.colrow[rows][(rays < FEW) == few] + 0.5) / REDUCED - 0.5
-                ax.plot(*at.T, "o", ms=3, color=colour, mec=style.BLACK, mew=0.3, label=words)
+                places = (points.colrow[rows][(rays < FEW) == few] + 0.5) / REDUCED - 0.5
+                ax.plot(*places.T, "o", ms=3, color=colour, mec=style.BLACK, mew=0.3, label=words)
             frameless(ax)
             style.heading(ax, name, f"{int(rows.sum())} points")
         style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=2)
@@ -261,12 +261,12 @@ def residuals(found: Mapping[str, Bundle], head: str) -> Figure:
     for words, bundle in found.items():
         points, images = bundle.network.image_points, bundle.network.block.images
         k = [camera.name for camera in bundle.cameras].index(head)
-        own = images.camera_idx[points.image_idx] == k
+        in_head = images.camera_idx[points.image_idx] == k
         fields[f"{head}, {words}"] = Residuals(
             camera=bundle.cameras[k],
-            colrow=points.colrow[own],
-            v=bundle.solution.group("image_point").v[own],
-            sigma_px=points.sigma_px[own],
+            colrow=points.colrow[in_head],
+            v=bundle.solution.group("image_point").v[in_head],
+            sigma_px=points.sigma_px[in_head],
         )
     return field_figure(fields)
 
@@ -285,17 +285,17 @@ def alike(found: Bundle) -> Array:
     n = len(DISTANCES) - 1
     product, pairs = np.zeros(n), np.zeros(n)
     for image in np.unique(points.image_idx):
-        own = np.flatnonzero(points.image_idx == image)
-        a, b = (own[idx] for idx in np.triu_indices(len(own), 1))
+        rows = np.flatnonzero(points.image_idx == image)
+        a, b = (rows[idx] for idx in np.triu_indices(len(rows), 1))
         apart = np.linalg.norm(points.colrow[a] - points.colrow[b], axis=1)
-        of = np.digitize(apart, DISTANCES[1:-1])
-        product += np.bincount(of, np.mean(v[a] * v[b], axis=1), n)
-        pairs += np.bincount(of, minlength=n)
+        bins = np.digitize(apart, DISTANCES[1:-1])
+        product += np.bincount(bins, np.mean(v[a] * v[b], axis=1), n)
+        pairs += np.bincount(bins, minlength=n)
     return product / pairs / np.mean(v**2)
 
 
 def by_distance(found: Mapping[str, Array]) -> Figure:
-    """Draw what `alike` returns, by the words that name it, over the distance."""
+    """Draw the correlations of `alike`, by their titles, over the distance."""
     middle = np.sqrt(np.maximum(DISTANCES[:-1], 5) * np.array(DISTANCES[1:]))
     with style.applied():
         fig, ax = style.subplots(figsize=(0.75 * style.WIDTH, 2.6))
@@ -314,7 +314,7 @@ ZERO = 30.0
 
 
 def compass(found: Bundle) -> Figure:
-    """Draw what recorded headings are off, over the heading, and the deviation that was found.
+    """Draw the errors of recorded headings over the heading, and the estimated deviation.
 
     Parameters
     ----------
@@ -334,8 +334,14 @@ def compass(found: Bundle) -> Figure:
         ax.set_theta_direction(-1)
         ax.plot(around, np.full(len(around), ZERO), color=style.SOFT, lw=1)
         ax.plot(around, ZERO + line, color=style.BLUE, label="deviation, first harmonic")
-        own = {"ls": "", "marker": "o", "color": style.ORANGE, "mec": style.BLACK, "mew": 0.4}
-        ax.plot(np.arctan2(*by_heading.T), ZERO + off, ms=5, label="one exposure", **own)
+        marker_style = {
+            "ls": "",
+            "marker": "o",
+            "color": style.ORANGE,
+            "mec": style.BLACK,
+            "mew": 0.4,
+        }
+        ax.plot(np.arctan2(*by_heading.T), ZERO + off, ms=5, label="one exposure", **marker_style)
         ax.set_ylim(0, 2 * ZERO - 5)
         ax.set_rgrids([ZERO + ring for ring in rings], [_signed(ring) for ring in rings])
         ax.set_rlabel_position(135)
@@ -349,7 +355,7 @@ def _signed(degrees: int) -> str:
 
 
 def strips(found: Bundle) -> Figure:
-    """Draw the strips over the tie points as a map, and how far positions are from recorded ones.
+    """Draw the strips over the tie points as a map, with adjusted and recorded positions.
 
     Parameters
     ----------
@@ -368,9 +374,11 @@ def strips(found: Bundle) -> Figure:
         ax.plot(*ground[::DRAWN].T, ".", ms=2, color=style.SKY, label="tie points")
         ax.plot(*recorded.T, "+", ms=6, color=style.BRICK, label="recorded positions")
         for name in dict.fromkeys(names):
-            own = flown[names == name]
-            ax.plot(*own.T, "o-", ms=3, lw=1, color=style.INK, label="strips, adjusted")
-            ax.annotate(name, own[0], xytext=(6, 4), textcoords="offset points", path_effects=HALO)
+            strip = flown[names == name]
+            ax.plot(*strip.T, "o-", ms=3, lw=1, color=style.INK, label="strips, adjusted")
+            ax.annotate(
+                name, strip[0], xytext=(6, 4), textcoords="offset points", path_effects=HALO
+            )
         finish_map(ax, np.concatenate([ground, flown]), room=(0.05, 0.08))
         handles, labels = ax.get_legend_handles_labels()
         style.legend_below(fig, list(dict(zip(labels, handles, strict=True)).values()), ncols=3)
@@ -410,15 +418,17 @@ def _store_pictures(measured: Flight) -> None:
     images = measured.block("heads").images
     files = zip(images.names, measured.image_files["heads"], strict=True)
     shown = {name: path for name, path in files if path and f"_{SHOWN}_" in name}
-    own = [
+    paths = [
         next(path for name, path in shown.items() if name.endswith(head))
         for head in measured.head_names
     ]
-    pixels = read_heads(own, block.cameras).images
+    pixels = read_heads(paths, block.cameras).images
     by_name = dict(zip(measured.head_names, pixels, strict=True))
     small = [_stretched(smaller(by_name[name], REDUCED)) for name in COMPOSITE[::-2]]
     _webp(PHOTOGRAPHS, np.hstack(small))
-    registers = [_window(at, synthetic, pixels) for at in _registers(block, synthetic)]
+    registers = [
+        _window(orientation, synthetic, pixels) for orientation in _registers(block, synthetic)
+    ]
     bands = np.moveaxis(np.hstack(registers), -1, 0)
     _webp(BANDS, np.stack([_stretched(band[..., None]) for band in bands], axis=-1))
 

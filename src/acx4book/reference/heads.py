@@ -1,6 +1,6 @@
 """Real pictures of cameras with five and ten heads, in flight.
 
-Rigs of their metadata, heads turned by tie points.
+Rigs from their metadata, heads turned by tie points.
 """
 
 from __future__ import annotations
@@ -99,12 +99,12 @@ class Solved:
         return self.names.index(name)
 
     def reference(self, k: int) -> int:
-        """Return the head to which the angles of another are printed."""
+        """Return the reference head of another head's printed angles."""
         if all(head.reference is None for head in self.heads):
             return self.place(GREEN)
         named = [head.index for head in self.heads]
-        own = self.heads[k].reference
-        return 0 if own is None or self.leads(k) else named.index(own)
+        reference = self.heads[k].reference
+        return 0 if reference is None or self.leads(k) else named.index(reference)
 
     def leads(self, k: int) -> bool:
         """Tell whether a head is the reference of its rig."""
@@ -125,27 +125,27 @@ def solved(files: str) -> Solved:
     ReferenceDataError
         Where a picture is missing, or is not the indexed one.
     """
-    entries = [one.file for one in data.index() if one.file.startswith(f"{files}/IMG")]
+    entries = [entry.file for entry in data.index() if entry.file.startswith(f"{files}/IMG")]
     paths = {path.name: path for path in map(data.path, entries)}
-    brought = folder.bring(data.folder() / files)
-    cameras = {name: camera_of(name, t) for name, t in brought.settings["cameras"].items()}
-    names, synthetic = brought.settings["synthetic"]["heads"], cameras[folder.SYNTHETIC]
+    imported = folder.bring(data.folder() / files)
+    cameras = {name: camera_of(name, t) for name, t in imported.settings["cameras"].items()}
+    names, synthetic = imported.settings["synthetic"]["heads"], cameras[folder.SYNTHETIC]
     factory = declared_orientation([cameras[name] for name in names], synthetic)
-    images = brought.tables["heads/images.csv"]
+    images = imported.tables["heads/images.csv"]
     files_of = dict(zip(images["camera"], images["file"], strict=True))
-    own = [paths[Path(files_of[name]).name] for name in names]
-    tags = tuple(map(read, own))
-    pixels = read_heads(own, factory.heads).images
-    found = find_ties(pixels, factory, synthetic)
+    pictures = [paths[Path(files_of[name]).name] for name in names]
+    tags = tuple(map(read, pictures))
+    pixels = read_heads(pictures, factory.heads).images
+    measured = find_ties(pixels, factory, synthetic)
     return Solved(
         heads=tuple(map(metadata.head_of, tags)),
         tags=tags,
         images=pixels,
-        height_m=float(brought.tables["heads/trajectory.csv"]["height_m"][0]),
+        height_m=float(imported.tables["heads/trajectory.csv"]["height_m"][0]),
         factory=factory,
         synthetic=synthetic,
-        found=found,
-        fits={way: refine_by_rotations(factory, found.ties, free=way) for way in FREE},
+        found=measured,
+        fits={way: refine_by_rotations(factory, measured.ties, free=way) for way in FREE},
     )
 
 
@@ -175,7 +175,7 @@ def turned_deg(orientation: RelativeOrientation, k: int, reference: int) -> Arra
     return np.asarray(Rotation.from_matrix(turned).as_rotvec(degrees=True))
 
 
-# --- The readings of `RigRelatives`, told apart by pixels
+# --- The interpretations of `RigRelatives`, distinguished by pixels
 
 
 READINGS: Mapping[str, tuple[str, bool]] = {
@@ -188,17 +188,17 @@ READINGS: Mapping[str, tuple[str, bool]] = {
 
 
 def relatives(files: str) -> pd.DataFrame:
-    """Return a row for every reading: misfits at the ties of a head and its reference.
+    """Return the misfits at the ties of a head and its reference, a row for every interpretation.
 
     Returns
     -------
     DataFrame
         Reading; median misfit of all pairs, the least and the largest of a pair, px.
     """
-    found = solved(files)
+    rig = solved(files)
     rows = []
     for reading, (order, transposed) in READINGS.items():
-        medians = _misfits(found, read_as(found, order, transposed=transposed))
+        medians = _misfits(rig, read_as(rig, order, transposed=transposed))
         rows.append(
             {
                 "reading": reading,
@@ -211,7 +211,7 @@ def relatives(files: str) -> pd.DataFrame:
 
 
 def read_as(found: Solved, order: str, *, transposed: bool) -> RelativeOrientation:
-    """Return the heads with their angles in one of the readings."""
+    """Return the heads with their angles in one of the interpretations."""
     flip = np.diag([*FLIP, -1.0])
     angles = [head.relatives_deg or (0.0, 0.0, 0.0) for head in found.heads]
     turned = np.stack(
@@ -221,16 +221,16 @@ def read_as(found: Solved, order: str, *, transposed: bool) -> RelativeOrientati
     return replace(found.factory, opk=opk_from_rotation(R))
 
 
-def _misfits(found: Solved, orientation: RelativeOrientation) -> Array:
+def _misfits(rig: Solved, orientation: RelativeOrientation) -> Array:
     """Return the median misfits of heads to the references of their rigs, px."""
-    ties = found.found.ties[~found.fits["rotations"].rejected]
-    own = [(k, found.reference(k)) for k in range(len(found.heads)) if not found.leads(k)]
-    wanted = {(min(pair), max(pair)) for pair in own}
+    ties = rig.found.ties[~rig.fits["rotations"].rejected]
+    referenced = [(k, rig.reference(k)) for k in range(len(rig.heads)) if not rig.leads(k)]
+    wanted = {(min(pair), max(pair)) for pair in referenced}
     return np.array(
         [
-            np.median(np.hypot(*one.d.T)) / found.synthetic.pixel_mm
-            for one in overlaps(ties, orientation)
-            if (one.head_a, one.head_b) in wanted
+            np.median(np.hypot(*overlap.d.T)) / rig.synthetic.pixel_mm
+            for overlap in overlaps(ties, orientation)
+            if (overlap.head_a, overlap.head_b) in wanted
         ]
     )
 
@@ -251,22 +251,22 @@ def rotations(files: str) -> pd.DataFrame:
         of the refinement, which counts how blocks of the frame differ; less the factory's, NaN
         without; less the trial's.
     """
-    found = solved(files)
-    loops = _pair_sigma_deg(found) * np.sqrt(2 / len(found.heads))
+    rig = solved(files)
+    loops = _pair_sigma_deg(rig) * np.sqrt(2 / len(rig.heads))
     rows = []
-    for k, name in enumerate(found.names):
-        reference = found.reference(k)
+    for k, name in enumerate(rig.names):
+        reference = rig.reference(k)
         if k == reference:
             continue
-        ours = turned_deg(found.fits["rotations"].orientation, k, reference)
+        ours = turned_deg(rig.fits["rotations"].orientation, k, reference)
         rows.append(
             {
                 "head": name,
-                "reference": found.names[reference],
+                "reference": rig.names[reference],
                 **_three("deg", ours),
                 **_three("sigma_deg", loops),
-                "blocks_sigma_deg": _blocks_sigma_deg(found, k),
-                **_three("minus_factory_deg", ours - _factory(found, k, reference)),
+                "blocks_sigma_deg": _blocks_sigma_deg(rig, k),
+                **_three("minus_factory_deg", ours - _factory(rig, k, reference)),
                 **_three("minus_trial_deg", ours - np.array(TRIAL[files][name])),
             }
         )
@@ -277,14 +277,14 @@ def _three(name: str, values: Array) -> dict[str, float]:
     return {f"{axis}_{name}": float(v) for axis, v in zip(XYZ, values, strict=True)}
 
 
-def _factory(found: Solved, k: int, reference: int) -> Array:
+def _factory(rig: Solved, k: int, reference: int) -> Array:
     """Return the factory's rotations; NaN where it has none between the two."""
-    known = bool(found.heads[k].relatives_deg) and not found.leads(k)
-    return turned_deg(found.factory, k, reference) if known else np.full(3, np.nan)
+    known = bool(rig.heads[k].relatives_deg) and not rig.leads(k)
+    return turned_deg(rig.factory, k, reference) if known else np.full(3, np.nan)
 
 
-def _blocks_sigma_deg(found: Solved, k: int) -> float:
-    sigma = sigmas(found.fits["rotations"].cov).reshape(-1, 6)[k, 3:]
+def _blocks_sigma_deg(rig: Solved, k: int) -> float:
+    sigma = sigmas(rig.fits["rotations"].cov).reshape(-1, 6)[k, 3:]
     return float(np.degrees(sigma.max()))
 
 
@@ -300,20 +300,24 @@ def pairs(files: str) -> pd.DataFrame:
         Heads; corners with texture, those that found a partner, their share; mean and rms
         difference after the refinement, px; whether the pair is of the strongest chain.
     """
-    found = solved(files)
-    chain = {(one.head_a, one.head_b) for one in strongest_chain(found.found.overlaps)}
-    left = {(one.head_a, one.head_b): one for one in _differences(found)}
+    rig = solved(files)
+    chain = {(overlap.head_a, overlap.head_b) for overlap in strongest_chain(rig.found.overlaps)}
+    differences = {(overlap.head_a, overlap.head_b): overlap for overlap in _differences(rig)}
     rows = []
-    for one in found.found.overlaps:
-        pair = one.head_a, one.head_b
-        d = left[pair].d / found.synthetic.pixel_mm if pair in left else np.full((1, 2), np.nan)
+    for overlap in rig.found.overlaps:
+        pair = overlap.head_a, overlap.head_b
+        d = (
+            differences[pair].d / rig.synthetic.pixel_mm
+            if pair in differences
+            else np.full((1, 2), np.nan)
+        )
         rows.append(
             {
-                "head": found.names[pair[0]],
-                "other": found.names[pair[1]],
-                "textured": one.n_textured,
-                "ties": one.n_ties,
-                "share": one.n_ties / max(one.n_textured, 1),
+                "head": rig.names[pair[0]],
+                "other": rig.names[pair[1]],
+                "textured": overlap.n_textured,
+                "ties": overlap.n_ties,
+                "share": overlap.n_ties / max(overlap.n_textured, 1),
                 "mean_px": float(np.hypot(*d.mean(axis=0))),
                 "rms_px": float(np.sqrt(np.mean(d**2))),
                 "chain": pair in chain,
@@ -322,32 +326,32 @@ def pairs(files: str) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _differences(found: Solved) -> list[Overlap]:
+def _differences(rig: Solved) -> list[Overlap]:
     """Return the differences of all pairs after the refinement by rotations."""
-    fit = found.fits["rotations"]
-    return overlaps(found.found.ties[~fit.rejected], fit.orientation)
+    fit = rig.fits["rotations"]
+    return overlaps(rig.found.ties[~fit.rejected], fit.orientation)
 
 
-def _pair_sigma_deg(found: Solved) -> Array:
+def _pair_sigma_deg(rig: Solved) -> Array:
     """Return sigma of the rotation of one pair about x, y and z, degrees, from closed loops.
 
-    Every pair of heads is turned once more by itself. How far these rotations are from zero is what
-    the pairs contradict each other by; neighbouring ties share errors, which their number hides.
+    Every pair of heads is turned once more by itself. The size of these rotations shows how much
+    the pairs contradict each other; neighbouring ties share errors, which their number hides.
     """
-    f = found.factory.heads[0].interior.f
-    left = np.array([_turn(one, f) for one in _differences(found)])
-    redundancy = max(len(left) - len(found.heads) + 1, 1)
-    return np.asarray(np.degrees(np.sqrt(np.sum(left**2, axis=0) / redundancy)))
+    f = rig.factory.heads[0].interior.f
+    turns = np.array([_turn(overlap, f) for overlap in _differences(rig)])
+    redundancy = max(len(turns) - len(rig.heads) + 1, 1)
+    return np.asarray(np.degrees(np.sqrt(np.sum(turns**2, axis=0) / redundancy)))
 
 
-def _turn(one: Overlap, f: float) -> Array:
+def _turn(overlap: Overlap, f: float) -> Array:
     """Return the rotation of rays (x, y, -f) that removes the differences of a pair, radians."""
-    x, y = one.xy.T
+    x, y = overlap.xy.T
     zero = np.zeros(len(x))
     by_x = np.stack([x * y / f, -f - x * x / f, -y])
     by_y = np.stack([f + y * y / f, -x * y / f, x + zero])
     A = np.concatenate([by_x.T, by_y.T])
-    return np.asarray(np.linalg.lstsq(A, one.d.T.ravel(), rcond=None)[0])
+    return np.asarray(np.linalg.lstsq(A, overlap.d.T.ravel(), rcond=None)[0])
 
 
 # --- What of the rotations is parallax: the heads stand apart, and the ground is near
@@ -368,36 +372,36 @@ def parallax(files: str) -> pd.DataFrame:
         with the places of the heads free; the place relative to the reference that is then found,
         mm: `base_x_mm` along columns, `base_y_mm` against rows; height, m, and focal length, px.
     """
-    found = solved(files)
+    rig = solved(files)
     rows = []
-    for k in range(len(found.heads)):
-        if found.leads(k):
+    for k in range(len(rig.heads)):
+        if rig.leads(k):
             continue
-        reference = found.reference(k)
-        turns = [_shift_px(found, way, k, reference) for way in ("rotations", "six")]
-        xyz = found.fits["six"].orientation.xyz_mm
-        base = 1000 * (xyz[k] - xyz[reference]) * found.height_m / found.factory.xyz_mm[0, 2]
+        reference = rig.reference(k)
+        turns = [_shift_px(rig, way, k, reference) for way in ("rotations", "six")]
+        xyz = rig.fits["six"].orientation.xyz_mm
+        base = 1000 * (xyz[k] - xyz[reference]) * rig.height_m / rig.factory.xyz_mm[0, 2]
         rows.append(
             {
-                "head": found.names[k],
-                "reference": found.names[reference],
+                "head": rig.names[k],
+                "reference": rig.names[reference],
                 "x_px": turns[0][0],
                 "y_px": turns[0][1],
                 "x_left_px": turns[1][0],
                 "y_left_px": turns[1][1],
                 "base_x_mm": float(base[0]),
                 "base_y_mm": float(base[1]),
-                "height_m": found.height_m,
-                "f_px": float(1 / np.radians(found.pixel_deg)),
+                "height_m": rig.height_m,
+                "f_px": float(1 / np.radians(rig.pixel_deg)),
             }
         )
     return pd.DataFrame(rows)
 
 
-def _shift_px(found: Solved, way: str, k: int, reference: int) -> tuple[float, float]:
-    """Return by how much a head shifts its image against the factory's angles, px."""
-    ours = turned_deg(found.fits[way].orientation, k, reference)
-    x, y, _ = (ours - turned_deg(found.factory, k, reference)) / found.pixel_deg
+def _shift_px(rig: Solved, way: str, k: int, reference: int) -> tuple[float, float]:
+    """Return the shift of a head's image against the factory's angles, px."""
+    ours = turned_deg(rig.fits[way].orientation, k, reference)
+    x, y, _ = (ours - turned_deg(rig.factory, k, reference)) / rig.pixel_deg
     # about y the image moves along columns, about x against rows
     return float(y), -float(x)
 
@@ -442,28 +446,28 @@ def vignetting(files: str) -> pd.DataFrame:
         in per cent: seen at the tie points, as the factory states it, and as the library's response
         of the heads has it.
     """
-    found = solved(files)
-    return pd.concat([_pair(found, *names) for names in PAIRS], ignore_index=True)
+    rig = solved(files)
+    return pd.concat([_pair(rig, *names) for names in PAIRS], ignore_index=True)
 
 
-def _pair(found: Solved, name: str, other: str) -> pd.DataFrame:
-    k, m = sorted((found.place(name), found.place(other)))
-    ties = found.found.ties[~found.fits["rotations"].rejected]
+def _pair(rig: Solved, name: str, other: str) -> pd.DataFrame:
+    k, m = sorted((rig.place(name), rig.place(other)))
+    ties = rig.found.ties[~rig.fits["rotations"].rejected]
     ties = ties[(ties.head_a == k) & (ties.head_b == m)]
-    seen = np.log(_grey(found, k, ties.colrow_a) / _grey(found, m, ties.colrow_b))
+    observed = np.log(_grey(rig, k, ties.colrow_a) / _grey(rig, m, ties.colrow_b))
     stated = np.log(
-        _vignetting_factory(found, k, ties.colrow_a) / _vignetting_factory(found, m, ties.colrow_b)
+        _vignetting_factory(rig, k, ties.colrow_a) / _vignetting_factory(rig, m, ties.colrow_b)
     )
-    middle = 0.5 * (np.array([found.synthetic.width_px, found.synthetic.height_px]) - 1)
+    middle = 0.5 * (np.array([rig.synthetic.width_px, rig.synthetic.height_px]) - 1)
     radius = np.hypot(*(ties.colrow_a - middle).T)
-    fitted = _response(found, k, m, radius / np.hypot(*(middle + 0.5)))
+    fitted = _response(rig, k, m, radius / np.hypot(*(middle + 0.5)))
     ring = np.digitize(radius, RINGS)
     rows = [
         {
-            "head": found.names[k],
-            "other": found.names[m],
+            "head": rig.names[k],
+            "other": rig.names[m],
             "radius_px": float(np.median(radius[ring == i])),
-            "seen": 100 * float(np.median(seen[ring == i])),
+            "seen": 100 * float(np.median(observed[ring == i])),
             "factory": 100 * float(np.median(stated[ring == i])),
             "library": 100 * float(np.median(fitted[ring == i])),
         }
@@ -476,27 +480,27 @@ def _pair(found: Solved, name: str, other: str) -> pd.DataFrame:
     return table
 
 
-def _light(found: Solved, k: int) -> Raster:
+def _light(rig: Solved, k: int) -> Raster:
     """Return a head's image above its dark level."""
-    dark = metadata.dark_level(found.tags[k]) or 0.0
-    return np.clip(found.images[k].astype(np.int32) - round(dark), 1, None).astype(np.uint16)
+    dark = metadata.dark_level(rig.tags[k]) or 0.0
+    return np.clip(rig.images[k].astype(np.int32) - round(dark), 1, None).astype(np.uint16)
 
 
-def _grey(found: Solved, k: int, colrow: Array) -> Array:
+def _grey(rig: Solved, k: int, colrow: Array) -> Array:
     """Return grey values above darkness, means over small windows."""
-    blurred = cv2.blur(_light(found, k)[..., 0].astype(np.float32), (_BLUR, _BLUR))
+    blurred = cv2.blur(_light(rig, k)[..., 0].astype(np.float32), (_BLUR, _BLUR))
     col, row = np.rint(colrow).astype(int).T
     return np.asarray(blurred[row, col], float)
 
 
-def _vignetting_factory(found: Solved, k: int, colrow: Array) -> Array:
-    stated = metadata.vignetting(found.tags[k])
+def _vignetting_factory(rig: Solved, k: int, colrow: Array) -> Array:
+    stated = metadata.vignetting(rig.tags[k])
     return np.ones(len(colrow)) if stated is None else stated.at(colrow)
 
 
-def _response(found: Solved, k: int, m: int, radius: Array) -> Array:
+def _response(rig: Solved, k: int, m: int, radius: Array) -> Array:
     """Return the logarithm of the ratio by the library's response, from grey values alone."""
-    fit, two = found.fits["rotations"].orientation, [k, m]
+    fit, two = rig.fits["rotations"].orientation, [k, m]
     pair = replace(
         fit,
         heads=tuple(fit.heads[i] for i in two),
@@ -504,9 +508,9 @@ def _response(found: Solved, k: int, m: int, radius: Array) -> Array:
         opk=fit.opk[two],
         cov_joint=np.zeros((32, 32)),
     )
-    images = [_light(found, i) for i in two]
+    images = [_light(rig, i) for i in two]
     rng = np.random.default_rng(SEED)
-    response = estimate_response(images, pair, found.synthetic, rng=rng).response
+    response = estimate_response(images, pair, rig.synthetic, rng=rng).response
     (_, a_1, b_1), (_, a_2, b_2) = response.coefficients[:, 0]
     q = radius**2
     return np.asarray((a_1 - a_2) * q + (b_1 - b_2) * q**2)
@@ -599,7 +603,7 @@ def _cell(ax: Axes, col: int, row: int, share: float, *, chained: bool) -> None:
 
 
 def shifts(table: pd.DataFrame) -> Figure:
-    """Draw by how much heads lie from the factory's angles, with and without parallax.
+    """Draw the shifts of heads against the factory's angles, with and without parallax.
 
     Parameters
     ----------
@@ -664,10 +668,12 @@ def falloffs(table: pd.DataFrame) -> Figure:
     groups = list(table.groupby(["head", "other"], sort=False))
     with style.applied():
         fig, axes = style.subplots(2, 2, figsize=(style.WIDTH, 4.6), sharex=True, sharey=True)
-        for ax, (names, own) in zip(axes.flat, groups, strict=True):
-            ax.plot(own["radius_px"], own["seen"], "o", color=style.INK, ms=4, label="tie points")
+        for ax, (names, group) in zip(axes.flat, groups, strict=True):
+            ax.plot(
+                group["radius_px"], group["seen"], "o", color=style.INK, ms=4, label="tie points"
+            )
             for name, colour in (("factory", style.ORANGE), ("library", style.BLUE)):
-                ax.plot(own["radius_px"], own[name], color=colour, label=name)
+                ax.plot(group["radius_px"], group[name], color=colour, label=name)
             ax.set_title(" over ".join(style.plain(str(name)) for name in names))
         for ax in axes[1]:
             ax.set_xlabel("radius (px)")
@@ -685,17 +691,17 @@ def stack(*, folder: str = "") -> Figure | None:
     folder : str
         Of the reference data; the usual one if empty.
     """
-    found = here(FIVE, folder=folder)
-    if found is None:
+    rig = here(FIVE, folder=folder)
+    if rig is None:
         return None
-    shape = found.synthetic.height_px, found.synthetic.width_px, len(found.images)
+    shape = rig.synthetic.height_px, rig.synthetic.width_px, len(rig.images)
     bands = np.empty(shape, np.uint16)
-    plan = render_plan(found.fits["rotations"].orientation, found.synthetic)
-    stacked(plan, found.images, None)(bands, 0)
+    plan = render_plan(rig.fits["rotations"].orientation, rig.synthetic)
+    stacked(plan, rig.images, None)(bands, 0)
     with style.applied():
         fig, axes = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
         for ax, (title, names) in zip(axes, COMPOSITES.items(), strict=True):
-            picked = [_shown(bands[..., found.place(name)][WINDOW]) for name in names]
+            picked = [_shown(bands[..., rig.place(name)][WINDOW]) for name in names]
             ax.imshow(np.stack(picked, axis=-1), interpolation="nearest")
             ax.set_title(title)
             ax.set(xticks=[], yticks=[])
@@ -740,7 +746,7 @@ def beside(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def readings(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the readings of the factory's angles."""
+    """Return the interpretations of the factory's angles with their misfits."""
     names = {
         "median_px": "median (px)",
         "least_px": "of the best head (px)",
@@ -752,7 +758,7 @@ def readings(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def places(table: pd.DataFrame) -> pd.DataFrame:
-    """Return what the free places of the heads take from the rotations."""
+    """Return shifts with and without free places of the heads, and these places, as a table."""
     names = {
         "x_px": "columns (px)",
         "y_px": "rows (px)",
@@ -783,7 +789,7 @@ def less(table: pd.DataFrame, axes: str, whose: str) -> Array:
 
 
 def rms(values: Array) -> float:
-    """Return the root mean square of what is known."""
+    """Return the root mean square of values, without NaN."""
     return float(np.sqrt(np.nanmean(np.asarray(values, dtype=float) ** 2)))
 
 

@@ -147,7 +147,7 @@ def _block(flight: Flight, reading: Reading) -> Block:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Intersected:
-    """All points intersected under one reading.
+    """All points intersected under one interpretation.
 
     Attributes
     ----------
@@ -184,18 +184,20 @@ def intersected(flight: Flight, reading: Reading) -> Intersected:
         sigma_px=points.sigma_px[order],
     )
     poses = direct.georeference(block, estimates.given([flight.camera]))
-    found = direct.intersect_rays(block, poses, selected)
-    seen = direct.measured(block, poses, selected)
-    nearest = intersect(seen.T_m_c.r, directions(seen), selected.group, selected.n_groups)
-    given = reading.from_enh(flight.enh)[selected.group]
+    intersections = direct.intersect_rays(block, poses, selected)
+    measurement = direct.measured(block, poses, selected)
+    nearest = intersect(
+        measurement.T_m_c.r, directions(measurement), selected.group, selected.n_groups
+    )
+    published = reading.from_enh(flight.enh)[selected.group]
     R_g_m = flight.frame.grid_axes(flight.frame.from_grid(flight.enh))
-    cov = R_g_m @ found.cov @ np.swapaxes(R_g_m, -1, -2)
+    cov = R_g_m @ intersections.cov @ np.swapaxes(R_g_m, -1, -2)
     return Intersected(
         rays=selected,
-        found=found,
-        d=reading.to_enh(found.x_m) - flight.enh,
+        found=intersections,
+        d=reading.to_enh(intersections.x_m) - flight.enh,
         sigma=np.sqrt(np.diagonal(cov, axis1=1, axis2=2)),
-        misfit=image_residuals(seen, given),
+        misfit=image_residuals(measurement, published),
         d_nearest=reading.to_enh(nearest) - flight.enh,
     )
 
@@ -214,21 +216,21 @@ def results() -> pd.DataFrame:
         same for the point nearest to the rays in space.
     """
     flight = load()
-    got = intersected(flight, _complete(flight))
+    intersection = intersected(flight, _complete(flight))
     table = pd.DataFrame(
         {
             "point": flight.points,
             "kind": np.where(flight.is_surveyed, "surveyed", "tie point"),
-            "rays": np.bincount(got.rays.group),
+            "rays": np.bincount(intersection.rays.group),
         }
     )
     for k, axis in enumerate(AXES):
-        table[f"d_{axis}_m"] = got.d[:, k]
+        table[f"d_{axis}_m"] = intersection.d[:, k]
     for k, axis in enumerate(AXES):
-        table[f"sigma_{axis}_m"] = got.sigma[:, k]
+        table[f"sigma_{axis}_m"] = intersection.sigma[:, k]
     pixel_m = _ground_pixel_m(flight)
-    table["ground_pixels"] = np.linalg.norm(got.d, axis=1) / pixel_m
-    table["nearest_ground_pixels"] = np.linalg.norm(got.d_nearest, axis=1) / pixel_m
+    table["ground_pixels"] = np.linalg.norm(intersection.d, axis=1) / pixel_m
+    table["nearest_ground_pixels"] = np.linalg.norm(intersection.d_nearest, axis=1) / pixel_m
     return table.round(6)
 
 
@@ -252,14 +254,14 @@ def forgotten_steps() -> pd.DataFrame:
     tie = ~flight.is_surveyed
     rows = []
     for name, read in READINGS.items():
-        got = intersected(flight, read(flight))
-        own = tie[got.rays.group]
-        d = got.d[tie]
+        intersection = intersected(flight, read(flight))
+        of_ties = tie[intersection.rays.group]
+        d = intersection.d[tie]
         rows.append(
             {
                 "reading": name,
-                "residual_px": _rms(got.found.v[own]),
-                "misfit_px": _rms(got.misfit[own]),
+                "residual_px": _rms(intersection.found.v[of_ties]),
+                "misfit_px": _rms(intersection.misfit[of_ties]),
                 **{f"mean_{axis}_m": d[:, k].mean() for k, axis in enumerate(AXES)},
                 "std_height_m": d[:, 2].std(ddof=1),
             }
@@ -407,16 +409,16 @@ def _map_scale(flight: Flight) -> Array:
 
 
 def _complete(flight: Flight) -> Reading:
-    """Return the correct reading of the data."""
+    """Return the correct interpretation of the data."""
     return _topocentric(flight, flight.altitudes, true_altitudes(flight, SCALE))
 
 
 def _topocentric(flight: Flight, heights: GridSystem, height: Array) -> Reading:
-    """Return the reading with the images' heights in a given height system."""
+    """Return the interpretation with the images' heights in a given height system."""
     frame = flight.frame
-    seen = MappingFrame(grid=heights, origin=frame.origin)
+    mapping = MappingFrame(grid=heights, origin=frame.origin)
     enh = np.column_stack([flight.orientations.enh[:, :2], height])
-    T_m_c = seen.pose_from_grid(enh, flight.orientations.opk)
+    T_m_c = mapping.pose_from_grid(enh, flight.orientations.opk)
     return Reading(T_m_c=T_m_c, to_enh=frame.to_grid, from_enh=frame.from_grid)
 
 
@@ -433,7 +435,7 @@ def _without_geoid(flight: Flight) -> Reading:
 
 
 def _without_convergence(flight: Flight) -> Reading:
-    """Return the reading with kappa relative to true north."""
+    """Return the interpretation with kappa relative to true north."""
     reading = _complete(flight)
     R_g_t = turn(2, flight.grid.convergence(flight.lonlat))
     R_m_g = np.swapaxes(flight.frame.grid_axes(reading.T_m_c.r), -1, -2)
@@ -442,7 +444,7 @@ def _without_convergence(flight: Flight) -> Reading:
 
 
 def _one_vertical(flight: Flight) -> Reading:
-    """Return the reading with angles relative to the axes in the middle of the images."""
+    """Return the interpretation with angles relative to the axes in the middle of the images."""
     reading = _complete(flight)
     R_g_m = flight.frame.grid_axes(np.zeros((1, 3)))[0]
     R_m_c = R_g_m.T @ rotation_from_opk(flight.orientations.opk)

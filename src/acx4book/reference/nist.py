@@ -65,7 +65,7 @@ def _read(path: Path) -> Dataset:
     text = "\n".join(lines)
     first, last = (int(number) for number in _LINES.findall(text)[-1])
     data = np.array([line.split() for line in lines[first - 1 : last]])
-    rows = [found[1].split() for line in lines if (found := _PARAMETER.match(line))]
+    rows = [match[1].split() for line in lines if (match := _PARAMETER.match(line))]
     return Dataset(
         name=path.stem,
         level=_after(text, r"(\w+) Level of Difficulty"),
@@ -79,11 +79,11 @@ def _read(path: Path) -> Dataset:
 
 
 def _after(text: str, pattern: str) -> str:
-    found = re.search(pattern, text)
-    if found is None:
+    match = re.search(pattern, text)
+    if match is None:
         msg = f"no {pattern!r} in the file"
         raise ValueError(msg)
-    return found[1]
+    return match[1]
 
 
 # --- models ----------------------------------------------------------------------------------
@@ -364,9 +364,9 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
         agree, or the outcome if there is no result.
     """
     rows = []
-    for (dataset, level), own in table.groupby(["dataset", "level"], sort=False):
+    for (dataset, level), group in table.groupby(["dataset", "level"], sort=False):
         row = {"data set": dataset, "level": str(level).lower()}
-        for start, values in own.groupby("start"):
+        for start, values in group.groupby("start"):
             outcome = str(values["outcome"].iloc[0])
             row[f"iterations {start}"] = int(values["iterations"].iloc[0])
             least = f"{values['digits'].min():.1f}"

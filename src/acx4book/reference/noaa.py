@@ -155,10 +155,10 @@ def differences(frame: Frame) -> tuple[Array, float]:
     mapping = MappingFrame(grid=grid, origin=below)
     pose = mapping.pose_from_grid(frame.enh[None], frame.opk[None])[np.zeros(5, dtype=int)]
     x_m = _on_ground(mapping, pose, rays(frame.camera, pose, frame.colrow), frame.ground_m)
-    given = np.column_stack([frame.lonlat, np.full(5, frame.ground_m)])
+    published = np.column_stack([frame.lonlat, np.full(5, frame.ground_m)])
     above_m = frame.enh[2] - frame.ground_m
     return (
-        x_m - mapping.from_geographic(given),
+        x_m - mapping.from_geographic(published),
         above_m * frame.camera.pixel_mm / frame.camera.interior.f,
     )
 
