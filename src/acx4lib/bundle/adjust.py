@@ -61,17 +61,17 @@ class Bundle:
     exchanged: tuple[Exchange, ...] = ()
 
     def __repr__(self) -> str:
-        """Say in a line what was adjusted, and how it fits."""
+        """Describe the adjustment and its fit in one line."""
         n = shown.count(self.solution.n_observations, "observation")
         redundancy = f"redundancy {self.solution.redundancy}"
         return shown.line(f"Bundle of {self.network.block.name!r}", n, redundancy, *self.said)
 
     @property
     def said(self) -> tuple[str, str, str]:
-        """How it fits, in parts of a line."""
+        """The fit in phrases: variance factor, iterations, rejections."""
         p = self.solution.chi_square_p
-        said = f"p {p:.3f}" if p >= 5e-4 else "p < 0.0005"
-        fit = f"σ0² {self.solution.sigma0_sq:.3f} ({said})"
+        probability = f"p {p:.3f}" if p >= 5e-4 else "p < 0.0005"
+        fit = f"σ0² {self.solution.sigma0_sq:.3f} ({probability})"
         n = self.solution.iterations  # none after the last observations were taken out
         steps = shown.count(n, "iteration") if n else ""
         return fit, steps, f"{len(self.rejected)} rejected" if self.rejected else ""
@@ -112,15 +112,15 @@ class Bundle:
 
 
 def qualities(name: str, bundles: Mapping[str, Bundle]) -> pd.DataFrame:
-    """Return adjustments, a row for each: size, redundancy, global test, and what was taken out.
+    """Return a row for each adjustment: size, redundancy, global test, number of rejections.
 
     Parameters
     ----------
     name : str
-        What the keys are.
+        Name of the index that holds the keys.
     bundles : mapping of str to Bundle
     """
-    return shown.row_table(name, {key: _quality(one) for key, one in bundles.items()})
+    return shown.row_table(name, {key: _quality(bundle) for key, bundle in bundles.items()})
 
 
 def _quality(bundle: Bundle) -> dict[str, object]:
@@ -169,7 +169,7 @@ def _adjusted(network: Network, start: State) -> Bundle:
 
 
 def designed(network: Network) -> Bundle:
-    """Return what a network determines that is only planned: its observations have no errors.
+    """Return the precision of a planned network; its observations have no errors.
 
     Returns
     -------
@@ -197,7 +197,7 @@ def _of(network: Network, state: State, solution: Solution) -> Bundle:
 
 
 def _whole(group: Group, distances: Distances) -> Group:
-    """Return a group of residuals in which distances are not in halves."""
+    """Return a group of residuals, the halves of its distances joined."""
     if group.kind != "distance":
         return group
     return Group(

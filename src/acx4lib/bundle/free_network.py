@@ -141,10 +141,12 @@ def adjust_free_rejecting(block: Block, set_up: Callable[[Block], Network]) -> B
         held = _held_columns(network, _Similarity.of(network))
         return replace(network, layout=holding(network.layout, held))
 
-    found = adjust_rejecting(block, with_minimal_constraints)
-    clean = set_up(without(block, found.rejected))
-    fit = adjust_free(clean.beginning_at(found.state)).minimal
-    return replace(fit, rejected=found.rejected, stopped=found.stopped, exchanged=found.exchanged)
+    minimal = adjust_rejecting(block, with_minimal_constraints)
+    clean = set_up(without(block, minimal.rejected))
+    fit = adjust_free(clean.beginning_at(minimal.state)).minimal
+    return replace(
+        fit, rejected=minimal.rejected, stopped=minimal.stopped, exchanged=minimal.exchanged
+    )
 
 
 def datum_defect(network: Network) -> int:
@@ -192,7 +194,7 @@ class _Similarity:
     size : float
         m.
     open : ndarray, shape (7, d)
-        The d combinations that no observation notices.
+        The d combinations that change no observation.
     """
 
     middle: Array
@@ -201,7 +203,7 @@ class _Similarity:
 
     @classmethod
     def of(cls, network: Network) -> _Similarity:
-        """Return those of a block, and what its observations at the start leave open."""
+        """Return the transformations of a network, with those that its observations leave open."""
         x_m = network.start.x_m[network.free_points]
         middle = x_m.mean(axis=0)
         size = float(np.linalg.norm(x_m - middle, axis=1).max(initial=1.0))
@@ -239,7 +241,7 @@ class _Similarity:
 
 
 def _noticed(network: Network, move: _Similarity) -> Iterator[Array]:
-    """Yield the derivatives by the seven of all that is observed but image points, or held."""
+    """Yield d(observations besides image points, held unknowns) / d(the seven)."""
     state, poses = network.start, network.layout.pose
     G_poses, G_points = move.of_poses(state.T_m_b), move.of_points(state.x_m)
     yield np.zeros((0, 7))
@@ -284,14 +286,14 @@ def _held_columns(network: Network, move: _Similarity) -> Index:
 
 
 def _brought_back(minimal: Bundle, move: _Similarity, chosen: Mask) -> State:
-    """Return the state moved until the chosen points are nearest to where they began."""
+    """Return the state moved so that the chosen points are nearest to their start values."""
     state, x_m = minimal.state, minimal.network.start.x_m[chosen]
     for _ in range(ROUNDS):
         G = (move.of_points(state.x_m[chosen]) @ move.open).reshape(-1, move.open.shape[1])
         q, _, rank, _ = np.linalg.lstsq(G, (x_m - state.x_m[chosen]).ravel(), rcond=FELT)
         if rank < len(q):
-            n, what = int(chosen.sum()), "three that do not lie on one line"
-            msg = f"{n} points do not fix the {len(q)} motions that are open: {what} are needed"
+            n, needed = int(chosen.sum()), "three that do not lie on one line"
+            msg = f"{n} points do not fix the {len(q)} motions that are open: {needed} are needed"
             raise AdjustmentError(msg)
         state = move.applied(state, move.open @ q)
         if np.abs(q).max() < STILL * move.size:

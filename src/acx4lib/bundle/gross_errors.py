@@ -1,7 +1,7 @@
-"""Observations that do not belong: found by data snooping, and taken out of a block.
+"""Gross errors: found by data snooping, and removed from a block.
 
-A block is adjusted, tested and rid of what is significant until nothing is. Points that were
-surveyed nowhere near where they were measured, and exchanged names, are found first.
+Adjustment, test and rejection alternate until no test fails. Control points far from all of
+their rays are removed first; rejected observations are searched for exchanged names.
 """
 
 from __future__ import annotations
@@ -135,11 +135,11 @@ def adjust_rejecting(
             break
         bundle, search = _following(network, bundle.state, search, following)
         verdict = test(bundle, search.out)
-    found = (*_tested(block, bundle, absurd), *_rejections(search, observed, verdict))
-    if not found:
+    rejections = (*_tested(block, bundle, absurd), *_rejections(search, observed, verdict))
+    if not rejections:
         return bundle
-    kept, stopped = within_limits(block, network.rows, found)
-    mixed = _exchanges(block, set_up, bundle, found, partial(_failed, test))
+    kept, stopped = within_limits(block, network.rows, rejections)
+    mixed = _exchanges(block, set_up, bundle, rejections, partial(_failed, test))
     best = _without(block, set_up, bundle, kept, stopped)
     return replace(best, rejected=kept, stopped=stopped, exchanged=mixed)
 
@@ -155,7 +155,7 @@ def _failed(test: Callable[[Bundle, Mask], _Verdict], bundle: Bundle) -> set[tup
 def _first(
     network: Network, search: _Search, test: Callable[[Bundle, Mask], _Verdict]
 ) -> tuple[Bundle, _Search]:
-    """Adjust with all observations; where many fail, without those that misfit a robust state."""
+    """Adjust with all observations; if many fail, without the misfits of a robust state."""
     try:
         bundle = adjust(network)
     except AdjustmentError:
@@ -193,7 +193,7 @@ def _without(
     rejected: tuple[Rejection, ...],
     stopped: tuple[Stopped, ...],
 ) -> Bundle:
-    """Adjust without the rejected observations; say what else is wrong where that fails."""
+    """Adjust without the rejected observations; an error also names the stopped groups."""
     network = set_up(without(block, rejected))
     known, state = np.isfinite(bundle.state.x_m), bundle.state
     warm = replace(state, x_m=np.where(known, state.x_m, network.start.x_m))
@@ -217,7 +217,7 @@ def _misfits(network: Network, state: State) -> Array:
 
 
 def _misfits_after(bundle: Bundle, out: Mask) -> Array:
-    """Return the same after an adjustment with `OUT` times the sigma of rejected observations."""
+    """Return the `_misfits` after an adjustment that gave rejected observations `OUT` sigma."""
     factors = _by_group(bundle.network, np.where(out, OUT, 1.0))
     groups = zip(bundle.solution.groups[: len(KINDS)], factors, strict=True)
     return _shares_of_spread([(group.v, group.sigma / factor) for group, factor in groups])
@@ -254,9 +254,9 @@ def _nothing_out(n: int) -> _Search:
 
 
 def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mask) -> _Search:
-    """Reject observations that fail their test, put back those that pass; not both at one point.
+    """Reject observations that fail their test, return those that pass; never both at one point.
 
-    An observation that was only suspected, and that no other controls, returns where it fits.
+    A suspect of the robust start that no other observation controls returns where it fits.
     """
     taken = _to_take(observed, np.where(verdict.failed & ~search.out, verdict.w, 0.0))
     busy = np.isin(observed.point, observed.point[taken & (observed.point >= 0)])
@@ -270,10 +270,10 @@ def _next(search: _Search, observed: _Observations, verdict: _Verdict, fits: Mas
 
 
 def _to_take(observed: _Observations, w: Array) -> Mask:
-    """Choose the candidates, w > 0, that no larger one near them explains."""
+    """Choose the candidates, w > 0, unless a larger w near them explains theirs."""
     of_point, of_pose = observed.point >= 0, observed.pose >= 0
     posed, tied = of_pose & ~of_point, of_pose & of_point
-    row_pose = np.zeros(observed.pose.max(initial=-1) + 2)  # the last one of what has no pose
+    row_pose = np.zeros(observed.pose.max(initial=-1) + 2)  # the last place: no pose
     np.maximum.at(row_pose, observed.pose[posed], w[posed])
     at_pose = row_pose.copy()
     np.maximum.at(at_pose, observed.pose[tied], w[tied])
@@ -364,8 +364,8 @@ def _by_group(network: Network, values: NDArray[T]) -> list[NDArray[T]]:
     """Return values of the observations as columns, to be broadcast to the network's groups."""
     n, k = len(network.rows), int(np.sum(~network.held_control))
     n_poses = len(network.pose_names)
-    image, control, *others = np.split(values, np.cumsum([n, 3 * k, n_poses, n_poses]))
-    return [image[:, None], control.reshape(-1, 3), *(part[:, None] for part in others)]
+    image, control, *poses = np.split(values, np.cumsum([n, 3 * k, n_poses, n_poses]))
+    return [image[:, None], control.reshape(-1, 3), *(part[:, None] for part in poses)]
 
 
 def _flat(values: Sequence[NDArray[T]]) -> NDArray[T]:
@@ -419,7 +419,7 @@ def _judge(limits: Limits, critical: float, bundle: Bundle, out: Mask) -> _Verdi
 
 
 def _places_of_largest(w: Array) -> Index:
-    """Return, for every component, which one of its row is the largest; of control, itself."""
+    """Return the component with the largest w of each row, once per component, shape (n, d)."""
     largest: Index = np.argmax(w, axis=1)
     return np.repeat(largest[:, None], w.shape[1], axis=1)
 
@@ -495,13 +495,13 @@ def _absurd(network: Network, set_up: Callable[[Block], Network]) -> Index:
 
 def _misfits_of_control(network: Network, state: State) -> Array:
     """Return the median angles of control points; zero for a single ray that may be wrong."""
-    off = control_misfits(network, state)
+    angles = control_misfits(network, state)
     rays = np.bincount(network.image_points.point_idx, minlength=network.n_points)
-    return np.where((rays[network.control.point_idx] == 1) & (off < BESIDE), 0.0, off)
+    return np.where((rays[network.control.point_idx] == 1) & (angles < BESIDE), 0.0, angles)
 
 
 def _unlike(misfits: Array) -> Mask:
-    """Tell which few points miss their rays by far more than the others; none if there are many."""
+    """Mark the points that miss their rays far more than the others; none if they are many."""
     if len(misfits) <= ENOUGH:
         return np.zeros(len(misfits), dtype=bool)
     out: Mask = misfits > max(DOUBTFUL, UNLIKE * float(np.median(misfits)))
@@ -522,7 +522,7 @@ def _tested(block: Block, bundle: Bundle, rows: Index) -> tuple[Rejection, ...]:
 
 
 def elsewhere(origins: Array, directions: Array, point_idx: Index, x_m: Array) -> Mask:
-    """Tell which points were surveyed far from where their rays meet, unlike the other points.
+    """Mark points that were surveyed far from the intersection of their rays, unlike the others.
 
     "Far" is a share of the distance to the cameras. The survey of a point is not blamed where
     most of its rays pass through the surveyed position, or where its rays do not meet.
@@ -535,17 +535,19 @@ def elsewhere(origins: Array, directions: Array, point_idx: Index, x_m: Array) -
     x_m : ndarray, shape (k, 3)
         Surveyed coordinates, m.
     """
-    to = x_m[point_idx] - origins
-    distance = np.linalg.norm(to, axis=1)
-    chord = np.linalg.norm(to / distance[:, None] - directions, axis=1)
+    to_points = x_m[point_idx] - origins
+    distance = np.linalg.norm(to_points, axis=1)
+    chord = np.linalg.norm(to_points / distance[:, None] - directions, axis=1)
     miss = medians(chord, point_idx, len(x_m)) > THROUGH
     met_m = intersect(origins, directions, point_idx, len(x_m))
     along = np.sum((met_m[point_idx] - origins) * directions, axis=1)
     meets = np.bincount(point_idx, minlength=len(x_m)) > 1
     meets[point_idx[~(along > 0)]] = False
-    off = np.linalg.norm(met_m - x_m, axis=1) / np.maximum(medians(along, point_idx, len(x_m)), 1)
+    offsets = np.linalg.norm(met_m - x_m, axis=1) / np.maximum(
+        medians(along, point_idx, len(x_m)), 1
+    )
     out = np.zeros(len(x_m), dtype=bool)
-    out[meets] = _unlike(off[meets])
+    out[meets] = _unlike(offsets[meets])
     return out & miss
 
 
@@ -579,20 +581,24 @@ def _exchanges(
     if not candidates:
         return ()
     mended = block
-    for one in candidates:
-        mended = _mended(mended, one)
-    others = [r for r in rejected if not any(_is_of(one, r.kind, r.row) for one in candidates)]
+    for exchange in candidates:
+        mended = _mended(mended, exchange)
+    remaining = [
+        r for r in rejected if not any(_is_of(exchange, r.kind, r.row) for exchange in candidates)
+    ]
     try:
-        network = set_up(without(mended, others))
+        network = set_up(without(mended, remaining))
         again = adjust(network.beginning_at(bundle.state))
     except AdjustmentError:
         return ()
     wrong = failed(again)
-    return tuple(one for one in candidates if not any(_is_of(one, *row) for row in wrong))
+    return tuple(
+        exchange for exchange in candidates if not any(_is_of(exchange, *row) for row in wrong)
+    )
 
 
 def pairs_of(own: Array, other: Array) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of rows that lie near each other's place and far from their own.
+    """Yield pairs of rows that each fit the other's place much better than their own.
 
     Parameters
     ----------
@@ -603,46 +609,46 @@ def pairs_of(own: Array, other: Array) -> Iterator[tuple[int, int]]:
     """
     if len(own) < 2:
         return
-    apart = np.where(np.eye(len(own), dtype=bool), np.inf, other)
-    nearest = np.argmin(apart, axis=1)
+    misfits = np.where(np.eye(len(own), dtype=bool), np.inf, other)
+    nearest = np.argmin(misfits, axis=1)
     for i, j in enumerate(nearest):
         limit = NEARER * min(own[i], own[j])
-        if i < j and nearest[j] == i and max(apart[i, j], apart[j, i]) < limit:
+        if i < j and nearest[j] == i and max(misfits[i, j], misfits[j, i]) < limit:
             yield i, int(j)
 
 
 def _exposures(block: Block, bundle: Bundle, rejected: Sequence[Rejection]) -> Iterator[Exchange]:
-    """Yield the exposures that are candidates: by their positions, else by their attitudes."""
+    """Yield exposures that may be exchanged: by their positions, else by their attitudes."""
     w = {kind: _largest(rejected, kind) for kind in ("gnss", "attitude")}
     kind = "gnss" if len(w["gnss"]) > 1 else "attitude"
     rows = np.array(sorted(w[kind]), dtype=np.intp)
     exposures, poses = np.unique(bundle.network.exposure_idx, return_index=True)
     first = poses[np.searchsorted(exposures, rows)]
-    given, found = block.trajectory.T_m_b[rows], bundle.state.T_m_b[first]
-    apart = _apart(given, found, kind)
-    for i, j in pairs_of(np.diagonal(apart), apart):
+    observed, adjusted = block.trajectory.T_m_b[rows], bundle.state.T_m_b[first]
+    distances = _apart(observed, adjusted, kind)
+    for i, j in pairs_of(np.diagonal(distances), distances):
         a, b = int(rows[i]), int(rows[j])
         largest = max(of_kind.get(row, 0.0) for of_kind in w.values() for row in (a, b))
         names = (block.trajectory.exposures[a], block.trajectory.exposures[b])
         yield Exchange(kind="exposure", names=names, rows=(a, b), statistic=largest)
 
 
-def _apart(given: Pose, found: Pose, kind: str) -> Array:
-    """Return how far each given position or attitude is from each one found, (n, n), m or rad."""
+def _apart(observed: Pose, adjusted: Pose, kind: str) -> Array:
+    """Return distances of observed from adjusted positions or attitudes, (n, n), m or rad."""
     if kind == "gnss":
-        return np.linalg.norm(given.r[:, None] - found.r[None], axis=2)
-    turns = np.swapaxes(found.R, -1, -2)[None] @ given.R[:, None]
+        return np.linalg.norm(observed.r[:, None] - adjusted.r[None], axis=2)
+    turns = np.swapaxes(adjusted.R, -1, -2)[None] @ observed.R[:, None]
     n = len(turns)
     return np.linalg.norm(log(turns.reshape(-1, 3, 3)), axis=1).reshape(n, n)
 
 
 def _control(block: Block, bundle: Bundle, rejected: Sequence[Rejection]) -> Iterator[Exchange]:
-    """Yield the control points that are candidates."""
+    """Yield control points that may be exchanged."""
     w, control = _largest(rejected, "control_point"), block.control
     rows = np.array(sorted(w), dtype=np.intp)
-    found = bundle.state.x_m[control.point_idx[rows]]
-    apart = np.linalg.norm(control.x_m[rows][:, None] - found[None], axis=2)
-    for i, j in pairs_of(np.diagonal(apart), apart):
+    adjusted = bundle.state.x_m[control.point_idx[rows]]
+    distances = np.linalg.norm(control.x_m[rows][:, None] - adjusted[None], axis=2)
+    for i, j in pairs_of(np.diagonal(distances), distances):
         a, b = int(rows[i]), int(rows[j])
         names = (block.points[control.point_idx[a]], block.points[control.point_idx[b]])
         largest = max(w[a], w[b])
@@ -650,32 +656,34 @@ def _control(block: Block, bundle: Bundle, rejected: Sequence[Rejection]) -> Ite
 
 
 def _largest(rejected: Sequence[Rejection], kind: str) -> dict[int, float]:
-    """Return the largest w of every row of a kind that is rejected."""
+    """Return the largest w of each rejected row of a kind."""
     out: dict[int, float] = {}
-    for one in rejected:
-        if one.kind == kind:
-            out[one.row] = max(out.get(one.row, 0.0), one.statistic)
+    for rejection in rejected:
+        if rejection.kind == kind:
+            out[rejection.row] = max(out.get(rejection.row, 0.0), rejection.statistic)
     return out
 
 
-def _is_of(one: Exchange, kind: str, row: int) -> bool:
-    """Tell whether an observation is one of those that were exchanged."""
-    kinds = ("gnss", "attitude") if one.kind == "exposure" else ("control_point",)
-    return kind in kinds and row in one.rows
+def _is_of(exchange: Exchange, kind: str, row: int) -> bool:
+    """Tell whether an exchange contains an observation."""
+    kinds = ("gnss", "attitude") if exchange.kind == "exposure" else ("control_point",)
+    return kind in kinds and row in exchange.rows
 
 
-def _mended(block: Block, one: Exchange) -> Block:
+def _mended(block: Block, exchange: Exchange) -> Block:
     """Return the block with the values of two rows exchanged, and their sigma."""
-    given, control = block.trajectory, block.control
-    order = np.arange(len(given if one.kind == "exposure" else control))
-    order[list(one.rows)] = one.rows[::-1]
-    if one.kind == "exposure":
+    trajectory, control = block.trajectory, block.control
+    order = np.arange(len(trajectory if exchange.kind == "exposure" else control))
+    order[list(exchange.rows)] = exchange.rows[::-1]
+    if exchange.kind == "exposure":
         mended = replace(
-            given,
-            T_m_b=given.T_m_b[order],
-            sigma_position=given.sigma_position[order],
-            sigma_attitude=given.sigma_attitude[order],
-            time_s=given.time_s[order] if len(given.time_s) == len(order) else given.time_s,
+            trajectory,
+            T_m_b=trajectory.T_m_b[order],
+            sigma_position=trajectory.sigma_position[order],
+            sigma_attitude=trajectory.sigma_attitude[order],
+            time_s=trajectory.time_s[order]
+            if len(trajectory.time_s) == len(order)
+            else trajectory.time_s,
         )
         return replace(block, trajectory=mended)
     moved = replace(

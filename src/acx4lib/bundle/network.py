@@ -95,15 +95,15 @@ class Network:
     left_out: dict[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        """Say in a line what is to be adjusted."""
+        """Describe the network in one line."""
         parts = {
             "pose": len(self.pose_names),
             "unknown": self.n_columns + 3 * int(self.free_points.sum()),
             "image point": len(self.image_points),
             "control point": len(self.control),
         }
-        said = (shown.count(n, noun) for noun, n in parts.items())
-        return shown.line(f"Network of {self.block.name!r}", *said)
+        counts = (shown.count(n, noun) for noun, n in parts.items())
+        return shown.line(f"Network of {self.block.name!r}", *counts)
 
     @property
     def n_columns(self) -> int:
@@ -117,7 +117,7 @@ class Network:
 
     @cached_property
     def free_points(self) -> Mask:
-        """Which points are unknowns: those measured, unless given free of error."""
+        """Points that are unknowns: measured, and not given without error, shape (n_points,)."""
         free = np.zeros(self.n_points, dtype=bool)
         free[self.image_points.point_idx] = True
         free[self.control.point_idx] = True
@@ -134,7 +134,7 @@ class Network:
 
     @property
     def first_poses(self) -> Index:
-        """The pose of every exposure that has one, its first picture's where pictures have."""
+        """The first pose of every exposure that has a pose."""
         return np.unique(self.exposure_idx, return_index=True)[1]
 
     @property
@@ -215,7 +215,7 @@ class Network:
         observed: PoseObservations,
         distances: Distances,
     ) -> Network:
-        """Return the network with its observations, of which only the sigma are others."""
+        """Return the network with other standard deviations of its observations."""
         out = replace(
             self,
             image_points=image_points,
@@ -299,9 +299,9 @@ def _pose_parts(network: Network, state: State, by_camera: Array) -> tuple[Array
     pose_columns = network.layout.pose[network.pose_idx]
     if np.all(network.layout.mount < 0):
         return by_camera @ by_body[points.image_idx], pose_columns
-    both = np.concatenate([by_mount, by_body], axis=2)
+    by_mount_and_body = np.concatenate([by_mount, by_body], axis=2)
     columns = np.concatenate([network.layout.mount[images.camera_idx], pose_columns], axis=1)
-    return by_camera @ both[points.image_idx], columns
+    return by_camera @ by_mount_and_body[points.image_idx], columns
 
 
 # --- compiled --------------------------------------------------------------------------------
@@ -357,15 +357,15 @@ def _compiled_normals(
 def _joined(
     network: Network, state: State, others: Sequence[Equations], damping: float
 ) -> Joined | None:
-    """Return the free points at the ends of distances with all that observes them."""
+    """Return the free points at the ends of distances, with all their observations."""
     ends = np.unique(network.distances.point_idx)
     points = ends[network.free_points[ends]]
     if len(points) == 0:
         return None
     rows = np.flatnonzero(np.isin(network.image_points.point_idx, points))
-    own = replace(network, image_points=network.image_points[rows], rows=network.rows[rows])
-    seen = (_image_equations(own, state), *(e for e in others if e.B is not None))
-    parts = [of_points(e, points) for e in seen]
+    restricted = replace(network, image_points=network.image_points[rows], rows=network.rows[rows])
+    equations = (_image_equations(restricted, state), *(e for e in others if e.B is not None))
+    parts = [of_points(e, points) for e in equations]
     return Joined(
         points=points,
         rows=rows,

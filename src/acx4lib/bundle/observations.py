@@ -60,7 +60,7 @@ ONE_PLACE_M = 1e-3
 @shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pictures:
-    """Poses of pictures, of which those of an exposure are nearly one.
+    """Poses of single pictures; those of one exposure are nearly equal.
 
     Attributes
     ----------
@@ -77,21 +77,24 @@ class Pictures:
 def picture_equations(
     pictures: Pictures | None, state: State, columns: Layout
 ) -> Iterator[Equations]:
-    """Linearise the places and the turns of pictures against the first ones of their exposures.
+    """Linearise shifts and turns of pictures against the first picture of their exposure.
 
-    Observed is that there are none. All have the errors of the first one in common.
+    They are observed as zero. The error of the first picture is common to all of its exposure.
     """
     if pictures is None:
         return
     later = np.flatnonzero(pictures.first != np.arange(len(pictures.first)))
     first, n = pictures.first[later], len(later)
-    same = (first[:, None] == first).astype(float)
+    same_exposure = (first[:, None] == first).astype(float)
     R, r = state.T_m_b.R, state.T_m_b.r
     turned = np.swapaxes(R[first], -1, -2) @ R[later]
     v = log(turned)
-    by_turn, both = log_jacobian(v), np.concatenate([columns.pose[later], columns.pose[first]], 1)
+    by_turn, pair_columns = (
+        log_jacobian(v),
+        np.concatenate([columns.pose[later], columns.pose[first]], 1),
+    )
     each = np.tile(np.eye(3), (n, 1, 1))
-    for kind, off, A, at, own in (
+    for kind, difference, A, chosen, sigma_axes in (
         ("place", r[later] - r[first], [each, -each], [0, 1, 2, 6, 7, 8], np.full(3, ONE_PLACE_M)),
         (
             "turn",
@@ -101,15 +104,17 @@ def picture_equations(
             pictures.turns,
         ),
     ):
-        sigma = np.tile(own, (n, 1))
+        sigma = np.tile(sigma_axes, (n, 1))
         yield Equations(
             kind=kind,
-            v=off,
+            v=difference,
             sigma=np.sqrt(2) * sigma,
             A=np.concatenate(A, axis=2),
-            columns=both[:, at],
+            columns=pair_columns[:, chosen],
             unit=np.arange(n),
-            correlation=SlowErrors(sigma=sigma, together=same).correlation(np.sqrt(2) * sigma),
+            correlation=SlowErrors(sigma=sigma, together=same_exposure).correlation(
+                np.sqrt(2) * sigma
+            ),
         )
 
 
@@ -184,23 +189,23 @@ class PoseObservations:
     @property
     def linked(self) -> Index:
         """Pairs of poses whose errors are correlated, shape (k, 2)."""
-        found = [np.zeros((0, 2), dtype=np.intp)]
+        pairs = [np.zeros((0, 2), dtype=np.intp)]
         for correlation in (self.of_positions, self.of_attitudes):
             if correlation is not None:
-                found.append(np.stack([correlation.first, correlation.second], axis=1))
+                pairs.append(np.stack([correlation.first, correlation.second], axis=1))
         if self.pictures is not None:
             first = self.pictures.first
-            found.append(np.argwhere(first[:, None] == first))
-        return np.concatenate(found)
+            pairs.append(np.argwhere(first[:, None] == first))
+        return np.concatenate(pairs)
 
 
 def slow_errors(
     trajectory: Trajectory, of: str, rows: Index | slice = slice(None)
 ) -> SlowErrors | None:
-    """Return the part of a trajectory's errors that changes slowly; None where there is none.
+    """Return the slowly changing part of a trajectory's errors; None if its share is zero.
 
-    The process runs on from strip to strip: what is left of the correlation after a turn depends
-    on its duration alone.
+    The process continues from strip to strip: correlation across a turn depends only on the
+    turn's duration.
 
     Parameters
     ----------
@@ -458,9 +463,9 @@ def motion_of(block: Block, *, delays: Sequence[str] = DELAYS) -> Motion:
 def _uniform(r: Array, elapsed: Array, strip: str) -> Array:
     """Return the velocity with which positions of a strip are passed at times from its middle."""
     velocity: Array = elapsed @ r / (elapsed @ elapsed)
-    off = r - r.mean(axis=0) - elapsed[:, None] * velocity
+    deviations = r - r.mean(axis=0) - elapsed[:, None] * velocity
     length = np.linalg.norm(velocity) * np.ptp(elapsed)
-    if np.sqrt(np.mean(np.sum(off**2, axis=1))) > STRAIGHT * length:
+    if np.sqrt(np.mean(np.sum(deviations**2, axis=1))) > STRAIGHT * length:
         msg = (
             f"a delay cannot be estimated: strip {str(strip)!r} is not flown straight at one speed"
         )
@@ -500,7 +505,7 @@ def _rates(R: Array, step: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SharedErrors:
-    """Covariances between the body poses of n exposures; those of one are `Trajectory.cov`.
+    """Covariances between body poses of n exposures; `Trajectory.cov` has those of each pose.
 
     Attributes
     ----------
@@ -539,13 +544,13 @@ class SharedErrors:
         along = np.moveaxis(J @ self.roots, 0, 1)  # (q, n, 6)
         q, n, _ = along.shape
         cov = np.zeros((q, q))
-        for related, own in zip(self.together, (along[:, :, :3], along[:, :, 3:]), strict=True):
-            cov += np.reshape(related @ own, (q, 3 * n)) @ np.reshape(own, (q, 3 * n)).T
+        for related, part in zip(self.together, (along[:, :, :3], along[:, :, 3:]), strict=True):
+            cov += np.reshape(related @ part, (q, 3 * n)) @ np.reshape(part, (q, 3 * n)).T
         return cov
 
 
 def shared_errors(trajectory: Trajectory, rows: Index | slice = slice(None)) -> SharedErrors | None:
-    """Return what the errors of a trajectory share; None where exposures err independently.
+    """Return covariances between the exposures of a trajectory; None where errors are independent.
 
     Parameters
     ----------
@@ -558,7 +563,7 @@ def shared_errors(trajectory: Trajectory, rows: Index | slice = slice(None)) -> 
     AdjustmentError
         Where an exposure has no time.
     """
-    parts = [slow_errors(trajectory, of, rows) for of in ("position", "attitude")]
+    parts = [slow_errors(trajectory, kind, rows) for kind in ("position", "attitude")]
     if not any(parts):
         return None
     R_m_g = np.swapaxes(trajectory.R_g_m[rows], 1, 2)
@@ -624,11 +629,11 @@ def observed_mountings(cameras: Sequence[Camera], part: str, columns: Index) -> 
     columns : ndarray, shape (n_cameras, 6)
         Columns of the mountings.
     """
-    own = columns[:, :3] if part == "lever_arm" else columns[:, 3:]
+    part_columns = columns[:, :3] if part == "lever_arm" else columns[:, 3:]
     sigma = np.array(
         [c.prior.lever_sigma if part == "lever_arm" else c.prior.boresight_sigma for c in cameras]
     )
-    return np.flatnonzero(np.isfinite(sigma).any(axis=1) & np.all(own >= 0, axis=1))
+    return np.flatnonzero(np.isfinite(sigma).any(axis=1) & np.all(part_columns >= 0, axis=1))
 
 
 # --- Observations of points besides their rays: surveyed coordinates, and distances between them
@@ -658,12 +663,12 @@ def control_equations(control: SurveyedPoints, x_m: Array) -> Equations:
 
 
 def distance_equations(distances: Distances, x_m: Array, joints: Index) -> Equations:
-    """Linearise measured distances, in halves: first those at the one end, then at the other.
+    """Linearise measured distances in halves: first at all first ends, then at the second.
 
     An observation has one point at most. A distance d between a and b is two halves, each with
-    half of its residual, sigma over the root of two, and one point; an unknown t, added to the
-    one and taken off the other, joins them: minimising over t gives the distance's own equation,
-    exactly. The unknown has no state.
+    half of its residual, sigma over the root of two, and one point. An unknown t is added to the
+    first half and subtracted from the second: minimising over t gives exactly the equation of the
+    distance. The unknown has no state.
 
     Parameters
     ----------
@@ -697,8 +702,8 @@ def usable(distances: Distances, measured: Index) -> Index:
     measured : ndarray
         Points with rays.
     """
-    both = np.isin(distances.point_idx, measured).all(axis=1)
-    return np.flatnonzero(both & np.isfinite(distances.sigma_m))
+    both_measured = np.isin(distances.point_idx, measured).all(axis=1)
+    return np.flatnonzero(both_measured & np.isfinite(distances.sigma_m))
 
 
 def of_halves(values: Array) -> Array:

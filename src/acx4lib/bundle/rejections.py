@@ -1,4 +1,4 @@
-"""What was taken out of a block, and where so many are no single errors."""
+"""Rejected observations, and groups with too many of them to be single errors."""
 
 from __future__ import annotations
 
@@ -80,11 +80,11 @@ class Exchange:
 
     @property
     def sentence(self) -> str:
-        """Which two were exchanged, and why this is said."""
+        """A sentence with both names and the evidence of the exchange."""
         a, b = self.names
-        what = f"{self.kind.replace('_', ' ')}s {a} and {b}"
+        pair = f"{self.kind.replace('_', ' ')}s {a} and {b}"
         return (
-            f"{what} were exchanged: each is where the other should be, and both fit with their "
+            f"{pair} were exchanged: each is where the other should be, and both fit with their "
             f"names exchanged (w up to {self.statistic:.3g} as they are)"
         )
 
@@ -195,19 +195,19 @@ COMPONENTS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Stopped:
-    """A group of which data snooping would have rejected too much, and so rejected nothing.
+    """A group in which data snooping would reject too much, and therefore rejects nothing.
 
     Attributes
     ----------
     kind : str
         One of `rejections.KINDS`.
     names : tuple of str
-        The images, or the one camera, whose rays they are; empty for other kinds. Of several
-        images, the worst stands first, with its numbers.
+        The images, or the camera, of the rays; empty for other kinds. Of several images, the
+        worst stands first, with its numbers.
     n_rejected : int
-        What would have been rejected, of the group or of the first image.
+        Number of rejections in the group or in the first image.
     n : int
-        What it has.
+        Number of its observations.
     components : tuple of str
         Components that would have been rejected most, such as ``pitch``.
     """
@@ -225,13 +225,13 @@ class Stopped:
             first, *others = self.names
             more = f", and too many of {len(others)} other images" if others else ""
             return f"rays of {first}{more}"
-        by = f" ({', '.join(self.components)})" if self.components else ""
-        return f"{NAMES[self.kind]}{by}"
+        components = f" ({', '.join(self.components)})" if self.components else ""
+        return f"{NAMES[self.kind]}{components}"
 
 
 def sentence(stopped: Sequence[Stopped]) -> str:
-    """Return in one sentence which groups exceed the limits, and what that means."""
-    groups = "; ".join(f"{one.n_rejected} of {one.n} {one.group}" for one in stopped)
+    """Return one sentence on the groups that exceed the limits."""
+    groups = "; ".join(f"{group.n_rejected} of {group.n} {group.group}" for group in stopped)
     return (
         f"data snooping would reject {groups}: a systematic error or a wrong sigma, no single "
         "errors, so none of them is rejected"
@@ -239,7 +239,7 @@ def sentence(stopped: Sequence[Stopped]) -> str:
 
 
 def too_many(n_rejected: int, n: int, limit: tuple[int, int] = ROWS) -> bool:
-    """Tell whether so many rejections are no single gross errors any more.
+    """Tell whether rejections are too many to be single gross errors.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def too_many(n_rejected: int, n: int, limit: tuple[int, int] = ROWS) -> bool:
 def within_limits(
     block: Block, rows: Index, rejected: Sequence[Rejection]
 ) -> tuple[tuple[Rejection, ...], tuple[Stopped, ...]]:
-    """Return the rejections that are single errors, and the groups that have too many of them.
+    """Return the rejections that are single errors, and the groups with too many rejections.
 
     Parameters
     ----------
@@ -269,20 +269,22 @@ def within_limits(
         *(_of_rows(block, [*rejected, *rayless], kind) for kind in NAMES),
         *_of_rays(block, rows, rejected),
     ]
-    found = tuple(group for group in stopped if group is not None)
+    groups = tuple(group for group in stopped if group is not None)
     points = {int(block.control.point_idx[r.row]) for r in rayless}
-    kept = (r for r in rejected if not any(_is_of(block, r, s, points) for s in found))
-    return tuple(kept), found
+    kept = (r for r in rejected if not any(_is_of(block, r, s, points) for s in groups))
+    return tuple(kept), groups
 
 
 def _without_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> list[Rejection]:
-    """Return the control points all of whose rays would be rejected, and so they themselves."""
+    """Return the rejections of control points that would lose all of their rays."""
     out = [r.row for r in rejected if r.kind == "image_point"]
     point_idx = block.image_points.point_idx
-    left = np.zeros(len(point_idx), dtype=bool)
-    left[rows] = True
-    left[out] = False
-    kept = np.bincount(point_idx[left], minlength=len(block.points))[block.control.point_idx] > 0
+    remaining = np.zeros(len(point_idx), dtype=bool)
+    remaining[rows] = True
+    remaining[out] = False
+    kept = (
+        np.bincount(point_idx[remaining], minlength=len(block.points))[block.control.point_idx] > 0
+    )
     lost = ~kept & np.isin(block.control.point_idx, point_idx[out])
     return [
         Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)
@@ -290,24 +292,26 @@ def _without_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> l
     ]
 
 
-def _is_of(block: Block, one: Rejection, group: Stopped, rayless: Set[int]) -> bool:
+def _is_of(block: Block, rejection: Rejection, group: Stopped, rayless: Set[int]) -> bool:
     """Tell whether a rejection belongs to a group; rays of points without others to the points."""
-    if one.kind != "image_point":
-        return one.kind == group.kind
+    if rejection.kind != "image_point":
+        return rejection.kind == group.kind
     if group.kind == "control_point":
-        return int(block.image_points.point_idx[one.row]) in rayless
+        return int(block.image_points.point_idx[rejection.row]) in rayless
     if group.kind != "image_point":
         return False
-    image = block.image_points.image_idx[one.row]
+    image = block.image_points.image_idx[rejection.row]
     camera = block.cameras[block.images.camera_idx[image]].name
     return f"image {block.images.names[image]}" in group.names or f"camera {camera}" in group.names
 
 
 def _of_rows(block: Block, rejected: Sequence[Rejection], kind: str) -> Stopped | None:
     """Return the trajectory rows, control points or distances, if too many would be rejected."""
-    own = {(r.row, r.largest) for r in rejected if r.kind == kind}
-    n_rows, n = len({row for row, _ in own}), _number(block, kind)
-    by_component = [sum(largest == k for _, largest in own) for k in range(len(COMPONENTS[kind]))]
+    rejected_rows = {(r.row, r.largest) for r in rejected if r.kind == kind}
+    n_rows, n = len({row for row, _ in rejected_rows}), _number(block, kind)
+    by_component = [
+        sum(largest == k for _, largest in rejected_rows) for k in range(len(COMPONENTS[kind]))
+    ]
     components = tuple(
         name
         for name, count in zip(COMPONENTS[kind], by_component, strict=True)
@@ -338,10 +342,10 @@ def _of_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> Iterat
     n_all = np.bincount(image_idx[rows], minlength=n_images)
     alone = np.ones(n_images, dtype=bool)
     for k, camera in enumerate(block.cameras):
-        own = block.images.camera_idx == k
-        n_rejected, n = int(n_out[own].sum()), int(n_all[own].sum())
+        of_camera = block.images.camera_idx == k
+        n_rejected, n = int(n_out[of_camera].sum()), int(n_all[of_camera].sum())
         if too_many(n_rejected, n, OF_CAMERA):
-            alone &= ~own
+            alone &= ~of_camera
             yield _rays([f"camera {camera.name}"], n_rejected, n)
     bad = [i for i in np.flatnonzero(alone) if too_many(n_out[i], n_all[i], OF_IMAGE)]
     bad.sort(key=lambda i: -n_out[i] / n_all[i])

@@ -78,13 +78,13 @@ def reliability(group: Group, *, critical: float = CRITICAL, power: float = POWE
     delta_0 = noncentrality(critical=critical, power=power)
     known = np.isfinite(group.redundancy)
     r = np.where(known, np.clip(group.redundancy, 0.0, 1.0), np.nan)
-    own = np.ones_like(r) if group.together is None else group.together.own
-    control = np.where(known, np.clip(group.control, 0.0, own), np.nan)
+    full_control = np.ones_like(r) if group.together is None else group.together.own
+    control = np.where(known, np.clip(group.control, 0.0, full_control), np.nan)
     controlled = control > LEAST
     detectable, external = np.where(known, np.inf, np.nan), np.where(known, np.inf, np.nan)
-    seen, rest = control[controlled], (own - control)[controlled]
-    detectable[controlled] = delta_0 * group.sigma[controlled] / np.sqrt(seen)
-    external[controlled] = delta_0 * np.sqrt(rest / seen)
+    retained, absorbed = control[controlled], (full_control - control)[controlled]
+    detectable[controlled] = delta_0 * group.sigma[controlled] / np.sqrt(retained)
+    external[controlled] = delta_0 * np.sqrt(absorbed / retained)
     return Reliability(kind=group.kind, redundancy=r, detectable=detectable, external=external)
 
 
@@ -115,10 +115,10 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
     expected.whole_numbers("columns", columns)
     expected.places("columns", columns, network.n_columns)
     equations = network.equations(bundle.state)
-    found = gains(equations, solution.inverse, network.free_points, columns)
+    derivatives = gains(equations, solution.inverse, network.free_points, columns)
     sigma = np.sqrt(solution.inverse.at(columns, columns))
     out: list[Array] = []
-    for e, by_part, group in zip(equations, found, solution.groups, strict=True):
+    for e, by_part, group in zip(equations, derivatives, solution.groups, strict=True):
         # an error of a distance is shared by its halves
         gain = of_halves(by_part) / 2 if group.kind == "distance" else by_part
         bias = reliability(group).detectable
@@ -127,10 +127,10 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
         gain /= sigma
         row, d = np.nonzero(np.isinf(bias))
         if len(row):
-            own: Array = np.ones(len(row))
+            own_control: Array = np.ones(len(row))
             if e.B is not None and e.point is not None and group.kind != "distance":
-                own = _own_control(equations, network.free_points, e, row, d)
-            gain[row, d] = _hardly_controlled(gain[row, d], group.control[row, d], own)
+                own_control = _own_control(equations, network.free_points, e, row, d)
+            gain[row, d] = _hardly_controlled(gain[row, d], group.control[row, d], own_control)
         out.append(gain)
     return out
 
@@ -146,14 +146,14 @@ def _own_control(
     return np.where(free_points[point], np.clip(1.0 - taken, 0.0, 1.0), 1.0)
 
 
-def _hardly_controlled(gain: Array, control: Array, own: Array) -> Array:
+def _hardly_controlled(gain: Array, control: Array, own_control: Array) -> Array:
     """Return the effects of observations that hardly others control; `gain` in sigmas, (n, c)."""
     out = np.zeros_like(gain)
-    moves = own > ROUNDING
-    seen = gain[moves] / np.sqrt(own[moves])[:, None]
-    share = np.maximum(control[moves] / own[moves], 0.0)
-    finite = noncentrality() * seen / np.sqrt(np.maximum(share, LEAST))[:, None]
-    unbounded = np.where(np.abs(seen) > NO_EFFECT, np.inf, 0.0)
+    moves = own_control > ROUNDING
+    effect = gain[moves] / np.sqrt(own_control[moves])[:, None]
+    share = np.maximum(control[moves] / own_control[moves], 0.0)
+    finite = noncentrality() * effect / np.sqrt(np.maximum(share, LEAST))[:, None]
+    unbounded = np.where(np.abs(effect) > NO_EFFECT, np.inf, 0.0)
     out[moves] = np.where(share[:, None] > LEAST, finite, unbounded)
     return out
 
@@ -187,21 +187,21 @@ def gains(
     total = np.zeros((len(V), 3, len(columns)))
     for e, part in zip(equations, directly, strict=True):
         if e.B is not None and e.point is not None:
-            for own in _pieces(len(part)):
-                weighted = np.swapaxes(e.B[own] / e.sigma[own, :, None] ** 2, 1, 2)
-                np.add.at(total, e.point[own], weighted @ part[own])
+            for piece in _pieces(len(part)):
+                weighted = np.swapaxes(e.B[piece] / e.sigma[piece, :, None] ** 2, 1, 2)
+                np.add.at(total, e.point[piece], weighted @ part[piece])
     cov_with_points = -np.linalg.solve(V, total)
     cov_with_points[~free_points] = 0.0
     for k, (e, part) in enumerate(zip(equations, directly, strict=True)):
         if e.B is not None and e.point is not None:
-            for own in _pieces(len(part)):
-                part[own] += e.B[own] @ cov_with_points[e.point[own]]
+            for piece in _pieces(len(part)):
+                part[piece] += e.B[piece] @ cov_with_points[e.point[piece]]
         directly[k] = e.weighed(part)
     return directly
 
 
 def _pieces(n: int) -> Iterator[slice]:
-    """Yield parts of n observations: of all together, products would need more than the rest."""
+    """Yield slices of n observations, so that products stay small in memory."""
     for begin in range(0, n, TOGETHER):
         yield slice(begin, begin + TOGETHER)
 
@@ -209,17 +209,17 @@ def _pieces(n: int) -> Iterator[slice]:
 def _by_columns(e: Equations, inverse: Inverse, columns: Index) -> Array:
     """Return A times the covariance of its unknowns with those in `columns`."""
     out = np.zeros((*e.v.shape, len(columns)))
-    for rows, own, held in units(e):
-        out[rows] = e.A[rows][:, :, ~held] @ inverse.at(own[:, None], columns[None, :])
+    for rows, unit_columns, held in units(e):
+        out[rows] = e.A[rows][:, :, ~held] @ inverse.at(unit_columns[:, None], columns[None, :])
     return out
 
 
-# --- One measured image point of an adjustment, with all that its equation needs, to be followed
+# --- One measured image point of an adjustment, with all terms of its equation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ray:
-    """A measurement of an adjustment, and the estimates that belong to it.
+    """A measured image point of an adjustment, with its estimates.
 
     Attributes
     ----------
@@ -228,7 +228,7 @@ class Ray:
         With the estimated interior orientation and mounting.
     T_m_b, T_m_c : Pose
         Adjusted poses of the body and of the camera, ``T_m_c = T_m_b @ T_b_c``. Where the cameras
-        are adjusted by themselves, without a trajectory, the first is what the second means.
+        are adjusted without a trajectory, `T_m_b` is the pose of the camera.
     x_m : ndarray, shape (3,)
         Adjusted place of the point, m.
     xy_mm : ndarray, shape (2,)

@@ -1,7 +1,7 @@
-"""Where an adjustment begins, and how it begins anew.
+"""Approximate values of an adjustment, and new ones where it fails.
 
-Orientations from few points, poses by resection where there is no trajectory, what most
-observations agree on (the robust start), and how far rays pass their points.
+Orientations from few points, poses by resection without a trajectory, a robust start that most
+observations agree on, and the distances of rays from their points.
 """
 
 from __future__ import annotations
@@ -123,18 +123,18 @@ def recovered(network: Network) -> State:
     .. [1] W. Kabsch, "A solution for the best rotation to relate two sets of vectors", Acta
        Crystallographica A32, 1976.
     """
-    seen = _seen_by(network, network.start, network.image_points)
+    measured = _seen_by(network, network.start, network.image_points)
     surveyed = _with_surveyed(network, np.full_like(network.start.x_m, np.nan))
     each = np.arange(len(network.pose_names))
-    state = _turned_alike(seen, surveyed)
+    state = _turned_alike(measured, surveyed)
     for _ in range(ROUNDS):
-        state = _turned(seen, state, surveyed, each)
-    weights = np.ones(len(seen.points))
+        state = _turned(measured, state, surveyed, each)
+    weights = np.ones(len(measured.points))
     for _ in range(ROUNDS):
-        x_m = _intersected(seen, state, weights)
-        state = _turned(seen, state, x_m, each)
-        weights = NEAR / np.maximum(_chords(seen, state, x_m), NEAR)
-    return replace(state, x_m=_intersected(seen, state, weights))
+        x_m = _intersected(measured, state, weights)
+        state = _turned(measured, state, x_m, each)
+        weights = NEAR / np.maximum(_chords(measured, state, x_m), NEAR)
+    return replace(state, x_m=_intersected(measured, state, weights))
 
 
 def turned_alike(network: Network) -> State:
@@ -143,40 +143,40 @@ def turned_alike(network: Network) -> State:
     The majority of the control points decides; single ones that are far off have little effect.
     """
     rows = np.isin(network.image_points.point_idx, network.control.point_idx)
-    seen = _seen_by(network, network.start, network.image_points[rows])
-    return _turned_alike(seen, _with_surveyed(network, np.full_like(network.start.x_m, np.nan)))
+    measured = _seen_by(network, network.start, network.image_points[rows])
+    return _turned_alike(measured, _with_surveyed(network, np.full_like(network.start.x_m, np.nan)))
 
 
-def _turned_alike(seen: _Seen, surveyed: Array) -> State:
-    network = seen.network
+def _turned_alike(measured: _Seen, surveyed: Array) -> State:
+    network = measured.network
     pose_camera = np.zeros(len(network.pose_names), dtype=np.intp)
-    pose_camera[seen.pose] = seen.camera
+    pose_camera[measured.pose] = measured.camera
     state = replace(network.start, T_m_b=network.observed.T_m_b)
     for _ in range(ROUNDS):
-        state = _turned(seen, state, surveyed, pose_camera)
+        state = _turned(measured, state, surveyed, pose_camera)
     return state
 
 
-def _intersected(seen: _Seen, state: State, weights: Array) -> Array:
-    T_m_c = camera_poses(seen.network, state)[seen.points.image_idx]
-    directions = transform(T_m_c.R, seen.ray_c)
-    x_m = _met(T_m_c.r, directions, seen.points.point_idx, len(state.x_m), weights)
-    return _with_surveyed(seen.network, x_m)
+def _intersected(measured: _Seen, state: State, weights: Array) -> Array:
+    T_m_c = camera_poses(measured.network, state)[measured.points.image_idx]
+    directions = transform(T_m_c.R, measured.ray_c)
+    x_m = _met(T_m_c.r, directions, measured.points.point_idx, len(state.x_m), weights)
+    return _with_surveyed(measured.network, x_m)
 
 
-def _turned(seen: _Seen, state: State, x_m: Array, pose_group: Index) -> State:
+def _turned(measured: _Seen, state: State, x_m: Array, pose_group: Index) -> State:
     """Turn free mountings, and groups of poses whose attitude is vague and not held."""
-    network = seen.network
+    network = measured.network
     if np.all(network.layout.mount[:, 3:] >= 0):
-        to = _towards(seen, state, x_m)
-        Q = _rotations(to, seen.ray_c, seen.camera, len(network.layout.mount))
+        to = _towards(measured, state, x_m)
+        Q = _rotations(to, measured.ray_c, measured.camera, len(network.layout.mount))
         state = replace(state, T_b_c=Pose(R=state.T_b_c.R @ Q, r=state.T_b_c.r))
     vague = np.any(network.observed.sigma_attitude > VAGUE, axis=1)
     vague &= np.any(network.layout.pose[:, 3:] >= 0, axis=1)  # the others are held
     if vague.any():
-        R_b_c = state.T_b_c.R[seen.camera]
-        to, ray = transform(R_b_c, _towards(seen, state, x_m)), transform(R_b_c, seen.ray_c)
-        Q = _rotations(to, ray, pose_group[seen.pose], int(pose_group.max()) + 1)[pose_group]
+        R_b_c = state.T_b_c.R[measured.camera]
+        to, ray = transform(R_b_c, _towards(measured, state, x_m)), transform(R_b_c, measured.ray_c)
+        Q = _rotations(to, ray, pose_group[measured.pose], int(pose_group.max()) + 1)[pose_group]
         Q[~vague] = np.eye(3)
         state = replace(state, T_m_b=Pose(R=state.T_m_b.R @ Q, r=state.T_m_b.r))
     return state
@@ -379,22 +379,22 @@ def _stepped(
     cost, weighted = loss.cost(groups), reweighted(network, loss.factors(groups))
     for damping in DAMPING:
         trial = network.moved(state, *weighted.normals(state, damping).step())
-        there = network.residuals(trial)
-        if loss.cost(there) <= cost:
-            return trial, there
+        trial_groups = network.residuals(trial)
+        if loss.cost(trial_groups) <= cost:
+            return trial, trial_groups
     return state, groups
 
 
 # --- points ----------------------------------------------------------------------------------
 
 
-def _with_points_of_most_rays(network: Network, state: State, seen: Residuals) -> State:
+def _with_points_of_most_rays(network: Network, state: State, residuals: Residuals) -> State:
     """Where a point has a wrong ray, try each of its rays as the wrong one; keep orientations.
 
     Where few rays meet, reweighting finds a wrong ray only from suitable approximate values.
     """
-    scale = spread(*seen)
-    wrong = sizes(*seen)[:, 0] > SUSPECT * scale
+    scale = spread(*residuals)
+    wrong = sizes(*residuals)[:, 0] > SUSPECT * scale
     point = network.image_points.point_idx
     rays = np.bincount(point, minlength=network.n_points)
     doubtful = (np.bincount(point, wrong, minlength=network.n_points) > 0) & (rays > 2)
@@ -402,8 +402,10 @@ def _with_points_of_most_rays(network: Network, state: State, seen: Residuals) -
     rows = np.flatnonzero(doubtful[point])
     if len(rows) == 0:
         return state
-    own = replace(network, image_points=network.image_points[rows], rows=network.rows[rows])
-    e = own.equations(state)[0]
+    doubtful_rays = replace(
+        network, image_points=network.image_points[rows], rows=network.rows[rows]
+    )
+    e = doubtful_rays.equations(state)[0]
     unit, dx, cost = scale * e.sigma, np.zeros((len(rows), 3)), np.zeros(len(rows))
     B, v = np.asarray(e.B) / unit[:, :, None], e.v / unit
     for part in _parts(point[rows]):
@@ -414,7 +416,7 @@ def _with_points_of_most_rays(network: Network, state: State, seen: Residuals) -
     x_m[points] += dx[order[first]]
     moved = replace(state, x_m=x_m)
     # rays from one position do not determine their point; a step along them may be very large
-    better = _point_costs(own, moved, scale) < _point_costs(own, state, scale)
+    better = _point_costs(doubtful_rays, moved, scale) < _point_costs(doubtful_rays, state, scale)
     return replace(state, x_m=np.where(better[:, None], x_m, state.x_m))
 
 
@@ -498,8 +500,8 @@ def _camera_rays(cameras: Sequence[Camera], camera_idx: Index, colrow: Array) ->
     own_axes = Pose(R=np.eye(3), r=np.zeros(3))
     out = np.empty((len(colrow), 3))
     for k, camera in enumerate(cameras):
-        own = camera_idx == k
-        out[own] = rays(camera, own_axes, colrow[own])
+        of_camera = camera_idx == k
+        out[of_camera] = rays(camera, own_axes, colrow[of_camera])
     return out
 
 
@@ -511,8 +513,8 @@ def _misfits(network: Network, state: State) -> Array:
     n_images = len(network.block.images)
     step = 1 + len(network.image_points) // (SAMPLE * n_images)
     some = np.arange(0, len(network.image_points), step)
-    seen = _seen_by(network, state, network.image_points[some])
-    return medians(_angles(seen, state), seen.points.image_idx, n_images)
+    measured = _seen_by(network, state, network.image_points[some])
+    return medians(_angles(measured, state), measured.points.image_idx, n_images)
 
 
 def far_off(network: Network, state: State, *, limit: float = FAR_OFF) -> Mask:
@@ -523,15 +525,15 @@ def far_off(network: Network, state: State, *, limit: float = FAR_OFF) -> Mask:
 def control_misfits(network: Network, state: State) -> Array:
     """Return the median angles of surveyed control points and their rays, radians, shape (k,)."""
     rows = np.isin(network.image_points.point_idx, network.control.point_idx)
-    seen = _seen_by(network, state, network.image_points[rows])
-    angles = _angles(seen, replace(state, x_m=_with_surveyed(network, state.x_m)))
-    return medians(angles, seen.points.point_idx, network.n_points)[network.control.point_idx]
+    measured = _seen_by(network, state, network.image_points[rows])
+    angles = _angles(measured, replace(state, x_m=_with_surveyed(network, state.x_m)))
+    return medians(angles, measured.points.point_idx, network.n_points)[network.control.point_idx]
 
 
 def in_front(network: Network, state: State) -> bool:
     """Tell whether all points are in front of the cameras that measure them."""
-    seen = _seen_by(network, state, network.image_points)
-    return bool(np.all(_towards(seen, state, state.x_m)[:, 2] < 0))
+    measured = _seen_by(network, state, network.image_points)
+    return bool(np.all(_towards(measured, state, state.x_m)[:, 2] < 0))
 
 
 def suspects(network: Network, state: State) -> str:
@@ -548,16 +550,16 @@ def suspects(network: Network, state: State) -> str:
     state = replace(state, x_m=_with_surveyed(network, state.x_m))
     angles = _angles(_seen_by(network, state, points), state)
     parts = []
-    for what, names, group in (
+    for noun, names, group in (
         ("images", block.images.names, points.image_idx),
         ("points", block.points, points.point_idx),
     ):
-        off = np.degrees(medians(angles, group, len(names)))
-        bad = np.flatnonzero(off > np.degrees(ASTRAY))
-        worst = bad[np.argsort(-off[bad])][:MOST_NAMED]
+        off_deg = np.degrees(medians(angles, group, len(names)))
+        bad = np.flatnonzero(off_deg > np.degrees(ASTRAY))
+        worst = bad[np.argsort(-off_deg[bad])][:MOST_NAMED]
         if len(worst):
-            listed = ", ".join(f"{names[i]} by {off[i]:.0f} degrees" for i in worst)
-            parts.append(f"in {len(bad)} of {len(np.unique(group))} {what} ({listed})")
+            listed = ", ".join(f"{names[i]} by {off_deg[i]:.0f} degrees" for i in worst)
+            parts.append(f"in {len(bad)} of {len(np.unique(group))} {noun} ({listed})")
     if not parts:
         return _wrong_rays(network, np.degrees(angles))
     hint = "are their names, exposures, surveyed coordinates and mounting angles right?"
@@ -574,13 +576,13 @@ def _wrong_rays(network: Network, off_deg: Array) -> str:
         f"{block.points[points.point_idx[row]]} in {block.images.names[points.image_idx[row]]}"
         for row in worst
     )
-    said = "1 measurement is" if len(bad) == 1 else f"{len(bad)} measurements are"
-    return f"; {said} far off, most of all {listed}" if listed else ""
+    count = "1 measurement is" if len(bad) == 1 else f"{len(bad)} measurements are"
+    return f"; {count} far off, most of all {listed}" if listed else ""
 
 
-def _angles(seen: _Seen, state: State) -> Array:
+def _angles(measured: _Seen, state: State) -> Array:
     """Return angles between rays and directions to points, radians; NaN for unknown points."""
-    return 2 * np.arcsin(np.minimum(_chords(seen, state, state.x_m) / 2, 1.0))
+    return 2 * np.arcsin(np.minimum(_chords(measured, state, state.x_m) / 2, 1.0))
 
 
 def _with_surveyed(network: Network, x_m: Array) -> Array:
@@ -631,16 +633,16 @@ def with_estimates(cameras: Sequence[Camera], state: State) -> tuple[Camera, ...
     )
 
 
-def _towards(seen: _Seen, state: State, x_m: Array) -> Array:
+def _towards(measured: _Seen, state: State, x_m: Array) -> Array:
     """Return unit vectors from the cameras to the points, in camera axes, shape (n, 3)."""
-    T_m_c = camera_poses(seen.network, state)[seen.points.image_idx]
-    ahead = np.einsum("nji,nj->ni", T_m_c.R, x_m[seen.points.point_idx] - T_m_c.r)
+    T_m_c = camera_poses(measured.network, state)[measured.points.image_idx]
+    ahead = np.einsum("nji,nj->ni", T_m_c.R, x_m[measured.points.point_idx] - T_m_c.r)
     return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
 
-def _chords(seen: _Seen, state: State, x_m: Array) -> Array:
+def _chords(measured: _Seen, state: State, x_m: Array) -> Array:
     """Return the chords between the unit vectors of rays and of directions to points, (n,)."""
-    return np.linalg.norm(_towards(seen, state, x_m) - seen.ray_c, axis=1)
+    return np.linalg.norm(_towards(measured, state, x_m) - measured.ray_c, axis=1)
 
 
 # --- Poses of exposures whose trajectory is not known: resections from control points
@@ -653,7 +655,7 @@ FEWEST = 3
 def resected(block: Block) -> Block:
     """Return a block with poses by resection, an image of every exposure at a time.
 
-    Approximate values for an adjustment, of standard deviations that are infinite: not known.
+    They are approximate values for an adjustment; their standard deviations are infinite.
 
     Parameters
     ----------
@@ -671,26 +673,26 @@ def resected(block: Block) -> Block:
     where = np.full(len(block.points), -1)
     where[block.control.point_idx] = np.arange(len(block.control))
     points = block.image_points[where[block.image_points.point_idx] >= 0]
-    seen = np.bincount(points.image_idx, minlength=len(block.images))
+    n_control = np.bincount(points.image_idx, minlength=len(block.images))
     poses = []
     for exposure, name in enumerate(block.trajectory.exposures):
-        image = _image(block, exposure, seen)
-        if image < 0 or seen[image] < FEWEST:
+        image = _image(block, exposure, n_control)
+        if image < 0 or n_control[image] < FEWEST:
             msg = (
                 f"exposure {name!r} has no image with {FEWEST} control points, which a resection "
                 "needs: give its pose, or leave out its images"
             )
             raise AdjustmentError(msg)
         camera = block.cameras[block.images.camera_idx[image]]
-        own = points[points.image_idx == image]
-        x_m = block.control.x_m[where[own.point_idx]]
-        poses.append(resect(camera, own.colrow, x_m) @ camera.T_b_c.inverse)
+        image_points = points[points.image_idx == image]
+        x_m = block.control.x_m[where[image_points.point_idx]]
+        poses.append(resect(camera, image_points.colrow, x_m) @ camera.T_b_c.inverse)
     T_m_b = Pose(R=np.stack([T.R for T in poses]), r=np.stack([T.r for T in poses]))
     trajectory = Trajectory(exposures=block.trajectory.exposures, T_m_b=T_m_b)
     return replace(block, trajectory=trajectory)
 
 
-def _image(block: Block, exposure: int, seen: Index) -> int:
+def _image(block: Block, exposure: int, n_control: Index) -> int:
     """Return the exposure's image with the most control points; -1 where it has none."""
-    own = np.flatnonzero(block.images.exposure_idx == exposure)
-    return int(own[np.argmax(seen[own])]) if len(own) else -1
+    images = np.flatnonzero(block.images.exposure_idx == exposure)
+    return int(images[np.argmax(n_control[images])]) if len(images) else -1

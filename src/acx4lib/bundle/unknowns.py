@@ -1,4 +1,4 @@
-"""The unknowns of a bundle, and the columns of those that are no points."""
+"""The unknowns of a bundle, and the columns of all but the points."""
 
 from __future__ import annotations
 
@@ -159,8 +159,8 @@ def named(
         (columns.pose, poses, POSE),
         (columns.joint[:, None], distances, ["joint"]),
     ):
-        for own, owner in zip(part, owners, strict=True):
-            for column, label in zip(own, labels, strict=True):
+        for row, owner in zip(part, owners, strict=True):
+            for column, label in zip(row, labels, strict=True):
                 if column >= 0:
                     names[column] = f"{owner}/{label}"
     return names

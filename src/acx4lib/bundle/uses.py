@@ -284,7 +284,7 @@ def _network(
     _require_millimetres(block.cameras)
     if len(block.images) == 0:
         raise AdjustmentError(f"block {block.name!r} has no images: there is nothing to adjust")
-    given = Network(
+    complete = Network(
         block=block,
         pose_names=poses.names,
         pose_idx=poses.idx,
@@ -302,16 +302,16 @@ def _network(
         ),
         refraction=refraction,
     )
-    network = _chosen(given, given.start)
+    network = _chosen(complete, complete.start)
     is_far_off = far_off(network, network.start).any()
     if better is not None:
-        near = _beginning_near(_chosen(given, better) if is_far_off else network, better)
+        near = _beginning_near(_chosen(complete, better) if is_far_off else network, better)
         if not far_off(near, near.start).any():
             return near
     if not is_far_off:
         return network
-    network = _chosen(given, recovered(network))
-    return _chosen(given, _robust(network, network.start))
+    network = _chosen(complete, recovered(network))
+    return _chosen(complete, _robust(network, network.start))
 
 
 def _require_millimetres(cameras: Sequence[Camera]) -> None:
@@ -335,7 +335,7 @@ def robust_start(network: Network) -> State:
 
 
 def _robust(network: Network, state: State) -> State:
-    """Return the state that most observations agree on; the same one where no step is possible."""
+    """Return the state that most observations agree on; unchanged if points lie behind cameras."""
     if not in_front(network, state):
         return state
     with processors.on_one_thread():

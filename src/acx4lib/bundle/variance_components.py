@@ -119,14 +119,14 @@ class Component:
     @property
     def is_significant(self) -> bool:
         """Whether the sigma used is wrong by more than chance and by a relevant amount."""
-        apart = abs(np.log(max(self.factor / self.applied, 1e-12)))
-        return self.estimable and self.p < ALPHA and bool(apart > np.log(WORTH_SAYING))
+        log_ratio = abs(np.log(max(self.factor / self.applied, 1e-12)))
+        return self.estimable and self.p < ALPHA and bool(log_ratio > np.log(WORTH_SAYING))
 
     @property
     def is_beyond(self) -> bool:
-        """Whether an applied factor is more than a better sigma: by its size, and beyond chance.
+        """Whether an applied factor is outside `BOUNDS`, and significantly not one.
 
-        The second by the group's own chi-square, with the sigma that were given.
+        Significance is by the group's chi-square with the given sigma.
         """
         least, most = BOUNDS
         far = not least <= self.applied <= most
@@ -135,7 +135,7 @@ class Component:
 
 @dataclass(frozen=True, kw_only=True)
 class SigmaTest:
-    """A test of the sigma of one group of observations, those of the others taken for right.
+    """A test of the sigma of one group of observations; all other sigma are assumed right.
 
     Attributes
     ----------
@@ -200,7 +200,7 @@ class _Rows:
     columns: Index
 
     def __getitem__(self, part: str) -> Array:
-        """Return one field of the residuals, for components that took part."""
+        """Return a field of the residuals, of the components in use."""
         used = np.isfinite(self.group.sigma[np.ix_(self.rows, self.columns)])
         return getattr(self.group, part)[np.ix_(self.rows, self.columns)][used]
 
@@ -257,14 +257,14 @@ def components(
     for k, g in enumerate(groups):
         before = (applied or {}).get(g.name, 1.0)
         redundancy = float(np.sum(g["redundancy"]))
-        told = known and redundancy > LEAST_TESTED
+        is_estimated = known and redundancy > LEAST_TESTED
         out.append(
             Component(
                 group=g.name,
                 n=len(g["sigma"]),
                 redundancy=redundancy,
-                effective=min(float(effective[k]), redundancy) if told else 0.0,
-                factor=before * np.sqrt(max(variance[k], 0.0)) if told else np.nan,
+                effective=min(float(effective[k]), redundancy) if is_estimated else 0.0,
+                factor=before * np.sqrt(max(variance[k], 0.0)) if is_estimated else np.nan,
                 applied=before,
             )
         )
@@ -314,7 +314,9 @@ def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:
         return ()
     weights = _eigenvalues(bundle, groups)
     tested = zip(groups, np.diag(shares).tolist(), weights, strict=True)
-    return tuple(_sigma_test(*of) for of in tested if np.sum(of[0]["redundancy"]) > LEAST_TESTED)
+    return tuple(
+        _sigma_test(*terms) for terms in tested if np.sum(terms[0]["redundancy"]) > LEAST_TESTED
+    )
 
 
 def _sigma_test(group: _Rows, square: float, weights: Array) -> SigmaTest:
@@ -347,8 +349,8 @@ def _eigenvalues(bundle: Bundle, groups: list[_Rows]) -> list[Array]:
         if W is None or g.name not in few:
             out.append(np.zeros(0))
             continue
-        own = first[g.name] + np.arange(len(g["sigma"]))
-        out.append(np.clip(np.linalg.eigvalsh(W(own)[:, own]), 0.0, 1.0))
+        rows = first[g.name] + np.arange(len(g["sigma"]))
+        out.append(np.clip(np.linalg.eigvalsh(W(rows)[:, rows]), 0.0, 1.0))
     return out
 
 
@@ -392,8 +394,8 @@ def _shares(bundle: Bundle, groups: list[_Rows]) -> Array:
     part = redundancy[is_image] / max(redundancy[is_image].sum(), 1e-12)
     h[np.ix_(small, is_image)] = to_images[:, None] * part
     h[np.ix_(is_image, small)] = h[np.ix_(small, is_image)].T
-    rest = np.setdiff1d(np.arange(len(groups)), small)
-    h[rest, rest] = redundancy[rest] - h[rest].sum(axis=1)
+    large = np.setdiff1d(np.arange(len(groups)), small)
+    h[large, large] = redundancy[large] - h[large].sum(axis=1)
     return h
 
 
@@ -421,7 +423,7 @@ def _joint_redundancy(bundle: Bundle, groups: list[_Rows], chosen: Index) -> Arr
 
 
 def _shown(bundle: Bundle, groups: list[_Rows]) -> Callable[[Index], Array]:
-    """Return what gives some rows of W, made symmetric, of all these groups."""
+    """Return a function that computes rows of the symmetric W of the groups."""
     points = bundle.network.observed_points
     network = _seeing(bundle.network, points)
     equations = {e.kind: e for e in network.equations(bundle.state)}
@@ -429,9 +431,11 @@ def _shown(bundle: Bundle, groups: list[_Rows]) -> Callable[[Index], Array]:
         sparse.vstack([_whitened(equations[g.group.kind], g, points, network) for g in groups])
     )
     by_columns, by_points = J[:, : network.n_columns], J[:, network.n_columns :]
-    gain, own = elimination(network, bundle.state, points)
+    gain, point_covariances = elimination(network, bundle.state, points)
     by_columns = by_columns - by_points @ sparse.csr_array(gain.reshape(-1, network.n_columns))
-    spread = sparse.csr_array(sparse.block_diag([np.zeros((0, 0)), *own]) @ by_points.T)
+    spread = sparse.csr_array(
+        sparse.block_diag([np.zeros((0, 0)), *point_covariances]) @ by_points.T
+    )
 
     def rows(some: Index) -> Array:
         W = -(by_points[some] @ spread).toarray()
@@ -461,11 +465,11 @@ def _whitened(e: Equations, g: _Rows, points: Index, network: Network) -> sparse
     used = np.isfinite(g.group.sigma[:, g.columns])
     place = np.where(used, np.cumsum(used).reshape(used.shape) - 1, -1)
     parts = []
-    for at, c in zip(place.T, g.columns, strict=True):
+    for places, c in zip(place.T, g.columns, strict=True):
         a, b = np.nonzero(e.correlation.factors[c])
-        there = (at[a] >= 0) & (at[b] >= 0)
-        a, b = a[there], b[there]
-        parts.append((e.correlation.factors[c][a, b], at[a], at[b]))
+        used_pairs = (places[a] >= 0) & (places[b] >= 0)
+        a, b = a[used_pairs], b[used_pairs]
+        parts.append((e.correlation.factors[c][a, b], places[a], places[b]))
     values, rows, columns = map(np.concatenate, zip(*parts, strict=True))
     return sparse.csr_array((values, (rows, columns)), shape=(len(J.indptr) - 1,) * 2) @ J
 
@@ -479,11 +483,11 @@ def _derivatives(e: Equations, g: _Rows, points: Index, network: Network) -> spa
     parts = [(e.A[free], np.broadcast_to(row, e.A.shape)[free], columns[free])]
     if e.B is not None and e.point is not None:
         first = network.n_columns + 3 * np.searchsorted(points, e.point)
-        at = np.broadcast_to(first[:, None, None] + np.arange(3), e.B.shape)
-        parts.append((e.B.ravel(), np.broadcast_to(row, e.B.shape).ravel(), at.ravel()))
-    values, rows, at = map(np.concatenate, zip(*parts, strict=True))
+        indices = np.broadcast_to(first[:, None, None] + np.arange(3), e.B.shape)
+        parts.append((e.B.ravel(), np.broadcast_to(row, e.B.shape).ravel(), indices.ravel()))
+    values, rows, indices = map(np.concatenate, zip(*parts, strict=True))
     shape = (m * d, network.n_columns + 3 * len(points))
-    J = sparse.csr_array((values, (rows, at)), shape=shape)
+    J = sparse.csr_array((values, (rows, indices)), shape=shape)
     if e.kind == "distance":
         J = J[: m * d // 2] + J[m * d // 2 :]
     used = np.isfinite(g.group.sigma[np.ix_(g.rows, g.columns)])
@@ -503,7 +507,7 @@ def group_names(block: Block) -> tuple[str, ...]:
 
 
 def sentences(found: Sequence[Component]) -> list[str]:
-    """Return one sentence for each sigma that was multiplied, and for each that is wrong."""
+    """Return a sentence on the multiplied sigma, and one for each wrong sigma."""
     multiplied = [f"{c.applied:.2f} ± {c.sigma:.2f} ({c.group})" for c in found if c.applied != 1.0]
     out = [f"the sigma were multiplied by {', '.join(multiplied)}"] if multiplied else []
     for c in found:

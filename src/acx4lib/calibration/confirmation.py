@@ -1,4 +1,4 @@
-"""Whether estimated mountings are those that were declared, and what a difference looks like."""
+"""Tests of estimated mountings against declared ones, and known causes of a difference."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import propagate, sigmas
 
-# --- Are the estimated mountings those that were declared? A declared value is tested, and
-# says so
+# --- Are the estimated mountings the declared ones? Tests of the declared values
 #
 # Unknowns absorb systematic errors without a trace in the residuals: a delay at one speed is a
 # lever arm, an undulation is one too, and true north in place of grid north is a boresight. Only
@@ -77,9 +76,9 @@ class Confirmation:
     p : float
         Probability of such differences or larger ones; NaN where there is no sigma.
     told : str
-        The difference in words, with what would look like it; empty where nothing is declared.
+        The difference in words, with possible causes; empty where nothing is declared.
     mistake : str
-        Which known mistake the difference is; empty for any other.
+        The known mistake that explains the difference; empty if none does.
     """
 
     camera: str
@@ -98,15 +97,15 @@ class Confirmation:
 
     @property
     def sentence(self) -> str:
-        """What is not confirmed and why."""
+        """A sentence with the part, its camera and the objection."""
         return f"not confirmed: {self.part} of {self.camera} {self.objection}"
 
     @property
     def remark(self) -> str:
-        """What is said of a value without sigma, an approximation, that is far off; else empty."""
-        off = np.linalg.norm(np.nan_to_num(self.difference))
+        """A remark on a declared approximation, without sigma, that is far off; else empty."""
+        size = np.linalg.norm(np.nan_to_num(self.difference))
         far = FAR_M if self.part == "lever arm" else FAR_DEG
-        if self.objection or not self.told or np.isfinite(self.p) or not off > far:
+        if self.objection or not self.told or np.isfinite(self.p) or not size > far:
             return ""
         return f"{self.part} of {self.camera} {self.told}"
 
@@ -129,23 +128,27 @@ def confirmations(bundle: Bundle) -> list[Confirmation]:
     and D (D - Q)^-1 d is the difference that the other observations alone would have.
     """
     block, calibration = bundle.network.block, from_bundle(bundle)
-    told = zip(parameters(calibration), is_determined(calibration), strict=True)
-    determined = {(p.camera, p.key) for p, good in told if good}
+    outcomes = zip(parameters(calibration), is_determined(calibration), strict=True)
+    determined = {(p.camera, p.key) for p, good in outcomes if good}
     out: list[Confirmation] = []
     for k, camera in enumerate(block.cameras):
         if all((camera.name, key) in determined for key in LEVER_ARM):
-            found = _of_lever_arm(calibration, k, camera)
-            if found.declared.any() or found.size > LONGEST_M:
-                out.append(_of_part(camera, "lever arm", found, _lever_said(block, camera, found)))
+            difference = _of_lever_arm(calibration, k, camera)
+            if difference.declared.any() or difference.size > LONGEST_M:
+                out.append(
+                    _of_part(
+                        camera, "lever arm", difference, _lever_said(block, camera, difference)
+                    )
+                )
         if all((camera.name, key) in determined for key in BORESIGHT):
-            found = _of_boresight(calibration, k, camera)
-            if found.declared.any():
+            difference = _of_boresight(calibration, k, camera)
+            if difference.declared.any():
                 out.append(
                     _of_part(
                         camera,
                         "boresight",
-                        found,
-                        _turn_said(block, camera, calibration.cameras[k], found),
+                        difference,
+                        _turn_said(block, camera, calibration.cameras[k], difference),
                     )
                 )
     return out
@@ -178,7 +181,7 @@ class _Difference:
         return float(np.linalg.norm(self.d[self.declared] if self.declared.any() else self.d))
 
     def significant(self, rough: float = 0.0) -> bool:
-        """Tell whether it is more than the sigma of both values explain, or one without sigma."""
+        """Tell whether the difference exceeds its sigma; `rough` is used without a declared one."""
         of_declared = np.where(np.isfinite(self.sigma), self.sigma, rough)
         tolerance = SIGMAS * np.hypot(of_declared, self.sigma_estimated)
         return bool(np.any(self.declared & (np.abs(self.d) > tolerance)))
@@ -203,64 +206,66 @@ def _difference(d: Array, cov: Array, declared: Mask, sigma: Array) -> _Differen
     alone, p = d.copy(), np.nan
     if len(tested := np.flatnonzero(np.isfinite(sigma))):
         scale = sigma[tested]
-        both = np.eye(len(tested)) - cov[np.ix_(tested, tested)] / scale[:, None] / scale
-        values, vectors = np.linalg.eigh(both)
-        seen = values > UNSEEN  # of the others, the estimates are the declared values themselves
-        parts = (vectors.T @ (d[tested] / scale))[seen]
-        p = statistics.chi2_sf(np.sum(parts**2 / values[seen]), max(1, seen.sum()))
-        alone[tested] = scale * (vectors[:, seen] @ (parts / values[seen]))
+        by_others = np.eye(len(tested)) - cov[np.ix_(tested, tested)] / scale[:, None] / scale
+        values, vectors = np.linalg.eigh(by_others)
+        controlled = values > UNSEEN  # along the others, the estimates equal the declared values
+        parts = (vectors.T @ (d[tested] / scale))[controlled]
+        p = statistics.chi2_sf(np.sum(parts**2 / values[controlled]), max(1, controlled.sum()))
+        alone[tested] = scale * (vectors[:, controlled] @ (parts / values[controlled]))
     return _Difference(d=alone, p=p, declared=declared, sigma=sigma, sigma_estimated=sigmas(cov))
 
 
 # --- what differences look like --------------------------------------------------------------
 
 
-def _of_part(camera: Camera, part: str, found: _Difference, said: tuple[str, str]) -> Confirmation:
+def _of_part(
+    camera: Camera, part: str, difference: _Difference, words: tuple[str, str]
+) -> Confirmation:
     unit = np.degrees(1.0) if part == "boresight" else 1.0
-    x, y, z = (float(v) for v in np.where(found.declared, unit * found.d, np.nan))
-    told, mistake = said
+    x, y, z = (float(v) for v in np.where(difference.declared, unit * difference.d, np.nan))
+    text, mistake = words
     return Confirmation(
         camera=camera.name,
         part=part,
         difference=(x, y, z),
-        p=found.p,
-        told=told,
+        p=difference.p,
+        told=text,
         mistake=mistake,
     )
 
 
-def _lever_said(block: Block, camera: Camera, found: _Difference) -> tuple[str, str]:
-    """Return a lever arm's difference in words, and the known mistake that it is."""
-    if not found.declared.any():
+def _lever_said(block: Block, camera: Camera, difference: _Difference) -> tuple[str, str]:
+    """Return a lever arm's difference in words, and the known mistake that explains it."""
+    if not difference.declared.any():
         heights = "are the heights of control and trajectory of one system?"
-        return "", f"is {found.size:.1f} m long, and none is declared: {heights}"
-    told = f"differs from the declared one by {_listed(found.d, found.declared, '.2f')} m"
-    if not found.significant(SURVEYED_M):
-        return (told if np.isfinite(found.p) or found.significant() else ""), ""
-    if found.declared.all() and (axes := _exchanged_lever(camera.T_b_c.r, found.d)):
-        return told, f"the declared one with {axes} would agree"
-    looks = _looks_like(block, found)
-    return (f"{told}; {looks} would look like this" if looks else told), ""
+        return "", f"is {difference.size:.1f} m long, and none is declared: {heights}"
+    text = f"differs from the declared one by {_listed(difference.d, difference.declared, '.2f')} m"
+    if not difference.significant(SURVEYED_M):
+        return (text if np.isfinite(difference.p) or difference.significant() else ""), ""
+    if difference.declared.all() and (axes := _exchanged_lever(camera.T_b_c.r, difference.d)):
+        return text, f"the declared one with {axes} would agree"
+    looks = _looks_like(block, difference)
+    return (f"{text}; {looks} would look like this" if looks else text), ""
 
 
-def _looks_like(block: Block, found: _Difference) -> str:
+def _looks_like(block: Block, difference: _Difference) -> str:
     """Return at most two mistakes that remove a lever arm's difference; empty where none does."""
-    d = np.where(found.declared, found.d, 0.0)
+    d = np.where(difference.declared, difference.d, 0.0)
     axis = int(np.argmax(np.abs(d)))
-    rest = np.delete(np.abs(d), axis)
-    tolerance = SIGMAS * np.hypot(SURVEYED_M, np.delete(found.sigma_estimated, axis))
-    if np.any(rest > tolerance) or np.linalg.norm(rest) > BESIDE * found.size:
+    across = np.delete(np.abs(d), axis)
+    tolerance = SIGMAS * np.hypot(SURVEYED_M, np.delete(difference.sigma_estimated, axis))
+    if np.any(across > tolerance) or np.linalg.norm(across) > BESIDE * difference.size:
         return ""
-    off = abs(d[axis])
+    size = abs(d[axis])
     if axis == 0 and np.isfinite(speed := _speed(block)):
         return (
-            f"a clock that is {1000 * off / speed:.0f} ms off, or positions of an antenna "
-            f"{off:.2f} m {'before' if d[0] < 0 else 'behind'} the IMU,"
+            f"a clock that is {1000 * size / speed:.0f} ms off, or positions of an antenna "
+            f"{size:.2f} m {'before' if d[0] < 0 else 'behind'} the IMU,"
         )
     if axis == 2:
         return (
-            f"heights of two systems, such as geoid models {off:.2f} m apart, or positions of an "
-            f"antenna {off:.2f} m {'above' if d[2] < 0 else 'below'} the IMU,"
+            f"heights of two systems, such as geoid models {size:.2f} m apart, or positions of an "
+            f"antenna {size:.2f} m {'above' if d[2] < 0 else 'below'} the IMU,"
         )
     return ""
 
@@ -275,7 +280,7 @@ LEVER_MISTAKES: tuple[tuple[str, Array], ...] = (
 
 
 def _exchanged_lever(declared: Array, d: Array) -> str:
-    """Return which exchange of axes explains a difference; nothing where none does."""
+    """Return the exchange of axes that explains a difference; empty where none does."""
     size = float(np.linalg.norm(d))
     for name, exchange in LEVER_MISTAKES:
         if np.linalg.norm(declared + d - exchange @ declared) < EXPLAINED * size:
@@ -284,68 +289,68 @@ def _exchanged_lever(declared: Array, d: Array) -> str:
 
 
 def _turn_said(
-    block: Block, camera: Camera, estimated: Camera, found: _Difference
+    block: Block, camera: Camera, estimated: Camera, difference: _Difference
 ) -> tuple[str, str]:
-    """Return a boresight's difference in words, and the known mistake that it is."""
-    shown = _listed(np.degrees(found.d), found.declared, ".3f")
-    told = f"differs from the declared one by {shown}° about the body's axes"
-    if not found.significant():
-        return told, ""
+    """Return a boresight's difference in words, and the known mistake that explains it."""
+    shown = _listed(np.degrees(difference.d), difference.declared, ".3f")
+    text = f"differs from the declared one by {shown}° about the body's axes"
+    if not difference.significant():
+        return text, ""
     convergence = _convergence(block)
-    if _is_convergence(found, convergence):
-        d, gamma = np.degrees([abs(found.d[2]), abs(convergence)])
+    if _is_convergence(difference, convergence):
+        d, gamma = np.degrees([abs(difference.d[2]), abs(convergence)])
         return (
             f"differs from the declared one in kappa by {d:.2f}°, about the meridian "
             f"convergence, {gamma:.2f}°",
             "is the heading read against true or grid north?",
         )
     turn = estimated.T_b_c.R @ camera.T_b_c.R.T
-    if turned := _right_angle(turn, found.declared):
-        return told, turned
-    if found.declared.all() and (angles := _exchanged_angles(camera.T_b_c, turn)):
-        return told, f"the declared one with {angles} would agree"
-    return told, ""
+    if turned := _right_angle(turn, difference.declared):
+        return text, turned
+    if difference.declared.all() and (angles := _exchanged_angles(camera.T_b_c, turn)):
+        return text, f"the declared one with {angles} would agree"
+    return text, ""
 
 
 def _right_angle(turn: Array, declared: Mask) -> str:
-    """Return about which axis a rotation of the body turns by 90 or 180 degrees; else nothing."""
+    """Return a phrase on a rotation by 90 or 180 degrees about a body axis; else empty."""
     for angle in (90, -90, 180):
         for axis in np.flatnonzero(declared):
-            left = turn @ exp(-np.radians(angle) * np.eye(3)[axis])
-            if np.linalg.norm(log(left)) < TURNED:
+            remaining = turn @ exp(-np.radians(angle) * np.eye(3)[axis])
+            if np.linalg.norm(log(remaining)) < TURNED:
                 return f"it is turned by {abs(angle)}° about the body's {'xyz'[axis]} axis"
     return ""
 
 
 def _exchanged_angles(declared: Pose, turn: Array) -> str:
-    """Return which exchange of angles explains a rotation of the body; nothing where none does."""
+    """Return the exchange of angles that explains a rotation of the body; empty where none does."""
     omega, phi, kappa = declared.opk
-    others = {
+    exchanges = {
         "omega and phi exchanged": (phi, omega, kappa),
         "the sign of omega reversed": (-omega, phi, kappa),
         "the sign of phi reversed": (omega, -phi, kappa),
         "the sign of kappa reversed": (omega, phi, -kappa),
     }
-    matrices = {name: rotation_from_opk(np.array(opk)) for name, opk in others.items()}
+    matrices = {name: rotation_from_opk(np.array(opk)) for name, opk in exchanges.items()}
     matrices["its matrix transposed"] = declared.R.T
     estimated = turn @ declared.R
-    left = {name: np.linalg.norm(log(R @ estimated.T)) for name, R in matrices.items()}
-    best = min(left, key=lambda name: float(left[name]))
+    remaining = {name: np.linalg.norm(log(R @ estimated.T)) for name, R in matrices.items()}
+    best = min(remaining, key=lambda name: float(remaining[name]))
     size = np.linalg.norm(log(turn))
-    return best if size > np.radians(EXCHANGED_DEG) and left[best] < EXPLAINED * size else ""
+    return best if size > np.radians(EXCHANGED_DEG) and remaining[best] < EXPLAINED * size else ""
 
 
-def _is_convergence(found: _Difference, convergence: float) -> bool:
-    """Tell whether kappa differs by the convergence, within what is known of both values."""
-    if not (found.declared[2] and np.isfinite(convergence)):
+def _is_convergence(difference: _Difference, convergence: float) -> bool:
+    """Tell whether kappa differs by the convergence, within the sigma of both values."""
+    if not (difference.declared[2] and np.isfinite(convergence)):
         return False
-    off = abs(abs(found.d[2]) - abs(convergence))
-    if np.isfinite(found.sigma[2]):
-        sigma = float(np.hypot(found.sigma[2], found.sigma_estimated[2]))
-        return found.p < ALPHA and bool(off < SIGMAS * sigma < abs(convergence))
-    tilts = np.linalg.norm(found.d[:2])  # of a rough mounting, as large as kappa
+    deviation = abs(abs(difference.d[2]) - abs(convergence))
+    if np.isfinite(difference.sigma[2]):
+        sigma = float(np.hypot(difference.sigma[2], difference.sigma_estimated[2]))
+        return difference.p < ALPHA and bool(deviation < SIGMAS * sigma < abs(convergence))
+    tilts = np.linalg.norm(difference.d[:2])  # of a rough mounting, as large as kappa
     is_seen = abs(convergence) > max(LEAST_CONVERGENCE, tilts)
-    return bool(is_seen and off < NORTHS * abs(convergence))
+    return bool(is_seen and deviation < NORTHS * abs(convergence))
 
 
 def _convergence(block: Block) -> float:
@@ -360,8 +365,8 @@ def _speed(block: Block) -> float:
     if strips.unit != "s" or not strips.names:
         return np.nan
     dt, steps = np.diff(trajectory.time_s), np.diff(trajectory.T_m_b.r, axis=0)
-    same = (np.diff(strips.idx) == 0) & (strips.idx[1:] >= 0) & (dt != 0)
-    speeds = np.linalg.norm(steps[same], axis=1) / np.abs(dt[same])
+    same_strip = (np.diff(strips.idx) == 0) & (strips.idx[1:] >= 0) & (dt != 0)
+    speeds = np.linalg.norm(steps[same_strip], axis=1) / np.abs(dt[same_strip])
     return float(np.median(speeds)) if len(speeds) else np.nan
 
 

@@ -1,7 +1,7 @@
-"""Whether recorded headings are off by another amount on another course.
+"""Test whether errors of recorded headings depend on the course.
 
-A magnetometer in an aircraft shows a heading that is wrong by an amount that depends on the
-heading. A boresight takes the mean of it and nothing more, and in a single course all of it.
+The error of a magnetometer in an aircraft depends on the heading. A boresight absorbs its mean
+over the courses; on a single course it absorbs the whole error.
 """
 
 from __future__ import annotations
@@ -63,17 +63,17 @@ class ByCourse:
 
     @property
     def p(self) -> float:
-        """Probability of such a ratio or a larger one where no course is off by another amount."""
+        """Probability of such a ratio or a larger one if the error is the same on all courses."""
         return statistics.f_sf(self.f_ratio, len(self.courses) - 1, self.redundancy)
 
     @property
     def differs(self) -> bool:
-        """Whether headings are off by another amount on another course."""
+        """Whether heading errors differ significantly between courses."""
         return self.p < ALPHA
 
     @property
     def sentence(self) -> str:
-        """What differs by how much, and what would look like it."""
+        """A sentence with the mean heading error of each course, and its likely cause."""
         means = ", ".join(f"{c.off_deg:+.3g}° at {c.course_deg:.0f}°" for c in self.courses)
         return (
             f"recorded headings are off by another amount on another course: {means} (p "
@@ -83,7 +83,7 @@ class ByCourse:
 
 
 def by_course(bundle: Bundle) -> ByCourse | None:
-    """Test whether recorded headings are off by another amount on another course.
+    """Test whether errors of recorded headings depend on the course.
 
     The scatter within the courses is the measure, whatever sigma the attitudes have; valid where
     errors of different exposures are independent.
@@ -103,8 +103,8 @@ def by_course(bundle: Bundle) -> ByCourse | None:
     is_observed = np.isfinite(bundle.network.observed.sigma_attitude).any()
     if trajectory.slow_attitudes.share > 0 or not is_observed:
         return None
-    course, off = headings(bundle)
-    course, off = course[np.isfinite(off)], off[np.isfinite(off)]
+    course, error = headings(bundle)
+    course, error = course[np.isfinite(error)], error[np.isfinite(error)]
     groups = _clusters(course)
     groups = [rows for rows in groups if len(rows) > 1]
     redundancy = sum(map(len, groups)) - len(groups)
@@ -115,17 +115,17 @@ def by_course(bundle: Bundle) -> ByCourse | None:
             Course(
                 course_deg=float(np.degrees(_mean(course[rows])) % 360),
                 n=len(rows),
-                off_deg=float(np.degrees(off[rows].mean())),
+                off_deg=float(np.degrees(error[rows].mean())),
             )
             for rows in groups
         ),
-        f_ratio=_f_ratio([off[rows] for rows in groups]),
+        f_ratio=_f_ratio([error[rows] for rows in groups]),
         redundancy=redundancy,
     )
 
 
 def headings(bundle: Bundle) -> tuple[Array, Array]:
-    """Return the courses of the exposures, and what their recorded headings are off.
+    """Return the courses of the exposures, and the errors of their recorded headings.
 
     Parameters
     ----------
@@ -134,17 +134,17 @@ def headings(bundle: Bundle) -> tuple[Array, Array]:
 
     Returns
     -------
-    course, off : ndarray, shape (n,)
+    course, error : ndarray, shape (n,)
         From north over east, and recorded minus adjusted, NaN where no attitude is used; radians.
     """
     network, state = bundle.network, bundle.state
     observed = network.observed
     known = np.isfinite(observed.sigma_attitude).all(axis=1)
     expected = deviating(observed, state) @ state.T_m_b.R
-    off = log(expected @ np.swapaxes(observed.T_m_b.R, -1, -2))[:, 2]
+    error = log(expected @ np.swapaxes(observed.T_m_b.R, -1, -2))[:, 2]
     first = network.first_poses
     course = np.arctan2(*directions(network.block).T)[network.exposure_idx[first]]
-    return course, np.where(known, off, np.nan)[first]
+    return course, np.where(known, error, np.nan)[first]
 
 
 def _mean(angles: Array) -> float:
@@ -152,7 +152,7 @@ def _mean(angles: Array) -> float:
 
 
 def _clusters(angles: Array) -> list[Index]:
-    """Return the rows of angles that no gap as wide as `APART` separates, by their directions."""
+    """Return groups of rows whose angles have no gap as wide as `APART`, in order of direction."""
     if not len(angles):
         return []
     order = np.argsort(angles % (2 * np.pi), kind="stable")
@@ -168,7 +168,7 @@ def _clusters(angles: Array) -> list[Index]:
 def _f_ratio(groups: list[Array]) -> float:
     """Return the variance between groups over the variance within them."""
     everything = np.concatenate(groups)
-    within = sum(float(np.sum((own - own.mean()) ** 2)) for own in groups)
+    within = sum(float(np.sum((group - group.mean()) ** 2)) for group in groups)
     between = float(np.sum((everything - everything.mean()) ** 2)) - within
     n, k = len(everything), len(groups)
     return between / (k - 1) / max(within / (n - k), np.finfo(float).tiny)

@@ -1,4 +1,4 @@
-"""What an adjustment determines worst, what correlates, and which errors would be found."""
+"""Weakest combination, correlations and detectable errors of an adjustment."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ POSES = dict(
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """One unknown of the weakest combination, or the same one of all poses.
+    """An unknown of the weakest combination; one entry stands for all poses.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Pair:
 
 
 def weakest_combination(bundle: Bundle) -> tuple[Part, ...]:
-    """Return the unknowns that could change together with the least effect on all residuals.
+    """Return the combination of unknowns that changes the residuals least.
 
     They form the eigenvector of the smallest eigenvalue of the normal matrix, after the points
     are eliminated and the unknowns are scaled to a diagonal of one. Empty where several
@@ -118,10 +118,10 @@ def weakest_combination(bundle: Bundle) -> tuple[Part, ...]:
 
 
 def beyond_precision(bundle: Bundle) -> str:
-    """Return a sentence on a condition above `CARRIED`, and on the images that make it; or none.
+    """Return a sentence on a condition above `CARRIED`, and its images; empty below.
 
-    Their positions and attitudes are not known. What all images share is, as long as it has a
-    standard deviation.
+    Positions and attitudes of these images are not known. Unknowns that all images share are known
+    as long as they have a standard deviation.
     """
     network = bundle.network
     if not bundle.solution.condition > CARRIED:
@@ -131,11 +131,13 @@ def beyond_precision(bundle: Bundle) -> str:
         f"{network.block.images.names[k]} (measured points: {n_points[k]})"
         for k in np.flatnonzero(~bundle.oriented & (n_points > 0))
     ]
-    of = f"the position and attitude of {', '.join(names[:NAMED])}" if names else "all unknowns"
-    of += f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+    undetermined = (
+        f"the position and attitude of {', '.join(names[:NAMED])}" if names else "all unknowns"
+    )
+    undetermined += f" and {len(names) - NAMED} more" * (len(names) > NAMED)
     return (
         "the condition of the normal matrix is more than double precision can carry: the "
-        f"observations do not determine {of}"
+        f"observations do not determine {undetermined}"
     )
 
 
@@ -285,9 +287,9 @@ def largest_pairs(correlations: Correlations, *, n: int = 4) -> dict[str, float]
 
 
 def nested_f_ratio(bundle: Bundle, test: GroupTest, against: Sequence[Camera]) -> float:
-    """Return the F-ratio of a group by an adjustment that holds it at the given values.
+    """Return the F-ratio of a group from an adjustment that holds it at the given values.
 
-    It uses the same observations. In a linear problem it equals that of the covariance.
+    The observations are the same. In a linear problem the ratio equals that of `group_tests`.
 
     Parameters
     ----------
@@ -326,17 +328,17 @@ def nested_f_ratio(bundle: Bundle, test: GroupTest, against: Sequence[Camera]) -
 
 
 def _at(
-    keys: Sequence[str], interior: Interior, T_b_c: Pose, given: Camera
+    keys: Sequence[str], interior: Interior, T_b_c: Pose, source: Camera
 ) -> tuple[Interior, Pose]:
     """Return interior orientation and mounting with the named parameters of another camera."""
-    values = {key: getattr(given.interior, key) for key in keys if key in INTERIOR}
+    values = {key: getattr(source.interior, key) for key in keys if key in INTERIOR}
     return replace(interior, **values), Pose(
-        R=given.T_b_c.R if set(keys) & set(BORESIGHT) else T_b_c.R,
-        r=np.where(np.isin(LEVER_ARM, keys), given.T_b_c.r, T_b_c.r),
+        R=source.T_b_c.R if set(keys) & set(BORESIGHT) else T_b_c.R,
+        r=np.where(np.isin(LEVER_ARM, keys), source.T_b_c.r, T_b_c.r),
     )
 
 
-# --- The smallest errors that tests find in each group of observations, and what smaller ones do
+# --- The smallest detectable errors of each group of observations, and their effects
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -378,19 +380,19 @@ def _components(bundle: Bundle) -> Iterator[Detectable]:
     names = bundle.network.column_names()
     effects = parameter_effects(bundle, columns)
     for group, effect in zip(bundle.solution.groups, effects, strict=True):
-        found = reliability(group)
-        for d in range(found.redundancy.shape[1]):
-            used = np.isfinite(found.redundancy[:, d])
+        group_reliability = reliability(group)
+        for d in range(group_reliability.redundancy.shape[1]):
+            used = np.isfinite(group_reliability.redundancy[:, d])
             if used.any():
                 by_parameter = np.abs(effect[used, d]).max(axis=0)
-                which = int(np.argmax(by_parameter)) if len(columns) else -1
+                largest = int(np.argmax(by_parameter)) if len(columns) else -1
                 yield Detectable(
                     kind=group.kind,
                     component=d,
-                    redundancy=found.redundancy[used, d],
-                    bias=found.detectable[used, d],
-                    effect=float(by_parameter[which]) if len(columns) else np.nan,
-                    on=names[columns[which]] if len(columns) else "",
+                    redundancy=group_reliability.redundancy[used, d],
+                    bias=group_reliability.detectable[used, d],
+                    effect=float(by_parameter[largest]) if len(columns) else np.nan,
+                    on=names[columns[largest]] if len(columns) else "",
                 )
 
 
@@ -415,7 +417,7 @@ ABSORBING = ("f", "xp", "yp")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Absorption:
-    """What the interior orientation of `two_step_gnss` took up, and what it should have.
+    """The change of interior orientation in `two_step_gnss`, and the lever arm that explains it.
 
     With n cameras, m = 3 n.
 
@@ -441,7 +443,7 @@ class Absorption:
 
     @property
     def lever_seen_m(self) -> Array:
-        """The lever arm that the shift means, in the form of `lever_m`."""
+        """The lever arm that corresponds to the shift, in the form of `lever_m`."""
         return np.linalg.solve(self.by_lever, self.shift_mm)
 
     @property
@@ -472,20 +474,20 @@ def absorption(mountings: Mountings) -> Absorption | None:
     if not {"single_step", "two_step_gnss"} <= set(mountings.methods):
         return None
     single, gnss = mountings["single_step"], mountings["two_step_gnss"]
-    one, two = single.calibration, gnss.calibration
-    if np.any(_columns(one.layout) < 0) or np.any(_columns(two.layout) < 0):
+    by_single, by_gnss = single.calibration, gnss.calibration
+    if np.any(_columns(by_single.layout) < 0) or np.any(_columns(by_gnss.layout) < 0):
         return None
     if trajectory_errors.parameters(single.bundle):
         return None
     network, inverse = gnss.bundle.network, _inverse_at(single.bundle, gnss.bundle)
     J, rows = by_lever_arms(network, inverse), _columns(network.layout)
-    held = np.concatenate([camera.T_b_c.r for camera in two.cameras])
+    held = np.concatenate([camera.T_b_c.r for camera in by_gnss.cameras])
     return Absorption(
-        cameras=tuple(camera.name for camera in one.cameras),
+        cameras=tuple(camera.name for camera in by_single.cameras),
         by_lever=J,
-        shift_mm=_interior(two) - _interior(one),
-        lever_m=np.concatenate([camera.T_b_c.r for camera in one.cameras]) - held,
-        cov_mm=inverse.at(rows[:, None], rows) - _covariance(one, J),
+        shift_mm=_interior(by_gnss) - _interior(by_single),
+        lever_m=np.concatenate([camera.T_b_c.r for camera in by_single.cameras]) - held,
+        cov_mm=inverse.at(rows[:, None], rows) - _covariance(by_single, J),
     )
 
 
@@ -524,26 +526,26 @@ def by_lever_arms(network: Network, inverse: Inverse) -> Array:
     n_cameras = len(block.cameras)
     J = np.zeros((len(rows), n_cameras, 3))
     for k in range(n_cameras):
-        own = block.images.camera_idx == k
-        seen = own if observed.of_positions is None else np.ones_like(own)
-        by_image = _weighed(observed, block.T_m_b_images.R * own[:, None, None])
-        J[:, k] = -np.einsum("rna,nab->rb", Q[:, seen], by_image[seen])
+        of_camera = block.images.camera_idx == k
+        affected = of_camera if observed.of_positions is None else np.ones_like(of_camera)
+        by_image = _weighed(observed, block.T_m_b_images.R * of_camera[:, None, None])
+        J[:, k] = -np.einsum("rna,nab->rb", Q[:, affected], by_image[affected])
     return J.reshape(len(rows), -1)
 
 
-def _weighed(observed: PoseObservations, off: Array) -> Array:
-    """Return the weights of observed positions times what these are off by, (n, 3, k)."""
+def _weighed(observed: PoseObservations, errors: Array) -> Array:
+    """Return the weights of observed positions times their errors, (n, 3, k)."""
     if observed.of_positions is None:
         weight = 1 / observed.sigma_position**2
         P = np.einsum("nai,na,naj->nij", observed.R_g_m, weight, observed.R_g_m)
-        return np.asarray(P @ off)
+        return np.asarray(P @ errors)
     sigma = observed.sigma_position[:, :, None]
-    along_grid = observed.of_positions.times(observed.R_g_m @ off / sigma) / sigma
+    along_grid = observed.of_positions.times(observed.R_g_m @ errors / sigma) / sigma
     return np.swapaxes(observed.R_g_m, -1, -2) @ along_grid
 
 
 def effective_heights(calibration: Calibration, by_lever: Array) -> Array:
-    """Return the heights from which a lever arm alone would look like what was taken up of it.
+    """Return the flying heights at which a lever arm alone would change f, x_p, y_p as much.
 
     Parameters
     ----------
@@ -554,12 +556,14 @@ def effective_heights(calibration: Calibration, by_lever: Array) -> Array:
     Returns
     -------
     ndarray, shape (n_cameras, 3)
-        Of the components along each camera's own x, y, z, which x_p, y_p and f take up, m.
+        For lever arm components along each camera's x, y, z, which x_p, y_p and f absorb, m.
     """
     heights = []
     for k, camera in enumerate(calibration.cameras):
-        own = by_lever[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] @ camera.T_b_c.R
-        heights.append([-camera.interior.f / own[row, axis] for axis, row in enumerate((1, 2, 0))])
+        by_own_arm = by_lever[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] @ camera.T_b_c.R
+        heights.append(
+            [-camera.interior.f / by_own_arm[row, axis] for axis, row in enumerate((1, 2, 0))]
+        )
     return np.array(heights)
 
 

@@ -47,7 +47,7 @@ LIMIT_SCALE = 0.01
 """Scale error between control and trajectory above which something is wrong, not imprecise."""
 
 SIGMAS_OF_SCALE = 3.0
-"""And as many standard deviations of the focal length, of which it is then no chance."""
+"""The error must also exceed this multiple of the focal length's standard deviation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,15 +93,15 @@ class Calibration:
         expected.size("sigma0_sq", self.sigma0_sq)
 
     def __repr__(self) -> str:
-        """Say in a line what was estimated."""
-        of = shown.names([camera.name for camera in self.cameras])
-        return shown.line("Calibration", of, *_size(self))
+        """Describe the calibration in one line."""
+        cameras = shown.names([camera.name for camera in self.cameras])
+        return shown.line("Calibration", cameras, *_size(self))
 
     def table(self) -> pd.DataFrame:
-        """Return the parameters that were estimated, and those that were held.
+        """Return estimated and held parameters with their units and sigma.
 
-        Of an interior orientation, parameters that are held at zero are left out; of mountings,
-        all are there where one of them was estimated, or nothing at all.
+        Interior parameters held at zero are left out. All mounting parameters are listed if any
+        was estimated; otherwise none.
         """
         return shown.parameter_table(parameter_rows(self))
 
@@ -117,7 +117,7 @@ def _size(calibration: Calibration) -> tuple[str, str]:
 
 
 def parameter_rows(calibration: Calibration, *, only_interior: bool = False) -> Iterator[shown.Row]:
-    """Yield the parameters of a calibration as its table has them."""
+    """Yield the rows of a calibration's table."""
     listed = parameters(calibration)
     mounted = bool(np.any(calibration.layout.mount >= 0)) or not calibration.n_columns
     mounted &= not only_interior
@@ -147,7 +147,7 @@ class Parameter:
 
     @property
     def full_name(self) -> str:
-        """The name with that of the camera, if it is a camera's."""
+        """The name, preceded by the camera's name if it has a camera."""
         return f"{self.camera}/{self.name}" if self.camera else self.name
 
 
@@ -233,9 +233,9 @@ def reported_values(camera: Camera) -> dict[str, float]:
 
 def with_reported(camera: Camera, values: Mapping[str, float]) -> Camera:
     """Return a camera with other values of some parameters, by their names in results."""
-    own = reported_values(camera)
-    said = np.array([values.get(name, own[name]) for name in own])
-    interior, lever, angles = np.split(said, [len(INTERIOR), len(INTERIOR) + 3])
+    reported = reported_values(camera)
+    changed = np.array([values.get(name, reported[name]) for name in reported])
+    interior, lever, angles = np.split(changed, [len(INTERIOR), len(INTERIOR) + 3])
     return replace(
         camera,
         interior=Interior.from_array(interior),
@@ -264,7 +264,7 @@ def reported_covariance(calibration: Calibration) -> Array:
 
 
 def _open_reported(calibration: Calibration) -> Mask:
-    """Return which reported parameters depend on columns that are left open."""
+    """Mark reported parameters that depend on undetermined columns, shape (n,)."""
     return (np.abs(to_reported(calibration)) > 1e-6) @ calibration.open_columns > 0
 
 
@@ -290,15 +290,15 @@ AS_ONE = 0.99
 
 
 def not_determined(calibration: Calibration, features: frozenset[str] = frozenset()) -> list[str]:
-    """Return one sentence per parameter that the data do not determine, or of heads as one.
+    """Return a sentence per undetermined parameter, or per group of heads with correlated ones.
 
-    It has the standard deviation, the largest correlations and the geometry that helps.
+    It names the standard deviation, the largest correlations and the geometry that helps.
 
     Parameters
     ----------
     calibration : Calibration
     features : frozenset of str
-        What the flight has of this geometry, as `features` returns it; not asked for.
+        Geometry of the flight as `features` returns it; a sentence does not ask for it.
     """
     listed = parameters(calibration)
     related = correlation(reported_covariance(calibration))
@@ -330,14 +330,14 @@ def _how_well(p: Parameter) -> str:
 
 
 def _alike(listed: Sequence[Parameter], related: Array, open_idx: Index) -> list[list[int]]:
-    """Return parameters that are open together: one of several heads, whose values move as one."""
+    """Group undetermined parameters of equal name and sigma that correlate between heads."""
     groups: list[list[int]] = []
     for i in open_idx.tolist():
         p = listed[i]
         for group in groups:
             first = listed[group[0]]
-            same = (first.name, _how_well(first)) == (p.name, _how_well(p))
-            if same and related[group[0], i] > AS_ONE:
+            is_same = (first.name, _how_well(first)) == (p.name, _how_well(p))
+            if is_same and related[group[0], i] > AS_ONE:
                 group.append(i)
                 break
         else:
@@ -345,26 +345,26 @@ def _alike(listed: Sequence[Parameter], related: Array, open_idx: Index) -> list
     return groups
 
 
-def _name_beside(other: Parameter, own: Parameter) -> str:
-    return other.name if other.camera == own.camera else f"{other.name} of {other.camera}"
+def _name_beside(other: Parameter, parameter: Parameter) -> str:
+    return other.name if other.camera == parameter.camera else f"{other.name} of {other.camera}"
 
 
 def rough_boresights(calibration: Calibration) -> str:
-    """Return a sentence on boresights that rough attitudes determine no better; or none."""
-    found = [
+    """Return a sentence on boresights that rough attitudes leave uncertain; empty without them."""
+    sigma = [
         p.sigma
-        for p, told in zip(parameters(calibration), is_determined(calibration), strict=True)
-        if told and p.key in BORESIGHT and p.sigma > LIMIT_BORESIGHT_DEG
+        for p, determined in zip(parameters(calibration), is_determined(calibration), strict=True)
+        if determined and p.key in BORESIGHT and p.sigma > LIMIT_BORESIGHT_DEG
     ]
-    if not found:
+    if not sigma:
         return ""
     return (
-        f"boresights have sigma up to {max(found):.2g} degrees, more than {LIMIT_BORESIGHT_DEG:g}: "
+        f"boresights have sigma up to {max(sigma):.2g} degrees, more than {LIMIT_BORESIGHT_DEG:g}: "
         f"attitudes of {calibration.limit_boresight_deg:.2g} degrees (median) give no better"
     )
 
 
-# --- The flight geometry that determines a parameter, and what of it a flight lacks
+# --- The flight geometry that determines a parameter, and the part that a flight lacks
 
 
 ALONG, ACROSS = 0.9, 0.3
@@ -377,7 +377,7 @@ OUTER = 0.85
 """Share of half the image diagonal from which a measurement lies in a corner."""
 
 ENOUGH = "more images or measurements of what is there already, or it held"
-"""What a parameter needs in a flight that has its geometry."""
+"""Advice for a parameter where the flight already has the geometry."""
 
 BEYOND = 300_000.0
 """Distance from the median of the control points, m, that no point of a block can have."""
@@ -385,7 +385,7 @@ BEYOND = 300_000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Need:
-    """One thing that determines a parameter.
+    """A condition that determines a parameter.
 
     Attributes
     ----------
@@ -460,11 +460,11 @@ NEEDS: Mapping[str, tuple[Need, ...]] = {
         Need(text="strips across the others", features=("crosswise",)),
     ),
 }
-"""What determines each parameter, by the library's name of it."""
+"""Conditions that determine each parameter, by its name in the library."""
 
 
 def needed(key: str, features: frozenset[str] = frozenset()) -> str:
-    """Return what would determine a parameter and a flight does not have.
+    """Return the conditions for a parameter that a flight does not meet, for a message.
 
     Parameters
     ----------
@@ -479,21 +479,21 @@ def needed(key: str, features: frozenset[str] = frozenset()) -> str:
 
 @contextmanager
 def saying_what_lacks(block: Block, keys: Sequence[str]) -> Iterator[None]:
-    """Add to the message of an adjustment that does not converge what its block lacks, and a cure.
+    """Add the missing flight geometry and a cure to the message of a failed adjustment.
 
     Parameters
     ----------
     block : Block
-        That is adjusted.
+        The block that is adjusted.
     keys : sequence of str
         The library's names of the parameters that are estimated.
     """
     try:
         yield
     except NotConverged as error:
-        n, has = len(np.unique(block.images.exposure_idx)), features(block)
+        n, present = len(np.unique(block.images.exposure_idx)), features(block)
         needs = [need for key in keys for need in NEEDS[key] if need.features]
-        lacking = [need.text for need in needs if not has.intersection(need.features)]
+        lacking = [need.text for need in needs if not present.intersection(need.features)]
         wanted = "; ".join(dict.fromkeys(lacking)) or "more images or measurements"
         msg = (
             f"{error}; {shown.count(n, 'exposure')} may be too little for what is estimated. It "
@@ -503,14 +503,14 @@ def saying_what_lacks(block: Block, keys: Sequence[str]) -> Iterator[None]:
 
 
 def features(block: Block) -> frozenset[str]:
-    """Return what a block has of what determines parameters.
+    """Return the features of a block's geometry that determine parameters.
 
     Any of ``heights``, ``control``, ``opposite``, ``crosswise``, ``speeds``, ``corners``,
     ``sides`` and ``overlap``.
     """
     way, height = directions(block), flying_heights(block)
     turns = way @ way.T
-    found = {
+    flags = {
         "heights": bool(height.min() < (1 - SAME_HEIGHT) * height.max()),
         "control": _has_control(block),
         "opposite": bool(np.any(turns < -ALONG)),
@@ -519,7 +519,7 @@ def features(block: Block) -> frozenset[str]:
         "speeds": _has_speeds(block),
         **_places(block),
     }
-    return frozenset(name for name, there in found.items() if there)
+    return frozenset(name for name, present in flags.items() if present)
 
 
 def _has_control(block: Block) -> bool:
@@ -531,7 +531,7 @@ def _has_control(block: Block) -> bool:
 
 
 def require_control(block: Block) -> None:
-    """Raise where images do not show three control points that are not on one line.
+    """Raise unless images show three control points that do not lie on one line.
 
     Raises
     ------
@@ -552,7 +552,7 @@ def require_control(block: Block) -> None:
 
 
 def _has_speeds(block: Block) -> bool:
-    """Tell whether strips are flown at different ground speeds; not where there are no times."""
+    """Tell whether strips are flown at different ground speeds; false without times."""
     try:
         speed = np.linalg.norm(motion_of(block, delays=("delay",)).velocity, axis=1)
     except AdjustmentError:
@@ -568,9 +568,12 @@ def _has_overlap(block: Block) -> bool:
     number = {name: i for i, name in enumerate(dict.fromkeys(names))}
     strip = np.array([number[name] for name in names])[block.images.exposure_idx]
     points = block.image_points
-    own, one = strip[points.image_idx], np.zeros(len(block.points), dtype=np.intp)
-    one[points.point_idx] = own  # any of the strips that see a point
-    return bool(np.any(one[points.point_idx] != own))
+    measured_strip, point_strip = (
+        strip[points.image_idx],
+        np.zeros(len(block.points), dtype=np.intp),
+    )
+    point_strip[points.point_idx] = measured_strip  # any of the strips that see a point
+    return bool(np.any(point_strip[points.point_idx] != measured_strip))
 
 
 def _places(block: Block) -> dict[str, bool]:
@@ -581,12 +584,12 @@ def _places(block: Block) -> dict[str, bool]:
     half = (size[camera_idx] - 1) / 2
     place = (points.colrow - half) / half
     corner = np.hypot(*place.T) / np.sqrt(2) > OUTER
-    own = [camera_idx == k for k in range(len(cameras))]
+    masks = [camera_idx == k for k in range(len(cameras))]
     return {
-        "corners": all(bool(corner[mine].any()) for mine in own),
+        "corners": all(bool(corner[mask].any()) for mask in masks),
         "sides": all(
-            bool(np.any(side * place[mine, axis] > 0.5))
-            for mine in own
+            bool(np.any(side * place[mask, axis] > 0.5))
+            for mask in masks
             for axis in (0, 1)
             for side in (-1, 1)
         ),

@@ -94,7 +94,7 @@ class RelativeOrientation:
         and principal point of a head compensate each other, so both are needed together.
     n_exposures : int
     turns : ndarray, shape (3,), or None
-        Standard deviation of what heads turn by at single exposures, about the axes of the
+        Standard deviation of rotations of heads at single exposures, about the axes of the
         synthetic image, radians; None where it is not known.
     """
 
@@ -114,10 +114,10 @@ class RelativeOrientation:
         expected.shape("cov_joint", self.cov_joint, (16 * n, 16 * n))
 
     def __repr__(self) -> str:
-        """Say in a line of which heads, and from how much."""
-        of = shown.names([camera.name for camera in self.heads])
+        """Name the heads and the number of exposures in one line."""
+        names = shown.names([camera.name for camera in self.heads])
         n = shown.count(self.n_exposures, "exposure")
-        return shown.line("RelativeOrientation", f"{of} over {n}")
+        return shown.line("RelativeOrientation", f"{names} over {n}")
 
     def table(self) -> pd.DataFrame:
         """Return the orientation of every head; sigma of what is held is NaN."""
@@ -160,7 +160,7 @@ def varied(orientation: RelativeOrientation, i: int, step: float) -> RelativeOri
 @shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CommonExposures:
-    """The poses of all heads at the exposures at which every one of them is oriented.
+    """The poses of all heads at the exposures where all heads are oriented.
 
     Attributes
     ----------
@@ -238,7 +238,7 @@ def calibrate_heads(
 
 
 def _calibrated(alone: Block, network: Callable[[Block], Network], before: Bundle | None) -> Bundle:
-    """Adjust one head, without what another adjustment of it rejected."""
+    """Adjust one head; rejections of a previous adjustment, if given, are taken over."""
     if before is None:
         return adjust_rejecting(alone, network)
     return replace(adjust(network(without(alone, before.rejected))), rejected=before.rejected)
@@ -274,14 +274,14 @@ def focal_lengths_by_gnss(tried: Sequence[Heads]) -> dict[str, float]:
     dict of str to float
         f in mm by head; only heads that could always be adjusted.
     """
-    found = {}
+    focal_lengths = {}
     for name in tried[0].bundles if tried else ():
         fits = [heads.bundles[name] for heads in tried if name in heads.bundles]
         if len(fits) == len(tried):
             rise = [above_gnss(fit) for fit in fits]
             f = [fit.cameras[0].interior.f for fit in fits]
-            found[name] = float(np.polynomial.Polynomial.fit(rise, f, 1)(0.0))
-    return found
+            focal_lengths[name] = float(np.polynomial.Polynomial.fit(rise, f, 1)(0.0))
+    return focal_lengths
 
 
 def relative_orientation(
@@ -443,9 +443,9 @@ def common_exposures(heads: Heads) -> CommonExposures:
 def _images_at(fit: Bundle, exposures: Index) -> Index:
     """Return the image of a head at every one of some exposures."""
     exposure = fit.network.block.images.exposure_idx
-    at = np.full(len(fit.network.block.trajectory), -1)
-    at[exposure] = np.arange(len(exposure))
-    return at[exposures]
+    image = np.full(len(fit.network.block.trajectory), -1)
+    image[exposure] = np.arange(len(exposure))
+    return image[exposures]
 
 
 def ground_scale(first: Bundle, images: Index) -> tuple[Array, Array]:
@@ -542,8 +542,10 @@ def _by_columns(fit: Bundle, k: int, images: Index, by_pose: Array) -> Array:
     n_heads = len(by_pose)
     out = np.zeros((16 * n_heads, columns.n_columns))
     out[: 6 * n_heads, columns.pose[images].ravel()] = by_pose.reshape(6 * n_heads, -1)
-    own = columns.interior[0]
-    out[6 * n_heads + len(INTERIOR) * k + np.flatnonzero(own >= 0), own[own >= 0]] = 1.0
+    interior = columns.interior[0]
+    out[
+        6 * n_heads + len(INTERIOR) * k + np.flatnonzero(interior >= 0), interior[interior >= 0]
+    ] = 1.0
     return out
 
 

@@ -1,9 +1,9 @@
-"""What exposures that are left out change: sigma that contain what points of an exposure share.
+"""Jackknife over exposures: sigma that include the errors common to the points of an exposure.
 
-Thousands of points of a picture share what moves them together: heads that expose at slightly
-different moments, relief and branches in all windows, what the lens leaves. Sigma that take them
-for independent are too small. Where sigma are right, an estimate without an exposure differs from
-that with all by the covariance of the one less that of the other [1]_.
+Thousands of points of a picture share errors: heads expose at slightly different moments, relief
+and branches lie in all windows, the lens model leaves a remainder. Sigma of independent points are
+too small. Where sigma are right, the covariance of the difference between the estimates without an
+exposure and with all is the difference of their covariances [1]_.
 
 References
 ----------
@@ -28,7 +28,7 @@ from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.statistics import chi2_sf
 
 LEAST, MOST = 6, 20
-"""Number of groups of exposures, of which one after the other is left out."""
+"""Smallest and largest number of groups of exposures; each is left out in turn."""
 
 ALPHA, WORTH = 0.001, 1.1
 """Probability of enlarging right sigma, and the smallest factor that matters."""
@@ -38,34 +38,34 @@ _LEFT_OUT = 1e3
 
 
 def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
-    """Return a calibration whose covariance contains what the points of an exposure share.
+    """Return a calibration whose covariance includes errors common to the points of an exposure.
 
-    The bundle is that from which the calibration comes. It is as it was where control points are,
+    The calibration is that of the bundle. It is returned unchanged where there are control points,
     where fewer than six exposures have measurements and observed positions, and where its sigma
-    explain what the exposures change.
+    explain the changes between exposures.
 
     Notes
     -----
-    One factor holds for all interior orientations, and one for the heads against each other beyond
-    what follows from the first. The mounting of the first head rests on the trajectory, whose sigma
+    One factor holds for all interior orientations, another for the heads against each other given
+    the interior orientations. The mounting of the first head rests on the trajectory, whose sigma
     have variance components of their own, and keeps its sigma.
     """
     groups = _groups(bundle.network.block, bundle.network.image_points)
     if len(groups) < LEAST or calibration.open_columns.any():
         return calibration
     lens, between, T = between_heads(calibration, bundle.network.layout)
-    own = np.concatenate([lens, between])
-    rest = np.setdiff1d(np.arange(len(T)), own)
-    T = T[np.concatenate([rest, own])]
-    if not len(own):
+    chosen = np.concatenate([lens, between])
+    others = np.setdiff1d(np.arange(len(T)), chosen)
+    T = T[np.concatenate([others, chosen])]
+    if not len(chosen):
         return calibration
     try:
-        moved, cov = _without_each(bundle, groups, calibration.layout, T[len(rest) :])
+        moved, cov = _without_each(bundle, groups, calibration.layout, T[len(others) :])
         factors = _factors(moved, cov, len(lens))
         L = _root(propagate(T, calibration.cov))
     except (AdjustmentError, np.linalg.LinAlgError):  # what is left does not determine everything
         return calibration
-    more = np.repeat([0.0, *np.square(factors) - 1], [len(rest), len(lens), len(between)])
+    more = np.repeat([0.0, *np.square(factors) - 1], [len(others), len(lens), len(between)])
     if not more.any():
         return calibration
     back = np.linalg.solve(T, L)
@@ -75,15 +75,15 @@ def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
 
 
 def sentence(calibration: Calibration) -> str:
-    """Return by how much sigma were enlarged, and why; empty where they were not."""
-    what = ("interior orientations", "heads against each other")
-    said = [
-        f"{k:.1f} ({name})" for k, name in zip(calibration.enlarged, what, strict=True) if k > 1
+    """Return a sentence on the factors of enlarged sigma and their reason; empty if unchanged."""
+    groups = ("interior orientations", "heads against each other")
+    phrases = [
+        f"{k:.1f} ({name})" for k, name in zip(calibration.enlarged, groups, strict=True) if k > 1
     ]
-    if not said:
+    if not phrases:
         return ""
     return (
-        f"sigma are enlarged by {' and '.join(said)}: exposures that are left out change the "
+        f"sigma are enlarged by {' and '.join(phrases)}: exposures that are left out change the "
         "estimates by so much more than independent image points would; points of an exposure "
         "share errors"
     )
@@ -99,11 +99,11 @@ def _groups(block: Block, points: ImagePoints) -> list[Index]:
 
 
 def between_heads(calibration: Calibration, there: Layout) -> tuple[Index, Index, Array]:
-    """Return which columns are interior orientations, which are heads after the first, and a basis.
+    """Return columns of interior orientations, of mountings after the first, and a basis.
 
-    Applied to changes of the columns, the basis, shape (n, n), makes the latter changes of
-    differences from the first head, along and about the body's axes. Mountings that the layout
-    `there` holds are not among them.
+    The basis, shape (n, n), transforms changes of the mountings into changes of their differences
+    from the first head, along and about the body's axes. Mountings that the layout `there` holds
+    are left out.
     """
     columns, cameras = calibration.layout, calibration.cameras
     T = np.eye(calibration.n_columns)
@@ -112,40 +112,45 @@ def between_heads(calibration: Calibration, there: Layout) -> tuple[Index, Index
     for part, R in ((slice(0, 3), shifts), (slice(3, 6), turns)):
         first = columns.mount[0, part]
         for k in range(1, len(cameras)):
-            own = columns.mount[k, part]
-            if np.all([own >= 0, first >= 0, there.mount[k, part] >= 0]):
-                T[np.ix_(own, own)], T[np.ix_(own, first)] = R[k], -R[0]
-                between.append(own)
+            mount_columns = columns.mount[k, part]
+            if np.all([mount_columns >= 0, first >= 0, there.mount[k, part] >= 0]):
+                T[np.ix_(mount_columns, mount_columns)], T[np.ix_(mount_columns, first)] = (
+                    R[k],
+                    -R[0],
+                )
+                between.append(mount_columns)
     return columns.interior[columns.interior >= 0], np.concatenate(between), T
 
 
 def _without_each(
     bundle: Bundle, groups: Sequence[Index], columns: Layout, J: Array
 ) -> tuple[Array, Array]:
-    """Return what J of the calibration changes by without each group, and its covariance."""
+    """Return the changes of J x without each group of exposures, and their covariances."""
     network, points = bundle.network, bundle.network.image_points
-    both = np.hstack([columns.interior, columns.mount]).ravel()
-    at = np.hstack([network.layout.interior, network.layout.mount]).ravel()
-    known = (both >= 0) & (at >= 0)
-    J, at = J[:, both[known]], at[known]
-    whole = adjustment.covariance(network, bundle.state, at)
+    calibration_columns = np.hstack([columns.interior, columns.mount]).ravel()
+    bundle_columns = np.hstack([network.layout.interior, network.layout.mount]).ravel()
+    known = (calibration_columns >= 0) & (bundle_columns >= 0)
+    J, bundle_columns = J[:, calibration_columns[known]], bundle_columns[known]
+    whole = adjustment.covariance(network, bundle.state, bundle_columns)
     exposure = network.block.images.exposure_idx[points.image_idx]
     moved, cov = [], []
     for group in groups:
         sigma_px = np.where(np.isin(exposure, group), _LEFT_OUT, 1.0) * points.sigma_px
-        rest = network.with_sigma(
+        without_group = network.with_sigma(
             image_points=replace(points, sigma_px=sigma_px),
             control=network.control,
             observed=network.observed,
             distances=network.distances,
         )
-        moved.append(J @ adjustment.normals(rest, bundle.state).step()[0][at])
-        cov.append(propagate(J, adjustment.covariance(rest, bundle.state, at) - whole))
+        moved.append(J @ adjustment.normals(without_group, bundle.state).step()[0][bundle_columns])
+        cov.append(
+            propagate(J, adjustment.covariance(without_group, bundle.state, bundle_columns) - whole)
+        )
     return np.array(moved), bundle.solution.sigma0_sq * np.array(cov)
 
 
 def _factors(moved: Array, cov: Array, n: int) -> tuple[float, float]:
-    """Return the factors of the sigma of the first n quantities, and of the others beyond these."""
+    """Return the factors of sigma of the first n quantities, and of the others given these."""
     total = cov.sum(axis=0)
     scale = np.sqrt(total.diagonal())
     total = total / scale[:, None] / scale
@@ -156,7 +161,7 @@ def _factors(moved: Array, cov: Array, n: int) -> tuple[float, float]:
 
 
 def _factor(moved: Array, cov: Array) -> float:
-    """Return the factor of sigma that explains changes by groups; one where theirs may do."""
+    """Return the factor of sigma that explains the changes; one where sigma explain them."""
     n = moved.shape[1]
     if n == 0:
         return 1.0

@@ -87,24 +87,24 @@ def _group_tests(
     calibration: Calibration, against: Sequence[Camera], redundancy: int
 ) -> Iterator[GroupTest]:
     for k, (camera, other) in enumerate(zip(calibration.cameras, against, strict=True)):
-        off = difference(camera, other)
+        differences = difference(camera, other)
         for group in GROUPS:
-            own, columns = estimated(calibration.layout, k, group)
-            if len(own) < 2 or calibration.open_columns[columns].any():
+            indices, columns = estimated(calibration.layout, k, group)
+            if len(indices) < 2 or calibration.open_columns[columns].any():
                 continue
             cov = calibration.sigma0_sq * calibration.cov[np.ix_(columns, columns)]
-            z = off[own] / sigmas(cov)
+            z = differences[indices] / sigmas(cov)
             yield GroupTest(
                 camera=camera.name,
-                keys=tuple(KEYS[i] for i in own),
+                keys=tuple(KEYS[i] for i in indices),
                 largest=float(np.abs(z).max()),
-                f_ratio=float(z @ np.linalg.solve(correlation(cov), z)) / len(own),
+                f_ratio=float(z @ np.linalg.solve(correlation(cov), z)) / len(indices),
                 redundancy=redundancy,
             )
 
 
 def estimated(columns: Layout, k: int, keys: Sequence[str]) -> tuple[Index, Index]:
-    """Return which of camera k's parameters are estimated, of those named, and their columns.
+    """Return the estimated ones among named parameters of camera k, and their columns.
 
     Parameters
     ----------
@@ -115,12 +115,12 @@ def estimated(columns: Layout, k: int, keys: Sequence[str]) -> tuple[Index, Inde
 
     Returns
     -------
-    own, columns : ndarray of int, shape (m,)
+    indices, columns : ndarray of int, shape (m,)
         Indices into `KEYS`, and columns of the layout.
     """
     all_columns = np.concatenate([columns.interior[k], columns.mount[k]])
-    own = np.flatnonzero(np.isin(KEYS, keys) & (all_columns >= 0))
-    return own, all_columns[own]
+    indices = np.flatnonzero(np.isin(KEYS, keys) & (all_columns >= 0))
+    return indices, all_columns[indices]
 
 
 def difference(camera: Camera, other: Camera) -> Array:

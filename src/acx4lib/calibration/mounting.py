@@ -63,10 +63,10 @@ class Mounting:
     averaged: Mask | None = None
 
     def __repr__(self) -> str:
-        """Say in a line what was estimated, and how it fits."""
-        of = shown.names([camera.name for camera in self.calibration.cameras])
+        """Describe the estimates and their fit in one line."""
+        cameras = shown.names([camera.name for camera in self.calibration.cameras])
         n = shown.count(self.calibration.n_columns, "parameter")
-        return shown.line(f"Mounting by {self.method}", of, n, *self.bundle.said)
+        return shown.line(f"Mounting by {self.method}", cameras, n, *self.bundle.said)
 
     def table(self) -> pd.DataFrame:
         """Return the calibration's parameters with their units and sigma."""
@@ -103,10 +103,12 @@ class Mountings:
 
     def quality(self) -> pd.DataFrame:
         """Return the adjustments, a row for every method."""
-        return qualities("method", {name: one.bundle for name, one in self.methods.items()})
+        return qualities(
+            "method", {name: mounting.bundle for name, mounting in self.methods.items()}
+        )
 
     def __getitem__(self, method: str) -> Mounting:
-        """Return one method's outcome; raise an AdjustmentError with the reason if it failed."""
+        """Return the outcome of a method; raise an AdjustmentError with the reason if it failed."""
         expected.one_of("method", method, METHODS)
         if method not in self.methods:
             raise AdjustmentError(self.failures[method])
@@ -121,7 +123,7 @@ def calibrate(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> Mountings:
-    """Calibrate by all methods; the two-step ones begin with what the single step found.
+    """Calibrate by all methods; the two-step methods begin with the single step's estimates.
 
     Parameters
     ----------
@@ -146,7 +148,7 @@ def outcomes(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> list[Mounting | Failed]:
-    """Return what every method comes to; arguments are those of `calibrate`."""
+    """Return the outcome of every method; arguments as in `calibrate`."""
     single = attempt(single_step, block, free=free, fix=fix, refraction=refraction, gnss=gnss)
     return [
         single,
@@ -158,19 +160,19 @@ def outcomes(
 
 
 def together(outcomes: Sequence[Mounting | Failed]) -> Mountings:
-    """Return the outcomes of several methods on one block as one value.
+    """Collect the outcomes of several methods on one block.
 
     Parameters
     ----------
     outcomes : sequence of Mounting or Failed
-        One of each method at most.
+        At most one per method.
 
     Raises
     ------
     AdjustmentError
         Where no method has an outcome.
     LinAlgError
-        Where one of them failed by numbers that nothing can be computed with.
+        Where a method failed numerically.
     """
     for outcome in outcomes:
         expected.one_of("method", outcome.method, METHODS)
@@ -179,12 +181,17 @@ def together(outcomes: Sequence[Mounting | Failed]) -> Mountings:
     for failure in failed:
         if isinstance(failure.error, np.linalg.LinAlgError):
             raise failure.error
-    found = {outcome.method: outcome for outcome in outcomes if isinstance(outcome, Mounting)}
-    if not found:
-        raise AdjustmentError("\n".join(f"mounting/{one.method}: {one.reason}" for one in failed))
+    succeeded = {outcome.method: outcome for outcome in outcomes if isinstance(outcome, Mounting)}
+    if not succeeded:
+        raise AdjustmentError(
+            "\n".join(
+                f"mounting/{failed_method.method}: {failed_method.reason}"
+                for failed_method in failed
+            )
+        )
     return Mountings(
-        methods={name: found[name] for name in METHODS if name in found},
-        failures={one.method: one.reason for one in failed},
+        methods={name: succeeded[name] for name in METHODS if name in succeeded},
+        failures={failed_method.method: failed_method.reason for failed_method in failed},
     )
 
 
@@ -342,8 +349,8 @@ def two_step_gnss(
         cleaned, free=free, positions=positions, refraction=refraction, start=start
     )
     bundle = replace(adjust(network), rejected=rejected)
-    found = _two_step("two_step_gnss", bundle, free=free, estimated=estimated)
-    return replace(found, calibration=enlarged(found.calibration, bundle))
+    mounting = _two_step("two_step_gnss", bundle, free=free, estimated=estimated)
+    return replace(mounting, calibration=enlarged(mounting.calibration, bundle))
 
 
 def _taken_over(
@@ -357,15 +364,15 @@ def _taken_over(
     if after is None or isinstance(after, Failed):
         return (), None
     expected.instance("after", after, Mounting)
-    found, before = after.bundle, after.bundle.network.block
+    bundle, before = after.bundle, after.bundle.network.block
     if (before.images.names, before.points) != (block.images.names, block.points) or len(
         before.image_points
     ) != len(block.image_points):
         msg = "after: expected an outcome on the same block, got one on other images or points"
         raise ValueError(msg)
-    if found.stopped:
-        return found.rejected, None
-    return found.rejected, replace(found.state, T_m_b=found.T_m_c)
+    if bundle.stopped:
+        return bundle.rejected, None
+    return bundle.rejected, replace(bundle.state, T_m_b=bundle.T_m_c)
 
 
 def _two_step(

@@ -1,9 +1,8 @@
-"""Pictures of an exposure that do not share one pose: their turns as a variance component.
+"""Turns of pictures of one exposure against each other, as a variance component.
 
-Heads that expose at slightly different moments, or line by line, see an aircraft that turns
-meanwhile. What thousands of points of a picture share is no noise of their matching: it is a turn
-of the picture, an unknown that is observed as zero, with a standard deviation which the pictures
-themselves tell.
+The aircraft turns while heads expose at slightly different moments, or line by line. An error
+common to thousands of points of a picture is no matching noise: it is a turn of the picture, an
+unknown that is observed as zero. Its standard deviation is estimated from the pictures.
 """
 
 from __future__ import annotations
@@ -28,17 +27,17 @@ ALPHA = 0.001
 """Probability of finding turns of pictures that share their poses."""
 
 LOOSE, LEAST = float(np.radians(0.1)), 1e-6
-"""Standard deviation of turns, radians, by which nothing is said of them, and the smallest one."""
+"""Standard deviation of turns, radians: so large that they are free; and the smallest one."""
 
 SetUp = Callable[..., Network]
 """Takes a block, `turns` and `start`, as `uses.mounted_orientation` does."""
 
 
 def turned(block: Block, bundle: Bundle, set_up: SetUp) -> tuple[Bundle, Array | None]:
-    """Return a block's adjustment with its pictures turned, and the standard deviation of this.
+    """Return a block's adjustment with turned pictures, and the standard deviation of the turns.
 
-    The bundle and None are returned where control points are, where no exposure has two pictures,
-    and where the noise of image points explains the turns.
+    The given bundle and None are returned where there are control points, where no exposure has two
+    pictures, and where the noise of image points explains the turns.
 
     Parameters
     ----------
@@ -67,12 +66,12 @@ def turned(block: Block, bundle: Bundle, set_up: SetUp) -> tuple[Bundle, Array |
 
 
 def freely_turned(bundle: Bundle, set_up: SetUp) -> Bundle:
-    """Adjust a block whose pictures turn freely, its cameras held as another adjustment has them.
+    """Adjust a block whose pictures turn freely; its cameras are held at a bundle's estimates.
 
     Parameters
     ----------
     bundle : Bundle
-        That other one; what it rejected stays out.
+        Adjustment with shared poses; its rejections are kept.
     set_up : callable
         As in `turned`.
 
@@ -87,7 +86,7 @@ def freely_turned(bundle: Bundle, set_up: SetUp) -> Bundle:
 
 
 def by_turns(bundle: Bundle, set_up: SetUp, sigma: Array) -> Bundle:
-    """Adjust a block with its pictures turned; what another adjustment rejected stays out.
+    """Adjust a block with turned pictures, without the rejections of another adjustment.
 
     With a pose for every picture, points of one good ray slide away: a search for gross errors
     would not converge.
@@ -99,12 +98,12 @@ def by_turns(bundle: Bundle, set_up: SetUp, sigma: Array) -> Bundle:
     sigma : ndarray, shape (3,)
         Standard deviation of the turns, radians.
     """
-    found = adjust(set_up(bundle.network.block, turns=sigma, start=_of_pictures(bundle)))
-    return replace(found, rejected=bundle.rejected)
+    adjusted = adjust(set_up(bundle.network.block, turns=sigma, start=_of_pictures(bundle)))
+    return replace(adjusted, rejected=bundle.rejected)
 
 
 def sentence(sigma: Array | None) -> str:
-    """Return by how much pictures of an exposure are turned against each other; empty for None."""
+    """Return a sentence on the turns of an exposure's pictures; empty for None."""
     if sigma is None:
         return ""
     about = ", ".join(f"{value:.4f}" for value in np.degrees(sigma).tolist())
@@ -121,13 +120,13 @@ def _of_pictures(bundle: Bundle) -> State:
 
 
 def _sigma(loose: Bundle) -> Array | None:
-    """Return the standard deviation of turns, less what the noise of image points makes of them."""
+    """Return the standard deviation of turns, corrected for the noise of image points; or None."""
     images, parts = loose.network.block.images, []
     for exposure in np.unique(images.exposure_idx):
-        own = np.flatnonzero(images.exposure_idx == exposure)
-        turns, noise = _against_each_other(loose, own)
-        if len(own) > 1 and noise.max() < (LOOSE / 10) ** 2:  # its points determine the turns
-            parts.append((images.camera_idx[own], turns, noise))
+        pictures = np.flatnonzero(images.exposure_idx == exposure)
+        turns, noise = _against_each_other(loose, pictures)
+        if len(pictures) > 1 and noise.max() < (LOOSE / 10) ** 2:  # its points determine the turns
+            parts.append((images.camera_idx[pictures], turns, noise))
     if not parts:
         return None
     camera, turns, noise = map(np.concatenate, zip(*parts, strict=True))
@@ -142,10 +141,10 @@ def _sigma(loose: Bundle) -> Array | None:
     return np.maximum(np.sqrt(np.maximum(squares - of_noise, 0.0) / dof), LEAST)
 
 
-def _against_each_other(loose: Bundle, own: Index) -> tuple[Array, Array]:
+def _against_each_other(loose: Bundle, pictures: Index) -> tuple[Array, Array]:
     """Return the turns of an exposure's pictures about their mean, radians, and their variances."""
-    R, columns = loose.state.T_m_b.R[own], loose.network.layout.pose[own, 3:].ravel()
-    middle = np.kron(np.eye(len(own)) - 1 / len(own), np.eye(3))
+    R, columns = loose.state.T_m_b.R[pictures], loose.network.layout.pose[pictures, 3:].ravel()
+    middle = np.kron(np.eye(len(pictures)) - 1 / len(pictures), np.eye(3))
     turns = middle @ log(np.swapaxes(R[:1], -1, -2) @ R).ravel()
     cov = propagate(middle, loose.solution.inverse.at(columns[:, None], columns))
     return turns.reshape(-1, 3), cov.diagonal().reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""A rig: all heads with their trajectory in one adjustment, each mounted rigidly on one body.
+"""A rig: heads mounted rigidly on one body, adjusted together with their trajectory.
 
 Every head has its own interior orientation, boresight and lever arm. By eq. (14), all heads of an
 exposure depend on one body pose, which GNSS and INS observe. The relative orientation follows
@@ -85,7 +85,7 @@ def calibrate(
 def calibrate_by(
     step: Step, block: Block, *, free: Sequence[str], fix: Sequence[str] = ()
 ) -> Mounting:
-    """Calibrate a rig by another single step than that of `mounting`, such as a planned one.
+    """Calibrate a rig by a given single step, such as that of a planned flight.
 
     Parameters
     ----------
@@ -100,16 +100,16 @@ def calibrate_by(
         if isinstance(rig, Mounting) and not not_determined(rig.calibration):
             return rig
         outcomes.append(rig)
-    found = next((one for one in outcomes if one), outcomes[0])
-    if isinstance(found, Failed):
-        raise found.error
-    return found
+    outcome = next((candidate for candidate in outcomes if candidate), outcomes[0])
+    if isinstance(outcome, Failed):
+        raise outcome.error
+    return outcome
 
 
 def _holding(free: Sequence[str], fix: Sequence[str]) -> list[tuple[Sequence[str], Sequence[str]]]:
-    """Return what is estimated and what is held, one after the other until all is determined."""
+    """Return (free, fix) in the order in which they are tried until all is determined."""
     names = [("f", *free)] if "f" in free else [("f", *free), tuple(free)]
-    return [(one, parts) for one in names for parts in (((), fix) if fix else ((),))]
+    return [(free_names, parts) for free_names in names for parts in (((), fix) if fix else ((),))]
 
 
 def _adjusted(step: Step, block: Block, free: Sequence[str], fix: Sequence[str]) -> Mounting:
@@ -125,7 +125,7 @@ def _adjusted(step: Step, block: Block, free: Sequence[str], fix: Sequence[str])
 
 
 def one_exposure_points(block: Block) -> Index:
-    """Return the tie points that several heads measure, all at one exposure only.
+    """Return tie points that several heads measure at a single exposure.
 
     Their rays start decimetres apart and meet at a thousandth of a degree. Therefore an ordinary
     bundle leaves them out. In a rig they determine the rotations between its heads, where control
@@ -199,8 +199,8 @@ def observe_heights(block: Block, bundle: Bundle, points: Index) -> Block:
 
 def _on_first_ray(block: Block, bundle: Bundle, points: Index, height: Array) -> Array:
     """Return the positions at given heights on the first ray of every point, mapping frame, m."""
-    seen = np.flatnonzero(np.isin(block.image_points.point_idx, points))
-    first = seen[np.unique(block.image_points.point_idx[seen], return_index=True)[1]]
+    rows = np.flatnonzero(np.isin(block.image_points.point_idx, points))
+    first = rows[np.unique(block.image_points.point_idx[rows], return_index=True)[1]]
     image = block.image_points.image_idx[first]
     rays = directions(
         Measurement(
@@ -253,9 +253,9 @@ def relative_orientation(
         raise AdjustmentError("flight.toml has no table [synthetic]")
     expected.instance("synthetic", synthetic, Camera)
     calibration = rig.calibration
-    if not weak and (said := _open(calibration)):
-        others = f"; so are {len(said) - 1} others" if len(said) > 1 else ""
-        raise AdjustmentError(f"{said[0]}{others}")
+    if not weak and (sentences := _open(calibration)):
+        others = f"; so are {len(sentences) - 1} others" if len(sentences) > 1 else ""
+        raise AdjustmentError(f"{sentences[0]}{others}")
     heads, n = calibration.cameras, len(calibration.cameras)
     scale = image_scale(rig)
     R_s_b = synthetic.T_b_c.R.T
@@ -285,29 +285,29 @@ def relative_orientation(
 
 
 def _open(calibration: Calibration) -> list[str]:
-    """Return what is not determined of heads, but for what the mountings of all have in common."""
-    said, columns = not_determined(calibration), calibration.layout
+    """Return sentences on undetermined parameters; a common change of all mountings may be open."""
+    sentences, columns = not_determined(calibration), calibration.layout
     _, between, T = between_heads(calibration, columns)
-    if not said or not len(between) or calibration.open_columns.any():
-        return said
+    if not sentences or not len(between) or calibration.open_columns.any():
+        return sentences
     sigma = np.sqrt(calibration.sigma0_sq) * sigmas(propagate(T[between], calibration.cov))
     turns = np.isin(between, columns.mount[:, 3:])
     if np.any(sigma > np.where(turns, np.radians(LIMIT_BORESIGHT_DEG), LIMIT_LEVER_M)):
-        return said
+        return sentences
     mounted = columns.mount[columns.mount >= 0]
-    rest = np.setdiff1d(np.arange(len(T)), mounted)
-    of_lenses = calibration.cov[np.ix_(rest, rest)]
-    layout, is_open = holding(columns, mounted), calibration.open_columns[rest]
+    lens_columns = np.setdiff1d(np.arange(len(T)), mounted)
+    of_lenses = calibration.cov[np.ix_(lens_columns, lens_columns)]
+    layout, is_open = holding(columns, mounted), calibration.open_columns[lens_columns]
     return not_determined(replace(calibration, layout=layout, cov=of_lenses, open_columns=is_open))
 
 
 def _less_first(J: Array, R_b_h: Array) -> None:
-    """Take off the derivatives of angles what all heads turn by with the first one, in place."""
+    """Subtract the rotation common to all heads, that of the first, from the angles' rows of J."""
     n = len(R_b_h)
-    by = J[: 6 * n].reshape(n, 6, n, -1)[:, 3:, :, len(INTERIOR) + 3 :]
+    by_boresight = J[: 6 * n].reshape(n, 6, n, -1)[:, 3:, :, len(INTERIOR) + 3 :]
     each = np.arange(n)
-    by[:, :, 0] -= by[each, :, each] @ np.swapaxes(R_b_h, 1, 2) @ R_b_h[0]
-    by[0] = 0.0  # exactly: the first one's angles have no sigma
+    by_boresight[:, :, 0] -= by_boresight[each, :, each] @ np.swapaxes(R_b_h, 1, 2) @ R_b_h[0]
+    by_boresight[0] = 0.0  # exactly: the first one's angles have no sigma
 
 
 def image_scale(rig: Mounting) -> float:
@@ -326,9 +326,9 @@ def _first_images(bundle: Bundle) -> Index:
     block = bundle.network.block
     camera, exposure = block.images.camera_idx, block.images.exposure_idx
     measured = np.unique(bundle.network.image_points.image_idx)
-    has = np.zeros((len(block.trajectory), len(block.cameras)), dtype=bool)
-    has[exposure[measured], camera[measured]] = True
-    complete: Mask = np.all(has, axis=1)
+    has_measured = np.zeros((len(block.trajectory), len(block.cameras)), dtype=bool)
+    has_measured[exposure[measured], camera[measured]] = True
+    complete: Mask = np.all(has_measured, axis=1)
     images = measured[(camera[measured] == 0) & complete[exposure[measured]]]
     if len(images) == 0:
         raise AdjustmentError("the heads share no exposure at which all of them have measurements")

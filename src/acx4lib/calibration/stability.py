@@ -1,4 +1,4 @@
-"""Whether the boresight stays, and whether the heads of a rig keep their places."""
+"""Tests of the stability of the boresight, and of the rigidity of a rig's heads."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Turns:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Residuals:
-    """The attitudes' residuals, with what turns would do to them.
+    """The residuals of the attitudes, and the effects of turns on them.
 
     Attributes
     ----------
@@ -133,9 +133,9 @@ def between_strips(bundle: Bundle) -> Turns | None:
     names = tuple(filter(None, dict.fromkeys(strip)))
     if len(names) < 2:
         return None
-    own = np.stack([strip == name for name in names], axis=1).astype(float)
-    mean = own.mean(axis=0)
-    return _tested(bundle, names, own - mean, np.eye(len(names)) - mean)
+    membership = np.stack([strip == name for name in names], axis=1).astype(float)
+    mean = membership.mean(axis=0)
+    return _tested(bundle, names, membership - mean, np.eye(len(names)) - mean)
 
 
 def over_time(bundle: Bundle) -> Turns | None:
@@ -155,11 +155,11 @@ def over_time(bundle: Bundle) -> Turns | None:
     return _tested(bundle, ("drift",), share[:, None], np.eye(1))
 
 
-def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, told: Array) -> Turns | None:
-    """Test turns beside one that all exposures share.
+def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, reported: Array) -> Turns | None:
+    """Test turns of single exposures beside a turn that all exposures share.
 
-    `shares`, shape (m, n), says how far each exposure has each turn, with the mean zero; `told`,
-    shape (n, n), is how far what is given has each of them.
+    `shares`, shape (m, n), is the share of each turn in each exposure, with mean zero; `reported`,
+    shape (n, n), is the share of each turn in each value of the returned `Turns`.
     """
     if not _observes_attitudes(bundle.network):
         return None
@@ -172,15 +172,17 @@ def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, told: Array) 
     explained, of_each, dof = _solved(r, each, OPEN)
     inverse = np.zeros_like(r.normal)
     inverse[:3, :3], inverse[3:, 3:] = of_common, of_each
-    left = r.equations.v - r.shown @ (inverse @ r.right)
+    remaining = r.equations.v - r.shown @ (inverse @ r.right)
     weighed = r.equations.weighed(r.shown)
     redundancy = r.redundancy - float(np.sum(inverse * np.einsum("mdk,mdl->kl", r.shown, weighed)))
     if dof < 1 or redundancy < LEAST_REDUNDANCY:
         return None
-    variance = float(np.sum(left * r.equations.weighed(left[:, :, None])[:, :, 0])) / redundancy
+    variance = (
+        float(np.sum(remaining * r.equations.weighed(remaining[:, :, None])[:, :, 0])) / redundancy
+    )
     if not variance > 0:
         return None
-    by_turns = np.kron(told, np.eye(3))
+    by_turns = np.kron(reported, np.eye(3))
     sigma = sigmas(variance * propagate(by_turns, of_each))
     return Turns(
         names=names,
@@ -193,7 +195,7 @@ def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, told: Array) 
 
 
 def _beside(r: _Residuals, common: Index, each: Index) -> _Residuals:
-    """Return turns that change what they have in common, so that they are independent of it.
+    """Return the turns made independent of the turn that all exposures share.
 
     A boresight without sigma takes up a turn of all exposures whole, a declared one nearly so:
     neither is a step.
@@ -210,7 +212,7 @@ def _observes_attitudes(network: Network) -> bool:
 
 
 def _residuals(bundle: Bundle, C: Array) -> _Residuals:
-    """Return what turns C, shape (m, 3, k), do to the residuals of the attitudes."""
+    """Return the effects of turns C, shape (m, 3, k), on the residuals of the attitudes."""
     network, solution = bundle.network, bundle.solution
     e = attitude_equations(network.observed, bundle.state, network.layout)
     weighed = e.weighed(C)
@@ -231,35 +233,35 @@ def _residuals(bundle: Bundle, C: Array) -> _Residuals:
     )
 
 
-def _solved(r: _Residuals, own: Index, least: float) -> tuple[float, Array, int]:
-    """Return what some of the turns explain, the inverse of their normal matrix, and its rank."""
-    scale = np.where(r.scale[own] > 0, r.scale[own], 1.0)
-    values, vectors = np.linalg.eigh(r.normal[np.ix_(own, own)] / scale[:, None] / scale)
+def _solved(r: _Residuals, chosen: Index, least: float) -> tuple[float, Array, int]:
+    """Return the sum of squares that chosen turns explain, their inverse normals and rank."""
+    scale = np.where(r.scale[chosen] > 0, r.scale[chosen], 1.0)
+    values, vectors = np.linalg.eigh(r.normal[np.ix_(chosen, chosen)] / scale[:, None] / scale)
     kept = values > least
     part = vectors[:, kept] / scale[:, None]
-    along = part.T @ r.right[own]
+    along = part.T @ r.right[chosen]
     return float(np.sum(along**2 / values[kept])), (part / values[kept]) @ part.T, int(kept.sum())
 
 
 def as_json(bundle: Bundle) -> Mapping[str, object]:
-    """Return both tests as values for JSON, angles in degrees; null for one that is not made."""
+    """Return both tests as values for JSON, angles in degrees; null for a test without outcome."""
     made = {"strips": between_strips(bundle), "drift": over_time(bundle)}
-    return {name: None if found is None else _told(found) for name, found in made.items()}
+    return {name: None if turns is None else _told(turns) for name, turns in made.items()}
 
 
-def _told(found: Turns) -> dict[str, object]:
+def _told(turns: Turns) -> dict[str, object]:
     return {
-        "names": list(found.names),
-        "turns_deg": np.degrees(found.turns).tolist(),
-        "sigma_deg": np.degrees(found.sigma).tolist(),
-        "f": found.f,
-        "dof": found.dof,
-        "redundancy": found.redundancy,
-        "p": found.p,
+        "names": list(turns.names),
+        "turns_deg": np.degrees(turns.turns).tolist(),
+        "sigma_deg": np.degrees(turns.sigma).tolist(),
+        "f": turns.f,
+        "dof": turns.dof,
+        "redundancy": turns.redundancy,
+        "p": turns.p,
     }
 
 
-# --- Whether the heads of a rig keep their places: the free rig against the rigid one
+# --- Rigidity of a rig: the free rig against the rigid one
 #
 # In the rigid rig every head has one boresight at all exposures. In the free rig the heads turn at
 # an exposure, each by three small angles against the first head there. The free rig has smaller
@@ -283,7 +285,7 @@ class FTest:
     explained : float
         By how much the weighted sum of squared residuals is smaller with them.
     left : float
-        What is left of it.
+        The weighted sum of squared residuals with them.
     dof : int
         Number of the unknowns.
     redundancy : int
@@ -346,8 +348,8 @@ class _Turns:
     exposure: Index
 
     def columns(self, exposure: int) -> Index:
-        own = np.flatnonzero(self.exposure == exposure)
-        return (3 * own[:, None] + np.arange(3)).ravel()
+        rows = np.flatnonzero(self.exposure == exposure)
+        return (3 * rows[:, None] + np.arange(3)).ravel()
 
 
 def rigidity(bundle: Bundle) -> Rigidity:
@@ -385,12 +387,12 @@ def rigidity(bundle: Bundle) -> Rigidity:
     angles, sigma = np.full((n_images, 3), np.nan), np.full((n_images, 3), np.nan)
     exposures, tests = np.unique(turning.exposure), []
     for exposure in exposures.tolist():
-        own = turning.columns(exposure)
-        cov = np.linalg.inv(M[np.ix_(own, own)])
-        explained = float(g[own] @ cov @ g[own])
-        tests.append(_test(explained, omega, len(own), r))
+        columns = turning.columns(exposure)
+        cov = np.linalg.inv(M[np.ix_(columns, columns)])
+        explained = float(g[columns] @ cov @ g[columns])
+        tests.append(_test(explained, omega, len(columns), r))
         images = turning.images[turning.exposure == exposure]
-        angles[images] = (-cov @ g[own]).reshape(-1, 3)
+        angles[images] = (-cov @ g[columns]).reshape(-1, 3)
         sigma[images] = np.sqrt(solution.sigma0_sq) * sigmas(cov).reshape(-1, 3)
     return Rigidity(
         heads=tuple(camera.name for camera in network.block.cameras),
@@ -403,7 +405,7 @@ def rigidity(bundle: Bundle) -> Rigidity:
 
 
 def _turning(network: Network) -> _Turns:
-    """Return the images that turn: of every exposure all measured ones but the first head's."""
+    """Return the images that turn: at every exposure all measured ones except the first head's."""
     images = network.block.images
     measured = np.unique(network.image_points.image_idx)
     order = np.lexsort((images.camera_idx[measured], network.pose_idx[measured]))
@@ -414,25 +416,25 @@ def _turning(network: Network) -> _Turns:
 
 
 def _with_turns(bundle: Bundle, turning: _Turns) -> list[Equations]:
-    """Return the linearised observations; those of image points have the angles, too.
+    """Return the linearised observations, with the angles added to the image points.
 
     An angle acts on its image as the boresight of the head does.
     """
     network = bundle.network
-    seen, *others = network.equations(bundle.state)
+    image_equations, *others = network.equations(bundle.state)
     camera = network.block.images.camera_idx
     n_images = len(camera)
     angles = np.full((n_images, 3), -1)
     angles[turning.images] = network.n_columns + np.arange(3 * len(turning.images)).reshape(-1, 3)
     boresight = network.layout.mount[camera, 3:]
-    at = np.argmax(seen.columns[:, :, None] == boresight[:, None, :], axis=1)
-    A = np.take_along_axis(seen.A, at[seen.unit][:, None, :], axis=2)
-    both = replace(
-        seen,
-        A=np.concatenate([seen.A, A], axis=2),
-        columns=np.concatenate([seen.columns, angles], axis=1),
+    place = np.argmax(image_equations.columns[:, :, None] == boresight[:, None, :], axis=1)
+    A = np.take_along_axis(image_equations.A, place[image_equations.unit][:, None, :], axis=2)
+    extended = replace(
+        image_equations,
+        A=np.concatenate([image_equations.A, A], axis=2),
+        columns=np.concatenate([image_equations.columns, angles], axis=1),
     )
-    return [both, *others]
+    return [extended, *others]
 
 
 def _reduced_by_rigid(network: Network, equations: list[Equations], n: int) -> tuple[Array, Array]:
@@ -449,8 +451,8 @@ def _reduced_by_rigid(network: Network, equations: list[Equations], n: int) -> t
     scaled = N[np.ix_(rigid, rigid)] * scale[:, None] * scale
     across = N[np.ix_(rigid, free)] * scale[:, None]
     gain = np.linalg.solve(scaled, np.column_stack([across, g[rigid] * scale]))
-    left = np.column_stack([N[np.ix_(free, free)], g[free]]) - across.T @ gain
-    return left[:, :-1], left[:, -1]
+    reduced = np.column_stack([N[np.ix_(free, free)], g[free]]) - across.T @ gain
+    return reduced[:, :-1], reduced[:, -1]
 
 
 def _test(explained: float, omega: float, dof: int, redundancy: int) -> FTest:
@@ -458,7 +460,7 @@ def _test(explained: float, omega: float, dof: int, redundancy: int) -> FTest:
 
 
 def _whole(M: Array, g: Array, omega: float, redundancy: int) -> FTest:
-    """Test all angles at once; a turn that a head has at all exposures is its boresight."""
+    """Test all angles at once; a turn common to all exposures of a head is its boresight."""
     scale = 1 / np.sqrt(M.diagonal())
     values, vectors = np.linalg.eigh(M * scale[:, None] * scale)
     kept = values > _OPEN * values[-1]
@@ -483,7 +485,7 @@ def _by_head(network: Network, values: Array, exposures: Index) -> Array:
 
 
 LEFT = 0.05
-"""Share of wind and hills that is left, so that what rests on nothing else is still computed."""
+"""Share of wind and hills that remains, so that parameters resting on them stay computable."""
 
 SAME_HEIGHT = 0.03
 """Strips whose flying heights differ by less than this share are taken for planned at one."""
@@ -505,7 +507,7 @@ GOLDEN = 0.6180339887498949
 
 
 def calm_sigmas(bundle: Bundle) -> Array | None:
-    """Return by how many times larger sigma would be in calm air over level ground.
+    """Return the factors by which sigma would grow in calm air over level ground.
 
     Parameters
     ----------
@@ -569,19 +571,19 @@ class _Strip:
 
 
 def _strips(bundle: Bundle) -> list[_Strip] | None:
-    """Return the strips; None where exposures have none, or where one is not straight."""
+    """Return the strips; None if exposures have no strip, or a strip is not straight."""
     of_exposure = np.array(strip_of_exposure(bundle.network.block), dtype=object)
     names = of_exposure[bundle.network.exposure_idx]
     if np.any(names == ""):
         return None
-    found = []
+    straight_strips = []
     for name in dict.fromkeys(names):
         rows = np.flatnonzero(names == name)
         strip = _strip(bundle.state.T_m_b[rows], rows)
         if strip is None:
             return None
-        found.append(strip)
-    return found
+        straight_strips.append(strip)
+    return straight_strips
 
 
 def _strip(T_m_b: Pose, rows: Index) -> _Strip | None:
@@ -610,9 +612,9 @@ def _calmed(bundle: Bundle, strips: list[_Strip]) -> tuple[Network, State]:
     """Return the network in calm air over level ground, and its state."""
     network, state = bundle.network, bundle.state
     x_m = state.x_m.copy()
-    seen = np.flatnonzero(np.isfinite(x_m).all(axis=1) & _used(network))
-    ground = float(x_m[seen, 2].mean())
-    x_m[seen, 2] = ground + LEFT * (x_m[seen, 2] - ground)
+    used = np.flatnonzero(np.isfinite(x_m).all(axis=1) & _used(network))
+    ground = float(x_m[used, 2].mean())
+    x_m[used, 2] = ground + LEFT * (x_m[used, 2] - ground)
     calm = replace(state, T_m_b=_calm_poses(state.T_m_b, strips, ground), x_m=x_m)
     observed = replace(network.observed, T_m_b=calm.T_m_b)
     if observed.motion is not None:
@@ -634,8 +636,8 @@ def _calm_poses(T_m_b: Pose, strips: list[_Strip], ground: float) -> Pose:
     heights = _alike(np.array([s.height - ground for s in strips]), SAME_HEIGHT) + ground
     attitudes = _alike_turns([s.R for s in strips])
     R, r = T_m_b.R.copy(), T_m_b.r.copy()
-    for strip, height, own in zip(strips, heights, attitudes, strict=True):
-        rows, steady = strip.rows, strip.course @ own
+    for strip, height, attitude in zip(strips, heights, attitudes, strict=True):
+        rows, steady = strip.rows, strip.course @ attitude
         middle = T_m_b.r[rows].mean(axis=0)
         away = T_m_b.r[rows] - middle
         line = np.append(strip.along, 0.0)
@@ -647,18 +649,20 @@ def _calm_poses(T_m_b: Pose, strips: list[_Strip], ground: float) -> Pose:
 
 
 def _calm_motion(motion: Motion, strips: list[_Strip]) -> Motion:
-    """Return the velocities of strips of which those with about one speed have one."""
+    """Return the motion with equal speeds for strips of similar speed, and reduced wind."""
     velocity = motion.velocity.copy()
     flown = np.array([velocity[s.rows].mean(axis=0) for s in strips])
     speed = np.linalg.norm(flown[:, :2], axis=1)
-    for strip, own, usual, now in zip(strips, flown, _alike(speed, SAME_SPEED), speed, strict=True):
-        steady = own * [1.0, 1.0, 0.0] * (usual / now if now > 0 else 1.0)
+    for strip, mean_velocity, usual, now in zip(
+        strips, flown, _alike(speed, SAME_SPEED), speed, strict=True
+    ):
+        steady = mean_velocity * [1.0, 1.0, 0.0] * (usual / now if now > 0 else 1.0)
         velocity[strip.rows] = steady + LEFT * (velocity[strip.rows] - steady)
     return Motion(velocity=velocity, rate=LEFT * motion.rate)
 
 
 def _alike(values: Array, share: float) -> Array:
-    """Return values of which those that differ by less than a share have their mean."""
+    """Replace values that differ by less than a share by their mean."""
     out = values.astype(float)
     for rows in _groups(values, share):
         out[rows] = values[rows].mean()
@@ -667,23 +671,23 @@ def _alike(values: Array, share: float) -> Array:
 
 def _groups(values: Array, share: float) -> Iterator[Index]:
     """Yield the places of values within a share of the largest of their group."""
-    left = np.argsort(-values, kind="stable")
-    while len(left):
-        near = values[left] > (1 - share) * values[left[0]]
+    remaining = np.argsort(-values, kind="stable")
+    while len(remaining):
+        near = values[remaining] > (1 - share) * values[remaining[0]]
         near[0] = True
-        yield left[near]
-        left = left[~near]
+        yield remaining[near]
+        remaining = remaining[~near]
 
 
 def _alike_turns(R: list[Array]) -> list[Array]:
-    """Return rotations of which those that differ by less than 20 degrees have their mean."""
-    out, left = list(R), list(range(len(R)))
-    while left:
-        near = [k for k in left if np.linalg.norm(log(R[left[0]].T @ R[k])) < SAME_TURN]
+    """Replace rotations that differ by less than `SAME_TURN` by their mean."""
+    out, remaining = list(R), list(range(len(R)))
+    while remaining:
+        near = [k for k in remaining if np.linalg.norm(log(R[remaining[0]].T @ R[k])) < SAME_TURN]
         mean = mean_rotation(np.array([R[k] for k in near]))
         for k in near:
             out[k] = mean
-        left = [k for k in left if k not in near]
+        remaining = [k for k in remaining if k not in near]
     return out
 
 
@@ -691,7 +695,7 @@ def _alike_turns(R: list[Array]) -> list[Array]:
 
 
 def _measured(network: Network, state: State) -> ImagePoints:
-    """Return the measurements where the images would then show their points."""
+    """Return the image points, projected by the cameras of a state."""
     points, block = network.image_points, network.block
     cameras = with_estimates(block.cameras, state)
     T_m_c = camera_poses(network, state)[points.image_idx]
@@ -699,15 +703,15 @@ def _measured(network: Network, state: State) -> ImagePoints:
     camera_idx = block.images.camera_idx[points.image_idx]
     colrow = points.colrow.copy()
     for k, camera in enumerate(cameras):
-        own = np.flatnonzero(camera_idx == k)
-        at = project(camera, T_m_c[own], x_m[own])
-        there = np.isfinite(at).all(axis=1)
-        colrow[own[there]] = at[there]
+        rows = np.flatnonzero(camera_idx == k)
+        projected = project(camera, T_m_c[rows], x_m[rows])
+        visible = np.isfinite(projected).all(axis=1)
+        colrow[rows[visible]] = projected[visible]
     return replace(points, colrow=colrow)
 
 
 def _thinned(network: Network) -> Network:
-    """Return the network with a part of its tie points, spread over all, with the weight of all."""
+    """Return the network with a sample of its tie points that has the weight of all."""
     points = network.image_points
     kept = np.zeros(network.n_points, dtype=bool)
     kept[network.observed_points] = True
@@ -719,8 +723,8 @@ def _thinned(network: Network) -> Network:
     chosen = tie[order[:TIE_POINTS]]
     kept[chosen] = True
     rows = np.flatnonzero(kept[points.point_idx])
-    own = points[rows]
+    thinned = points[rows]
     lighter = np.ones(network.n_points)
     lighter[chosen] = np.sqrt(TIE_POINTS / len(tie))
-    own = replace(own, sigma_px=own.sigma_px * lighter[own.point_idx])
-    return replace(network, image_points=own, rows=network.rows[rows])
+    thinned = replace(thinned, sigma_px=thinned.sigma_px * lighter[thinned.point_idx])
+    return replace(network, image_points=thinned, rows=network.rows[rows])

@@ -56,8 +56,8 @@ class _Unknown:
     scale : float
         The library's units in this unit.
     reach : float
-        By how much of its limit one unit puts the trajectory off at most. An error that may put
-        it off by more than a lever arm or a boresight may be uncertain is not determined.
+        Largest effect of one unit on the trajectory, as a share of the limit. An error is not
+        determined if its effect may exceed the limit of a lever arm or a boresight.
     """
 
     key: str
@@ -77,8 +77,8 @@ def _unknowns(bundle: Bundle) -> list[_Unknown]:
         for axis, value, column in zip(AXES, state.shift, layout.shift, strict=True)
     ]
     delays = _delays(network.observed.motion, bundle)
-    found = [*shift, *_drifts(bundle), *delays, *_deviation(bundle)]
-    return [one for one in found if one.column >= 0]
+    unknowns = [*shift, *_drifts(bundle), *delays, *_deviation(bundle)]
+    return [unknown for unknown in unknowns if unknown.column >= 0]
 
 
 def _drifts(bundle: Bundle) -> list[_Unknown]:
@@ -130,8 +130,8 @@ def _deviation(bundle: Bundle) -> list[_Unknown]:
     It may be as uncertain as a single heading, where this is more than a boresight may be.
     """
     sigma = np.degrees(bundle.network.observed.sigma_attitude[:, 2])
-    seen = sigma[np.isfinite(sigma)]
-    limit = max(LIMIT_BORESIGHT_DEG, float(np.median(seen)) if len(seen) else 0.0)
+    finite = sigma[np.isfinite(sigma)]
+    limit = max(LIMIT_BORESIGHT_DEG, float(np.median(finite)) if len(finite) else 0.0)
     return [
         _Unknown(
             key="deviation",
@@ -166,13 +166,15 @@ def parameters(bundle: Bundle, cov: Array | None = None) -> list[Parameter]:
     return [
         Parameter(
             camera="",
-            name=one.name,
-            key=one.key,
-            unit=one.unit,
-            value=float(one.value),
-            sigma=np.inf if bundle.solution.undetermined[one.column] else float(sigma[one.column]),
+            name=unknown.name,
+            key=unknown.key,
+            unit=unknown.unit,
+            value=float(unknown.value),
+            sigma=np.inf
+            if bundle.solution.undetermined[unknown.column]
+            else float(sigma[unknown.column]),
         )
-        for one in _unknowns(bundle)
+        for unknown in _unknowns(bundle)
     ]
 
 
@@ -193,7 +195,7 @@ def _title(parameter: Parameter) -> str:
 
 
 def reported_covariance(bundle: Bundle) -> Array:
-    """Return the joint a posteriori covariance of the cameras' and the trajectory's parameters.
+    """Return the joint a posteriori covariance of camera and trajectory parameters.
 
     Returns
     -------
@@ -207,7 +209,7 @@ def reported_covariance(bundle: Bundle) -> Array:
 
 def jacobian(bundle: Bundle) -> Array:
     """Return d(parameters of `reported_covariance`) / d(first columns of the bundle), (n, n)."""
-    scale = [one.scale for one in _unknowns(bundle)]
+    scale = [unknown.scale for unknown in _unknowns(bundle)]
     return block_diag(to_reported(from_bundle(bundle)), np.diag(scale))
 
 
@@ -217,11 +219,11 @@ def is_determined(bundle: Bundle, cov: Array | None = None) -> Mask:
     Arguments are those of `parameters`.
     """
     listed = zip(parameters(bundle, cov), _unknowns(bundle), strict=True)
-    return np.array([p.sigma * one.reach <= 1 for p, one in listed], dtype=bool)
+    return np.array([p.sigma * unknown.reach <= 1 for p, unknown in listed], dtype=bool)
 
 
 def not_determined(bundle: Bundle, cov: Array | None = None) -> list[str]:
-    """Return one sentence per error of the trajectory that the data do not determine.
+    """Return a sentence per undetermined error of the trajectory.
 
     Arguments are those of `parameters`.
     """
@@ -231,38 +233,42 @@ def not_determined(bundle: Bundle, cov: Array | None = None) -> list[str]:
     cameras = camera_parameters(from_bundle(bundle))
     labels = [f"{p.camera} {p.name}" for p in cameras] + [p.name for p in listed]
     related = correlation(reported_covariance(bundle) if cov is None else cov)
-    has = features(bundle.network.block)
+    present = features(bundle.network.block)
     out = []
     for i in np.flatnonzero(~is_determined(bundle, cov)):
-        p, own = listed[i], related[len(cameras) + i].copy()
-        own[len(cameras) + i] = 0.0
-        strongest = np.argsort(-np.abs(own), kind="stable")[:2]
-        with_others = ", ".join(f"{own[j]:+.2f} with {labels[j]}" for j in strongest)
+        p, correlations = listed[i], related[len(cameras) + i].copy()
+        correlations[len(cameras) + i] = 0.0
+        strongest = np.argsort(-np.abs(correlations), kind="stable")[:2]
+        with_others = ", ".join(f"{correlations[j]:+.2f} with {labels[j]}" for j in strongest)
         how = f"sigma {p.sigma:.3g} {p.unit}; correlation {with_others}"
         if np.isinf(p.sigma):  # an open parameter has no meaningful correlations
             how = "left open by the observations"
-        out.append(f"{p.name} is not determined ({how}); it would need: {needed(p.key, has)}")
+        out.append(f"{p.name} is not determined ({how}); it would need: {needed(p.key, present)}")
     return out
 
 
 def notes(bundle: Bundle) -> list[str]:
-    """Return sentences on the errors of the trajectory: what was estimated, what was held."""
+    """Return sentences on the estimated and held errors of the trajectory."""
     layout = bundle.network.layout
-    listed = [p for p, told in zip(parameters(bundle), is_determined(bundle), strict=True) if told]
-    found = [
+    listed = [
+        p
+        for p, determined in zip(parameters(bundle), is_determined(bundle), strict=True)
+        if determined
+    ]
+    shifts = [
         f"{p.value:+.3f} ± {p.sigma:.3f} m ({axis})"
         for axis in AXES
         for p in listed
         if p.name == f"gnss_shift_{axis}_m"
     ]
-    out = [f"GNSS positions are off by {', '.join(found)}"] if found else []
+    out = [f"GNSS positions are off by {', '.join(shifts)}"] if shifts else []
     if drifts := [p for p in listed if p.key == "drift"]:
         top = max(drifts, key=lambda p: abs(p.value) / p.sigma)
         out.append(f"the plainest drift is {top.name}: {top.value:+.3f} ± {top.sigma:.3f}")
     for p in listed:
         if p.name in (DELAY, ATTITUDE_DELAY):
-            late, what = "late" if p.value > 0 else "early", p.name.split("_")[0]
-            whose = "GNSS positions" if what == "gnss" else "attitudes"
+            late, source = "late" if p.value > 0 else "early", p.name.split("_")[0]
+            whose = "GNSS positions" if source == "gnss" else "attitudes"
             value, sigma = 1000 * abs(p.value), 1000 * p.sigma
             out.append(f"{whose} are recorded {value:.1f} ± {sigma:.1f} ms {late}")
     out += _deviating([p for p in listed if p.key == "deviation"])
@@ -272,11 +278,11 @@ def notes(bundle: Bundle) -> list[str]:
         if layout.shift[2] < 0:
             held, free = free, held
         out.append(f"{held} is held, since it and {free} are one unknown")
-    estimated = {one.key for one in _unknowns(bundle)}
-    if which := " and ".join(name for name, keys in _OWN.items() if estimated & keys):
+    estimated = {unknown.key for unknown in _unknowns(bundle)}
+    if owners := " and ".join(name for name, keys in _OWN.items() if estimated & keys):
         verb = "is" if estimated == {"deviation"} else "are"
         out.append(
-            f"{which} {verb} this block's own: none is applied to another block, nor in the "
+            f"{owners} {verb} this block's own: none is applied to another block, nor in the "
             "validation"
         )
     return out
@@ -289,11 +295,11 @@ _OWN = {
 }
 
 
-def _deviating(found: list[Parameter]) -> list[str]:
-    """Say the deviation of headings in words, where both its parts are determined."""
-    if len(found) < 2:
+def _deviating(parts: list[Parameter]) -> list[str]:
+    """Return a sentence on the deviation of headings, if both its parts are determined."""
+    if len(parts) < 2:
         return []
-    by_sine, by_cosine = found
+    by_sine, by_cosine = parts
     most = np.hypot(by_sine.value, by_cosine.value)
     where = np.degrees(np.arctan2(by_sine.value, by_cosine.value)) % 360
     return [
@@ -304,12 +310,12 @@ def _deviating(found: list[Parameter]) -> list[str]:
 
 
 def _correlated(network: Network) -> list[str]:
-    """Say what share of the trajectory's sigma the weights take to change slowly."""
+    """Return sentences on the share of the trajectory's sigma that is weighted as correlated."""
     observed, trajectory = network.observed, network.block.trajectory
     return [
-        f"errors of {what} are taken to be correlated: {process.share:g} of their sigma, with a "
+        f"errors of {noun} are taken to be correlated: {process.share:g} of their sigma, with a "
         f"time constant of {process.time_constant_s:g} s"
-        for what, process, slow in (
+        for noun, process, slow in (
             ("positions", trajectory.slow_positions, observed.slow_positions),
             ("attitudes", trajectory.slow_attitudes, observed.slow_attitudes),
         )

@@ -35,7 +35,7 @@ def weighted(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> tuple[Block, dict[str, float]]:
-    """Return a block with the sigma that its flight asks for, and the factors applied to them.
+    """Return a block with the standard deviations its flight asks for, and their factors.
 
     Parameters
     ----------
@@ -83,10 +83,10 @@ def estimated(block: Block, adjust_block: Callable[[Block], Bundle]) -> dict[str
     steps: dict[str, float] = {}
     held: set[str] = set()
     for _ in range(MAX_ITERATIONS):
-        found = components(adjust_block(scaled(block, factors)), applied=factors)
-        held |= {c.group for c in found if not c.estimable}
-        steps = {c.group: 1 / c.applied if c.group in held else _step(c) for c in found}
-        factors = {c.group: c.applied * steps[c.group] for c in found}
+        estimates = components(adjust_block(scaled(block, factors)), applied=factors)
+        held |= {c.group for c in estimates if not c.estimable}
+        steps = {c.group: 1 / c.applied if c.group in held else _step(c) for c in estimates}
+        factors = {c.group: c.applied * steps[c.group] for c in estimates}
         if all(abs(step - 1) < CONVERGED for step in steps.values()):
             return factors
     worst = max(steps, key=lambda name: abs(np.log(steps[name])))
