@@ -4,5 +4,5 @@ Rotations and poses are eq. (6); lens distortion is eqs (7)-(11); the collineari
 (1)-(5) and eq. (14), a camera mounted on an observed body, are chains of poses. Every convention
 of axes and signs has its one place here. Begin with `frames`, then `camera`, `collinearity`,
 `intersection`; `geodesy`, with `crs`, leads from the coordinates of a map to the mapping frame.
-`parameters` has the names of what is estimated, `distances` are between points.
+`parameters` has the names of estimated parameters, `distances` are between points.
 """

@@ -210,8 +210,8 @@ class Measurement:
     def by_camera(self) -> Iterator[tuple[Camera, Mask, Array]]:
         """Yield each camera, the mask of its measurements, and these measurements in mm."""
         for k, camera in enumerate(self.cameras):
-            own = self.camera_idx == k
-            yield camera, own, xy_from_colrow(camera, self.colrow[own])
+            of_camera = self.camera_idx == k
+            yield camera, of_camera, xy_from_colrow(camera, self.colrow[of_camera])
 
     @property
     def px_per_mm(self) -> Array:
@@ -229,8 +229,8 @@ def directions(seen: Measurement) -> Array:
     """Return the unit rays of measurements, shape (n, 3), mapping frame."""
     out = np.zeros((len(seen.colrow), 3))
     for k, camera in enumerate(seen.cameras):
-        own = seen.camera_idx == k
-        out[own] = rays(camera, seen.T_m_c[own], seen.colrow[own])
+        of_camera = seen.camera_idx == k
+        out[of_camera] = rays(camera, seen.T_m_c[of_camera], seen.colrow[of_camera])
     return out
 
 
@@ -254,8 +254,8 @@ def image_residuals(seen: Measurement, x_m: Array) -> Array:
         Along col and row, px; NaN for points behind the camera.
     """
     v = pinhole(seen.f, to_camera(seen.T_m_c, x_m))
-    for camera, own, xy in seen.by_camera():
-        v[own] = _misfit(seen, camera.interior, xy, v[own])[0]
+    for camera, of_camera, xy in seen.by_camera():
+        v[of_camera] = _misfit(seen, camera.interior, xy, v[of_camera])[0]
     return v * seen.px_per_mm
 
 
@@ -269,27 +269,27 @@ def _misfit(
     error, by_ideal = ideal - correct(interior, xy), np.tile(np.eye(2), (len(xy), 1, 1))
     if seen.distortion_at == "measured":
         return error, xy, by_ideal
-    at, reached = _adjusted(interior, xy, ideal)
-    at = np.where(reached[:, None], at, xy)
-    by_ideal[reached] = np.linalg.inv(correct_by_point(interior, at[reached]))
-    return np.where(reached[:, None], at - xy, error), at, by_ideal
+    point, reached = _adjusted(interior, xy, ideal)
+    point = np.where(reached[:, None], point, xy)
+    by_ideal[reached] = np.linalg.inv(correct_by_point(interior, point[reached]))
+    return np.where(reached[:, None], point - xy, error), point, by_ideal
 
 
 def _adjusted(interior: Interior, xy: Array, ideal: Array) -> tuple[Array, Mask]:
-    """Return the image points at which the corrected point is `ideal`, and which were reached.
+    """Return the image points whose corrected point is `ideal`, and the mask of converged ones.
 
-    Newton's method from the measured points; for any measurement that is no gross error the first
-    step is the last, and leaves less than 1e-6 px.
+    Newton's method from the measured points; without a gross error the first step is the last, and
+    leaves less than 1e-6 px.
     """
     near = NEAR_MM * min(1.0, interior.f / NEAR_F_MM) ** 2
     adjusted, reached = xy.copy(), np.zeros(len(xy), dtype=np.bool_)
-    left = np.arange(len(xy))
+    remaining = np.arange(len(xy))
     for _ in range(MOST_STEPS):
-        step, _, valid = newton_step(interior, adjusted[left], ideal[left])
-        adjusted[left] -= step
-        reached[left] = valid & (np.sum(step**2, axis=1) < near**2)
-        left = left[valid & ~reached[left]]
-        if not len(left):
+        step, _, valid = newton_step(interior, adjusted[remaining], ideal[remaining])
+        adjusted[remaining] -= step
+        reached[remaining] = valid & (np.sum(step**2, axis=1) < near**2)
+        remaining = remaining[valid & ~reached[remaining]]
+        if not len(remaining):
             break
     return adjusted, reached
 
@@ -315,10 +315,12 @@ def image_derivatives(seen: Measurement, x_m: Array) -> tuple[Array, Array, Arra
     v = pinhole(seen.f, x_c)
     by_interior, by_x_c = np.zeros((len(x_m), 2, len(INTERIOR))), pinhole_jacobian(seen.f, x_c)
     by_interior[:, :, 0] = -x_c[:, :2] / x_c[:, 2:]
-    for camera, own, xy in seen.by_camera():
-        v[own], at, by_ideal = _misfit(seen, camera.interior, xy, v[own])
-        by_interior[own] = by_ideal @ (by_interior[own] - correct_jacobian(camera.interior, at))
-        by_x_c[own] = by_ideal @ by_x_c[own]
+    for camera, of_camera, xy in seen.by_camera():
+        v[of_camera], point, by_ideal = _misfit(seen, camera.interior, xy, v[of_camera])
+        by_interior[of_camera] = by_ideal @ (
+            by_interior[of_camera] - correct_jacobian(camera.interior, point)
+        )
+        by_x_c[of_camera] = by_ideal @ by_x_c[of_camera]
     by_pose, by_point = to_camera_jacobian(seen.T_m_c, x_c)
     scale = seen.px_per_mm[:, :, None]
     by_x_c *= scale

@@ -1,4 +1,4 @@
-"""What `geodesy` asks of PROJ before it trusts it: texts of a CRS, and grids of geoids."""
+"""Checks of CRS texts, and transformers of geoid grids, for `geodesy`."""
 
 from __future__ import annotations
 
@@ -71,9 +71,9 @@ def is_code_or_wkt(text: str) -> bool:
 
 
 def _wkt_fault(text: str) -> str:
-    found = _FILES_IN_WKT.search(text)
-    if found:
-        return f"names a file ({found[0].strip()})"
+    match = _FILES_IN_WKT.search(text)
+    if match:
+        return f"names a file ({match[0].strip()})"
     depth = deepest = 0
     for bracket in re.findall(r"[\[\](){}]", text):
         depth += 1 if bracket in "[({" else -1

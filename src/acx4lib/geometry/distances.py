@@ -41,8 +41,8 @@ class Distances:
             expected.shape(name, getattr(self, name), (n,))
             expected.positive(name, getattr(self, name))
         expected.finite("distance_m", self.distance_m)
-        if np.any(same := self.point_idx[:, 0] == self.point_idx[:, 1]):
-            row = int(np.flatnonzero(same)[0])
+        if np.any(equal_ends := self.point_idx[:, 0] == self.point_idx[:, 1]):
+            row = int(np.flatnonzero(equal_ends)[0])
             msg = f"point_idx: expected two points, got point {self.point_idx[row, 0]} twice"
             raise ValueError(f"{msg} in row {row}")
 

@@ -250,8 +250,8 @@ def mean_rotation(R: Array, weights: Array | None = None) -> Array:
     expected.rotations("R", R)
     mean = R[0]
     for _ in range(20):
-        apart = log(mean.T @ R)
-        step = apart.mean(axis=0) if weights is None else np.einsum("inj,nj->i", weights, apart)
+        deltas = log(mean.T @ R)
+        step = deltas.mean(axis=0) if weights is None else np.einsum("inj,nj->i", weights, deltas)
         mean = mean @ exp(step)
         if np.linalg.norm(step) < 1e-14:
             break

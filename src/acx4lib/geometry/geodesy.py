@@ -428,7 +428,7 @@ class LocalGrid(GridSystem):
 
     @property
     def name(self) -> str:
-        """What the coordinates are, in words."""
+        """A description of the coordinates."""
         return "x, y, z of its own, on no map"
 
     @property

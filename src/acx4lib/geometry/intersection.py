@@ -104,8 +104,8 @@ def largest_angles(directions: Array, point_idx: Index, n_points: int) -> Array:
     for count in np.unique(counts[counts > 1]):
         points = np.flatnonzero(counts == count)
         d = directions[order[starts[points][:, None] + np.arange(count)]]
-        for apart in range(1, count):
-            chord = np.linalg.norm(d[:, apart:] - d[:, :-apart], axis=-1)
+        for offset in range(1, count):
+            chord = np.linalg.norm(d[:, offset:] - d[:, :-offset], axis=-1)
             longest[points] = np.maximum(longest[points], chord.max(axis=1))
     return 2 * np.arcsin(np.minimum(longest / 2, 1.0))
 
@@ -149,10 +149,10 @@ def resect(camera: Camera, colrow: Array, x_m: Array) -> Pose:
 
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
     centre = x_m.mean(axis=0)
-    found, rvec, tvec = cv2.solvePnP(
+    success, rvec, tvec = cv2.solvePnP(
         x_m - centre, ideal * [1, -1], np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP
     )
-    if not found:
+    if not success:
         msg = "no pose found that fits the points"
         raise ValueError(msg)
     R_m_cv: Array = cv2.Rodrigues(rvec)[0].T.astype(float)

@@ -76,12 +76,12 @@ RELATIVE = (("Xc", "mm"), ("Yc", "mm"), ("Zc", "mm"), ("ω", "°"), ("φ", "°")
 """Names and units of a head's relative orientation, likewise."""
 
 
-# --- What is known of a camera's mounting before an adjustment
+# --- Prior knowledge of a camera's mounting
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """What is known of a camera's mounting, in the order of `parameters.MOUNT`.
+    """Prior knowledge of a camera's mounting, in the order of `parameters.MOUNT`.
 
     Attributes
     ----------

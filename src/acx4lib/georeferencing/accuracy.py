@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# --- Statistics of errors at check points: size, bias, precision, and how sure each of them is
+# --- Statistics of errors at check points: size, bias, precision, and their uncertainty
 
 
 Triple = tuple[float, float, float]
@@ -138,16 +138,16 @@ def from_summary(n: int, *, mean: Triple, std: Triple, rms: Triple) -> Accuracy:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NormalisedTest:
-    """Test of predicted standard deviations: the RMS of errors over them, which should be one.
+    """Test of predicted standard deviations: the RMS of normalised errors, expected to be one.
 
     Attributes
     ----------
     rms : ndarray, shape (3,)
         East, north, height.
     effective : ndarray, shape (3,)
-        As how many independent errors those of an axis scatter.
+        Effective number of independent errors of an axis.
     limits : ndarray, shape (3, 2)
-        Between which chance leaves the RMS.
+        Limits of the RMS by chance.
     """
 
     rms: Array
@@ -155,8 +155,8 @@ class NormalisedTest:
     limits: Array
 
     def __repr__(self) -> str:
-        said = ", ".join(f"{value:.2f}" for value in self.rms)
-        return f"RMS of d / sigma {said}; {int(self.accepted.sum())} of 3 inside their limits"
+        listed = ", ".join(f"{value:.2f}" for value in self.rms)
+        return f"RMS of d / sigma {listed}; {int(self.accepted.sum())} of 3 inside their limits"
 
     @property
     def accepted(self) -> Mask:
@@ -319,7 +319,7 @@ def rms_interval(rms: float, n: float, *, probability: float = 0.95) -> tuple[fl
 
 
 def rms_limits(n: float, *, probability: float = 0.95) -> tuple[float, float]:
-    """Return the limits between which chance leaves an RMS, over its expectation.
+    """Return the limits of an RMS by chance, over its expectation.
 
     Parameters
     ----------
@@ -336,7 +336,7 @@ def rms_limits(n: float, *, probability: float = 0.95) -> tuple[float, float]:
 
 
 def effective_number(cov: Array) -> float:
-    """Return how many independent errors of one size have an RMS that is known as well.
+    """Return the number of independent equal errors whose RMS has the same uncertainty.
 
     Parameters
     ----------
@@ -512,18 +512,18 @@ def height_limits(scale: int) -> tuple[Limit, ...]:
 
 
 def _limits(scale: int, kind: str) -> tuple[Limit, ...]:
-    found = tuple(
+    limits = tuple(
         Limit(letter=row["class"], pec=float(row["pec_m"]), ep=float(row["ep_m"]))
         for row in _pec_pcd_rows()
         if int(row["scale"]) == scale and row["kind"] == kind
     )
-    if not found:
+    if not limits:
         raise ValueError(f"PEC-PCD has no scale 1:{scale}; it has {', '.join(map(str, scales()))}")
-    return found
+    return limits
 
 
 def best_class(rms: float, error_90: float, limits: tuple[Limit, ...]) -> str:
-    """Return the best class of which both limits are kept; ``none`` where there is none.
+    """Return the best class whose limits are both met; ``none`` if no class is met.
 
     Parameters
     ----------
@@ -665,7 +665,7 @@ def classes(accuracy: Accuracy, *, survey_sigma: Triple = NO_SURVEY_ERROR) -> di
 
 
 def _state(standard: str, accuracy: Accuracy, reached: str) -> str:
-    """Return the class reached; with too few points, that it is not stated."""
+    """Return the class reached, or "not stated" with too few points."""
     too_few = accuracy.n < MINIMUM_POINTS[standard]
     return f"not stated, n = {accuracy.n}" if too_few else reached
 

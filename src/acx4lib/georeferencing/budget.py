@@ -1,9 +1,9 @@
-"""The error budget: how much of the variance of a ground point comes from each source.
+"""The error budget: the variance of a ground point, split by its sources.
 
-The errors of a point are a sum: of those of its image points and of the survey it is compared with,
-of the trajectory at each of its exposures, and of the calibration. Sources that are independent add
-their variances. The estimates of a calibration are correlated, so that the variance has terms with
-two of its groups, too. Such a term is a source by itself here; it may be negative.
+The error of a point is a sum: errors of its image points and of the survey it is compared with,
+of the trajectory at each of its exposures, and of the calibration. Independent sources add their
+variances. The estimates of a calibration are correlated, so the variance also has terms with two
+groups of parameters. Such a term is a source by itself here; it may be negative.
 """
 
 from __future__ import annotations
@@ -121,10 +121,10 @@ def of(sources: ErrorSources, layout: Layout) -> Budget:
     point, i, j = sources.neighbours
     first, second, between = sources.by_body[i], sources.by_body[j], sources.between(i, j)
     for s, columns in enumerate(TRAJECTORY.values(), start=2):
-        own = np.array(columns)
-        at = _product(sources.by_body, cov, own, own)
-        np.add.at(variance[:, :, s], sources.point, at)
-        shared = (first[:, :, own] @ between[:, own[:, None], own]) * second[:, :, own]
+        chosen = np.array(columns)
+        by_exposure = _product(sources.by_body, cov, chosen, chosen)
+        np.add.at(variance[:, :, s], sources.point, by_exposure)
+        shared = (first[:, :, chosen] @ between[:, chosen[:, None], chosen]) * second[:, :, chosen]
         np.add.at(variance[:, :, s], point, 2 * shared.sum(axis=-1))
     groups = (layout.mount[:, 3:], layout.mount[:, :3], layout.interior)
     columns_of = [np.unique(group[group >= 0]) for group in groups]
@@ -142,7 +142,7 @@ def _product(J: Array, cov: Array, a: Index, b: Index) -> Array:
 
 
 def shares(variance: Array) -> dict[str, Array]:
-    """Return what share of a variance each group of sources has.
+    """Return the share of each group of sources in a variance.
 
     Parameters
     ----------
@@ -170,9 +170,9 @@ def predict(
     sigma_survey_m: Array | None = None,
     refraction: str = "none",
 ) -> Budget:
-    """Predict the errors of points that are intersected from every image that shows them.
+    """Predict the errors of points that are intersected from all images showing them.
 
-    Nothing is measured for it; the image points are where the cameras show the points.
+    It needs no measurements; image points are projections of the points.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def _sources_at(
 def shown(
     block: Block, georeferenced: Georeferenced, x_m: Array, *, refraction: str = "none"
 ) -> tuple[Index, Index, Array]:
-    """Return which images show which points, and where: image and point of each, and its pixel.
+    """Return all projections of points into images: image, point and pixel of each.
 
     Parameters
     ----------
@@ -267,11 +267,11 @@ def shown(
         seen_at = as_seen(T_m_c.r, x_m, refraction=refraction)
         ideal = pinhole(camera.interior.f, to_camera(T_m_c, seen_at))
         near = np.flatnonzero(np.all(np.abs(ideal) <= limits[k], axis=1))
-        at = project(camera, T_m_c, seen_at[near])
-        within = inside(camera, at)
+        pixels = project(camera, T_m_c, seen_at[near])
+        within = inside(camera, pixels)
         image_idx.append(np.full(int(within.sum()), i))
         point_idx.append(near[within])
-        colrow.append(at[within])
+        colrow.append(pixels[within])
     point = np.concatenate([*point_idx, np.zeros(0, dtype=np.intp)])
     order = np.argsort(point, kind="stable")
     image = np.concatenate([*image_idx, np.zeros(0, dtype=np.intp)])
@@ -279,9 +279,9 @@ def shown(
 
 
 def _limits(camera: Camera) -> Array:
-    """Return how far from the principal point ideal image points of the format lie, mm, and more.
+    """Return the largest distances of ideal image points from the principal point, and 5 %, mm.
 
-    Points beyond need no search for their distorted place.
+    Points beyond lie outside the format: their distorted place is not computed.
     """
     col, row = (np.array([0.0, 0.5, 1.0]) * n - 0.5 for n in (camera.width_px, camera.height_px))
     border = np.stack(np.meshgrid(col, row), axis=-1).reshape(-1, 2)
@@ -289,7 +289,7 @@ def _limits(camera: Camera) -> Array:
     return 1.05 * np.abs(ideal).max(axis=0)
 
 
-# --- A regular mapping flight, for predictions: which points it sees, and how well it gives them
+# --- A regular mapping flight, for predictions of ground points and their errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -344,7 +344,7 @@ def spacing(camera: Camera, flight: MappingFlight) -> tuple[float, float]:
 
 
 def fly(camera: Camera, flight: MappingFlight) -> Block:
-    """Return the block in which all neighbours of one image are: the image at its middle.
+    """Return a block of an image, in its middle, and all overlapping neighbours.
 
     Parameters
     ----------
@@ -357,10 +357,10 @@ def fly(camera: Camera, flight: MappingFlight) -> Block:
     Block
         In a local frame whose ground has height zero below the middle image; no points.
     """
-    base, apart = spacing(camera, flight)
+    base, strip_distance = spacing(camera, flight)
     n_along, n_aside = (int(np.ceil(1 / (1 - share))) for share in (flight.forward, flight.side))
     places = [
-        (i * base, j * apart)
+        (i * base, j * strip_distance)
         for j in range(-n_aside, n_aside + 1)
         for i in range(-n_along, n_along + 1)
     ]
@@ -386,7 +386,7 @@ def fly(camera: Camera, flight: MappingFlight) -> Block:
 
 
 def _level(places: Array, flight: MappingFlight, back: Array | None = None) -> Pose:
-    """Return poses of a level body; it flies back west where told."""
+    """Return poses of a level body; it flies west where `back` is true."""
     n = len(places)
     turn = np.zeros((n, 3))
     turn[:, 2] = np.pi * (np.zeros(n) if back is None else back)
@@ -415,15 +415,15 @@ def over_ground(calibration: Calibration, flight: MappingFlight, *, n: int = 32)
     """
     camera = _only_camera(calibration)
     expected.whole("n", n)
-    base, apart = spacing(camera, flight)
+    base, strip_distance = spacing(camera, flight)
     middle = (np.arange(n) + 0.5) / n - 0.5
-    x, y = (part.ravel() for part in np.meshgrid(base * middle, apart * middle))
+    x, y = (part.ravel() for part in np.meshgrid(base * middle, strip_distance * middle))
     return _predicted(calibration, flight, np.column_stack([x, y, np.zeros(n * n)]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Format:
-    """Predicted errors of the ground points that one image of a mapping flight shows.
+    """Predicted errors of the ground points of an image of a mapping flight.
 
     Attributes
     ----------
@@ -497,11 +497,11 @@ def at_corners(calibration: Calibration, camera: Camera, flight: MappingFlight) 
 
 
 def like(block: Block, camera: Camera) -> MappingFlight | None:
-    """Return a mapping flight of a camera like a block; None where something of it is not known.
+    """Return a mapping flight of a camera like a block; None if a property is not known.
 
     It has the median height of the block, its accuracies, and the usual overlaps.
     """
-    pixel = np.array([one.pixel_mm for one in block.cameras])
+    pixel = np.array([block_camera.pixel_mm for block_camera in block.cameras])
     points = block.image_points
     sigma_mm = points.sigma_px * pixel[block.images.camera_idx[points.image_idx]]
     height_m = float(np.median(flying_heights(block)))
@@ -542,13 +542,13 @@ def _predicted(calibration: Calibration, flight: MappingFlight, x_m: Array) -> B
 
 
 def looks_down(camera: Camera) -> bool:
-    """Tell whether a camera on a level body shows ground with all of its format."""
+    """Tell whether the whole format of a camera on a level body shows ground."""
     T_m_c = Pose(R=np.eye(3)[None], r=np.zeros((1, 3))) @ camera.T_b_c
     return bool(np.all(rays(camera, T_m_c, _corners(camera))[:, 2] < 0))
 
 
 def _on_ground(camera: Camera, T_m_b: Pose, colrow: Array) -> Array:
-    """Return where pixels of the camera on one body show the height zero, shape (n, 3), m."""
+    """Return the points of height zero that pixels of a camera show, shape (n, 3), m."""
     if not looks_down(camera):
         msg = f"camera {camera.name}: expected one that looks down with all of its format"
         raise ValueError(msg)

@@ -65,15 +65,15 @@ class Georeferenced:
     shared: SharedErrors | None = None
 
     def __repr__(self) -> str:
-        """Say in a line how many images are oriented."""
-        of = shown.names([camera.name for camera in self.cameras])
-        return shown.line("Georeferenced", of, shown.count(len(self.T_m_c), "image"))
+        """Describe the cameras and the number of images in one line."""
+        names = shown.names([camera.name for camera in self.cameras])
+        return shown.line("Georeferenced", names, shown.count(len(self.T_m_c), "image"))
 
     def table(self) -> pd.DataFrame:
         """Return the poses of the images, which are counted from zero, in the mapping frame."""
         values = np.hstack([self.T_m_c.r, np.degrees(self.T_m_c.opk)])
         columns = ("x (m)", "y (m)", "z (m)", "ω (°)", "φ (°)", "κ (°)")
-        rows = {i: dict(zip(columns, own, strict=True)) for i, own in enumerate(values.tolist())}
+        rows = {i: dict(zip(columns, pose, strict=True)) for i, pose in enumerate(values.tolist())}
         return shown.row_table("image", rows)
 
 
@@ -129,8 +129,8 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
 def pose_covariances(block: Block, georeferenced: Georeferenced) -> Array:
     """Return the camera poses' covariances, (n_images, 6, 6), m and rad about the camera's axes."""
     g = georeferenced
-    own = propagate(g.by_body, g.cov_body[block.images.exposure_idx])
-    return own + propagate(g.by_parameters, g.cov_parameters)
+    from_body = propagate(g.by_body, g.cov_body[block.images.exposure_idx])
+    return from_body + propagate(g.by_parameters, g.cov_parameters)
 
 
 @shown.briefly
@@ -212,7 +212,7 @@ class Intersections:
     by_parameters: Array
 
     def __repr__(self) -> str:
-        """Say in a line how many points are intersected."""
+        """Describe the number of intersected points in one line."""
         points, rays = shown.count(len(self.x_m), "point"), shown.count(len(self.v), "ray")
         return shown.line("Intersections", f"{points} of {rays}")
 
@@ -221,8 +221,8 @@ class Intersections:
         rows = {}
         sigma_of = np.sqrt(np.diagonal(self.cov, axis1=1, axis2=2))
         for i, (x_m, sigma) in enumerate(zip(self.x_m, sigma_of, strict=True)):
-            for axis, value, own in zip("xyz", x_m.tolist(), sigma.tolist(), strict=True):
-                rows[i, axis, "m"] = {"value": value, "sigma": own}
+            for axis, value, axis_sigma in zip("xyz", x_m.tolist(), sigma.tolist(), strict=True):
+                rows[i, axis, "m"] = {"value": value, "sigma": axis_sigma}
         return shown.row_table(("point", "coordinate", "unit"), rows)
 
 
@@ -269,12 +269,12 @@ def intersect_rays(
     expected.places("selected.image_idx", selected.image_idx, len(block.images))
     if weights is not None:
         expected.shape("weights", weights, (len(selected.group), 2, 2))
-    seen = measured(block, georeferenced, selected)
+    measurement = measured(block, georeferenced, selected)
     P = weights if weights is not None else np.eye(2) / selected.sigma_px[:, None, None] ** 2
-    x_m = intersect(seen.T_m_c.r, directions(seen), selected.group, selected.n_groups)
+    x_m = intersect(measurement.T_m_c.r, directions(measurement), selected.group, selected.n_groups)
     for _ in range(20):
-        at = as_seen(seen.T_m_c.r, x_m[selected.group], refraction=refraction)
-        v, by_interior, by_pose, B = image_derivatives(seen, at)
+        apparent = as_seen(measurement.T_m_c.r, x_m[selected.group], refraction=refraction)
+        v, by_interior, by_pose, B = image_derivatives(measurement, apparent)
         normal = _summed(np.swapaxes(B, 1, 2) @ P @ B, selected)
         right = _summed(np.einsum("nji,njk,nk->ni", B, P, v), selected)
         bad = ~np.all(np.isfinite(normal), axis=(1, 2))
@@ -314,27 +314,27 @@ def _by_columns(
     by_interior: Array,
     by_pose: Array,
 ) -> Array:
-    """Return d(v) / d(columns of the calibration): those of the pose, and of its own camera."""
+    """Return d(v) / d(columns of the calibration), by way of the pose and the interior."""
     g, image_idx = georeferenced, selected.image_idx
     by_column = by_pose @ g.by_parameters[image_idx]
     columns = g.layout.interior[block.images.camera_idx[image_idx]]
     padded = np.concatenate([by_column, np.zeros((*by_column.shape[:2], 1))], axis=2)
-    at = np.broadcast_to(columns[:, None, :], by_interior.shape)
-    np.put_along_axis(padded, at, by_interior, axis=2)
+    index = np.broadcast_to(columns[:, None, :], by_interior.shape)
+    np.put_along_axis(padded, index, by_interior, axis=2)
     return padded[:, :, :-1]
 
 
 def ray_covariance(
     block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
 ) -> Array:
-    """Return the joint covariance of image coordinates and of where their points should be.
+    """Return the joint covariance of measured minus predicted image coordinates.
 
     Parameters
     ----------
     block : Block
     georeferenced : Georeferenced
     selected : Rays
-        A few; the matrix is a full one.
+        A few; the matrix is dense.
     refraction : str
         ``"none"`` or ``"standard"``.
 
@@ -345,12 +345,12 @@ def ray_covariance(
         of the body, which rays of one exposure share, and from the calibration, which all share.
     """
     g = georeferenced
-    found = intersect_rays(block, g, selected, refraction=refraction)
+    intersections = intersect_rays(block, g, selected, refraction=refraction)
     exposure = block.images.exposure_idx[selected.image_idx]
-    by_columns = found.by_parameters.reshape(2 * len(exposure), -1)
+    by_columns = intersections.by_parameters.reshape(2 * len(exposure), -1)
     return (
         np.diag(np.repeat(selected.sigma_px**2, 2))
-        + by_trajectory(found.by_body, exposure, g.cov_body, g.shared)
+        + by_trajectory(intersections.by_body, exposure, g.cov_body, g.shared)
         + by_columns @ g.cov_parameters @ by_columns.T
     )
 
@@ -374,12 +374,12 @@ def by_trajectory(
         px^2.
     """
     n = len(exposure)
-    one, other = (i.ravel() for i in np.indices((n, n)))
-    same = (exposure[one] == exposure[other])[:, None, None]
+    first, second = (i.ravel() for i in np.indices((n, n)))
+    same_exposure = (exposure[first] == exposure[second])[:, None, None]
     nothing: Array = np.zeros((n * n, 6, 6))
-    apart = nothing if shared is None else shared.between(exposure[one], exposure[other])
-    body = np.where(same, cov_body[exposure[one]], apart)
-    blocks = (by_body[one] @ body @ np.swapaxes(by_body[other], 1, 2)).reshape(n, n, 2, 2)
+    between = nothing if shared is None else shared.between(exposure[first], exposure[second])
+    body = np.where(same_exposure, cov_body[exposure[first]], between)
+    blocks = (by_body[first] @ body @ np.swapaxes(by_body[second], 1, 2)).reshape(n, n, 2, 2)
     return np.swapaxes(blocks, 1, 2).reshape(2 * n, 2 * n)
 
 
@@ -398,7 +398,7 @@ def _error_sources(
     by_parameters: Array,
     by_pose: Array,
 ) -> ErrorSources:
-    """Carry image noise, trajectory and calibration through the gains d(point) / d(v)."""
+    """Propagate image noise, trajectory and calibration through the gains d(point) / d(v)."""
     g, image_idx = georeferenced, selected.image_idx
     from_image = gain @ np.swapaxes(gain, 1, 2) * selected.sigma_px[:, None, None] ** 2
     # rays of one exposure share its trajectory error: sum their sensitivities first
@@ -505,9 +505,11 @@ def ground_points(
     given = np.zeros(n) if sigma_height_m is None else sigma_height_m
     sigma_h = expected.numbers("sigma_height_m", given, (n,))
     expected.not_negative("sigma_height_m", sigma_h)
-    seen = measured(block, georeferenced, pixels)
-    x_m, lifted, met = _on_surface(block.frame, seen.T_m_c.r, directions(seen), height, refraction)
-    _, by_interior, by_pose, by_point = image_derivatives(seen, lifted)
+    measurement = measured(block, georeferenced, pixels)
+    x_m, lifted, met = _on_surface(
+        block.frame, measurement.T_m_c.r, directions(measurement), height, refraction
+    )
+    _, by_interior, by_pose, by_point = image_derivatives(measurement, lifted)
     axes = block.frame.grid_axes(x_m)
     by_residuals = np.linalg.inv(np.concatenate([by_point, axes[:, 2:]], axis=1))
     sources = _error_sources(
@@ -530,18 +532,18 @@ def ground_points(
 def _on_surface(
     frame: MappingFrame, r_m: Array, towards: Array, height: Array, refraction: str
 ) -> tuple[Array, Array, Mask]:
-    """Return where rays meet heights, where they seem to, and which do; others go straight down."""
+    """Return true and apparent points of rays on heights, and a mask; others go straight down."""
     up = frame.grid_axes(r_m)[:, 2]
     down = np.einsum("ni,ni->n", up, towards) < 0
     towards = np.where(down[:, None], towards, -up)
     seen_at = r_m + (frame.to_grid(r_m)[:, 2] - height)[:, None] * towards
-    x_m, left = seen_at, np.full(len(r_m), np.inf)
+    x_m, remaining = seen_at, np.full(len(r_m), np.inf)
     for _ in range(STEPS):
         x_m = 2 * seen_at - as_seen(r_m, seen_at, refraction=refraction)
-        left = frame.to_grid(x_m)[:, 2] - height
-        if not np.any(np.abs(left) > CLOSE_M):
+        remaining = frame.to_grid(x_m)[:, 2] - height
+        if not np.any(np.abs(remaining) > CLOSE_M):
             break
         slope = np.einsum("ni,ni->n", frame.grid_axes(x_m)[:, 2], towards)
-        seen_at = seen_at - (left / slope)[:, None] * towards
+        seen_at = seen_at - (remaining / slope)[:, None] * towards
     ahead = np.einsum("ni,ni->n", seen_at - r_m, towards) > 0
-    return x_m, seen_at, down & ahead & (np.abs(left) <= CLOSE_M)
+    return x_m, seen_at, down & ahead & (np.abs(remaining) <= CLOSE_M)

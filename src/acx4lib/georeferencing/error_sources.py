@@ -1,7 +1,7 @@
-"""What the errors of points come from: their own, the exposures they share, the calibration.
+"""Sources of the errors of points: image points and survey, exposures, calibration.
 
-Differences at check points are correlated. All of them depend on the same parameters, and
-neighbours on the same exposures. Tests of several points, and of their mean, need these parts.
+Differences at check points are correlated: all depend on the same parameters, neighbours also
+on the same exposures. Tests of several points, and of their mean, need these parts.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class ErrorSources:
     Attributes
     ----------
     image, survey : ndarray, shape (n, 3, 3)
-        Covariances of what a point shares with no other, m^2: the noise of its image points, and
-        the errors of the surveyed coordinates with which it is compared.
+        Covariances of errors of a single point, m^2: the noise of its image points, and the
+        errors of the surveyed coordinates with which it is compared.
     point, exposure : ndarray, shape (k,)
         Pairs of a point and an exposure that it depends on, sorted by point.
     by_body : ndarray, shape (k, 3, 6)
@@ -56,7 +56,7 @@ class ErrorSources:
 
     @property
     def own(self) -> Array:
-        """Covariance of what a point shares with no other, shape (n, 3, 3), m^2."""
+        """Covariance of the errors that only this point has, shape (n, 3, 3), m^2."""
         return self.image + self.survey
 
     @property
@@ -71,7 +71,7 @@ class ErrorSources:
 
     @property
     def neighbours(self) -> tuple[Index, Index, Index]:
-        """Points, and two rows each of different exposures whose errors they both contain."""
+        """Points with pairs of rows of their different exposures, three arrays of shape (k,)."""
         a, b = pairs_within(self.point[:0] if self.shared is None else self.point)
         return self.point[a], a, b
 
@@ -100,8 +100,8 @@ def pairs_within(group: Index) -> tuple[Index, Index]:
         start + np.stack(np.triu_indices(count, 1))
         for start, count in zip(starts, counts, strict=True)
     ]
-    both = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.intp)
-    return both[0], both[1]
+    rows = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.intp)
+    return rows[0], rows[1]
 
 
 def turned(sources: ErrorSources, R: Array) -> ErrorSources:
@@ -198,10 +198,10 @@ def axis_covariances(sources: ErrorSources) -> Array:
 def _without_parameters(sources: ErrorSources) -> sparse.csc_array:
     """Return the joint covariance from image points, survey and trajectory, shape (3 n, 3 n)."""
     n, n_exposures = len(sources), len(sources.cov_body)
-    own = block_matrix(sources.own, np.arange(n), np.arange(n), (n, n))
+    unshared = block_matrix(sources.own, np.arange(n), np.arange(n), (n, n))
     by_body = sources.by_body @ half(sources.cov_body)[sources.exposure]
     shared = block_matrix(by_body, sources.point, sources.exposure, (n, n_exposures))
-    joint = own + shared @ shared.T
+    joint = unshared + shared @ shared.T
     if sources.shared is not None:
         J = block_matrix(
             sources.by_body, sources.point, sources.exposure, (n, n_exposures)

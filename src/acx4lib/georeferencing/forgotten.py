@@ -1,6 +1,6 @@
-"""One step of direct georeferencing forgotten, so that it can be seen what that would do.
+"""Direct georeferencing with one step left out, to show its effect.
 
-Each function returns what a validation is made of, a calibration or a block, without the step.
+Each function returns the input of a validation, a calibration or a block, without the step.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from acx4lib.geometry.frames import Pose, turn
 
 
 def lever_arm(calibration: Calibration) -> Calibration:
-    """Return a calibration of cameras that seem to be where the IMU is."""
+    """Return a calibration without lever arms: cameras at the place of the IMU."""
     return _changed(calibration, lambda c: replace(c, T_b_c=Pose(R=c.T_b_c.R, r=np.zeros(3))))
 
 
 def boresight(calibration: Calibration) -> Calibration:
-    """Return a calibration with the quarter turns that are nearest: a mount as the eye sees it."""
+    """Return a calibration with boresights rounded to quarter turns, as the eye sees a mount."""
     return _changed(
         calibration, lambda c: replace(c, T_b_c=Pose(R=_nearest_quarter(c.T_b_c.R), r=c.T_b_c.r))
     )

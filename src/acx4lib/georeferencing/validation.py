@@ -61,7 +61,7 @@ class Validation:
     rejected : tuple of Rejection
         In these, a ``control_point`` is one of the block's check points.
     stopped : tuple of Stopped
-        Groups of which too much would have been rejected, and so nothing was.
+        Groups with too many rejections, in which none was made.
     exchanged : tuple of Exchange
         Check points that fit where their names are exchanged.
     n_failed : int
@@ -93,8 +93,8 @@ class Validation:
     mean_cov: Array
 
     def __repr__(self) -> str:
-        """Say in a line what was compared, and how it fits."""
-        points, pairs = (shown.count(len(of), n) for of, n in self._compared)
+        """Describe the comparison and its fit in one line."""
+        points, pairs = (shown.count(len(differences), n) for differences, n in self._compared)
         rms = accuracy.from_differences(self.points.d).rms if len(self.points) else ()
         fit = f"RMS {', '.join(f'{value:.3f}' for value in rms)} m" if rms else ""
         return shown.line(f"Validation of {self.method}", points, pairs, fit)
@@ -104,20 +104,24 @@ class Validation:
         return (self.points, "point"), (self.pairs, "pair")
 
     def table(self) -> pd.DataFrame:
-        """Return mean, scatter and RMS of the differences, m, and the RMS that is expected.
+        """Return mean, scatter, RMS and expected RMS of the differences, m.
 
-        Of pairs of images, as Table 4 counts, and of points, from all their rays.
+        For pairs of images, as in Table 4, and for points from all their rays.
         """
         rows = {}
-        for of, name in reversed(self._compared):
-            found = accuracy.from_differences(of.d)
-            by_sigma = np.sqrt(np.mean(of.sigma**2, axis=0)) if len(of) else np.full(3, np.nan)
+        for differences, name in reversed(self._compared):
+            summary = accuracy.from_differences(differences.d)
+            by_sigma = (
+                np.sqrt(np.mean(differences.sigma**2, axis=0))
+                if len(differences)
+                else np.full(3, np.nan)
+            )
             for i, axis in enumerate(AXES):
                 rows[f"{name}s", axis, "m"] = {
-                    "n": found.n,
-                    "mean": found.mean[i],
-                    "scatter": found.std[i],
-                    "RMS": found.rms[i],
+                    "n": summary.n,
+                    "mean": summary.mean[i],
+                    "scatter": summary.std[i],
+                    "RMS": summary.rms[i],
                     "expected RMS": float(by_sigma[i]),
                 }
         return shown.row_table(("of", "coordinate", "unit"), rows)
@@ -129,7 +133,7 @@ class Validation:
 
     @property
     def sigma0_sq(self) -> float:
-        """Variance of unit weight; one where there is no redundancy."""
+        """Variance of unit weight; one without redundancy."""
         return self.cost / self.redundancy if self.redundancy > 0 else 1.0
 
     @property
@@ -232,7 +236,7 @@ def _check_measurements(block: Block) -> tuple[Index, direct.Rays]:
 def _without_misfits(
     block: Block, georeferenced: direct.Georeferenced, refraction: str
 ) -> tuple[direct.Rays, tuple[Rejection, ...], tuple[Stopped, ...]]:
-    """Return the measurements that fit the others of their point, those rejected, and stops."""
+    """Return the measurements that fit their point, the rejections and the stopped groups."""
     rows, selected = _check_measurements(block)
     kept, statistic = _fitting(block, georeferenced, selected, refraction)
     unfit = [
@@ -247,9 +251,11 @@ def _without_misfits(
 def _without_absurd(
     block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays, refraction: str
 ) -> tuple[direct.Rays, Mask, tuple[Rejection, ...]]:
-    """Return the rays without those of absurd check points, which these are, and rejections."""
-    seen = direct.measured(block, georeferenced, selected)
-    absurd = elsewhere(seen.T_m_c.r, directions(seen), selected.group, block.check.x_m)
+    """Return the rays of credible check points, the mask of absurd ones and their rejections."""
+    measurement = direct.measured(block, georeferenced, selected)
+    absurd = elsewhere(
+        measurement.T_m_c.r, directions(measurement), selected.group, block.check.x_m
+    )
     if not absurd.any():
         return selected, absurd, ()
     rejected = _surveyed_nowhere(block, georeferenced, selected, absurd, refraction)
@@ -260,7 +266,7 @@ def _without_absurd(
 def _fitting(
     block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays, refraction: str
 ) -> tuple[Mask, Array]:
-    """Return which rays fit the others of their point within all sigma, and w of the rest."""
+    """Return the mask of rays that fit the others of their point, and w of the rejected rays."""
     kept = np.ones(len(selected.group), dtype=bool)
     statistic = np.zeros(len(selected.group))
     while True:
@@ -269,8 +275,8 @@ def _fitting(
         if len(testable) == 0:
             return kept, statistic
         _, group = np.unique(selected.group[testable], return_inverse=True)
-        own = selected.select(testable, group)
-        w = of(block, georeferenced, own, refraction=refraction)
+        tested = selected.select(testable, group)
+        w = of(block, georeferenced, tested, refraction=refraction)
         worst = np.zeros(group.max() + 1)
         np.maximum.at(worst, group, w)
         out = (w == worst[group]) & (w > CRITICAL)
@@ -289,8 +295,8 @@ def _surveyed_nowhere(
 ) -> tuple[Rejection, ...]:
     """Return the rejections of check points, each with the largest of its three w."""
     rays, idx = _renumbered(selected, absurd)
-    found = differences_at(block, georeferenced, rays, idx, refraction)
-    w = np.max(np.abs(found.d) / found.sigma, axis=1)
+    differences = differences_at(block, georeferenced, rays, idx, refraction)
+    w = np.max(np.abs(differences.d) / differences.sigma, axis=1)
     return tuple(
         Rejection(kind="control_point", row=int(i), component=-1, statistic=float(statistic))
         for i, statistic in zip(idx, w, strict=True)
@@ -305,23 +311,26 @@ def _exchanged(
     absurd: Mask,
     refraction: str,
 ) -> tuple[Exchange, ...]:
-    """Return the check points that are where others were surveyed, and the reverse.
+    """Return pairs of check points whose names were exchanged.
 
-    Both differ by more than chance, and by what chance allows where their names are exchanged.
+    Both differ significantly as named, and not significantly with their names exchanged.
     """
-    found = [at_points]
+    compared = [at_points]
     if absurd.any():
-        found.append(
+        compared.append(
             differences_at(block, georeferenced, *_renumbered(selected, absurd), refraction)
         )
-    idx = np.concatenate([one.point_idx for one in found])
-    d, sigma = (np.concatenate([getattr(one, key) for one in found]) for key in ("d", "sigma"))
+    idx = np.concatenate([differences.point_idx for differences in compared])
+    d, sigma = (
+        np.concatenate([getattr(differences, key) for differences in compared])
+        for key in ("d", "sigma")
+    )
     w = np.max(np.abs(d) / sigma, axis=1)
     odd = np.flatnonzero(w > CRITICAL)
     check, idx, d, sigma, w = block.check, idx[odd], d[odd], sigma[odd], w[odd]
     surveyed = block.frame.to_grid(check.x_m[idx])
     by_other = (surveyed + d)[:, None] - surveyed[None]
-    apart = np.max(np.abs(by_other) / sigma[:, None], axis=2)
+    misfits = np.max(np.abs(by_other) / sigma[:, None], axis=2)
     return tuple(
         Exchange(
             kind="check_point",
@@ -329,21 +338,21 @@ def _exchanged(
             rows=(int(idx[i]), int(idx[j])),
             statistic=float(max(w[i], w[j])),
         )
-        for i, j in pairs_of(w, apart)
-        if max(apart[i, j], apart[j, i]) <= CRITICAL
+        for i, j in pairs_of(w, misfits)
+        if max(misfits[i, j], misfits[j, i]) <= CRITICAL
     )
 
 
 def _pairs(
     block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays
 ) -> tuple[tuple[direct.Rays, Index], int]:
-    """Return the pairs of rays of every point that meet at a sufficient angle; count others."""
+    """Return the pairs of rays of each point that meet at a sufficient angle; count the others."""
     a, b = error_sources.pairs_within(selected.group)
     group = np.repeat(np.arange(len(a)), 2)
     paired = selected.select(np.column_stack([a, b]).ravel(), group)
-    seen = direct.measured(block, georeferenced, paired)
-    angle = largest_angles(directions(seen), group, len(a))
-    good = (angle >= block.smallest_angle) & _meet(seen, paired)
+    measurement = direct.measured(block, georeferenced, paired)
+    angle = largest_angles(directions(measurement), group, len(a))
+    good = (angle >= block.smallest_angle) & _meet(measurement, paired)
     rows = np.column_stack([a[good], b[good]]).ravel()
     group = np.repeat(np.arange(int(good.sum())), 2)
     return (selected.select(rows, group), selected.group[a[good]]), int(np.sum(~good))
@@ -356,24 +365,24 @@ def _compared(
     idx: Index,
     refraction: str,
 ) -> tuple[Differences, Mask, direct.Rays]:
-    """Return the differences of groups of rays, which groups have one, and the rays of these.
+    """Return finite differences of groups of rays, the mask of these groups, and their rays.
 
     Rays that are almost parallel may meet where the map ends, or nowhere in numbers.
     """
-    found = differences_at(block, georeferenced, rays, idx, refraction)
-    known: Mask = np.isfinite(np.hstack([found.d, found.sigma])).all(axis=1)
+    differences = differences_at(block, georeferenced, rays, idx, refraction)
+    known: Mask = np.isfinite(np.hstack([differences.d, differences.sigma])).all(axis=1)
     if known.all():
-        return found, known, rays
+        return differences, known, rays
     rows = np.flatnonzero(known[rays.group])
     rays = rays.select(rows, (np.cumsum(known) - 1)[rays.group[rows]])
     return differences_at(block, georeferenced, rays, idx[known], refraction), known, rays
 
 
-def _meet(seen: Measurement, selected: direct.Rays) -> Mask:
+def _meet(measurement: Measurement, selected: direct.Rays) -> Mask:
     """Tell which groups of rays meet, in front of all their cameras."""
-    d = directions(seen)
-    x_m = intersect(seen.T_m_c.r, d, selected.group, selected.n_groups)
-    along = np.sum((x_m[selected.group] - seen.T_m_c.r) * d, axis=1)
+    d = directions(measurement)
+    x_m = intersect(measurement.T_m_c.r, d, selected.group, selected.n_groups)
+    along = np.sum((x_m[selected.group] - measurement.T_m_c.r) * d, axis=1)
     out = np.bincount(selected.group, minlength=selected.n_groups) > 0
     out[selected.group[~(along > 0)]] = False
     return out
@@ -386,7 +395,7 @@ def _renumbered(selected: direct.Rays, keep: Mask) -> tuple[direct.Rays, Index]:
     return selected.select(rows, group), points
 
 
-# --- Differences between intersected and surveyed points, with what their errors come from
+# --- Differences between intersected and surveyed points, with the sources of their errors
 
 
 @shown.briefly
@@ -439,13 +448,13 @@ def differences_at(
     refraction : str
         ``"none"`` or ``"standard"``.
     """
-    found = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
-    d, sigma = compare(block, found.x_m, found.cov, check_idx)
+    intersections = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
+    d, sigma = compare(block, intersections.x_m, intersections.cov, check_idx)
     groups = np.arange(len(check_idx))
     starts = np.searchsorted(selected.group, groups)
     ends = np.searchsorted(selected.group, groups, side="right")
     check = block.check[check_idx]
-    along_grid = turned(found.sources, check.R_g_m)
+    along_grid = turned(intersections.sources, check.R_g_m)
     survey = np.eye(3) * check.sigma_m[:, None, :] ** 2
     return Differences(
         point_idx=check_idx,
@@ -490,7 +499,7 @@ def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Arr
 def rays_of_pairs(
     block: Block, pairs: Differences, which: Sequence[int] | None = None
 ) -> direct.Rays:
-    """Return the rays of pairs: where each image of a pair shows its point.
+    """Return the rays of pairs, one to the point from each image of a pair.
 
     Parameters
     ----------
@@ -515,7 +524,7 @@ def rays_of_pairs(
     )
 
 
-# --- How well the rays of a point fit each other, within the errors of pixels and trajectory
+# --- Tests of the rays of a point against each other, within errors of pixels and trajectory
 
 
 CONTROLLED = 1e-6
@@ -599,7 +608,7 @@ def _diagonal(P: Array) -> Array:
 def cost(
     block: Block, georeferenced: Georeferenced, selected: Rays, *, refraction: str = "none"
 ) -> float:
-    """Return the weighted sum of squares of all residuals, with all that rays have in common.
+    """Return the weighted sum of squares of all residuals, with the common errors of rays.
 
     Parameters
     ----------
@@ -614,9 +623,9 @@ def cost(
 
     Notes
     -----
-    Rays of one exposure share the errors of its pose, whatever they show, and all share those of
-    the calibration. With these errors, of covariance S, the residuals v of pixels alone, their
-    derivatives A by them, and what is left of these beside the points, N = A^T P Q_vv P A, the
+    Rays of one exposure share the errors of its pose, and all rays share those of the calibration.
+    Let S be the covariance of these errors, v the residuals with weights P of pixels alone, A their
+    derivatives by these errors, and N = A^T P Q_vv P A the normal matrix reduced by the points. The
     least sum is v^T P v - b^T S (I + N S)^-1 b, with b = A^T P v.
     """
     fit = direct.intersect_rays(block, georeferenced, selected, refraction=refraction)
@@ -633,7 +642,7 @@ def cost(
 
 
 def _beside_points(A: sparse.csr_array, by_point: Array, selected: Rays) -> sparse.csr_array:
-    """Return A^T A less what the points take up of it."""
+    """Return A^T A reduced by the points."""
     groups = np.arange(selected.n_groups)
     normal = np.zeros((selected.n_groups, 3, 3))
     np.add.at(normal, selected.group, np.swapaxes(by_point, 1, 2) @ by_point)
@@ -658,8 +667,8 @@ def _explained(N: sparse.csr_array, b: Array, georeferenced: Georeferenced, used
         inner = np.eye(len(b)) + (N @ S).toarray()
         return float(np.asarray(S @ b) @ np.linalg.solve(inner, b))
     each = np.arange(n)
-    own = block_matrix(half(g.cov_body[used]), each, each, (n, n))
-    H = sparse.block_diag([own, half(g.cov_parameters)], format="csr")
+    by_pose = block_matrix(half(g.cov_body[used]), each, each, (n, n))
+    H = sparse.block_diag([by_pose, half(g.cov_parameters)], format="csr")
     joint = (sparse.eye_array(len(b)) + H.T @ N @ H).tocsc()
     right = np.asarray(H.T @ b)
     with processors.on_one_thread():
@@ -697,7 +706,7 @@ class Prediction:
     effective: float
 
     def __repr__(self) -> str:
-        """Say in a line how it fits."""
+        """Describe the fit in one line."""
         return shown.line(
             f"Prediction by {self.method}",
             f"rays {self.rays_rms_px:.3f} px",
@@ -726,8 +735,8 @@ class Prediction:
         known = self._seen & np.isfinite(observed.sigma_position).all(axis=1)
         if not known.any():
             return (np.nan,) * 3
-        off = transform(observed.R_g_m, state.T_m_b.r - observed.T_m_b.r)[known]
-        return tuple(np.sqrt(np.mean(off**2, axis=0)).tolist())
+        errors = transform(observed.R_g_m, state.T_m_b.r - observed.T_m_b.r)[known]
+        return tuple(np.sqrt(np.mean(errors**2, axis=0)).tolist())
 
     @property
     def sigma0_sq(self) -> float:
@@ -742,13 +751,13 @@ class Prediction:
 
     @property
     def sentence(self) -> str:
-        """How well the exposures fit, in words."""
+        """A sentence on the fit of the exposures."""
         exposures = self.bundle.network.exposure_idx[self._seen]
         n, east_north_height = len(np.unique(exposures)), self.position_rms_m
-        off = ", ".join(f"{value:.2f}" for value in east_north_height)
+        rms = ", ".join(f"{value:.2f}" for value in east_north_height)
         return (
             f"there are no check points; {shown.count(n, 'exposure')} that took no part in the "
-            f"calibration: rays meet within {self.rays_rms_px:.2f} px, positions are off by {off} "
+            f"calibration: rays meet within {self.rays_rms_px:.2f} px, positions are off by {rms} "
             f"m (east, north, height; RMS), variance of unit weight "
             f"{self.sigma0_sq:.3f} (p of chi-square {self.chi_square_p:.3f})"
         )
@@ -762,7 +771,7 @@ def predict(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> Prediction:
-    """Adjust a block with its cameras held at a calibration, and see how well that fits.
+    """Adjust a block with its cameras held at a calibration, to test the calibration.
 
     Rays of the block's own tie points meet, and meet where the trajectory has them, if interior
     orientation and mounting are right. Gross errors are rejected as in the single step.
@@ -770,7 +779,7 @@ def predict(
     Parameters
     ----------
     block : Block
-        That took no part in the calibration, with tie points.
+        A block with tie points that took no part in the calibration.
     calibration : Calibration
         Its cameras in the order of the block's.
     method : str
@@ -789,9 +798,9 @@ def predict(
 
     Notes
     -----
-    Where the cameras that fit the block best are d from the calibration, with the covariance C of
-    the block alone and that of the calibration, K, the sum of squares with cameras held is larger
-    by d^T C^-1 d, and with the calibration as observations by d^T (C + K)^-1 d. Every camera's
+    Let the cameras that fit the block best differ by d from the calibration, C be their covariance
+    from the block alone, and K that of the calibration. The sum of squares is larger by d^T C^-1 d
+    with cameras held, and by d^T (C + K)^-1 d with the calibration as observations. Every camera
     parameter is then an unknown and an observation: the redundancy is the same.
     """
     expected.instance("block", block, Block)
@@ -812,27 +821,27 @@ def predict(
 
 
 def _by_cameras(bundle: Bundle, calibration: Calibration) -> float:
-    """Return what the calibration's errors explain of a sum of squares with its cameras held."""
+    """Return the part of a sum of squares with held cameras that calibration errors explain."""
     n = calibration.n_columns
-    held = {one.name: getattr(bundle.network.layout, one.name) for one in fields(Layout)}
+    held = {field.name: getattr(bundle.network.layout, field.name) for field in fields(Layout)}
     later = {name: np.where(columns < 0, columns, columns + n) for name, columns in held.items()}
-    own = {"interior": calibration.layout.interior, "mount": calibration.layout.mount}
-    network = replace(bundle.network, layout=Layout(**(later | own)))
+    camera_columns = {"interior": calibration.layout.interior, "mount": calibration.layout.mount}
+    network = replace(bundle.network, layout=Layout(**(later | camera_columns)))
     cameras = np.arange(n)
     try:
         cov = adjustment.covariance(network, bundle.state, cameras)
         scale = 1 / sigmas(cov)
         z = scale * adjustment.normals(network, bundle.state).step()[0][:n]
-        alone, both = (
+        alone, with_calibration = (
             c * scale[:, None] * scale for c in (cov, cov + calibration.sigma0_sq * calibration.cov)
         )
-        return float(z @ (np.linalg.solve(alone, z) - np.linalg.solve(both, z)))
+        return float(z @ (np.linalg.solve(alone, z) - np.linalg.solve(with_calibration, z)))
     except (AdjustmentError, np.linalg.LinAlgError):  # the block alone leaves cameras open
         return 0.0
 
 
 def _effective_redundancy(bundle: Bundle) -> float:
-    """Return the redundancy that the scatter of single exposures' sums of squares has."""
+    """Return the effective redundancy, from the scatter of the exposures' sums of squares."""
     network, group = bundle.network, bundle.solution.group("image_point")
     exposure = network.block.images.exposure_idx[network.image_points.image_idx]
     squares, redundancy = (
@@ -840,6 +849,6 @@ def _effective_redundancy(bundle: Bundle) -> float:
         for values in ((group.v / group.sigma) ** 2, group.redundancy)
     )
     mean, n = squares.sum() / redundancy.sum(), int((redundancy > 0).sum())
-    off = np.sum((squares - mean * redundancy) ** 2) * n / max(n - 1, 1)
+    scatter = np.sum((squares - mean * redundancy) ** 2) * n / max(n - 1, 1)
     whole = float(bundle.solution.redundancy)
-    return min(whole, 2 * float(squares.sum()) ** 2 / off) if n > 1 and off > 0 else whole
+    return min(whole, 2 * float(squares.sum()) ** 2 / scatter) if n > 1 and scatter > 0 else whole

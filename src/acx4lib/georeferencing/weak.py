@@ -1,7 +1,7 @@
-"""Parameters that are determined, but weakly: too weak for the ground, or resting on chance.
+"""Weakly determined parameters: too weak for ground points, or dependent on wind and hills.
 
-A parameter is weak that has more than a quarter of the variance of a ground point, or whose sigma
-rests on what nobody plans: see `calibration.trust.steady`.
+A parameter is weak if it causes more than a quarter of the variance of a ground point, or if its
+sigma depends on wind and hills that nobody plans: see `calibration.stability.calm_sigmas`.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ RESTS = 4.0
 """Ratio of sigma in calm air over level ground to sigma above which it rests on wind and hills."""
 
 ALONG = (*LEVER_ARM, "xp", "yp", "delay")
-"""Parameters that a delay of the positions is like: along the flight, at one height and speed."""
+"""Parameters that correlate with a delay of the positions at one height and one speed."""
 
 SPEEDS = "strips flown at different speeds at one height, or the lever arm held"
-"""What tells them apart."""
+"""The geometry that separates them."""
 
 CHECK_POINTS, CORNERS = "check points", "the ground under the format's corners"
-"""What shares are of."""
+"""Ground points of the shares."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +63,7 @@ class Weak:
         By how many times its sigma would be larger in calm air over level ground; one where this
         was not computed.
     of : str
-        What the share is of.
+        Ground points of the share.
     """
 
     parameter: Parameter
@@ -74,7 +74,7 @@ class Weak:
 
     @property
     def reason(self) -> str:
-        """What makes it weak."""
+        """The reasons of its weakness, as a phrase."""
         p, why = self.parameter, []
         if self.share > MOST:
             where = f"{self.of} in {AXES[self.axis]}"
@@ -87,24 +87,24 @@ class Weak:
 def sentences(
     found: Sequence[Weak], features: frozenset[str] = frozenset(), *, late: bool = False
 ) -> list[str]:
-    """Return one sentence per weak parameter, or of heads alike: why, and what would determine it.
+    """Return a sentence per weak parameter, heads alike together: reasons and remedies.
 
     Parameters
     ----------
     found : sequence of Weak
         All of one adjustment.
     features : frozenset of str
-        What the flight has of this geometry, as `estimates.features` returns it.
+        Geometry of the flight, as `estimates.features` returns it.
     late : bool
         Whether a delay of the positions was estimated, too.
     """
     groups: dict[tuple[str, str, str], list[str]] = {}
-    for one in found:
-        p = one.parameter
+    for weakness in found:
+        p = weakness.parameter
         cure = needed(p.key, features)
         if late and cure == ENOUGH and p.key in ALONG:
             cure = SPEEDS
-        groups.setdefault((p.name, one.reason, cure), []).append(p.camera)
+        groups.setdefault((p.name, weakness.reason, cure), []).append(p.camera)
     return [
         f"{_named(name, cameras)} is weak ({reason}); it would need: {cure}"
         for (name, reason, cure), cameras in groups.items()
@@ -121,7 +121,7 @@ def _named(name: str, cameras: Sequence[str]) -> str:
 def of_calibration(
     calibration: Calibration, shares: Array | None, *, of: str = CHECK_POINTS
 ) -> list[Weak]:
-    """Return the parameters of cameras that have too much of the variance of ground points.
+    """Return the camera parameters with too large a share of the variance of ground points.
 
     Parameters
     ----------
@@ -129,15 +129,15 @@ def of_calibration(
     shares : ndarray, shape (3, n), or None
         As `shares` returns them.
     of : str
-        What they are of.
+        Ground points of the shares.
     """
     if shares is None:
         return []
     listed = zip(parameters(calibration), is_determined(calibration), shares.T, strict=True)
     return [
-        Weak(parameter=p, share=float(own.max()), axis=int(own.argmax()), of=of)
-        for p, determined, own in listed
-        if determined and own.max() > MOST
+        Weak(parameter=p, share=float(by_axis.max()), axis=int(by_axis.argmax()), of=of)
+        for p, determined, by_axis in listed
+        if determined and by_axis.max() > MOST
     ]
 
 
@@ -157,24 +157,24 @@ def of_bundle(bundle: Bundle) -> list[Weak]:
     determined = [*is_determined(calibration), *trajectory_errors.is_determined(bundle)]
     return [
         Weak(parameter=p, calm=float(ratio))
-        for p, told, ratio in zip(listed, determined, calm, strict=True)
-        if told and ratio > RESTS
+        for p, settled, ratio in zip(listed, determined, calm, strict=True)
+        if settled and ratio > RESTS
     ]
 
 
 def together(found: Sequence[Weak]) -> list[Weak]:
-    """Return one for each parameter, with all that makes it weak."""
+    """Merge the entries of each parameter, with all its reasons."""
     out: dict[str, Weak] = {}
-    for one in found:
-        key = one.parameter.full_name
-        other = out.get(key, one)
-        larger = max(one, other, key=lambda weak: weak.share)
+    for weakness in found:
+        key = weakness.parameter.full_name
+        other = out.get(key, weakness)
+        larger = max(weakness, other, key=lambda weak: weak.share)
         out[key] = Weak(
-            parameter=one.parameter,
+            parameter=weakness.parameter,
             share=larger.share,
             axis=larger.axis,
             of=larger.of,
-            calm=max(one.calm, other.calm),
+            calm=max(weakness.calm, other.calm),
         )
     return [*out.values()]
 
@@ -183,7 +183,7 @@ def together(found: Sequence[Weak]) -> list[Weak]:
 
 
 def shares(sources: ErrorSources, calibration: Calibration) -> Array | None:
-    """Return by what share the variance of ground points falls if one parameter becomes known.
+    """Return the relative decrease of ground point variances if a parameter becomes known.
 
     Parameters
     ----------
@@ -215,14 +215,14 @@ def shares(sources: ErrorSources, calibration: Calibration) -> Array | None:
 
 
 def shares_at_corners(calibration: Calibration, block: Block) -> Array | None:
-    """Return `shares` for the ground under the corners of the format, the largest of all cameras.
+    """Return `shares` for the ground under the corners of the format, the largest over all cameras.
 
     The images are those of a regular mapping flight at the height of a block, with the accuracies
     of this block. None where a camera does not look down, or something is not known.
     """
-    found = [_at_corners(calibration, camera, block) for camera in calibration.cameras]
-    there = [one for one in found if one is not None]
-    return np.max(there, axis=0) if there else None
+    by_camera = [_at_corners(calibration, camera, block) for camera in calibration.cameras]
+    known = [of_camera for of_camera in by_camera if of_camera is not None]
+    return np.max(known, axis=0) if known else None
 
 
 def _at_corners(calibration: Calibration, camera: Camera, block: Block) -> Array | None:

@@ -1,4 +1,4 @@
-"""Least squares that knows no camera.
+"""Gauss-Newton adjustment with points eliminated; it knows no camera.
 
 There are two kinds of unknowns: the columns of the reduced system, and points with three
 coordinates each. An observation depends on one point at most; therefore the Schur complement
@@ -36,7 +36,7 @@ NEAR = 1e-4
 """Predicted decrease of the cost, in units of its mean, below which no step needs damping."""
 
 FINE = 1e-6
-"""The same, below which rounding errors may hide it: the next prediction tells instead."""
+"""The same, below which rounding errors may hide it: the next prediction decides instead."""
 
 EXACT = 1e-14
 """Predicted decrease that is taken for rounding errors of data without noise."""
@@ -64,8 +64,8 @@ class Solution:
         A priori covariances; zero for points that are held.
     groups : tuple of Group
     datum : str
-        What the covariances refer to: ``"observed"``, or held unknowns, or ``"inner"``
-        constraints on points.
+        Datum of the covariances: ``"observed"``, or held unknowns, or ``"inner"`` constraints
+        on points.
     """
 
     cost: float
@@ -113,7 +113,7 @@ class Solution:
 
     @property
     def sigma0_sq(self) -> float:
-        """A posteriori variance of unit weight; one where there is no redundancy."""
+        """A posteriori variance of unit weight; one without redundancy."""
         return self.cost / self.redundancy if self.redundancy > 0 else 1.0
 
     @property
@@ -138,14 +138,14 @@ def two_sided_p(cost: float, redundancy: float) -> float:
 def normals(
     problem: Problem[S], state: S, damping: float = 0.0, *, before: Normals | None = None
 ) -> Normals:
-    """Return a problem's normal equations at a state, from its own method if it has one.
+    """Return the normal equations of a problem at a state, by its method ``normals`` if it has one.
 
-    Its own may take over the memory of the normal equations at the state before. Damping remembers
-    the diagonal of plain ones.
+    That method may reuse the memory of the previous normal equations. Damping keeps a share of the
+    previous diagonal of `PlainNormals`.
     """
-    own: Callable[[S, float, Normals | None], Normals] | None = getattr(problem, "normals", None)
-    if own is not None:
-        return own(state, damping, before)
+    method: Callable[[S, float, Normals | None], Normals] | None = getattr(problem, "normals", None)
+    if method is not None:
+        return method(state, damping, before)
     least = FORGOTTEN * before.diagonal if isinstance(before, PlainNormals) else 0.0
     return PlainNormals(
         n_columns=problem.n_columns,
@@ -159,7 +159,7 @@ def normals(
 def solve(
     problem: Problem[S], state: S, *, max_iterations: int = 200, tolerance: float = 1e-5
 ) -> tuple[S, Solution]:
-    """Adjust: Gauss-Newton, damped by the gain ratio where full steps do not keep their promise.
+    """Adjust by Gauss-Newton, damped by the gain ratio where a full step falls short of prediction.
 
     Parameters
     ----------
@@ -188,19 +188,19 @@ def solve(
 
 
 def designed(problem: Problem[S], state: S) -> Solution:
-    """Return the precision of a design: at a known state, before anything is measured.
+    """Return the precision of a design, at a known state, before any measurement.
 
     Parameters
     ----------
     problem : Problem
-        Its observations are where they would be, without errors.
+        Its observations are the expected ones, without errors.
     state
         The true one.
 
     Returns
     -------
     Solution
-        Without an iteration. The cost is the one that is expected, the redundancy: sigma0 is one.
+        Without an iteration. The cost is its expectation, the redundancy: sigma0 is one.
 
     Raises
     ------
@@ -210,8 +210,8 @@ def designed(problem: Problem[S], state: S) -> Solution:
     with _solving():
         at_state = normals(problem, state)
         _degrees_of_freedom(problem, at_state)
-        found = _solution(problem, at_state, at_state.precision(), 0)
-    return replace(found, cost=float(found.redundancy))
+        solution = _solution(problem, at_state, at_state.precision(), 0)
+    return replace(solution, cost=float(solution.redundancy))
 
 
 def covariance(problem: Problem[S], state: S, columns: Index) -> Array:
@@ -226,7 +226,7 @@ def covariance(problem: Problem[S], state: S, columns: Index) -> Array:
     Returns
     -------
     ndarray, shape (k, k)
-        Sooner than all that a solution has.
+        Computed faster than a whole solution.
 
     Raises
     ------
@@ -235,17 +235,17 @@ def covariance(problem: Problem[S], state: S, columns: Index) -> Array:
     """
     with _solving():
         at_state = normals(problem, state)
-        own: Callable[[Index], Array] | None = getattr(at_state, "covariance", None)
-        if own is not None:
-            return own(columns)
+        method: Callable[[Index], Array] | None = getattr(at_state, "covariance", None)
+        if method is not None:
+            return method(columns)
         return at_state.precision().inverse.at(columns[:, None], columns)
 
 
 @contextmanager
 def _solving() -> Iterator[None]:
-    """Solve on one thread; what cannot be solved is an AdjustmentError.
+    """Solve on one thread; raise an AdjustmentError for a singular system.
 
-    Matrices are small or banded: more threads cost more than they bring.
+    Matrices are small or banded: more threads cost more than they save.
     """
     try:
         with processors.on_one_thread():
@@ -302,16 +302,16 @@ def _descend(
         if damping.value == 0.0 and promised <= tolerance**2 * unit:
             return None
         trial = problem.moved(state, *here.step())
-        there = normals(problem, trial, damping.most_hopeful, before=start)
-        kept = gain(start.cost - there.cost, promised)
+        trial_normals = normals(problem, trial, damping.most_hopeful, before=start)
+        kept = gain(start.cost - trial_normals.cost, promised)
         if damping.helps(kept):
             after = damping.after_success(kept, near=promised <= max(NEAR * unit, EXACT))
             if after.value != damping.most_hopeful:
-                there = normals(problem, trial, after.value, before=start)
-            return trial, there, after
+                trial_normals = normals(problem, trial, after.value, before=start)
+            return trial, trial_normals, after
         if damping.value == 0.0 and promised <= max(FINE * unit, EXACT):
-            if there.promised < promised:
-                return trial, there, damping
+            if trial_normals.promised < promised:
+                return trial, trial_normals, damping
             hidden = True
         damping = damping.after_failure()
         here = normals(problem, state, damping.value, before=start)
@@ -369,13 +369,13 @@ FULL_GAIN = 0.25
 
 
 def gain(decrease: float, promised: float) -> float:
-    """Return the decrease of the cost divided by the predicted one; none promised, none gained."""
+    """Return the decrease of the cost divided by the predicted one; zero without a prediction."""
     return decrease / promised if promised > 0 else -np.inf
 
 
 @dataclass(frozen=True, kw_only=True)
 class Damping:
-    """Damping of the next step, and how it goes on from there.
+    """Damping of the next step, and its change after success or failure.
 
     Attributes
     ----------
@@ -415,7 +415,7 @@ class Damping:
         return gain > (0.0 if self.value else FULL_GAIN)
 
     def after_success(self, gain: float, *, near: bool) -> Damping:
-        """Return the damping after a step that was taken; near the minimum the next one is full."""
+        """Return the damping after a successful step; near the minimum the next step is full."""
         if self.value == 0.0:
             return self
         value = max(self.most_hopeful, self.value * (1 - (2 * gain - 1) ** 3))
@@ -424,13 +424,13 @@ class Damping:
         return Damping(value=value)
 
     def after_failure(self) -> Damping:
-        """Return the damping after a step that was not taken."""
+        """Return the damping after a failed step."""
         if self.value == 0.0:
             return replace(self, value=self.kept)
         return replace(self, value=self.value * self.growth, growth=2 * self.growth)
 
 
-# --- Points that were eliminated: how they follow the reduced unknowns, and vary with them
+# --- Eliminated points: derivatives by the reduced unknowns, and covariances with them
 
 
 def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: Index) -> Array:
@@ -458,36 +458,36 @@ def cross_covariance(problem: Problem[S], state: S, solution: Solution, points: 
 
 
 def elimination(problem: Problem[S], state: S, points: Index) -> tuple[Array, Array]:
-    """Return how some points follow the reduced unknowns, and what is left to themselves.
+    """Return derivatives of points by the reduced unknowns, and their conditional covariances.
 
     Parameters
     ----------
     problem : Problem
-        It needs no observations of other points.
+        Observations of other points are not used.
     state : the solution's
     points : ndarray, shape (k,)
-        Held ones follow nothing, and are known.
+        Held points have zero gain and zero covariance.
 
     Returns
     -------
     gain : ndarray, shape (k, 3, n_columns)
         Points move by -gain dx where the reduced unknowns move by dx.
-    own : ndarray, shape (k, 3, 3)
+    cov_points : ndarray, shape (k, 3, 3)
         Covariance of each point where the reduced unknowns are known.
     """
     known, back = np.unique(points, return_inverse=True)
     equations = [of_points(e, known)[0] for e in problem.equations(state) if e.B is not None]
     free = problem.free_points[known]
     V, _ = point_normals(free, equations)
-    own, gain = np.linalg.inv(V), np.zeros((len(known), 3, problem.n_columns))
+    cov_points, gain = np.linalg.inv(V), np.zeros((len(known), 3, problem.n_columns))
     for chunk, strip in strips(problem.n_columns, free, equations):
-        gain[chunk] = own[chunk] @ strip
-    own[~free] = 0.0
-    return gain[back], own[back]
+        gain[chunk] = cov_points[chunk] @ strip
+    cov_points[~free] = 0.0
+    return gain[back], cov_points[back]
 
 
 def of_points(e: Equations, points: Index) -> tuple[Equations, Index]:
-    """Return the observations of some points, numbered by their places among these; their rows.
+    """Return the observations of some points, renumbered by places in `points`, and their rows.
 
     Parameters
     ----------
@@ -496,7 +496,7 @@ def of_points(e: Equations, points: Index) -> tuple[Equations, Index]:
     points : ndarray, shape (k,)
         Sorted.
     """
-    of = np.asarray(e.point)
-    rows = np.flatnonzero(np.isin(of, points))
+    point_idx = np.asarray(e.point)
+    rows = np.flatnonzero(np.isin(point_idx, points))
     parts = {name: getattr(e, name)[rows] for name in ("v", "sigma", "A", "unit", "B")}
-    return replace(e, **parts, point=np.searchsorted(points, of[rows])), rows
+    return replace(e, **parts, point=np.searchsorted(points, point_idx[rows])), rows

@@ -23,7 +23,7 @@ S = TypeVar("S")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motions:
-    """The motions of a whole network that no observation notices, d in number.
+    """The d motions of a whole network that change no observation.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class _DatumInverse:
     minimal : Inverse
         Covariance where some unknowns are held.
     place : ndarray, shape (n,)
-        Where the unknowns stand in it, -1 for those that are held.
+        Place of each unknown in it, -1 where held.
     G : ndarray, shape (n, d)
         d(unknowns) / d(motions).
     R : ndarray, shape (n, d)
@@ -115,7 +115,7 @@ class _DatumInverse:
 def with_inner_constraints(
     minimal: tuple[Problem[S], S, Solution], motions: Motions, place: Index, chosen: Mask
 ) -> Solution:
-    """Return a solution in the datum in which chosen points are moved as little as possible.
+    """Return a solution in the datum that moves the chosen points least.
 
     Parameters
     ----------
@@ -171,12 +171,12 @@ def _covariances_with(
 ) -> tuple[Array, Array]:
     """Return the covariances of columns and points with sums over the points, H^T x."""
     V, _ = point_normals(problem.free_points, equations)
-    own = np.linalg.solve(V, H)
-    own[~problem.free_points] = 0.0
+    directly = np.linalg.solve(V, H)
+    directly[~problem.free_points] = 0.0
     shared = np.zeros((problem.n_columns + 1, H.shape[2]))
     coupled = [(e, e.B, e.point) for e in equations if e.B is not None and e.point is not None]
     for e, B, point in coupled:
-        weighted = B @ own[point] / e.sigma[:, :, None] ** 2
+        weighted = B @ directly[point] / e.sigma[:, :, None] ** 2
         np.add.at(shared, e.columns[e.unit], np.swapaxes(e.A, 1, 2) @ weighted)
     by_columns = -solution.inverse.times(shared[:-1].T).T
     padded = np.append(by_columns, np.zeros((1, H.shape[2])), axis=0)
@@ -184,6 +184,6 @@ def _covariances_with(
     for e, B, point in coupled:
         weighted = e.A @ padded[e.columns[e.unit]] / e.sigma[:, :, None] ** 2
         np.add.at(moved, point, np.swapaxes(B, 1, 2) @ weighted)
-    by_points = own - np.linalg.solve(V, moved)
+    by_points = directly - np.linalg.solve(V, moved)
     by_points[~problem.free_points] = 0.0
     return by_columns, by_points

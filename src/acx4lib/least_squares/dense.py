@@ -1,6 +1,6 @@
-"""Dense reduced normal equations: their solution, their inverse, what they leave open.
+"""Dense reduced normal equations: solution, inverse, and directions left open.
 
-`banded` has those of large blocks.
+`banded` is for large blocks.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ SINGULAR = 1e-11
 """Eigenvalue of the scaled normal matrix below which a direction is not determined."""
 
 LEAST = 1e-32
-"""Eigenvalue that conditions take for a smaller one, rounding only: the square of the precision."""
+"""Least eigenvalue in conditions, the square of the precision; smaller ones are rounding."""
 
 
 class Inverse(Protocol):
-    """The covariance of the reduced unknowns and what they leave open."""
+    """The covariance of the reduced unknowns, and the directions left open."""
 
     @property
     def dense(self) -> Array:
@@ -81,7 +81,7 @@ class Dense:
 
     @cached_property
     def scale(self) -> Array:
-        """Factors of the unknowns that make the diagonal one, shape (n,)."""
+        """Scale factors of the unknowns, for a unit diagonal, shape (n,)."""
         return 1 / np.sqrt(np.where(self.diagonal > 0, self.diagonal, 1.0))
 
     @cached_property

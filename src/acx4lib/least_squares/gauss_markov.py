@@ -12,11 +12,11 @@ from acx4lib.expected import Array
 
 @dataclass(frozen=True, kw_only=True)
 class GaussMarkov:
-    """How errors of one standard deviation sigma are correlated in time.
+    """Correlation in time of errors with standard deviation sigma.
 
     Their covariance at the times t_i and t_j is
     ``sigma_i sigma_j (share**2 exp(-|t_i - t_j| / time_constant_s) + (1 - share**2) delta_ij)``:
-    the variance sigma**2 is the sum of that of a slow part, share**2 of it, and of white noise.
+    the variance sigma**2 is the sum of a slow part, share**2 of it, and white noise.
 
     Attributes
     ----------
@@ -37,8 +37,8 @@ class GaussMarkov:
 
     def together(self, time_s: Array) -> Array:
         """Return the correlation of the slow part at n times, shape (n, n)."""
-        apart: Array = np.abs(np.subtract.outer(time_s, time_s)) / self.time_constant_s
-        return np.exp(-apart)
+        lag: Array = np.abs(np.subtract.outer(time_s, time_s)) / self.time_constant_s
+        return np.exp(-lag)
 
 
 WHITE = GaussMarkov()

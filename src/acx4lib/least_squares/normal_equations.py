@@ -1,4 +1,4 @@
-"""What an adjustment needs to know of its application."""
+"""Observation equations and normal equations: the interface of an adjustment."""
 
 from __future__ import annotations
 
@@ -104,10 +104,10 @@ class Precision:
 
 
 class Problem(Protocol[S]):
-    """What an adjustment needs from its application.
+    """The interface of an application to the adjustment.
 
-    A problem may also have a method ``normals(state, damping, before)`` that returns `Normals` of
-    its own, and may take over the memory of those before; otherwise they are assembled from its
+    A problem may also have a method ``normals(state, damping, before)`` that returns its own
+    `Normals` and may reuse the memory of the previous ones; otherwise they are assembled from the
     equations.
     """
 
@@ -204,22 +204,22 @@ def column_normals(n: int, equations: Sequence[Equations]) -> tuple[Array, Array
 
 
 def _dense_rows(n: int, equations: Sequence[Equations]) -> tuple[Array, Array]:
-    """Return A, shape (n_rows, n), and v over all groups, each with the unit matrix for weights."""
+    """Return A, shape (n_rows, n), and v of all groups, whitened to unit weights."""
     A: list[Array] = [np.zeros((0, n))]
     v: list[Array] = [np.zeros(0)]
     for e in equations:
         rows = np.zeros((*e.v.shape, n + 1))
         np.put_along_axis(rows, np.broadcast_to(e.columns[e.unit][:, None], e.A.shape), e.A, axis=2)
-        both: tuple[Array, Array] = (rows[:, :, :n] / e.sigma[:, :, None], e.v / e.sigma)
+        whitened: tuple[Array, Array] = (rows[:, :, :n] / e.sigma[:, :, None], e.v / e.sigma)
         if e.correlation is not None:
-            both = (e.correlation.whitened(both[0]), e.correlation.whitened(both[1]))
-        A.append(both[0].reshape(-1, n))
-        v.append(both[1].ravel())
+            whitened = (e.correlation.whitened(whitened[0]), e.correlation.whitened(whitened[1]))
+        A.append(whitened[0].reshape(-1, n))
+        v.append(whitened[1].ravel())
     return np.concatenate(A), np.concatenate(v)
 
 
 def units(e: Equations) -> Iterator[tuple[Index, Index, Mask]]:
-    """Yield each unit's rows, its free columns in the reduced system, and which are held."""
+    """Yield each unit's rows, its free columns in the reduced system, and the mask of held ones."""
     if e.A.shape[2] == 0:
         return
     order = np.argsort(e.unit, kind="stable")
@@ -272,8 +272,8 @@ def strips(
             point = np.asarray(e.point)
             rows = np.flatnonzero((point >= start) & (point < chunk.stop))
             columns = np.where(e.columns < 0, n, e.columns)[e.unit[rows]]
-            at = (point[rows] - start)[:, None] * 3 + np.arange(3)
-            flat = at[:, :, None] * (n + 1) + columns[:, None, :]
+            coordinate = (point[rows] - start)[:, None] * 3 + np.arange(3)
+            flat = coordinate[:, :, None] * (n + 1) + columns[:, None, :]
             strip += np.bincount(flat.ravel(), product[rows].ravel(), minlength=len(strip))
         dense = strip.reshape(-1, 3, n + 1)[:, :, :n]
         dense[~free_points[chunk]] = 0.0
@@ -368,9 +368,9 @@ class PlainNormals:
         N, g = self._columns
         scale = 1 / np.sqrt(np.where(N.diagonal() > 0, N.diagonal(), 1.0))
         damped = np.diag(np.sqrt(self.damping * self.diagonal))
-        both = np.vstack([A, damped]) * scale
+        stacked = np.vstack([A, damped]) * scale
         right = -np.concatenate([v, np.zeros(self.n_columns)])
-        dx = scale * np.linalg.lstsq(both, right, rcond=ROUNDING)[0]
+        dx = scale * np.linalg.lstsq(stacked, right, rcond=ROUNDING)[0]
         return dx, -float(g @ dx)
 
     def precision(self) -> Precision:

@@ -1,4 +1,4 @@
-"""How processors share work, how linear algebra leaves them to it, and what memory is kept."""
+"""Parallel calls, threads of linear algebra, and memory that a process keeps."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TRIM_THRESHOLD, MMAP_MAX = -1, -4
 heap goes back to the system, and how many arrays may have memory of their own, which goes back."""
 
 GIVEN_UP = "KilledWorker"
-"""Dask's error of a call that was with several workers when they died."""
+"""Dask's error of a call whose workers died several times."""
 
 
 def cores() -> int:
@@ -35,11 +35,11 @@ def cores() -> int:
 
 
 def keep_memory() -> None:
-    """Keep the memory of arrays that are let go for those that follow, in this process.
+    """Keep freed memory of arrays for later arrays of this process.
 
-    Otherwise every large array is new memory from the system. To provide that takes up to a quarter
-    of the time of a large flight on a virtual machine. Memory then stays at its peak until the
-    process ends: this is for a process that does one thing. Only the GNU C library can do it;
+    Otherwise the system provides new memory for every large array. On a virtual machine this takes
+    up to a quarter of the time of a large flight. Memory then stays at its peak until the process
+    ends: this is for a process with a single task. It works with the GNU C library only;
     elsewhere nothing changes.
     """
     settle = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
@@ -49,7 +49,7 @@ def keep_memory() -> None:
 
 
 def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
-    """Return a function of each part, in the order of the parts; as many at a time as processors.
+    """Return the function's value for each part, in order; parts run in parallel on all processors.
 
     For functions that spend their time where Python's lock is free. Meanwhile linear algebra has
     one thread, so that results do not depend on the number of processors.
@@ -70,8 +70,8 @@ def as_finished(
 ) -> Iterator[tuple[P, Future[R]]]:
     """Yield every part with its finished call, in the order in which the calls finish.
 
-    When a worker of a Dask cluster dies, Dask blames what waited there as well. What it gives up is
-    therefore called again at the end, one at a time.
+    When a worker of a Dask cluster dies, Dask also gives up the calls that waited there. These are
+    repeated at the end, one at a time.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def as_finished(
 
 
 def on_one_thread() -> AbstractContextManager[object]:
-    """Return a context in which linear algebra takes one thread."""
+    """Return a context that limits linear algebra to one thread."""
     return _blas("scipy.linalg" in sys.modules).limit(limits=1)
 
 

@@ -1,6 +1,6 @@
-"""What residuals say.
+"""Statistics of residuals.
 
-Weighted squares, distributions, tests one by one and of many, and errors that change slowly.
+Weighted squares, distributions, single and multiple tests, and slowly changing errors.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import processors
 
-# --- Weighted sums of squares of standard normal values: what a quadratic form of residuals is
+# --- Weighted sums of squares of standard normal values: quadratic forms of residuals
 
 
 STEP, NODES = 0.15, 160
@@ -72,7 +72,7 @@ def tails(x: float, weights: Array) -> tuple[float, float]:
 
 
 def _part(x: float, w: Array, *, is_above: bool) -> float:
-    """Return the probability above x, or below it; the largest weight is one."""
+    """Return the probability above x, or below; the largest weight must be one."""
     least = _LEAST / np.sqrt(2 * np.sum(w**2))
     c = _saddle(x, w)
     c = max(c, least) if is_above else min(c, -least)
@@ -82,8 +82,8 @@ def _part(x: float, w: Array, *, is_above: bool) -> float:
     t = STEP * (np.arange(NODES) + 0.5)
     s = c + scale * (1j * t + bend * t**2)
     exponent = -0.5 * np.sum(np.log(1 - 2 * w[:, None] * s), axis=0) - s * x
-    found = np.sum((np.exp(exponent) / s * scale * (1j + 2 * bend * t)).imag) * STEP / np.pi
-    return float(found if is_above else -found)
+    integral = np.sum((np.exp(exponent) / s * scale * (1j + 2 * bend * t)).imag) * STEP / np.pi
+    return float(integral if is_above else -integral)
 
 
 def _saddle(x: float, w: Array) -> float:
@@ -98,7 +98,7 @@ def _saddle(x: float, w: Array) -> float:
     return 0.5 * (low + high)
 
 
-# --- Residuals after an adjustment, with what tests of single observations need
+# --- Residuals after an adjustment, with the terms for tests of single observations
 
 
 LEAST = 1e-6
@@ -106,7 +106,7 @@ LEAST = 1e-6
 
 
 class Together(NamedTuple):
-    """What the tests of correlated observations need: those of the others count as well.
+    """Terms for tests of correlated observations, which contain the other residuals.
 
     Attributes
     ----------
@@ -160,19 +160,19 @@ class Group:
 
     @property
     def squares(self) -> Array:
-        """What each component adds to the weighted sum of squared residuals, shape (m, d)."""
+        """Contribution of each component to the weighted sum of squared residuals, shape (m, d)."""
         if self.together is None:
             return np.square(self.v / self.sigma)
         return self.v / self.sigma * self.together.weighted
 
     @property
     def control(self) -> Array:
-        """How far the others control an observation: sigma^2 (P Q_vv P)_ii, shape (m, d)."""
+        """Control of an observation by the others: sigma^2 (P Q_vv P)_ii, shape (m, d)."""
         return self.redundancy if self.together is None else self.together.control
 
     @property
     def error(self) -> Array:
-        """What an observation differs by from its prediction, where its sigma is very large."""
+        """Difference from the prediction, of observations with a very large sigma, shape (m, d)."""
         if self.together is None:
             return self.v
         return self._sigma_used * self.weighted / np.where(self.control > 0, self.control, np.nan)
@@ -240,7 +240,7 @@ def statistics(group: Group, out: Mask) -> tuple[Array, Mask]:
 
 
 def w_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -> list[float]:
-    """Return the limit of w for each group, times the spread of w where that exceeds one.
+    """Return the limit of w for each group, times the spread of w if larger than one.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def w_limits(groups: Sequence[Group], outs: Sequence[Mask], critical: float) -> 
 
 
 def _excess(w: Array) -> float:
-    """Return the spread of w where it exceeds one by more than chance explains; else one."""
+    """Return the spread of w if it is significantly larger than one; else one."""
     known = np.abs(w[np.isfinite(w)])
     if len(known) < FEW:
         return 1.0
@@ -352,7 +352,7 @@ def norm_sf(x: float) -> float:
 
 
 def norm_ppf(q: float) -> float:
-    """Return what a standard normal value is below with probability q."""
+    """Return the quantile q of the standard normal distribution."""
     return float(special.ndtri(q))
 
 
@@ -367,12 +367,12 @@ def chi2_sf(x: float, df: float) -> float:
 
 
 def chi2_ppf(q: float, df: float) -> float:
-    """Return what a chi-square value is below with probability q."""
+    """Return the quantile q of the chi-square distribution."""
     return float(2 * special.gammaincinv(df / 2, q))
 
 
 def chi2_isf(q: float, df: float) -> float:
-    """Return what a chi-square value is above with probability q."""
+    """Return the value that a chi-square variable exceeds with probability q."""
     return float(special.chdtri(df, q))
 
 
@@ -382,12 +382,12 @@ def t_sf(x: float, df: float) -> float:
 
 
 def t_ppf(q: float, df: float) -> float:
-    """Return what a value of Student's t is below with probability q."""
+    """Return the quantile q of Student's t."""
     return float(special.stdtrit(df, q))
 
 
 def t_isf(q: float, df: float) -> float:
-    """Return what a value of Student's t is above with probability q."""
+    """Return the value that Student's t exceeds with probability q."""
     return float(-special.stdtrit(df, q))
 
 
@@ -424,7 +424,7 @@ class SlowErrors:
         expected.shape("together", self.together, (m, m))
 
     def correlation(self, sigma: Array) -> Correlation:
-        """Return the correlation of errors of which this is a part, and the rest is white.
+        """Return the correlation of errors that consist of this part and white noise.
 
         Parameters
         ----------
@@ -445,9 +445,9 @@ class SlowErrors:
 def _inverted(share: Array, together: Array) -> Correlation:
     """Return the weights for correlations of share_i share_j times those of the slow part."""
     inverse: list[Array] = []
-    for c, own in enumerate(share.T):
-        same = [inverse[b] for b in range(c) if np.array_equal(own, share[:, b])]
-        inverse.append(same[0] if same else _inverse(own, together))
+    for c, column in enumerate(share.T):
+        equal = [inverse[b] for b in range(c) if np.array_equal(column, share[:, b])]
+        inverse.append(equal[0] if equal else _inverse(column, together))
     counts = np.zeros(together.shape, dtype=bool)
     for P in inverse:
         each = np.sqrt(P.diagonal())
@@ -507,11 +507,11 @@ class Correlation:
     @cached_property
     def factors(self) -> tuple[Array, ...]:
         """An upper triangle U, (m, m), of every component: the inverse is U^T U."""
-        dense = (self._matrix(own).toarray() for own in self.weight.T)
+        dense = (self._matrix(weights).toarray() for weights in self.weight.T)
         return tuple(np.linalg.cholesky(P).T for P in dense)
 
     def whitened(self, z: Array) -> Array:
-        """Return what has the unit matrix for weights, shape (m, d, ...) as z.
+        """Return z whitened to unit weights, shape (m, d, ...) as z.
 
         Parameters
         ----------
@@ -522,7 +522,7 @@ class Correlation:
         return np.stack(each, axis=1)
 
     def tested(self, z: Array, explained: Array) -> tuple[Array, Together]:
-        """Return redundancy numbers, shape (m, d), and what tests need besides.
+        """Return redundancy numbers, shape (m, d), and the other terms of tests.
 
         Parameters
         ----------
