@@ -44,7 +44,7 @@ def __getattr__(name: str) -> object:
     """Load a function of `__all__`, or a room, on first use."""
     module, function = _STANDS_IN.get(name, (name, ""))
     try:
-        found = import_module(f"{__name__}.{module}")
+        loaded = import_module(f"{__name__}.{module}")
     except ModuleNotFoundError as error:
         if error.name in _OF_PIXELS:
             errors = import_module(f"{__name__}.errors")
@@ -52,9 +52,9 @@ def __getattr__(name: str) -> object:
         if error.name != f"{__name__}.{name}":
             raise
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
-    return getattr(found, function) if function else found
+    return getattr(loaded, function) if function else loaded
 
 
 def __dir__() -> list[str]:
-    """Name what is loaded, and what will be."""
+    """Return the names of loaded and lazily loaded attributes."""
     return sorted({*globals(), *__all__})

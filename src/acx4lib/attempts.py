@@ -1,4 +1,4 @@
-"""A computation that is tried: its outcome, or why it has none, as a value."""
+"""The outcome of a computation, or the reason of its failure, as a value."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Failed:
         Name of the function that failed.
     reason : str
     error : Exception
-        What it raised: an AdjustmentError, or numpy's LinAlgError.
+        The exception: an AdjustmentError, or numpy's LinAlgError.
     """
 
     method: str
@@ -36,11 +36,11 @@ class Failed:
     error: Exception
 
     def __bool__(self) -> bool:
-        """Tell that there is no outcome."""
+        """Return False: there is no outcome."""
         return False
 
     def __repr__(self) -> str:
-        """Say what failed, and why, in one line."""
+        """Describe the failure and its reason in one line."""
         return shown.line(f"Failed {self.method}", " ".join(self.reason.split()))
 
     def table(self) -> pd.DataFrame:
@@ -53,7 +53,7 @@ class Failed:
 
 
 def attempt(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | Failed:
-    """Return what a function returns, or a Failed where its data determine no outcome.
+    """Return the value of a function, or a Failed where its data determine no outcome.
 
     Parameters
     ----------

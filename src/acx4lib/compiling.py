@@ -1,4 +1,4 @@
-"""How functions are compiled, and where the result is kept."""
+"""Compilation of functions, and the cache of compiled code."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def compiled(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compile a function into those that call it.
+    """Compile a function inline into its callers.
 
     For functions called at every point: passing the arrays would take longer than the work.
     """
@@ -57,14 +57,14 @@ def uncounted(function: F) -> F:
 
 
 def uncounted_inlined(function: F) -> F:
-    """Compile a function as `uncounted` does, into those that call it."""
+    """Compile a function as `uncounted` does, inline into its callers."""
     return _kept(function, _nrt=False, forceinline=True, **_HOW)
 
 
 def load(*functions: Callable[..., Any]) -> None:
-    """Load what is kept of compiled functions now, as an extension module is when it is imported.
+    """Load compiled functions from the cache now, as the import of an extension module would.
 
-    At their first calls it would take as long as the adjustment of a small block.
+    Loading them at their first calls takes as long as the adjustment of a small block.
     """
     for function in functions:
         kept = getattr(function, "_cache", None)
@@ -75,7 +75,7 @@ def load(*functions: Callable[..., Any]) -> None:
 def _folder() -> Path | None:
     """Return the cache folder of the present sources; None where the user has none of his own.
 
-    What is kept is code that later processes run.
+    The cache holds code that later processes run.
 
     Every state of the sources has its own folder: numba checks the date of a function's own
     module only, but functions of other modules are compiled into it.
@@ -93,9 +93,9 @@ def _folder() -> Path | None:
 
 
 def _is_own(folder: Path) -> bool:
-    """Tell whether the user can make files in a folder, and nobody else can put any in their place.
+    """Tell whether only the user, or the administrator, can write files in a folder.
 
-    A missing folder is made. The system's administrator counts as nobody else.
+    A missing folder is made.
     """
     me = system.user()
     try:
@@ -108,16 +108,16 @@ def _is_own(folder: Path) -> bool:
     if me is None:
         return os.access(folder, os.W_OK)
     held = all(
-        one.st_uid in (*_SYSTEM, me)
-        # in /tmp others may write, but move away only what is theirs
-        and (one.st_mode & stat.S_ISVTX or not _is_open(one))
-        for one in above
+        status.st_uid in (*_SYSTEM, me)
+        # in /tmp others may write, but move only their own files
+        and (status.st_mode & stat.S_ISVTX or not _is_open(status))
+        for status in above
     )
     return is_mine and held and os.access(folder, os.W_OK | os.X_OK)
 
 
 _SYSTEM = (0, 65534)
-"""Owners of the system's folders; the second is what 0 is called inside some containers."""
+"""Owners of the system's folders; the second stands for 0 inside some containers."""
 
 
 def _is_open(status: os.stat_result) -> bool:
@@ -170,17 +170,16 @@ class _Place(UserProvidedCacheLocator):
 
 
 class _Kept(CompileResultCacheImpl):
-    """Machine code; the code that other functions are compiled with is kept beside it.
+    """Cached machine code; the intermediate code, for compiling callers, is stored beside it.
 
-    Of the latter numba reads the names at once, and asks for those of functions. All of it takes
-    longer to read than a small adjustment lasts, and is needed only where something else is
-    compiled anew.
+    Numba reads all intermediate code at once, only to list the names of functions. That takes
+    longer than a small adjustment, and is needed only where a caller is compiled anew.
     """
 
     _locator_classes: list[type[object]] = [_Place]  # noqa: RUF012 as numba declares it
 
     def reduce(self, data: Any) -> Any:
-        """Return what is kept of a compiled function."""
+        """Return the cache entry of a compiled function."""
         (name, kind, (machine, linked)), *others = super().reduce(data)  # type: ignore[no-untyped-call] # numba has no types
         return ((name, kind, (machine, _names_alone(linked))), *others), linked
 
@@ -193,7 +192,7 @@ class _Kept(CompileResultCacheImpl):
 
 
 def _names_alone(code: bytes) -> bytes:
-    """Return code that defines the names of the same functions, and nothing else."""
+    """Return code that only defines the names of the functions in `code`."""
     full, out = binding.parse_bitcode(code), ir.Module()
     for named in full.functions:
         if not named.is_declaration:
@@ -210,7 +209,7 @@ class _Files(FunctionCache):
     """Whether the code counts references."""
 
     def signatures(self, dispatcher: Any) -> list[Any]:
-        """Return the signatures for which code is kept that can be used on this processor."""
+        """Return the signatures with cached code for this processor."""
         codegen = dispatcher.targetctx.codegen()
         try:
             kept = self._cache_file._load_index()  # type: ignore[no-untyped-call] # as above
@@ -219,9 +218,9 @@ class _Files(FunctionCache):
             return []
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the code kept for a signature; None where there is none that can be used."""
-        # numba would first import all that it can compile with, which takes longer than many an
-        # adjustment; machine code needs no more than what counts references, if it does
+        """Return the cached code of a signature; None if missing or unusable."""
+        # numba would first import its whole compiler, which takes longer than many an adjustment;
+        # # machine code needs only the runtime that counts references, if it does
         if self.counts:
             rtsys.initialize(target_context)
         try:
@@ -239,9 +238,9 @@ class _Files(FunctionCache):
 
 def _kept(function: F, **how: Any) -> F:
     dispatcher = njit(**how)(function)
-    # what other packages add to numba is not used here, and looking for it takes a while
+    # extensions of numba by other packages are not used here, and the search for them takes a while
     dispatcher._compilation_chain_init_hook = lambda: None
-    given = _CONFIG.CACHE_DIR
+    configured = _CONFIG.CACHE_DIR
     _CONFIG.CACHE_DIR = str(_FOLDER)  # numba reads it when it looks for files
     try:
         if _FOLDER:
@@ -250,5 +249,5 @@ def _kept(function: F, **how: Any) -> F:
     except RuntimeError:  # the folder was writable a moment ago
         pass
     finally:
-        _CONFIG.CACHE_DIR = given
+        _CONFIG.CACHE_DIR = configured
     return dispatcher

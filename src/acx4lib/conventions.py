@@ -1,9 +1,9 @@
-"""Every usual reading of a flight's numbers, compared by what it leaves (section 3.2).
+"""Usual interpretations (readings) of a flight's numbers, compared by misfit (section 3.2).
 
 Most errors in direct georeferencing are a sign or an axis. The readings of trajectory, image
-measurements and control stand side by side. For each the mounting of the cameras of some images is
-adjusted on a trajectory that is taken as exact, and what rays still miss is the misfit of the
-reading. The best one is named, where it is much better than the given one.
+measurements and control are compared. For each, the mounting of the cameras of some images is
+adjusted on a trajectory assumed exact; the remaining distance of rays from their points is the
+misfit of the reading. The best reading is named if it is much better than the given reading.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.geometry.intersection import intersect
 
 BETTER = 2.0
-"""Ratio of the given reading's misfit to another's below which no other is named."""
+"""Ratio of the given reading's misfit to another's below which no other reading is named."""
 
 CERTAIN = 5.0
-"""Logarithm of that ratio, in its standard deviations, below which no other is named.
+"""Logarithm of this ratio, in its standard deviations, below which no other reading is named.
 
 Every exposure has two independent components of attitude or more, and the quantile of the misfit
 needs about twice the data that a standard deviation needs: n exposures are worth n degrees of
@@ -54,21 +54,22 @@ FLOOR_PX = 0.25
 """Misfit that no reading can explain, px."""
 
 NEAR = np.radians(15.0)
-"""Turn from the declared boresight within which a reading is preferred to others as good."""
+"""Turn from the declared boresight within which a reading is preferred to equally good ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """A reading that fits much better than the given one.
+    """A reading with a much smaller misfit than the given reading.
 
     Attributes
     ----------
     name : str
-        What is read otherwise, such as "pitch of opposite sign".
-    quantity : str
-        What the residuals are of.
+        The change, such as "pitch of opposite sign".
+            quantity : str
+        Quantity of the residuals.
     given, found : float
-        Robust residuals of the given reading and of this one; NaN where the name says all.
+        Robust residuals of the given and of this reading. `found` is NaN where the name alone
+        explains them.
     unit : str
         Of both: °, m, px or σ.
     """
@@ -81,11 +82,11 @@ class Found:
 
     @property
     def sentence(self) -> str:
-        """One sentence on the reading, with its figure beside the given one's."""
-        found = _shown(self.found, self.unit)
+        """A sentence on the reading, with its residuals and those of the given reading."""
+        figure = _shown(self.found, self.unit)
         if not np.isfinite(self.given):
             return (
-                f"with {self.name} the residuals of {self.quantity} are {found}; as the numbers "
+                f"with {self.name} the residuals of {self.quantity} are {figure}; as the numbers "
                 "are, rays do not meet"
             )
         if not np.isfinite(self.found):
@@ -94,7 +95,7 @@ class Found:
         change = "fall" if self.found < self.given else "rise"
         return (
             f"with {self.name} the residuals of {self.quantity} {change} "
-            f"from {_shown(self.given, self.unit)} to {found}"
+            f"from {_shown(self.given, self.unit)} to {figure}"
         )
 
 
@@ -104,11 +105,11 @@ def _shown(value: float, unit: str) -> str:
 
 
 def best_reading(flight: Flight, block_name: str) -> Found | None:
-    """Return the reading of a block that leaves much less than the given one; None without one.
+    """Return the reading of a block with a much smaller misfit than the given one; or None.
 
     Every usual reading of trajectory, control and image measurements is tried on at most sixty
-    images. Mounting and interior orientation are estimated in each: what they absorb, such as a
-    delay at one speed, leaves nothing and is not found. Half a pixel is the principal point's.
+    images. Mounting and interior orientation are estimated in each. They absorb some errors, such
+    as a delay at one speed: these are not found. The principal point absorbs half a pixel.
 
     Raises
     ------
@@ -174,14 +175,14 @@ def _poses(table: Table, rows: Index, frame: MappingFrame) -> Pose:
 
 
 def _of_clock(block: Block, given: Reading) -> Iterator[Reading]:
-    """Positions of another time than the pictures'."""
+    """Yield the reading in which positions are of another time than the pictures."""
     velocity = _velocities(block, given.seen)
     if velocity is not None:
         yield replace(given, name="the clock", quantity="position", velocity=velocity)
 
 
 def _of_control(frame: MappingFrame, given: Reading) -> Iterator[Reading]:
-    """East, north and heights of the surveyed points in their other readings."""
+    """Yield other readings of the surveyed points' east, north and heights."""
     surveyed = np.flatnonzero(np.isfinite(given.seen.x_m[:, 0]))
     if not len(surveyed):
         return
@@ -204,7 +205,7 @@ def _of_control(frame: MappingFrame, given: Reading) -> Iterator[Reading]:
 
 
 def _of_images(given: Reading) -> Iterator[Reading]:
-    """Pixel coordinates with other axes, origins and units."""
+    """Yield readings of pixel coordinates with other axes, origins and units."""
     seen = given.seen
     size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
     pixel_mm = np.array([[c.pixel_mm] for c in seen.cameras])[seen.camera_idx]
@@ -215,9 +216,9 @@ def _of_images(given: Reading) -> Iterator[Reading]:
 
 
 def _north_up(given: Reading, size: Array) -> Iterator[Reading]:
-    """Images of the strips in one direction turned by 180 degrees, as they are displayed north up.
+    """Yield readings with images of one flying direction turned by 180 degrees, shown north up.
 
-    Either those against the first exposure's direction or those along it.
+    The direction is against that of the first exposure, or along it.
     """
     seen, ahead = given.seen, given.T_m_b.R[:, :2, 0]
     against = (ahead @ ahead[0] < 0)[seen.exposure_idx]
@@ -231,7 +232,7 @@ def _north_up(given: Reading, size: Array) -> Iterator[Reading]:
 
 
 def _promising(others: list[Reading], usual: float) -> list[Reading]:
-    """Return the readings that fit best before an adjustment, in their order, and the clock's."""
+    """Return the best readings before an adjustment, in their order, and that of the clock."""
     misfits = np.array([started(reading.seen, reading.T_m_b).misfit for reading in others])
     limit = min(PROMISING * usual, np.sort(misfits)[:MOST_TRIED].max(initial=0.0))
     return [r for r, m in zip(others, misfits, strict=True) if m <= limit or r.velocity is not None]
@@ -249,20 +250,20 @@ def notes(flight: Flight) -> Iterator[str]:
     """Yield a sentence for every block that another reading fits much better."""
     expected.instance("flight", flight, Flight)
     for name in flight.blocks:
-        found = best_reading(flight, name)
-        if found is not None:
-            yield f"{name}: {found.sentence}"
+        reading = best_reading(flight, name)
+        if reading is not None:
+            yield f"{name}: {reading.sentence}"
 
 
 def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings) -> Found | None:
-    """Return the simplest of the best readings, if it is much better than the given one."""
+    """Return the simplest of the best readings, if much better than the given reading."""
     camera = seen.cameras[0]
     floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
-    for reading, found in tried:
-        mends = GROSS * (found.worst + floor) < given.worst + floor
-        if reading.of_some and mends and found.misfit < ALIKE * given.misfit:
+    for reading, fit in tried:
+        mends = GROSS * (fit.worst + floor) < given.worst + floor
+        if reading.of_some and mends and fit.misfit < ALIKE * given.misfit:
             return _found(
-                reading, replace(given, misfit=given.worst), replace(found, misfit=found.worst)
+                reading, replace(given, misfit=given.worst), replace(fit, misfit=fit.worst)
             )
     better = max(BETTER, np.exp(CERTAIN / np.sqrt(len(seen.exposures))))
     good = [(r, m) for r, m in tried if better * (m.misfit + floor) < given.misfit + floor]
@@ -271,44 +272,44 @@ def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings)
     least = min(m.misfit for _, m in good) + floor
     alike = [(r, m) for r, m in good if m.misfit + floor < ALIKE * least]
     near = [(r, m) for r, m in alike if _turn(m, seen) < NEAR]
-    reading, found = (near or alike)[0]
-    return _found(_named(reading, found), given, found)
+    reading, fit = (near or alike)[0]
+    return _found(_named(reading, fit), given, fit)
 
 
 def _best_fitted(block: Block, seen: Sightings, given: Mounted) -> Found | None:
-    """Return the reading with a fitted number that leaves least, if that is clearly less."""
+    """Return the best reading with a fitted number, if clearly better than the given reading."""
     camera = seen.cameras[0]
     floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
     tried = list(_numbered_readings(block, seen, given))
     if not tried:
         return None
-    reading, found = min(tried, key=lambda one: one[1].misfit)
+    reading, fit = min(tried, key=lambda pair: pair[1].misfit)
     better = max(FITTED, np.exp(FITTED_CERTAIN / np.sqrt(len(seen.exposures))))
-    clearly = better * (found.misfit + floor) < given.misfit + floor
-    return _found(reading, given, found) if clearly else None
+    clearly = better * (fit.misfit + floor) < given.misfit + floor
+    return _found(reading, given, fit) if clearly else None
 
 
-def _turn(found: Mounted, seen: Sightings) -> float:
+def _turn(fit: Mounted, seen: Sightings) -> float:
     """Return the largest turn of a camera from its declared boresight, radians."""
     return max(
-        float(np.linalg.norm(log(given.T_b_c.R.T @ own.T_b_c.R)))
-        for own, given in zip(found.cameras, seen.cameras, strict=True)
+        float(np.linalg.norm(log(declared.T_b_c.R.T @ camera.T_b_c.R)))
+        for camera, declared in zip(fit.cameras, seen.cameras, strict=True)
     )
 
 
-def _named(reading: Reading, found: Mounted) -> Reading:
-    """Return a reading whose name says the delay that was found."""
+def _named(reading: Reading, fit: Mounted) -> Reading:
+    """Return the reading with its estimated delay in its name."""
     if reading.velocity is None:
         return reading
-    late = "late" if found.delay_s < 0 else "early"
-    name = f"positions recorded {abs(found.delay_s):.2g} s {late}"
+    late = "late" if fit.delay_s < 0 else "early"
+    name = f"positions recorded {abs(fit.delay_s):.2g} s {late}"
     return replace(reading, name=name)
 
 
-def _found(reading: Reading, given: Mounted, found: Mounted) -> Found:
-    """Return misfits as the attitude, position or measurement that would make them."""
-    seen, camera = reading.seen, found.cameras[0]
-    away = found.x_m[seen.point_idx] - reading.T_m_b.r[seen.exposure_idx]
+def _found(reading: Reading, given: Mounted, fit: Mounted) -> Found:
+    """Return a reading with its misfits, as errors of attitude, position or measurement."""
+    seen, camera = reading.seen, fit.cameras[0]
+    away = fit.x_m[seen.point_idx] - reading.T_m_b.r[seen.exposure_idx]
     scale, unit, quantity = {
         "attitude": (np.degrees(1.0), "°", "attitude"),
         "position": (float(np.nanmedian(np.linalg.norm(away, axis=1))), "m", "position"),
@@ -318,12 +319,12 @@ def _found(reading: Reading, given: Mounted, found: Mounted) -> Found:
         name=reading.name,
         quantity=quantity,
         given=given.misfit * scale,
-        found=found.misfit * scale,
+        found=fit.misfit * scale,
         unit=unit,
     )
 
 
-# --- Standard deviations in another unit: what the residuals are in terms of them
+# --- Standard deviations in another unit: ratios of residuals to sigma
 
 
 OFF = 2.0
@@ -342,7 +343,7 @@ SHARED = (
     "this sigma is rather that of an error which neighbouring exposures share, as of a receiver "
     "without corrections; gnss in flight.toml makes a common shift an unknown"
 )
-"""What is said in the place of another unit: such an error leaves small residuals."""
+"""Text in place of another unit: such an error leaves small residuals."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -365,9 +366,9 @@ class Unit:
 
 
 def other_unit(block: Block, seen: Sightings, given: Mounted) -> Unit | None:
-    """Return the unit in which standard deviations agree with residuals; None if they do anyway.
+    """Return the unit in which standard deviations agree with residuals; None if they already do.
 
-    Nothing is said where no plausible mounting fits: residuals are no errors of observation then.
+    None, too, where no plausible mounting fits: residuals are no errors of observation then.
 
     Parameters
     ----------
@@ -375,7 +376,7 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Unit | None:
     seen : Sightings
         Of this block.
     given : Mounted
-        The block as it is given.
+        The fit of the block as given.
     """
     if given.held:
         return None
@@ -395,8 +396,8 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Unit | None:
     ):
         units.append((quantity, known, given.misfit / sigma, np.hypot(other, noise) / sigma))
     if ALONE_M[0] <= position * range_m <= ALONE_M[1]:
-        _, _, misfit, rest = units.pop()
-        units.append(("position", {SHARED: np.nan}, misfit, rest))
+        _, _, misfit, others = units.pop()
+        units.append(("position", {SHARED: np.nan}, misfit, others))
     return next((unit for row in units for unit in _right(*row)), None)
 
 
@@ -406,15 +407,15 @@ def _usual(sigma: Array) -> float:
     return float(np.median(known)) if len(known) else np.nan
 
 
-def _right(quantity: str, units: dict[str, float], misfit: float, rest: float) -> Iterator[Unit]:
+def _right(quantity: str, units: dict[str, float], misfit: float, others: float) -> Iterator[Unit]:
     """Yield the units in which a misfit agrees with sigma."""
-    before = misfit / np.hypot(1.0, rest)
+    before = misfit / np.hypot(1.0, others)
     if not (before > OFF or before < 1 / OFF):
         return
     for unit, factor in units.items():
         if np.isnan(factor) and before < 1 / OFF:
             yield Unit(name=unit, quantity=quantity, given=before, found=np.nan)
-        after = misfit / np.hypot(factor, rest)
+        after = misfit / np.hypot(factor, others)
         if 1 / RIGHT < after < RIGHT:
             name = f"sigma of {quantity} in {unit}"
             yield Unit(name=name, quantity=quantity, given=before, found=after)
@@ -422,9 +423,9 @@ def _right(quantity: str, units: dict[str, float], misfit: float, rest: float) -
 
 # --- The mountings of cameras adjusted on a trajectory that is taken as exact: eq. (14), robustly
 #
-# It asks only which reading of a flight leaves the least, so errors of GNSS and INS remain in the
-# misfit. Mounting and interior orientation are free within what is plausible: what a real
-# adjustment would absorb is absorbed here, too.
+# The purpose is only to compare misfits, so errors of GNSS and INS remain in them. Mounting and
+# # interior orientation are free within plausible limits: they absorb the same errors as in a real
+# # adjustment.
 
 
 WORST = 1 - 1 / 30
@@ -446,7 +447,7 @@ WIDTH = 4.0
 """Residual, in misfits, that has a quarter of its weight."""
 
 HELD, LOOSE = 1e30, 1e-12
-"""Weights, 1/m², at their coordinates of surveyed points, and of tie points that no ray holds."""
+"""Weights, 1/m², that hold surveyed points, and tie points that rays do not determine."""
 
 FREE_POSE, ENOUGH_LEFT = 6, 4
 """Unknowns of a free pose, and observations that must be left beyond them."""
@@ -455,12 +456,12 @@ LEVER_M, DELAY_S = 1.0, 10.0
 """Prior sigma of lever arm, m, and delay, s: where both are the same, it is a delay."""
 
 FARTHEST_LEVER_M, FARTHEST_F = 10.0, 0.02
-"""A lever arm, m, or a share of the focal length, farther from the declared one is none."""
+"""Largest plausible difference from declared lever arms, m, and share of focal lengths."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mounted:
-    """Cameras as they fit a trajectory best.
+    """Cameras that fit a trajectory best.
 
     Attributes
     ----------
@@ -474,7 +475,7 @@ class Mounted:
         Angle by which rays miss their points, per component, robustly; radians. Infinite where
         most points lie behind the cameras.
     worst : float
-        Residual that one in thirty exceeds, radians: of images that a robust misfit does not see.
+        Residual that one in thirty exceeds, radians: a robust misfit ignores these images.
     held : bool
         Whether lever arms and focal lengths are held as declared, since no plausible ones fit.
     """
@@ -499,32 +500,32 @@ def mounted(seen: Sightings, T_m_b: Pose, velocity: Array | None = None) -> Moun
         m/s; with it a delay is estimated.
     """
     start = started(seen, T_m_b)
-    found = _adjusted(seen, T_m_b, start, velocity)
-    if _plausible(found, seen):
-        return found
+    fit = _adjusted(seen, T_m_b, start, velocity)
+    if _plausible(fit, seen):
+        return fit
     return _adjusted(seen, T_m_b, replace(start, held=True), velocity)
 
 
-def _plausible(found: Mounted, seen: Sightings) -> bool:
+def _plausible(fit: Mounted, seen: Sightings) -> bool:
     """Tell whether lever arms and focal lengths are anywhere near the declared ones."""
     return all(
-        np.linalg.norm(own.T_b_c.r - given.T_b_c.r) < FARTHEST_LEVER_M
-        and abs(own.interior.f / given.interior.f - 1) < FARTHEST_F
-        for own, given in zip(found.cameras, seen.cameras, strict=True)
+        np.linalg.norm(camera.T_b_c.r - declared.T_b_c.r) < FARTHEST_LEVER_M
+        and abs(camera.interior.f / declared.interior.f - 1) < FARTHEST_F
+        for camera, declared in zip(fit.cameras, seen.cameras, strict=True)
     )
 
 
-def _derivatives(seen: Sightings, T_m_b: Pose, found: Mounted) -> Array:
+def _derivatives(seen: Sightings, T_m_b: Pose, fit: Mounted) -> Array:
     """Return the derivatives of all residuals by their points, radians per m, shape (n, 2, 3)."""
-    return _linear(seen, T_m_b, found, np.zeros((len(T_m_b), 3)))[2]
+    return _linear(seen, T_m_b, fit, np.zeros((len(T_m_b), 3)))[2]
 
 
-def _pattern_sizes(seen: Sightings, T_m_b: Pose, found: Mounted, patterns: Array) -> Array:
+def _pattern_sizes(seen: Sightings, T_m_b: Pose, fit: Mounted, patterns: Array) -> Array:
     """Return the sizes of patterns in the residuals, estimated with all other unknowns."""
-    v, A, B = _linear(seen, T_m_b, found, np.zeros((len(T_m_b), 3)))
-    prior = _prior_sigma(seen.cameras, held=found.held, delayed=False)
+    v, A, B = _linear(seen, T_m_b, fit, np.zeros((len(T_m_b), 3)))
+    prior = _prior_sigma(seen.cameras, held=fit.held, delayed=False)
     wide = np.concatenate([prior, np.full(patterns.shape[2], np.inf)])
-    dx, _ = _step(seen, found, (v, np.concatenate([A, patterns], axis=2), B), wide)
+    dx, _ = _step(seen, fit, (v, np.concatenate([A, patterns], axis=2), B), wide)
     return dx[len(prior) :]
 
 
@@ -545,12 +546,12 @@ def started(seen: Sightings, T_m_b: Pose) -> Mounted:
     body = T_m_b[seen.exposure_idx]
     ray_c, cameras = _rays(seen), list(seen.cameras)
     for k, camera in enumerate(cameras):
-        own = np.flatnonzero((seen.camera_idx == k) & np.isfinite(seen.x_m[seen.point_idx, 0]))
-        if len(own) < 3:
+        rows = np.flatnonzero((seen.camera_idx == k) & np.isfinite(seen.x_m[seen.point_idx, 0]))
+        if len(rows) < 3:
             continue
-        to = _to_body(body[own], seen.x_m[seen.point_idx[own]]) - camera.T_b_c.r
+        to = _to_body(body[rows], seen.x_m[seen.point_idx[rows]]) - camera.T_b_c.r
         to /= np.linalg.norm(to, axis=1, keepdims=True)
-        R_b_c = _turned(camera.T_b_c.R, ray_c[own], to)
+        R_b_c = _turned(camera.T_b_c.R, ray_c[rows], to)
         cameras[k] = replace(camera, T_b_c=Pose(R=R_b_c, r=camera.T_b_c.r))
     x_m = seen.x_m.copy()
     ties = np.isnan(x_m[:, 0])
@@ -566,9 +567,11 @@ def _rays(seen: Sightings) -> Array:
     """Return unit vectors of the measured rays in camera axes, shape (n, 3)."""
     out = np.empty((len(seen), 3))
     for k, camera in enumerate(seen.cameras):
-        own = seen.camera_idx == k
-        out[own, :2] = correct(camera.interior, xy_from_colrow(camera, seen.colrow[own]))
-        out[own, 2] = -camera.interior.f
+        of_camera = seen.camera_idx == k
+        out[of_camera, :2] = correct(
+            camera.interior, xy_from_colrow(camera, seen.colrow[of_camera])
+        )
+        out[of_camera, 2] = -camera.interior.f
     return out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
@@ -640,7 +643,7 @@ def size(v: Array) -> float:
 
 
 def measuring_noise(seen: Sightings, T_m_b: Pose, found: Mounted) -> float:
-    """Return what rays miss their points by when every exposure is turned and moved freely.
+    """Return the misfit of rays with a free pose for every exposure: the measuring noise.
 
     Returns
     -------
@@ -652,19 +655,19 @@ def measuring_noise(seen: Sightings, T_m_b: Pose, found: Mounted) -> float:
     ok = np.all(np.isfinite(v), axis=1)
     variances = []
     for exposure in range(len(T_m_b)):
-        own = np.flatnonzero(ok & (seen.exposure_idx == exposure))
-        cameras = np.unique(seen.camera_idx[own])
-        if 2 * len(own) < FREE_POSE + ENOUGH_LEFT or len(cameras) != 1:
+        rows = np.flatnonzero(ok & (seen.exposure_idx == exposure))
+        cameras = np.unique(seen.camera_idx[rows])
+        if 2 * len(rows) < FREE_POSE + ENOUGH_LEFT or len(cameras) != 1:
             continue
         c = N_CAMERA * int(cameras[0])
-        J = np.concatenate([A[own, :, c : c + 3], B[own]], axis=2).reshape(-1, FREE_POSE)
-        left = v[own].ravel() - J @ np.linalg.lstsq(J, v[own].ravel(), rcond=None)[0]
-        variances.append(left @ left / (len(left) - FREE_POSE))
+        J = np.concatenate([A[rows, :, c : c + 3], B[rows]], axis=2).reshape(-1, FREE_POSE)
+        residuals = v[rows].ravel() - J @ np.linalg.lstsq(J, v[rows].ravel(), rcond=None)[0]
+        variances.append(residuals @ residuals / (len(residuals) - FREE_POSE))
     return float(np.sqrt(np.median(variances))) if variances else np.nan
 
 
 def _prior_sigma(cameras: tuple[Camera, ...], *, held: bool, delayed: bool) -> Array:
-    """Return prior standard deviations of the unknowns; what is held has a tiny one."""
+    """Return prior standard deviations of the unknowns, tiny for held unknowns."""
     out = []
     for camera in cameras:
         f, r = camera.interior.f, 0.5 * camera.diagonal_px * camera.pixel_mm
@@ -685,28 +688,28 @@ def _linear(
     v, B = np.empty((len(seen), 2)), np.empty((len(seen), 2, 3))
     A = np.zeros((len(seen), 2, N_CAMERA * len(seen.cameras) + 1))
     for k, camera in enumerate(state.cameras):
-        own = np.flatnonzero(seen.camera_idx == k)
+        rows = np.flatnonzero(seen.camera_idx == k)
         f, unit = camera.interior.f, seen.cameras[k].interior.f
-        T_m_c = moved[seen.exposure_idx[own]] @ camera.T_b_c
-        x_c = to_camera(T_m_c, state.x_m[seen.point_idx[own]])
-        xy = xy_from_colrow(camera, seen.colrow[own])
+        T_m_c = moved[seen.exposure_idx[rows]] @ camera.T_b_c
+        x_c = to_camera(T_m_c, state.x_m[seen.point_idx[rows]])
+        xy = xy_from_colrow(camera, seen.colrow[rows])
         ideal = pinhole(f, x_c)
-        v[own] = (ideal - correct(camera.interior, xy)) / unit
+        v[rows] = (ideal - correct(camera.interior, xy)) / unit
         by_x = pinhole_jacobian(f, x_c) / unit
         by_m = by_x @ np.swapaxes(T_m_c.R, -1, -2)
         by_lens = -correct_jacobian(camera.interior, xy)[:, :, :N_LENS] / unit
         by_lens[:, :, 0] = ideal / (f * unit)
         by_mount = [by_x @ skew(x_c), -by_x @ camera.T_b_c.R.T]
-        A[own, :, N_CAMERA * k : N_CAMERA * (k + 1)] = np.concatenate([*by_mount, by_lens], axis=2)
-        A[own, :, -1] = -transform(by_m, velocity[seen.exposure_idx[own]])
-        B[own] = by_m
+        A[rows, :, N_CAMERA * k : N_CAMERA * (k + 1)] = np.concatenate([*by_mount, by_lens], axis=2)
+        A[rows, :, -1] = -transform(by_m, velocity[seen.exposure_idx[rows]])
+        B[rows] = by_m
     return v, A, B
 
 
 def _step(
     seen: Sightings, state: Mounted, linear: tuple[Array, Array, Array], prior: Array
 ) -> tuple[Array, Array]:
-    """Return one reweighted step of the unknowns, and the moved points, which are eliminated."""
+    """Return a reweighted step of the unknowns, with points eliminated, and the moved points."""
     u = np.nan_to_num(np.linalg.norm(linear[0], axis=1), nan=np.inf) / (WIDTH * state.misfit)
     v, A, B = (np.nan_to_num(part) for part in linear)
     weight = (np.square(1 / (1 + u**2)) / state.misfit**2)[:, None, None]
@@ -730,12 +733,12 @@ def _step(
 
 
 def _from_declared(seen: Sightings, state: Mounted) -> Array:
-    """Return by how much the unknowns differ from what is declared; a turn is free."""
+    """Return the unknowns less their declared values; zero for turns, which are free."""
     out = np.zeros(N_CAMERA * len(seen.cameras) + 1)
-    for k, (own, given) in enumerate(zip(state.cameras, seen.cameras, strict=True)):
+    for k, (camera, declared) in enumerate(zip(state.cameras, seen.cameras, strict=True)):
         c = N_CAMERA * k
-        out[c + 3 : c + N_MOUNT] = own.T_b_c.r - given.T_b_c.r
-        lens = own.interior.to_array() - given.interior.to_array()
+        out[c + 3 : c + N_MOUNT] = camera.T_b_c.r - declared.T_b_c.r
+        lens = camera.interior.to_array() - declared.interior.to_array()
         out[c + N_MOUNT : c + N_CAMERA] = lens[:N_LENS]
     out[-1] = state.delay_s
     return out
@@ -754,11 +757,10 @@ def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
     return replace(state, cameras=tuple(cameras), x_m=x_m, delay_s=state.delay_s + float(dx[-1]))
 
 
-# --- Readings of a block with a number that must be found first: how much was moved, scaled
-# or late
+# --- Readings of a block with an estimated number: a shift, a scale or a delay
 #
-# Each is a pattern in the residuals. Its size is estimated together with mounting and lens, so
-# that what these absorb of it is no part of it, and then undone in the measurements or in control.
+# Each is a pattern in the residuals. Its size is estimated together with mounting and lens, which
+# # may absorb a part, and then removed from the measurements or from control.
 
 
 ROUNDS = 2
@@ -770,7 +772,7 @@ LEAST_SURVEYED = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Pattern:
-    """What a mistake makes of the measurements or of the surveyed points.
+    """The effect of a mistake on the measurements or on the surveyed points.
 
     Attributes
     ----------
@@ -791,7 +793,7 @@ class _Pattern:
 def _numbered_readings(
     block: Block, seen: Sightings, given: Mounted
 ) -> Iterator[tuple[Reading, Mounted]]:
-    """Yield the readings with a fitted number, each with the cameras that fit it."""
+    """Yield the readings with a fitted number, each with its fitted cameras."""
     T_m_b = block.trajectory.T_m_b[seen.exposures]
     if not np.isfinite(given.misfit):
         return
@@ -802,26 +804,24 @@ def _numbered_readings(
 def _fitted(
     pattern: _Pattern, seen: Sightings, T_m_b: Pose, given: Mounted
 ) -> tuple[Reading, Mounted]:
-    """Return the reading without a pattern, and the cameras that fit it."""
-    total, undone, found = np.zeros(len(pattern.units)), seen, given
+    """Return the reading with a pattern removed, and its fitted cameras."""
+    total, undone, fit = np.zeros(len(pattern.units)), seen, given
     for _ in range(ROUNDS):
-        total = total + _pattern_sizes(
-            undone, T_m_b, found, _in_residuals(pattern, seen, T_m_b, found)
-        )
+        total = total + _pattern_sizes(undone, T_m_b, fit, _in_residuals(pattern, seen, T_m_b, fit))
         undone = _without(pattern, seen, total)
-        found = mounted(undone, T_m_b)
+        fit = mounted(undone, T_m_b)
     shown = (unit * size for unit, size in zip(pattern.units, total, strict=True))
     quantity = "image" if pattern.by_point is None else "position"
     name = pattern.name.format(*shown)
-    return Reading(name=name, quantity=quantity, seen=undone, T_m_b=T_m_b), found
+    return Reading(name=name, quantity=quantity, seen=undone, T_m_b=T_m_b), fit
 
 
-def _in_residuals(pattern: _Pattern, seen: Sightings, T_m_b: Pose, found: Mounted) -> Array:
-    """Return what a pattern adds to the residuals, radians, shape (n, 2, k)."""
+def _in_residuals(pattern: _Pattern, seen: Sightings, T_m_b: Pose, fit: Mounted) -> Array:
+    """Return the effect of a pattern on the residuals, radians, shape (n, 2, k)."""
     if pattern.by_image is not None:
         return -pattern.by_image
     by_point = np.zeros((len(seen.x_m), 3, 1)) if pattern.by_point is None else pattern.by_point
-    return _derivatives(seen, T_m_b, found) @ by_point[seen.point_idx]
+    return _derivatives(seen, T_m_b, fit) @ by_point[seen.point_idx]
 
 
 def _without(pattern: _Pattern, seen: Sightings, sizes: Array) -> Sightings:
@@ -836,7 +836,7 @@ def _without(pattern: _Pattern, seen: Sightings, sizes: Array) -> Sightings:
 
 
 def _mounted_of_control(seen: Sightings) -> Iterator[_Pattern]:
-    """Yield surveyed points of another epoch, and of another scale."""
+    """Yield patterns of surveyed points of another epoch, and of another scale."""
     surveyed: Mask = np.isfinite(seen.x_m[:, 0])
     if surveyed.sum() < LEAST_SURVEYED:
         return
@@ -859,12 +859,12 @@ def _mounted_of_control(seen: Sightings) -> Iterator[_Pattern]:
 def _mounted_of_images(
     block: Block, seen: Sightings, T_m_b: Pose, given: Mounted
 ) -> Iterator[_Pattern]:
-    """Yield pixels that are not square, and rows that were read out one after the other."""
+    """Yield patterns of pixels that are not square, and of a rolling shutter."""
     xy, height = np.empty((len(seen), 2)), np.empty(len(seen))
     for k, camera in enumerate(seen.cameras):
-        own = seen.camera_idx == k
-        xy[own] = xy_from_colrow(camera, seen.colrow[own]) / camera.interior.f
-        height[own] = camera.height_px
+        of_camera = seen.camera_idx == k
+        xy[of_camera] = xy_from_colrow(camera, seen.colrow[of_camera]) / camera.interior.f
+        height[of_camera] = camera.height_px
     wider = np.zeros((len(seen), 2, 1))
     wider[:, 0, 0] = xy[:, 0]
     yield _Pattern(name="pixels that are {:+.2f} % wider than high", units=(100.0,), by_image=wider)
@@ -885,14 +885,14 @@ def _mounted_of_images(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """A block in one reading.
+    """A reading of a block.
 
     Attributes
     ----------
     name : str
-        What is read otherwise, such as "pitch of opposite sign".
+        The change, such as "pitch of opposite sign".
     quantity : {"attitude", "position", "image"}
-        What it changes most.
+        Quantity that changes most.
     seen : Sightings
     T_m_b : Pose
         One per exposure of the sightings.
@@ -911,15 +911,15 @@ class Reading:
 
 
 def _velocities(block: Block, seen: Sightings) -> Array | None:
-    """Return the velocity of every exposure that is seen, m/s; None where no times tell it."""
+    """Return the velocity of every exposure in use, m/s, shape (n, 3); None without times."""
     time_s = block.trajectory.time_s
     if len(time_s) < len(block.trajectory) or not np.isfinite(time_s).all():
         return None
     velocity, strips = np.zeros((len(time_s), 3)), np.array(strip_of_exposure(block), dtype=object)
     for strip in dict.fromkeys(strips):
-        own = np.flatnonzero(strips == strip)
-        if len(own) > 1 and np.all(np.diff(time_s[own]) > 0):
-            velocity[own] = np.gradient(block.trajectory.T_m_b.r[own], time_s[own], axis=0)
+        rows = np.flatnonzero(strips == strip)
+        if len(rows) > 1 and np.all(np.diff(time_s[rows]) > 0):
+            velocity[rows] = np.gradient(block.trajectory.T_m_b.r[rows], time_s[rows], axis=0)
     return velocity[seen.exposures] if np.any(velocity) else None
 
 
@@ -927,16 +927,16 @@ def _velocities(block: Block, seen: Sightings) -> Array | None:
 
 
 MOST_IMAGES = 60
-"""Number of images that are looked at, spread over the block."""
+"""Largest number of images in use, spread over the block."""
 
 MOST_MEASUREMENTS = 900
-"""Number of their measurements, spread likewise."""
+"""Largest number of their measurements, spread likewise."""
 
 RUN = 10
-"""Number of neighbouring exposures that are looked at together where tie points are needed."""
+"""Number of neighbouring exposures in use where tie points are needed."""
 
 FEWEST_RAYS = 3
-"""Of a tie point: two rays of one strip say nothing of the angles across it."""
+"""Of a tie point: two rays of one strip do not control angles across it."""
 
 FEWEST_EXPOSURES = 6
 """Number of exposures below which a reading may fit by chance."""
@@ -980,7 +980,7 @@ class Sightings:
 
 
 def sightings(block: Block) -> Sightings | None:
-    """Return measurements of at most sixty images; None where they cannot tell readings apart.
+    """Return measurements of at most sixty images; None if too few to compare readings.
 
     Surveyed points are enough where there are some in every image; else tie points are added.
     """

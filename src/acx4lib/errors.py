@@ -1,4 +1,4 @@
-"""Errors in a user's data, in a user's folders and in an adjustment, each told in one line."""
+"""Errors in a user's data, in a user's folders and in an adjustment, each a message of one line."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FlightError(Acx4Error):
 
 
 class OutputError(Acx4Error):
-    """A command was told to write where it must not; the message is one line."""
+    """The output folder of a command is refused; the message is one line."""
 
 
 class AdjustmentError(Acx4Error):
@@ -41,16 +41,16 @@ class AdjustmentError(Acx4Error):
 
 
 class NotConverged(AdjustmentError):
-    """An adjustment does not converge, and no observation stands out that would explain it."""
+    """An adjustment does not converge, and no outlying observation explains it."""
 
 
 def not_installed(what: str, module: str, extra: str) -> ModuleNotFoundError:
-    """Return the error in the place of a package that an extra of this distribution installs.
+    """Return the error for a missing package that an extra of this distribution installs.
 
     Parameters
     ----------
     what : str
-        What needs it.
+        The function or feature that needs the package.
     module, extra : str
     """
     msg = f"{what} needs {module}, not installed here: pip install 'acx4lib[{extra}]'"
@@ -58,25 +58,25 @@ def not_installed(what: str, module: str, extra: str) -> ModuleNotFoundError:
 
 
 def unsolvable(reason: str, where: str = "") -> AdjustmentError:
-    """Return the error in the place of a failure of linear algebra, with what to look at.
+    """Return an AdjustmentError for a failure of linear algebra, with a hint to its cause.
 
     Parameters
     ----------
     reason : str
-        What numpy or scipy says.
+        Message of numpy or scipy.
     where : str
-        Of which numbers, if it is known, and which of them stand out.
+        The numbers concerned, if known, and the outlying ones.
     """
-    said = " ".join(reason.split()).rstrip(".")
+    one_line = " ".join(reason.split()).rstrip(".")
     return AdjustmentError(
-        f"{where or 'the equations'} cannot be solved ({said}): one number is so far from the "
+        f"{where or 'the equations'} cannot be solved ({one_line}): one number is so far from the "
         "others that nothing can be computed with both; look at coordinates, angles and sigma"
     )
 
 
 def visible(text: str) -> str:
-    r"""Return text as one line; what is no text in it is escaped as in Python: ``\x1b``."""
-    return UNSEEN.sub(lambda found: _escape(found[0]), text)
+    r"""Return text as one line, with control characters escaped as in Python: ``\x1b``."""
+    return UNSEEN.sub(lambda match: _escape(match[0]), text)
 
 
 def _escape(c: str) -> str:

@@ -1,4 +1,4 @@
-"""What functions expect of their arguments: types of arrays, and checks of values.
+"""Checks of the arguments of functions: types of arrays, and ranges of values.
 
 A wrong argument raises a `ValueError`: its name, what was expected, and what was given.
 Values are checked when they are made. Values made from checked ones are not checked again.
@@ -56,11 +56,11 @@ def path(name: str, value: object) -> Path:
 
 def folder(name: str, value: object, what: str) -> Path:
     """Return a value as a folder's path; FlightError if there is none, as users name folders."""
-    found = path(name, value)
-    if not found.is_dir():
-        is_what = "not a folder" if found.exists() else "no such folder"
-        raise FlightError([f"{found}: {is_what}; expected {what}"])
-    return found
+    location = path(name, value)
+    if not location.is_dir():
+        is_what = "not a folder" if location.exists() else "no such folder"
+        raise FlightError([f"{location}: {is_what}; expected {what}"])
+    return location
 
 
 def one_of(name: str, value: object, known: Iterable[object]) -> None:
@@ -123,14 +123,14 @@ def _is_whole(value: object) -> bool:
 
 
 def sequence(name: str, values: object, kind: type) -> None:
-    """Raise where values are no sequence of one type, or an empty one."""
-    what = kind.__name__
+    """Raise where values are no sequence of the type `kind`, or are empty."""
+    noun = kind.__name__
     if not isinstance(values, Sequence) or isinstance(values, str):
-        _refuse(name, f"a sequence of {what}", given(values))
+        _refuse(name, f"a sequence of {noun}", given(values))
     for value in values:
         if not isinstance(value, kind):
-            _refuse(name, f"a sequence of {what}", f"one with {given(value)}")
-    some(name, values, what)
+            _refuse(name, f"a sequence of {noun}", f"one with {given(value)}")
+    some(name, values, noun)
 
 
 def names(name: str, values: object, n: int | None = None) -> None:
@@ -222,13 +222,13 @@ def places(name: str, values: Index, n: int) -> None:
 
 def mask(name: str, values: object, n: int) -> None:
     """Raise where values are no mask of length n."""
-    what = f"a mask of {n} True or False"
+    wanted = f"a mask of {n} True or False"
     if not isinstance(values, np.ndarray):
-        _refuse(name, what, given(values))
+        _refuse(name, wanted, given(values))
     if values.dtype != bool:
-        _refuse(name, what, f"an array of {values.dtype}")
+        _refuse(name, wanted, f"an array of {values.dtype}")
     if values.shape != (n,):
-        _refuse(name, what, f"{len(values)}" if values.ndim == 1 else f"shape {values.shape}")
+        _refuse(name, wanted, f"{len(values)}" if values.ndim == 1 else f"shape {values.shape}")
 
 
 def finite(name: str, values: Array) -> None:
@@ -254,17 +254,17 @@ def rotation(name: str, R: Array) -> None:
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = R.tolist()  # fast: cameras are made often
     crossed = (ay * bz - az * by - cx, az * bx - ax * bz - cy, ax * by - ay * bx - cz)
     squares = (ax * ax + ay * ay + az * az - 1, bx * bx + by * by + bz * bz - 1)
-    for off in (*crossed, *squares, ax * bx + ay * by + az * bz):
-        if abs(off) > RIGID:
+    for error in (*crossed, *squares, ax * bx + ay * by + az * bz):
+        if abs(error) > RIGID:
             _refuse(name, "a rotation matrix", "one that does not turn, or mirrors")
 
 
 def rotations(name: str, R: Array) -> None:
     """Raise where one of the matrices, shape (n, 3, 3), is no rotation; NaN passes."""
-    off = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)) > RIGID
+    errors = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)) > RIGID
     mirrored = np.sum(np.cross(R[..., 0, :], R[..., 1, :]) * R[..., 2, :], axis=-1) < 0
-    if off.any() or mirrored.any():
-        row = int(np.argmax(off.any(axis=(-2, -1)) | mirrored))
+    if errors.any() or mirrored.any():
+        row = int(np.argmax(errors.any(axis=(-2, -1)) | mirrored))
         _refuse(name, "rotation matrices", f"one that does not turn, or mirrors, in row {row}")
 
 
@@ -281,13 +281,13 @@ def symmetric(name: str, cov: Array) -> None:
         _refuse(name, "a symmetric matrix", "one that is not")
 
 
-def _is_like(found: tuple[int, ...], like: Shape) -> bool:
+def _is_like(actual: tuple[int, ...], like: Shape) -> bool:
     if like[0] is ...:
         like = like[1:]
-        found = found[-len(like) :]
-    if len(found) != len(like):
+        actual = actual[-len(like) :]
+    if len(actual) != len(like):
         return False
-    for n, wanted in zip(found, like, strict=True):  # a plain loop is fast; it runs very often
+    for n, wanted in zip(actual, like, strict=True):  # a plain loop is fast; it runs very often
         if n != wanted and not isinstance(wanted, str):
             return False
     return True
@@ -300,8 +300,8 @@ def _said(like: Shape) -> str:
 
 def _first(values: Array | Index, wrong: Mask) -> str:
     """Return the first of the wrong values, and its row."""
-    at = tuple(np.argwhere(wrong)[0])
-    return f"{values[at].item()!r}" + (f" in row {at[0]}" if at else "")
+    index = tuple(np.argwhere(wrong)[0])
+    return f"{values[index].item()!r}" + (f" in row {index[0]}" if index else "")
 
 
 # --- parts -----------------------------------------------------------------------------------
@@ -310,13 +310,13 @@ def _first(values: Array | Index, wrong: Mask) -> str:
 def part_of(whole: T, keep: Index | Mask | slice) -> T:
     """Return some rows of a value whose fields are all arrays, without a new check."""
     part: T = object.__new__(type(whole))
-    for one in fields(whole):  # type: ignore[arg-type]  # a dataclass
-        object.__setattr__(part, one.name, getattr(whole, one.name)[keep])
+    for field in fields(whole):  # type: ignore[arg-type]  # a dataclass
+        object.__setattr__(part, field.name, getattr(whole, field.name)[keep])
     return part
 
 
 NOT_GIVEN: Any = None
-"""In the place of a field whose default depends on the others."""
+"""Stands for a field whose default depends on other fields."""
 
 
 def default(value: object, name: str, made: Callable[[], object]) -> None:
@@ -329,7 +329,7 @@ def default(value: object, name: str, made: Callable[[], object]) -> None:
 
 
 def given(value: object) -> str:
-    """Return what a value is, in a few words."""
+    """Describe a value in a few words, for a message."""
     if value is None or isinstance(value, str | bool | int | float | np.generic):
         return repr(value.item() if isinstance(value, np.generic) else value)
     if isinstance(value, np.ndarray):

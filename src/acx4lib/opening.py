@@ -1,4 +1,4 @@
-"""How files are opened that may be a stranger's; it needs nothing but Python."""
+"""Safe opening of files from strangers; it needs only Python."""
 
 from __future__ import annotations
 

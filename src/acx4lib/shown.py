@@ -1,4 +1,4 @@
-"""How values show themselves: in a line, and as tables of numbers with their units and sigma."""
+"""Display of values: as a line, and as tables of numbers with their units and sigma."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ LONGEST = 118
 
 
 class Tabled(Protocol):
-    """What has a table."""
+    """A value with a table."""
 
     def table(self) -> pd.DataFrame:
-        """Return it."""
+        """Return the table."""
 
 
 # --- in a line -------------------------------------------------------------------------------
 
 
 def line(what: str, *parts: str) -> str:
-    """Return a value in one line: what it is, and what it has; empty parts are left out."""
-    said = ", ".join(part for part in parts if part)
-    text = visible(f"{what}: {said}" if said else what)
+    """Describe a value in one line, a noun and its parts; empty parts are left out."""
+    details = ", ".join(part for part in parts if part)
+    text = visible(f"{what}: {details}" if details else what)
     return text if len(text) <= LONGEST else text[: LONGEST - 1] + "\N{HORIZONTAL ELLIPSIS}"
 
 
@@ -115,7 +115,7 @@ def row_table(name: str | Sequence[str], rows: Mapping[K, Mapping[str, object]])
     Parameters
     ----------
     name : str or sequence of str
-        What the names are; a sequence where a name is of several parts.
+        Name of the index; a sequence where the keys have several parts.
     rows : mapping
         By their names, the values by their columns.
     """
@@ -129,7 +129,7 @@ def row_table(name: str | Sequence[str], rows: Mapping[K, Mapping[str, object]])
 
 
 def side_by_side(values: Mapping[str, Tabled]) -> pd.DataFrame:
-    """Return the tables of values beside each other; rows that one lacks are empty there.
+    """Return the tables of values beside each other; missing rows are empty.
 
     Parameters
     ----------
@@ -142,10 +142,10 @@ def side_by_side(values: Mapping[str, Tabled]) -> pd.DataFrame:
 
 
 class ByName(dict[str, T]):
-    """Values by their names, which show themselves in a line."""
+    """Values by their names, with a short representation."""
 
     def __repr__(self) -> str:
-        """Name them in a line."""
+        """Return the kinds and names of the values in one line."""
         kinds = {type(value).__name__ for value in self.values()}
         return line(f"{' or '.join(sorted(kinds))} by name" if kinds else "nothing", *self)
 

@@ -1,9 +1,9 @@
-"""What POSIX systems have and others, such as Windows, have not, each with a plain stand-in.
+"""Functions of POSIX that other systems, such as Windows, lack, each with a plain substitute.
 
-Nothing else in the project asks for a module or a function that some system lacks, so that flights
-are checked, simulated, run and reported on any. Without locks of files the owner that a lock file
-names is believed; without owners of files a folder that can be written is one's own; without
-masks of signals an interruption is heard at once.
+Only this module uses modules and functions that some system lacks, so that flights are checked,
+simulated, run and reported on any system. Without locks of files, the owner named in a lock file
+counts; without owners of files, a folder with write permission is the user's own; without masks
+of signals, an interruption takes effect at once.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ def _module(name: str) -> Any:
 _fcntl, _grp, _pwd, _resource = map(_module, ("fcntl", "grp", "pwd", "resource"))
 
 SIGPIPE = int(getattr(signal, "SIGPIPE", 13))
-"""Number of the signal that nobody reads what is written."""
+"""Number of the signal for a pipe without a reader."""
 
 MEMORY = 2**31
-"""Bytes that are taken to be free where the system does not say."""
+"""Bytes of memory assumed where the system does not report them."""
 
 
 def flags(*names: str) -> int:
-    """Return those flags of `os.open` that this system has, together; and that bytes are bytes."""
+    """Return the sum of the flags of `os.open` that this system has, and ``O_BINARY``."""
     return sum(getattr(os, name, 0) for name in {*names, "O_BINARY"})
 
 
@@ -73,8 +73,8 @@ def set_mode(number: int, path: Path, mode: int) -> None:
 
 
 def is_alive(process: int) -> bool:
-    """Tell whether there is a process with a number, or may be one."""
-    if os.name != "posix":  # there it would be ended
+    """Tell whether a process with this number exists, or may exist."""
+    if os.name != "posix":  # elsewhere, this signal would end it
         return True
     try:
         os.kill(process, 0)
@@ -91,19 +91,19 @@ def user() -> int | None:
 
 
 def is_alone_in(group: int) -> bool:
-    """Tell whether a group is the user's private one, which some systems let write everywhere."""
+    """Tell whether a group is the user's private group, with the user as its only member."""
     if _pwd is None or _grp is None:
         return False
     try:
-        me, found = _pwd.getpwuid(os.getuid()), _grp.getgrgid(group)
+        me, entry = _pwd.getpwuid(os.getuid()), _grp.getgrgid(group)
     except KeyError:
         return False
-    return bool(found.gr_name == me.pw_name and set(found.gr_mem) <= {me.pw_name})
+    return bool(entry.gr_name == me.pw_name and set(entry.gr_mem) <= {me.pw_name})
 
 
 @contextmanager
 def standing_in(folder: Path) -> Iterator[None]:
-    """Stand in a folder, and afterwards in the one before, by itself and not by its name."""
+    """Change to a folder, and afterwards back to the previous one, even if that was renamed."""
     known = hasattr(os, "fchdir")
     how = flags("O_PATH", "O_DIRECTORY", "O_CLOEXEC")
     here: int | str = os.open(".", how) if known else str(Path.cwd())
@@ -141,7 +141,7 @@ def free_addresses() -> int | None:
 
 
 def peak_memory() -> float:
-    """Return the largest number of bytes that this process had; NaN where nobody counts them."""
+    """Return the peak memory of this process, bytes; NaN where the system does not report it."""
     if _resource is None:
         return float("nan")
     unit = 1 if sys.platform == "darwin" else 2**10
@@ -153,7 +153,7 @@ def peak_memory() -> float:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Hold interruptions back, also from a process that is started meanwhile."""
+    """Block interruptions, also of processes started meanwhile."""
     _mask("SIG_BLOCK")
     try:
         yield
@@ -162,7 +162,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def hear_interruptions() -> None:
-    """Let interruptions pass that a process was started without."""
+    """Unblock interruptions in a process that was started without them."""
     _mask("SIG_UNBLOCK")
 
 

@@ -2,7 +2,7 @@
 
 `ties` are tie points measured in the flight's files, with the paper's refinement by mean
 differences. `search` finds others in the pixels: in each of the `overlaps`, `matching` takes a
-corner per cell, correlates it, and fits it by `least_squares_matching`. `refinement` turns the
-heads by three angles each until they agree, and says how they turn from exposure to exposure.
-Begin with `ties`, then `search`.
+corner per cell, correlates it, and fits it by `least_squares_matching`. `refinement` estimates
+three rotation angles of each head, and their scatter between exposures. Begin with `ties`, then
+`search`.
 """

@@ -14,7 +14,7 @@ from acx4lib.tie_points.compiled.least_squares_matching import N_UNKNOWNS, RIM, 
 
 POLE = np.sqrt(3.0) - 2.0  # of the filter that gives the coefficients of a cubic spline
 REACH = 12  # px; beyond it that filter has less than 1e-6 of its weight
-WITNESSES = 64  # windows whose residuals tell the correlation of noise: sigma to a tenth
+WITNESSES = 64  # windows for the correlation of noise from residuals: sigma to a tenth
 AT_A_TIME = 512  # windows, so that their design matrices need little memory
 LEAST_NOISE = 0.01  # of grey values that were rounded and averaged, however alike they are
 
@@ -138,9 +138,9 @@ def match(a: Array, b: Array, at: Index, near: Array, *, half: int) -> Matches:
         a, _spline_of_seen(b), at.astype(np.int64), np.asarray(near, float), half
     )
     sigma = np.full((len(at), 2), np.nan)
-    found = np.flatnonzero(np.isfinite(gain))
-    if len(found):
-        sigma[found] = _sigmas(a, at[found], half, residuals[found], moves[found])
+    matched = np.flatnonzero(np.isfinite(gain))
+    if len(matched):
+        sigma[matched] = _sigmas(a, at[matched], half, residuals[matched], moves[matched])
     return Matches(colrow=colrow, sigma_px=sigma, gain=gain)
 
 
@@ -152,7 +152,7 @@ def _check(a: Array, b: Array, at: Index, near: Array) -> None:
     expected.shape("near", near, (len(at), 2))
 
 
-# --- how well a window is matched ----------------------------------------------------------
+# --- precision of a match ------------------------------------------------------------------
 
 
 def _sigmas(a: Array, at: Index, half: int, residuals: Array, moves: Array) -> Array:
@@ -173,17 +173,17 @@ def _sigmas(a: Array, at: Index, half: int, residuals: Array, moves: Array) -> A
     noise = residuals[some]
     noise = noise / np.sqrt(np.mean(np.square(noise), axis=1, keepdims=True) + LEAST_NOISE**2)
     noise = _mirrored(noise)
-    left = 1 - _absorbed(moves[some], _columns(_windows(a, at[some], half)))
+    remaining = 1 - _absorbed(moves[some], _columns(_windows(a, at[some], half)))
     out = np.empty((len(at), 2))
     for start in range(0, len(at), AT_A_TIME):
         part = slice(start, start + AT_A_TIME)
         squares = np.square(residuals[part]) + np.float32(LEAST_NOISE**2)
         moved = np.square(moves[part])
-        apart = np.sum(moved * squares[:, None], axis=2)
+        by_residuals = np.sum(moved * squares[:, None], axis=2)
         by_noise = moves[part].reshape(-1, moves.shape[2]) @ noise.T
         shared = np.mean(np.square(by_noise), axis=1).reshape(-1, 2)
         alone = moved @ np.mean(np.square(noise), axis=0)
-        out[part] = np.sqrt(apart * shared / (alone * left))
+        out[part] = np.sqrt(by_residuals * shared / (alone * remaining))
     return out
 
 
@@ -203,7 +203,7 @@ def _mirrored(windows: Array) -> Array:
 
 
 def _absorbed(moves: Array, columns: Array) -> float:
-    """Return the part of the noise's effect that residuals no longer have.
+    """Return the part of the noise's effect that the adjustment absorbed.
 
     It is the part of `moves`, mirrored, that the unknowns of other windows take up.
     """
@@ -222,8 +222,8 @@ def _columns(grey: Array) -> Array:
     y = x[:, None]
     gx = _slopes(grey)[:, RIM:-RIM]
     gy = _slopes(grey.swapaxes(1, 2)).swapaxes(1, 2)[:, :, RIM:-RIM]
-    own, one = grey[:, RIM:-RIM, RIM:-RIM], np.ones_like(gx)
-    all_of_them = [gx, gy, gx * x, gx * y, gy * x, gy * y, own, one, one * x, one * y]
+    inner, ones = grey[:, RIM:-RIM, RIM:-RIM], np.ones_like(gx)
+    all_of_them = [gx, gy, gx * x, gx * y, gy * x, gy * y, inner, ones, ones * x, ones * y]
     return np.stack(all_of_them, axis=1).reshape(len(grey), N_UNKNOWNS, side * side)
 
 

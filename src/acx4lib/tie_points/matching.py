@@ -95,7 +95,7 @@ class OverlapTask:
         Nominal orientation.
     synthetic : Camera
     shared : SharedWindow
-        The part that the two heads share.
+        The common part of two heads.
     shift : ndarray, shape (2, 3)
         Approximate position in the second head minus position in the first: an affine function
         of synthetic col, row.
@@ -117,7 +117,7 @@ class OverlapTask:
 
     @property
     def halo(self) -> int:
-        """Width of the border of grey values that a tile needs around it, px."""
+        """Width of the border of grey values around a tile, px."""
         return self.options.window_px // 2 + self.options.search_px + 6
 
 
@@ -147,25 +147,25 @@ def match_overlaps(tasks: Sequence[OverlapTask]) -> list[OverlapMatches]:
     The tiles of all overlaps are shared among the processors.
     """
     parts = [(task, part) for task in tasks for part in _parts(task)]
-    found = iter(processors.in_order(lambda one: _match_part(*one), parts))
-    return [_joined(task, [next(found) for _ in _parts(task)]) for task in tasks]
+    matches = iter(processors.in_order(lambda task_part: _match_part(*task_part), parts))
+    return [_joined(task, [next(matches) for _ in _parts(task)]) for task in tasks]
 
 
 def match_overlap(task: OverlapTask) -> OverlapMatches:
-    """Return all matches of one overlap, by one thread."""
+    """Return all matches of an overlap, computed in a single thread."""
     return _joined(task, [_match_part(task, part) for part in _parts(task)])
 
 
 def _match_part(task: OverlapTask, part: SyntheticWindow) -> OverlapMatches:
-    found = _match_corners(task, _tile(task, part))
-    if part[3] >= task.shared.window[3]:  # the next part lies below, where other pixels are
+    matches = _match_corners(task, _tile(task, part))
+    if part[3] >= task.shared.window[3]:  # the next part lies below, in other rows of pixels
         for k in (task.shared.head_a, task.shared.head_b):
             forget(task.images[k])
-    return found
+    return matches
 
 
 def _joined(task: OverlapTask, parts: Sequence[OverlapMatches]) -> OverlapMatches:
-    """Return the matches of an overlap's parts that are sure enough."""
+    """Join the matches of an overlap's parts; leave out those with a large sigma."""
     sigma = np.concatenate([part.sigma_px for part in parts])
     sure = np.max(sigma, axis=1) < _largest_sigma(sigma, task.options)
     counts = np.sum([part.counts for part in parts], axis=0)
@@ -212,7 +212,7 @@ class _Tile:
 
 
 def _parts(task: OverlapTask) -> list[SyntheticWindow]:
-    """Return the parts of an overlap that are matched at a time, each of whole cells."""
+    """Return the parts of an overlap, each of whole cells, for matching one after the other."""
     row_0, row_1, col_0, col_1 = task.shared.window
     side = max(TILE_PX // task.cell, 1) * task.cell
     return [
@@ -225,10 +225,10 @@ def _parts(task: OverlapTask) -> list[SyntheticWindow]:
 def _tile(task: OverlapTask, part: SyntheticWindow) -> _Tile:
     """Return both heads' grey values in a part and around it, the second head's shifted."""
     middle = np.array([[part[2] + part[3], part[0] + part[1]]]) / 2
-    by = np.rint(shift_at(task.shift, middle)[0]).astype(int)
+    shift = np.rint(shift_at(task.shift, middle)[0]).astype(int)
     halo = task.halo
     window = (part[0] - halo, part[1] + halo, part[2] - halo, part[3] + halo)
-    moved = (window[0] + by[1], window[1] + by[1], window[2] + by[0], window[3] + by[0])
+    moved = (window[0] + shift[1], window[1] + shift[1], window[2] + shift[0], window[3] + shift[0])
     a, b = task.shared.head_a, task.shared.head_b
     return _Tile(
         a=grey_window(task.images[a], task.orientation, a, task.synthetic, window),
@@ -256,19 +256,19 @@ def _match_corners(task: OverlapTask, tile: _Tile) -> OverlapMatches:
     """Return the matches of a tile by corners, correlation and least-squares matching."""
     options = task.options
     half = options.window_px // 2
-    at, n_cells = _corners(task, tile)
-    textured = _has_texture(task, tile.a, at)
-    at = at[textured]
-    near = at + shift_at(task.shift, at + tile.first_a) + tile.first_a - tile.first_b
-    found, coefficient = correlate(
-        tile.a, tile.b, at, near, half=options.correlation_px // 2, search=options.search_px
+    corners, n_cells = _corners(task, tile)
+    textured = _has_texture(task, tile.a, corners)
+    corners = corners[textured]
+    near = corners + shift_at(task.shift, corners + tile.first_a) + tile.first_a - tile.first_b
+    correlated, coefficient = correlate(
+        tile.a, tile.b, corners, near, half=options.correlation_px // 2, search=options.search_px
     )
-    good = (coefficient >= options.least_correlation) & np.isfinite(found[:, 0])
-    at = at[good]
-    matches = match(tile.a, tile.b, at, found[good], half=half)
+    good = (coefficient >= options.least_correlation) & np.isfinite(correlated[:, 0])
+    corners = corners[good]
+    matches = match(tile.a, tile.b, corners, correlated[good], half=half)
     done = np.isfinite(matches.sigma_px[:, 0])
     return OverlapMatches(
-        colrow_a=(at + tile.first_a)[done].astype(float),
+        colrow_a=(corners + tile.first_a)[done].astype(float),
         colrow_b=(matches.colrow + tile.first_b)[done],
         sigma_px=matches.sigma_px[done],
         counts=np.array([n_cells, textured.sum(), good.sum()]),
@@ -283,15 +283,15 @@ def _corners(task: OverlapTask, tile: _Tile) -> tuple[Index, int]:
     if not whole.any():
         return np.zeros((0, 2), dtype=np.intp), 0
     values = response(np.nan_to_num(tile.a))[core]
-    at, n_cells = best_of_cells(values, whole, task.cell)
-    return at + halo, n_cells
+    corners, n_cells = best_of_cells(values, whole, task.cell)
+    return corners + halo, n_cells
 
 
-def _has_texture(task: OverlapTask, grey: Array, at: Index) -> Mask:
+def _has_texture(task: OverlapTask, grey: Array, corners: Index) -> Mask:
     """Tell where grey values change by more than noise in every direction."""
-    weakest = weakest_gradients(grey, at.astype(np.int64), task.options.window_px // 2)
+    weakest = weakest_gradients(grey, corners.astype(np.int64), task.options.window_px // 2)
     # central differences of white noise have half its variance; interpolation reduces it
-    by_noise = task.noise * np.maximum(grey[at[:, 1], at[:, 0]], 1) / 2
+    by_noise = task.noise * np.maximum(grey[corners[:, 1], corners[:, 0]], 1) / 2
     return weakest >= task.options.least_texture * by_noise
 
 
@@ -353,9 +353,9 @@ def best_of_cells(values: Array, allowed: Mask, cell: int) -> tuple[Index, int]:
     free[: values.shape[0], : values.shape[1]] = allowed
     cells = _by_cell(padded, cell)
     place = np.argmax(cells, axis=1)
-    found = np.flatnonzero(np.take_along_axis(cells, place[:, None], axis=1)[:, 0] > 0)
-    row = found // cols * cell + place[found] // cell
-    col = found % cols * cell + place[found] % cell
+    filled = np.flatnonzero(np.take_along_axis(cells, place[:, None], axis=1)[:, 0] > 0)
+    row = filled // cols * cell + place[filled] // cell
+    col = filled % cols * cell + place[filled] % cell
     return np.column_stack([col, row]), int(np.sum(_by_cell(free, cell).any(axis=1)))
 
 
@@ -396,8 +396,8 @@ def noise_level(image: np.ndarray, *, rng: np.random.Generator) -> float:
     expected.shape("image", image, ("rows", "cols", "bands"))
     rows, cols = image.shape[:2]
     side = min(_PATCH, rows, cols)
-    at = rng.integers(0, [rows - side + 1, cols - side + 1], size=(_N_PATCHES, 2))
-    patches = np.stack([image[row : row + side, col : col + side] for row, col in at])
+    origins = rng.integers(0, [rows - side + 1, cols - side + 1], size=(_N_PATCHES, 2))
+    patches = np.stack([image[row : row + side, col : col + side] for row, col in origins])
     patches = patches.mean(axis=3, dtype=np.float32)
     # all below each other; what neighbours share is cut off
     filtered = cv2.filter2D(patches.reshape(-1, side), -1, NOISE_MASK).reshape(patches.shape)

@@ -27,7 +27,7 @@ from acx4lib.tie_points.least_squares_matching import REACH, spline_coefficients
 SyntheticWindow = tuple[int, int, int, int]
 
 STEP_MM = 0.09  # from node to node of a map: 16 px of 5.6 um, with errors of 0.002 px between
-LONG = 3  # widths of a narrow overlap; where heads only touch at a corner, nobody expects ties
+LONG = 3  # widths of a narrow overlap; heads that only touch at a corner need no ties
 _NODES = 100  # along the longer side of the synthetic image, to find overlaps
 _BORDER = 200  # points on each side of a head
 _ROUNDING = 1e-3  # px
@@ -35,7 +35,7 @@ _ROUNDING = 1e-3  # px
 
 @dataclass(frozen=True, kw_only=True)
 class SharedWindow:
-    """The part of the synthetic image that two heads see.
+    """The common part of two heads in the synthetic image.
 
     Attributes
     ----------
@@ -89,16 +89,16 @@ def shared_windows(orientation: RelativeOrientation, synthetic: Camera) -> list[
     out = []
     for a in range(len(seen)):
         for b in range(a + 1, len(seen)):
-            both = np.argwhere(seen[a] & seen[b])
+            shared = np.argwhere(seen[a] & seen[b])
             strip = _strip(orientation, (a, b), synthetic)
-            if not len(both):
+            if not len(shared):
                 out += [strip] if strip.area_px > LONG * strip.width_px**2 else []
                 continue
             # the shared part may extend up to the next node
-            first = np.maximum(np.floor((both.min(axis=0) - 1) * spacing), 0)
-            last = np.minimum(np.ceil((both.max(axis=0) + 1) * spacing) + 1, size)
+            first = np.maximum(np.floor((shared.min(axis=0) - 1) * spacing), 0)
+            last = np.minimum(np.ceil((shared.max(axis=0) + 1) * spacing) + 1, size)
             window = (int(first[0]), int(last[0]), int(first[1]), int(last[1]))
-            area = float(len(both) * np.prod(spacing))
+            area = float(len(shared) * np.prod(spacing))
             inner = _depths(orientation, (a, b), synthetic, grid.xy[seen[a] & seen[b]])
             width = max(strip.width_px, 2 * float(inner.min(axis=0).max()))
             out.append(replace(strip, window=window, area_px=area, width_px=width))
@@ -108,7 +108,7 @@ def shared_windows(orientation: RelativeOrientation, synthetic: Camera) -> list[
 def _strip(
     orientation: RelativeOrientation, pair: tuple[int, int], synthetic: Camera
 ) -> SharedWindow:
-    """Return what two heads share, if each sees a part of the other's border and no more."""
+    """Return the common part of two heads that overlap only in a strip along their borders."""
     half = 0.5 * synthetic.pixel_mm * np.array([synthetic.width_px, synthetic.height_px])
     xy = np.concatenate([footprint(orientation, k, per_side=_BORDER) for k in pair])
     depths = _depths(orientation, pair, synthetic, xy)
@@ -131,13 +131,13 @@ def _strip(
 def _depths(
     orientation: RelativeOrientation, pair: tuple[int, int], synthetic: Camera, xy: Array
 ) -> Array:
-    """Return how far points lie inside the borders of two heads, synthetic px, shape (2, n)."""
-    found = []
+    """Return the depths of points inside the borders of two heads, synthetic px, shape (2, n)."""
+    depths = []
     for k in pair:
         head = orientation.heads[k]
         depth = border_distance(head, head_from_synthetic(orientation, k, xy))
-        found.append(depth * head.pixel_mm / synthetic.pixel_mm)
-    return np.nan_to_num(np.stack(found), nan=-1.0)
+        depths.append(depth * head.pixel_mm / synthetic.pixel_mm)
+    return np.nan_to_num(np.stack(depths), nan=-1.0)
 
 
 def grey(image: np.ndarray) -> Array:
@@ -207,7 +207,7 @@ def resample(part: Array, nodes: Array, step: int, origin: Array, out: Array) ->
 
 
 def _part(head: HeadMap) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first col, row of the pixels that a map needs, and those after the last."""
+    """Return first col, row of the pixels of a map, and col, row after the last."""
     size = np.array([head.width_px, head.height_px])
     flat = head.nodes.reshape(-1, 2)
     flat = flat[np.isfinite(flat[:, 0])]
@@ -224,7 +224,7 @@ def reduced_exposure(
     synthetic: Camera,
     factor: int,
 ) -> GreyExposure:
-    """Return grey images of 1 / factor of the size, each pixel the mean of those it replaces."""
+    """Return grey images reduced by a factor; pixels are means of factor x factor pixels."""
     heads = reduced_heads(orientation, factor)
     pairs = zip(images, heads.heads, strict=True)
     return GreyExposure(

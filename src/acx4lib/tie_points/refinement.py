@@ -1,9 +1,9 @@
-"""How heads turn against each other from one exposure to the next, seen by their tie points.
+"""Refinement of the heads by tie points, with their turns from exposure to exposure.
 
-Thousands of tie points of one exposure share what moves them together: a shutter that opens late
-while the aircraft turns, the parallax of the ground below, a mount that gives. Their number does
-not average it out; that of the exposures does. So it is a variance component of its own: at every
-exposure each head is turned by an error of its own, with the same variance for all heads.
+Thousands of tie points of one exposure share errors: a shutter opens late while the aircraft
+turns, the ground has parallax, a mount gives. Their number does not average these errors out; the
+number of exposures does. So they are a variance component of their own: at every exposure each
+head has its own turn, with the same variance for all heads.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class OneExposure:
 
 
 def components(exposures: Sequence[OneExposure], axis: Index, sigma0_sq: float) -> Array:
-    """Return the variance by which every exposure turns a head, beyond the noise of tie points.
+    """Return the variance of a head's turns between exposures, beyond the noise of tie points.
 
     Parameters
     ----------
@@ -98,23 +98,23 @@ def components(exposures: Sequence[OneExposure], axis: Index, sigma0_sq: float) 
     .. [1] R. C. Paule and J. Mandel, "Consensus values and weighting factors", Journal of Research
        of the National Bureau of Standards 87, 1982.
     """
-    off, noise = [], []
-    for one in exposures:
-        if np.linalg.matrix_rank(one.N, hermitian=True) == len(one.N):
-            off.append(-np.linalg.solve(one.N, one.h))
-            noise.append(sigma0_sq * np.diag(np.linalg.inv(one.N)))
+    turns, noise = [], []
+    for exposure in exposures:
+        if np.linalg.matrix_rank(exposure.N, hermitian=True) == len(exposure.N):
+            turns.append(-np.linalg.solve(exposure.N, exposure.h))
+            noise.append(sigma0_sq * np.diag(np.linalg.inv(exposure.N)))
     out = np.zeros(len(axis))
-    if len(off) < 2:
+    if len(turns) < 2:
         return out
-    x, c = np.array(off), np.array(noise)
-    for one in np.unique(axis):
-        own = np.flatnonzero(axis == one)
-        out[own] = _variance(x[:, own], c[:, own])
+    x, c = np.array(turns), np.array(noise)
+    for k in np.unique(axis):
+        rows = np.flatnonzero(axis == k)
+        out[rows] = _variance(x[:, rows], c[:, rows])
     return out
 
 
 def _variance(x: Array, c: Array) -> float:
-    """Return t, where x of exposures (rows) scatters about its mean with the variance c + 2 t."""
+    """Return t if x of exposures (rows) scatters about its mean with the variance c + 2 t."""
     dof = (len(x) - 1) * x.shape[1]
     if statistics.chi2_sf(_weighted_squares(x, c, 0.0), dof) > ALPHA:
         return 0.0
@@ -133,7 +133,7 @@ def _weighted_squares(x: Array, c: Array, t: float) -> float:
 
 
 def covariance(exposures: Sequence[OneExposure], axis: Index, variance: Array) -> Array:
-    """Return what the turns of heads at single exposures add to the covariance of the estimate.
+    """Return the covariance of the estimate due to turns of heads at single exposures.
 
     Parameters
     ----------
@@ -148,12 +148,12 @@ def covariance(exposures: Sequence[OneExposure], axis: Index, variance: Array) -
         N^-1 (sum of N_i Q N_i) N^-1, where Q has twice the variance for each head, since the held
         head turns as well, and once between heads.
     """
-    same = axis[:, None] == axis
-    Q = np.where(same, variance[:, None] * (1 + np.eye(len(axis))), 0.0)
-    N = np.sum([one.N for one in exposures], axis=0)
-    left = np.linalg.solve(N, np.concatenate([one.N for one in exposures], axis=1))
+    same_axis = axis[:, None] == axis
+    Q = np.where(same_axis, variance[:, None] * (1 + np.eye(len(axis))), 0.0)
+    N = np.sum([exposure.N for exposure in exposures], axis=0)
+    solved = np.linalg.solve(N, np.concatenate([exposure.N for exposure in exposures], axis=1))
     n = len(axis)
-    parts = left.reshape(n, len(exposures), n).swapaxes(0, 1)
+    parts = solved.reshape(n, len(exposures), n).swapaxes(0, 1)
     return np.einsum("eij,jk,elk->il", parts, Q, parts)
 
 
@@ -200,8 +200,8 @@ class Refined:
     rejected : ndarray, shape (n_ties,)
         Tie points that disagree with most others; they have no weight.
     turn_sigma : ndarray, shape (n_heads, 3)
-        Of the changes of omega, phi, kappa, rad: where tie points are precise it is that of the
-        error which they took away.
+        Of the changes of omega, phi, kappa, rad: where tie points are precise, the standard
+        deviation of the removed error.
     held : str
         The head whose orientation is held.
     unreached : tuple of str
@@ -209,9 +209,9 @@ class Refined:
     settled : bool
         Whether the weights, which follow from the differences, stopped changing within `STEPS`.
     by_exposure : tuple of float
-        Standard deviations, beyond the noise of tie points, by which a head is off at a single
-        exposure: of its unknowns, about or along its axes, rad or mm. Part of the covariance. Where
-        there is one exposure, those by which it is off in a block of the frame (`BLOCKS`).
+        Standard deviations of a head's errors at a single exposure, beyond the noise of tie points:
+        of its unknowns, about or along its axes, rad or mm. Part of the covariance. With a single
+        exposure, of its errors in a block of the frame (`BLOCKS`).
     halves_p : float or None
         Where there is one exposure, the probability of such a difference, or a larger one, of the
         estimates from two halves of its frame, which are alternating blocks; NaN where a half does
@@ -229,10 +229,10 @@ class Refined:
     halves_p: float | None = None
 
     def __repr__(self) -> str:
-        """Say in a line how the tie points fit."""
-        of = shown.names([head.name for head in self.orientation.heads])
+        """Describe the fit of the tie points in one line."""
+        names = shown.names([head.name for head in self.orientation.heads])
         n = f"{int(self.rejected.sum())} of {shown.count(len(self.rejected), 'tie point')} rejected"
-        return shown.line("Refined", of, f"{self.held} held", f"σ0 {self.sigma0:.3f}", n)
+        return shown.line("Refined", names, f"{self.held} held", f"σ0 {self.sigma0:.3f}", n)
 
     def table(self) -> pd.DataFrame:
         """Return the refined orientation of every head."""
@@ -241,22 +241,24 @@ class Refined:
     @property
     def sentence(self) -> str:
         """A warning for the user; empty where there is nothing to warn of."""
-        said = f"the weights of tie points did not settle in {STEPS} steps; do the pictures agree?"
-        return "; ".join(filter(None, ("" if self.settled else said, self._between_exposures)))
+        warning = (
+            f"the weights of tie points did not settle in {STEPS} steps; do the pictures agree?"
+        )
+        return "; ".join(filter(None, ("" if self.settled else warning, self._between_exposures)))
 
     @property
     def _between_exposures(self) -> str:
-        """What is known of heads that turn from exposure to exposure."""
+        """A sentence on turns of heads from exposure to exposure; empty without turns."""
         turns = np.degrees(self.by_exposure[-3:])
         listed = ", ".join(f"{turn:.4f}" for turn in turns)
         counted = "degrees about its x, y, z ({}); standard deviations count it"
         if self.halves_p is not None:
-            said = "tie points are of one exposure: how heads scatter between exposures is not seen"
+            text = "tie points are of one exposure: how heads scatter between exposures is not seen"
             if np.any(turns):
                 why = counted.format("parallax, what lenses leave")
-                said += f"; what blocks of the frame say of a head differs by {listed} {why}"
+                text += f"; what blocks of the frame say of a head differs by {listed} {why}"
             halves = f"; halves of alternating blocks agree with p = {self.halves_p:.2f}"
-            return said + halves * bool(np.isfinite(self.halves_p))
+            return text + halves * bool(np.isfinite(self.halves_p))
         if not np.any(turns):
             return ""
         why = counted.format(
@@ -329,15 +331,15 @@ def refine_by_rotations(
 def _sigma_mm(orientation: RelativeOrientation, ties: TiePoints) -> Array:
     """Return the standard deviation of a difference in one coordinate, shape (n,)."""
     variance = np.zeros(len(ties))
-    for k, colrow, own, _ in _sides(ties):
+    for k, colrow, rows, _ in _sides(ties):
         for s in 0.5 * np.eye(2):
             ahead, behind = (synthetic_from_head(orientation, k, colrow + d) for d in (s, -s))
             # mean of the two directions of the synthetic image
-            variance[own] += 0.5 * np.sum((ahead - behind) ** 2, axis=1)
+            variance[rows] += 0.5 * np.sum((ahead - behind) ** 2, axis=1)
     return ties.sigma_px * np.sqrt(variance)
 
 
-# --- what is unknown -------------------------------------------------------------------------
+# --- unknowns --------------------------------------------------------------------------------
 
 
 def _columns(orientation: RelativeOrientation, ties: TiePoints, free: tuple[int, ...]) -> Index:
@@ -391,7 +393,7 @@ def _settled(
     columns: Index,
     factors: Loss,
 ) -> tuple[RelativeOrientation, bool]:
-    """Return the orientation after reweighted steps, and whether the last one was small enough.
+    """Return the orientation after reweighted steps, and whether the steps converged.
 
     The weights follow from the differences. Derivatives hardly change: those at the start serve
     all steps.
@@ -437,13 +439,13 @@ class _Overlaps:
         return [
             Equations(
                 kind="tie_point",
-                v=d[own],
-                sigma=np.repeat(self.sigma[own, None], 2, axis=1),
+                v=d[rows],
+                sigma=np.repeat(self.sigma[rows, None], 2, axis=1),
                 A=J,
-                columns=place[at][None],
-                unit=np.zeros(len(own), dtype=np.intp),
+                columns=place[parameters][None],
+                unit=np.zeros(len(rows), dtype=np.intp),
             )
-            for own, at, J in _by_pair(state, self.ties)
+            for rows, parameters, J in _by_pair(state, self.ties)
         ]
 
     def moved(self, state: RelativeOrientation, dx: Array, dp: Array) -> RelativeOrientation:  # noqa: ARG002 (no points)
@@ -485,10 +487,10 @@ def _refined(
         raise AdjustmentError(msg)
     u = d / sigma[used, None]
     sigma0_sq = float(np.sum(u**2)) / redundancy
-    of, is_one = ties[used].exposure_idx, len(np.unique(ties[used].exposure_idx)) == 1
+    group, is_one = ties[used].exposure_idx, len(np.unique(ties[used].exposure_idx)) == 1
     if is_one:
-        of = _block(now, ties[used])
-    exposures = list(_exposures(parts, d, weight, of, columns))
+        group = _block(now, ties[used])
+    exposures = list(_exposures(parts, d, weight, group, columns))
     axis, noise = columns % PER_HEAD, sigma0_sq * inverse.dense
     telling = _telling(exposures, inverse.dense.diagonal()) if is_one else exposures
     variance = components(telling, axis, sigma0_sq)
@@ -496,17 +498,17 @@ def _refined(
         noise = noise + covariance(exposures, axis, variance)
     halves_p = None if not is_one else np.nan
     if is_one and telling:
-        halves_p = _agreement(exposures, np.unique(of) % 2, axis, variance, sigma0_sq)
+        halves_p = _agreement(exposures, np.unique(group) % 2, axis, variance, sigma0_sq)
     cov, cov_change = _covariances(start, now, N, columns, noise)
     tied = _tied(start, ties[used])
-    others = np.setdiff1d(np.arange(len(start.heads)), tied)
+    untied = np.setdiff1d(np.arange(len(start.heads)), tied)
     return Refined(
         orientation=replace(now, cov_joint=cov),
         sigma0=float(np.sqrt(sigma0_sq)),
         rejected=~used,
         turn_sigma=sigmas(cov_change)[: 6 * len(start.heads)].reshape(-1, 6)[:, 3:],
         held=start.heads[tied[0]].name,
-        unreached=tuple(start.heads[k].name for k in others),
+        unreached=tuple(start.heads[k].name for k in untied),
         by_exposure=tuple(np.sqrt(variance[np.unique(axis, return_index=True)[1]]).tolist()),
         halves_p=halves_p,
     )
@@ -515,33 +517,37 @@ def _refined(
 def _block(orientation: RelativeOrientation, ties: TiePoints) -> Index:
     """Return the block of the frame of every tie point; even and odd ones alternate."""
     size = np.array([[camera.width_px, camera.height_px] for camera in orientation.heads])
-    at = (ties.colrow_a + 0.5) / size[ties.head_a] * BLOCKS
-    col, row = np.clip(at.astype(int), 0, np.array(BLOCKS) - 1).T
+    position = (ties.colrow_a + 0.5) / size[ties.head_a] * BLOCKS
+    col, row = np.clip(position.astype(int), 0, np.array(BLOCKS) - 1).T
     odd: Index = (col + row) % 2
     return 2 * (row * BLOCKS[0] + col) + odd
 
 
 def _telling(blocks: Sequence[OneExposure], variance: Array) -> Sequence[OneExposure]:
-    """Return the blocks that alone determine all unknowns; none if they are not half of a frame."""
+    """Return the blocks that determine all unknowns alone; none if fewer than half of the frame."""
     least = 1 / (MOST_TIMES**2 * len(blocks) * variance)
-    whole = [one for one in blocks if np.linalg.matrix_rank(one.N, hermitian=True) == len(least)]
-    found = [one for one in whole if np.all(1 / np.linalg.inv(one.N).diagonal() >= least)]
-    return found if 2 * len(found) >= np.prod(BLOCKS) else []
+    whole = [
+        block for block in blocks if np.linalg.matrix_rank(block.N, hermitian=True) == len(least)
+    ]
+    precise = [block for block in whole if np.all(1 / np.linalg.inv(block.N).diagonal() >= least)]
+    return precise if 2 * len(precise) >= np.prod(BLOCKS) else []
 
 
 def _agreement(
     blocks: Sequence[OneExposure], half: Index, axis: Index, variance: Array, sigma0_sq: float
 ) -> float:
-    """Return the probability of such a difference of two halves or a larger one, or NaN."""
-    found, cov = [], np.zeros((len(axis), len(axis)))
+    """Return the p-value of the difference between two halves; NaN if a half is undetermined."""
+    estimates, cov = [], np.zeros((len(axis), len(axis)))
     for k in (0, 1):
-        own = [one for one, of in zip(blocks, half, strict=True) if of == k]
-        N = np.sum([np.zeros_like(cov), *(one.N for one in own)], axis=0)
+        blocks_of_half = [
+            block for block, block_half in zip(blocks, half, strict=True) if block_half == k
+        ]
+        N = np.sum([np.zeros_like(cov), *(block.N for block in blocks_of_half)], axis=0)
         if np.linalg.matrix_rank(N, hermitian=True) < len(axis):
             return np.nan
-        found.append(np.linalg.solve(N, np.sum([one.h for one in own], axis=0)))
-        cov += sigma0_sq * np.linalg.inv(N) + covariance(own, axis, variance)
-    z = (found[1] - found[0]) / sigmas(cov)
+        estimates.append(np.linalg.solve(N, np.sum([block.h for block in blocks_of_half], axis=0)))
+        cov += sigma0_sq * np.linalg.inv(N) + covariance(blocks_of_half, axis, variance)
+    z = (estimates[1] - estimates[0]) / sigmas(cov)
     return statistics.chi2_sf(float(z @ np.linalg.solve(correlation(cov), z)), len(axis))
 
 
@@ -553,20 +559,24 @@ def _exposures(
     columns: Index,
 ) -> Iterator[OneExposure]:
     """Yield the normal equations of every exposure by itself."""
-    n_heads = 1 + max(int(at.max()) for _, at, _ in parts) // PER_HEAD
+    n_heads = 1 + max(int(parameters.max()) for _, parameters, _ in parts) // PER_HEAD
     n_heads = max(n_heads, 1 + int(columns.max()) // PER_HEAD)
     for exposure in np.unique(exposure_idx):
         here = exposure_idx == exposure
         of_pair = [here[rows] for rows, _, _ in parts]
-        own = [(r[i], at, J[i]) for (r, at, J), i in zip(parts, of_pair, strict=True) if i.any()]
-        N, h = _normals(own, d, weight, n_heads)
+        parts_here = [
+            (r[i], parameters, J[i])
+            for (r, parameters, J), i in zip(parts, of_pair, strict=True)
+            if i.any()
+        ]
+        N, h = _normals(parts_here, d, weight, n_heads)
         yield OneExposure(N=N[np.ix_(columns, columns)], h=h[columns])
 
 
 def _covariances(
     start: RelativeOrientation, now: RelativeOrientation, N: Array, columns: Index, noise: Array
 ) -> tuple[Array, Array]:
-    """Return the joint covariances after the refinement, and of what it changed.
+    """Return the joint covariances of the refined orientation, and of the changes.
 
     Estimated parameters no longer depend on their former values. They depend on the errors of the
     held parameters as far as these affect the tie points.
@@ -615,18 +625,18 @@ def tie_differences(orientation: RelativeOrientation, ties: TiePoints) -> Array:
         mm in the synthetic image, in the order of the tie points.
     """
     out = np.zeros((len(ties), 2))
-    for k, colrow, own, sign in _sides(ties):
-        out[own] += sign * synthetic_from_head(orientation, k, colrow)
+    for k, colrow, rows, sign in _sides(ties):
+        out[rows] += sign * synthetic_from_head(orientation, k, colrow)
     return out
 
 
 def _sides(ties: TiePoints) -> Iterator[tuple[int, Array, Index, float]]:
     """Yield each head, its pixels, the rows of its tie points, and its sign in the differences."""
-    both = ((ties.head_a, ties.colrow_a, -1.0), (ties.head_b, ties.colrow_b, 1.0))
-    for heads, colrow, sign in both:
+    sides = ((ties.head_a, ties.colrow_a, -1.0), (ties.head_b, ties.colrow_b, 1.0))
+    for heads, colrow, sign in sides:
         for k in np.unique(heads):
-            own = np.flatnonzero(heads == k)
-            yield int(k), colrow[own], own, sign
+            rows = np.flatnonzero(heads == k)
+            yield int(k), colrow[rows], rows, sign
 
 
 def synthetic_from_head_jacobian(orientation: RelativeOrientation, k: int, colrow: Array) -> Array:
@@ -663,11 +673,11 @@ def _by_pair(
 ) -> Iterator[tuple[Index, Index, Array]]:
     """Yield for each pair of heads its tie points, its parameters, and d(differences) by these."""
     for a, b in sorted({*zip(ties.head_a.tolist(), ties.head_b.tolist(), strict=True)}):
-        own = np.flatnonzero((ties.head_a == a) & (ties.head_b == b))
-        by_a = synthetic_from_head_jacobian(orientation, a, ties.colrow_a[own])
-        by_b = synthetic_from_head_jacobian(orientation, b, ties.colrow_b[own])
-        at = np.concatenate([PER_HEAD * k + np.arange(PER_HEAD) for k in (a, b)])
-        yield own, at, np.concatenate([-by_a, by_b], axis=2)
+        rows = np.flatnonzero((ties.head_a == a) & (ties.head_b == b))
+        by_a = synthetic_from_head_jacobian(orientation, a, ties.colrow_a[rows])
+        by_b = synthetic_from_head_jacobian(orientation, b, ties.colrow_b[rows])
+        parameters = np.concatenate([PER_HEAD * k + np.arange(PER_HEAD) for k in (a, b)])
+        yield rows, parameters, np.concatenate([-by_a, by_b], axis=2)
 
 
 def _normals(
@@ -676,11 +686,11 @@ def _normals(
     """Return J^T P J and J^T P d by all parameters of all heads, `PER_HEAD` each."""
     n = PER_HEAD * n_heads
     N, h = np.zeros((n, n)), np.zeros(n)
-    for own, at, by_both in parts:
-        J = by_both.reshape(2 * len(own), -1)
-        PJ = np.repeat(weight[own], 2)[:, None] * J
-        N[np.ix_(at, at)] += PJ.T @ J
-        h[at] += PJ.T @ d[own].ravel()
+    for rows, parameters, by_both in parts:
+        J = by_both.reshape(2 * len(rows), -1)
+        PJ = np.repeat(weight[rows], 2)[:, None] * J
+        N[np.ix_(parameters, parameters)] += PJ.T @ J
+        h[parameters] += PJ.T @ d[rows].ravel()
     return N, h
 
 
@@ -744,13 +754,17 @@ def frame_differences(
     cols = np.linspace(-0.5, w - 0.5, max(w // spacing_px, 1) + 1)
     rows = np.linspace(-0.5, h - 0.5, max(h // spacing_px, 1) + 1)
     xy = xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2))
-    seen = [head_from_synthetic(orientation, k, xy) for k in range(len(orientation.heads))]
-    by_head = [border_distance(c, seen[k]) for k, c in enumerate(orientation.heads)]
+    colrow_by_head = [
+        head_from_synthetic(orientation, k, xy) for k in range(len(orientation.heads))
+    ]
+    by_head = [border_distance(c, colrow_by_head[k]) for k, c in enumerate(orientation.heads)]
     far = np.nan_to_num(np.stack(by_head), nan=-1.0)
     head = np.argmax(far, axis=0)
     d_px = np.full((len(xy), 2), np.nan)
-    for k, colrow in enumerate(seen):
-        own = (head == k) & (far[k] >= 0)
-        d_px[own] = (xy[own] - synthetic_from_head(other, k, colrow[own])) / synthetic.pixel_mm
+    for k, colrow in enumerate(colrow_by_head):
+        of_head = (head == k) & (far[k] >= 0)
+        d_px[of_head] = (
+            xy[of_head] - synthetic_from_head(other, k, colrow[of_head])
+        ) / synthetic.pixel_mm
     covered = np.isfinite(d_px[:, 0])
     return FrameDifferences(xy=xy[covered], head=head[covered], d_px=d_px[covered])

@@ -72,7 +72,7 @@ class OverlapTies:
 
     @property
     def row(self) -> dict[str, object]:
-        """What became of the overlap's cells, by the columns of a table."""
+        """Numbers of cells and points after each step, and the shift, as a table row."""
         return {
             "cells": self.n_cells,
             "textured": self.n_textured,
@@ -136,8 +136,10 @@ class ImageTies:
         return shown.line("ImageTies", f"{shown.count(len(self.ties), 'tie point')} of {n}")
 
     def table(self) -> pd.DataFrame:
-        """Return what became of every overlap's cells."""
-        return shown.row_table(("head a", "head b"), {one.names: one.row for one in self.overlaps})
+        """Return numbers of cells and points of every overlap, a row each."""
+        return shown.row_table(
+            ("head a", "head b"), {overlap.names: overlap.row for overlap in self.overlaps}
+        )
 
     @property
     def sentences(self) -> list[str]:
@@ -195,8 +197,8 @@ def find_ties(
     ]
     shifts = processors.in_order(lambda task: _coarse_shift(task, coarse), tasks)
     tasks = [replace(task, shift=shift) for task, shift in zip(tasks, shifts, strict=True)]
-    found = list(map(_measured, tasks, match_overlaps(tasks)))
-    return _assembled(found, orientation, synthetic, exposure)
+    measured = list(map(_measured, tasks, match_overlaps(tasks)))
+    return _assembled(measured, orientation, synthetic, exposure)
 
 
 def _check(images: Sequence[np.ndarray], orientation: RelativeOrientation) -> None:
@@ -219,10 +221,10 @@ def _cell(shared: SharedWindow, largest: float, options: TieOptions) -> int:
 
 
 def strongest_chain(overlaps: Sequence[OverlapTies]) -> list[OverlapTies]:
-    """Return as few overlaps as bind all heads, of which most corners found a partner.
+    """Return the smallest set of overlaps that connects all heads, with the most matched corners.
 
-    Of heads with different bands these are the pairs that see similar things: a chain from band to
-    band, where contrasts of the first and the last may be inverted.
+    For heads with different bands these are the pairs with similar contrast: a chain from band to
+    band, while contrasts of the first and the last may be inverted.
 
     Parameters
     ----------
@@ -232,23 +234,23 @@ def strongest_chain(overlaps: Sequence[OverlapTies]) -> list[OverlapTies]:
     Returns
     -------
     list of OverlapTies
-        In the order of `overlaps`; heads without tie points are not bound.
+        In the order of `overlaps`; heads without tie points are not connected.
     """
-    n = 1 + max((one.head_b for one in overlaps), default=0)
+    n = 1 + max((overlap.head_b for overlap in overlaps), default=0)
     length = np.zeros((n, n))
-    for one in overlaps:
-        if one.n_ties:
-            length[one.head_a, one.head_b] = one.n_textured / one.n_ties
+    for overlap in overlaps:
+        if overlap.n_ties:
+            length[overlap.head_a, overlap.head_b] = overlap.n_textured / overlap.n_ties
     tree = sparse.csgraph.minimum_spanning_tree(length).toarray()
-    return [one for one in overlaps if tree[one.head_a, one.head_b] > 0]
+    return [overlap for overlap in overlaps if tree[overlap.head_a, overlap.head_b] > 0]
 
 
 # --- one overlap ----------------------------------------------------------------------------
 
 
 def _measured(task: OverlapTask, matches: OverlapMatches) -> tuple[OverlapMatches, OverlapTies]:
-    """Return the matches of an overlap that agree, and their numbers."""
-    # of poor pictures, good matches miss each other by more
+    """Return the consistent matches of an overlap, and the numbers of each step."""
+    # in poor pictures, good matches scatter more
     usual = 4 * float(np.median(matches.sigma_px)) if len(matches.sigma_px) else 0.0
     agree = consensus(matches, max(task.options.consensus_px, usual))
     kept = OverlapMatches(
@@ -281,26 +283,26 @@ def _measured(task: OverlapTask, matches: OverlapMatches) -> tuple[OverlapMatche
 
 
 def _assembled(
-    found: Sequence[tuple[OverlapMatches, OverlapTies]],
+    measured: Sequence[tuple[OverlapMatches, OverlapTies]],
     orientation: RelativeOrientation,
     synthetic: Camera,
     exposure: int,
 ) -> ImageTies:
     """Return the tie points of all overlaps in head pixels."""
-    n = sum(report.n_ties for _, report in found)
+    n = sum(report.n_ties for _, report in measured)
     head_a, head_b = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
     colrow_a, colrow_b, sigma = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
     per_px = np.zeros(n)
     start = 0
-    for matches, report in found:
-        own = slice(start, start + report.n_ties)
+    for matches, report in measured:
+        rows = slice(start, start + report.n_ties)
         start += report.n_ties
         a, b = report.head_a, report.head_b
-        head_a[own], head_b[own], sigma[own] = a, b, matches.sigma_px
+        head_a[rows], head_b[rows], sigma[rows] = a, b, matches.sigma_px
         xy_a, xy_b = (xy_from_colrow(synthetic, c) for c in (matches.colrow_a, matches.colrow_b))
-        colrow_a[own] = head_from_synthetic(orientation, a, xy_a)
-        colrow_b[own] = head_from_synthetic(orientation, b, xy_b)
-        per_px[own] = synthetic.pixel_mm / orientation.heads[b].pixel_mm
+        colrow_a[rows] = head_from_synthetic(orientation, a, xy_a)
+        colrow_b[rows] = head_from_synthetic(orientation, b, xy_b)
+        per_px[rows] = synthetic.pixel_mm / orientation.heads[b].pixel_mm
     return ImageTies(
         ties=TiePoints(
             head_a=head_a,
@@ -313,7 +315,7 @@ def _assembled(
             sigma_px=per_px * np.sqrt(np.mean(sigma**2, axis=1) / 2),
         ),
         sigma=sigma,
-        overlaps=tuple(report for _, report in found),
+        overlaps=tuple(report for _, report in measured),
     )
 
 
@@ -329,7 +331,10 @@ LEAST_CELL_PX = 14  # windows of neighbours overlap by a third
 NARROW_PX = 220  # shorter side of an overlap in reduced images
 LEAST_TIES = 12  # of an overlap, so that a homography is checked by other points
 WITNESSES = 3  # further matches by which a few are believed: by chance one in 10^4 overlaps
-_SIMPLE = ((cv2.estimateAffine2D, 3), (cv2.findHomography, 4))  # and the matches they need
+_SIMPLE = (
+    (cv2.estimateAffine2D, 3),
+    (cv2.findHomography, 4),
+)  # with their numbers of matches
 NO_SHIFT = np.zeros((2, 3))
 _LEAST_CUBIC, _GROWING_STEPS = 100, 20  # ten matches for each of ten coefficients
 
@@ -381,7 +386,7 @@ def _coarse_shift(task: OverlapTask, coarse: GreyExposure) -> Array:
 
 
 def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
-    """Tell which matches agree with each other, shape (n,).
+    """Return the mask of matches that agree with each other, shape (n,).
 
     Parameters
     ----------
@@ -424,25 +429,27 @@ def consensus(matches: OverlapMatches, threshold_px: float) -> Mask:
 
 
 def _few(matches: OverlapMatches, threshold_px: float) -> Mask:
-    """Return which of few matches agree on a transformation of few parameters."""
+    """Return the mask of few matches that agree on a transformation of few parameters."""
     n, a, b = len(matches.colrow_a), matches.colrow_a, matches.colrow_b
     best = np.zeros(n, dtype=bool)
     for estimate, determined_by in _SIMPLE:
         if n < determined_by + WITNESSES:
             continue
-        found, agree = estimate(a, b, method=cv2.RANSAC, ransacReprojThreshold=threshold_px)
+        transformation, agree = estimate(
+            a, b, method=cv2.RANSAC, ransacReprojThreshold=threshold_px
+        )
         enough = max(determined_by + WITNESSES, n / 2, best.sum() + 1)
-        if found is not None and agree.sum() >= enough:
+        if transformation is not None and agree.sum() >= enough:
             best = agree.ravel() > 0
     return best
 
 
 def _on_homography(matches: OverlapMatches, threshold_px: float) -> Mask:
-    """Return which matches agree on a homography."""
-    found, agree = cv2.findHomography(
+    """Return the mask of matches that agree on a homography."""
+    homography, agree = cv2.findHomography(
         matches.colrow_a, matches.colrow_b, cv2.USAC_MAGSAC, threshold_px, maxIters=5000
     )
-    if found is None or agree.sum() < LEAST_TIES:
+    if homography is None or agree.sum() < LEAST_TIES:
         return np.zeros(len(matches.colrow_a), dtype=bool)
     # MAGSAC itself has no sharp limit
     misfits = _homography_misfits(matches, agree.ravel() > 0)
@@ -450,7 +457,7 @@ def _on_homography(matches: OverlapMatches, threshold_px: float) -> Mask:
 
 
 def _grown(matches: OverlapMatches, agree: Mask, threshold_px: float) -> Mask:
-    """Return which matches agree with a cubic polynomial that starts from some of them."""
+    """Return the mask of matches on a cubic polynomial, grown from the agreeing ones."""
     x, y = ((matches.colrow_a - matches.colrow_a.mean(axis=0)) / np.ptp(matches.colrow_a)).T
     powers = [x**i * y**j for i in range(4) for j in range(4 - i)]
     A, d = np.column_stack(powers), matches.colrow_b - matches.colrow_a
@@ -464,9 +471,9 @@ def _grown(matches: OverlapMatches, agree: Mask, threshold_px: float) -> Mask:
 
 
 def _homography_misfits(matches: OverlapMatches, agree: Mask) -> Array:
-    """Return the misfits of all matches to the homography of those that agree, (n, 2), px."""
-    found, _ = cv2.findHomography(matches.colrow_a[agree], matches.colrow_b[agree], 0)
-    fitted = cv2.perspectiveTransform(matches.colrow_a[:, None], found)[:, 0]
+    """Return the misfits of all matches to the homography of the agreeing ones, (n, 2), px."""
+    homography, _ = cv2.findHomography(matches.colrow_a[agree], matches.colrow_b[agree], 0)
+    fitted = cv2.perspectiveTransform(matches.colrow_a[:, None], homography)[:, 0]
     return matches.colrow_b - np.asarray(fitted, float)
 
 
@@ -476,8 +483,8 @@ def _homography_misfits(matches: OverlapMatches, agree: Mask) -> Array:
 # whether each of two pictures must be turned by 180 degrees to fit the other
 Turns = tuple[bool, bool]
 
-LEAST_CELLS = 30  # with texture; with fewer nothing is said
-LEAST_SHARE = 0.05  # of these cells, that agree where two pictures show the same; of others none do
+LEAST_CELLS = 30  # with texture; with fewer there is no verdict
+LEAST_SHARE = 0.05  # of these cells agree where two pictures show the same ground; else none
 MOST_ORDERED = 4  # heads whose pictures are tried in every order
 _AS_THEY_ARE: Turns = (False, False)
 
@@ -491,7 +498,7 @@ class _Verdict:
     head_a, head_b : int
     turns : set of tuple of bool
         Turns with which the pictures fit, if not as they are; empty where they never fit. Heads
-        that look the same way fit with either of them turned.
+        that look the same way fit with either picture turned.
     """
 
     head_a: int
@@ -533,9 +540,11 @@ def check_overlaps(
     rng = np.random.default_rng(0)  # the same images always give the same result
     noise = [noise_level(image, rng=rng) for image in images]
     names = [head.name for head in orientation.heads]
-    tasks = [_task(right, orientation, synthetic, one, noise[one.head_a]) for one in windows]
-    found = processors.in_order(lambda task: _verdict(task, right, turned), tasks)
-    verdicts = [verdict for one in found for verdict in one]
+    tasks = [
+        _task(right, orientation, synthetic, window, noise[window.head_a]) for window in windows
+    ]
+    by_overlap = processors.in_order(lambda task: _verdict(task, right, turned), tasks)
+    verdicts = [verdict for of_overlap in by_overlap for verdict in of_overlap]
     if _bound_together(verdicts, len(names)):
         return []
     order = _exchanged(tasks, right, least=sum(bool(v.turns) for v in verdicts))
@@ -583,7 +592,7 @@ def _verdict(
 
 
 def _bound_together(verdicts: Sequence[_Verdict], n_heads: int) -> bool:
-    """Tell whether no picture is turned, and chains of fitting ones lead to those that do not fit.
+    """Tell whether no picture is turned, and fitting overlaps connect the heads of all others.
 
     Infrared and visible pictures of the same ground need not fit: contrasts are inverted.
     """
@@ -596,7 +605,7 @@ def _bound_together(verdicts: Sequence[_Verdict], n_heads: int) -> bool:
 
 
 def _exchanged(tasks: Sequence[OverlapTask], right: GreyExposure, *, least: int) -> tuple[int, ...]:
-    """Return whose picture fits in the place of each head; empty where no exchange explains it.
+    """Return the head whose picture fits in the place of each head; empty without an exchange.
 
     Exchanged pictures may fit in two ways, since heads across from each other see the ground
     turned by 180 degrees. The right way needs smaller shifts.
@@ -609,11 +618,11 @@ def _exchanged(tasks: Sequence[OverlapTask], right: GreyExposure, *, least: int)
         Number of overlaps that fit without an exchange, turned or not. An exchange must explain
         as many, and more than half of all.
     """
-    found = cache(lambda t, i, j: _fitting(_with(tasks[t], right, (i, j))))
+    fitting = cache(lambda t, i, j: _fitting(_with(tasks[t], right, (i, j))))
 
     def explained(order: tuple[int, ...]) -> tuple[int, float]:
         pairs = [(order[task.shared.head_a], order[task.shared.head_b]) for task in tasks]
-        shifts = [found(t, *pair).shift_px for t, pair in enumerate(pairs)]
+        shifts = [fitting(t, *pair).shift_px for t, pair in enumerate(pairs)]
         return sum(np.isfinite(shifts)), -float(np.nansum(shifts))
 
     enough = max(least, len(tasks) // 2 + 1)
@@ -627,12 +636,12 @@ def _exchanged(tasks: Sequence[OverlapTask], right: GreyExposure, *, least: int)
 def _orders(right: GreyExposure) -> Iterator[list[tuple[int, ...]]]:
     """Yield the exchanges of two pictures of one size, and then, of a few, all other orders."""
     shapes = [image.shape for image in right.images]
-    own = tuple(range(len(shapes)))
-    swaps = [tuple({i: j, j: i}.get(k, k) for k in own) for i, j in combinations(own, 2)]
-    yield [one for one in swaps if [shapes[k] for k in one] == shapes]
-    if len(own) <= MOST_ORDERED:
-        others = set(permutations(own)) - {own, *swaps}
-        yield [one for one in sorted(others) if [shapes[k] for k in one] == shapes]
+    places = tuple(range(len(shapes)))
+    swaps = [tuple({i: j, j: i}.get(k, k) for k in places) for i, j in combinations(places, 2)]
+    yield [order for order in swaps if [shapes[k] for k in order] == shapes]
+    if len(places) <= MOST_ORDERED:
+        others = set(permutations(places)) - {places, *swaps}
+        yield [order for order in sorted(others) if [shapes[k] for k in order] == shapes]
 
 
 def _with(task: OverlapTask, right: GreyExposure, pictures: tuple[int, int]) -> OverlapTask:
@@ -645,7 +654,7 @@ def _with(task: OverlapTask, right: GreyExposure, pictures: tuple[int, int]) -> 
 
 @dataclass(frozen=True, kw_only=True)
 class _Fitting:
-    """How well two pictures fit.
+    """The fit of two pictures.
 
     Attributes
     ----------
@@ -680,7 +689,7 @@ def _has_texture(task: OverlapTask, b: int) -> bool:
 
 
 def _sentences_of_order(order: Sequence[int], names: Sequence[str]) -> list[str]:
-    """Return a sentence for two pictures that are exchanged, or one for each of several."""
+    """Return a sentence on two exchanged pictures, or on each of several."""
     moved = [k for k, picture in enumerate(order) if picture != k]
     if len(moved) == 2:
         a, b = moved
@@ -694,7 +703,7 @@ def _sentences_of_order(order: Sequence[int], names: Sequence[str]) -> list[str]
 
 
 def _sentences(verdicts: Sequence[_Verdict], names: Sequence[str]) -> list[str]:
-    """Return a sentence for every wrong head, and for pairs of which either may be wrong."""
+    """Return a sentence on every wrong head, and on pairs in which either head may be wrong."""
     fits = {head for v in verdicts if v.turns for head in (v.head_a, v.head_b)}
     out = [
         f"{names[head]}: its picture fits its neighbours only when turned by 180 degrees; turn "
@@ -721,7 +730,7 @@ def _turned(verdicts: Sequence[_Verdict], heads: set[int]) -> set[int]:
     turned: set[int] = set()
     while True:
         tried = [turned ^ step for step in steps]
-        best = max(tried, key=lambda those: sum(v.fits(those) for v in verdicts), default=turned)
+        best = max(tried, key=lambda trial: sum(v.fits(trial) for v in verdicts), default=turned)
         if sum(v.fits(best) for v in verdicts) <= sum(v.fits(turned) for v in verdicts):
             return turned
         turned = best
@@ -733,4 +742,4 @@ def _alone(strangers: Sequence[tuple[int, int]], fits: set[int]) -> set[int]:
     for a, b in strangers:
         neighbours[a].add(b)
         neighbours[b].add(a)
-    return {head for head, others in neighbours.items() if head not in fits and others <= fits}
+    return {head for head, partners in neighbours.items() if head not in fits and partners <= fits}

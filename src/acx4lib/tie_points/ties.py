@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TiePoints:
-    """Points that two heads measured at one exposure.
+    """Points measured in two heads at one exposure.
 
     Attributes
     ----------
@@ -71,17 +71,17 @@ class TiePoints:
         return sorted(set(zip(self.head_a.tolist(), self.head_b.tolist(), strict=True)))
 
     def table(self) -> pd.DataFrame:
-        """Return how many every pair of heads has, and the median of their sigma.
+        """Return number, exposures and median sigma of the tie points of each pair of heads.
 
         Heads are counted from zero, in the order of the orientation.
         """
         rows = {}
         for a, b in self._pairs:
-            own = (self.head_a == a) & (self.head_b == b)
+            of_pair = (self.head_a == a) & (self.head_b == b)
             rows[a, b] = {
-                "tie points": int(own.sum()),
-                "exposures": len(np.unique(self.exposure_idx[own])),
-                "median sigma (px)": float(np.median(self.sigma_px[own])),
+                "tie points": int(of_pair.sum()),
+                "exposures": len(np.unique(self.exposure_idx[of_pair])),
+                "median sigma (px)": float(np.median(self.sigma_px[of_pair])),
             }
         return shown.row_table(("head a", "head b"), rows)
 
@@ -125,7 +125,7 @@ class Overlap:
 
 
 def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
-    """Return every point that two heads measured at one exposure.
+    """Return all points measured in two heads at one exposure.
 
     Parameters
     ----------
@@ -153,8 +153,8 @@ def shared_points(block: Block, orientation: RelativeOrientation) -> TiePoints:
     pairs = [np.zeros((2, 0), dtype=np.intp)]
     for ahead in range(1, len(orientation.heads)):
         a, b = order[:-ahead], order[ahead:]
-        same = (exposure[a] == exposure[b]) & (points.point_idx[a] == points.point_idx[b])
-        pairs.append(np.stack([a[same], b[same]]))
+        same_point = (exposure[a] == exposure[b]) & (points.point_idx[a] == points.point_idx[b])
+        pairs.append(np.stack([a[same_point], b[same_point]]))
     a, b = np.concatenate(pairs, axis=1)
     return TiePoints(
         head_a=head[a],
@@ -181,10 +181,10 @@ def overlaps(ties: TiePoints, orientation: RelativeOrientation) -> list[Overlap]
     n_heads = len(orientation.heads)
     for a in range(n_heads):
         for b in range(a + 1, n_heads):
-            own = (ties.head_a == a) & (ties.head_b == b)
-            if own.any():
-                xy_a = synthetic_from_head(orientation, a, ties.colrow_a[own])
-                xy_b = synthetic_from_head(orientation, b, ties.colrow_b[own])
+            of_pair = (ties.head_a == a) & (ties.head_b == b)
+            if of_pair.any():
+                xy_a = synthetic_from_head(orientation, a, ties.colrow_a[of_pair])
+                xy_b = synthetic_from_head(orientation, b, ties.colrow_b[of_pair])
                 out.append(Overlap(head_a=a, head_b=b, xy=(xy_a + xy_b) / 2, d=xy_b - xy_a))
     return out
 
@@ -211,12 +211,12 @@ def refine_by_mean_differences(
     check_ties(ties, orientation)
     if len(ties) == 0:
         return orientation
-    found = overlaps(ties, orientation)
-    gain, counts = _gain(found, len(orientation.heads))
+    pairs = overlaps(ties, orientation)
+    gain, counts = _gain(pairs, len(orientation.heads))
     xyz = orientation.xyz_mm.copy()
-    xyz[:, :2] += gain @ np.array([overlap.mean for overlap in found])
+    xyz[:, :2] += gain @ np.array([overlap.mean for overlap in pairs])
     n = 6 * len(orientation.heads)
-    by_parameter = gain @ _means_jacobian(orientation, ties, found)
+    by_parameter = gain @ _means_jacobian(orientation, ties, pairs)
     J = np.eye(len(orientation.cov_joint))
     J[0:n:6] += by_parameter[0]
     J[1:n:6] += by_parameter[1]
@@ -229,26 +229,29 @@ def refine_by_mean_differences(
     return replace(orientation, xyz_mm=xyz, cov_joint=cov)
 
 
-def _gain(found: list[Overlap], n_heads: int) -> tuple[Array, Array]:
+def _gain(pairs: list[Overlap], n_heads: int) -> tuple[Array, Array]:
     """Return d(shifts of the heads) / d(mean differences), and the points of each overlap."""
-    A = np.zeros((len(found), n_heads))
-    for row, overlap in enumerate(found):
+    A = np.zeros((len(pairs), n_heads))
+    for row, overlap in enumerate(pairs):
         A[row, overlap.head_a], A[row, overlap.head_b] = -1.0, 1.0
-    counts = np.array([len(overlap.d) for overlap in found], dtype=float)
+    counts = np.array([len(overlap.d) for overlap in pairs], dtype=float)
     root = np.sqrt(counts)[:, None]
     # minimum norm: the shifts sum to zero, so the mean of the heads does not move
     return -np.linalg.pinv(root * A) * root.T, counts
 
 
 def _means_jacobian(
-    orientation: RelativeOrientation, ties: TiePoints, found: list[Overlap]
+    orientation: RelativeOrientation, ties: TiePoints, pairs: list[Overlap]
 ) -> Array:
     """Return d(mean differences) / d(parameters), (2, n_overlaps, n_parameters); 0 where held."""
     n, sigma = len(orientation.heads), sigmas(orientation.cov_joint)
-    out = np.zeros((2, len(found), len(sigma)))
-    for row, overlap in enumerate(found):
-        own = (ties.head_a == overlap.head_a) & (ties.head_b == overlap.head_b)
-        sides = (overlap.head_a, ties.colrow_a[own], -1), (overlap.head_b, ties.colrow_b[own], 1)
+    out = np.zeros((2, len(pairs), len(sigma)))
+    for row, overlap in enumerate(pairs):
+        of_pair = (ties.head_a == overlap.head_a) & (ties.head_b == overlap.head_b)
+        sides = (
+            (overlap.head_a, ties.colrow_a[of_pair], -1),
+            (overlap.head_b, ties.colrow_b[of_pair], 1),
+        )
         for k, colrow, sign in sides:
             poses, interiors = np.split(np.arange(len(sigma)), [6 * n])
             mine = [*np.split(poses, n)[k], *np.split(interiors, n)[k]]
