@@ -1,4 +1,4 @@
-"""What a flight will determine, from its plan alone: nothing is measured, no error is drawn.
+"""Predict the accuracy of a flight from its plan alone, without measurements or drawn errors.
 
 A covariance needs derivatives and standard deviations, no measurement. `plan` is the value, read
 from a TOML file, checked and written, with its terrain. `flown` exposes the strips, says which

@@ -1,7 +1,7 @@
-"""Which strips are flown: the cheapest of many candidates that give what is wanted.
+"""The cheapest strips, of many candidates, that reach the accuracy wanted.
 
-A target says what is wanted. What every strip tells is reduced to what all strips share, so that
-any choice is a sum; a search finds a cheap choice and knows of no strips. Begin with `choose`.
+A target states the accuracy. The normal matrix of each strip is reduced to the unknowns that all
+strips share; that of a choice is their sum. The search knows of no strips. Begin with `choose`.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ SIGMAS = (
     *(f"gnss_shift_{axis}_m" for axis in AXES),
     *(trajectory_errors.DELAY, trajectory_errors.ATTITUDE_DELAY, *trajectory_errors.DEVIATION),
 )
-"""What can be wanted of a calibration, named as in parameters.csv."""
+"""Parameters whose sigma a target can limit, named as in parameters.csv."""
 
 CHECK_POINTS = tuple(f"{axis}_m" for axis in AXES)
-"""What can be wanted of check points: RMS along the grid's axes, m."""
+"""RMS at check points that a target can limit, along the grid's axes, m."""
 
 ANY_SIZE = Range(1e-30, 1e6, "must be positive, at most 1e6")
-"""Of wanted sigma: those of k1, k2, k3 are small numbers, since r is in mm."""
+"""Range of a wanted sigma; those of k1, k2, k3 are small numbers, since r is in mm."""
 
 MOST_CANDIDATES = 200
 
@@ -64,7 +64,7 @@ _EXAMPLE = "{flying_height_m = [600, 900], course_deg = [0, 180], length_m = 600
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Target:
-    """What is wanted of a flight, and the strips that it may have.
+    """The accuracy wanted of a flight, and its candidate strips.
 
     Attributes
     ----------
@@ -101,8 +101,8 @@ def from_values(values: Mapping[str, Any], plan: Plan) -> Target:
 
 
 def _checked(toml: Toml, plan: Plan) -> Target:
-    if found := [*_problems(toml, plan)]:
-        raise FlightError(lines_of(found))
+    if problems := [*_problems(toml, plan)]:
+        raise FlightError(lines_of(problems))
     sigma, check_m = toml.table("sigma"), toml.table("check_points")
     return Target(
         plan=plans.checked(_with_candidates(toml, plan)),
@@ -131,7 +131,7 @@ def _nothing_wanted(toml: Toml, _: Keys) -> Iterator[Problem]:
 
 
 def _candidate_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield lists that are too long; the strips themselves are checked as those of a plan."""
+    """Yield problems of the table of candidates; the strips are checked later, as a plan's."""
     tables = toml.get(*keys)
     if not isinstance(tables, dict):
         yield toml.problem(keys, quoted(tables), "must be a table of strips by name")
@@ -162,19 +162,21 @@ TARGET = Table(
 
 def _count(table: Any) -> int:
     lists = (
-        [one for one in table.values() if isinstance(one, list)] if isinstance(table, dict) else []
+        [values for values in table.values() if isinstance(values, list)]
+        if isinstance(table, dict)
+        else []
     )
-    return int(np.prod([len(one) for one in lists], dtype=float).clip(max=1e9))
+    return int(np.prod([len(values) for values in lists], dtype=float).clip(max=1e9))
 
 
 def _with_candidates(toml: Toml, plan: Plan) -> Toml:
-    """Return the plan with all candidates as strips; lines are those of the target's file."""
+    """Return the plan's document with all candidates as strips; lines are the target file's."""
     strips = dict(plan.values[BLOCK]["strips"])  # noqa: PD011 no frame's
     lines: dict[tuple[str, ...], int] = {}
     for name, table in toml.table("candidates").items():
-        for own, strip in _combined(name, table):
-            strips[own] = strip
-            lines[BLOCK, "strips", own] = toml.lines.get(("candidates", name), 1)
+        for strip_name, strip in _combined(name, table):
+            strips[strip_name] = strip
+            lines[BLOCK, "strips", strip_name] = toml.lines.get(("candidates", name), 1)
     values = {**plan.values, BLOCK: {**plan.values[BLOCK], "strips": strips}}  # noqa: PD011 no frame's
     return replace(toml, values=values, lines=lines)
 
@@ -183,8 +185,8 @@ def _combined(name: str, table: Mapping[str, Any]) -> Iterator[tuple[str, dict[s
     """Yield a strip for every combination of listed values, which go into its name."""
     lists = {key: value for key, value in table.items() if isinstance(value, list)}
     for values in product(*lists.values()):
-        own = "-".join([name, *map(_short, values)])
-        yield own, {**table, **dict(zip(lists, values, strict=True))}
+        strip_name = "-".join([name, *map(_short, values)])
+        yield strip_name, {**table, **dict(zip(lists, values, strict=True))}
 
 
 def _short(value: Any) -> str:
@@ -203,7 +205,7 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """One number that is wanted.
+    """A standard deviation or an RMS, and its wanted limit.
 
     Attributes
     ----------
@@ -214,7 +216,7 @@ class Wanted:
     with_all : float
         With all candidates.
     needs : str
-        What would determine a parameter better, and no candidate has.
+        Geometry that would determine a parameter better and that no candidate has.
     """
 
     camera: str
@@ -251,35 +253,35 @@ class Candidates:
 
     @property
     def limits(self) -> Array:
-        """What is wanted at most, shape (n,)."""
-        return np.array([one.limit for one in self.wanted])
+        """Limits of all goals, shape (n,)."""
+        return np.array([goal.limit for goal in self.wanted])
 
     @property
     def failing(self) -> tuple[Wanted, ...]:
-        """What all candidates together do not give, and so no choice of them does."""
-        return tuple(one for one in self.wanted if not one.with_all <= one.limit)
+        """Goals that even all candidates together do not meet."""
+        return tuple(goal for goal in self.wanted if not goal.with_all <= goal.limit)
 
     @cached_property
     def seconds(self) -> Array:
-        """Time of every strip and the turn after it, shape (n,)."""
+        """Flying time of every strip with the turn after it, s, shape (n,)."""
         strips = self.target.plan.blocks[BLOCK].strips.values()
-        return np.array([flying_time_s((one,)) + TURN_S for one in strips])
+        return np.array([flying_time_s((strip,)) + TURN_S for strip in strips])
 
     def minutes(self, chosen: Choice) -> float:
         """Return the flying time from the first exposure to the last."""
         return max(0.0, float(self.seconds[list(chosen)].sum()) - TURN_S) / 60.0
 
     def given(self, chosen: Choice) -> Array:
-        """Return what is wanted as a choice gives it, by the tie points that take part."""
+        """Return the wanted sigmas and RMS by a choice, from the tie points that take part."""
         cov = self.information.covariance(chosen)
         sigma = sigmas(propagate(self.by_common, cov))
         rms = np.sqrt(self.own_m2 + np.sum(self.by_calibration * cov, axis=(1, 2)))
         return np.append(sigma, rms)
 
     def planned(self, plan: Plan) -> Array:
-        """Return what is wanted as a plan gives it, by all of its tie points."""
-        found = _found(_designed(self.target, plan))
-        return np.array([found[one.camera, one.name] for one in self.wanted])
+        """Return the wanted sigmas and RMS by a plan, from all of its tie points."""
+        predicted = _found(_designed(self.target, plan))
+        return np.array([predicted[goal.camera, goal.name] for goal in self.wanted])
 
 
 def of(target: Target) -> Candidates:
@@ -298,19 +300,19 @@ def of(target: Target) -> Candidates:
     n, k = mounting.calibration.n_columns, len(information.names)
     J = np.eye(k)
     J[:n, :n] = to_reported(mounting.calibration)
-    own, by_calibration = _at_check_points(target, full, k)
+    own_m2, by_calibration = _at_check_points(target, full, k)
     return Candidates(
         target=target,
         information=information,
         wanted=_wanted(target, full, [listed[i] for i in wanted]),
         by_common=J[wanted],
-        own_m2=own,
+        own_m2=own_m2,
         by_calibration=by_calibration,
     )
 
 
 def _designed(target: Target, plan: Plan) -> Design:
-    """Return what the blocks determine that a target is about."""
+    """Return the design of the blocks that a target concerns."""
     names = (BLOCK, "validation") if target.check_m else (BLOCK,)
     return design.of(replace(plan, blocks={name: plan.blocks[name] for name in names}))
 
@@ -335,24 +337,25 @@ def _places(name: str, listed: list[Parameter]) -> list[int]:
 
 def _found(designed: Design) -> dict[Key, float]:
     """Return standard deviations and RMS by their names."""
-    found = {(p.camera, p.name): p.sigma for p in _shared(_mounting(designed))}
+    predicted = {(p.camera, p.name): p.sigma for p in _shared(_mounting(designed))}
     for validation in designed.validations.values():
         rms = np.sqrt(np.mean(validation.points.sigma**2, axis=0))
-        found |= {
-            (AT_CHECK_POINTS, name): float(one) for name, one in zip(CHECK_POINTS, rms, strict=True)
+        predicted |= {
+            (AT_CHECK_POINTS, name): float(component)
+            for name, component in zip(CHECK_POINTS, rms, strict=True)
         }
-    return found
+    return predicted
 
 
 def _wanted(target: Target, full: Design, listed: list[Parameter]) -> tuple[Wanted, ...]:
-    found, has = _found(full), features(full.blocks[BLOCK])
+    predicted, has = _found(full), features(full.blocks[BLOCK])
     return (
         *(
             Wanted(
                 camera=p.camera,
                 name=p.name,
                 limit=target.sigma[p.name],
-                with_all=found[p.camera, p.name],
+                with_all=predicted[p.camera, p.name],
                 needs=needed(p.key, has) if p.camera else "",
             )
             for p in listed
@@ -362,7 +365,7 @@ def _wanted(target: Target, full: Design, listed: list[Parameter]) -> tuple[Want
                 camera=AT_CHECK_POINTS,
                 name=name,
                 limit=limit,
-                with_all=found[AT_CHECK_POINTS, name],
+                with_all=predicted[AT_CHECK_POINTS, name],
             )
             for name, limit in target.check_m.items()
         ),
@@ -377,11 +380,11 @@ def _at_check_points(target: Target, full: Design, k: int) -> tuple[Array, Array
     (validation,) = full.validations.values()
     sources: ErrorSources = validation.points.sources
     without = replace(sources, cov_parameters=np.zeros_like(sources.cov_parameters))
-    own = np.diagonal(without.cov, axis1=1, axis2=2).mean(axis=0)
+    own_m2 = np.diagonal(without.cov, axis1=1, axis2=2).mean(axis=0)
     G, n = sources.by_parameters, sources.by_parameters.shape[2]
     by_calibration = np.zeros((len(axes), k, k))
     by_calibration[:, :n, :n] = (np.einsum("pai,paj->aij", G, G) / len(G))[axes]
-    return own[axes], by_calibration
+    return own_m2[axes], by_calibration
 
 
 # --- What every strip of a block tells of the unknowns that all strips have in common
@@ -435,7 +438,7 @@ class StripInformation:
 
 
 def of_strips(network: Network, *, tie_points: int = TIE_POINTS) -> StripInformation:
-    """Return what every strip of a network tells, linearised at its approximate values.
+    """Return the reduced normal matrix of every strip, linearised at the approximate values.
 
     Parameters
     ----------
@@ -457,8 +460,10 @@ def of_strips(network: Network, *, tie_points: int = TIE_POINTS) -> StripInforma
     points, weight = _taking_part(network, tie_points)
     rows, strip_of_row = _whitened(network, points, weight, owner)
     shared = np.append(np.arange(3 * len(points)), 3 * len(points) + common)
-    own = [3 * len(points) + np.flatnonzero(owner[:-1] == k) for k in range(len(strips))]
-    by_strip = [_reduced(rows[strip_of_row == k], shared, own[k]) for k in range(len(strips))]
+    own_columns = [3 * len(points) + np.flatnonzero(owner[:-1] == k) for k in range(len(strips))]
+    by_strip = [
+        _reduced(rows[strip_of_row == k], shared, own_columns[k]) for k in range(len(strips))
+    ]
     given = (rows[strip_of_row < 0].T @ rows[strip_of_row < 0]).toarray()[np.ix_(shared, shared)]
     total = np.diagonal(given + sum(by_strip))[3 * len(points) :]
     given[np.diag_indices(len(given))] += np.append(
@@ -474,12 +479,12 @@ def of_strips(network: Network, *, tie_points: int = TIE_POINTS) -> StripInforma
 
 
 def _owners(network: Network, strips: Sequence[str]) -> Index:
-    """Return the strip to which each column belongs, -1 for what strips share."""
+    """Return the strip of each column; -1 for unknowns that the strips share."""
     owner = np.full(network.n_columns + 1, -1)  # column -1 is held
     of_pose = np.array([strips.index(name) for name in strip_of_exposure(network.block)])
     of_drift = [strips.index(name) for name in network.observed.strips.names]
-    for columns, of in ((network.layout.pose, of_pose), (network.layout.drift, of_drift)):
-        for column, strip in zip(columns, of, strict=True):
+    for columns, owners in ((network.layout.pose, of_pose), (network.layout.drift, of_drift)):
+        for column, strip in zip(columns, owners, strict=True):
             owner[column[column >= 0]] = strip
     return owner
 
@@ -537,21 +542,21 @@ def _sparse(A: Array, columns: Index, n: int) -> sparse.csr_array:
 
 
 def _uncorrelated(correlation: Correlation, strip: Index) -> sparse.csr_array:
-    """Return what makes rows independent that are correlated along their strips."""
+    """Return the matrix that decorrelates rows which are correlated along their strips."""
     factors = correlation.factors
     d, m = len(factors), len(factors[0])
     row, column = np.nonzero(np.triu(np.equal.outer(strip, strip)))
     parts = [(U[row, column], (d * row + c, d * column + c)) for c, U in enumerate(factors)]
     values, places = zip(*parts, strict=True)
-    where = tuple(np.concatenate(one) for one in zip(*places, strict=True))
+    where = tuple(np.concatenate(indices) for indices in zip(*places, strict=True))
     return sparse.csr_array((np.concatenate(values), where), shape=(m * d, m * d))
 
 
-def _reduced(rows: sparse.csr_array, shared: Index, own: Index) -> Array:
-    """Return the normal matrix of what is shared, what belongs to the strip alone eliminated."""
+def _reduced(rows: sparse.csr_array, shared: Index, eliminated: Index) -> Array:
+    """Return the normal matrix of the shared unknowns, the strip's own unknowns eliminated."""
     N = rows.T @ rows
-    N_so = N[shared][:, own].toarray()
-    L = linalg.cholesky(N[own][:, own].toarray(), lower=True)
+    N_so = N[shared][:, eliminated].toarray()
+    L = linalg.cholesky(N[eliminated][:, eliminated].toarray(), lower=True)
     half = linalg.solve_triangular(L, N_so.T, lower=True)
     return N[shared][:, shared].toarray() - half.T @ half
 
@@ -596,16 +601,16 @@ def cheapest(lack: Callable[[Choice], float], cost: Array, *, most: float = np.i
     if not np.all(cost > 0):
         raise ValueError(f"cost must be positive, got {cost.min()}")
     search = _Search(lack=lack, cost=cost, most=most)
-    found = [search.exchanged(search.grown(by)) for by in (cost, np.ones_like(cost))]
-    return min(found, key=search.rank)
+    choices = [search.exchanged(search.grown(by)) for by in (cost, np.ones_like(cost))]
+    return min(choices, key=search.rank)
 
 
 def in_order(chosen: Choice, lack: Callable[[Choice], float], cost: Array) -> Choice:
-    """Return a choice, first the candidate that takes off most of the lack for its cost."""
+    """Return a choice in an order: each candidate next takes off most of the lack for its cost."""
     order: Choice = ()
-    while left := [k for k in chosen if k not in order]:
+    while remaining := [k for k in chosen if k not in order]:
         now, taken = lack(order), order
-        order = (*taken, max(left, key=lambda k: (now - lack((*taken, k))) / cost[k]))
+        order = (*taken, max(remaining, key=lambda k: (now - lack((*taken, k))) / cost[k]))
     return order
 
 
@@ -628,15 +633,17 @@ class _Search:
         return float(self.cost[list(chosen)].sum())
 
     def rank(self, chosen: Choice) -> tuple[float, float]:
-        """Return what is to be made small: first the lack, then the cost."""
+        """Return the sort key of a choice: its lack, then its cost."""
         return self.lacks(chosen), self.price(chosen)
 
     def grown(self, by: Array) -> Choice:
-        """Return a choice that meets the target, or to which none can be added for its cost."""
+        """Add candidates one by one until the target is met, or no other helps or is affordable."""
         chosen: Choice = ()
         while now := self.lacks(chosen):
-            left = self.most - self.price(chosen)
-            others = [k for k in range(len(by)) if k not in chosen and self.cost[k] <= left]
+            remaining_cost = self.most - self.price(chosen)
+            others = [
+                k for k in range(len(by)) if k not in chosen and self.cost[k] <= remaining_cost
+            ]
             gain = [(now - self.lacks((*chosen, k))) / by[k] for k in others]
             if max(gain, default=0.0) <= 0:
                 break
@@ -644,20 +651,22 @@ class _Search:
         return chosen
 
     def exchanged(self, chosen: Choice) -> Choice:
-        """Return what exchanging one or two candidates at a time makes of a choice."""
+        """Exchange one or two candidates at a time for as long as the choice gets better."""
         while (better := self._better(chosen)) is not None:
             chosen = better
         return chosen
 
     def _better(self, chosen: Choice) -> Choice | None:
-        """Return the best choice near to one; None where none is better."""
+        """Return the best choice near this one; None where no choice is better."""
         if self.lacks(chosen):
-            near = [one for one in self._near(chosen, 1) if self.price(one) <= self.most]
+            near = [choice for choice in self._near(chosen, 1) if self.price(choice) <= self.most]
             best = min(near, key=self.rank, default=chosen)
             return best if self.lacks(best) < self.lacks(chosen) - MET else None
         least = self.price(chosen) * (1 - MET)
-        cheaper = (one for one in self._near(chosen, 2) if self.price(one) < least)
-        return next((one for one in sorted(cheaper, key=self.price) if not self.lacks(one)), None)
+        cheaper = (choice for choice in self._near(chosen, 2) if self.price(choice) < least)
+        return next(
+            (choice for choice in sorted(cheaper, key=self.price) if not self.lacks(choice)), None
+        )
 
     def _near(self, chosen: Choice, most: int) -> Iterator[Choice]:
         """Yield choices with so many candidates left out or taken, three in all at most."""
@@ -716,8 +725,8 @@ class Chosen:
 
     @property
     def excess(self) -> float:
-        """How many times its limit the worst is of what is wanted."""
-        return float(np.max(self.given / np.array([one.limit for one in self.wanted])))
+        """Largest ratio of a predicted sigma or RMS to its limit."""
+        return float(np.max(self.given / np.array([goal.limit for goal in self.wanted])))
 
     @property
     def met(self) -> bool:
@@ -726,7 +735,7 @@ class Chosen:
 
 
 def choose(candidates: Candidates, *, minutes: float = np.inf) -> Chosen:
-    """Return cheap strips that give what is wanted, or come near to it in so many minutes.
+    """Return cheap strips that meet the target, or come near to it in so many minutes.
 
     The search sees a part of the tie points, at places that all candidates share. A plan of fewer
     strips has its tie points where these see them. So the strips that are found are computed as
@@ -761,19 +770,19 @@ def _of(candidates: Candidates, order: Choice, tried: Mapping[Choice, Array]) ->
         wanted=candidates.wanted,
         plan=with_strips(candidates.target.plan, order),
         given=tried[order],
-        after=scale * [candidates.given(one) for one in firsts],
-        without=scale * [candidates.given(one) for one in others],
-        minutes_after=np.array([candidates.minutes(one) for one in firsts]),
+        after=scale * [candidates.given(choice) for choice in firsts],
+        without=scale * [candidates.given(choice) for choice in others],
+        minutes_after=np.array([candidates.minutes(choice) for choice in firsts]),
     )
 
 
-def _lack_of(given: Array, limits: Array) -> float:
-    """Return how far from its limits is what is given: zero, or the sum of logarithmic excesses."""
-    return float(np.log(np.maximum(given / limits, 1.0)).sum())
+def _lack_of(predicted: Array, limits: Array) -> float:
+    """Return how far limits are exceeded: zero, or the sum of logarithmic excesses."""
+    return float(np.log(np.maximum(predicted / limits, 1.0)).sum())
 
 
 def searched(candidates: Candidates, limits: Array, minutes: float) -> Choice:
-    """Return strips that keep limits by a part of the tie points, or come near to them.
+    """Return strips that keep limits, or come near to them, predicted from part of the tie points.
 
     Parameters
     ----------
@@ -792,8 +801,8 @@ def searched(candidates: Candidates, limits: Array, minutes: float) -> Choice:
         return _lack_of(candidates.given(chosen), limits)
 
     seconds = candidates.seconds
-    found = cheapest(lack, seconds, most=60.0 * minutes + TURN_S)  # no turn after the last strip
-    return in_order(found, lack, seconds)
+    choice = cheapest(lack, seconds, most=60.0 * minutes + TURN_S)  # no turn after the last strip
+    return in_order(choice, lack, seconds)
 
 
 def with_strips(plan: Plan, chosen: Choice) -> Plan:
@@ -813,20 +822,20 @@ def with_strips(plan: Plan, chosen: Choice) -> Plan:
 
 
 def wanted(chosen: Chosen) -> pd.DataFrame:
-    """Return a row for everything that is wanted: the limit, with all candidates, and as chosen."""
+    """Return a row for every goal: the limit, with all candidates, and as chosen."""
     return pd.DataFrame(
         {
-            "camera": [one.camera for one in chosen.wanted],
-            "wanted": [one.name for one in chosen.wanted],
-            "limit": [one.limit for one in chosen.wanted],
-            "all_candidates": [one.with_all for one in chosen.wanted],
+            "camera": [goal.camera for goal in chosen.wanted],
+            "wanted": [goal.name for goal in chosen.wanted],
+            "limit": [goal.limit for goal in chosen.wanted],
+            "all_candidates": [goal.with_all for goal in chosen.wanted],
             "chosen": chosen.given,
         }
     )
 
 
 def strips(chosen: Chosen) -> pd.DataFrame:
-    """Return a row for every chosen strip and everything that is wanted.
+    """Return a row for every chosen strip and every goal.
 
     Columns are the strip, its flying height and course, the flying time up to its end, what is
     wanted, and what the flight gives after this strip and where it alone is left out.
@@ -840,11 +849,11 @@ def strips(chosen: Chosen) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "strip": each([*listed]),
-            "flying_height_m": each([one.flying_height_m for one in listed.values()]),
-            "course_deg": each([one.course_deg for one in listed.values()]),
+            "flying_height_m": each([strip.flying_height_m for strip in listed.values()]),
+            "course_deg": each([strip.course_deg for strip in listed.values()]),
             "minutes": each([*chosen.minutes_after]),
-            "camera": [one.camera for one in chosen.wanted] * n,
-            "wanted": [one.name for one in chosen.wanted] * n,
+            "camera": [goal.camera for goal in chosen.wanted] * n,
+            "wanted": [goal.name for goal in chosen.wanted] * n,
             "after": np.ravel(chosen.after),
             "without": np.ravel(chosen.without),
         }

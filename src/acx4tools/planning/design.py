@@ -1,4 +1,4 @@
-"""What a planned flight determines: unknowns, check points; a priori, with sigma0 = 1.
+"""Covariances that a planned flight would give: unknowns, check points; a priori, sigma0 = 1.
 
 The wind moves an aircraft, and no plan says how. `of` takes one wind, or the mean of several.
 """
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """What a plan determines.
+    """The adjustments of a planned flight, predicted.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ other in a block of many images, which also takes longer."""
 
 
 def usual_winds(plan: Plan) -> int:
-    """Return the number of winds of which the mean is good enough."""
+    """Return the number of winds whose mean is accurate enough."""
     n = sum(
         strip.n_exposures * len(plan.cameras(name))
         for name, block in plan.blocks.items()
@@ -74,7 +74,7 @@ def usual_winds(plan: Plan) -> int:
 
 
 def of(plan: Plan, *, winds: int = 0) -> Design:
-    """Return what a plan determines.
+    """Predict the adjustments of a plan.
 
     Parameters
     ----------
@@ -167,14 +167,14 @@ def sigmas(plan: Plan) -> pd.Series:
     if "calibration" not in plan.blocks:
         raise FlightError(["a plan without block calibration determines no mounting"])
     method = methods(plan)["calibration"]
-    own = calibrated(plan, flown.block(plan, "calibration"), method=method).calibration
-    several = len(own.cameras) > 1
-    listed = parameters(own)
+    calibration = calibrated(plan, flown.block(plan, "calibration"), method=method).calibration
+    several = len(calibration.cameras) > 1
+    listed = parameters(calibration)
     return pd.Series({f"{p.camera}/{p.name}" if several else p.name: p.sigma for p in listed})
 
 
 def calibrated(plan: Plan, block: Block, *, method: str) -> Mounting:
-    """Return what one planned block determines.
+    """Predict the mounting calibration of one planned block.
 
     Parameters
     ----------
@@ -189,8 +189,8 @@ def calibrated(plan: Plan, block: Block, *, method: str) -> Mounting:
     if method != "single_step":
         turns = [name for name in setup.gnss if name in ATTITUDE]
         step = partial(_single_step, refraction=setup.refraction, gnss=turns)
-        found = rig.calibrate_by(step, block, free=setup.estimate_heads, fix=setup.fix)
-        return replace(found, method=method)
+        mounting = rig.calibrate_by(step, block, free=setup.estimate_heads, fix=setup.fix)
+        return replace(mounting, method=method)
     return _single_step(
         block,
         free=setup.estimate_mounting,
@@ -219,7 +219,7 @@ def _single_step(
 def _calibrations(
     plan: Plan, blocks: Mapping[str, Block], mountings: Mapping[str, Mounting]
 ) -> dict[str, Calibration]:
-    """Return the calibrations that have the cameras of block validation; none without it."""
+    """Return the calibrations with all cameras of block validation; none without this block."""
     if "validation" not in blocks:
         return {}
     calibrations: dict[str, Calibration] = {
@@ -245,7 +245,7 @@ PARTS = ("points", "pairs")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What a plan determines in one wind.
+    """The covariances of a plan in one wind.
 
     Attributes
     ----------
@@ -282,7 +282,7 @@ def _outcome(
     validations: Mapping[str, Validation],
     calibrations: Mapping[str, Calibration],
 ) -> Outcome:
-    """Return what blocks in one wind determine."""
+    """Collect the covariances of the blocks in one wind."""
     named = {method: _names(validation) for method, validation in validations.items()}
     budgets = {
         method: {
@@ -302,10 +302,10 @@ def _outcome(
         calibrations={method: m.calibration.cov for method, m in mountings.items()},
         open={method: m.calibration.open_columns for method, m in mountings.items()},
         variances={
-            method: {part: b.mean for part, b in own.items()} for method, own in budgets.items()
+            method: {part: b.mean for part, b in parts.items()} for method, parts in budgets.items()
         },
         counts={
-            method: {part: len(b) for part, b in own.items()} for method, own in budgets.items()
+            method: {part: len(b) for part, b in parts.items()} for method, parts in budgets.items()
         },
         points={
             method: dict(zip(named[method], v.points.sigma**2, strict=True))
@@ -315,7 +315,7 @@ def _outcome(
             method: dict(zip(named[method], map(int, v.points.n_images), strict=True))
             for method, v in validations.items()
         },
-        shares={method: own for method, own in shares.items() if own is not None},
+        shares={method: share for method, share in shares.items() if share is not None},
     )
 
 
@@ -329,7 +329,7 @@ def _names(validation: Validation) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Expected:
-    """The RMS of differences at check points that is to be expected.
+    """The expected RMS of differences at check points.
 
     Attributes
     ----------
@@ -352,12 +352,12 @@ class Expected:
 
     @property
     def tolerance(self) -> Array:
-        """By what share `rms` may be wrong: two standard deviations of the mean of winds, (3,)."""
+        """Relative uncertainty of `rms`: two standard deviations of the mean of winds, (3,)."""
         return 2 * self.spread / np.sqrt(len(self.of_winds))
 
     @property
     def spread(self) -> Array:
-        """By what share the RMS of one flight differs by its wind, a standard deviation, (3,)."""
+        """Relative standard deviation of the RMS of single flights, by their wind, (3,)."""
         if len(self.of_winds) < 2:
             return np.full(3, np.nan)
         mean = self.of_winds.mean(axis=0)

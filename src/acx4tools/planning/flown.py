@@ -55,8 +55,8 @@ def block(plan: Plan, name: str, *, wind: int = 0, tie_places: Array | None = No
     in_the_air = over(plan, name, wind=wind)
     surveyed = in_the_air.surveyed()
     ties = in_the_air.tie_points() if tie_places is None else in_the_air.ties_at(tie_places)
-    seen = _joined([surveyed, ties])
-    if not seen.shown.any():
+    sight = _joined([surveyed, ties])
+    if not sight.shown.any():
         where = "lie apart from the strips"
         raise FlightError([f"{name}: no image shows a point; there are none, or they {where}"])
     taken = exposures(plan.blocks[name], wind=wind)
@@ -64,7 +64,7 @@ def block(plan: Plan, name: str, *, wind: int = 0, tie_places: Array | None = No
         name=name,
         pictures=Path(),
         images=_images(plan, name, taken),
-        image_points=_image_points(plan, name, taken, seen, len(surveyed.local)),
+        image_points=_image_points(plan, name, taken, sight, len(surveyed.local)),
         trajectory=_trajectory(plan, name, taken),
         control=_control(plan, name, surveyed),
     )
@@ -108,8 +108,13 @@ def _image_names(plan: Plan, name: str, taken: Exposures) -> list[tuple[str, str
     """Return image, camera, exposure and strip of every image, exposure by exposure."""
     cameras = plan.cameras(name)
     return [
-        (f"{at}_{camera.name}" if len(cameras) > 1 else at, camera.name, at, strip)
-        for at, strip in zip(taken.names, taken.strips, strict=True)
+        (
+            f"{exposure}_{camera.name}" if len(cameras) > 1 else exposure,
+            camera.name,
+            exposure,
+            strip,
+        )
+        for exposure, strip in zip(taken.names, taken.strips, strict=True)
         for camera in cameras
     ]
 
@@ -132,20 +137,20 @@ def _control(plan: Plan, name: str, surveyed: Sight) -> Table:
     return _table("control_points", n, {"point": _point_names(n, n)}, numbers)
 
 
-def _image_points(plan: Plan, name: str, taken: Exposures, seen: Sight, n_surveyed: int) -> Table:
+def _image_points(plan: Plan, name: str, taken: Exposures, sight: Sight, n_surveyed: int) -> Table:
     images = [row[0] for row in _image_names(plan, name, taken)]
-    points = _point_names(n_surveyed, len(seen.local))
-    exposure, camera, point = np.nonzero(seen.shown.transpose(1, 0, 2))
-    sigma = np.full(len(seen.local), plan.setup.apriori.image_point_px)
-    own = plan.blocks[name].points.sigma_px
-    if own is not None:
-        sigma[:n_surveyed] = own
-    at = seen.colrow[camera, exposure, point]
+    points = _point_names(n_surveyed, len(sight.local))
+    exposure, camera, point = np.nonzero(sight.shown.transpose(1, 0, 2))
+    sigma = np.full(len(sight.local), plan.setup.apriori.image_point_px)
+    sigma_px = plan.blocks[name].points.sigma_px
+    if sigma_px is not None:
+        sigma[:n_surveyed] = sigma_px
+    colrow = sight.colrow[camera, exposure, point]
     text = {
-        "image": [images[i] for i in (exposure * len(seen.shown) + camera).tolist()],
+        "image": [images[i] for i in (exposure * len(sight.shown) + camera).tolist()],
         "point": [points[i] for i in point.tolist()],
     }
-    numbers = {"col_px": at[:, 0], "row_px": at[:, 1], "sigma_px": sigma[point]}
+    numbers = {"col_px": colrow[:, 0], "row_px": colrow[:, 1], "sigma_px": sigma[point]}
     return _table("image_points", len(point), text, numbers)
 
 
@@ -350,7 +355,7 @@ class Sight:
 
 
 def _joined(sights: list[Sight]) -> Sight:
-    """Return the points of several sights, one after the other."""
+    """Return the points of several `Sight`, one after the other."""
     return Sight(
         local=np.concatenate([s.local for s in sights]),
         x_g=np.concatenate([s.x_g for s in sights]),
@@ -380,11 +385,11 @@ class Over:
     T_m_b: Pose
 
     def surveyed(self) -> Sight:
-        """Return the sight of the surveyed points."""
+        """Return the surveyed points and their visibility."""
         return self.see(plans.places(self.plan.blocks[self.name].points))
 
     def see(self, local: Array) -> Sight:
-        """Return the sight of points at places forward and left of the block's middle."""
+        """Return the visibility of points at places forward and left of the block's middle."""
         x_g = plans.on_ground(self.plan, self.plan.blocks[self.name].area, local)
         x_m = self.frame.from_grid(x_g)
         parts = [self._in(camera, x_m) for camera in self.plan.cameras(self.name)]
@@ -400,19 +405,19 @@ class Over:
         )
 
     def _in(self, camera: Camera, x_m: Array) -> tuple[Mask, Array]:
-        """Return which exposures of a camera show which points, and where."""
+        """Return a camera's visibility of points, shape (n_images, n_points), and their pixels."""
         T_m_c = self.T_m_b @ camera.T_b_c
         exposure, point = np.nonzero(_near(camera, T_m_c, x_m))
-        at = as_seen(T_m_c.r[exposure], x_m[point], refraction=self.plan.setup.refraction)
-        seen = project(camera, T_m_c[exposure], at)
+        apparent = as_seen(T_m_c.r[exposure], x_m[point], refraction=self.plan.setup.refraction)
+        projected = project(camera, T_m_c[exposure], apparent)
         shown = np.zeros((len(T_m_c), len(x_m)), dtype=bool)
-        shown[exposure, point] = border_distance(camera, seen) >= MARGIN_PX
+        shown[exposure, point] = border_distance(camera, projected) >= MARGIN_PX
         colrow = np.full((*shown.shape, 2), np.nan)
-        colrow[exposure, point] = seen
+        colrow[exposure, point] = projected
         return shown, colrow
 
     def tie_points(self) -> Sight:
-        """Return the sight of the tie points.
+        """Return the tie points and their visibility.
 
         Raises
         ------
@@ -426,12 +431,12 @@ class Over:
         return self._evenly(self._tried()[1], first=1)
 
     def ties_at(self, places: Array) -> Sight:
-        """Return the sight of those places that three images of a camera show."""
+        """Return the visibility of the places that are in three images of a camera."""
         sight = self.see(places)
         return sight[(sight.deciding.sum(axis=1) >= LEAST_RAYS).any(axis=0)]
 
     def _tried(self) -> tuple[Sight, int]:
-        """Return the sight of the tie points, and how many places were tried for them."""
+        """Return the visibility of the tie points, and how many places were tried for them."""
         wanted = self.plan.blocks[self.name].tie_points
         kept = [self.see(np.empty((0, 2)))]
         n_good = np.zeros(len(kept[0].deciding), dtype=int)
@@ -446,8 +451,8 @@ class Over:
                 return _joined(kept), batch * wanted + upto
             n_good = so_far[:, -1]
         if wanted:
-            found = f"{self.name}.tie_points: of {wanted}, three images of every camera show only"
-            raise FlightError([f"{found} {n_good.min()}; ask for less, or for a larger overlap"])
+            reason = f"{self.name}.tie_points: of {wanted}, three images of every camera show only"
+            raise FlightError([f"{reason} {n_good.min()}; ask for less, or for a larger overlap"])
         return _joined(kept), 0
 
     def _evenly(self, n: int, *, first: int) -> Array:

@@ -262,8 +262,8 @@ class Plan:
         names = strips if isinstance(strips, Mapping) else map(str, range(1, len(listed) + 1))
         by_name = dict(zip(names, listed, strict=True))
         tables = {
-            name: {key: value for key, value in asdict(one).items() if value or key not in PLACE}
-            for name, one in by_name.items()
+            name: {key: value for key, value in asdict(strip).items() if value or key not in PLACE}
+            for name, strip in by_name.items()
         }
         return replace(
             self,
@@ -289,12 +289,14 @@ class Plan:
             area_m=self.control.area_m if area_m is None else area_m,
         )
         table = {"layout": "corners", "number": number, "area_m": [*points.area_m]}
-        own = {**table, "play_m": points.play_m, "sigma_m": [*points.sigma_m]}
+        control = {**table, "play_m": points.play_m, "sigma_m": [*points.sigma_m]}
         blocks = {
             name: block if name == "validation" else replace(block, points=points)
             for name, block in self.blocks.items()
         }
-        return replace(self, control=points, blocks=blocks, values={**self.values, "control": own})
+        return replace(
+            self, control=points, blocks=blocks, values={**self.values, "control": control}
+        )
 
     def frame(self, block: str) -> Camera | None:
         """Return the camera whose image decides what is measured; None where each decides."""
@@ -361,7 +363,7 @@ def strip_of(
 
 
 MOST_PROJECTED = 20_000_000
-"""Largest product of a block's images and points: what is more takes too long and too much."""
+"""Largest product of a block's images and points, for time and memory."""
 
 MOST_EXPOSURES = 1_000
 """Largest number of exposures of a block: all may overlap, and the normal matrix is then full."""
@@ -385,13 +387,13 @@ def from_values(values: Mapping[str, Any]) -> Plan:
 
 def checked(toml: Toml) -> Plan:
     """Return the plan of a document; FlightError as `read`."""
-    found = [*_problems(toml)]
-    if found:
-        raise FlightError(lines_of(found))
+    problems = [*_problems(toml)]
+    if problems:
+        raise FlightError(lines_of(problems))
     plan = _plan(toml, setup_of(toml))
-    found = [*_size_problems(toml, plan)]
-    if found:
-        raise FlightError(lines_of(found))
+    problems = [*_size_problems(toml, plan)]
+    if problems:
+        raise FlightError(lines_of(problems))
     return plan
 
 
@@ -456,11 +458,11 @@ def _strips(
     """Yield strips by name; parallel ones, flown in turn both ways, get a number each."""
     camera = plan.frame(block) or plan.cameras(block)[0]
     for name, table in tables.items():
-        own = {key: float(table[key]) for key in Strip.__dataclass_fields__ if key in table}
-        height = own["flying_height_m"]
+        fields = {key: float(table[key]) for key in Strip.__dataclass_fields__ if key in table}
+        height = fields["flying_height_m"]
         if "overlap" in table:
-            own["base_m"] = (1 - table["overlap"]) * image_length_m(camera, height)
-        strip = Strip(**own)
+            fields["base_m"] = (1 - table["overlap"]) * image_length_m(camera, height)
+        strip = Strip(**fields)
         n = int(table.get("parallel", 1))
         spacing = float(table.get("spacing_m", 0.0))
         if "side_overlap" in table:
@@ -474,13 +476,13 @@ def _place_problems(toml: Toml, plan: Plan, block: PlannedBlock) -> Iterator[Pro
     """Yield a problem where the middle of a block is nowhere, or given in degrees."""
     grid, east, north = plan.setup.grid, block.area.east_m, block.area.north_m
     key = block.name if "east_m" in toml.table(block.name) else "field"
-    found = f"{east:g} east, {north:g} north"
+    place = f"{east:g} east, {north:g} north"
     if not np.isfinite(grid.lonlat_from_grid(np.array([[east, north]]))).all():
         where = f"must lie where {grid.crs} maps the earth; easting first"
-        yield toml.problem((key, "east_m"), found, where)
+        yield toml.problem((key, "east_m"), place, where)
     elif of_degrees(grid, np.array([east]), np.array([north])):
-        found += " (longitude, latitude in degrees?)"
-        yield toml.problem((key, "east_m"), found, f"must be metres where {grid.crs} is meant for")
+        place += " (longitude, latitude in degrees?)"
+        yield toml.problem((key, "east_m"), place, f"must be metres where {grid.crs} is meant for")
 
 
 def _size_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
@@ -488,15 +490,15 @@ def _size_problems(toml: Toml, plan: Plan) -> Iterator[Problem]:
         yield from _place_problems(toml, plan, block)
         n = sum(strip.n_exposures for strip in block.strips.values())
         if n > MOST_EXPOSURES:
-            found = f"{n} exposures"
-            yield toml.problem((name, "strips"), found, f"must be at most {MOST_EXPOSURES}")
+            count = f"{n} exposures"
+            yield toml.problem((name, "strips"), count, f"must be at most {MOST_EXPOSURES}")
         elif n * len(plan.cameras(name)) * block.tie_points > MOST_PROJECTED:
-            found = f"{n} exposures and {block.tie_points} tie points"
-            expected_ = f"images times tie points must be at most {MOST_PROJECTED}"
-            yield toml.problem((name, "tie_points"), found, expected_)
+            count = f"{n} exposures and {block.tie_points} tie points"
+            limit = f"images times tie points must be at most {MOST_PROJECTED}"
+            yield toml.problem((name, "tie_points"), count, limit)
         if name == "heads" and plan.setup.synthetic is None and len(plan.setup.cameras) < 2:
-            found, cure = "one camera", "heads are several; a single camera is flown in calibration"
-            yield toml.problem((name,), found, cure)
+            count, cure = "one camera", "heads are several; a single camera is flown in calibration"
+            yield toml.problem((name,), count, cure)
 
 
 # --- written ---------------------------------------------------------------------------------
@@ -532,12 +534,14 @@ def _spacing_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     """Yield a strip with both or neither of two keys that say the same."""
     given = toml.table(*keys)
     if ("base_m" in given) == ("overlap" in given):
-        found = "both base_m and overlap" if "base_m" in given else "neither base_m nor overlap"
-        yield toml.problem(keys, found, "needs one of the two")
+        conflict = "both base_m and overlap" if "base_m" in given else "neither base_m nor overlap"
+        yield toml.problem(keys, conflict, "needs one of the two")
     beside = [key for key in ("spacing_m", "side_overlap") if key in given]
     if "parallel" in given and len(beside) != 1:
-        found = "both spacing_m and side_overlap" if beside else "parallel strips without a spacing"
-        yield toml.problem(keys, found, "needs spacing_m or side_overlap")
+        conflict = (
+            "both spacing_m and side_overlap" if beside else "parallel strips without a spacing"
+        )
+        yield toml.problem(keys, conflict, "needs spacing_m or side_overlap")
     elif beside and "parallel" not in given:
         yield toml.problem((*keys, beside[0]), "a spacing of one strip", "needs parallel as well")
 
@@ -550,7 +554,7 @@ def _strips_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
 
 
 def _number_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield what is wrong with the number of points, which depends on their layout."""
+    """Yield problems of the number of points; its form depends on their layout."""
     layout = toml.table(*keys[:-1]).get("layout", "grid")
     alone = number(_FIRST if layout == "corners" else _COUNT)
     listed = layout == "grid" or (layout not in LAYOUTS[1:3] and isinstance(toml.get(*keys), list))
@@ -565,7 +569,7 @@ def _places_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     ):
         expected = "must be a list of points [forward, left] in metres, 500 at most"
         yield toml.problem(keys, "missing" if value is None else quoted(value), expected)
-    elif not all(one in _FROM_MIDDLE for pair in value for one in pair):
+    elif not all(coordinate in _FROM_MIDDLE for pair in value for coordinate in pair):
         yield toml.problem(keys, quoted(value), str(_FROM_MIDDLE))
 
 
@@ -592,17 +596,17 @@ def _table_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
 
 
 def _truth_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield what is wrong with the true cameras, as with cameras of flight.toml."""
+    """Yield problems of the true cameras, checked as cameras of flight.toml."""
     cameras = toml.table("cameras")
     yield from Table(keys=dict.fromkeys(cameras, Value("table", _table_problems))).problems(
         toml, keys
     )
     for name, table in toml.table(*keys).items():
         if isinstance(cameras.get(name), dict) and isinstance(table, dict):
-            at, changed = ("cameras", name), {**cameras, name: {**cameras[name], **table}}
+            camera_keys, changed = ("cameras", name), {**cameras, name: {**cameras[name], **table}}
             true = replace(toml, values={**toml.values, "cameras": changed})
-            before = {(p.column, p.found) for p in CAMERA.problems(toml, at)}
-            for problem in CAMERA.problems(true, at):
+            before = {(p.column, p.found) for p in CAMERA.problems(toml, camera_keys)}
+            for problem in CAMERA.problems(true, camera_keys):
                 if (problem.column, problem.found) not in before:
                     key = problem.column.rpartition(".")[2]
                     yield toml.problem((*keys, name, key), problem.found, problem.expected)
@@ -683,7 +687,7 @@ def settings(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _problems(toml: Toml) -> Iterator[Problem]:
-    """Yield everything that is wrong with a plan but what its strips and points amount to."""
+    """Yield all problems of a plan but those of its size."""
     flight = flight_table(toml)
     table = replace(
         flight,
@@ -754,8 +758,8 @@ def _grid(number: Sequence[int], half: Array) -> Array:
 def _around(way: Array) -> Array:
     """Return points on the border of the square from -1 to 1; `way` is 0 to 1 around it."""
     corners = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
-    at = np.linspace(0.0, 1.0, 5)
-    return np.column_stack([np.interp(way, at, corners[:, k]) for k in range(2)])
+    ways = np.linspace(0.0, 1.0, 5)
+    return np.column_stack([np.interp(way, ways, corners[:, k]) for k in range(2)])
 
 
 def evenly(n: int, *, first: int = 1) -> Array:

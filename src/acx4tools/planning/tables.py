@@ -1,4 +1,4 @@
-"""What a plan determines: as tables, as entries of a summary, and as lines for the screen."""
+"""Predicted accuracies of a plan: as tables, as entries of a summary, as lines for the screen."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ class _Predicted:
 def _predicted(design: Design, method: str) -> _Predicted:
     """Return the wanted unknowns of a method."""
     bundle = design.mountings[method].bundle
-    open_columns = [one.open[method] for one in design.outcomes]
-    cov = np.mean([one.calibrations[method] for one in design.outcomes], axis=0)
+    open_columns = [outcome.open[method] for outcome in design.outcomes]
+    cov = np.mean([outcome.calibrations[method] for outcome in design.outcomes], axis=0)
     return _Predicted(
         bundle=bundle,
         calibration=replace(
@@ -121,15 +121,15 @@ def _predicted(design: Design, method: str) -> _Predicted:
 
 
 def _spread(outcomes: Sequence[Outcome], method: str) -> Array:
-    """Return by what share sigma of the wanted unknowns differs from wind to wind, shape (n,)."""
-    found = np.array([sigmas(one.covariances[method]) for one in outcomes])
-    mean = found.mean(axis=0)
-    return found.std(axis=0, ddof=1) / mean if len(found) > 1 else np.full(len(mean), np.nan)
+    """Return the relative spread of the unknowns' sigma over the winds, shape (n,)."""
+    sigma = np.array([sigmas(outcome.covariances[method]) for outcome in outcomes])
+    mean = sigma.mean(axis=0)
+    return sigma.std(axis=0, ddof=1) / mean if len(sigma) > 1 else np.full(len(mean), np.nan)
 
 
 def _mean_covariance(outcomes: Sequence[Outcome], method: str) -> Array:
     """Return the mean covariance of the wanted unknowns, shape (n, n)."""
-    return np.mean([one.covariances[method] for one in outcomes], axis=0)
+    return np.mean([outcome.covariances[method] for outcome in outcomes], axis=0)
 
 
 def parameter_table(design: Design) -> pd.DataFrame:
@@ -148,15 +148,15 @@ def parameter_table(design: Design) -> pd.DataFrame:
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["parameters"], *ADDED])
 
 
-def _parameters(method: str, found: _Predicted) -> pd.DataFrame:
-    listed = found.listed
-    related = found.related.copy()
+def _parameters(method: str, predicted: _Predicted) -> pd.DataFrame:
+    listed = predicted.listed
+    related = predicted.related.copy()
     np.fill_diagonal(related, 0.0)
     most = np.argmax(np.abs(related), axis=1)
-    tables = parameter_tables("mounting", method, listed, found.cov)
+    tables = parameter_tables("mounting", method, listed, predicted.cov)
     return tables["parameters"].assign(
-        determined=found.determined,
-        spread=found.spread,
+        determined=predicted.determined,
+        spread=predicted.spread,
         detectable_change=[_smallest_change(p.sigma) for p in listed],
         correlation=related[np.arange(len(listed)), most],
         correlated_with=[listed[j].full_name for j in most],
@@ -175,26 +175,26 @@ def _smallest_change(sigma: float) -> float:
 
 def correlation_table(design: Design) -> pd.DataFrame:
     """Return the correlations of the wanted unknowns, with the columns of covariance.csv."""
-    return _matrices(design, lambda found: found.related)
+    return _matrices(design, lambda predicted: predicted.related)
 
 
 def covariance_table(design: Design) -> pd.DataFrame:
     """Return the covariances of the wanted unknowns, with the columns of covariance.csv."""
-    return _matrices(design, lambda found: found.cov)
+    return _matrices(design, lambda predicted: predicted.cov)
 
 
-def _matrices(design: Design, of: Callable[[_Predicted], Array]) -> pd.DataFrame:
+def _matrices(design: Design, matrix_of: Callable[[_Predicted], Array]) -> pd.DataFrame:
     """Return a matrix of the wanted unknowns of every method as rows."""
     parts = []
     for method in design.mountings:
-        found = _predicted(design, method)
-        tables = parameter_tables("mounting", method, found.listed, of(found))
+        predicted = _predicted(design, method)
+        tables = parameter_tables("mounting", method, predicted.listed, matrix_of(predicted))
         parts.append(tables["covariance"])
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*COLUMNS["covariance"]])
 
 
 def reliability_table(design: Design) -> pd.DataFrame:
-    """Return what tests find in every group of observations, and what they leave.
+    """Return detectable errors of every group of observations, and the effects of smaller ones.
 
     Returns
     -------
@@ -204,20 +204,20 @@ def reliability_table(design: Design) -> pd.DataFrame:
     """
     rows = []
     for method, mounting in design.mountings.items():
-        for found in detectable(mounting.bundle):
-            bias = unit_of(found.kind, found.component) * found.bias
+        for error in detectable(mounting.bundle):
+            bias = unit_of(error.kind, error.component) * error.bias
             rows.append(
                 (
                     method,
-                    found.kind,
-                    COMPONENTS[found.kind][found.component],
+                    error.kind,
+                    COMPONENTS[error.kind][error.component],
                     len(bias),
-                    float(found.redundancy.min()),
-                    float(np.median(found.redundancy)),
+                    float(error.redundancy.min()),
+                    float(np.median(error.redundancy)),
                     float(np.median(bias)),
                     float(bias.max()),
-                    found.effect,
-                    _reported(found.on),
+                    error.effect,
+                    _reported(error.on),
                 )
             )
     return pd.DataFrame(rows, columns=list(RELIABILITY))
@@ -234,35 +234,35 @@ def check_point_table(design: Design) -> pd.DataFrame:
     columns = ["method", "point", "n_images", *(f"sigma_{axis}" for axis in AXES)]
     rows = []
     for method in design.validations:
-        seen = [one.points[method] for one in design.outcomes]
-        for name in dict.fromkeys(name for one in seen for name in one):
-            variance = np.mean([one[name] for one in seen if name in one], axis=0)
-            n = np.mean([one.n_rays[method].get(name, 0) for one in design.outcomes])
+        by_wind = [outcome.points[method] for outcome in design.outcomes]
+        for name in dict.fromkeys(name for points in by_wind for name in points):
+            variance = np.mean([points[name] for points in by_wind if name in points], axis=0)
+            n = np.mean([outcome.n_rays[method].get(name, 0) for outcome in design.outcomes])
             rows.append((method, name, round(float(n), 1), *np.sqrt(variance)))
     return pd.DataFrame(rows, columns=columns)
 
 
 def _expected_rms(outcomes: Sequence[Outcome], method: str) -> dict[str, Expected]:
-    """Return what is to be expected at check points, by `PARTS`."""
-    found = {}
+    """Return the expected RMS at check points, by `PARTS`."""
+    by_part = {}
     for part in PARTS:
-        variances = np.array([one.variances[method][part] for one in outcomes])
+        variances = np.array([outcome.variances[method][part] for outcome in outcomes])
         known = variances[np.isfinite(variances).all(axis=(1, 2))]
-        found[part] = Expected(
-            n=float(np.mean([one.counts[method][part] for one in outcomes])),
+        by_part[part] = Expected(
+            n=float(np.mean([outcome.counts[method][part] for outcome in outcomes])),
             variance=known.mean(axis=0) if len(known) else np.full(variances.shape[1:], np.nan),
             of_winds=known.sum(axis=-1),
         )
-    return found
+    return by_part
 
 
 def sentences(design: Design) -> list[str]:
     """Return one sentence per unknown that the design does not determine: why, and the cure."""
     out = []
     for method, mounting in design.mountings.items():
-        found, has = _predicted(design, method), features(mounting.bundle.network.block)
-        lines = not_determined(found.calibration, has)
-        lines += trajectory_errors.not_determined(found.bundle, found.cov)
+        predicted, has = _predicted(design, method), features(mounting.bundle.network.block)
+        lines = not_determined(predicted.calibration, has)
+        lines += trajectory_errors.not_determined(predicted.bundle, predicted.cov)
         out += [f"mounting/{method}: {line}" for line in lines]
     return out
 
@@ -272,10 +272,10 @@ def _notes(design: Design) -> list[str]:
     out = [*area_notes(design.plan.setup.grid, dict(design.blocks))]
     for name, planned in design.plan.blocks.items():
         block, n = design.blocks[name], len(plan.places(planned.points))
-        what = "check points" if name == "validation" else "control points"
+        kind = "check points" if name == "validation" else "control points"
         shown = len(block.check if name == "validation" else block.control)
         if shown < n:
-            out.append(f"{name}: {n - shown} of {n} planned {what} are in no image")
+            out.append(f"{name}: {n - shown} of {n} planned {kind} are in no image")
     return out
 
 
@@ -294,25 +294,25 @@ def _weak_sentences(design: Design) -> list[str]:
 
 
 def _weak(design: Design, method: str) -> list[Weak]:
-    """Return what is weak, with sigma of the mean of winds."""
+    """Return the weakly determined parameters, with sigma of the mean of winds."""
     bundle, mean = design.mountings[method].bundle, _predicted(design, method)
-    shares, of = _mean_shares(design.outcomes, method), weak.CHECK_POINTS
+    shares, where = _mean_shares(design.outcomes, method), weak.CHECK_POINTS
     if shares is None:
         shares = weak.shares_at_corners(mean.calibration, bundle.network.block)
-        of = weak.CORNERS
-    found = [*weak.of_calibration(mean.calibration, shares, of=of), *weak.of_bundle(bundle)]
+        where = weak.CORNERS
+    weaknesses = [*weak.of_calibration(mean.calibration, shares, of=where), *weak.of_bundle(bundle)]
     named = {p.full_name: p for p in mean.listed}
-    return [replace(w, parameter=named[w.parameter.full_name]) for w in weak.together(found)]
+    return [replace(w, parameter=named[w.parameter.full_name]) for w in weak.together(weaknesses)]
 
 
 def _mean_shares(outcomes: Sequence[Outcome], method: str) -> Array | None:
     """Return the mean of `weak.shares`; None where there are no check points."""
-    found = [one.shares[method] for one in outcomes if method in one.shares]
-    return np.mean(found, axis=0) if found else None
+    shares = [outcome.shares[method] for outcome in outcomes if method in outcome.shares]
+    return np.mean(shares, axis=0) if shares else None
 
 
 def summary(design: Design) -> dict[str, Any]:
-    """Return what a plan determines, for JSON."""
+    """Return the predicted accuracies of a plan, for JSON."""
     return {
         "name": design.plan.setup.name,
         "winds": len(design.outcomes),
@@ -323,8 +323,8 @@ def summary(design: Design) -> dict[str, Any]:
         **{f"mounting/{name}": _adjusted(design, name) for name in design.mountings},
         **{
             f"validation/{name}": {
-                part: _of_check_points(found)
-                for part, found in _expected_rms(design.outcomes, name).items()
+                part: _of_check_points(expected_rms)
+                for part, expected_rms in _expected_rms(design.outcomes, name).items()
             }
             for name in design.validations
         },
@@ -334,15 +334,15 @@ def summary(design: Design) -> dict[str, Any]:
     }
 
 
-def _of_check_points(found: Expected) -> dict[str, Any]:
-    """Return the entries of what is expected: number, RMS, what it is worth, shares, by axis."""
-    parts = budget.shares(found.variance)
-    many = len(found.of_winds) > 1
+def _of_check_points(expected_rms: Expected) -> dict[str, Any]:
+    """Return entries of an expected RMS: number, RMS, tolerance, spread, shares, by axis."""
+    parts = budget.shares(expected_rms.variance)
+    many = len(expected_rms.of_winds) > 1
     return {
-        "n": round(found.n, 1),
-        "rms": found.rms.tolist(),
-        "tolerance": found.tolerance.tolist() if many else None,
-        "spread": found.spread.tolist() if many else None,
+        "n": round(expected_rms.n, 1),
+        "rms": expected_rms.rms.tolist(),
+        "tolerance": expected_rms.tolerance.tolist() if many else None,
+        "spread": expected_rms.spread.tolist() if many else None,
         "shares": {group: share.tolist() for group, share in parts.items()},
     }
 
@@ -388,13 +388,13 @@ def lines(design: Design) -> Iterator[str]:
         yield ""
         yield from _reliability_lines(reliability[reliability["method"] == method])
     yield from _validation_lines(design)
-    for title, found in (
+    for title, texts in (
         ("notes", _notes(design)),
         ("not determined", sentences(design)),
         ("weak", _weak_sentences(design)),
     ):
-        if found:
-            yield from ("", title, *(f"  {line}" for line in found))
+        if texts:
+            yield from ("", title, *(f"  {line}" for line in texts))
 
 
 def _block_lines(planned: PlannedBlock, block: Block) -> Iterator[str]:
@@ -437,7 +437,7 @@ def _name(camera: str, parameter: str) -> str:
 
 
 def _reliability_lines(table: pd.DataFrame) -> Iterator[str]:
-    """Yield the errors that tests find with a probability of 80 %, and what smaller ones do."""
+    """Yield the errors that tests find with a probability of 80 %, and effects of smaller ones."""
     rows = []
     for row in table.to_dict("records"):
         axis, _, unit = row["component"].rpartition("_")
@@ -457,17 +457,23 @@ def _reliability_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _validation_lines(design: Design) -> Iterator[str]:
-    """Yield the RMS of check points in metres, what it is worth, and the shares of its sources."""
+    """Yield the RMS of check points in metres, its tolerance, and the shares of its sources."""
     for method in design.validations:
         yield ""
         yield f"validation/{method}: predicted RMS of differences at check points, m"
         rows = []
-        for what, found in _expected_rms(design.outcomes, method).items():
-            rows.append((f"{found.n:.0f} {what}", *(f"{value:.3f}" for value in found.rms)))
-            if len(found.of_winds) > 1:
-                rows.append(("  of many flights, within", *(f"{x:.0%}" for x in found.tolerance)))
-                rows.append(("  of one flight, by its wind", *(f"{x:.0%}" for x in found.spread)))
-            for group, share in budget.shares(found.variance).items():
+        for part, expected_rms in _expected_rms(design.outcomes, method).items():
+            rows.append(
+                (f"{expected_rms.n:.0f} {part}", *(f"{value:.3f}" for value in expected_rms.rms))
+            )
+            if len(expected_rms.of_winds) > 1:
+                rows.append(
+                    ("  of many flights, within", *(f"{x:.0%}" for x in expected_rms.tolerance))
+                )
+                rows.append(
+                    ("  of one flight, by its wind", *(f"{x:.0%}" for x in expected_rms.spread))
+                )
+            for group, share in budget.shares(expected_rms.variance).items():
                 rows.append((f"  of its square, {group}", *(f"{x:.0%}" for x in share)))
         yield from _aligned(("", "east", "north", "height"), rows)
 
