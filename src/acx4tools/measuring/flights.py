@@ -1,4 +1,4 @@
-"""A flight that is still to be measured, read; and the measured one, written."""
+"""Read a flight whose image points are not measured yet, and write it with them."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ def read_unmeasured(path: str | Path) -> Unmeasured:
     empty = [
         f"{folder / name / 'images.csv'}: column file: names no picture; "
         "give it the file of every image, relative to the block's folder"
-        for name, of in tables.items()
-        if name not in pictured and not (pictured and len(of.image_points))
+        for name, table in tables.items()
+        if name not in pictured and not (pictured and len(table.image_points))
     ]
     if empty:
         raise FlightError(empty)

@@ -38,13 +38,13 @@ def corners(view: View, *, number: int, margin: int) -> Index:
     across, down = max(round(cols / side), 1), max(round(rows / side), 1)
     edges_x = np.linspace(margin, cols - margin, across + 1).astype(int)
     edges_y = np.linspace(margin, rows - margin, down + 1).astype(int)
-    found = [
+    strongest = [
         best
         for top, bottom in pairwise(edges_y.tolist())
         for left, right in pairwise(edges_x.tolist())
         if (best := _best(image, (top, bottom, left, right))) is not None
     ]
-    return np.array(found, dtype=np.intp).reshape(-1, 2)
+    return np.array(strongest, dtype=np.intp).reshape(-1, 2)
 
 
 def _best(image: Array, cell: tuple[int, int, int, int]) -> tuple[int, int] | None:
@@ -237,20 +237,20 @@ def match_block(
         run = partial(matching.run, count=partial(tell, f"{block.name} 1/{max(shrink)}"))
         pairs = [p for p in overlapping(views, surface) if not skip or _worth_it(block, *p)]
         of_head = [(i, j) for i, j in pairs if camera[i] == camera[j]]
-        at = _corners(views, surface, of_head, n_points, match.window_px)
+        pixels = _corners(views, surface, of_head, n_points, match.window_px)
         try:
-            rays = _matched(block, views, surface, pairs, at, match, run)
+            rays = _matched(block, views, surface, pairs, pixels, match, run)
         except FlightError:
             if best is None:
                 raise
             break
-        found = refined(approximate(block, _height(views, surface)), views, rays)
-        views, surface = found.views, found.surface
+        oriented = refined(approximate(block, _height(views, surface)), views, rays)
+        views, surface = oriented.views, oriented.surface
         level = Matched(
-            views=found.views,
-            surface=found.surface,
-            rays=_whole_points(found.with_shared(rays)[found.kept]),
-            n_rejected=int(np.sum(~found.kept)),
+            views=oriented.views,
+            surface=oriented.surface,
+            rays=_whole_points(oriented.with_shared(rays)[oriented.kept]),
+            n_rejected=int(np.sum(~oriented.kept)),
             reduced=shrink[0] // of_file,
         )
         if best is not None and level.weight < best.weight:
@@ -311,7 +311,7 @@ def _matched(
     views: Sequence[View],
     surface: Surface,
     pairs: Sequence[tuple[int, int]],
-    at: Sequence[Index],
+    pixels: Sequence[Index],
     options: MatchOptions,
     run: Callable[[Sequence[PairJob]], list[Both]],
 ) -> TieRays:
@@ -319,12 +319,14 @@ def _matched(
     if not pairs:
         raise FlightError([f"block {block.name}: no two pictures show the same ground; {_CURE}"])
     jobs = [
-        PairJob(a=views[i], b=views[j], surface=surface, at_a=at[i], at_b=at[j], options=options)
+        PairJob(
+            a=views[i], b=views[j], surface=surface, at_a=pixels[i], at_b=pixels[j], options=options
+        )
         for i, j in pairs
     ]
-    found = dict(zip(pairs, run(jobs), strict=True))
-    rays = joined(at, found, block.images.camera_idx)
-    shown = _shown(views, surface, at, pairs)
+    matches = dict(zip(pairs, run(jobs), strict=True))
+    rays = joined(pixels, matches, block.images.camera_idx)
+    shown = _shown(views, surface, pixels, pairs)
     rays = chosen(rays, shown[rays.point], apart_px=options.window_px * APART)
     if len(rays) < _LEAST_RAYS * len(views):
         says = f"block {block.name}: only {len(rays)} measurements in {len(views)} pictures"
@@ -333,13 +335,16 @@ def _matched(
 
 
 def _worth_it(block: Block, i: int, j: int) -> bool:
-    """Tell whether two pictures are of one head, of one exposure, or of heads that look apart.
+    """Tell whether pictures are of the same head or exposure, or of heads that look apart.
 
     Heads that look one way show the same at an exposure, which ties them.
     """
-    of = block.images
-    same = of.camera_idx[i] == of.camera_idx[j] or of.exposure_idx[i] == of.exposure_idx[j]
-    look = [block.cameras[of.camera_idx[k]].T_b_c.R[:, 2] for k in (i, j)]
+    images = block.images
+    same = (
+        images.camera_idx[i] == images.camera_idx[j]
+        or images.exposure_idx[i] == images.exposure_idx[j]
+    )
+    look = [block.cameras[images.camera_idx[k]].T_b_c.R[:, 2] for k in (i, j)]
     return bool(same or look[0] @ look[1] < ONE_WAY)
 
 
@@ -354,33 +359,33 @@ def _corners(
     n_points: int,
     window_px: int,
 ) -> list[Index]:
-    """Return the corners of every view; where they are crowded, none that others show better.
+    """Return the corners of every view; where crowded, only those in the view that shows them best.
 
     Pictures of a head that share a place have the same corners there, and of those that are close
     to each other only one would be used. So the place is left to the picture that shows it nearest
     to its middle, which has more of them. Pairs are those of each head.
     """
 
-    def of(number: int) -> list[Index]:
+    def corners_of(number: int) -> list[Index]:
         return [corners(view, number=number, margin=window_px // 2 + 3) for view in views]
 
     size = views[0].camera
     if size.width_px * size.height_px > n_points * (CROWDED * window_px) ** 2:
-        return of(n_points)
-    shown = float(np.mean(_shown(views, surface, of(USUAL), pairs)))
-    at = of(int(n_points * shown))
-    return [own[_is_master(k, own, views, surface, pairs)] for k, own in enumerate(at)]
+        return corners_of(n_points)
+    shown = float(np.mean(_shown(views, surface, corners_of(USUAL), pairs)))
+    pixels = corners_of(int(n_points * shown))
+    return [colrow[_is_master(k, colrow, views, surface, pairs)] for k, colrow in enumerate(pixels)]
 
 
 def _is_master(
-    i: int, at: Index, views: Sequence[View], surface: Surface, pairs: Sequence[tuple[int, int]]
+    i: int, colrow: Index, views: Sequence[View], surface: Surface, pairs: Sequence[tuple[int, int]]
 ) -> Mask:
-    """Tell which corners of a view are nearer to its middle than to that of any other view."""
-    x_m = ground_of(views[i], surface, at.astype(float))
-    own = _off_middle(views[i], at.astype(float))
-    best = np.ones(len(at), dtype=bool)
+    """Tell which corners are nearer to the middle of their view than to that of any other, (n,)."""
+    x_m = ground_of(views[i], surface, colrow.astype(float))
+    distance = _off_middle(views[i], colrow.astype(float))
+    best = np.ones(len(colrow), dtype=bool)
     for other in (views[a + b - i] for a, b in pairs if i in (a, b)):
-        best &= ~(_off_middle(other, pixels_of(other, x_m)) < own)  # NaN is not nearer
+        best &= ~(_off_middle(other, pixels_of(other, x_m)) < distance)  # NaN is not nearer
     return best
 
 
@@ -391,14 +396,17 @@ def _off_middle(view: View, colrow: Array) -> Array:
 
 
 def _shown(
-    views: Sequence[View], surface: Surface, at: Sequence[Index], pairs: Sequence[tuple[int, int]]
+    views: Sequence[View],
+    surface: Surface,
+    pixels: Sequence[Index],
+    pairs: Sequence[tuple[int, int]],
 ) -> Index:
     """Return for every corner how many pictures show its place, its own among them."""
     out = []
-    for i, (view, own) in enumerate(zip(views, at, strict=True)):
-        x_m = ground_of(view, surface, own.astype(float))
+    for i, (view, colrow) in enumerate(zip(views, pixels, strict=True)):
+        x_m = ground_of(view, surface, colrow.astype(float))
         others = [views[a + b - i] for a, b in pairs if i in (a, b)]
-        n = np.ones(len(own), dtype=np.intp)
+        n = np.ones(len(colrow), dtype=np.intp)
         for other in others:
             n += inside(other.camera, pixels_of(other, x_m))
         out.append(n)

@@ -1,4 +1,4 @@
-"""A whole flight measured: its pictures matched, and the measured flight written."""
+"""Match the pictures of a whole flight, and write the measured flight."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Outcome:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What was found, and what was not, for the user."""
+        """Messages for the user on tie points and surveyed points."""
         return (
             *self.coarse,
             *_on_ties(self.block, self.matched, self.options.reduce),
@@ -105,24 +105,24 @@ def measure_flight(
         Where the folder must not be used.
     """
     unmeasured = flights.read_unmeasured(path)
-    with own_folder.claim(folder, command=COMMAND, away_from=[Path(path)]) as own:
-        matching = Matching(own=own, executor=executor)
-        flights.copied(unmeasured, own)
+    with own_folder.claim(folder, command=COMMAND, away_from=[Path(path)]) as claimed:
+        matching = Matching(own=claimed, executor=executor)
+        flights.copied(unmeasured, claimed)
         out: list[Outcome] = []
         for name in unmeasured.flight.blocks:
             rows = flights.given(unmeasured.tables[name], unmeasured.flight.apriori.image_point_px)
             if any(unmeasured.flight.image_files[name]):
                 alike = _measured_before(unmeasured, name, out) if not rows else None
-                one = alike or _measured(unmeasured, name, rows, options, matching, tell)
-                rows = [*rows, *one.surveyed.rows]
+                outcome = alike or _measured(unmeasured, name, rows, options, matching, tell)
+                rows = [*rows, *outcome.surveyed.rows]
                 names = {row.point for row in rows} | {
                     *unmeasured.tables[name].control.text["point"]
                 }
-                rows += _tie_rows(one.matched, names)
-                out.append(one)
-            flights.write_points(own, name, rows)
+                rows += _tie_rows(outcome.matched, names)
+                out.append(outcome)
+            flights.write_points(claimed, name, rows)
         matching.forget()
-        flights.finished(unmeasured, own)
+        flights.finished(unmeasured, claimed)
     read(folder)
     return out
 
@@ -130,20 +130,22 @@ def measure_flight(
 def _measured_before(
     unmeasured: Unmeasured, name: str, before: Sequence[Outcome]
 ) -> Outcome | None:
-    """Return what another block gave that has the same pictures, trajectory and control."""
-    own, flight = unmeasured.tables[name], unmeasured.flight
-    for one in before:
-        other = unmeasured.tables[one.block]
-        files = [[path and path.name for path in flight.image_files[k]] for k in (name, one.block)]
+    """Return the outcome of an earlier block with the same pictures, trajectory and control."""
+    tables, flight = unmeasured.tables[name], unmeasured.flight
+    for outcome in before:
+        other = unmeasured.tables[outcome.block]
+        files = [
+            [path and path.name for path in flight.image_files[k]] for k in (name, outcome.block)
+        ]
         same = (
-            own.images.text == other.images.text,
-            own.trajectory.text == other.trajectory.text,
-            own.control.text == other.control.text,
+            tables.images.text == other.images.text,
+            tables.trajectory.text == other.trajectory.text,
+            tables.control.text == other.control.text,
             files[0] == files[1],
             not len(other.image_points),
         )
         if all(same):
-            return replace(one, block=name)
+            return replace(outcome, block=name)
     return None
 
 
@@ -165,7 +167,7 @@ def _measured(
     matched, coarse = _matched(block, views, surface, options, matching, tell)
     if len(control):
         matched = _placed(coarse.block if coarse else block, matched)
-    said = (*coarse.said, *_told(block, matched.views)) if coarse else ()
+    messages = (*coarse.said, *_told(block, matched.views)) if coarse else ()
     x_m = block.frame.from_grid(control.stack("east_m", "north_m", "height_m"))
     surveyed = find_surveyed(matched.views, matched.surface, control.text["point"], x_m, given)
     return Outcome(
@@ -173,39 +175,40 @@ def _measured(
         matched=matched,
         surveyed=surveyed,
         options=options,
-        coarse=said,
+        coarse=messages,
     )
 
 
 def _placed(block: Block, matched: Matched) -> Matched:
-    """Return a matched block moved to where its trajectory says that it is."""
+    """Return a matched block, moved to fit its trajectory."""
     try:
-        found = refined(firm(block), matched.views, matched.rays)
+        oriented = refined(firm(block), matched.views, matched.rays)
     except AdjustmentError:
         return matched
-    return replace(matched, views=found.views, surface=found.surface)
+    return replace(matched, views=oriented.views, surface=oriented.surface)
 
 
 def _told(block: Block, views: Sequence[View]) -> Iterator[str]:
     """Yield a sentence on the attitudes of every strip, or of every course where none is named."""
-    at = [block.images.names.index(view.name) for view in views]
-    exposure, first = np.unique(block.images.exposure_idx[at], return_index=True)
-    R_c_b = np.swapaxes(mountings(block.cameras).R, 1, 2)[block.images.camera_idx[at]]
+    image_idx = [block.images.names.index(view.name) for view in views]
+    exposure, first = np.unique(block.images.exposure_idx[image_idx], return_index=True)
+    R_c_b = np.swapaxes(mountings(block.cameras).R, 1, 2)[block.images.camera_idx[image_idx]]
     R_m_b = (np.array([view.T_m_c.R[0] for view in views]) @ R_c_b)[first]
     by_pictures = np.degrees(rph_from_rotation(R_NED_M @ R_m_b))
-    given = np.degrees(rph_from_rotation(R_NED_M @ block.trajectory.T_m_b.R[exposure]))
-    off = (given - by_pictures + 180) % 360 - 180
-    strips = np.array(block.images.strips)[at][first]
+    by_trajectory = np.degrees(rph_from_rotation(R_NED_M @ block.trajectory.T_m_b.R[exposure]))
+    off = (by_trajectory - by_pictures + 180) % 360 - 180
+    strips = np.array(block.images.strips)[image_idx][first]
     named = bool(np.all(strips != ""))
     group = np.unique(strips, return_inverse=True)[1] if named else _courses(by_pictures[:, 2])
     for k in range(int(group.max()) + 1):
-        own = group == k
-        heading = _mean_deg(by_pictures[own, 2])
-        name = f"strip {strips[own][0]}, heading" if named else "heading"
+        rows = group == k
+        heading = _mean_deg(by_pictures[rows, 2])
+        name = f"strip {strips[rows][0]}, heading" if named else "heading"
         yield (
-            f"{block.name}: {name} {heading:.0f}°, {shown.count(int(own.sum()), 'exposure')}: "
-            f"the trajectory's roll, pitch, heading are off by {_numbers(off[own].mean(axis=0))}°, "
-            f"each by {_numbers(np.sqrt(np.mean(np.square(off[own]), axis=0)), '')}° rms"
+            f"{block.name}: {name} {heading:.0f}°, {shown.count(int(rows.sum()), 'exposure')}: "
+            "the trajectory's roll, pitch, heading are off by "
+            f"{_numbers(off[rows].mean(axis=0))}°, "
+            f"each by {_numbers(np.sqrt(np.mean(np.square(off[rows]), axis=0)), '')}° rms"
         )
 
 
@@ -237,7 +240,7 @@ def _matched(
     matching: Matching,
     tell: Tell,
 ) -> tuple[Matched, Coarse | None]:
-    """Match a block from where its trajectory puts it; where that is too coarse, by features."""
+    """Match a block from its trajectory's orientations; where they are too coarse, by features."""
     run = partial(match_block, options=options, matching=matching, tell=tell)
     beyond = beyond_search(block, views, surface, options.reduce) if surface else ""
     first: FlightError | AdjustmentError | None = None
@@ -367,18 +370,20 @@ def write_pictures(outcomes: Sequence[Outcome], folder: Path) -> None:
     folder : Path
         Each block gets a folder in it.
     """
-    for one in outcomes:
-        (folder / one.block).mkdir(parents=True)
-        rays = one.matched.rays
+    for outcome in outcomes:
+        (folder / outcome.block).mkdir(parents=True)
+        rays = outcome.matched.rays
         count = np.bincount(rays.point)[rays.point] if len(rays) else np.zeros(0)
-        for k, view in enumerate(one.matched.views):
-            own = rays.view == k
+        for k, view in enumerate(outcome.matched.views):
+            in_view = rays.view == k
             surveyed = [
-                (row.col_px, row.row_px) for row in one.surveyed.rows if row.image == view.name
+                (row.col_px, row.row_px) for row in outcome.surveyed.rows if row.image == view.name
             ]
-            drawn = _drawn(view, rays.colrow[own], count[own], np.array(surveyed).reshape(-1, 2))
+            drawn = _drawn(
+                view, rays.colrow[in_view], count[in_view], np.array(surveyed).reshape(-1, 2)
+            )
             _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 85])
-            place = folder / one.block / f"{file_stem(view.name)}.jpg"
+            place = folder / outcome.block / f"{file_stem(view.name)}.jpg"
             whole_files.write(place, coded.tobytes())
 
 

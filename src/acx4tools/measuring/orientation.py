@@ -74,7 +74,7 @@ class _Features:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _TwoViews:
-    """How two pictures lie to each other, by their features.
+    """The relative orientation of two pictures, from their features.
 
     Attributes
     ----------
@@ -98,10 +98,14 @@ def _features_of(view: View) -> _Features:
     """Return the features of a picture (SIFT [1]_, descriptors by Hellinger's distance [2]_)."""
     even = cv2.createCLAHE(clipLimit=_CLIP, tileGridSize=_TILES).apply(_eight_bit(view))
     sift = cv2.SIFT.create(nfeatures=MOST, contrastThreshold=_CONTRAST)
-    points, found = sift.detectAndCompute(even, None)
+    points, descriptors = sift.detectAndCompute(even, None)
     colrow = np.array([point.pt for point in points], dtype=float).reshape(-1, 2)
-    total = np.maximum(found.sum(axis=1, keepdims=True), 1) if len(points) else 1.0
-    descriptor = np.zeros((0, 128)) if found is None else np.rint(_LENGTH * np.sqrt(found / total))
+    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1) if len(points) else 1.0
+    descriptor = (
+        np.zeros((0, 128))
+        if descriptors is None
+        else np.rint(_LENGTH * np.sqrt(descriptors / total))
+    )
     camera = view.camera
     ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f
     return _Features(
@@ -121,7 +125,7 @@ def _eight_bit(view: View) -> np.ndarray:
 
 
 def _two_views(a: _Features, b: _Features, down: Array, fall: float) -> _TwoViews | None:
-    """Return how two pictures lie to each other; None where too few features agree."""
+    """Return the relative orientation of two pictures; None where too few features agree."""
     i, j = _similar(a, b)
     if len(i) < LEAST:
         return None
@@ -130,8 +134,10 @@ def _two_views(a: _Features, b: _Features, down: Array, fall: float) -> _TwoView
     starts = [*_over_a_plane(a.ideal[i], b.ideal[j], within, down)]
     starts += _over_any_ground(a.ideal[i], b.ideal[j], within)
     grown = [_grown(*start, *rays, within) for start in starts]
-    found = [one for one in grown if abs(float(one.base_a @ down) - fall) < _STEEP]
-    best = max(found, key=lambda one: int(one.agree.sum()), default=None)
+    plausible = [
+        relative for relative in grown if abs(float(relative.base_a @ down) - fall) < _STEEP
+    ]
+    best = max(plausible, key=lambda relative: int(relative.agree.sum()), default=None)
     if best is None or best.agree.sum() < LEAST:
         return None
     return _TwoViews(
@@ -145,7 +151,7 @@ def _two_views(a: _Features, b: _Features, down: Array, fall: float) -> _TwoView
 def _over_a_plane(
     a: Array, b: Array, within: float, down: Array
 ) -> Iterator[tuple[Array, Array, Mask]]:
-    """Yield the rotation and base over the more level of two planes, and what is near it."""
+    """Yield rotation and base by a homography (its more level plane), and the inliers."""
     H, near = cv2.findHomography(a, b, cv2.USAC_MAGSAC, _PLANE * within)
     if H is None or near.sum() < _LEAST_START:
         return
@@ -156,15 +162,15 @@ def _over_a_plane(
 
 
 def _over_any_ground(a: Array, b: Array, within: float) -> Iterator[tuple[Array, Array, Mask]]:
-    """Yield the rotation and base that most points agree on."""
+    """Yield rotation and base by an essential matrix, and its inliers."""
     E, near = cv2.findEssentialMat(
         *(a, b, np.eye(3), cv2.USAC_MAGSAC, _PROBABILITY, within, _TRIALS)
     )
     if E is None or E.shape != (3, 3) or near.sum() < _LEAST_START:
         return
-    own = near[:, 0] > 0
-    _, R, t, _ = cv2.recoverPose(E, a[own], b[own], np.eye(3))
-    yield *_in_own_axes(R, t), own
+    inliers = near[:, 0] > 0
+    _, R, t, _ = cv2.recoverPose(E, a[inliers], b[inliers], np.eye(3))
+    yield *_in_own_axes(R, t), inliers
 
 
 def _in_own_axes(R_b_a: np.ndarray, t_b_a: np.ndarray) -> tuple[Array, Array]:
@@ -175,7 +181,7 @@ def _in_own_axes(R_b_a: np.ndarray, t_b_a: np.ndarray) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Grown:
-    """A relative orientation, the depths of all pairs by it, and the pairs that agree on it."""
+    """A relative orientation, the depths of all pairs by it, and which pairs agree with it."""
 
     R_a_b: Array
     base_a: Array
@@ -186,7 +192,7 @@ class _Grown:
 def _grown(
     R_a_b: Array, base_a: Array, near: Mask, ray_a: Array, ray_b: Array, within: float
 ) -> _Grown:
-    """Return the relative orientation that grew from a start, over ground of one height, about."""
+    """Return the relative orientation refined from a start, over ground of about one height."""
     for factor in _SHRINKING:
         if near.sum() >= _LEAST_START:
             R_a_b, base_a = _fitted(R_a_b, base_a, ray_a[near], ray_b[near])
@@ -279,7 +285,7 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coarse:
-    """A block as its pictures orient it.
+    """A block oriented by its pictures.
 
     Attributes
     ----------
@@ -299,7 +305,7 @@ class Coarse:
 
     @property
     def said(self) -> tuple[str, ...]:
-        """What was not connected, for the user."""
+        """Messages for the user on pictures that are not connected."""
         return tuple(
             f"{self.block.name}: {len(names)} pictures are not connected with the others and were "
             f"not measured: {', '.join(names[:5])}{' …' if len(names) > 5 else ''}"
@@ -309,7 +315,7 @@ class Coarse:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Link:
-    """Two views that features connect, and how they lie to each other."""
+    """Two views connected by features, and their relative orientation."""
 
     i: int
     j: int
@@ -349,25 +355,27 @@ def oriented_by_features(
     if not links:
         says = f"block {block.name}: no two pictures have enough features in common"
         raise FlightError([f"{says}; are the files those of these images, and do they overlap?"])
-    own = part == int(np.argmax(sizes))
-    at = block.images.exposure_idx
-    links = _likely([link for link in links if own[at[link.i]]], views)
-    R_m_b, links = _rotations(block, links, own)
+    largest = part == int(np.argmax(sizes))
+    exposure = block.images.exposure_idx
+    links = _likely([link for link in links if largest[exposure[link.i]]], views)
+    R_m_b, links = _rotations(block, links, largest)
     turned = _with_poses(block, Pose(R=R_m_b, r=block.trajectory.T_m_b.r))
     T_m_c = turned.T_m_b_images @ mountings(block.cameras)[block.images.camera_idx]
-    kept = np.flatnonzero(own[at]).tolist()
-    seen = [replace(small[k], T_m_c=T_m_c[k : k + 1]) for k in kept]
+    kept = np.flatnonzero(largest[exposure]).tolist()
+    kept_views = [replace(small[k], T_m_c=T_m_c[k : k + 1]) for k in kept]
     every = _tracks(features, links)
     rays = replace(every, view=np.searchsorted(kept, every.view))
     apart_px = APART * max(small[0].camera.width_px, small[0].camera.height_px)
     rays = chosen(rays, np.full(len(rays), 2), apart_px=apart_px)
-    of_part = select_images(turned, own[at])
-    found, moved, surface = _adjusted(of_part, seen, rays, _height(links, views))
+    of_part = select_images(turned, largest[exposure])
+    adjusted, moved, surface = _adjusted(of_part, kept_views, rays, _height(links, views))
     return Coarse(
-        block=found,
+        block=adjusted,
         views=tuple(seen_at(view, views[k].shrink) for view, k in zip(moved, kept, strict=True)),
         surface=surface,
-        apart=tuple(_names(block, part == k) for k in np.unique(part[at[~own[at]]])),
+        apart=tuple(
+            _names(block, part == k) for k in np.unique(part[exposure[~largest[exposure]]])
+        ),
     )
 
 
@@ -387,35 +395,35 @@ def _shrink(view: View) -> int:
 def _connected(
     block: Block, views: Sequence[View], executor: Executor | None, tell: Tell
 ) -> tuple[dict[int, _Features], list[_Link]]:
-    """Return features and links; those of further cameras only while there are several parts."""
+    """Return features and links; further cameras are tried only while several parts are left."""
     camera = block.images.camera_idx
     features: dict[int, _Features] = {}
     links: list[_Link] = []
     for k in np.argsort(-np.bincount(camera), kind="stable").tolist():
-        own = np.flatnonzero(camera == k).tolist()
-        pairs = _near(views, own)
-        n = len(own) + len(pairs)
-        seen = _each(executor, _features_of, [(views[i],) for i in own], (0, n), tell)
-        features |= dict(zip(own, seen, strict=True))
+        of_camera = np.flatnonzero(camera == k).tolist()
+        pairs = _near(views, of_camera)
+        n = len(of_camera) + len(pairs)
+        computed = _each(executor, _features_of, [(views[i],) for i in of_camera], (0, n), tell)
+        features |= dict(zip(of_camera, computed, strict=True))
         jobs = [(features[i], features[j], *_about(views[i], views[j])) for i, j in pairs]
-        found = _each(executor, _two_views, jobs, (len(own), n), tell)
-        links += [_Link(i=i, j=j, by=by) for (i, j), by in zip(pairs, found, strict=True) if by]
+        relative = _each(executor, _two_views, jobs, (len(of_camera), n), tell)
+        links += [_Link(i=i, j=j, by=by) for (i, j), by in zip(pairs, relative, strict=True) if by]
         if len(set(_parts(block, links)[block.images.exposure_idx].tolist())) == 1:
             break
     return features, links
 
 
-def _near(views: Sequence[View], own: Sequence[int]) -> list[tuple[int, int]]:
-    """Return the pairs of views of which one is among those nearest to the other."""
-    r = np.array([views[i].T_m_c.r[0] for i in own])
+def _near(views: Sequence[View], of_camera: Sequence[int]) -> list[tuple[int, int]]:
+    """Return the pairs of views in which one is among the nearest neighbours of the other."""
+    r = np.array([views[i].T_m_c.r[0] for i in of_camera])
     tree = cKDTree(r)
-    _, near = tree.query(r, k=range(1, min(NEIGHBOURS + 1, len(own)) + 1))
+    _, near = tree.query(r, k=range(1, min(NEIGHBOURS + 1, len(of_camera)) + 1))
     ends = ((a, b) for a, row in enumerate(np.asarray(near).tolist()) for b in row if a != b)
-    return sorted({(own[min(pair)], own[max(pair)]) for pair in ends})
+    return sorted({(of_camera[min(pair)], of_camera[max(pair)]) for pair in ends})
 
 
 def _about(a: View, b: View) -> tuple[Array, float]:
-    """Return where down is in a view, and by how much another one is lower, in bases."""
+    """Return the direction of down in a view, and how much another one is lower, in bases."""
     base = b.T_m_c.r[0] - a.T_m_c.r[0]
     down = np.array([0.0, 0.0, -1.0])
     return down @ a.T_m_c.R[0], float(base @ down / max(np.linalg.norm(base), 1e-9))
@@ -425,24 +433,26 @@ def _each(
     executor: Executor | None,
     function: Callable[..., Value],
     jobs: Sequence[tuple[object, ...]],
-    at: tuple[int, int],
+    progress: tuple[int, int],
     tell: Tell,
 ) -> list[Value]:
     """Return a function's values of all jobs, here or in an executor."""
-    done, of = at
+    done, total = progress
     out: list[Value] = []
     calls = [executor.submit(function, *job) for job in jobs] if executor else []
     for n, job in enumerate(jobs):
         out.append(calls[n].result() if executor else function(*job))
-        tell(done + n + 1, of)
+        tell(done + n + 1, total)
     return out
 
 
 def _parts(block: Block, links: Sequence[_Link]) -> Index:
     """Return the number of the part of every exposure."""
-    at = block.images.exposure_idx
+    exposure = block.images.exposure_idx
     n = len(block.trajectory)
-    i, j = (np.array([at[getattr(link, end)] for link in links], dtype=np.intp) for end in "ij")
+    i, j = (
+        np.array([exposure[getattr(link, end)] for link in links], dtype=np.intp) for end in "ij"
+    )
     joins = coo_array((np.ones(len(i)), (i, j)), (n, n))
     return np.asarray(connected_components(joins, directed=False)[1])
 
@@ -466,10 +476,10 @@ def _height(links: Sequence[_Link], views: Sequence[View]) -> float:
 # --- rotations -------------------------------------------------------------------------------
 
 
-def _rotations(block: Block, links: Sequence[_Link], own: Mask) -> tuple[Array, list[_Link]]:
+def _rotations(block: Block, links: Sequence[_Link], in_part: Mask) -> tuple[Array, list[_Link]]:
     """Return the rotations of all exposures, and the links that agree with them.
 
-    Those outside `own` keep theirs.
+    Those outside `in_part` keep theirs.
 
     Notes
     -----
@@ -480,8 +490,8 @@ def _rotations(block: Block, links: Sequence[_Link], own: Mask) -> tuple[Array, 
     .. [1] V. M. Govindu, "Combining two-view constraints for motion estimation", CVPR 2001.
     """
     R_b_c = mountings(block.cameras).R
-    at, camera = block.images.exposure_idx, block.images.camera_idx
-    i, j = (np.array([at[getattr(link, end)] for link in links]) for end in "ij")
+    exposure, camera = block.images.exposure_idx, block.images.camera_idx
+    i, j = (np.array([exposure[getattr(link, end)] for link in links]) for end in "ij")
     ends = [(R_b_c[camera[link.i]], R_b_c[camera[link.j]], link.by) for link in links]
     R_i_j = np.array([a @ by.R_a_b @ b.T for a, b, by in ends])
     weight = np.array([float(len(by.which)) for _, _, by in ends])
@@ -489,15 +499,15 @@ def _rotations(block: Block, links: Sequence[_Link], own: Mask) -> tuple[Array, 
     apart = np.linalg.norm(log(_apart(R, R_i_j, i, j)), axis=1)
     good = np.flatnonzero(apart < LARGEST_TURN)
     base_b = np.array([a @ by.base_a for a, _, by in ends])
-    given = block.trajectory.T_m_b
-    bases = np.sqrt(weight)[:, None] * (given.r[j] - given.r[i])
-    found = transform(R[i], base_b) * np.linalg.norm(bases, axis=1, keepdims=True)
-    G = _turn_of_all(bases[good], found[good], given.R[own], R[own])
-    return np.where(own[:, None, None], G @ R, given.R), [links[k] for k in good.tolist()]
+    T_m_b = block.trajectory.T_m_b
+    bases = np.sqrt(weight)[:, None] * (T_m_b.r[j] - T_m_b.r[i])
+    link_bases = transform(R[i], base_b) * np.linalg.norm(bases, axis=1, keepdims=True)
+    G = _turn_of_all(bases[good], link_bases[good], T_m_b.R[in_part], R[in_part])
+    return np.where(in_part[:, None, None], G @ R, T_m_b.R), [links[k] for k in good.tolist()]
 
 
 def _spread(R: Array, R_i_j: Array, i: Index, j: Index, weight: Array) -> Array:
-    """Return rotations that follow the surest links from one exposure to all."""
+    """Return rotations chained along the surest links from one exposure to all."""
     n = len(R)
     best: dict[tuple[int, int], int] = {}
     for k in np.argsort(weight).tolist():
@@ -515,7 +525,7 @@ def _spread(R: Array, R_i_j: Array, i: Index, j: Index, weight: Array) -> Array:
 
 
 def _apart(R: Array, R_i_j: Array, i: Index, j: Index) -> Array:
-    """Return by which rotations, mapping frame, the links miss those of the exposures."""
+    """Return the misclosures of the links by the rotations of the exposures, mapping frame."""
     return R[i] @ R_i_j @ np.swapaxes(R[j], 1, 2)
 
 
@@ -533,13 +543,13 @@ def _averaged(R: Array, R_i_j: Array, i: Index, j: Index, weight: Array) -> Arra
     return R
 
 
-def _turn_of_all(given: Array, found: Array, R_given: Array, R: Array) -> Array:
-    """Return the rotation of the whole that brings the bases found onto those of the positions.
+def _turn_of_all(bases: Array, link_bases: Array, R_m_b: Array, R: Array) -> Array:
+    """Return the rotation that turns the bases from links onto the bases from positions.
 
     Attitudes of the trajectory count little, for what parallel bases leave open.
     """
-    M = given.T @ found / np.sum(np.square(given))
-    M += _LITTLE * np.mean(R_given @ np.swapaxes(R, 1, 2), axis=0)
+    M = bases.T @ link_bases / np.sum(np.square(bases))
+    M += _LITTLE * np.mean(R_m_b @ np.swapaxes(R, 1, 2), axis=0)
     U, _, Vt = np.linalg.svd(M)
     return U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
 
@@ -558,27 +568,29 @@ def _adjusted(
     block: Block, views: Sequence[View], rays: TieRays, height: float
 ) -> tuple[Block, tuple[View, ...], Surface]:
     """Return a block adjusted by its features: the poses found, its views, and the ground."""
-    given = block.trajectory
-    loose = np.maximum(given.sigma_position, POSITION * height)
-    begun = replace(block, trajectory=replace(given, sigma_position=loose))
-    found = refined(approximate(begun, height), views, rays)
-    R, r = given.T_m_b.R.copy(), given.T_m_b.r.copy()
+    trajectory = block.trajectory
+    loose = np.maximum(trajectory.sigma_position, POSITION * height)
+    begun = replace(block, trajectory=replace(trajectory, sigma_position=loose))
+    oriented = refined(approximate(begun, height), views, rays)
+    R, r = trajectory.T_m_b.R.copy(), trajectory.T_m_b.r.copy()
     T_c_b = mountings(block.cameras).inverse[block.images.camera_idx]
-    for k, view in reversed([*enumerate(found.views)]):  # the first one of an exposure decides
+    for k, view in reversed([*enumerate(oriented.views)]):  # the first one of an exposure decides
         T_m_b = view.T_m_c @ T_c_b[k : k + 1]
         R[block.images.exposure_idx[k]], r[block.images.exposure_idx[k]] = T_m_b.R[0], T_m_b.r[0]
-    x_m = found.bundle.state.x_m
-    n_rays = np.bincount(np.unique(rays.point, return_inverse=True)[1][found.kept], None, len(x_m))
+    x_m = oriented.bundle.state.x_m
+    n_rays = np.bincount(
+        np.unique(rays.point, return_inverse=True)[1][oriented.kept], None, len(x_m)
+    )
     checked = np.isfinite(x_m[:, 0]) & (n_rays >= WANTED)  # two rays meet wherever they are wrong
-    surface = through(x_m[checked]) if np.mean(checked) > _ENOUGH else found.surface
-    return _with_poses(block, Pose(R=R, r=r)), found.views, surface
+    surface = through(x_m[checked]) if np.mean(checked) > _ENOUGH else oriented.surface
+    return _with_poses(block, Pose(R=R, r=r)), oriented.views, surface
 
 
 _ENOUGH = 0.2  # of the points have three rays
 
 
 def _tracks(features: Mapping[int, _Features], links: Sequence[_Link]) -> TieRays:
-    """Return features that are one point, by all their links; none twice in a picture."""
+    """Return features chained by all links as points; none has two features in one picture."""
     views = sorted(features)
     ends = np.cumsum([0, *(len(features[v].colrow) for v in views)])
     first, n = dict(zip(views, ends[:-1], strict=True)), int(ends[-1])

@@ -31,7 +31,7 @@ Pairs = Mapping[tuple[int, int], tuple[Found, Found]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TieRays:
-    """Measurements of points; those of a point share one number.
+    """Measurements of tie points; those of one point share a number.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class TieRays:
 
 
 def joined(corners: Sequence[Index], pairs: Pairs, camera: Index) -> TieRays:
-    """Return one point for every corner that was found anywhere, with all its rays.
+    """Return one point for every corner with a match in any other picture, with all its rays.
 
     The corner itself is a ray of the point. Of the variance of a difference, one half belongs to
     either picture.
@@ -74,26 +74,26 @@ def joined(corners: Sequence[Index], pairs: Pairs, camera: Index) -> TieRays:
     pairs : mapping
     camera : ndarray, shape (n_views,)
     """
-    first = np.cumsum([0, *(len(at) for at in corners)])
+    first = np.cumsum([0, *(len(colrow_of_view) for colrow_of_view in corners)])
     parts = [
-        (first[master] + found.which, np.full(len(found), view), found)
+        (first[master] + matches.which, np.full(len(matches), view), matches)
         for (i, j), both in pairs.items()
-        for master, view, found in ((i, j, both[0]), (j, i, both[1]))
+        for master, view, matches in ((i, j, both[0]), (j, i, both[1]))
     ]
     point = np.concatenate([np.zeros(0, np.intp), *(p for p, _, _ in parts)])
     view = np.concatenate([np.zeros(0, np.intp), *(v for _, v, _ in parts)])
-    sigma = np.concatenate([np.zeros((0, 2)), *(found.sigma_px for _, _, found in parts)])
-    colrow = np.concatenate([np.zeros((0, 2)), *(found.colrow for _, _, found in parts)])
-    own, inverse, count = np.unique(point, return_inverse=True, return_counts=True)
+    sigma = np.concatenate([np.zeros((0, 2)), *(matches.sigma_px for _, _, matches in parts)])
+    colrow = np.concatenate([np.zeros((0, 2)), *(matches.colrow for _, _, matches in parts)])
+    corner, inverse, count = np.unique(point, return_inverse=True, return_counts=True)
     mean_square = np.bincount(inverse, sigma[:, 0] ** 2) / count
-    master = np.searchsorted(first, own, side="right") - 1
-    at = np.concatenate([np.zeros((0, 2), np.intp), *corners])[own].astype(float)
+    master = np.searchsorted(first, corner, side="right") - 1
+    master_colrow = np.concatenate([np.zeros((0, 2), np.intp), *corners])[corner].astype(float)
     every = TieRays(
-        point=np.concatenate([own, point]),
+        point=np.concatenate([corner, point]),
         view=np.concatenate([master, view]),
-        colrow=np.concatenate([at, colrow]),
+        colrow=np.concatenate([master_colrow, colrow]),
         sigma_px=np.sqrt(np.concatenate([mean_square, sigma[:, 1] ** 2]) / 2),
-        of_head=np.concatenate([own >= 0, camera[view] == camera[master[inverse]]]),
+        of_head=np.concatenate([corner >= 0, camera[view] == camera[master[inverse]]]),
     )
     return every[np.lexsort((every.view, every.point))]
 
@@ -120,13 +120,13 @@ def chosen(rays: TieRays, shown: Index, *, apart_px: float) -> TieRays:
     taken: set[tuple[int, int, int]] = set()
     keep = np.zeros(len(rays), dtype=bool)
     for i in np.lexsort((worst, -count)).tolist():
-        own = slice(start[i], start[i] + count[i])
-        cell = np.floor(rays.colrow[own] / apart_px).astype(int)
-        seen = zip(rays.view[own], cell, rays.of_head[own], strict=True)
-        places = [(int(v), int(c), int(r)) for v, (c, r), here in seen if here]
+        rays_of_point = slice(start[i], start[i] + count[i])
+        cell = np.floor(rays.colrow[rays_of_point] / apart_px).astype(int)
+        measured = zip(rays.view[rays_of_point], cell, rays.of_head[rays_of_point], strict=True)
+        places = [(int(v), int(c), int(r)) for v, (c, r), here in measured if here]
         if enough[i] and not any(_near(place, taken) for place in places):
             taken.update(places)
-            keep[own] = True
+            keep[rays_of_point] = True
     return rays[keep]
 
 
@@ -170,7 +170,7 @@ LEAST_SIGMA_PX = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Oriented:
-    """What an adjustment of the points found so far says.
+    """Orientations and ground by an adjustment of the tie points.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ def refined(block: Block, views: Sequence[View], rays: TieRays) -> Oriented:
         Where no choice of interior parameters can be adjusted.
     """
     bundle = _adjusted(_with_rays(block, views, rays))
-    gone = [one.row for one in bundle.rejected if one.kind == "image_point"]
+    gone = [rejection.row for rejection in bundle.rejected if rejection.kind == "image_point"]
     kept = np.ones(len(rays), dtype=bool)
     kept[gone] = False
     T_m_c, cameras = bundle.T_m_c, bundle.cameras
@@ -258,8 +258,8 @@ def _shared(bundle: Bundle, rays: TieRays) -> Array:
     least_px = np.hypot(rays.sigma_px, LEAST_SIGMA_PX)
     for _ in range(_ROUNDS):
         factor = np.hypot(rays.sigma_px, shared_px[group_of]) / least_px
-        found = freely_turned(_times(bundle, factor), partial(mounted_orientation, free=()))
-        shared_px = _once_more(found, rays, group_of, shared_px)
+        turned = freely_turned(_times(bundle, factor), partial(mounted_orientation, free=()))
+        shared_px = _once_more(turned, rays, group_of, shared_px)
     return shared_px.reshape(-1, 2)
 
 
@@ -273,19 +273,21 @@ def _times(bundle: Bundle, factor: Array) -> Bundle:
 
 
 def _once_more(bundle: Bundle, rays: TieRays, group_of: Index, shared_px: Array) -> Array:
-    """Return what windows share, from residuals of an adjustment for which it was `shared_px`."""
+    """Return the error that windows share, from an adjustment with its last value `shared_px`."""
     rows, group = bundle.network.rows, bundle.solution.groups[0]
     sigma_px, group_of = rays.sigma_px[rows], group_of[rows]
     v_sq = np.square(group.v / group.sigma) * np.hypot(sigma_px, shared_px[group_of])[:, None] ** 2
-    found = []
+    shared = []
     for k in range(len(shared_px)):
-        own = group_of == k
-        found.append(_beyond(v_sq[own], sigma_px[own], float(np.sum(group.redundancy[own]))))
-    return np.array(found)
+        in_group = group_of == k
+        shared.append(
+            _beyond(v_sq[in_group], sigma_px[in_group], float(np.sum(group.redundancy[in_group])))
+        )
+    return np.array(shared)
 
 
 def _beyond(v_sq: Array, sigma_px: Array, redundancy: float) -> float:
-    """Return what explains squared residuals beyond their noise, px."""
+    """Return the standard deviation that explains squared residuals beyond their noise, px."""
     low, high = 0.0, _MOST_SHARED_PX
 
     def is_more(shared: float) -> bool:
@@ -307,8 +309,8 @@ def _adjusted(block: Block) -> Bundle:
     reasons: list[str] = []
     for free in (names for least, names in FREE if len(block.images) >= least):
 
-        def network(of: Block, free: tuple[str, ...] = free) -> Network:
-            return mounted_orientation(of, free=free)
+        def network(trial: Block, free: tuple[str, ...] = free) -> Network:
+            return mounted_orientation(trial, free=free)
 
         try:
             return adjust_rejecting(block, network, critical=CRITICAL, sigma0="estimated")
@@ -318,13 +320,13 @@ def _adjusted(block: Block) -> Bundle:
 
 
 def _with_rays(block: Block, views: Sequence[View], rays: TieRays) -> Block:
-    """Return the block with these rays alone, and what a mounting may be off by."""
+    """Return the block with these rays alone, and with the uncertainty of its mounting."""
     number, idx = np.unique(rays.point, return_inverse=True)
     full, sigma = np.zeros((len(rays), 2)), np.zeros(len(rays))
     for k, view in enumerate(views):
-        own = rays.view == k
-        full[own] = view.full(rays.colrow[own])
-        sigma[own] = view.shrink * np.hypot(rays.sigma_px[own], LEAST_SIGMA_PX)
+        in_view = rays.view == k
+        full[in_view] = view.full(rays.colrow[in_view])
+        sigma[in_view] = view.shrink * np.hypot(rays.sigma_px[in_view], LEAST_SIGMA_PX)
     return replace(
         block,
         cameras=tuple(
@@ -359,18 +361,18 @@ def approximate(block: Block, flying_height: float) -> Block:
 
 
 def firm(block: Block) -> Block:
-    """Return a block whose trajectory says where it is, as well as it is known."""
+    """Return a block whose trajectory holds it, as well as its position and attitude are known."""
     return _with_sigma(block, FIRM_POSITION_M, FIRM_ATTITUDE)
 
 
 def _with_sigma(block: Block, position_m: float, attitude: float) -> Block:
-    given = block.trajectory
-    position = np.maximum(given.sigma_position, position_m)
-    attitudes = np.maximum(given.sigma_attitude, attitude)
+    declared = block.trajectory
+    position = np.maximum(declared.sigma_position, position_m)
+    attitudes = np.maximum(declared.sigma_attitude, attitude)
     trajectory = Trajectory(
-        exposures=given.exposures,
-        T_m_b=given.T_m_b,
-        R_g_m=given.R_g_m,
+        exposures=declared.exposures,
+        T_m_b=declared.T_m_b,
+        R_g_m=declared.R_g_m,
         sigma_position=np.where(np.isfinite(position), position, _UNKNOWN_M),
         sigma_attitude=np.where(np.isfinite(attitudes), attitudes, _UNKNOWN),
     )

@@ -1,4 +1,4 @@
-"""Two pictures matched: the corners of each found in the other one, along its epipolar line.
+"""Match two pictures: find the corners of each in the other one, along its epipolar line.
 
 Patches are laid onto the ground, compared and fitted by least squares; pairs that were matched are
 kept beside the flight, so that a call that was stopped goes on.
@@ -209,20 +209,20 @@ def agree(a: View, b: View, colrow_a: Array, colrow_b: Array, *, least_px: float
     degree = 3 if n > 60 else 2 if n > 25 else 1
     A = np.column_stack([x**i * y**j for i in range(degree + 1) for j in range(degree + 1 - i)])
     weight = np.ones(n)
-    left = off - np.median(off, axis=0)
+    residuals = off - np.median(off, axis=0)
     for _ in range(_ROUNDS):
-        size_of = np.hypot(*left.T)
+        size_of = np.hypot(*residuals.T)
         scatter = max(1.4826 * float(np.median(size_of)), least_px / SIGMAS)
         weight = 1 / (1 + (size_of / (2 * scatter)) ** 2)  # Cauchy's
         WA = A * np.square(weight)[:, None]
-        left = off - A @ np.linalg.lstsq(WA.T @ A, WA.T @ off, rcond=None)[0]
-    near: Mask = np.hypot(*left.T) <= max(least_px, SIGMAS * scatter)
+        residuals = off - A @ np.linalg.lstsq(WA.T @ A, WA.T @ off, rcond=None)[0]
+    near: Mask = np.hypot(*residuals.T) <= max(least_px, SIGMAS * scatter)
     return near if near.sum() >= max(ENOUGH, n / 3) else np.zeros(n, dtype=bool)
 
 
 def _rays(view: View, colrow: Array) -> Array:
-    one = Pose(R=np.broadcast_to(view.T_m_c.R[:1], (len(colrow), 3, 3)), r=view.T_m_c.r[:1])
-    return rays(view.camera, one, np.asarray(colrow, float))
+    T_m_c = Pose(R=np.broadcast_to(view.T_m_c.R[:1], (len(colrow), 3, 3)), r=view.T_m_c.r[:1])
+    return rays(view.camera, T_m_c, np.asarray(colrow, float))
 
 
 # --- Patches of a picture, resampled into the pixels of another one by way of the ground
@@ -277,9 +277,9 @@ class Patches:
             Distances of the points from the middles, px.
         """
         last = self.nodes.shape[1] - 2
-        at = (from_middle + self.side // 2) / STEP
-        i = np.clip(np.floor(at).astype(np.intp), 0, last)
-        (tx, ty), (c, r) = np.moveaxis(at - i, 1, 0)[..., None], i.T
+        position = (from_middle + self.side // 2) / STEP
+        i = np.clip(np.floor(position).astype(np.intp), 0, last)
+        (tx, ty), (c, r) = np.moveaxis(position - i, 1, 0)[..., None], i.T
         low = (1 - tx) * self.nodes[which, r, c] + tx * self.nodes[which, r, c + 1]
         high = (1 - tx) * self.nodes[which, r + 1, c] + tx * self.nodes[which, r + 1, c + 1]
         return np.asarray((1 - ty) * low + ty * high)
@@ -302,7 +302,7 @@ def own_patches(view: View, at: Index, side: int) -> Patches:
 
 
 def laid_patches(a: View, b: View, surface: Surface, at: Index, side: int) -> Patches:
-    """Return the patches of picture b that lie where those of picture a around pixels lie."""
+    """Return patches of picture b that cover the ground of patches around pixels of picture a."""
     image, k = pixels_of_view(b), (side - 1) // STEP + 1
     offset = np.stack(np.meshgrid(*[np.arange(k) * STEP - side // 2] * 2), axis=-1)
     nodes = transferred(a, b, surface, (at[:, None, None] + offset).reshape(-1, 2).astype(float))
@@ -322,7 +322,7 @@ def _scales(nodes: Array, side: int) -> Array:
 
 
 def _lay(image: np.ndarray, nodes: Array, scale: float, out: Array) -> None:
-    """Fill in a patch by splines through the part of an image that it covers."""
+    """Fill in a patch by spline interpolation in an image."""
     rim = REACH + 2
     size = np.array(image.shape[1::-1])
     flat = nodes.reshape(-1, 2)
@@ -365,7 +365,7 @@ class Matching:
     prints: dict[Path, str] = field(default_factory=dict)
 
     def run(self, jobs: Sequence[PairJob], count: Count) -> list[Both]:
-        """Return the matches of pairs; those that were matched before are not matched again.
+        """Return the matches of pairs; pairs that were matched before are read, not matched again.
 
         Parameters
         ----------
@@ -376,10 +376,10 @@ class Matching:
         names = [f"{FOLDER}/{self._digest(job)}.npz" for job in jobs]
         self.own.expect(names)
         out: list[Both | None] = [_kept(self.own.path / name) for name in names]
-        left = [k for k, both in enumerate(out) if both is None]
-        done = len(jobs) - len(left)
+        missing = [k for k, both in enumerate(out) if both is None]
+        done = len(jobs) - len(missing)
         count(done, len(jobs))
-        for k, both in self._matched(jobs, left):
+        for k, both in self._matched(jobs, missing):
             _keep(self.own.path / names[k], both)
             out[k] = both
             done += 1
@@ -390,11 +390,13 @@ class Matching:
         """Remove the pairs of a flight that is measured."""
         self.own.remove([name for name in self.own.files if name.startswith(f"{FOLDER}/")])
 
-    def _matched(self, jobs: Sequence[PairJob], left: Sequence[int]) -> Iterator[tuple[int, Both]]:
+    def _matched(
+        self, jobs: Sequence[PairJob], missing: Sequence[int]
+    ) -> Iterator[tuple[int, Both]]:
         if self.executor is None:
-            yield from ((k, _match_pair(jobs[k])) for k in left)
+            yield from ((k, _match_pair(jobs[k])) for k in missing)
             return
-        calls = {self.executor.submit(_match_pair, jobs[k]): k for k in left}
+        calls = {self.executor.submit(_match_pair, jobs[k]): k for k in missing}
         for call in as_completed(list(calls)):
             yield calls.pop(call), call.result()
 
@@ -403,13 +405,15 @@ class Matching:
         for path in (job.a.path, job.b.path):
             if path not in self.prints:
                 self.prints[path] = fingerprint(path)
-        said = [self.prints[job.a.path], self.prints[job.b.path]]
-        return hashlib.sha256(pickle.dumps((said, job), protocol=5)).hexdigest()[:24]
+        fingerprints = [self.prints[job.a.path], self.prints[job.b.path]]
+        return hashlib.sha256(pickle.dumps((fingerprints, job), protocol=5)).hexdigest()[:24]
 
 
 def _keep(path: Path, both: Both) -> None:
     path.parent.mkdir(exist_ok=True)
-    parts = {f"{k}_{name}": getattr(found, name) for k, found in enumerate(both) for name in _PARTS}
+    parts = {
+        f"{k}_{name}": getattr(matches, name) for k, matches in enumerate(both) for name in _PARTS
+    }
     with opened_new(path) as file:
         np.savez(file, **parts)
 
@@ -425,7 +429,7 @@ def _match_pair(job: PairJob) -> tuple[Found, Found]:
 
 
 def _kept(path: Path) -> Both | None:
-    """Return a pair that was matched before; None where there is none, or a damaged one."""
+    """Return the saved matches of a pair; None where there are none or the file is damaged."""
     if not path.is_file():
         return None
     try:

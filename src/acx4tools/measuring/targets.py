@@ -74,11 +74,11 @@ def discs(grey: Array) -> list[Disc]:
         Without NaN.
     """
     starts: list[tuple[float, float, float, float]] = []
-    for one in sorted(_starts(grey), reverse=True):
-        if len(starts) < MOST and not any(_same(one, other) for other in starts):
-            starts.append(one)
-    found = (_centred(grey, c, r, size, correlation=rho) for rho, size, c, r in starts)
-    return [disc for disc in found if disc is not None]
+    for start in sorted(_starts(grey), reverse=True):
+        if len(starts) < MOST and not any(_same(start, other) for other in starts):
+            starts.append(start)
+    fitted = (_centred(grey, c, r, size, correlation=rho) for rho, size, c, r in starts)
+    return [disc for disc in fitted if disc is not None]
 
 
 def _same(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
@@ -168,9 +168,9 @@ def _centred(
         return np.append(p[4] + p[5] * share - values / contrast, usual)
 
     def jacobian(p: Array) -> Array:
-        at = x - p[0], y - p[1], np.exp(p[2]), np.exp(p[3])
+        model = x - p[0], y - p[1], np.exp(p[2]), np.exp(p[3])
         J = np.zeros((len(x) + 2, 6))
-        J[:-2, :4], J[:-2, 4], J[:-2, 5] = p[5] * _image_jacobian(*at), 1.0, _image(*at)
+        J[:-2, :4], J[:-2, 4], J[:-2, 5] = p[5] * _image_jacobian(*model), 1.0, _image(*model)
         J[[-2, -1], [2, 3]] = _WEIGHT
         return J
 
@@ -181,7 +181,7 @@ def _centred(
 def _judged(
     p: Array, v: Array, J: Array, start: tuple[float, float, float, float, float]
 ) -> Disc | None:
-    """Return the disc of a fit, if it is one."""
+    """Return the disc of a fit; None where it is no disc."""
     col, row, radius, contrast, correlation = start
     rms = float(np.sqrt(v @ v / max(len(v) - len(p), 1)))
     size = float(np.exp(p[2]))
@@ -256,31 +256,33 @@ class Candidate:
 
 
 def elected(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates that are targets, one at most for a point in a picture."""
+    """Return the candidates that are targets, at most one for each point in a picture."""
     if not candidates:
         return []
     by_views, by_points = _votes(candidates)
-    enough = min(OTHERS, len({one.point for one in candidates}) - 1)
-    votes = by_views + by_points + 0.1 * np.array([one.correlation for one in candidates])
+    enough = min(OTHERS, len({candidate.point for candidate in candidates}) - 1)
+    votes = (
+        by_views + by_points + 0.1 * np.array([candidate.correlation for candidate in candidates])
+    )
     votes[(by_points < enough) | (by_views + by_points == 0)] = 0
     best: dict[tuple[int, int], int] = {}
-    for k, one in enumerate(candidates):
-        other = best.get((one.point, one.view))
+    for k, candidate in enumerate(candidates):
+        other = best.get((candidate.point, candidate.view))
         if votes[k] > 0 and (other is None or votes[k] > votes[other]):
-            best[one.point, one.view] = k
+            best[candidate.point, candidate.view] = k
     return _as_beside([candidates[k] for k in sorted(best.values())])
 
 
 def _as_beside(chosen: Sequence[Candidate]) -> list[Candidate]:
     """Return the candidates with the offset of the points around them; two stones may agree."""
     out = []
-    for one in chosen:
-        others = [other for other in chosen if other.point != one.point]
-        others.sort(key=lambda other: np.hypot(*np.subtract(other.at_m, one.at_m)))
-        near = np.array([other.offset_m for other in others[:AROUND]] or [one.offset_m])
-        away = np.hypot(*(np.median(near, axis=0) - one.offset_m))
-        if away < OTHER_POINT_PX * one.pixel_m:
-            out.append(one)
+    for candidate in chosen:
+        others = [other for other in chosen if other.point != candidate.point]
+        others.sort(key=lambda other: np.hypot(*np.subtract(other.at_m, candidate.at_m)))
+        near = np.array([other.offset_m for other in others[:AROUND]] or [candidate.offset_m])
+        away = np.hypot(*(np.median(near, axis=0) - candidate.offset_m))
+        if away < OTHER_POINT_PX * candidate.pixel_m:
+            out.append(candidate)
     return out
 
 
@@ -328,7 +330,9 @@ def find_targets(views: Sequence[View], x_m: Array) -> list[Candidate]:
     list of Candidate
         For every point that was found, one for each picture.
     """
-    return elected([one for i, view in enumerate(views) for one in _candidates(i, view, x_m)])
+    return elected(
+        [candidate for i, view in enumerate(views) for candidate in _candidates(i, view, x_m)]
+    )
 
 
 def _candidates(i: int, view: View, x_m: Array) -> Iterator[Candidate]:
@@ -382,7 +386,7 @@ NATURAL = MatchOptions(search_px=8)
 def carried(
     view: View, others: Sequence[View], surface: Surface, colrow: Array
 ) -> tuple[Index, Array, Array]:
-    """Return where other pictures show a point that one picture shows.
+    """Match a point of one picture in the other pictures.
 
     Parameters
     ----------
@@ -404,12 +408,12 @@ def carried(
     middle = np.rint(colrow).astype(np.intp)
     which, places, sigmas = [], [], []
     for k, other in enumerate(others):
-        found = found_in(view, other, surface, middle[None], NATURAL)
-        if len(found):
+        match = found_in(view, other, surface, middle[None], NATURAL)
+        if len(match):
             here = transferred(view, other, surface, np.stack([middle.astype(float), colrow]))
             which.append(k)
-            places.append(found.colrow[0] + (here[1] - here[0]))
-            sigmas.append(found.sigma_px[0, 1])
+            places.append(match.colrow[0] + (here[1] - here[0]))
+            sigmas.append(match.sigma_px[0, 1])
     return np.array(which, np.intp), np.array(places).reshape(-1, 2), np.array(sigmas)
 
 
@@ -460,8 +464,13 @@ def find_surveyed(
         by_point.setdefault(row.point, []).append(row)
     signalised = [k for k, name in enumerate(names) if name not in by_point]
     rows = [
-        _row(views[one.view], names[signalised[one.point]], np.array(one.colrow), one.sigma_px)
-        for one in find_targets(views, x_m[signalised])
+        _row(
+            views[target.view],
+            names[signalised[target.point]],
+            np.array(target.colrow),
+            target.sigma_px,
+        )
+        for target in find_targets(views, x_m[signalised])
     ]
     for name in names:
         rows += _natural(views, surface, by_point.get(name, []))
@@ -478,14 +487,14 @@ def _natural(
     here = [row for row in given if row.image in of_name]
     if not here:
         return
-    row = min(here, key=lambda one: one.sigma_px)
+    row = min(here, key=lambda measured: measured.sigma_px)
     view = of_name[row.image]
     others = [other for other in views if other is not view]
     colrow = view.own(np.array([[row.col_px, row.row_px]]))[0]
     for k, place, sigma in zip(*carried(view, others, surface, colrow), strict=True):
-        own = others[k]
-        given_px = row.sigma_px / own.shrink
-        yield _row(own, row.point, place, float(np.hypot(sigma, given_px)))
+        matched_view = others[k]
+        given_px = row.sigma_px / matched_view.shrink
+        yield _row(matched_view, row.point, place, float(np.hypot(sigma, given_px)))
 
 
 def _row(view: View, point: str, colrow: Array, sigma_px: float) -> Measured:
@@ -502,7 +511,7 @@ def _row(view: View, point: str, colrow: Array, sigma_px: float) -> Measured:
 def _missing(
     views: Sequence[View], names: Sequence[str], x_m: Array, done: set[tuple[str, str]]
 ) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield the points that pictures should show, with those in which they were not found."""
+    """Yield each point that pictures should show, with those in which it was not found."""
     shown: list[Mask] = [inside(view.camera, pixels_of(view, x_m)) for view in views]
     for k, name in enumerate(names):
         lacking = [

@@ -93,8 +93,8 @@ def seen_at(view: View, shrink: int) -> View:
 
 def ground_of(view: View, surface: Surface, colrow: Array) -> Array:
     """Return where the rays of pixels meet the ground, shape (n, 3), m; NaN where they do not."""
-    one = Pose(R=np.broadcast_to(view.T_m_c.R[:1], (len(colrow), 3, 3)), r=view.T_m_c.r[:1])
-    ray = rays(view.camera, one, colrow)
+    T_m_c = Pose(R=np.broadcast_to(view.T_m_c.R[:1], (len(colrow), 3, 3)), r=view.T_m_c.r[:1])
+    ray = rays(view.camera, T_m_c, colrow)
     ray[ray[:, 2] > _DOWN] = np.nan
     from_m = view.T_m_c.r[0]
     z = np.full(len(colrow), float(np.mean(surface.z)))
@@ -114,7 +114,7 @@ def pixels_of(view: View, x_m: Array) -> Array:
 
 
 def transferred(a: View, b: View, surface: Surface, colrow: Array) -> Array:
-    """Return where pixels of one picture are in another one, by way of the ground."""
+    """Return the pixels of picture b that show the ground at pixels of picture a, shape (n, 2)."""
     return pixels_of(b, ground_of(a, surface, colrow))
 
 
@@ -122,7 +122,7 @@ def transferred(a: View, b: View, surface: Surface, colrow: Array) -> Array:
 
 
 def size_on_file(path: Path, camera: Camera) -> int:
-    """Return K of a picture that has 1/K of its camera's size; a FlightError where it has not."""
+    """Return K of a picture that has 1/K of its camera's size; FlightError for any other size."""
     if path.suffix.lower() not in DECODED:
         return image_from_file(path, camera).reduction
     cols = _decoded(path, camera).shape[1]
@@ -156,7 +156,7 @@ def pixels_of_view(view: View) -> np.ndarray:
 
 
 def _require_size(path: Path, camera: Camera) -> None:
-    """Raise the error of a JPEG or PNG whose header says that it must not be unpacked."""
+    """Raise FlightError for a JPEG or PNG that is damaged, of a wrong size, or unsafe to decode."""
     if not path.is_file():
         raise FlightError([f"{path}: there is no such file"])
     with opened(path) as file:
@@ -187,7 +187,7 @@ def _decoded(path: Path, camera: Camera) -> Raster:
 
 
 def _of_size(name: str, size: tuple[int, int]) -> Camera:
-    """Return a camera that has nothing but a size, to read a picture of it."""
+    """Return a camera with nothing but a size, to read a picture."""
     width, height = size
     some = Interior(f=1.0)
     return Camera(name=name, width_px=width, height_px=height, pixel_mm=0.001, interior=some)
@@ -249,9 +249,9 @@ class Surface:
     def heights(self, xy: Array) -> Array:
         """Return the heights at places, shape (n,), m."""
         last = np.array(self.z.shape[::-1]) - 1
-        at = np.clip((xy - self.origin) / self.cell_m, 0, last)
-        i = np.minimum(at.astype(np.intp), np.maximum(last - 1, 0))
-        (tx, ty), (c, r) = (at - i).T, i.T
+        cells = np.clip((xy - self.origin) / self.cell_m, 0, last)
+        i = np.minimum(cells.astype(np.intp), np.maximum(last - 1, 0))
+        (tx, ty), (c, r) = (cells - i).T, i.T
         c1, r1 = np.minimum(c + 1, last[0]), np.minimum(r + 1, last[1])
         low = (1 - tx) * self.z[r, c] + tx * self.z[r, c1]
         high = (1 - tx) * self.z[r1, c] + tx * self.z[r1, c1]
