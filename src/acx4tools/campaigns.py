@@ -51,7 +51,7 @@ from acx4lib.results.read_back import read_calibration, refused
 
 
 COMPARED = ("single_step", "rig", "rig_calibration", "two_step_gnss", "two_step")
-"""Methods whose calibrations can be compared; without a wish, the first that a run has."""
+"""Methods whose calibrations can be compared; the default is the first that a run has."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,26 +136,26 @@ def read(folder: str | Path, *, method: str = "", name: str = "") -> Campaign:
         expected.one_of("method", method, COMPARED)
     run = read_run(folder)
     check_kept(run, "mounting")
-    at, found = run.folder, run.found
-    chosen = method or next((m for m in COMPARED if f"mounting/{m}" in found.summary), "")
+    path, stored = run.folder, run.found
+    chosen = method or next((m for m in COMPARED if f"mounting/{m}" in stored.summary), "")
     key = f"mounting/{chosen}"
-    if key not in found.summary:
+    if key not in stored.summary:
         wanted = key if chosen else "the stage mounting"
-        raise FlightError([f"{at}: no results of {wanted}; acx4 run makes them"])
-    entry = found.summary[key]
+        raise FlightError([f"{path}: no results of {wanted}; acx4 run makes them"])
+    entry = stored.summary[key]
     if not entry.get("converged") or entry.get("stopped"):
-        said = [*results.messages(entry, "stopped"), *results.messages(entry, "left_out")]
-        reason = said[0] if said else f"{key} did not converge"
-        raise FlightError([f"{at}: no calibration to compare: {reason}"])
-    return _campaign(run, chosen, name or at.resolve().name)
+        messages = [*results.messages(entry, "stopped"), *results.messages(entry, "left_out")]
+        reason = messages[0] if messages else f"{key} did not converge"
+        raise FlightError([f"{path}: no calibration to compare: {reason}"])
+    return _campaign(run, chosen, name or path.resolve().name)
 
 
 def _campaign(run: Run, method: str, name: str) -> Campaign:
-    found, flight, key = run.found, run.flight, f"mounting/{method}"
-    entry = found.summary[key]
-    cameras = [flight.cameras[camera] for camera in results.cameras(found, key)]
-    with refused(found):
-        calibration = read_calibration(found, key, cameras)
+    stored, flight, key = run.found, run.flight, f"mounting/{method}"
+    entry = stored.summary[key]
+    cameras = [flight.cameras[camera] for camera in results.cameras(stored, key)]
+    with refused(stored):
+        calibration = read_calibration(stored, key, cameras)
     block = flight.block("heads" if method == "rig" else "calibration")
     return Campaign(
         name=name,
@@ -395,11 +395,11 @@ class Comparison:
         """Yield camera, part and the places of its parameters, for parts with any."""
         for camera in dict.fromkeys(p.camera for p in self.parameters):
             for part, keys in PARTS.items():
-                own = [
+                places = [
                     i for i, p in enumerate(self.parameters) if p.camera == camera and p.key in keys
                 ]
-                if own:
-                    yield camera, part, np.array(own)
+                if places:
+                    yield camera, part, np.array(places)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -431,8 +431,10 @@ class Difference:
 
     def test(self, which: Sequence[int] | Index | None = None) -> JointTest:
         """Test some parameters, or all of them, for no difference."""
-        own = np.arange(len(self.d)) if which is None else np.asarray(which, dtype=np.intp)
-        return joint_test(self.d[own], self.cov[np.ix_(own, own)], redundancy=self.redundancy)
+        places = np.arange(len(self.d)) if which is None else np.asarray(which, dtype=np.intp)
+        return joint_test(
+            self.d[places], self.cov[np.ix_(places, places)], redundancy=self.redundancy
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -490,17 +492,19 @@ def compare(campaigns: Sequence[Campaign], *, apriori: bool = False) -> Comparis
     if not common:
         raise FlightError(["no parameter was determined by all campaigns: nothing to compare"])
     shown = tuple(listed[0][name][1] for name in common)
-    values = np.array([[own[name][1].value for name in common] for own in listed])
+    values = np.array([[determined[name][1].value for name in common] for determined in listed])
     turned = np.array([p.unit == "deg" for p in shown])
     values -= np.where(turned, 360.0 * np.round((values - values[0]) / 360.0), 0.0)
-    places = [np.array([own[name][0] for name in common]) for own in listed]
+    places = [np.array([determined[name][0] for name in common]) for determined in listed]
     return Comparison(
         campaigns=tuple(ordered),
         parameters=shown,
         values=values,
-        covs=np.array([_cov(c, at, apriori) for c, at in zip(ordered, places, strict=True)]),
+        covs=np.array(
+            [_cov(c, indices, apriori) for c, indices in zip(ordered, places, strict=True)]
+        ),
         apriori=apriori,
-        notes=tuple(_notes(ordered, [set(own) for own in listed])),
+        notes=tuple(_notes(ordered, [set(determined) for determined in listed])),
     )
 
 
@@ -551,17 +555,17 @@ def _said(sensor: tuple[int, int, float]) -> str:
 
 
 def _notes(campaigns: Sequence[Campaign], listed: Sequence[set[str]]) -> Iterator[str]:
-    """Yield what readers must know of campaigns that can be compared."""
-    for what, said in (
+    """Yield notes on settings that differ, parameters not determined, and common control points."""
+    for setting, values in (
         ("method", [c.method for c in campaigns]),
         ("refraction", [c.refraction for c in campaigns]),
     ):
-        if len(set(said)) > 1:
-            pairs = zip(campaigns, said, strict=True)
-            yield f"{what} is not the same: {', '.join(f'{v} in {c.name}' for c, v in pairs)}"
+        if len(set(values)) > 1:
+            pairs = zip(campaigns, values, strict=True)
+            yield f"{setting} is not the same: {', '.join(f'{v} in {c.name}' for c, v in pairs)}"
     everything = set[str]().union(*listed)
-    for campaign, own in zip(campaigns, listed, strict=True):
-        if lacking := sorted(everything - own):
+    for campaign, names in zip(campaigns, listed, strict=True):
+        if lacking := sorted(everything - names):
             yield f"{campaign.name} does not determine {', '.join(lacking)}: not compared"
     for a, b in combinations(campaigns, 2):
         if n := len(a.control & b.control):
@@ -612,15 +616,17 @@ def differences(comparison: Comparison, *, against: str = "previous") -> tuple[D
 
 
 def pooled(comparison: Comparison) -> Fit:
-    """Return the parameters that fit all campaigns best; its test is that of their stability."""
+    """Fit one set of parameters to all campaigns; its test is that of their stability."""
     n = len(comparison.campaigns)
     return fit(comparison.values, comparison.covs, np.ones((n, 1)))
 
 
 def stability(comparison: Comparison) -> JointTest:
     """Test whether all campaigns have the same parameters, all of them together."""
-    found = pooled(comparison)
-    return JointTest(chi_square=found.chi_square, dof=found.dof, redundancy=comparison.redundancy())
+    pooled_fit = pooled(comparison)
+    return JointTest(
+        chi_square=pooled_fit.chi_square, dof=pooled_fit.dof, redundancy=comparison.redundancy()
+    )
 
 
 def stable(comparison: Comparison) -> Sequence[JointTest]:
@@ -654,12 +660,12 @@ def trend(comparison: Comparison, at: Array) -> Trend:
 
 def temperatures(comparison: Comparison) -> Array | None:
     """Return the temperatures, °C; None where one is not known, or all are the same."""
-    at = np.array([c.session.temperature_c for c in comparison.campaigns])
-    return at if np.isfinite(at).all() and np.ptp(at) > 0 else None
+    celsius = np.array([c.session.temperature_c for c in comparison.campaigns])
+    return celsius if np.isfinite(celsius).all() and np.ptp(celsius) > 0 else None
 
 
 def years(comparison: Comparison) -> Array | None:
-    """Return the times in years after the first; None where a date is missing, or all are one."""
+    """Return the times in years after the first; None if a date is missing or all are the same."""
     dates = [c.session.date for c in comparison.campaigns]
     known = [date.toordinal() for date in dates if date is not None]
     if len(known) < len(dates) or max(known) == min(known):
@@ -697,11 +703,11 @@ class GroundEffects:
         return replace(self, J=self.J[:, :, which])
 
     def moved(self, d: Array) -> Array:
-        """Return what changes of all parameters together move, m, shape (n, 2)."""
+        """Return the displacement by changes of all parameters together, m, shape (n, 2)."""
         return self.J @ d
 
     def rms(self, d: Array) -> Array:
-        """Return the root mean square of what every parameter moves by itself, m, shape (k,)."""
+        """Return the RMS displacement by a change of every parameter alone, m, shape (k,)."""
         each = np.sum((self.J * d) ** 2, axis=1)
         return np.sqrt(each.mean(axis=0))
 
@@ -714,7 +720,7 @@ class GroundEffects:
 def ground_effects(
     camera: Camera, names: Sequence[str], steps: Array, *, height_m: float
 ) -> GroundEffects:
-    """Return what a camera's parameters move on level ground, in a single image.
+    """Return the derivatives of points on level ground by a camera's parameters, for one image.
 
     The body is level and its pose is right, as with direct georeferencing onto a known height. A
     change of the focal length changes the scale in the image, one of the lever arm's z the height.
@@ -735,11 +741,11 @@ def ground_effects(
     w, h = camera.width_px - 1, camera.height_px - 1
     col, row = np.meshgrid(np.linspace(0, w, NODES), np.linspace(0, h, NODES))
     colrow = np.column_stack([col.ravel(), row.ravel()])
-    own = reported_values(camera)
+    reported = reported_values(camera)
     J = np.empty((len(colrow), 2, len(names)))
     for k, (name, step) in enumerate(zip(names, steps.tolist(), strict=True)):
         ahead, behind = (
-            _on_ground(with_reported(camera, {name: own[name] + s}), colrow, height_m)
+            _on_ground(with_reported(camera, {name: reported[name] + s}), colrow, height_m)
             for s in (step, -step)
         )
         J[:, :, k] = (ahead - behind) / (2 * step)
@@ -776,7 +782,7 @@ class Ground:
 
 
 def ground_of(comparison: Comparison, *, height_m: float | None = None) -> Ground:
-    """Return what the parameters of a comparison move on the ground.
+    """Return the effects of a comparison's parameters on the ground.
 
     Parameters
     ----------
@@ -788,13 +794,13 @@ def ground_of(comparison: Comparison, *, height_m: float | None = None) -> Groun
     first = comparison.campaigns[0]
     height = max(10.0, round(first.height_m, -1)) if height_m is None else height_m
     sigma = sigmas(comparison.covs[0])
-    of = {}
+    by_camera = {}
     for camera in first.calibration.cameras:
-        own = comparison.of_camera(camera.name)
-        if len(own):
-            names = [comparison.parameters[i].name for i in own]
-            of[camera.name] = ground_effects(camera, names, sigma[own], height_m=height)
-    return Ground(height_m=height, of=of)
+        places = comparison.of_camera(camera.name)
+        if len(places):
+            names = [comparison.parameters[i].name for i in places]
+            by_camera[camera.name] = ground_effects(camera, names, sigma[places], height_m=height)
+    return Ground(height_m=height, of=by_camera)
 
 
 # --- Comparisons as tables for programs, in the units of results
@@ -836,10 +842,10 @@ def _campaigns(comparison: Comparison) -> pd.DataFrame:
 
 
 def _differences(
-    comparison: Comparison, found: Sequence[Difference], ground: Ground
+    comparison: Comparison, changes: Sequence[Difference], ground: Ground
 ) -> pd.DataFrame:
     """Return one row for each parameter of each difference."""
-    rows = [row for one in found for row in _difference_rows(comparison, one, ground)]
+    rows = [row for change in changes for row in _difference_rows(comparison, change, ground)]
     table = pd.DataFrame(rows)
     return table.assign(p_joint=holm(table["p"].to_numpy()))[[*DIFFERENCES]]
 
@@ -851,44 +857,47 @@ DIFFERENCES = (
 
 
 def _difference_rows(
-    comparison: Comparison, one: Difference, ground: Ground
+    comparison: Comparison, change: Difference, ground: Ground
 ) -> Iterator[dict[str, object]]:
     names = [c.name for c in comparison.campaigns]
-    moved = np.full(len(one.d), np.nan)
+    moved = np.full(len(change.d), np.nan)
     for camera, effects in ground.of.items():
-        own = comparison.of_camera(camera)
-        moved[own] = effects.rms(one.d[own])
+        places = comparison.of_camera(camera)
+        moved[places] = effects.rms(change.d[places])
     for i, parameter in enumerate(comparison.parameters):
-        t = one.d[i] / one.sigma[i]
+        t = change.d[i] / change.sigma[i]
         yield {
-            "earlier": names[one.earlier],
-            "later": names[one.later],
+            "earlier": names[change.earlier],
+            "later": names[change.later],
             "camera": parameter.camera,
             "parameter": parameter.name,
             "unit": parameter.unit,
-            "difference": one.d[i],
-            "sigma": one.sigma[i],
+            "difference": change.d[i],
+            "sigma": change.sigma[i],
             "t": t,
-            "p": one.test([i]).p,
+            "p": change.test([i]).p,
             "ground_rms_m": moved[i],
         }
 
 
-def _tests(comparison: Comparison, found: Sequence[Difference], ground: Ground) -> pd.DataFrame:
+def _tests(comparison: Comparison, changes: Sequence[Difference], ground: Ground) -> pd.DataFrame:
     """Return the joint tests: stability, every difference whole and by parts, and trends."""
     rows = [_row(SAME, "", "all", stability(comparison))]
     wholes, parts = [], []
-    for one in found:
-        title = f"{comparison.campaigns[one.later].name} - {comparison.campaigns[one.earlier].name}"
-        wholes.append(_row(title, "", "all", one.test()))
-        for camera, part, own in comparison.parts():
-            joint = _joint_effect(comparison, one, ground.of[camera], camera, own)
-            parts.append({**_row(title, camera, part, one.test(own)), **joint})
+    for change in changes:
+        title = (
+            f"{comparison.campaigns[change.later].name} - "
+            f"{comparison.campaigns[change.earlier].name}"
+        )
+        wholes.append(_row(title, "", "all", change.test()))
+        for camera, part, places in comparison.parts():
+            joint = _joint_effect(comparison, change, ground.of[camera], camera, places)
+            parts.append({**_row(title, camera, part, change.test(places)), **joint})
     rows += [*_at_joint_level(wholes), *_at_joint_level(parts)]
-    for what, line in trends_of(comparison).items():
-        rows.append(_row(f"no slope over {NOUN[what]}", "", "all", line.sloping))
+    for over, line in trends_of(comparison).items():
+        rows.append(_row(f"no slope over {NOUN[over]}", "", "all", line.sloping))
         if line.scatter.dof:
-            rows.append(_row(f"straight lines over {NOUN[what]}", "", "all", line.scatter))
+            rows.append(_row(f"straight lines over {NOUN[over]}", "", "all", line.scatter))
     return pd.DataFrame(rows, columns=[*TESTS])
 
 
@@ -898,15 +907,15 @@ TESTS = (
 )
 
 
-def _row(test: str, camera: str, part: str, found: JointTest) -> dict[str, object]:
+def _row(test: str, camera: str, part: str, joint: JointTest) -> dict[str, object]:
     return {
         "test": test,
         "camera": camera,
         "part": part,
-        "dof": found.dof,
-        "chi_square": found.chi_square,
-        "p": found.p,
-        "p_joint": found.p,
+        "dof": joint.dof,
+        "chi_square": joint.chi_square,
+        "p": joint.p,
+        "p_joint": joint.p,
     }
 
 
@@ -916,11 +925,11 @@ def _at_joint_level(rows: Sequence[dict[str, object]]) -> list[dict[str, object]
 
 
 def _joint_effect(
-    comparison: Comparison, one: Difference, effects: GroundEffects, camera: str, own: Index
+    comparison: Comparison, change: Difference, effects: GroundEffects, camera: str, places: Index
 ) -> dict[str, float]:
-    """Return what the parameters of a part move together, and what chance would move."""
-    part = effects.of(np.flatnonzero(np.isin(comparison.of_camera(camera), own)))
-    moved, sigma = part.moved(one.d[own]), part.sigma(one.cov[np.ix_(own, own)])
+    """Return the RMS displacement by a part's parameters together, and its sigma, m."""
+    part = effects.of(np.flatnonzero(np.isin(comparison.of_camera(camera), places)))
+    moved, sigma = part.moved(change.d[places]), part.sigma(change.cov[np.ix_(places, places)])
     return {
         "ground_rms_m": float(np.sqrt(np.sum(moved**2, axis=1).mean())),
         "ground_sigma_m": float(np.sqrt(np.mean(sigma**2))),
@@ -928,16 +937,16 @@ def _joint_effect(
 
 
 def _pooled(comparison: Comparison) -> pd.DataFrame:
-    """Return one row for each parameter: its value from all campaigns, and whether it is stable."""
-    found = pooled(comparison)
-    sigma = sigmas(found.cov[0, :, 0])
+    """Return one row for each parameter: its pooled value, and the test of its stability."""
+    pooled_fit = pooled(comparison)
+    sigma = sigmas(pooled_fit.cov[0, :, 0])
     alone = stable(comparison)
     rows = [
         {
             "camera": p.camera,
             "parameter": p.name,
             "unit": p.unit,
-            "value": found.coefficients[0, i],
+            "value": pooled_fit.coefficients[0, i],
             "sigma": sigma[i],
             "dof": alone[i].dof,
             "chi_square": alone[i].chi_square,
@@ -950,7 +959,7 @@ def _pooled(comparison: Comparison) -> pd.DataFrame:
 
 
 def trends_of(comparison: Comparison) -> dict[str, Trend]:
-    """Return the trends that can be computed, by what they are over: ``year``, ``temperature``.
+    """Return the trends by what they run over: ``year``, ``temperature``; none of two campaigns.
 
     With two campaigns a line passes through both, and its slope is their difference; it is left
     out.
@@ -960,7 +969,11 @@ def trends_of(comparison: Comparison) -> dict[str, Trend]:
         "temperature": temperatures(comparison),
     }
     enough = len(comparison.campaigns) > 2
-    return {what: trend(comparison, at) for what, at in over.items() if at is not None and enough}
+    return {
+        name: trend(comparison, abscissa)
+        for name, abscissa in over.items()
+        if abscissa is not None and enough
+    }
 
 
 NOUN = {"year": "time", "temperature": "temperature"}
@@ -968,28 +981,28 @@ SAME = "all campaigns the same"
 """Names of the tests that concern all campaigns: what is tested, and rejected where p is small."""
 
 PER = {"year": "year", "temperature": "°C"}
-"""What a slope is per."""
+"""Unit of time or temperature in the unit of a slope."""
 
 
 def _trends(comparison: Comparison) -> pd.DataFrame:
     """Return one row for each slope of each trend."""
-    parts = [_slopes(comparison, what, line) for what, line in trends_of(comparison).items()]
+    parts = [_slopes(comparison, over, line) for over, line in trends_of(comparison).items()]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*SLOPES])
 
 
 SLOPES = ("over", "camera", "parameter", "unit", "slope", "sigma", "t", "p", "p_joint")
 
 
-def _slopes(comparison: Comparison, what: str, line: Trend) -> pd.DataFrame:
+def _slopes(comparison: Comparison, over: str, line: Trend) -> pd.DataFrame:
     sigma = sigmas(line.cov)
     t = line.slope / sigma
-    p = np.array([_two_sided(one, comparison.redundancy()) for one in t])
+    p = np.array([_two_sided(t_value, comparison.redundancy()) for t_value in t])
     return pd.DataFrame(
         {
-            "over": what,
+            "over": over,
             "camera": [p.camera for p in comparison.parameters],
             "parameter": [p.name for p in comparison.parameters],
-            "unit": [f"{p.unit} per {PER[what]}" for p in comparison.parameters],
+            "unit": [f"{p.unit} per {PER[over]}" for p in comparison.parameters],
             "slope": line.slope,
             "sigma": sigma,
             "t": t,
@@ -1005,20 +1018,20 @@ def _two_sided(t: float, redundancy: float) -> float:
     return 2 * statistics.t_sf(abs(t), redundancy)
 
 
-def _covariances(comparison: Comparison, found: Sequence[Difference]) -> pd.DataFrame:
+def _covariances(comparison: Comparison, changes: Sequence[Difference]) -> pd.DataFrame:
     """Return the joint covariances of the pooled values and of every difference."""
     names = [c.name for c in comparison.campaigns]
     listed = {"pooled": pooled(comparison).cov[0, :, 0]}
-    listed |= {f"{names[one.later]} - {names[one.earlier]}": one.cov for one in found}
+    listed |= {f"{names[change.later]} - {names[change.earlier]}": change.cov for change in changes}
     return pd.concat(
-        [_long(of, comparison.names, cov) for of, cov in listed.items()], ignore_index=True
+        [_long(title, comparison.names, cov) for title, cov in listed.items()], ignore_index=True
     )
 
 
-def _long(of: str, names: Sequence[str], cov: Array) -> pd.DataFrame:
+def _long(title: str, names: Sequence[str], cov: Array) -> pd.DataFrame:
     n = len(names)
     return pd.DataFrame(
-        {"of": of, "row": np.repeat(names, n), "column": np.tile(names, n), "value": cov.ravel()}
+        {"of": title, "row": np.repeat(names, n), "column": np.tile(names, n), "value": cov.ravel()}
     )
 
 
