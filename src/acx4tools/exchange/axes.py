@@ -41,6 +41,6 @@ def nearest_rotation(R: Array) -> Array:
 def stacked(poses: list[Pose]) -> Pose:
     """Return single poses as one of shape (n,)."""
     return Pose(
-        R=np.array([one.R for one in poses]).reshape(-1, 3, 3),
-        r=np.array([one.r for one in poses]).reshape(-1, 3),
+        R=np.array([pose.R for pose in poses]).reshape(-1, 3, 3),
+        r=np.array([pose.r for pose in poses]).reshape(-1, 3),
     )

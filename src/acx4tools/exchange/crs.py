@@ -16,7 +16,7 @@ from acx4lib.geometry.crs import crs_fault
 from acx4lib.geometry.geodesy import LOCAL, GridSystem, grid_system
 
 MADE = 64
-"""Number of systems that are kept: places of a project have few, and one takes PROJ long."""
+"""Number of systems kept in the cache; PROJ takes long to make one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,34 +106,34 @@ def chosen(text: str, lonlat: Array | None, wanted: str | None) -> Chosen | None
     if wanted is not None:
         _ = grid_of(wanted)
         local = f"The project's coordinates are local: they are taken for those of {wanted}"
-        told = (local,) if text and source is None else ()
-        return Chosen(crs=wanted, heights=heights_of(source), assumed=told, source=source)
+        remarks = (local,) if text and source is None else ()
+        return Chosen(crs=wanted, heights=heights_of(source), assumed=remarks, source=source)
     if source is None:
         return None
     horizontal = _horizontal(source)
     if horizontal.is_projected:
         crs = _code(horizontal) or horizontal.to_wkt()
-        said = f"Coordinates are in {horizontal.name} ({_code(horizontal) or 'no EPSG code'})"
+        sentence = f"Coordinates are in {horizontal.name} ({_code(horizontal) or 'no EPSG code'})"
     elif lonlat is not None:
         crs = _utm(horizontal, lonlat)
-        said = (
+        sentence = (
             f"Coordinates are longitudes and latitudes of {horizontal.name}; the flight is in "
             f"{crs}, the UTM zone"
         )
     else:
         return None
     _ = grid_of(crs)
-    assumed = (said, _said_heights(source))
+    assumed = (sentence, _said_heights(source))
     return Chosen(crs=crs, heights=heights_of(source), assumed=assumed, source=source)
 
 
 def _on_no_map(source: pyproj.CRS | None) -> Chosen:
-    """Return the system of coordinates that are taken as they are; those of a map cannot be."""
+    """Return a local system for coordinates taken as they are; ValueError for those of a map."""
     if source is not None:
         msg = f"the project's coordinates are those of {source.name!r}: they are on a map"
         raise ValueError(msg)
-    said = "Coordinates are the project's own, x, y, z with z up: they lie on no map"
-    return Chosen(crs=LOCAL, heights="ellipsoidal", assumed=(said,))
+    sentence = "Coordinates are the project's own, x, y, z with z up: they lie on no map"
+    return Chosen(crs=LOCAL, heights="ellipsoidal", assumed=(sentence,))
 
 
 @lru_cache(maxsize=MADE)
@@ -160,8 +160,8 @@ def is_north_first(crs: pyproj.CRS) -> bool:
 
 
 def _code(crs: pyproj.CRS) -> str:
-    found = crs.to_authority(min_confidence=70)
-    return ":".join(found) if found else ""
+    authority = crs.to_authority(min_confidence=70)
+    return ":".join(authority) if authority else ""
 
 
 def heights_of(source: pyproj.CRS | None) -> str:
@@ -218,8 +218,8 @@ def with_heights(system: Chosen, enh: Array, given: str | float) -> Array:
 def _utm(crs: pyproj.CRS, lonlat: Array) -> str:
     lon, lat = map(float, lonlat)
     around = AreaOfInterest(lon, lat, lon, lat)
-    found = query_utm_crs_info(datum_name=crs.name, area_of_interest=around, contains=True)
-    if not found:
+    zones = query_utm_crs_info(datum_name=crs.name, area_of_interest=around, contains=True)
+    if not zones:
         msg = f"{crs.name!r} has no UTM zone that PROJ knows here; give a projected one by --crs"
         raise ValueError(msg)
-    return f"{found[0].auth_name}:{found[0].code}"
+    return f"{zones[0].auth_name}:{zones[0].code}"

@@ -1,4 +1,4 @@
-"""What was brought, written as a flight's folder, or into one that an import began.
+"""Write imported data as a flight's folder, or into the folder that an import began.
 
 A file that the user changed is not replaced: a table is an error, and flight.toml stays as it is.
 """
@@ -41,11 +41,11 @@ SYNTHETIC = "SYN"
 
 SEEN = ("width_px", "height_px", "pixel_um", "focal_mm")
 SEEN_FROM = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
-"""What the synthetic camera has of the first head."""
+"""Settings that the synthetic camera takes from the first head."""
 
 
 def write(brought: Brought, folder: Path) -> tuple[str, ...]:
-    """Write what was brought; all of it, or nothing.
+    """Write all imported data, or nothing.
 
     Parameters
     ----------
@@ -68,26 +68,26 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
         Where measurements lie outside the pictures.
     """
     _require_inside(brought)
-    with own_folder.claim(folder, command=COMMAND, becomes_flight=True) as own:
-        edited = _is_edited(own)
+    with own_folder.claim(folder, command=COMMAND, becomes_flight=True) as claimed:
+        edited = _is_edited(claimed)
         texts = {name: _table_text(table) for name, table in brought.tables.items()}
         texts[STATEMENT] = _read(folder / STATEMENT) + statement(brought, edited=edited)
         if brought.settings and not edited:
             texts[SETTINGS] = _settings(folder, brought.settings)
         pictures = {
-            name: one
-            for name, one in brought.pictures.items()
-            if one.absolute() != (folder / name).absolute()
+            name: picture
+            for name, picture in brought.pictures.items()
+            if picture.absolute() != (folder / name).absolute()
         }
         names = [*texts, *pictures]
         if changed := own_folder.changes(folder, names):
             raise OutputError(f"{changed[0]}; move it away, or choose another folder")
         if edited:
-            own.files.pop(SETTINGS, None)
+            claimed.files.pop(SETTINGS, None)
         remarks = _replaced(folder, {name: texts[name] for name in brought.tables})
-        own.expect(names)
+        claimed.expect(names)
         _place(folder, texts, pictures)
-        own.seal()
+        claimed.seal()
     if edited and brought.settings:
         kept = f"{SETTINGS} was edited and stays as it is; what the source says is in {STATEMENT}"
         return (kept, *remarks)
@@ -95,18 +95,20 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
 
 
 def _require_inside(brought: Brought) -> None:
-    """Raise for the first measurement outside the picture that it is in, with their number."""
+    """Raise FlightError for the first measurement outside its picture, with their number."""
     sizes = {
-        name: (one["width_px"], one["height_px"])
-        for name, one in brought.settings.get("cameras", {}).items()
-        if {"width_px", "height_px"} <= set(one)
+        name: (camera["width_px"], camera["height_px"])
+        for name, camera in brought.settings.get("cameras", {}).items()
+        if {"width_px", "height_px"} <= set(camera)
     }
     for file, points in brought.tables.items():
         images = brought.tables.get(file.replace("image_points.csv", "images.csv"))
         if not file.endswith("/image_points.csv") or images is None or not len(points["image"]):
             continue
-        of = dict(zip(images["image"], images["camera"], strict=True))
-        size = np.array([sizes.get(of.get(n, ""), (np.inf, np.inf)) for n in points["image"]])
+        camera_of = dict(zip(images["image"], images["camera"], strict=True))
+        size = np.array(
+            [sizes.get(camera_of.get(n, ""), (np.inf, np.inf)) for n in points["image"]]
+        )
         colrow = np.stack([points["col_px"], points["row_px"]], axis=1).astype(float)
         rows = np.flatnonzero(((colrow < -0.5) | (colrow > size - 0.5)).any(axis=1))
         if not len(rows):
@@ -157,17 +159,17 @@ def begin(
     OutputError
         Where the folder holds anything.
     """
-    with own_folder.claim(folder, command=COMMAND, becomes_flight=True) as own:
-        if own.files:
+    with own_folder.claim(folder, command=COMMAND, becomes_flight=True) as claimed:
+        if claimed.files:
             msg = f"{folder}: an import began this flight already; choose another folder"
             raise OutputError(msg)
-        own.expect([*texts, *files])
+        claimed.expect([*texts, *files])
         _place(folder, texts, files)
-        own.seal()
+        claimed.seal()
 
 
 def _table_text(table: Columns) -> str:
-    """Return a table as the text of a CSV file; a number has the digits that it needs."""
+    """Return a table as the text of a CSV file; numbers have as many digits as they need."""
     names = list(table) if isinstance(table, Mapping) else list(table.columns)
     columns = [np.asarray(table[name], dtype=object).tolist() for name in names]
     buffer = io.StringIO()
@@ -178,7 +180,7 @@ def _table_text(table: Columns) -> str:
 
 
 def statement(brought: Brought, *, edited: bool = False) -> str:
-    """Return the part of import.md on what was brought.
+    """Return the part of import.md on the imported data.
 
     Parameters
     ----------
@@ -197,7 +199,7 @@ def statement(brought: Brought, *, edited: bool = False) -> str:
     lines = [f"# {brought.source}", ""]
     for title, sentences in parts.items():
         if sentences:
-            lines += [f"## {title}", "", *(f"- {one}" for one in sentences), ""]
+            lines += [f"## {title}", "", *(f"- {sentence}" for sentence in sentences), ""]
     if brought.lenses:
         lines += ["## Lenses", "", *_lens_table(brought.lenses), ""]
     if edited and brought.settings:
@@ -213,11 +215,11 @@ def _lens_table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
         yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
 
 
-def _is_edited(own: own_folder.OwnFolder) -> bool:
-    """Tell whether the settings that are there are the user's."""
-    if not (own.path / SETTINGS).is_file():
+def _is_edited(claimed: own_folder.OwnFolder) -> bool:
+    """Tell whether the settings in the folder are the user's."""
+    if not (claimed.path / SETTINGS).is_file():
         return False
-    return SETTINGS not in own.files or bool(own_folder.changes(own.path, [SETTINGS]))
+    return SETTINGS not in claimed.files or bool(own_folder.changes(claimed.path, [SETTINGS]))
 
 
 def _settings(folder: Path, brought: Mapping[str, Any]) -> str:
@@ -254,7 +256,7 @@ def _place(folder: Path, texts: Mapping[str, str], files: Mapping[str, Path]) ->
 
 
 def with_no_control(brought: Brought, folder: Path) -> Brought:
-    """Return what was brought with an empty table of control points, where it lies on no map.
+    """Return imported data with an empty table of control points, where coordinates are local.
 
     Parameters
     ----------
@@ -274,7 +276,7 @@ def with_no_control(brought: Brought, folder: Path) -> Brought:
 
 
 def with_synthetic(brought: Brought) -> Brought:
-    """Return what was brought with the camera that heads make together, as a flight needs it.
+    """Return imported data of heads with the synthetic camera that their flight needs.
 
     It has the size, the focal length and the direction of the first head: right for heads whose
     fields coincide, and to be enlarged where they look apart.
@@ -292,8 +294,10 @@ def with_synthetic(brought: Brought) -> Brought:
         "cameras": {**cameras, SYNTHETIC: virtual},
         "synthetic": {"camera": SYNTHETIC, "heads": heads},
     }
-    said = f"The synthetic camera {SYNTHETIC} has size, focal length and direction of {heads[0]}"
-    return replace(brought, settings=settings, assumed=(*brought.assumed, said))
+    sentence = (
+        f"The synthetic camera {SYNTHETIC} has size, focal length and direction of {heads[0]}"
+    )
+    return replace(brought, settings=settings, assumed=(*brought.assumed, sentence))
 
 
 # --- What an import brings of a flight, in the flight's own form, and what it says of it
@@ -301,7 +305,7 @@ def with_synthetic(brought: Brought) -> Brought:
 
 @dataclass(frozen=True, kw_only=True)
 class Brought:
-    """A part of a flight that was read from another program's files, or all of it.
+    """Imported data: a part of a flight, or all of it, from another program's files.
 
     Attributes
     ----------
@@ -417,7 +421,7 @@ def files(name: str, *, cameras: Sequence[str], crs: str, heights: str | float) 
         As flight.toml takes them.
     """
     known = {"name": name, "crs": crs, "heights": heights}
-    value = {key: _value_of(one) for key, one in known.items()}
+    value = {key: _value_of(entry) for key, entry in known.items()}
     text = HEAD.format(**value)
     is_rig = len(cameras) > 1
     synthetic = next(name for name in VIRTUAL if name not in cameras[: len(VIRTUAL) - 1])
@@ -425,7 +429,7 @@ def files(name: str, *, cameras: Sequence[str], crs: str, heights: str | float) 
         text += CAMERA.format(camera=_key_of(camera))
     if is_rig:
         names = {"camera": synthetic, "heads": list(cameras)}
-        text += _SYNTHETIC_TABLE.format(**{key: _value_of(one) for key, one in names.items()})
+        text += _SYNTHETIC_TABLE.format(**{key: _value_of(entry) for key, entry in names.items()})
     block = "heads" if is_rig else "calibration"
     tables = {f"{block}/{file}": header for file, header in TABLES.items()}
     return {"flight.toml": text + END, "control_points.csv": CONTROL, **tables}
@@ -452,7 +456,7 @@ def written(values: Mapping[str, Any], *, inline: str = "") -> str:
 
 
 def added(text: str, values: Mapping[str, Any]) -> str:
-    """Return a TOML text with values added; of two the new one is taken.
+    """Return a TOML text with values added; they replace old ones.
 
     Remarks stay. A key that stands there as a remark, ``# focal_mm = 74.0``, gets its value in
     that place.
@@ -489,7 +493,7 @@ def _merged(before: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _sections(text: str) -> dict[str, list[str]]:
-    """Return the lines of each table, its header the first of them, by headers; one has none."""
+    """Return the lines of each table by its header, their first; the top table has no header."""
     sections: dict[str, list[str]] = {"": []}
     header = ""
     for line in text.rstrip("\n").split("\n"):
@@ -502,13 +506,13 @@ def _sections(text: str) -> dict[str, list[str]]:
 
 
 def _set(sections: dict[str, list[str]], keys: tuple[str, ...], values: Mapping[str, Any]) -> None:
-    """Set the values of a table, and of those in it, line by line."""
+    """Set the values of a table, and of the tables in it, line by line."""
     header = f"[{'.'.join(map(_key_of, keys))}]" if keys else ""
-    own = {key: value for key, value in values.items() if not isinstance(value, Mapping)}
-    if own and header not in sections:
+    entries = {key: value for key, value in values.items() if not isinstance(value, Mapping)}
+    if entries and header not in sections:
         sections[next(reversed(sections))].append("")
         sections[header] = [header]
-    for key, value in own.items():
+    for key, value in entries.items():
         _set_line(sections[header], min(len(keys), 1), key, _value_of(value))
     for key, value in values.items():
         if isinstance(value, Mapping):
@@ -519,9 +523,9 @@ def _set_line(lines: list[str], begin: int, key: str, value: str) -> None:
     """Set a value in the lines of a table, those before `begin` left out."""
     form = re.compile(rf"(?P<off>#\s*)?{re.escape(_key_of(key))}\s*=[^#]*(?P<remark>#.*)?")
     end = len(lines)
-    found = [(k, match) for k in range(begin, end) if (match := form.fullmatch(lines[k].strip()))]
-    if found:
-        k, match = min(found, key=lambda one: bool(one[1]["off"]))
+    matches = [(k, match) for k in range(begin, end) if (match := form.fullmatch(lines[k].strip()))]
+    if matches:
+        k, match = min(matches, key=lambda pair: bool(pair[1]["off"]))
         remark = f"  {match['remark']}" if match["remark"] else ""
         lines[k] = f"{_key_of(key)} = {value}{remark}"
         return
@@ -559,7 +563,9 @@ def _value_of(value: Any) -> str:
     """Return a value as it stands in TOML."""
     if isinstance(value, Mapping):
         return (
-            f"{{{', '.join(f'{_key_of(key)} = {_value_of(one)}' for key, one in value.items())}}}"
+            "{"
+            f"{', '.join(f'{_key_of(key)} = {_value_of(entry)}' for key, entry in value.items())}"
+            "}"
         )
     if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple):
         lines = (value[i : i + ROW] for i in range(0, len(value), ROW))

@@ -25,10 +25,10 @@ NODES = (61, 46)
 """Points along and across the image through which a lens is fitted."""
 
 NOTHING = 1e-13
-"""An effect at the image's border, in focal lengths, that only rounding has."""
+"""Largest effect of rounding at the image's border, in focal lengths."""
 
 STEEPEST = 1000.0
-"""Tangent of an angle at which no lens of a flight sees."""
+"""Tangent of an angle from the axis that no lens of a flight reaches."""
 
 HELD_PX, WORTH = 0.1, 0.9
 """A program's focal lengths and principal point are held unless they leave more, and others at most
@@ -38,7 +38,7 @@ WARNED_PX, WORST_PX = 0.3, 2.0
 """Largest distances to another program's lens above which a user is warned, and it is refused."""
 
 MOVED_PX = 1e-4
-"""Change of a principal point, or at the border by another scale, that is none."""
+"""Largest change of a principal point, or by scale at the border, that counts as none."""
 
 STEPS = 100
 """Largest number of iterations of `inverse`."""
@@ -52,7 +52,7 @@ Model = Callable[[Array], Array]
 
 @dataclass(frozen=True, kw_only=True)
 class Left:
-    """Distances between a lens and what it was fitted to, over the whole image.
+    """Differences between a lens and its refit, over the whole image.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Left:
 
 @dataclass(frozen=True, kw_only=True)
 class Pinhole:
-    """What a camera is without its distortion.
+    """A camera without its distortion.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ def camera_of(
 
 
 def too_far(left: Left, allowed_px: float) -> tuple[str, str] | None:
-    """Return what is wrong with a lens that no camera of a flight is like, and what to do."""
+    """Return problem and cure of a lens that differs too much from its refit, else None."""
     if left.largest_px <= allowed_px:
         return None
     return (
@@ -199,12 +199,16 @@ def above(value: float) -> str:
 
 def pinhole_of(camera: Camera) -> Pinhole:
     """Return focal lengths and principal point of a camera, px."""
-    own = camera.interior
-    f_px, scale = own.f / camera.pixel_mm, 1 + own.b1
+    interior = camera.interior
+    f_px, scale = interior.f / camera.pixel_mm, 1 + interior.b1
     middle = 0.5 * np.array([camera.width_px - 1, camera.height_px - 1])
-    at = FLIP * np.array([(own.xp - own.b2 * own.yp) / scale, own.yp]) / camera.pixel_mm
-    cx, cy = (middle + at).tolist()
-    return Pinhole(fx=f_px / scale, fy=f_px, cx=cx, cy=cy, skew=own.b2 * f_px / scale)
+    offset = (
+        FLIP
+        * np.array([(interior.xp - interior.b2 * interior.yp) / scale, interior.yp])
+        / camera.pixel_mm
+    )
+    cx, cy = (middle + offset).tolist()
+    return Pinhole(fx=f_px / scale, fy=f_px, cx=cx, cy=cy, skew=interior.b2 * f_px / scale)
 
 
 def brown_of(camera: Camera) -> tuple[Array, Left]:
@@ -235,12 +239,12 @@ def without_skew(camera: Camera) -> tuple[Pinhole, Array, Left]:
     if not hole.skew:
         return hole, coefficients, left
 
-    def seen(values: Array, ideal: Array) -> Array:
-        own = dict(zip(BROWN, values[4:].tolist(), strict=True))
-        return _pinhole(values).colrow(ideal + effects(ideal, own))
+    def pixels_of(values: Array, ideal: Array) -> Array:
+        by_role = dict(zip(BROWN, values[4:].tolist(), strict=True))
+        return _pinhole(values).colrow(ideal + effects(ideal, by_role))
 
     start = np.array([hole.fx, hole.fy, hole.cx, hole.cy, *coefficients])
-    values, left = model_of(camera, seen, start)
+    values, left = model_of(camera, pixels_of, start)
     return _pinhole(values), values[4:], left
 
 
@@ -274,8 +278,8 @@ def model_of(
     def off(values: Array) -> Array:
         return (seen(values, ideal) - colrow).T.ravel()
 
-    found = least_squares(off, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    return found.x, _left(found.fun, 1.0)
+    fit = least_squares(off, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    return fit.x, _left(fit.fun, 1.0)
 
 
 def inverse(forward: Model, wanted: Array, start: Array) -> Array:
@@ -293,18 +297,18 @@ def inverse(forward: Model, wanted: Array, start: Array) -> Array:
     ndarray, shape (n, 2)
         NaN where there is no such point, or where the map has turned back before it.
     """
-    at, step = start.copy(), 1e-6
+    points, step = start.copy(), 1e-6
     with np.errstate(all="ignore"):  # what diverges ends as NaN
         for _ in range(STEPS):
-            off = forward(at) - wanted
+            off = forward(points) - wanted
             if not np.any(np.abs(off) > 1e-14):
                 break
-            J = _slopes(forward, at, step)
-            at = at - _solved(J, off)
-        J = _slopes(forward, at, step)
-        off = np.abs(forward(at) - wanted).max(axis=1, initial=0.0)
+            J = _slopes(forward, points, step)
+            points = points - _solved(J, off)
+        J = _slopes(forward, points, step)
+        off = np.abs(forward(points) - wanted).max(axis=1, initial=0.0)
         good = (off < 1e-10) & (_det(J) > 0) & (J[:, 0, 0] + J[:, 1, 1] > 0)
-    return np.where(good[:, None], at, np.nan)
+    return np.where(good[:, None], points, np.nan)
 
 
 def off_fisheye(points: Array) -> Array:
@@ -316,7 +320,7 @@ def off_fisheye(points: Array) -> Array:
 
 
 def effects(points: Array, values: Mapping[str, float]) -> Array:
-    """Return what a distortion adds to points, by the formula that nearly all programs share.
+    """Return the distortion of points, by the formula that nearly all programs share.
 
     Parameters
     ----------
@@ -384,17 +388,17 @@ def _fitted(
     def linear(values: Array) -> tuple[Pinhole, Array, Array]:
         """Return the pinhole of values, its effects at the nodes and their coefficients, px."""
         cx, cy, stretch, shear = values.tolist()
-        own = Pinhole(
+        pinhole = Pinhole(
             fx=hole.fx * (1 + stretch),
             fy=hole.fy,
             cx=hole.cx + cx,
             cy=hole.cy + cy,
             skew=hole.skew + hole.fx * shear,
         )
-        at = own.points(colrow)
-        A = np.column_stack([at.T.ravel(), _terms(at)]).reshape(2, len(rays), -1)
+        points = pinhole.points(colrow)
+        A = np.column_stack([points.T.ravel(), _terms(points)]).reshape(2, len(rays), -1)
         A = np.einsum("nij,jnk->ink", in_px, A).reshape(2 * len(rays), -1)
-        return own, A, _nearest(A, b)
+        return pinhole, A, _nearest(A, b)
 
     _, A, _ = linear(np.zeros(4))
     held = _left(A @ [1.0, *coefficients] - b, 1.0)
@@ -407,12 +411,12 @@ def _fitted(
 
     far = np.array([0.1 * hole.fx, 0.1 * hole.fy, 0.1, 0.1])
     a_pixel = np.array([1.0, 1.0, 1 / hole.fx, 1 / hole.fx])
-    found = least_squares(off, np.zeros(4), bounds=(-far, far), x_scale=a_pixel).x
-    own, A, free = linear(np.where(np.abs(found) > MOVED_PX * a_pixel, found, 0.0))
+    changes = least_squares(off, np.zeros(4), bounds=(-far, far), x_scale=a_pixel).x
+    pinhole, A, free = linear(np.where(np.abs(changes) > MOVED_PX * a_pixel, changes, 0.0))
     freed = _left(A @ free - b, 1.0)
     if freed.rms_px > WORTH * held.rms_px:
         return hole, 1.0, coefficients, held
-    return own, float(free[0]), free[1:] / free[0], freed
+    return pinhole, float(free[0]), free[1:] / free[0], freed
 
 
 def _pixels_by_ray(ideal: Model, colrow: Array, rays: Array) -> Array:
@@ -424,9 +428,9 @@ def _pixels_by_ray(ideal: Model, colrow: Array, rays: Array) -> Array:
     return np.stack(columns, axis=2)
 
 
-def _terms(at: Array) -> Array:
+def _terms(points: Array) -> Array:
     """Return the effects of `brown`'s coefficients at points (n, 2), first along, then across."""
-    return np.stack([effects(at, {role: 1.0}).T.ravel() for role in BROWN], axis=1)
+    return np.stack([effects(points, {role: 1.0}).T.ravel() for role in BROWN], axis=1)
 
 
 def _nearest(A: Array, off: Array) -> Array:
@@ -442,9 +446,9 @@ def _left(off: Array, scale: float) -> Left:
     return Left(largest_px=float(apart.max()), rms_px=float(np.sqrt(np.mean(apart**2))))
 
 
-def _slopes(forward: Model, at: Array, step: float) -> Array:
+def _slopes(forward: Model, points: Array, step: float) -> Array:
     """Return the derivatives of a map by central differences, shape (n, 2, 2)."""
-    columns = [(forward(at + d) - forward(at - d)) / (2 * step) for d in step * np.eye(2)]
+    columns = [(forward(points + d) - forward(points - d)) / (2 * step) for d in step * np.eye(2)]
     return np.stack(columns, axis=2)
 
 

@@ -23,7 +23,7 @@ from acx4tools.exchange import lens
 from acx4tools.exchange.axes import AHEAD
 
 Wrong = Callable[[str, str], FlightError]
-"""From what is wrong and what was expected to the error that names the place."""
+"""From the wrong value and the expected one to the error, which names the place."""
 
 FISHEYE = ">"
 """Mark of a fisheye in a row of the table."""
@@ -38,7 +38,7 @@ NEEDED = ("width_px", "height_px", PITCH, "focal_mm")
 """Keys of a camera in flight.toml that are written if they are zero, too."""
 
 Effects = Callable[[Array, Mapping[str, float]], Array]
-"""From points, shape (n, 2), and values by their roles to what is added to the points."""
+"""From points, shape (n, 2), and values by their roles to the distortion, shape (n, 2)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,22 +191,22 @@ class Refitted:
 
     @property
     def said(self) -> str:
-        """What it is, and how far it is from the lens."""
+        """Sentence on the lens and its difference from its refit."""
         name, size, f, there, _, _ = self.row
-        at = f if f == there else f"{f} (there {there})"
+        focal = f if f == there else f"{f} (there {there})"
         return (
-            f"lens of {name}: {size} px, f {at} px; refitted as Brown's model it differs by "
+            f"lens of {name}: {size} px, f {focal} px; refitted as Brown's model it differs by "
             f"{self.left}"
         )
 
     @property
     def row(self) -> tuple[str, ...]:
-        """The same as cells: camera, size, f, f of the program, largest and rms difference, px."""
-        one = self.camera
+        """Cells of a table: camera, size, f, f of the program, largest and rms difference, px."""
+        camera = self.camera
         return (
-            one.name,
-            f"{one.width_px} x {one.height_px}",
-            f"{one.interior.f / one.pixel_mm:.2f}",
+            camera.name,
+            f"{camera.width_px} x {camera.height_px}",
+            f"{camera.interior.f / camera.pixel_mm:.2f}",
             f"{self.f_px:.2f}",
             f"{self.left.largest_px:.2g}",
             f"{self.left.rms_px:.2g}",
@@ -214,7 +214,7 @@ class Refitted:
 
 
 def _table(camera: Camera) -> dict[str, Any]:
-    """Return the table of flight.toml, with ten digits and without what is zero."""
+    """Return the table of flight.toml, with ten digits and without zeros."""
     values = settings.camera_table(camera)
     short = {  # a pixel size is printed from single precision by some programs
         key: float(f"{value:.{7 if key == PITCH else 10}g}") if isinstance(value, float) else value
@@ -289,7 +289,7 @@ def fisheye(
     """
     c, d, e, f = affine
     slope = 2 / np.pi * polynomial[1]
-    others = [one / polynomial[1] for one in polynomial[2:]]
+    others = [coefficient / polynomial[1] for coefficient in polynomial[2:]]
 
     def distorted(points: Array) -> Array:
         t = 2 / np.pi * np.hypot(*points.T)[:, None]
@@ -309,14 +309,14 @@ def fisheye(
     )
 
 
-def _formula(row: str, own: Effects = lens.effects) -> _Formula:
+def _formula(row: str, effects: Effects = lens.effects) -> _Formula:
     """Return the model of a row: names, with `=role` where the role has another name."""
     cells = [cell.partition("=") for cell in row.split() if cell != FISHEYE]
     return _Formula(
         names=tuple(name for name, _, _ in cells),
         roles=tuple(role or name for name, _, role in cells),
         is_fisheye=row.startswith(FISHEYE),
-        effects=own,
+        effects=effects,
     )
 
 

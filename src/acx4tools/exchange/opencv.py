@@ -37,7 +37,7 @@ class OpenCvCamera:
 
 
 def to_opencv(camera: Camera) -> OpenCvCamera:
-    """Return the OpenCV camera that is nearest to a camera, in the whole image.
+    """Return the OpenCV camera nearest to a camera, over the whole image.
 
     The two polynomials are no inverses of each other, so something is `left`.
 
@@ -58,7 +58,7 @@ def to_opencv(camera: Camera) -> OpenCvCamera:
 def from_opencv(
     matrix: Array, distortion: Array, *, name: str, width_px: int, height_px: int, pixel_mm: float
 ) -> tuple[Camera, lens.Left]:
-    """Return the camera that is nearest to one of OpenCV, in the whole image.
+    """Return the camera nearest to an OpenCV camera, over the whole image.
 
     Parameters
     ----------
@@ -98,5 +98,5 @@ def from_opencv(
 
 def _undistorted(colrow: Array, matrix: Array, distortion: Array) -> Array:
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-13)
-    found = cv2.undistortPoints(colrow[:, None], matrix, distortion, None, None, None, criteria)
-    return np.asarray(found[:, 0], dtype=float)
+    ideal = cv2.undistortPoints(colrow[:, None], matrix, distortion, None, None, None, criteria)
+    return np.asarray(ideal[:, 0], dtype=float)

@@ -1,4 +1,4 @@
-"""What another program knows of a flight, and the part of a flight that is made of it.
+"""The content of another program's project, and the part of a flight that it becomes.
 
 A program's file returns a `Project`: lenses, images, orientations, measurements, surveyed points,
 what was assumed and what has no place in a flight. `flight_of` makes the tables and settings of all
@@ -111,7 +111,7 @@ class Measured:
             x_w=None if x_w is None else np.array(x_w, dtype=float).reshape(-1, 3),
             image_idx=np.array([image for image, _, _ in seen], dtype=int),
             point_idx=point_idx,
-            colrow=np.array([at for _, _, at in seen], dtype=float).reshape(-1, 2),
+            colrow=np.array([pixel for _, _, pixel in seen], dtype=float).reshape(-1, 2),
         )
 
     def where(self, rows: Mask | Index) -> Measured:
@@ -126,17 +126,17 @@ class Measured:
 
 def joined(*parts: Measured) -> Measured:
     """Return measurements of different points as one value."""
-    first = np.cumsum([0, *(len(one.points) for one in parts)])
-    nowhere_known = [np.full((len(one.points), 3), np.nan) for one in parts]
+    first = np.cumsum([0, *(len(part.points) for part in parts)])
+    nowhere_known = [np.full((len(part.points), 3), np.nan) for part in parts]
     places = [n if o.x_w is None else o.x_w for n, o in zip(nowhere_known, parts, strict=True)]
     if not parts:
         return Measured()
     return Measured(
-        points=tuple(point for one in parts for point in one.points),
+        points=tuple(point for part in parts for point in part.points),
         x_w=np.concatenate(places),
-        image_idx=np.concatenate([one.image_idx for one in parts]),
+        image_idx=np.concatenate([part.image_idx for part in parts]),
         point_idx=np.concatenate([n + o.point_idx for n, o in zip(first, parts, strict=False)]),
-        colrow=np.concatenate([one.colrow for one in parts]),
+        colrow=np.concatenate([part.colrow for part in parts]),
     )
 
 
@@ -198,7 +198,7 @@ class Trajectory:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Project:
-    """What another program knows of a flight.
+    """The content of another program's project.
 
     Attributes
     ----------
@@ -286,9 +286,9 @@ def flight_of(
     images, measured = project.images, project.measured
     inside = measured.where(kept[measured.image_idx])
     used = {images.cameras[i] for i in np.flatnonzero(kept)} or set(fitted)
-    fitted = {name: one for name, one in fitted.items() if name in used}
-    cameras = {name: dict(one) for name, one in project.sensors.items()}
-    cameras |= {name: one.table for name, one in fitted.items()}
+    fitted = {name: refitted for name, refitted in fitted.items() if name in used}
+    cameras = {name: dict(sensor) for name, sensor in project.sensors.items()}
+    cameras |= {name: refitted.table for name, refitted in fitted.items()}
     settings = {key: value for key, value in project.settings.items() if key != "apriori"}
     settings |= {"cameras": cameras} if cameras or not settings else {}
     settings |= {key: project.settings[key] for key in ("apriori",) if project.settings.get(key)}
@@ -300,9 +300,9 @@ def flight_of(
         settings=settings,
         tables=_tables(project, folder, kept, inside, flown),
         warnings=tuple(
-            f"the lens of {name} differs from the program's by {one.left}"
-            for name, one in fitted.items()
-            if one.left.largest_px > WARNED_PX
+            f"the lens of {name} differs from the program's by {refitted.left}"
+            for name, refitted in fitted.items()
+            if refitted.left.largest_px > WARNED_PX
         ),
         assumed=(*project.assumed, *_sizes(project, fitted, pixel_um), *flown.assumed),
         found=(
@@ -311,9 +311,9 @@ def flight_of(
             *flown.found,
             *_kinds(project, fitted),
             *_of_lenses(fitted),
-            *_proved(project, {name: one.camera for name, one in fitted.items()}),
+            *_proved(project, {name: refitted.camera for name, refitted in fitted.items()}),
         ),
-        lenses=[one.row for one in fitted.values()] if len(fitted) > SHOWN else (),
+        lenses=[refitted.row for refitted in fitted.values()] if len(fitted) > SHOWN else (),
         left_out=(
             *_lost(project, kept, flown),
             *odd,
@@ -324,7 +324,7 @@ def flight_of(
 
 
 def reading(project: Callable[..., Project], **orientations: str) -> Callable[..., Brought]:
-    """Return what reads a program's files as a part of a flight, by its `project`.
+    """Return the reader of a program's files as a part of a flight, by its `project`.
 
     Parameters
     ----------
@@ -338,25 +338,27 @@ def reading(project: Callable[..., Project], **orientations: str) -> Callable[..
     callable
         Its options are those of `project` and of `flight_of`.
     """
-    own, common = (dict(signature(one).parameters) for one in (project, flight_of))
+    special, common = (dict(signature(function).parameters) for function in (project, flight_of))
     del common["project"]
-    if "orientations" not in {**own, **orientations}:
+    if "orientations" not in {**special, **orientations}:
         del common["orientations"]
-    common |= {name: common[name].replace(default=one) for name, one in orientations.items()}
-    of_both = Signature(sorted((common | own).values(), key=lambda one: one.kind))
+    common |= {
+        name: common[name].replace(default=default) for name, default in orientations.items()
+    }
+    of_both = Signature(sorted((common | special).values(), key=lambda parameter: parameter.kind))
 
     def read(*source: Path, **given: Any) -> Brought:
         bound = of_both.bind(*source, **given)
         bound.apply_defaults()
-        found = project(**{name: bound.arguments[name] for name in own})
-        return flight_of(found, **{name: bound.arguments[name] for name in common})
+        imported = project(**{name: bound.arguments[name] for name in special})
+        return flight_of(imported, **{name: bound.arguments[name] for name in common})
 
     read.__signature__ = of_both  # type: ignore[attr-defined] # what `signature` looks at
     return read
 
 
 def nowhere(error: FlightError) -> InGrid:
-    """Return the place of a frame that has none: an error, where it is asked for."""
+    """Return the way into the grid from a frame without a place: it raises an error."""
 
     def in_grid(_: Pose) -> tuple[Array, Array]:
         raise error
@@ -388,11 +390,13 @@ def on_no_map(file: Opened, crs: str | None, program: str) -> tuple[dict[str, An
 def numbered(lenses: Iterable[Hashable]) -> dict[Any, str]:
     """Return names of cameras that a program has no names for, by their lenses."""
     different = list(dict.fromkeys(lenses))
-    return {one: "CAM" if len(different) == 1 else f"CAM{k}" for k, one in enumerate(different, 1)}
+    return {
+        lens: "CAM" if len(different) == 1 else f"CAM{k}" for k, lens in enumerate(different, 1)
+    }
 
 
 def in_crs(source: Path, crs: str | None) -> InGrid:
-    """Return the place of a frame w that is the flight's CRS, which no file says.
+    """Return the way into the grid from a frame w in the flight's CRS, which no file states.
 
     Parameters
     ----------
@@ -401,8 +405,8 @@ def in_crs(source: Path, crs: str | None) -> InGrid:
     crs : str, optional
     """
     if crs is None:
-        found = "adjusted orientations are in coordinates whose CRS the files do not say"
-        return nowhere(refusal(str(source), 1, "crs", found, "give it by --crs"))
+        fault = "adjusted orientations are in coordinates whose CRS the files do not say"
+        return nowhere(refusal(str(source), 1, "crs", fault, "give it by --crs"))
     try:
         coordinates.chosen("", None, crs)
     except ValueError as error:
@@ -413,10 +417,10 @@ def in_crs(source: Path, crs: str | None) -> InGrid:
 def _refitted(
     project: Project, pixel_um: float | None, allow: float
 ) -> tuple[dict[str, Refitted], tuple[str, ...]]:
-    """Return the cameras of all images, and sentences on those that no flight can have."""
+    """Return the cameras of all images, and sentences on cameras that no flight can have."""
     enabled = project.images.enabled
-    of = [n for i, n in enumerate(project.images.cameras) if enabled is None or enabled[i]]
-    used, fitted, odd = set(of) or set(project.lenses), {}, []
+    cameras = [n for i, n in enumerate(project.images.cameras) if enabled is None or enabled[i]]
+    used, fitted, odd = set(cameras) or set(project.lenses), {}, []
     for name, lens in project.lenses.items():
         if name not in used:
             continue
@@ -443,14 +447,14 @@ def _flown(project: Project, orientations: str) -> Trajectory:
     if is_local and n and project.trajectory.table is None:
         orientations = "adjusted"
     if orientations != "adjusted":
-        found = project.trajectory if orientations == "initial" else Trajectory()
+        trajectory = project.trajectory if orientations == "initial" else Trajectory()
         how = (
             ": their coordinates are in no CRS"
             if project.in_grid is None
             else (" (--orientations adjusted)")
         )
-        left = (f"{number_of(n, 'adjusted orientations')}{how}",) if n else ()
-        return replace(found, left_out=(*found.left_out, *left))
+        remarks = (f"{number_of(n, 'adjusted orientations')}{how}",) if n else ()
+        return replace(trajectory, left_out=(*trajectory.left_out, *remarks))
     leaders: dict[str, int] = {}
     for i in np.flatnonzero(images.oriented).tolist():
         exposure = images.exposures[i]
@@ -491,7 +495,9 @@ def _tables(
     images, rows = project.images, np.flatnonzero(kept).tolist()
     made: dict[str, Columns] = {}
     if rows and all(images.cameras):
-        listed = ([of[i] for i in rows] for of in (images.names, images.cameras, images.exposures))
+        listed = (
+            [names[i] for i in rows] for names in (images.names, images.cameras, images.exposures)
+        )
         made[f"{folder}/images.csv"] = _images(*listed)
     if len(measured.colrow):
         made[f"{folder}/image_points.csv"] = tables.image_points(
@@ -522,14 +528,14 @@ def _control_table(control: Control) -> dict[str, list[Any]]:
             if (sigma > 0).all():
                 columns[f"sigma_{name}"] = sigma.tolist()
     if control.is_check is not None:
-        columns["role"] = ["check" if one else "control" for one in control.is_check]
+        columns["role"] = ["check" if is_check else "control" for is_check in control.is_check]
     return columns
 
 
 def _sizes(
     project: Project, fitted: Mapping[str, Refitted], pixel_um: float | None
 ) -> tuple[str, ...]:
-    """Return what is assumed of the sizes of pixels that no file has."""
+    """Return a sentence on the pixel size assumed for cameras that have none in any file."""
     nominal = [name for name in fitted if not project.lenses[name].pixel_um]
     if not nominal or pixel_um is not None:
         return ()
@@ -541,32 +547,32 @@ def _sizes(
 
 def _counted(project: Project, kept: Mask, measured: Measured) -> tuple[str, ...]:
     """Return how many images, measurements and surveyed points there are."""
-    images, control, said = project.images, project.control, []
+    images, control, sentences = project.images, project.control, []
     if kept.any():
         rows = np.flatnonzero(kept)
         exposures = number_of(len({images.exposures[i] for i in rows}), "exposures")
         cameras = {images.cameras[i] for i in rows} - {""}
         by = f" by {number_of(len(cameras), 'cameras')}" if cameras else ""
-        said.append(
+        sentences.append(
             f"{number_of(len(rows), 'images')} of {exposures}{by}, "
             f"{int(images.oriented[rows].sum())} of them oriented"
         )
     points = {measured.points[k] for k in measured.point_idx}
     if points:
-        said.append(
+        sentences.append(
             f"{number_of(len(measured.colrow), 'measurements')} of "
             f"{number_of(len(points), 'points')}"
         )
     if control is not None and control.names:
-        seen = len(points.intersection(control.names))
+        n_measured = len(points.intersection(control.names))
         checks = sum(control.is_check or ())
-        of_them = f"{seen} of them measured" + (f", {checks} check points" if checks else "")
-        said.append(f"{number_of(len(control.names), 'surveyed points')}, {of_them}")
-    return tuple(said)
+        of_them = f"{n_measured} of them measured" + (f", {checks} check points" if checks else "")
+        sentences.append(f"{number_of(len(control.names), 'surveyed points')}, {of_them}")
+    return tuple(sentences)
 
 
 def _kinds(project: Project, fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
-    """Return which calibration was taken of cameras that have several, and other remarks."""
+    """Return sentences on the kind of each camera's calibration, and other remarks."""
     kinds: dict[str, list[str]] = {}
     for name in fitted:
         if kind := project.lenses[name].kind:
@@ -574,15 +580,15 @@ def _kinds(project: Project, fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
     remarks = (project.lenses[name].remark for name in fitted)
     return (
         *(f"calibration of {'; '.join(names)}: {kind}" for kind, names in kinds.items()),
-        *(one for one in remarks if one),
+        *(remark for remark in remarks if remark),
     )
 
 
 def _of_lenses(fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
     """Return a sentence for each lens, or one for many."""
     if len(fitted) <= SHOWN:
-        return tuple(one.said for one in fitted.values())
-    f = [one.camera.interior.f / one.camera.pixel_mm for one in fitted.values()]
+        return tuple(refitted.said for refitted in fitted.values())
+    f = [refitted.camera.interior.f / refitted.camera.pixel_mm for refitted in fitted.values()]
     name, worst = max(fitted.items(), key=lambda item: item[1].left.largest_px)
     return (
         f"{len(fitted)} lenses, f {min(f):.2f} to {max(f):.2f} px; refitted as Brown's model they "
@@ -609,12 +615,12 @@ def _lost(project: Project, kept: Mask, flown: Trajectory) -> tuple[str, ...]:
 
 
 def _proved(project: Project, cameras: Mapping[str, Camera]) -> tuple[str, ...]:
-    """Return how well the program's own points are met by what was imported."""
-    found = [_said(project.images, cameras, one) for one in project.proofs]
-    said = tuple(one for one in found if one)
-    if project.images.names and project.lenses and not said:
+    """Return sentences: how well the program's own points agree with the imported cameras."""
+    texts = [_said(project.images, cameras, proof) for proof in project.proofs]
+    sentences = tuple(text for text in texts if text)
+    if project.images.names and project.lenses and not sentences:
         return ("nothing proves the conventions: the files lack points, measurements, or poses",)
-    return said
+    return sentences
 
 
 def _said(images: Images, cameras: Mapping[str, Camera], proof: Proof) -> str:
@@ -623,19 +629,19 @@ def _said(images: Images, cameras: Mapping[str, Camera], proof: Proof) -> str:
     rows: Mask = np.asarray(known[measured.image_idx])
     if measured.x_w is not None:
         rows = rows & np.isfinite(measured.x_w[measured.point_idx]).all(axis=1)
-    seen = measured.where(rows)
-    if not len(seen.colrow):
+    usable = measured.where(rows)
+    if not len(usable.colrow):
         return ""
-    of = np.array([images.cameras[i] for i in seen.image_idx])
-    T_w_c = (images.T_w_c if proof.T_w_c is None else proof.T_w_c)[seen.image_idx]
+    names = np.array([images.cameras[i] for i in usable.image_idx])
+    T_w_c = (images.T_w_c if proof.T_w_c is None else proof.T_w_c)[usable.image_idx]
     if measured.x_w is not None:
-        apart = misfits(cameras, of, T_w_c, measured.x_w[seen.point_idx], seen.colrow)
+        apart = misfits(cameras, names, T_w_c, measured.x_w[usable.point_idx], usable.colrow)
         return f"{whose} are reprojected by the cameras as imported to {_said_of(apart)}"
-    x_w = _intersected(cameras, of, T_w_c, seen, len(measured.points))[seen.point_idx]
+    x_w = _intersected(cameras, names, T_w_c, usable, len(measured.points))[usable.point_idx]
     several = np.isfinite(x_w[:, 0])
     if not several.any():
         return ""
-    apart = misfits(cameras, of, T_w_c, x_w, seen.colrow)[several]
+    apart = misfits(cameras, names, T_w_c, x_w, usable.colrow)[several]
     return f"{whose} meet in a point to {_said_of(apart)}, by the cameras as imported"
 
 
@@ -664,21 +670,21 @@ def misfits(
     for name, camera in cameras.items():
         k = np.flatnonzero(names == name)
         if len(k):
-            seen = projected(camera, T_w_c[k], x_w[k])
-            apart[k] = np.hypot(*(seen - colrow[k]).T)
+            computed = projected(camera, T_w_c[k], x_w[k])
+            apart[k] = np.hypot(*(computed - colrow[k]).T)
     return apart
 
 
 def _intersected(
-    cameras: Mapping[str, Camera], names: Array, T_w_c: Pose, seen: Measured, n_points: int
+    cameras: Mapping[str, Camera], names: Array, T_w_c: Pose, measured: Measured, n_points: int
 ) -> Array:
     """Return the points in which rays meet best, shape (n_points, 3); arrays as in `misfits`."""
-    along, middle = np.zeros((len(seen.colrow), 3)), T_w_c.r.mean(axis=0)
+    along, middle = np.zeros((len(measured.colrow), 3)), T_w_c.r.mean(axis=0)
     for name, camera in cameras.items():
         k = np.flatnonzero(names == name)
         if len(k):
-            along[k] = rays(camera, T_w_c[k], seen.colrow[k])
-    return middle + intersect(T_w_c.r - middle, along, seen.point_idx, n_points)
+            along[k] = rays(camera, T_w_c[k], measured.colrow[k])
+    return middle + intersect(T_w_c.r - middle, along, measured.point_idx, n_points)
 
 
 def _said_of(apart: Array) -> str:

@@ -74,8 +74,8 @@ def require_names(names: Sequence[str], wrong: Callable[[str, str, str], FlightE
     """
     if "" in names:
         raise wrong("", "is empty", "must be a name")
-    for name, (found, expected) in faulty(list(dict.fromkeys(names))).items():
-        raise wrong(name, found, expected)
+    for name, (fault, expected) in faulty(list(dict.fromkeys(names))).items():
+        raise wrong(name, fault, expected)
 
 
 def require_all_names(
@@ -90,10 +90,10 @@ def require_all_names(
     wrong : callable
         From what they are of, what is wrong and what was expected, to the error.
     """
-    for what, names in kinds.items():
+    for kind, names in kinds.items():
 
-        def of_kind(name: str, found: str, expected: str, what: str = what) -> FlightError:
-            return wrong(what, found if name in found else f"{quoted(name)} {found}", expected)
+        def of_kind(name: str, fault: str, expected: str, kind: str = kind) -> FlightError:
+            return wrong(kind, fault if name in fault else f"{quoted(name)} {fault}", expected)
 
         require_names(names, of_kind)
 
@@ -105,12 +105,12 @@ def first_use(names: Sequence[str]) -> tuple[list[str], Index]:
 
 
 def without_doubles(names: Sequence[str], ids: Sequence[object]) -> tuple[list[str], int]:
-    """Return names with a program's own number behind those that occur twice, and their count."""
-    seen: dict[str, int] = {}
+    """Return names, those that occur twice with the program's own number, and their count."""
+    counts: dict[str, int] = {}
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-    new = [f"{name}#{i}" if seen[name] > 1 else name for name, i in zip(names, ids, strict=True)]
-    return new, sum(n for n in seen.values() if n > 1)
+        counts[name] = counts.get(name, 0) + 1
+    new = [f"{name}#{i}" if counts[name] > 1 else name for name, i in zip(names, ids, strict=True)]
+    return new, sum(n for n in counts.values() if n > 1)
 
 
 def without_folders(paths: Sequence[str]) -> tuple[str, ...]:

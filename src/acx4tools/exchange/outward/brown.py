@@ -14,7 +14,7 @@ from acx4tools.exchange.lens import Left, Pinhole
 from acx4tools.exchange.outward.calibrated import Calibrated
 
 CORNER = 0.5
-"""What is added to a pixel where (0, 0) is the outer corner of the top-left one."""
+"""Offset of pixels in programs where (0, 0) is the outer corner of the top-left pixel."""
 
 
 STEPS_BACK, NEAR_PX, SAME_PX = 20, 1e-5, 1e-3
@@ -88,12 +88,12 @@ def _squared(change: Array) -> Array:
 def _of_cameras(
     calibrated: Calibrated, nearest: Callable[[Camera], Brown], kept: Callable[[Array], Array]
 ) -> dict[str, Brown]:
-    interior, found = calibrated.calibration.layout.interior, {}
+    interior, by_camera = calibrated.calibration.layout.interior, {}
     for camera, columns in zip(calibrated.cameras, interior, strict=True):
-        one = nearest(camera)
-        back = None if (columns >= 0).any() else _as_it_came(camera, one, kept)
-        found[camera.name] = back or one
-    return found
+        model = nearest(camera)
+        back = None if (columns >= 0).any() else _as_it_came(camera, model, kept)
+        by_camera[camera.name] = back or model
+    return by_camera
 
 
 def _as_it_came(camera: Camera, start: Brown, kept: Callable[[Array], Array]) -> Brown | None:
@@ -109,7 +109,7 @@ def _as_it_came(camera: Camera, start: Brown, kept: Callable[[Array], Array]) ->
         if np.abs(apart[:5]).max() < NEAR_PX and np.abs(apart[5:]).max() * values[1] < NEAR_PX:
             break
     xy = xy_from_colrow(camera, lens.nodes(camera.width_px, camera.height_px))
-    rays = [correct(one.interior, xy) / one.interior.f for one in (refit, camera)]
+    rays = [correct(either.interior, xy) / either.interior.f for either in (refit, camera)]
     if not np.abs(rays[0] - rays[1]).max() * values[1] < SAME_PX:
         return None
     returned = Left(largest_px=left.largest_px, rms_px=left.rms_px, returned=True)
@@ -117,21 +117,23 @@ def _as_it_came(camera: Camera, start: Brown, kept: Callable[[Array], Array]) ->
 
 
 def _refit(values: Array, camera: Camera) -> tuple[Camera, Left]:
-    """Return a camera that is made of a lens as an import makes it."""
+    """Return the camera that an import would make of a lens."""
     hole, by_role = _pinhole(values), dict(zip(lens.BROWN, values[5:].tolist(), strict=True))
 
     def ideal(colrow: Array) -> Array:
-        at = hole.points(colrow)
-        return lens.inverse(lambda points: points + lens.effects(points, by_role), at, at)
+        measured = hole.points(colrow)
+        return lens.inverse(
+            lambda points: points + lens.effects(points, by_role), measured, measured
+        )
 
     size = {"width_px": camera.width_px, "height_px": camera.height_px}
     return lens.camera_of(ideal, hole, name=camera.name, pixel_mm=camera.pixel_mm, **size)
 
 
-def _values_of(one: Brown) -> Array:
+def _values_of(model: Brown) -> Array:
     """Return fx, fy, cx, cy, skew, then OpenCV's k1, k2, p1, p2, k3."""
-    hole = (one.hole.fx, one.hole.fy, one.hole.cx, one.hole.cy, one.hole.skew)
-    return np.array([*hole, one.k1, one.k2, one.p1, one.p2, one.k3], dtype=float)
+    hole = (model.hole.fx, model.hole.fy, model.hole.cx, model.hole.cy, model.hole.skew)
+    return np.array([*hole, model.k1, model.k2, model.p1, model.p2, model.k3], dtype=float)
 
 
 def _pinhole(values: Array) -> Pinhole:
@@ -150,14 +152,16 @@ def _one_focal_length(camera: Camera) -> Brown:
     if hole.fx == hole.fy and not hole.skew:
         return brown(camera)
     start = np.array([0.5 * (hole.fx + hole.fy), hole.cx, hole.cy, *coefficients])
-    values, left = lens.model_of(camera, lambda own, ideal: pixels([*own, 0.0, 0.0], ideal), start)
+    values, left = lens.model_of(
+        camera, lambda parameters, ideal: pixels([*parameters, 0.0, 0.0], ideal), start
+    )
     f, cx, cy = values[:3].tolist()
     return _of(Pinhole(fx=f, fy=f, cx=cx, cy=cy), values[3:], left)
 
 
 def lenses(found: Mapping[str, Brown]) -> dict[str, Left]:
     """Return how far the lenses are from the cameras, by the names of these."""
-    return {name: one.left for name, one in found.items()}
+    return {name: model.left for name, model in found.items()}
 
 
 def _of(hole: Pinhole, coefficients: Array, left: Left) -> Brown:
@@ -206,7 +210,7 @@ def derivatives(camera: Camera, columns: Index, n_columns: int) -> Array:
 
 
 def _values(camera: Camera, interior: Array) -> Array:
-    one = brown(camera.with_interior(Interior.from_array(interior)))
-    hole = one.hole
-    others = (one.k1, one.k2, one.k3, one.p1, one.p2, hole.skew)
+    model = brown(camera.with_interior(Interior.from_array(interior)))
+    hole = model.hole
+    others = (model.k1, model.k2, model.k3, model.p1, model.p2, hole.skew)
     return np.array([hole.fx, hole.fy, hole.cx, hole.cy, *others])

@@ -1,4 +1,4 @@
-"""The calibration in a results folder that is taken out: which one, and of which cameras."""
+"""Read the calibration to export, and its cameras, from a results folder."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ STAGE = {"refined": "synthetic", "relative_orientation": "heads"}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibrated:
-    """A calibration that is taken out.
+    """A calibration to export.
 
     Attributes
     ----------
@@ -62,12 +62,12 @@ class Calibrated:
 
     @property
     def title(self) -> str:
-        """Which cameras, by which method."""
+        """Names of the cameras, and the method."""
         return f"{', '.join(camera.name for camera in self.cameras)} by {self.method}"
 
     @property
     def origin(self) -> str:
-        """Which flight it was calibrated on, a sentence."""
+        """Sentence on the flight of the calibration."""
         return f"calibrated on the flight {self.flight.name!r}; SHA-256 of its tables {self.digest}"
 
     @property
@@ -100,14 +100,14 @@ def read(results: str | Path, *, method: str = "", heads: bool = False) -> Calib
     run = read_run(results)
     for stage in ("heads", "synthetic", "mounting"):
         check_kept(run, stage)
-    found, flight = run.found, run.flight
-    there = [name for name in (*CAMERA, *HEADS) if _ended(found, name)]
-    usable = [name for name in there if not heads or name in HEADS]
+    stored, flight = run.found, run.flight
+    ended = [name for name in (*CAMERA, *HEADS) if _ended(stored, name)]
+    usable = [name for name in ended if not heads or name in HEADS]
     chosen = method or next(iter(usable), "")
     if chosen not in usable:
-        raise FlightError([_missing(found, chosen, there, heads=heads)])
-    with refused(found):
-        calibration = _calibration(found, chosen, flight)
+        raise FlightError([_missing(stored, chosen, ended, heads=heads)])
+    with refused(stored):
+        calibration = _calibration(stored, chosen, flight)
     return Calibrated(
         flight=flight,
         method=chosen,
@@ -121,32 +121,32 @@ def _key(method: str) -> str:
     return f"{STAGE.get(method, 'mounting')}/{method}"
 
 
-def _ended(found: folder.Results, method: str) -> bool:
+def _ended(stored: folder.Results, method: str) -> bool:
     """Tell whether a method ended with a calibration."""
-    entry = found.summary.get(_key(method), {})
-    named = folder.has(found, _key(method)) and folder.cameras(found, _key(method))
+    entry = stored.summary.get(_key(method), {})
+    named = folder.has(stored, _key(method)) and folder.cameras(stored, _key(method))
     return bool(named) and bool(entry.get("converged", True)) and not entry.get("stopped")
 
 
-def _missing(found: folder.Results, method: str, there: Sequence[str], *, heads: bool) -> str:
-    entry = found.summary.get(_key(method), {}) if method else {}
-    said = [*folder.messages(entry, "stopped"), *folder.messages(entry, "left_out")]
-    what = method or ("heads" if heads else "any method")
+def _missing(stored: folder.Results, method: str, ended: Sequence[str], *, heads: bool) -> str:
+    entry = stored.summary.get(_key(method), {}) if method else {}
+    messages = [*folder.messages(entry, "stopped"), *folder.messages(entry, "left_out")]
+    wanted = method or ("heads" if heads else "any method")
     if heads and method in CAMERA:
         reason = f"it is of one camera; of heads are {', '.join(HEADS)}"
     else:
-        reason = said[0] if said else f"it has {', '.join(there) or 'none'}"
-    return f"{found.folder}: no calibration of {what} that can be exported; {reason}"
+        reason = messages[0] if messages else f"it has {', '.join(ended) or 'none'}"
+    return f"{stored.folder}: no calibration of {wanted} that can be exported; {reason}"
 
 
-def _calibration(found: folder.Results, method: str, flight: Flight) -> Calibration:
-    names = folder.cameras(found, _key(method))
+def _calibration(stored: folder.Results, method: str, flight: Flight) -> Calibration:
+    names = folder.cameras(stored, _key(method))
     if method in STAGE:
-        related = read_relative_orientation(found, _key(method), flight.cameras)
+        related = read_relative_orientation(stored, _key(method), flight.cameras)
         return _of_relative_orientation(related, flight.synthetic_camera)
     cameras = [flight.cameras[name] for name in names]
-    own = read_calibration(found, _key(method), cameras)
-    return replace(own, cov=own.cov * own.sigma0_sq, sigma0_sq=1.0)
+    calibration = read_calibration(stored, _key(method), cameras)
+    return replace(calibration, cov=calibration.cov * calibration.sigma0_sq, sigma0_sq=1.0)
 
 
 def _of_relative_orientation(
@@ -236,7 +236,7 @@ class Relative:
 
 
 def to_first(calibration: Calibration) -> tuple[Relative, ...]:
-    """Return all cameras of a calibration relative to the first one, which is the identity.
+    """Return every camera's pose relative to the first camera; its own is the identity.
 
     Parameters
     ----------

@@ -44,30 +44,30 @@ VALUES[[4, 5, 6, 7, 8, 9], [9, 4, 5, 6, 8, 7]] = 1
 
 def cameras(calibrated: Calibrated) -> Taken:
     """Return a calibration for every camera, and cameras.xml with sensors and covariances."""
-    found = brown.skewed(calibrated)
-    document, chunk = _chunk(calibrated, found)
+    lenses = brown.skewed(calibrated)
+    document, chunk = _chunk(calibrated, lenses)
     _rig(chunk, calibrated)
     several = len(calibrated.cameras) > 1
     return Taken(
         files={
             **{
-                f"{file_stem(camera.name)}.xml": _calibration(camera, found[camera.name])
+                f"{file_stem(camera.name)}.xml": _calibration(camera, lenses[camera.name])
                 for camera in calibrated.cameras
             },
             "chunk/cameras.xml": as_xml(document),
         },
-        lenses=brown.lenses(found),
+        lenses=brown.lenses(lenses),
         assumed=(*ASSUMED, *([RIG.format(calibrated.cameras[0].name)] if several else [])),
         left_out=(BODY, *([POSITIONS] if several else [])),
     )
 
 
 def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
-    """Return the same with the poses of oriented images, each for itself and not as of a rig."""
+    """Return the files of `cameras`, with the poses of oriented images: single ones, no rig."""
     alone = cameras(calibrated)
     document, chunk = _chunk(calibrated, brown.skewed(calibrated))
     _place(chunk, oriented)
-    own = [camera.name for camera in calibrated.cameras]
+    names = [camera.name for camera in calibrated.cameras]
     _transform(ET.SubElement(chunk, "components"), oriented)
     listed = ET.SubElement(chunk, "cameras")
     for i, name in enumerate(oriented.names):
@@ -75,7 +75,7 @@ def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
         element = ET.SubElement(
             listed,
             "camera",
-            {"id": str(i), "sensor_id": str(own.index(camera.name)), "component_id": "0"},
+            {"id": str(i), "sensor_id": str(names.index(camera.name)), "component_id": "0"},
             label=name,
         )
         add_numbers(element, "transform", _matrix(oriented.T_m_c[i]).ravel())
@@ -83,18 +83,18 @@ def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
         files={**alone.files, "chunk/cameras.xml": as_xml(document)},
         lenses=alone.lenses,
         assumed=ASSUMED,
-        left_out=(RIGID,) if own[1:] else (),
+        left_out=(RIGID,) if names[1:] else (),
     )
 
 
-def _chunk(calibrated: Calibrated, found: Mapping[str, Brown]) -> tuple[ET.Element, ET.Element]:
+def _chunk(calibrated: Calibrated, lenses: Mapping[str, Brown]) -> tuple[ET.Element, ET.Element]:
     """Return a document and its chunk, with sensors."""
     document = ET.Element("document", version="1.5.0")
     chunk = ET.SubElement(document, "chunk", label="acx4", enabled="true")
     sensors = ET.SubElement(chunk, "sensors")
     for k, camera in enumerate(calibrated.cameras):
         sensor = ET.SubElement(sensors, "sensor", {"id": str(k)}, label=camera.name, type="frame")
-        _sensor(sensor, camera, found[camera.name])
+        _sensor(sensor, camera, lenses[camera.name])
         _covariance(sensor, calibrated, k)
     return document, chunk
 
@@ -102,13 +102,13 @@ def _chunk(calibrated: Calibrated, found: Mapping[str, Brown]) -> tuple[ET.Eleme
 def _rig(chunk: ET.Element, calibrated: Calibrated) -> None:
     """Make all sensors but the first its slaves."""
     rig = to_first(calibrated.calibration)
-    for k, (sensor, one) in enumerate(zip(chunk.iter("sensor"), rig, strict=True)):
+    for k, (sensor, head) in enumerate(zip(chunk.iter("sensor"), rig, strict=True)):
         if k:
             sensor.set("master_id", "0")
-            add_numbers(sensor, "rotation", one.T_v_r_h.R.ravel())
+            add_numbers(sensor, "rotation", head.T_v_r_h.R.ravel())
 
 
-def _sensor(sensor: ET.Element, camera: Camera, one: Brown) -> None:
+def _sensor(sensor: ET.Element, camera: Camera, lens: Brown) -> None:
     size = {"width": str(camera.width_px), "height": str(camera.height_px)}
     ET.SubElement(sensor, "resolution", size)
     mm = {"pixel_width": camera.pixel_mm, "pixel_height": camera.pixel_mm}
@@ -118,14 +118,14 @@ def _sensor(sensor: ET.Element, camera: Camera, one: Brown) -> None:
     for kind in ("initial", "adjusted"):
         calibration = ET.SubElement(sensor, "calibration", {"type": "frame", "class": kind})
         ET.SubElement(calibration, "resolution", size)
-        _write_params(calibration, camera, one)
+        _write_params(calibration, camera, lens)
 
 
-def _write_params(element: ET.Element, camera: Camera, one: Brown) -> None:
-    hole = one.hole
+def _write_params(element: ET.Element, camera: Camera, lens: Brown) -> None:
+    hole = lens.hole
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
-    at = (hole.fy, hole.cx - middle[0], hole.cy - middle[1], hole.fx - hole.fy, hole.skew)
-    values = (*at, one.k1, one.k2, one.k3, one.p2, one.p1)
+    internals = (hole.fy, hole.cx - middle[0], hole.cy - middle[1], hole.fx - hole.fy, hole.skew)
+    values = (*internals, lens.k1, lens.k2, lens.k3, lens.p2, lens.p1)
     for name, value in zip(PARAMS, values, strict=True):
         if value or name not in ("b1", "b2"):
             add_numbers(element, name, [value])
@@ -165,11 +165,11 @@ def _matrix(T_m_c: Pose) -> np.ndarray:
     return matrix
 
 
-def _calibration(camera: Camera, one: Brown) -> str:
+def _calibration(camera: Camera, lens: Brown) -> str:
     """Return the file of one calibration."""
     element = ET.Element("calibration")
     ET.SubElement(element, "projection").text = "frame"
     ET.SubElement(element, "width").text = str(camera.width_px)
     ET.SubElement(element, "height").text = str(camera.height_px)
-    _write_params(element, camera, one)
+    _write_params(element, camera, lens)
     return as_xml(element)

@@ -35,13 +35,13 @@ LONGEST_SHIFT_M = 1000.0
 
 def cameras(calibrated: Calibrated) -> Taken:
     """Return input and calibrated sensors."""
-    found = brown.square(calibrated)
+    lenses = brown.square(calibrated)
     return Taken(
         files={
-            "input-cameras.json": as_json(_input(calibrated, found)),
-            "calibrated-cameras.json": as_json(_calibrated(calibrated, found)),
+            "input-cameras.json": as_json(_input(calibrated, lenses)),
+            "calibrated-cameras.json": as_json(_calibrated(calibrated, lenses)),
         },
-        lenses=brown.lenses(found),
+        lenses=brown.lenses(lenses),
         assumed=(ASSUMED[0], ASSUMED[1].format(calibrated.cameras[0].name), ASSUMED[2]),
         left_out=("sigma of internals: parameters.csv has them", BODY, CAPTURES),
     )
@@ -50,11 +50,11 @@ def cameras(calibrated: Calibrated) -> Taken:
 def images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     """Return a project with oriented cameras, and without points."""
     alone = cameras(calibrated)
-    found = brown.square(calibrated)
+    lenses = brown.square(calibrated)
     grid = oriented.block.frame.grid
     enh = _ellipsoidal(oriented)
     shift = -np.round(enh.mean(axis=0) / LONGEST_SHIFT_M) * LONGEST_SHIFT_M
-    document = _calibrated(calibrated, found)
+    document = _calibrated(calibrated, lenses)
     document["cameras"] = _oriented(calibrated, oriented, enh + shift)
     listed = [{"id": i + 1, "uri": name} for i, name in enumerate(oriented.names)]
     more = {
@@ -95,55 +95,55 @@ def _head(name: str) -> dict[str, str]:
     return {"format": FORMAT.format(name), "version": "1.0"}
 
 
-def _input(calibrated: Calibrated, found: Mapping[str, Brown]) -> dict[str, Any]:
+def _input(calibrated: Calibrated, lenses: Mapping[str, Brown]) -> dict[str, Any]:
     rig = to_first(calibrated.calibration)
     sensors = []
-    for i, (camera, one) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
+    for i, (camera, head) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
         sensor = {
             "id": i,
             "name": camera.name,
             "bands": [{"name": camera.name, "weight": 1.0}],
             "image_size_px": [camera.width_px, camera.height_px],
             "pixel_size_um": 1000 * camera.pixel_mm,
-            "internals": _internals(found[camera.name]),
+            "internals": _internals(lenses[camera.name]),
             "shutter_type": "global",
         }
-        sensors.append(sensor if i == 1 else {**sensor, "rig_relatives": _with_sigma(one)})
+        sensors.append(sensor if i == 1 else {**sensor, "rig_relatives": _with_sigma(head)})
     return {**_head("input-cameras"), "sensors": sensors, "captures": []}
 
 
-def _calibrated(calibrated: Calibrated, found: Mapping[str, Brown]) -> dict[str, Any]:
+def _calibrated(calibrated: Calibrated, lenses: Mapping[str, Brown]) -> dict[str, Any]:
     rig = to_first(calibrated.calibration)
     sensors = []
-    for i, (camera, one) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
-        sensor = {"id": i, "internals": _internals(found[camera.name])}
+    for i, (camera, head) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
+        sensor = {"id": i, "internals": _internals(lenses[camera.name])}
         placed = {
-            "translation": one.T_v_r_h.r.tolist(),
-            "rotation_angles_deg": np.degrees(one.T_v_r_h.opk).tolist(),
+            "translation": head.T_v_r_h.r.tolist(),
+            "rotation_angles_deg": np.degrees(head.T_v_r_h.opk).tolist(),
         }
         sensors.append(sensor if i == 1 else {**sensor, "rig_relatives": placed})
     return {**_head("calibrated-cameras"), "sensors": sensors, "cameras": []}
 
 
-def _internals(one: Brown) -> dict[str, Any]:
+def _internals(lens: Brown) -> dict[str, Any]:
     return {
         "type": "perspective",
-        "principal_point_px": [one.hole.cx + CORNER, one.hole.cy + CORNER],
-        "focal_length_px": one.hole.fx,
-        "radial_distortion": [one.k1, one.k2, one.k3],
-        "tangential_distortion": [one.p1, one.p2],
+        "principal_point_px": [lens.hole.cx + CORNER, lens.hole.cy + CORNER],
+        "focal_length_px": lens.hole.fx,
+        "radial_distortion": [lens.k1, lens.k2, lens.k3],
+        "tangential_distortion": [lens.p1, lens.p2],
     }
 
 
-def _with_sigma(one: Relative) -> dict[str, Any]:
+def _with_sigma(head: Relative) -> dict[str, Any]:
     return {
         "translation": {
-            "values_m": one.T_v_r_h.r.tolist(),
-            "sigmas_m": one.sigma_position.tolist(),
+            "values_m": head.T_v_r_h.r.tolist(),
+            "sigmas_m": head.sigma_position.tolist(),
         },
         "rotation": {
-            "angles_deg": np.degrees(one.T_v_r_h.opk).tolist(),
-            "sigmas_deg": np.degrees(one.sigma_opk).tolist(),
+            "angles_deg": np.degrees(head.T_v_r_h.opk).tolist(),
+            "sigmas_deg": np.degrees(head.sigma_opk).tolist(),
         },
     }
 

@@ -60,15 +60,15 @@ class Oriented:
 
 
 def read_flown(path: Path) -> Flight:
-    """Return a flight of which nothing need be measured, nor any control be there.
+    """Read a flight that may have no measurements and no control points.
 
     Raises
     ------
     FlightError
         With all that is wrong with it.
     """
-    there = [name for name in BLOCKS if (path / name).is_dir()]
-    blocks = [without_points(read_block(path, name, pictures=path), path) for name in there]
+    present = [name for name in BLOCKS if (path / name).is_dir()]
+    blocks = [without_points(read_block(path, name, pictures=path), path) for name in present]
     return checked(read_toml(path / "flight.toml"), blocks)
 
 
@@ -98,10 +98,10 @@ def orient(calibrated: Calibrated, flight: Flight, block: str) -> Oriented:
     if unobserved(flight.block(block)):
         problem = f"{flight.path}: block {block}: its trajectory has start values without sigma"
         raise FlightError([f"{problem}; nothing can be oriented by it"])
-    for own in (flight.mounted(block), flight.block(block)):
-        present = [camera.name for camera in own.cameras if camera.name in names]
+    for variant in (flight.mounted(block), flight.block(block)):
+        present = [camera.name for camera in variant.cameras if camera.name in names]
         if present:
-            some = select_cameras(own, present)
+            some = select_cameras(variant, present)
             g = georeference(some, calibrated.calibration)
             return Oriented(block=some, georeferenced=g)
     listed = ", ".join(camera.name for camera in flight.block(block).cameras)

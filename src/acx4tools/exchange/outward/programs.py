@@ -1,4 +1,4 @@
-"""What other programs read of cameras, and of cameras with oriented images: a section for each.
+"""Files of cameras, alone or with oriented images, for other programs: a section for each.
 
 `KINDS` has them by the names of ``acx4 export --to``. Layouts and formulas are those of each
 program's documentation; of Pix4D's .cam no file of the program itself was at hand. Metashape and
@@ -108,8 +108,8 @@ def _tables(calibrated: Calibrated) -> Iterator[str]:
         if calibrated.mounted:
             for key, sigma in zip(SIGMAS, _mount_sigmas(calibrated, k), strict=True):
                 yield f"# {key} = {sigma.tolist()}"
-        own = [p for p in listed if p.camera == camera.name]
-        yield from (f"# sigma of {p.name}: {p.sigma:.3g} {p.unit}" for p in own)
+        of_camera = [p for p in listed if p.camera == camera.name]
+        yield from (f"# sigma of {p.name}: {p.sigma:.3g} {p.unit}" for p in of_camera)
         yield ""
 
 
@@ -121,7 +121,7 @@ def _mount_sigmas(calibrated: Calibrated, k: int) -> tuple[Array, Array]:
     J[:3, columns[:3]] = np.eye(3)
     J[3:, columns[3:]] = np.degrees(calibration.cameras[k].T_b_c.R)
     sigma = sigmas(propagate(J[:, :-1], calibration.cov))
-    rounded = np.array([float(f"{one:.4g}") for one in sigma])
+    rounded = np.array([float(f"{component:.4g}") for component in sigma])
     return rounded[:3], rounded[3:]
 
 
@@ -139,21 +139,21 @@ def _opencv_cameras(calibrated: Calibrated) -> Taken:
     """Return a YAML file for every camera, with its place in the rig where there are several."""
     cameras = calibrated.cameras
     rig = to_first(calibrated.calibration)
-    found = brown.of_all(calibrated)
+    lenses = brown.of_all(calibrated)
     return Taken(
         files={
-            f"{file_stem(camera.name)}.yaml": _opencv_text(camera, found[camera.name], one)
-            for camera, one in zip(cameras, rig, strict=True)
+            f"{file_stem(camera.name)}.yaml": _opencv_text(camera, lenses[camera.name], head)
+            for camera, head in zip(cameras, rig, strict=True)
         },
-        lenses=brown.lenses(found),
+        lenses=brown.lenses(lenses),
         assumed=(*OPENCV_ASSUMED, *([OPENCV_RIG.format(cameras[0].name)] if rig[1:] else [])),
         left_out=(SIGMA, BODY),
     )
 
 
-def _opencv_text(camera: Camera, lens: Brown, one: Relative) -> str:
+def _opencv_text(camera: Camera, lens: Brown, head: Relative) -> str:
     """Return the file of a camera, with the names of OpenCV's own examples of calibration."""
-    T_h_r = one.T_v_r_h.inverse
+    T_h_r = head.T_v_r_h.inverse
     storage = cv2.FileStorage(".yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("image_width", camera.width_px)
     storage.write("image_height", camera.height_px)
@@ -183,20 +183,20 @@ PIX4D_EXTERNAL = "external_camera_parameters.txt"
 
 def _pix4d_cameras(calibrated: Calibrated) -> Taken:
     """Return a .cam file for every camera."""
-    found = brown.square(calibrated)
+    lenses = brown.square(calibrated)
     return Taken(
         files={
-            f"{file_stem(camera.name)}.cam": _pix4d_cam(camera, found[camera.name])
+            f"{file_stem(camera.name)}.cam": _pix4d_cam(camera, lenses[camera.name])
             for camera in calibrated.cameras
         },
-        lenses=brown.lenses(found),
+        lenses=brown.lenses(lenses),
         assumed=PIX4D_ASSUMED,
         left_out=(SIGMA, BODY, "the heads' places in a rig: --to micasense or opf has them"),
     )
 
 
 def _pix4d_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
-    """Return the same, and positions with omega, phi, kappa of the images."""
+    """Return the .cam files, and positions with omega, phi, kappa of the images."""
     alone = _pix4d_cameras(calibrated)
     if blank := [name for name in oriented.names if len(name.split()) != 1]:
         lacks = f"{blank[0]!r}: a name with blanks has no place there"
@@ -205,9 +205,9 @@ def _pix4d_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     table = orientations.in_grid(oriented).iloc[:, :7]
     lines = ["imageName X Y Z Omega Phi Kappa"]
     for name, *values in table.itertuples(index=False):
-        at, angles = values[:3], values[3:]
-        said = [*(f"{v:.6f}" for v in at), *(f"{v:.9f}" for v in angles)]
-        lines.append(" ".join([str(name), *said]))
+        position, angles = values[:3], values[3:]
+        cells = [*(f"{v:.6f}" for v in position), *(f"{v:.9f}" for v in angles)]
+        lines.append(" ".join([str(name), *cells]))
     grid = oriented.block.frame.grid
     axes = OPK.format(GRID.format(grid.crs, grid.heights))
     return Taken(
@@ -218,23 +218,23 @@ def _pix4d_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     )
 
 
-def _pix4d_cam(camera: Camera, one: Brown) -> str:
+def _pix4d_cam(camera: Camera, model: Brown) -> str:
     mm = camera.pixel_mm
     width, height = camera.width_px * mm, camera.height_px * mm
     values = {
         f"#Focal Length mm assuming a sensor width of {width:.9g}x{height:.9g}mm": {
-            "F": one.hole.fx * mm
+            "F": model.hole.fx * mm
         },
         "#Principal Point mm": {
-            "Px": (one.hole.cx + CORNER) * mm,
-            "Py": (one.hole.cy + CORNER) * mm,
+            "Px": (model.hole.cx + CORNER) * mm,
+            "Py": (model.hole.cy + CORNER) * mm,
         },
-        "#Symmetrical Lens Distortion Coeffs": {"K1": one.k1, "K2": one.k2, "K3": one.k3},
-        "#Tangential Lens Distortion Coeffs": {"T1": one.p1, "T2": one.p2},
+        "#Symmetrical Lens Distortion Coeffs": {"K1": model.k1, "K2": model.k2, "K3": model.k3},
+        "#Tangential Lens Distortion Coeffs": {"T1": model.p1, "T2": model.p2},
     }
     lines = ["Pix4D camera calibration file 0"]
-    for title, own in values.items():
-        lines += [title, *(f"{key} {value!r}" for key, value in own.items())]
+    for title, entries in values.items():
+        lines += [title, *(f"{key} {value!r}" for key, value in entries.items())]
     return "\n".join([*lines, ""])
 
 
@@ -260,16 +260,16 @@ MICASENSE_HEADER = "camera,rig_camera_index,a_deg,b_deg,c_deg,sigma_a_deg,sigma_
 def _micasense_cameras(calibrated: Calibrated) -> Taken:
     """Return a text of XMP tags for every head, and a table of all RigRelatives with sigma."""
     first = calibrated.cameras[0].name
-    found = brown.square(calibrated)
+    lenses = brown.square(calibrated)
     rig = to_first(calibrated.calibration)
     rows = list(enumerate(zip(calibrated.cameras, rig, strict=True)))
-    table = [MICASENSE_HEADER, *(_micasense_row(k, camera, one) for k, (camera, one) in rows)]
-    tags = [line for k, (c, one) in rows for line in _micasense_tags(k, c, one, found[c.name])]
+    table = [MICASENSE_HEADER, *(_micasense_row(k, camera, head) for k, (camera, head) in rows)]
+    tags = [line for k, (c, head) in rows for line in _micasense_tags(k, c, head, lenses[c.name])]
     assumed = (MICASENSE_ASSUMED[0].format(first, first), *MICASENSE_ASSUMED[1:])
-    angles = [line for k, (camera, one) in rows for line in _micasense_rig_tags(k, camera, one)]
+    angles = [line for k, (camera, head) in rows for line in _micasense_rig_tags(k, camera, head)]
     return Taken(
         files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(tags)},
-        lenses=brown.lenses(found),
+        lenses=brown.lenses(lenses),
         assumed=assumed,
         left_out=(MICASENSE_POSITIONS, BODY),
         without_lenses=Taken(
@@ -280,13 +280,13 @@ def _micasense_cameras(calibrated: Calibrated) -> Taken:
     )
 
 
-def _micasense_row(index: int, camera: Camera, one: Relative) -> str:
-    angles, sigma = _micasense_angles(one), np.degrees(one.sigma_opk)
+def _micasense_row(index: int, camera: Camera, head: Relative) -> str:
+    angles, sigma = _micasense_angles(head), np.degrees(head.sigma_opk)
     name = f'"{camera.name.replace(chr(34), chr(34) * 2)}"'
     return ",".join([name, str(index), *(f"{v:.6f}" for v in (*angles, *sigma))])
 
 
-def _micasense_tags(index: int, camera: Camera, one: Relative, lens: Brown) -> Iterator[str]:
+def _micasense_tags(index: int, camera: Camera, head: Relative, lens: Brown) -> Iterator[str]:
     """Yield the tags of a head, under its name in brackets."""
     mm = camera.pixel_mm
     distortion = (lens.k1, lens.k2, lens.k3, lens.p1, lens.p2)
@@ -296,25 +296,25 @@ def _micasense_tags(index: int, camera: Camera, one: Relative, lens: Brown) -> I
     yield f"Camera:PerspectiveFocalLength = {_micasense_listed(lens.hole.fx * mm)}"
     yield "Camera:PerspectiveFocalLengthUnits = mm"
     yield f"Camera:PerspectiveDistortion = {_micasense_listed(*distortion)}"
-    yield from _micasense_of_rig(index, one)
+    yield from _micasense_of_rig(index, head)
 
 
-def _micasense_rig_tags(index: int, camera: Camera, one: Relative) -> Iterator[str]:
+def _micasense_rig_tags(index: int, camera: Camera, head: Relative) -> Iterator[str]:
     """Yield the tags of a head's place in the rig alone, under its name in brackets."""
     yield f"[{camera.name}]"
-    yield from _micasense_of_rig(index, one)
+    yield from _micasense_of_rig(index, head)
 
 
-def _micasense_of_rig(index: int, one: Relative) -> Iterator[str]:
+def _micasense_of_rig(index: int, head: Relative) -> Iterator[str]:
     yield f"Camera:RigCameraIndex = {index}"
-    yield f"Camera:RigRelatives = {_micasense_listed(*_micasense_angles(one).tolist())}"
+    yield f"Camera:RigRelatives = {_micasense_listed(*_micasense_angles(head).tolist())}"
     yield "Camera:RigRelativesReferenceRigCameraIndex = 0"
     yield ""
 
 
-def _micasense_angles(one: Relative) -> Array:
+def _micasense_angles(head: Relative) -> Array:
     """Return a, b, c of a head in degrees."""
-    return np.degrees(one.T_v_r_h.opk) + 0.0  # no negative zeros
+    return np.degrees(head.T_v_r_h.opk) + 0.0  # no negative zeros
 
 
 def _micasense_listed(*values: float) -> str:
@@ -338,18 +338,18 @@ OPENSFM_WORLD = "the world is east, north, up at reference_lla: {}"
 
 def _opensfm_cameras(calibrated: Calibrated) -> Taken:
     """Return cameras.json, and rig_cameras.json where there are several cameras."""
-    found = brown.of_all(calibrated)
-    files = {"cameras.json": as_json(_opensfm_models(calibrated, found))}
+    lenses = brown.of_all(calibrated)
+    files = {"cameras.json": as_json(_opensfm_models(calibrated, lenses))}
     rig = to_first(calibrated.calibration)
     if rig[1:]:
         names = [camera.name for camera in calibrated.cameras]
-        poses = (_opensfm_pose(one.T_v_r_h.inverse) for one in rig)
+        poses = (_opensfm_pose(head.T_v_r_h.inverse) for head in rig)
         files["rig_cameras.json"] = as_json(dict(zip(names, poses, strict=True)))
-    said = [OPENSFM_RIG.format(calibrated.cameras[0].name)] if rig[1:] else []
+    sentences = [OPENSFM_RIG.format(calibrated.cameras[0].name)] if rig[1:] else []
     return Taken(
         files=files,
-        lenses=brown.lenses(found),
-        assumed=(*OPENSFM_ASSUMED, *said),
+        lenses=brown.lenses(lenses),
+        assumed=(*OPENSFM_ASSUMED, *sentences),
         left_out=(SIGMA, BODY),
     )
 
@@ -387,23 +387,23 @@ def _opensfm_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     )
 
 
-def _opensfm_models(calibrated: Calibrated, found: Mapping[str, Brown]) -> dict[str, Any]:
+def _opensfm_models(calibrated: Calibrated, lenses: Mapping[str, Brown]) -> dict[str, Any]:
     return {
-        camera.name: _opensfm_model(camera, found[camera.name]) for camera in calibrated.cameras
+        camera.name: _opensfm_model(camera, lenses[camera.name]) for camera in calibrated.cameras
     }
 
 
-def _opensfm_model(camera: Camera, one: Brown) -> dict[str, Any]:
+def _opensfm_model(camera: Camera, model: Brown) -> dict[str, Any]:
     longer = max(camera.width_px, camera.height_px)
     return {
         "projection_type": "brown",
         "width": camera.width_px,
         "height": camera.height_px,
-        "focal_x": one.hole.fx / longer,
-        "focal_y": one.hole.fy / longer,
-        "c_x": (one.hole.cx - (camera.width_px - 1) / 2) / longer,
-        "c_y": (one.hole.cy - (camera.height_px - 1) / 2) / longer,
-        **{name: getattr(one, name) for name in ("k1", "k2", "p1", "p2", "k3")},
+        "focal_x": model.hole.fx / longer,
+        "focal_y": model.hole.fy / longer,
+        "c_x": (model.hole.cx - (camera.width_px - 1) / 2) / longer,
+        "c_y": (model.hole.cy - (camera.height_px - 1) / 2) / longer,
+        **{name: getattr(model, name) for name in ("k1", "k2", "p1", "p2", "k3")},
     }
 
 
@@ -427,13 +427,13 @@ COLMAP_WORLD = "the world is Cartesian, m: east, north, up at {}"
 
 def _colmap_cameras(calibrated: Calibrated) -> Taken:
     """Return cameras.txt and rigs.txt; the first camera is the reference of the rig."""
-    found = brown.of_all(calibrated)
+    lenses = brown.of_all(calibrated)
     return Taken(
         files={
-            "cameras.txt": lines(_colmap_camera_lines(calibrated, found)),
+            "cameras.txt": lines(_colmap_camera_lines(calibrated, lenses)),
             "rigs.txt": lines([_colmap_rig_line(calibrated)]),
         },
-        lenses=brown.lenses(found),
+        lenses=brown.lenses(lenses),
         assumed=(COLMAP_ASSUMED[0], COLMAP_ASSUMED[1].format(calibrated.cameras[0].name)),
         left_out=(SIGMA, BODY),
     )
@@ -455,19 +455,19 @@ def _colmap_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
     )
 
 
-def _colmap_camera_lines(calibrated: Calibrated, found: dict[str, Brown]) -> Iterator[str]:
+def _colmap_camera_lines(calibrated: Calibrated, lenses: dict[str, Brown]) -> Iterator[str]:
     for i, camera in enumerate(calibrated.cameras, start=1):
-        one = found[camera.name]
-        hole = (one.hole.fx, one.hole.fy, one.hole.cx + CORNER, one.hole.cy + CORNER)
-        values = [*hole, one.k1, one.k2, one.p1, one.p2, one.k3, 0.0, 0.0, 0.0]
+        model = lenses[camera.name]
+        hole = (model.hole.fx, model.hole.fy, model.hole.cx + CORNER, model.hole.cy + CORNER)
+        values = [*hole, model.k1, model.k2, model.p1, model.p2, model.k3, 0.0, 0.0, 0.0]
         yield f"{i} FULL_OPENCV {camera.width_px} {camera.height_px} {numbers(values)}"
 
 
 def _colmap_rig_line(calibrated: Calibrated) -> str:
     others = to_first(calibrated.calibration)[1:]
     placed = [
-        f" CAMERA {i} 1 {_colmap_pose(one.T_v_r_h.inverse)}"
-        for i, one in enumerate(others, start=2)
+        f" CAMERA {i} 1 {_colmap_pose(head.T_v_r_h.inverse)}"
+        for i, head in enumerate(others, start=2)
     ]
     return f"1 {len(others) + 1} CAMERA 1{''.join(placed)}"
 
@@ -493,8 +493,8 @@ def _colmap_image_lines(calibrated: Calibrated, oriented: Oriented) -> Iterator[
 
 def _colmap_numbers_of_cameras(calibrated: Calibrated, oriented: Oriented) -> list[int]:
     names = [camera.name for camera in calibrated.cameras]
-    own = [names.index(camera.name) + 1 for camera in oriented.block.cameras]
-    return [own[k] for k in oriented.block.images.camera_idx]
+    number_of = [names.index(camera.name) + 1 for camera in oriented.block.cameras]
+    return [number_of[k] for k in oriented.block.images.camera_idx]
 
 
 def _colmap_from_world(T_m_c: Pose) -> Pose:
@@ -527,21 +527,21 @@ MICMAC_FOLDER = "Ori-acx4"
 def _micmac_cameras(calibrated: Calibrated) -> Taken:
     """Return a calibration for every camera."""
     near = brown.skewed(calibrated)
-    found = {
+    fitted = {
         camera.name: _micmac_fitted(camera, near[camera.name]) for camera in calibrated.cameras
     }
     return Taken(
         files={
-            _micmac_file(c): _micmac_calibration(c, found[c.name][0]) for c in calibrated.cameras
+            _micmac_file(c): _micmac_calibration(c, fitted[c.name][0]) for c in calibrated.cameras
         },
-        lenses={name: left for name, (_, left) in found.items()},
+        lenses={name: left for name, (_, left) in fitted.items()},
         assumed=MICMAC_ASSUMED,
         left_out=(SIGMA, BODY, "the heads' places in a rig"),
     )
 
 
 def _micmac_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
-    """Return the same, and the orientations of the images."""
+    """Return the calibrations, and the orientations of the images."""
     alone, block = _micmac_cameras(calibrated), oriented.block
     files = {
         f"{MICMAC_FOLDER}/Orientation-{file_stem(name)}.xml": _micmac_orientation(
@@ -561,12 +561,15 @@ def _micmac_file(camera: Camera) -> str:
     return f"{MICMAC_FOLDER}/AutoCal-{file_stem(camera.name)}.xml"
 
 
-def _micmac_fitted(camera: Camera, one: Brown) -> tuple[Array, Left]:
+def _micmac_fitted(camera: Camera, model: Brown) -> tuple[Array, Left]:
     """Return f, cx, cy, k1, k2, p1, p2, k3, b1, b2, as `brown.pixels` has them."""
-    f, affinity = one.hole.fy, (one.hole.fx / one.hole.fy - 1, one.hole.skew / one.hole.fy)
-    hole = (f, one.hole.cx, one.hole.cy)
-    start = np.array([*hole, one.k1, one.k2, one.p1, one.p2, one.k3, *affinity])
-    return lens.model_of(camera, brown.pixels, start) if any(affinity) else (start, one.left)
+    f, affinity = (
+        model.hole.fy,
+        (model.hole.fx / model.hole.fy - 1, model.hole.skew / model.hole.fy),
+    )
+    hole = (f, model.hole.cx, model.hole.cy)
+    start = np.array([*hole, model.k1, model.k2, model.p1, model.p2, model.k3, *affinity])
+    return lens.model_of(camera, brown.pixels, start) if any(affinity) else (start, model.left)
 
 
 def _micmac_calibration(camera: Camera, values: Array) -> str:

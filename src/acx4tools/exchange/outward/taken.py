@@ -1,4 +1,4 @@
-"""What is taken out of results for another program, and the folder in which it is written."""
+"""Files that are exported for another program, and their folder."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ refused."""
 
 SIGMA = "standard deviations and covariance: parameters.csv and covariance.csv have them"
 BODY = "boresight and lever arm: --to toml has them"
-"""What many formats have no place for."""
+"""Sentences on parts that many formats cannot hold."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +51,7 @@ class Taken:
 
 
 def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
-    """Return what is taken where lenses are near enough, else what is worth having without them.
+    """Return an export if its lenses are near enough, else its part without lenses.
 
     Raises
     ------
@@ -71,9 +71,9 @@ def near(taken: Taken, allowed_px: float = LARGEST_PX) -> Taken:
 def _require_near(taken: Taken, allowed_px: float = LARGEST_PX) -> None:
     """Raise an OutputError where a lens differs by more than is allowed."""
     far = {
-        name: one
-        for name, one in taken.lenses.items()
-        if not one.largest_px <= (max(allowed_px, WORST_PX) if one.returned else allowed_px)
+        name: refit
+        for name, refit in taken.lenses.items()
+        if not refit.largest_px <= (max(allowed_px, WORST_PX) if refit.returned else allowed_px)
     }
     if far:
         name, difference = max(far.items(), key=lambda item: item[1].largest_px)
@@ -87,27 +87,28 @@ def _require_near(taken: Taken, allowed_px: float = LARGEST_PX) -> None:
 
 def sentences(taken: Taken) -> tuple[str, ...]:
     """Return a sentence for each lens on its difference."""
-    of = {
+    phrases = {
         False: "lens refitted over the whole image, off",
         True: "lens not estimated, so that it goes back as it came: the flight's camera is off",
     }
     return tuple(
-        f"{name}: {of[one.returned]} by at most {one.largest_px:.4f} px, rms {one.rms_px:.4f} px"
-        for name, one in taken.lenses.items()
+        f"{name}: {phrases[refit.returned]} by at most {refit.largest_px:.4f} px, "
+        f"rms {refit.rms_px:.4f} px"
+        for name, refit in taken.lenses.items()
     )
 
 
 def _statement(taken: Taken, *, title: str, origin: str) -> str:
-    """Return export.md: what was written, in which conventions, and what was left out."""
+    """Return the text of export.md: lenses, conventions, and the parts left out."""
     parts = {
         "Lenses": sentences(taken),
         "Conventions": taken.assumed,
         "Left out": taken.left_out,
     }
     lines = [f"# {title}", "", f"{origin[0].upper()}{origin[1:]}.", ""]
-    for name, said in parts.items():
-        if said:
-            lines += [f"## {name}", "", *(f"- {one}" for one in said), ""]
+    for name, texts in parts.items():
+        if texts:
+            lines += [f"## {name}", "", *(f"- {text}" for text in texts), ""]
     return "\n".join(lines)
 
 
@@ -129,13 +130,13 @@ def write(taken: Taken, folder: Path, *, title: str, origin: str) -> None:
         Where the folder is somebody else's.
     """
     texts = {**taken.files, STATEMENT: _statement(taken, title=title, origin=origin)}
-    with own_folder.claim(folder, command=COMMAND) as own:
-        own.expect(texts)
+    with own_folder.claim(folder, command=COMMAND) as claimed:
+        claimed.expect(texts)
         for name in texts:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
         write_all({folder / name: text for name, text in texts.items()})
-        own.remove([name for name in own.files if name not in texts])
-        own.seal()
+        claimed.remove([name for name in claimed.files if name not in texts])
+        claimed.seal()
 
 
 # --- Numbers, JSON and XML as text: numbers with all the digits that they have

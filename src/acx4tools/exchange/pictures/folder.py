@@ -107,9 +107,9 @@ def bring(
     shots, without = _placed(_shots(taken))
     shots, decided = _decided(shots)
     heads = metadata.in_order(
-        list({one.head.name: one.head for s in shots for one in s.taken}.values())
+        list({picture.head.name: picture.head for s in shots for picture in s.taken}.values())
     )
-    first = {one.head.name: one.tags for shot in reversed(shots) for one in shot.taken}
+    first = {picture.head.name: picture.tags for shot in reversed(shots) for picture in shot.taken}
     known = None if pixel_um is None else pixel_um / 1000
     lenses = {h.name: lens_of(first[h.name], h.name, known_pixel_mm=known) for h in heads}
     for name, lens in lenses.items():
@@ -119,7 +119,7 @@ def bring(
     in_heads = {"heads", "calibration"} <= blocks.keys()
     return Brought(
         source=f"pictures of {_maker(taken)}",
-        sha256={**{one.file: one.tags.sha256 for one in taken}, **sums},
+        sha256={**{picture.file: picture.tags.sha256 for picture in taken}, **sums},
         settings={
             **_settings(source, shots, heads, lenses, crs, in_heads=in_heads),
             **(_HELD if in_heads and _is_navigation(shots) else {}),
@@ -128,15 +128,15 @@ def bring(
             "control_points.csv": {n: [] for n in ("point", "east_m", "north_m", "height_m")},
             **{
                 f"{block}/{name}": table
-                for block, own in blocks.items()
-                for name, table in _tables(own).items()
+                for block, block_shots in blocks.items()
+                for name, table in _tables(block_shots).items()
             },
         },
         pictures={
-            f"{block}/{one.file}": one.tags.path
-            for block, own in blocks.items()
-            for shot in own
-            for one in shot.taken
+            f"{block}/{picture.file}": picture.tags.path
+            for block, block_shots in blocks.items()
+            for shot in block_shots
+            for picture in shot.taken
         },
         warnings=(
             *(_warnings_of(_marks(shots))),
@@ -170,8 +170,8 @@ def _blocks(
     held = shots[hold_out - 1 :: hold_out]
     if not held or len(held) == len(shots):
         path = shots[0].taken[0].tags.path.parent
-        found = f"{hold_out} of {number_of(len(shots), 'exposures')}"
-        raise refusal(str(path), 1, "--hold-out", found, "must leave exposures on either side")
+        count = f"{hold_out} of {number_of(len(shots), 'exposures')}"
+        raise refusal(str(path), 1, "--hold-out", count, "must leave exposures on either side")
     kept = [shot for k, shot in enumerate(shots, start=1) if k % hold_out]
     heads = {"heads": kept} if is_rig else {}
     return {**heads, "calibration": kept, "validation": held}
@@ -186,7 +186,7 @@ def _is_navigation(shots: Sequence[_Shot]) -> bool:
 
 
 def _on_blocks(shots: Sequence[_Shot], hold_out: int | None, *, in_heads: bool) -> Iterator[str]:
-    """Yield what is held out, and what is held."""
+    """Yield sentences on exposures that are held out and parameters that are held."""
     if hold_out is not None:
         n = len(shots[hold_out - 1 :: hold_out])
         yield (
@@ -211,8 +211,8 @@ def _read_all(source: Path) -> list[_Taken]:
         raise refusal(str(source), 1, "folder", "is no folder", "must be one with pictures")
     paths = sorted(p for p in source.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
     if not 0 < len(paths) <= MOST:
-        found = f"holds {len(paths)} pictures ({', '.join(SUFFIXES)})"
-        raise refusal(str(source), 1, "folder", found, f"must hold 1 to {MOST}")
+        count = f"holds {len(paths)} pictures ({', '.join(SUFFIXES)})"
+        raise refusal(str(source), 1, "folder", count, f"must hold 1 to {MOST}")
     taken: list[_Taken] = []
     problems: list[str] = []
     for path in paths:
@@ -229,13 +229,13 @@ def _read_all(source: Path) -> list[_Taken]:
 
 def _marked(taken: Sequence[_Taken]) -> tuple[list[_Taken], dict[str, str]]:
     """Return the pictures with the marks of files beside them, and the checksums of these."""
-    folders = {one.tags.path.parent for one in taken}
-    found = {folder: marks_of(folder) for folder in sorted(folders)}
-    sums = {name: value for _, own in found.values() for name, value in own.items()}
-    numbers = [_number_in(metadata.name_of(one.tags)) for one in taken]
+    folders = {picture.tags.path.parent for picture in taken}
+    marks = {folder: marks_of(folder) for folder in sorted(folders)}
+    sums = {name: value for _, digests in marks.values() for name, value in digests.items()}
+    numbers = [_number_in(metadata.name_of(picture.tags)) for picture in taken]
     return [
-        replace(one, mark=None if k is None else found[one.tags.path.parent][0].get(k))
-        for one, k in zip(taken, numbers, strict=True)
+        replace(picture, mark=None if k is None else marks[picture.tags.path.parent][0].get(k))
+        for picture, k in zip(taken, numbers, strict=True)
     ], sums
 
 
@@ -246,11 +246,11 @@ def _marks(shots: Sequence[_Shot]) -> list[Mark]:
 def _cut(taken: Sequence[_Taken]) -> Iterator[str]:
     """Yield a warning where EXIF says that pictures were larger when they were taken."""
     pairs = Counter(
-        (one.tags.width_px, one.tags.height_px, width, height)
-        for one in taken
-        if (width := one.tags.number("PixelXDimension"))
-        and (height := one.tags.number("PixelYDimension"))
-        and {width, height} != {one.tags.width_px, one.tags.height_px}
+        (picture.tags.width_px, picture.tags.height_px, width, height)
+        for picture in taken
+        if (width := picture.tags.number("PixelXDimension"))
+        and (height := picture.tags.number("PixelYDimension"))
+        and {width, height} != {picture.tags.width_px, picture.tags.height_px}
     )
     for (width, height, before_w, before_h), n in pairs.items():
         yield (
@@ -272,9 +272,11 @@ def _decided(shots: Sequence[_Shot]) -> tuple[list[_Shot], list[str]]:
     if not other:
         return list(shots), []
 
-    is_aircraft, said = _judged([(shot.taken[0].tags, _place(shot)) for shot in shots], both, other)
+    is_aircraft, message = _judged(
+        [(shot.taken[0].tags, _place(shot)) for shot in shots], both, other
+    )
     turned = {k: replace(shots[k], heading=both[k][1]) for k in other if is_aircraft}
-    return [turned.get(k, shot) for k, shot in enumerate(shots)], [said]
+    return [turned.get(k, shot) for k, shot in enumerate(shots)], [message]
 
 
 def _apart(a: float, b: float) -> float:
@@ -283,36 +285,36 @@ def _apart(a: float, b: float) -> float:
 
 
 def _alike(taken: Sequence[_Taken]) -> tuple[list[_Taken], list[str]]:
-    """Return the pictures of the size and kind that most have, and what is said of the others."""
-    kinds = Counter(_kind(one) for one in taken)
+    """Return the pictures of the most frequent size and kind, and a message on the others."""
+    kinds = Counter(_kind(picture) for picture in taken)
     usual = max(kinds, key=lambda kind: (kinds[kind], kind))
-    others = [one for one in taken if _kind(one) != usual]
-    said = []
+    others = [picture for picture in taken if _kind(picture) != usual]
+    messages = []
     if others:
         width, height, samples, bits = usual
-        said = [
+        messages = [
             f"{number_of(len(others), 'pictures')} of another kind than {width} x {height} px, "
-            f"{samples} x {bits} bit: {_some([one.tags.path.name for one in others])}"
+            f"{samples} x {bits} bit: {_some([picture.tags.path.name for picture in others])}"
         ]
-    return [one for one in taken if _kind(one) == usual], said
+    return [picture for picture in taken if _kind(picture) == usual], messages
 
 
-def _kind(one: _Taken) -> tuple[int, int, int, int]:
-    return one.tags.width_px, one.tags.height_px, one.tags.samples, one.tags.bits
+def _kind(picture: _Taken) -> tuple[int, int, int, int]:
+    return picture.tags.width_px, picture.tags.height_px, picture.tags.samples, picture.tags.bits
 
 
 def _shots(taken: Sequence[_Taken]) -> list[_Shot]:
     """Return the exposures in the order of time; a head has one picture of each."""
-    ordered = sorted(taken, key=lambda one: metadata.key(one.tags))
-    groups = [tuple(g) for _, g in groupby(ordered, key=lambda one: metadata.key(one.tags))]
+    ordered = sorted(taken, key=lambda picture: metadata.key(picture.tags))
+    groups = [tuple(g) for _, g in groupby(ordered, key=lambda picture: metadata.key(picture.tags))]
     for group in groups:
-        names = [one.head.name for one in group]
+        names = [picture.head.name for picture in group]
         ((again, times),) = Counter(names).most_common(1)
         if times > 1:
-            first, second, *_ = [one.tags for one in group if one.head.name == again]
-            found = f"{again} as in {first.path} of the same exposure"
+            first, second, *_ = [picture.tags for picture in group if picture.head.name == again]
+            duplicate = f"{again} as in {first.path} of the same exposure"
             raise second.wrong(
-                f"{metadata.INDEX}, {metadata.BAND}", found, "must be another head's"
+                f"{metadata.INDEX}, {metadata.BAND}", duplicate, "must be another head's"
             )
     groups.sort(key=lambda group: (_when(group[0].tags), str(group[0].tags.path)))
     names = [metadata.name_of(group[0].tags) for group in groups]
@@ -332,15 +334,15 @@ def _when(tags: Tags) -> float:
 
 
 def _placed(shots: Sequence[_Shot]) -> tuple[list[_Shot], list[str]]:
-    """Return the exposures that have a position, and what is said of the others."""
+    """Return the exposures with a position, and a message on the others."""
     known = [_found_place(shot) is not None for shot in shots]
     placed = [shot for shot, there in zip(shots, known, strict=True) if there]
     if not placed:
         tags, expected = shots[0].taken[0].tags, "needed, and no other picture has a position"
         raise tags.wrong("GPSLatitude, GPSLongitude, GPSAltitude", "missing", expected)
     without = [shot.name for shot, there in zip(shots, known, strict=True) if not there]
-    said = f"{number_of(len(without), 'exposures')} without a position: {_some(without)}"
-    return placed, [said] if without else []
+    message = f"{number_of(len(without), 'exposures')} without a position: {_some(without)}"
+    return placed, [message] if without else []
 
 
 def _some(names: Sequence[str]) -> str:
@@ -416,12 +418,12 @@ def _utm(lat: float, lon: float) -> str:
 
 
 def _tables(shots: Sequence[_Shot]) -> dict[str, dict[str, list[Any]]]:
-    rows = [(shot, one) for shot in shots for one in shot.taken]
+    rows = [(shot, picture) for shot in shots for picture in shot.taken]
     images = {
-        "image": [f"{shot.name} {one.head.name}" for shot, one in rows],
-        "camera": [one.head.name for _, one in rows],
+        "image": [f"{shot.name} {picture.head.name}" for shot, picture in rows],
+        "camera": [picture.head.name for _, picture in rows],
         "exposure": [shot.name for shot, _ in rows],
-        "file": [one.file for _, one in rows],
+        "file": [picture.file for _, picture in rows],
     }
     points: dict[str, list[Any]] = {n: [] for n in ("image", "point", "col_px", "row_px")}
     return {"images.csv": images, "image_points.csv": points, "trajectory.csv": _trajectory(shots)}
@@ -435,9 +437,9 @@ def _trajectory(shots: Sequence[_Shot]) -> dict[str, list[Any]]:
         "lat_deg": [round(lat, 9) for lat, _, _ in places],
         "lon_deg": [round(lon, 9) for _, lon, _ in places],
         "height_m": [round(height, 4) for _, _, height in places],
-        "roll_deg": [round(one.roll, 6) for one in held],
-        "pitch_deg": [round(one.pitch, 6) for one in held],
-        "heading_deg": [round(one.heading, 6) for one in held],
+        "roll_deg": [round(attitude.roll, 6) for attitude in held],
+        "pitch_deg": [round(attitude.pitch, 6) for attitude in held],
+        "heading_deg": [round(attitude.heading, 6) for attitude in held],
     }
     times = [metadata.time_of(shot.taken[0].tags) for shot in shots]
     if all(time is not None for time in times):
@@ -448,7 +450,7 @@ def _trajectory(shots: Sequence[_Shot]) -> dict[str, list[Any]]:
         table[f"sigma_{axis}_m"] = sigma[:, k].tolist()
     for axis in ("roll", "pitch", "heading"):
         name = "sigma_heading" if axis == "heading" else "sigma_tilt"
-        table[f"sigma_{axis}_deg"] = [getattr(one, name) for one in held]
+        table[f"sigma_{axis}_deg"] = [getattr(attitude, name) for attitude in held]
     return table
 
 
@@ -468,16 +470,16 @@ def _sigma(shot: _Shot) -> tuple[float, float, float]:
     """Return sigma of a position; of a navigation receiver where no picture says it."""
     if (mark := shot.taken[0].mark) is not None and min(mark.sigma_m) > 0:
         return mark.sigma_m
-    known = (metadata.sigma_of(one.tags) for one in shot.taken)
+    known = (metadata.sigma_of(picture.tags) for picture in shot.taken)
     return next((sigma for sigma in known if sigma is not None), (3.0, 3.0, 6.0))
 
 
 def _attitude(shot: _Shot, heading: float) -> Attitude:
-    found = metadata.attitude_of(shot.taken[0].tags)
-    if found is not None and shot.heading is not None:
-        return replace(found, heading=shot.heading)
+    attitude = metadata.attitude_of(shot.taken[0].tags)
+    if attitude is not None and shot.heading is not None:
+        return replace(attitude, heading=shot.heading)
     tilt, turn = _LEVEL
-    return found or Attitude(
+    return attitude or Attitude(
         roll=0.0,
         pitch=0.0,
         heading=heading,
@@ -492,35 +494,35 @@ def _attitude(shot: _Shot, heading: float) -> Attitude:
 
 def _assumed(shots: Sequence[_Shot], heads: Sequence[Head]) -> list[str]:
     ways = dict.fromkeys(_attitude(shot, 0.0).said for shot in shots)
-    said = [
+    sentences = [
         *_whose_positions(shots),
         "times are EXIF's: UTC of MicaSense, the clock's zone of others",
         "the camera looks down, and the top of its image is ahead",
         f"attitudes: {'; '.join(ways)}",
         "pixels: (0, 0) is the centre of the first one; principal points count from there",
     ]
-    return [*said, *([metadata.sentence(heads)] if len(heads) > 1 else [])]
+    return [*sentences, *([metadata.sentence(heads)] if len(heads) > 1 else [])]
 
 
 def _whose_positions(shots: Sequence[_Shot]) -> Iterator[str]:
-    """Yield whose positions and heights these are."""
-    own = [shot for shot in shots if shot.taken[0].mark is None]
-    ellipsoidal = [shot for shot in own if metadata.ellipsoidal(shot.taken[0].tags) is not None]
+    """Yield sentences on the origin of positions and heights."""
+    bare = [shot for shot in shots if shot.taken[0].mark is None]
+    ellipsoidal = [shot for shot in bare if metadata.ellipsoidal(shot.taken[0].tags) is not None]
     if ellipsoidal:
         yield (
             "positions are EXIF's, in WGS 84; heights are senseFly's above the ellipsoid, not "
             "those above the sea that stand beside them"
         )
-    elif own:
+    elif bare:
         yield (
             "positions are EXIF's, in WGS 84; heights are taken as they are, above an unnamed "
             "surface"
         )
-    if len(own) < len(shots):
+    if len(bare) < len(shots):
         yield _sentence(_marks(shots), _beside(shots))
-        if own:
-            names = _some([shot.name for shot in own])
-            yield f"{number_of(len(own), 'exposures')} without a mark have EXIF's heights: {names}"
+        if bare:
+            names = _some([shot.name for shot in bare])
+            yield f"{number_of(len(bare), 'exposures')} without a mark have EXIF's heights: {names}"
 
 
 def _beside(shots: Sequence[_Shot]) -> dict[str, tuple[float, float]]:
@@ -558,7 +560,7 @@ def _clock(shots: Sequence[_Shot]) -> Iterator[str]:
         if time is None or not isinstance(parts, tuple):
             continue
         pairs = [parts[i : i + 2] for i in (0, 2, 4)] if len(parts) == 6 else list(parts)
-        hours, minutes, seconds = (rational(one) for one in pairs)
+        hours, minutes, seconds = (rational(pair) for pair in pairs)
         utc = 3600 * hours + 60 * minutes + seconds
         day = time.hour * 3600 + time.minute * 60 + time.second + time.microsecond / 1e6
         off.append((day - utc + ZONES_S / 2) % ZONES_S - ZONES_S / 2)
@@ -578,16 +580,16 @@ def _found(
     n = sum(len(shot.taken) for shot in shots)
     whole = sum(len(shot.taken) == len(heads) for shot in shots)
     f = [lens.camera.interior.f for lens in lenses.values()]
-    left = max((lens.fitted for lens in lenses.values()), key=lambda one: one.largest_px)
-    said = [
+    worst = max((lens.fitted for lens in lenses.values()), key=lambda fitted: fitted.largest_px)
+    sentences = [
         f"{number_of(n, 'pictures')} of {number_of(len(heads), 'heads')} at "
         f"{number_of(len(shots), 'exposures')}, {whole} of these complete",
         f"focal lengths {min(f):.3f} to {max(f):.3f} mm; "
         f"{'; '.join(dict.fromkeys(lens.said for lens in lenses.values()))}",
-        f"lenses rewritten with k1 to p2 of the flight leave {left}",
+        f"lenses rewritten with k1 to p2 of the flight leave {worst}",
     ]
     return [
-        *said,
+        *sentences,
         *_clock(shots),
         *_take_off(shots),
         *metadata.sentences([first[head.name] for head in heads]),
@@ -595,7 +597,7 @@ def _found(
 
 
 def _take_off(shots: Sequence[_Shot]) -> list[str]:
-    """Return the height of the ground at take-off, by heights above it, and what it is for."""
+    """Return a sentence on the height of the ground at take-off, from heights above it."""
     above = ((shot, shot.taken[0].tags.number(metadata.ABOVE_TAKE_OFF)) for shot in shots)
     ground = [_place(shot)[2] - height for shot, height in above if height is not None]
     if not ground:
@@ -665,7 +667,7 @@ def marks_of(folder: Path) -> tuple[dict[int, Mark], dict[str, str]]:
     FlightError
         For a line that is none, and a number that comes twice.
     """
-    found: dict[int, Mark] = {}
+    marks: dict[int, Mark] = {}
     sums: dict[str, str] = {}
     for path in sorted(p for p in folder.iterdir() if p.suffix.lower() == SUFFIX):
         file = opened.read(path)
@@ -673,18 +675,18 @@ def marks_of(folder: Path) -> tuple[dict[int, Mark], dict[str, str]]:
         for number, text in enumerate(file.text().splitlines(), start=1):
             if text.strip():
                 exposure, mark = _mark(file, number, text)
-                if exposure in found:
+                if exposure in marks:
                     expected = "must be there once in the files of a folder"
                     raise file.wrong("number", f"line {number}: {exposure} again", expected)
-                found[exposure] = mark
-    return found, sums
+                marks[exposure] = mark
+    return marks, sums
 
 
 def _mark(file: Opened, number: int, text: str) -> tuple[int, Mark]:
     """Return an exposure's number, and where its camera was."""
     match = _LINE.fullmatch(text)
     try:
-        values = [] if match is None else [float(one) for one in match.groups()]
+        values = [] if match is None else [float(cell) for cell in match.groups()]
     except ValueError:
         values = []
     if not values or not np.all(np.isfinite(values)) or abs(values[5]) >= POLE_DEG:
@@ -726,21 +728,21 @@ def _warnings_of(marks: Sequence[Mark]) -> list[str]:
     kinds = ", ".join(
         f"{n} with flag {flag} ({FLAGS.get(flag, 'not fixed')})" for flag, n in sorted(bad.items())
     )
-    of = number_of(len(marks), "exposures")
-    return [f"positions of {of} are by Timestamp.MRK, of which not all are fixed: {kinds}"]
+    counted = number_of(len(marks), "exposures")
+    return [f"positions of {counted} are by Timestamp.MRK, of which not all are fixed: {kinds}"]
 
 
 def _sentence(marks: Sequence[Mark], others: Mapping[str, tuple[float, float]]) -> str:
     """Return what was done with the marks of exposures."""
     offset = float(np.median([mark.offset_m for mark in marks]))
-    said = (
+    text = (
         f"positions of {number_of(len(marks), 'exposures')} are those of the antenna in "
         f"Timestamp.MRK, joined by number and moved by {offset:.3f} m (median) to the camera; "
         "heights are above the ellipsoid"
     )
     for whose, (plane, height) in others.items():
-        said += f"; {whose} lie {plane:.3f} m beside them and {height:+.3f} m above (medians)"
-    return said
+        text += f"; {whose} lie {plane:.3f} m beside them and {height:+.3f} m above (medians)"
+    return text
 
 
 # --- Where the top of a picture points, by the next picture of its strip and the way between them
@@ -802,7 +804,7 @@ def _is_straight(first: tuple[float, float], second: tuple[float, float]) -> boo
 def _heading_by(
     first: Path, second: Path, step: tuple[float, float], size: tuple[int, int]
 ) -> float | None:
-    """Return the heading of the top of two pictures that look down, taken one after the other.
+    """Return the heading of the top of two vertical pictures, taken one after the other.
 
     What is on the ground moves through the picture against the way of the camera.
     """
@@ -810,7 +812,7 @@ def _heading_by(
     if len(grey) < 2:
         return None
     sift = cv2.SIFT.create(nfeatures=3000, contrastThreshold=0.02)
-    (at_a, words_a), (at_b, words_b) = (sift.detectAndCompute(one, None) for one in grey)
+    (at_a, words_a), (at_b, words_b) = (sift.detectAndCompute(pixels, None) for pixels in grey)
     if min(len(at_a), len(at_b)) < LEAST:
         return None
     pairs = cv2.BFMatcher().knnMatch(words_a, words_b, k=2)

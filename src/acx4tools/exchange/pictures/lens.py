@@ -88,7 +88,7 @@ def lens_of(tags: Tags, name: str, *, known_pixel_mm: float | None = None) -> Le
 
 
 def _pixel_mm(tags: Tags) -> float | None:
-    """Return the pixel size that EXIF's resolution of the focal plane means; None without it."""
+    """Return the pixel size, mm, by EXIF's resolution of the focal plane; None without it."""
     resolution = tags.number("FocalPlaneXResolution")
     unit = int(tags.number("FocalPlaneResolutionUnit") or 2)
     if resolution is None or resolution <= 0:
@@ -125,8 +125,8 @@ def _calibrated(tags: Tags, name: str) -> Lens:
     centre = np.array(tags.numbers(POINT, 2) or np.array(_middle(tags)) * pixel) / pixel
     k1, k2, k3, p1, p2 = tags.numbers(DISTORTION, 5) or (0.0,) * 5
     unit = "px" if tags.numbers(FOCAL)[0] > PX_OF_WIDTH * tags.width_px else "mm"
-    said = f"focal length in {unit}, principal point and distortion from XMP, {FOCAL}"
-    return _made(tags, name, pixel, (f, f, *centre), (k1, k2, p1, p2, k3), said=said)
+    origin = f"focal length in {unit}, principal point and distortion from XMP, {FOCAL}"
+    return _made(tags, name, pixel, (f, f, *centre), (k1, k2, p1, p2, k3), said=origin)
 
 
 def _fisheye(tags: Tags, name: str) -> Lens:
@@ -145,13 +145,13 @@ def _fisheye(tags: Tags, name: str) -> Lens:
     col, row = values[POINT]
     size = (tags.width_px, tags.height_px)
     centre = (col / pixel, row / pixel)
-    found = lens_models.fisheye(p, (c, d, e, f), centre, size=size, wrong=_wrong(tags))
-    said = f"fisheye lens from XMP, {POLYNOMIAL} and {MATRIX}"
-    return _nearest(found, tags, name, pixel, said=said)
+    model = lens_models.fisheye(p, (c, d, e, f), centre, size=size, wrong=_wrong(tags))
+    origin = f"fisheye lens from XMP, {POLYNOMIAL} and {MATRIX}"
+    return _nearest(model, tags, name, pixel, said=origin)
 
 
 def _wrong(tags: Tags) -> Wrong:
-    return lambda found, expected: tags.wrong("lens", found, expected)
+    return lambda fault, expected: tags.wrong("lens", fault, expected)
 
 
 def _pixel_needed(tags: Tags) -> float:
@@ -174,14 +174,14 @@ def _dewarped(tags: Tags, name: str) -> Lens:
     middle = _middle(tags)
     if tags.text("drone-dji:DewarpFlag") == "1":
         distortion = [0.0] * 5
-    said = f"calibration from XMP, {DEWARP}"
+    origin = f"calibration from XMP, {DEWARP}"
     return _made(
         tags,
         name,
         _any_pixel(tags),
         (fx, fy, middle[0] + cx, middle[1] + cy),
         distortion,
-        said=said,
+        said=origin,
     )
 
 
@@ -189,8 +189,8 @@ def _designed(tags: Tags, name: str) -> Lens:
     f = tags.numbers(DESIGNED, 1)[0]
     centre = [tags.number(key) for key in CENTRE]
     cx, cy = (m if c is None else c - 0.5 for c, m in zip(centre, _middle(tags), strict=True))
-    said = f"designed focal length from XMP, {DESIGNED}, no distortion"
-    return _made(tags, name, _any_pixel(tags), (f, f, cx, cy), (0.0,) * 5, said=said)
+    origin = f"designed focal length from XMP, {DESIGNED}, no distortion"
+    return _made(tags, name, _any_pixel(tags), (f, f, cx, cy), (0.0,) * 5, said=origin)
 
 
 def _nominal(tags: Tags, name: str) -> Lens:
@@ -200,17 +200,17 @@ def _nominal(tags: Tags, name: str) -> Lens:
         _pixel_mm(tags),
     )
     if f_mm and pixel:
-        f, said = f_mm / pixel, "focal length and pixel size from EXIF, no distortion"
+        f, origin = f_mm / pixel, "focal length and pixel size from EXIF, no distortion"
     elif film:
         f = film / WIDTH_35_MM * tags.width_px
-        said = "focal length of 35 mm film from EXIF, no distortion: approximate by some per cent"
+        origin = "focal length of 35 mm film from EXIF, no distortion: approximate by some per cent"
     else:
         expected = (
             "neither XMP nor EXIF says how many pixels the focal length has; the size of a pixel, "
             "--pixel-um, is needed"
         )
         raise tags.wrong("FocalPlaneXResolution, FocalLengthIn35mmFilm", "missing", expected)
-    return _made(tags, name, _any_pixel(tags, f), (f, f, *_middle(tags)), (0.0,) * 5, said=said)
+    return _made(tags, name, _any_pixel(tags, f), (f, f, *_middle(tags)), (0.0,) * 5, said=origin)
 
 
 def _any_pixel(tags: Tags, f_px: float | None = None) -> float:
@@ -233,10 +233,10 @@ def _made(
     *,
     said: str,
 ) -> Lens:
-    """Return the library's camera nearest to one of OpenCV, whose terms all vendors have."""
+    """Return the camera nearest to an OpenCV camera, whose terms all vendors have."""
     fx, fy, cx, cy = matrix
     try:
-        found = lens_models.Lens(
+        model = lens_models.Lens(
             width_px=tags.width_px,
             height_px=tags.height_px,
             hole=Pinhole(fx=fx, fy=fy, cx=cx, cy=cy),
@@ -245,13 +245,13 @@ def _made(
         )
     except ValueError as error:
         raise tags.wrong("lens", str(error), "must be one of a camera") from None
-    return _nearest(found, tags, name, pixel, said=said)
+    return _nearest(model, tags, name, pixel, said=said)
 
 
-def _nearest(found: lens_models.Lens, tags: Tags, name: str, pixel: float, *, said: str) -> Lens:
+def _nearest(model: lens_models.Lens, tags: Tags, name: str, pixel: float, *, said: str) -> Lens:
     """Return the camera nearest to a lens, with digits that mean something."""
     try:
-        camera, left = found.nearest(name, pixel)
+        camera, left = model.nearest(name, pixel)
     except (ValueError, ArithmeticError) as error:
         raise tags.wrong("lens", str(error), "must be one of a camera") from None
     numbers = {key: float(f"{value:.12g}") for key, value in vars(camera.interior).items()}

@@ -1,4 +1,4 @@
-"""What the metadata of one picture say: when and where it was taken, in which attitude, by whom."""
+"""Metadata of one picture: its time, position, attitude and head."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _HEADS_OF_NAME = re.compile(r"(.+?)_\d{1,2}$")
 
 @dataclass(frozen=True, kw_only=True)
 class Attitude:
-    """Roll, pitch and heading, degrees, sigma of them, and what they are from."""
+    """Roll, pitch and heading, degrees, their sigma, and their origin."""
 
     roll: float
     pitch: float
@@ -42,19 +42,19 @@ class Attitude:
 
 
 def key(tags: Tags) -> str:
-    """Return what the pictures of one exposure have in common: an identifier, or their name.
+    """Return the key that the pictures of one exposure share: an identifier, or a name.
 
     The name is that of the file, without the number of the head: ``IMG_0688`` of ``IMG_0688_4``.
     """
     stem = tags.path.stem
-    found = _HEADS_OF_NAME.match(stem)
-    return tags.text(*CAPTURE) or f"{tags.path.parent}/{found[1] if found else stem}"
+    match = _HEADS_OF_NAME.match(stem)
+    return tags.text(*CAPTURE) or f"{tags.path.parent}/{match[1] if match else stem}"
 
 
 def name_of(tags: Tags) -> str:
-    """Return the name of an exposure by that of one of its files."""
-    found = _HEADS_OF_NAME.match(tags.path.stem)
-    return found[1] if found else tags.path.stem
+    """Return the name of an exposure, from a picture of it."""
+    match = _HEADS_OF_NAME.match(tags.path.stem)
+    return match[1] if match else tags.path.stem
 
 
 def time_of(tags: Tags) -> dt.datetime | None:
@@ -149,7 +149,7 @@ def attitude_of(tags: Tags) -> Attitude | None:
         (_of_sensefly(tags), 1.0, 0.0, (3.0, 5.0), "senseFly's roll, pitch and heading in degrees"),
         (LIGHT, np.degrees(1.0), 0.0, (10.0, 10.0), "the light sensor's (DLS) angles in radians"),
     )
-    for names, unit, level, (tilt, heading), said in ways:
+    for names, unit, level, (tilt, heading), origin in ways:
         values = [tags.number(name) for name in names]
         if all(value is not None for value in values):
             roll, pitch, yaw = (float(unit) * float(value or 0.0) for value in values)
@@ -165,7 +165,7 @@ def attitude_of(tags: Tags) -> Attitude | None:
                 heading=yaw % 360.0,
                 sigma_tilt=tilt,
                 sigma_heading=heading,
-                said=said,
+                said=origin,
             )
     return None
 
@@ -187,7 +187,7 @@ def course(places: Sequence[tuple[float, float, float]]) -> list[float]:
 
 
 ANOTHER_COURSE_DEG = 45.0
-"""Headings that are farther apart are two."""
+"""Headings that are farther apart than this are different."""
 
 
 # --- Which head took a picture, and how the heads of a rig are turned to each other
@@ -235,8 +235,8 @@ def head_of(tags: Tags) -> Head:
     FlightError
         Where numbers in the metadata are none.
     """
-    found, reference = tags.number(INDEX), tags.number(REFERENCE)
-    index, band = -1 if found is None else int(found), tags.text(BAND, "drone-dji:BandName")
+    number, reference = tags.number(INDEX), tags.number(REFERENCE)
+    index, band = -1 if number is None else int(number), tags.text(BAND, "drone-dji:BandName")
     model = tags.text("Model", "Make") or "camera"
     relatives = tags.numbers(RELATIVES, 3)
     name = " ".join(filter(None, [str(index + 1) if index >= 0 else "", band])) or model
@@ -262,7 +262,7 @@ def rotation(relatives_deg: Sequence[float]) -> Array:
 
 
 def in_order(heads: Sequence[Head]) -> list[Head]:
-    """Return the heads, first the one that is the reference of most; without angles, the first."""
+    """Return the heads by number, the first reference that any of them names in front."""
     sorted_heads = sorted(heads, key=lambda head: (head.index, head.name))
     named = [head.reference for head in heads if head.reference is not None]
     first = next((h for h in sorted_heads if named and h.index == named[0]), sorted_heads[0])
@@ -281,13 +281,13 @@ def sentence(heads: Sequence[Head]) -> str:
         )
     if not references:
         return "the heads look in one direction: the metadata have no RigRelatives"
-    said = (
+    text = (
         "RigRelatives a, b, c are degrees; Rx(a) Ry(b) Rz(c) turns a ray of a head into its "
         f"reference, {' or '.join(names.get(r, f'head {r}') for r in references)}; y down, z ahead"
     )
     if len(references) > 1:
-        said += "; no angles join the rigs, whose references look in one direction at first"
-    return said
+        text += "; no angles join the rigs, whose references look in one direction at first"
+    return text
 
 
 # --- What the metadata say of grey values: dark level and vignetting. Nothing is applied to
@@ -338,24 +338,24 @@ def dark_level(tags: Tags) -> float | None:
     value = tags.exif.get(DARK)
     if value is None:
         return None
-    found = np.atleast_1d(np.asarray(value, float))
-    return float(found.mean()) if found.size and np.all(np.isfinite(found)) else None
+    levels = np.atleast_1d(np.asarray(value, float))
+    return float(levels.mean()) if levels.size and np.all(np.isfinite(levels)) else None
 
 
 def sentences(pictures: Sequence[Tags]) -> list[str]:
-    """Return what is known of the grey values of heads, one picture each."""
-    said = []
+    """Return sentences on the grey values of heads, from one picture each."""
+    texts = []
     dark = [level for level in map(dark_level, pictures) if level is not None]
-    falls = [(tags, one) for tags in pictures if (one := vignetting(tags)) is not None]
+    falls = [(tags, falloff) for tags in pictures if (falloff := vignetting(tags)) is not None]
     if dark:
-        said.append(f"dark level {min(dark):g} to {max(dark):g}, not subtracted")
+        texts.append(f"dark level {min(dark):g} to {max(dark):g}, not subtracted")
     if falls:
         corner = [
-            float(one.at(np.array([[0, 0], [t.width_px, 0], [0, t.height_px]])).min())
-            for t, one in falls
+            float(falloff.at(np.array([[0, 0], [t.width_px, 0], [0, t.height_px]])).min())
+            for t, falloff in falls
         ]
-        said.append(
+        texts.append(
             f"vignetting of {number_of(len(falls), 'heads')}, corners with {min(corner):.2f} to "
             f"{max(corner):.2f} of the middle, not applied"
         )
-    return said
+    return texts

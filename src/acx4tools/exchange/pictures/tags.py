@@ -37,12 +37,12 @@ _XMP_TAG = 700
 _EXIF_HEADER, _XMP_HEADER = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"
 _APP1 = 0xE1
 BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, RuntimeError, struct.error, OSError)
-"""What reading a damaged picture may raise."""
+"""Errors that reading a damaged picture may raise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tags:
-    """What a picture says of itself.
+    """The metadata of a picture.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Tags:
     sha256: str
 
     def text(self, *names: str) -> str:
-        """Return the first of some XMP properties or EXIF tags that is there, or nothing."""
+        """Return the first present of some XMP properties or EXIF tags, else an empty text."""
         for name in names:
             if self.xmp.get(name):
                 return self.xmp[name][0]
@@ -76,26 +76,26 @@ class Tags:
         return ""
 
     def numbers(self, name: str, n: int | None = None) -> tuple[float, ...]:
-        """Return the numbers of an XMP property, in a list or with commas; none if it is not there.
+        """Return the numbers of an XMP property, in a list or with commas; none if it is absent.
 
         Raises
         ------
         FlightError
             Where they are no finite numbers, or not `n` of them.
         """
-        parts = [part for one in self.xmp.get(name, ()) for part in one.split(",")]
+        parts = [part for text in self.xmp.get(name, ()) for part in text.split(",")]
         try:
-            found = tuple(_fraction(part) for part in parts)
+            values = tuple(_fraction(part) for part in parts)
         except (ValueError, ZeroDivisionError):
             raise self.wrong(name, quoted(", ".join(parts)), "must be numbers") from None
-        if not np.all(np.isfinite(found)):
+        if not np.all(np.isfinite(values)):
             raise self.wrong(name, quoted(", ".join(parts)), "must be finite numbers")
-        if found and n is not None and len(found) != n:
-            raise self.wrong(name, f"{len(found)} numbers", f"must be {n}")
-        return found
+        if values and n is not None and len(values) != n:
+            raise self.wrong(name, f"{len(values)} numbers", f"must be {n}")
+        return values
 
     def number(self, name: str) -> float | None:
-        """Return the number of an XMP property or a rational EXIF tag; None if it is not there."""
+        """Return the number of an XMP property or a rational EXIF tag; None if it is absent."""
         if name in self.xmp:
             return next(iter(self.numbers(name, 1)), None)
         if name not in self.exif:
@@ -111,7 +111,7 @@ class Tags:
 
 
 def _fraction(text: str) -> float:
-    """Return a number, or the fraction that Parrot writes in the place of one."""
+    """Return a number; Parrot writes some as fractions."""
     above, _, below = text.partition("/")
     return float(above) / (float(below) if below else 1.0)
 
@@ -145,12 +145,12 @@ def read(path: Path) -> Tags:
     data = source.data
     try:
         with tiff_files.in_silence():  # the EXIF of a JPEG is a TIFF without an image
-            of = _of_jpeg if data[:2] == b"\xff\xd8" else _of_tiff
-            size, exif, packet = of(data)
+            parts_of = _of_jpeg if data[:2] == b"\xff\xd8" else _of_tiff
+            size, exif, packet = parts_of(data)
     except BROKEN as error:
-        said = str(error) if isinstance(error, ValueError) else "its bytes contradict its header"
+        message = str(error) if isinstance(error, ValueError) else "its bytes contradict its header"
         expected = "must be a TIFF or a JPEG that is whole"
-        raise source.wrong("file", " ".join(said.split()), expected) from None
+        raise source.wrong("file", " ".join(message.split()), expected) from None
     width, height, samples, bits = size
     return Tags(
         path=path,
@@ -187,10 +187,10 @@ def _opened(data: bytes) -> tifffile.TiffFile:
 
 def _flat(page: Any) -> dict[str, Any]:
     """Return the tags of `READ` of a picture, of its EXIF and of GPS by their names."""
-    own = {t.name: t.value for t in page.tags.values() if t.name in (*READ, "ExifTag", "GPSTag")}
-    parts = [part for part in (own.pop("ExifTag", 0), own.pop("GPSTag", 0)) if part]
+    tags = {t.name: t.value for t in page.tags.values() if t.name in (*READ, "ExifTag", "GPSTag")}
+    parts = [part for part in (tags.pop("ExifTag", 0), tags.pop("GPSTag", 0)) if part]
     below = {name: part[name] for part in parts for name in part if name in READ}
-    return {**own, **below}
+    return {**tags, **below}
 
 
 def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], bytes]:
@@ -214,7 +214,7 @@ def _of_jpeg(data: bytes) -> tuple[tuple[int, int, int, int], dict[str, Any], by
 
 
 def _cut(packet: bytes) -> bytes:
-    """Return an XMP packet without what follows its end, as some writers leave there."""
+    """Return an XMP packet up to its end; some writers leave other bytes behind it."""
     end = packet.find(b"</x:xmpmeta>")
     return packet[: end + len(b"</x:xmpmeta>")] if end >= 0 else packet
 
@@ -268,12 +268,12 @@ def _properties(root: Element) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def _values(element: Element) -> tuple[str, ...]:
-    items = [item for one in element.below if one.tag in LISTS for item in one.below]
-    return tuple(one.text for one in items or [element])
+    items = [item for child in element.below if child.tag in LISTS for item in child.below]
+    return tuple(item.text for item in items or [element])
 
 
 def _known(tag: str) -> str:
     """Return ``prefix:name`` of a name in a known vendor's space; empty for all others."""
     space, _, name = tag.rpartition(" ")
-    found = [prefix for part, prefix in FAMILIES.items() if part in space.lower()]
-    return f"{found[0]}:{name}" if found and name else ""
+    prefixes = [prefix for part, prefix in FAMILIES.items() if part in space.lower()]
+    return f"{prefixes[0]}:{name}" if prefixes and name else ""

@@ -88,10 +88,10 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
     bundle = _bundle(file)
     listed, names = _names(source, len(bundle.lenses), file)
     good = np.flatnonzero(bundle.lenses[:, 0] > 0)
-    of = [tuple(row) for row in bundle.lenses[good].tolist()]
-    called = numbered(of)
+    lens_values = [tuple(row) for row in bundle.lenses[good].tolist()]
+    called = numbered(lens_values)
     images = tuple(names[k] for k in good)
-    cameras = tuple(called[one] for one in of)
+    cameras = tuple(called[values] for values in lens_values)
     points = tuple(str(k) for k in range(len(bundle.x_w)))
     named = {"image": images, "camera": cameras, "point": points}
     tables.require_all_names(named, file.wrong)
@@ -108,7 +108,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
     return Project(
         source=file.text().split("\n", 1)[0].lstrip("# ").replace("Bundle file", "Bundler"),
         sources=[file, *listed],
-        lenses={name: _lens(file, one, size) for one, name in called.items()},
+        lenses={name: _lens(file, values, size) for values, name in called.items()},
         images=Images(names=images, cameras=cameras, exposures=images, T_w_c=bundle.T_w_c[good]),
         measured=measured,
         proofs=(Proof(whose="the program's own points", measured=measured),),
@@ -145,15 +145,15 @@ def _bundle(file: Opened) -> _Bundle:
     n_cameras, n_points = (_count(head, k) for k in (0, 1))
     cameras = np.array([_camera(rows) for _ in range(n_cameras)]).reshape(-1, 15)
     R_c_w, t = cameras[:, 3:12].reshape(-1, 3, 3), cameras[:, 12:]
-    x_w, seen, again = [], [], 0
+    x_w, measurements, again = [], [], 0
     for point in range(n_points):
         x_w.append(rows.next("point").numbers(0, 3, "point", COORDINATE))
         rows.next("color")
         row = rows.next("views")
         n, views = row.whole_at(0, "views"), _views(row, n_cameras)
-        seen += [(image, point, x, y) for image, (x, y) in views.items()]
+        measurements += [(image, point, x, y) for image, (x, y) in views.items()]
         again += n - len(views)
-    table = np.array(seen, dtype=float).reshape(-1, 4)
+    table = np.array(measurements, dtype=float).reshape(-1, 4)
     return _Bundle(
         lenses=cameras[:, :3],
         T_w_c=Pose(R=R_c_w, r=t).inverse,
@@ -189,20 +189,20 @@ def _camera(rows: Rows) -> Array:
 def _views(row: Line, n_cameras: int) -> dict[float, tuple[float, float]]:
     """Return the measurements of a point by image, the first of each."""
     if not 0 <= row.whole_at(0, "views") == (len(row) - 1) / 4:
-        found = f"{len(row) - 1} cells after the number {row.whole_at(0, 'views')}"
-        raise row.wrong("views", found, "must be four for each view: camera, key, x, y")
+        count = f"{len(row) - 1} cells after the number {row.whole_at(0, 'views')}"
+        raise row.wrong("views", count, "must be four for each view: camera, key, x, y")
     return first_views(row, 1, n_cameras, "camera")
 
 
 def _names(source: Path, n: int, file: Opened) -> tuple[list[Opened], tuple[str, ...]]:
-    """Return list.txt, if it is there, and the names of the images."""
+    """Return list.txt, if there is one, and the names of the images."""
     for folder in (source.parent, source.parent.parent):
         path = folder / "list.txt"
         if path.is_file():
             listed = opened.read(path)
             rows = list(text_lines.lines(listed))
             if len(rows) != n:
-                found = f"has {len(rows)} images"
-                raise listed.wrong("file", found, f"must have {n}, as {file.name}")
+                count = f"has {len(rows)} images"
+                raise listed.wrong("file", count, f"must have {n}, as {file.name}")
             return [listed], tables.without_folders([row.cell(0, "image") for row in rows])
     return [], tuple(f"image{k:04d}" for k in range(n))

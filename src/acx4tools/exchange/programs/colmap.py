@@ -126,19 +126,19 @@ def project(source: Path, *, crs: str | None = None) -> Project:
             assumed=(ASSUMED[0], *((metres,) if model.rigs else ())),
         )
     _require(model)
-    there = stacked([one.pose for one in model.images]).inverse
-    T_w_c = Pose(R=there.R @ FLIP, r=there.r)
+    T_w_i = stacked([image.pose for image in model.images]).inverse
+    T_w_c = Pose(R=T_w_i.R @ FLIP, r=T_w_i.r)
     measured, lost = _measured(model)
     in_grid, placed = _in_grid(folder, crs, T_w_c)
-    unscaled = sum(one is not None for rig in model.rigs for one in rig.others.values())
-    unknown = sum(one is None for rig in model.rigs for one in rig.others.values())
+    unscaled = sum(pose is not None for rig in model.rigs for pose in rig.others.values())
+    unknown = sum(pose is None for rig in model.rigs for pose in rig.others.values())
     return Project(
         source="COLMAP",
         sources=model.sources,
         lenses=_lenses(model, is_metric=crs is not None),
         images=Images(
-            names=tuple(one.name for one in model.images),
-            cameras=tuple(_named(one.camera) for one in model.images),
+            names=tuple(image.name for image in model.images),
+            cameras=tuple(_named(image.camera) for image in model.images),
             exposures=tuple(_exposures(model)),
             T_w_c=T_w_c,
         ),
@@ -172,21 +172,21 @@ def _model(source: Path) -> _Model:
         if not paths["cameras"].exists():
             continue
         has_images = any(paths[name].exists() for name in NAMES[1:])
-        found: dict[str, Opened] = {}
+        files: dict[str, Opened] = {}
         for name in ("cameras", *(NAMES[1:] if has_images else ()), *MAYBE):
             path = paths[name]
             if name in MAY_BE_EMPTY and path.is_file() and not path.stat().st_size:
                 continue
             if name not in MAYBE or path.exists():
-                found[name] = opened.read(path)
+                files[name] = opened.read(path)
         none = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         return _Model(
-            sources=tuple(found.values()),
-            points=readers["points3D"](found["points3D"]) if "points3D" in found else none,
-            cameras=readers["cameras"](found["cameras"]),
-            images=tuple(readers["images"](found["images"])) if "images" in found else (),
-            rigs=tuple(readers["rigs"](found["rigs"])) if "rigs" in found else (),
-            frames=readers["frames"](found["frames"]) if "frames" in found else {},
+            sources=tuple(files.values()),
+            points=readers["points3D"](files["points3D"]) if "points3D" in files else none,
+            cameras=readers["cameras"](files["cameras"]),
+            images=tuple(readers["images"](files["images"])) if "images" in files else (),
+            rigs=tuple(readers["rigs"](files["rigs"])) if "rigs" in files else (),
+            frames=readers["frames"](files["frames"]) if "frames" in files else {},
         )
     inside = sorted(folder.glob("**/cameras.bin")) + sorted(folder.glob("**/cameras.txt"))
     hint = f" ({inside[0].parent} has them)" if inside else ""
@@ -212,7 +212,7 @@ def _require(model: _Model) -> None:
             )
         seen.add(key)
     tables.require_names(
-        list(places), lambda name, found, expected: places[name].wrong(found, expected)
+        list(places), lambda name, fault, expected: places[name].wrong(fault, expected)
     )
 
 
@@ -224,12 +224,14 @@ def _lenses(model: _Model, *, is_metric: bool) -> dict[str, Lens]:
     """Return cameras with their mountings in rigs; lever arms only where the unit is metres."""
     mounts: dict[int, Pose] = {}
     for rig in model.rigs:
-        for number, there in rig.others.items():
-            if there is not None:
-                back = there.inverse
+        for number, pose in rig.others.items():
+            if pose is not None:
+                back = pose.inverse
                 r = FLIP @ back.r if is_metric else np.zeros(3)
                 mounts[number] = Pose(R=turned(back.R), r=r)
-    return {_named(i): replace(one, mount=mounts.get(i, AHEAD)) for i, one in model.cameras.items()}
+    return {
+        _named(i): replace(lens, mount=mounts.get(i, AHEAD)) for i, lens in model.cameras.items()
+    }
 
 
 def _exposures(model: _Model) -> list[str]:
@@ -248,14 +250,16 @@ def _exposures(model: _Model) -> list[str]:
 def _measured(model: _Model) -> tuple[Measured, dict[str, int]]:
     """Return measurements that belong to points, a point once in each image, and the others."""
     ids, x_w = model.points
-    image = np.repeat(np.arange(len(model.images)), [len(one.points) for one in model.images])
-    point = np.concatenate([one.points for one in model.images])
-    colrow = np.concatenate([one.xy for one in model.images]) - HALF
+    image = np.repeat(np.arange(len(model.images)), [len(shot.points) for shot in model.images])
+    point = np.concatenate([shot.points for shot in model.images])
+    colrow = np.concatenate([shot.xy for shot in model.images]) - HALF
     order = np.argsort(ids, kind="stable")
-    at = np.searchsorted(ids, point, sorter=order)
-    at = order[np.minimum(at, len(order) - 1)] if len(order) else np.zeros_like(point)
+    row_of_point = np.searchsorted(ids, point, sorter=order)
+    row_of_point = (
+        order[np.minimum(row_of_point, len(order) - 1)] if len(order) else np.zeros_like(point)
+    )
     matched = point != UNMATCHED
-    known = matched & (ids[at] == point if len(order) else False)
+    known = matched & (ids[row_of_point] == point if len(order) else False)
     first = np.zeros(len(point), dtype=bool)
     pairs = np.stack([image, point], axis=1)[known]
     if len(pairs):
@@ -265,7 +269,7 @@ def _measured(model: _Model) -> tuple[Measured, dict[str, int]]:
         points=tuple(ids.astype(str).tolist()),
         x_w=x_w,
         image_idx=image[first],
-        point_idx=at[first],
+        point_idx=row_of_point[first],
         colrow=colrow[first],
     )
     lost = {
@@ -277,23 +281,23 @@ def _measured(model: _Model) -> tuple[Measured, dict[str, int]]:
 
 
 def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[InGrid, tuple[str, ...]]:
-    """Return where a model is whose coordinates are those of a CRS, and what that assumes."""
+    """Return the way of a model's poses into a grid, and a sentence on the assumption."""
     if crs is None:
         expected = f"adjusted orientations need a projected CRS, or {LOCAL!r}"
         return nowhere(refusal(str(folder), 1, "--crs", "missing", expected)), ()
     if crs == LOCAL:
-        said = "The model's x, y, z are coordinates on no map, of the model's own scale"
-        return as_they_are, (said,)
+        sentence = "The model's x, y, z are coordinates on no map, of the model's own scale"
+        return as_they_are, (sentence,)
     try:
         grid = GridSystem(crs=crs)
     except ValueError as error:
         raise refusal(str(folder), 1, "--crs", str(error), "must be a projected CRS") from None
     distance = np.linalg.norm(T_w_c.r, axis=1)
     if ((distance > EARTH[0]) & (distance < EARTH[1])).all():
-        said = f"The model is in the earth-centred frame of {crs}"
-        return lambda T: tables.grid_poses_of_ecef(grid, T), (said,)
-    said = f"The model's x, y, z are east, north and ellipsoidal height of {crs}"
-    return lambda T: (T.r, T.opk), (said,)
+        sentence = f"The model is in the earth-centred frame of {crs}"
+        return lambda T: tables.grid_poses_of_ecef(grid, T), (sentence,)
+    sentence = f"The model's x, y, z are east, north and ellipsoidal height of {crs}"
+    return lambda T: (T.r, T.opk), (sentence,)
 
 
 def _lens(name: str, width: float, height: float, parameters: Array, wrong: Wrong) -> Lens:
@@ -347,33 +351,33 @@ def _lines(source: Opened, *, cells: int = -1) -> Iterator[Line]:
     """Yield all lines but comments, blank ones too; after `cells` cells the rest is one."""
     for number, text in enumerate(source.text().split("\n"), start=1):
         if len(text) > LONGEST_LINE:
-            found = f"has {len(text)} characters"
-            raise source.wrong("line", found, f"must have at most {LONGEST_LINE}", line=number)
+            count = f"has {len(text)} characters"
+            raise source.wrong("line", count, f"must have at most {LONGEST_LINE}", line=number)
         if not text.lstrip().startswith("#"):
             split = tuple(text.strip().split(maxsplit=cells))
             yield Line(file=source.file, number=number, cells=split)
 
 
 def _text_cameras(source: Opened) -> dict[int, Lens]:
-    found: dict[int, Lens] = {}
+    lenses: dict[int, Lens] = {}
     for line in _lines(source):
         if not line.cells:
             continue
         number = line.whole_at(0, "CAMERA_ID")
-        if number in found:
+        if number in lenses:
             raise line.wrong("CAMERA_ID", f"{number} is there twice", "must be unique")
-        found[number] = _lens(
+        lenses[number] = _lens(
             line.cell(1, "MODEL"),
             line.number_at(2, "WIDTH"),
             line.number_at(3, "HEIGHT"),
             line.numbers(4, None, "PARAMS"),
             partial(line.wrong, "camera"),
         )
-    return found
+    return lenses
 
 
 def _text_images(source: Opened) -> Iterator[_Image]:
-    """Yield images: a line of each, and one with its measurements, which may be blank."""
+    """Yield images from two lines each; the second, with measurements, may be blank."""
     lines = _lines(source, cells=9)
     for line in lines:
         if not line.cells:
@@ -438,7 +442,7 @@ def _text_rigs(source: Opened) -> Iterator[_Rig]:
 
 def _text_frames(source: Opened) -> dict[int, int]:
     """Return the frame of each image: number, rig, pose, count; type, sensor, image of each."""
-    found: dict[int, int] = {}
+    frame_of_image: dict[int, int] = {}
     for line in _lines(source):
         if not line.cells:
             continue
@@ -447,8 +451,8 @@ def _text_frames(source: Opened) -> dict[int, int]:
             raise line.wrong("DATA_IDS", f"{len(line) - 10} cells", f"must be {count} times 3")
         for k in range(10, len(line), 3):
             if line.cells[k] == "CAMERA":
-                found[line.whole_at(k + 2, "DATA_ID")] = number
-    return found
+                frame_of_image[line.whole_at(k + 2, "DATA_ID")] = number
+    return frame_of_image
 
 
 # binary
@@ -468,25 +472,25 @@ def _entries(source: Opened, element: str, least: int) -> tuple[Cursor, int]:
     cursor = Cursor(source=source)
     (n,) = cursor.take("<Q", "number of entries")
     if n * least > cursor.left:
-        found = f"{n} entries in {cursor.left} bytes"
-        raise source.wrong(element, found, f"must have {least} bytes or more each")
+        count = f"{n} entries in {cursor.left} bytes"
+        raise source.wrong(element, count, f"must have {least} bytes or more each")
     return cursor, n
 
 
 def _binary_cameras(source: Opened) -> dict[int, Lens]:
     cursor, n = _entries(source, "camera", 24)
-    names, found = list(MODELS), dict[int, Lens]()
+    names, lenses = list(MODELS), dict[int, Lens]()
     for k in range(n):
         number, kind, width, height = cursor.take("<IiQQ", f"camera {k + 1}")
         wrong = partial(source.wrong, f"camera {number}")
         if not 0 <= kind < len(names):
             known = ", ".join(f"{i} {name}" for i, name in enumerate(names))
             raise wrong(f"lens model {kind}", f"must be one of {known}")
-        if number in found:
+        if number in lenses:
             raise wrong("is there twice", "must be unique")
         values = cursor.take(f"<{len(MODELS[names[kind]].names)}d", f"camera {number}")
-        found[number] = _lens(names[kind], width, height, np.array(values), wrong)
-    return found
+        lenses[number] = _lens(names[kind], width, height, np.array(values), wrong)
+    return lenses
 
 
 def _binary_images(source: Opened) -> Iterator[_Image]:
@@ -544,14 +548,14 @@ def _binary_rigs(source: Opened) -> Iterator[_Rig]:
 
 def _binary_frames(source: Opened) -> dict[int, int]:
     cursor, n = _entries(source, "frame", 68)
-    found: dict[int, int] = {}
+    frame_of_image: dict[int, int] = {}
     for _ in range(n):
         number, *_, count = cursor.take("<II7dI", "frame")
         for _ in range(count):
             kind, _, image = cursor.take("<iIQ", f"frame {number}")
             if kind == _CAMERA:
-                found[image] = number
-    return found
+                frame_of_image[image] = number
+    return frame_of_image
 
 
 READERS: dict[str, dict[str, Callable[[Opened], Any]]] = {

@@ -146,7 +146,7 @@ def project(
     return Project(
         source=_version(whole),
         sources=whole.sources,
-        lenses={one.name: one.lens for one in sensors.values()},
+        lenses={sensor.name: sensor.lens for sensor in sensors.values()},
         images=images,
         measured=located.where(pinned),
         proofs=_proofs(whole, located, pinned, control, system if places else None),
@@ -177,15 +177,15 @@ def _cameras_alone(whole: _Chunk, wanted: str) -> Project:
     if whole.root.tag == CALIBRATION:
         lenses = {Path(whole.sources[0].file).stem: _lens(whole.root)}
     else:
-        found = _sensors(whole.root, wanted=wanted).values()
-        lenses = {one.name: replace(one.lens, kind="") for one in found}
+        sensors = _sensors(whole.root, wanted=wanted).values()
+        lenses = {sensor.name: replace(sensor.lens, kind="") for sensor in sensors}
     return Project(source="Metashape's cameras", sources=whole.sources, lenses=lenses)
 
 
 def _require_some(whole: _Chunk, shots: Mapping[str, _Shot], orientations: str) -> None:
     """Raise where no image can be part of the flight."""
     adjusted = orientations == "adjusted"
-    if not any(one.enabled and (one.T_c or not adjusted) for one in shots.values()):
+    if not any(shot.enabled and (shot.T_c or not adjusted) for shot in shots.values()):
         kind = "aligned" if adjusted else "enabled"
         raise whole.root.one("cameras").wrong(f"has no {kind} camera", "must have one")
 
@@ -196,20 +196,20 @@ def _system(
     """Return the flight's coordinate system; None where the chunk has none."""
     element = whole.root.maybe("reference")
     text = "" if element is None else element.text
-    at = next(
+    lonlat = next(
         (
             place[:2]
-            for one in shots.values()
-            if one.enabled
-            and one.reference is not None
-            and (place := _measured_place(one.reference)) is not None
+            for shot in shots.values()
+            if shot.enabled
+            and shot.reference is not None
+            and (place := _measured_place(shot.reference)) is not None
         ),
         None,
     )
     if wanted is None and _told(whole, lambda: _is_engineers(text), element):
         wanted = LOCAL
-    found = _told(whole, lambda: coordinates.chosen(text, at, wanted), element)
-    return found if found is None or heights is None else replace(found, heights=heights)
+    system = _told(whole, lambda: coordinates.chosen(text, lonlat, wanted), element)
+    return system if system is None or heights is None else replace(system, heights=heights)
 
 
 def _is_engineers(text: str) -> bool:
@@ -218,34 +218,35 @@ def _is_engineers(text: str) -> bool:
 
 
 def _apriori(whole: _Chunk) -> dict[str, float]:
-    found = {key: _setting(whole, name) for key, name in APRIORI.items()}
-    return {key: value for key, value in found.items() if value}
+    settings = {key: _setting(whole, name) for key, name in APRIORI.items()}
+    return {key: value for key, value in settings.items() if value}
 
 
 def _version(whole: _Chunk) -> str:
-    for one in whole.root.each("meta", "property"):
-        if one.attributes.get("name") == "Info/LastSavedSoftwareVersion":
-            return f"Metashape {one.attribute('value')}"
+    for setting in whole.root.each("meta", "property"):
+        if setting.attributes.get("name") == "Info/LastSavedSoftwareVersion":
+            return f"Metashape {setting.attribute('value')}"
     return "Metashape"
 
 
 def _slaves(sensors: Mapping[str, _Sensor]) -> tuple[str, ...]:
-    n = sum(one.master != i for i, one in sensors.items())
-    said = f"{n} sensors are slaves of a rig; their mountings are relative to the master"
-    return (said,) if n else ()
+    n = sum(sensor.master != i for i, sensor in sensors.items())
+    sentence = f"{n} sensors are slaves of a rig; their mountings are relative to the master"
+    return (sentence,) if n else ()
 
 
 def _odd(root: Element) -> dict[str, int]:
-    """Return what a chunk has and a flight has not, counted."""
+    """Count the parts of a chunk that a flight cannot have."""
     sensors = list(root.each("sensors", "sensor"))
     tags = ("location", "translation", "rolling_shutter", "antenna")
     return {
         "further frames": max(0, len(list(root.each("frames", "frame"))) - 1),
         "offsets of sensors (of slaves, antennas, shutters): lever arms stay 0": sum(
-            one.maybe(tag) is not None for one in sensors for tag in tags
+            sensor.maybe(tag) is not None for sensor in sensors for tag in tags
         ),
         "slaves have no rotation: their mountings are the master's": sum(
-            "master_id" in one.attributes and one.maybe("rotation") is None for one in sensors
+            "master_id" in sensor.attributes and sensor.maybe("rotation") is None
+            for sensor in sensors
         ),
     }
 
@@ -275,32 +276,32 @@ def _chunk(source: Path, *, label: str | None = None) -> _Chunk:
         return _whole(root, (file,), files)
     if root.tag != "document":
         raise root.wrong("is no file of Metashape", "must begin with <document> or <chunk>")
-    found = list(root.each("chunk"))
-    labels = [one.attributes.get("label", "") for one in found]
+    chunks = list(root.each("chunk"))
+    labels = [chunk.attributes.get("label", "") for chunk in chunks]
     k = _place(root, labels, label, 0)
     others = tuple(labels[:k] + labels[k + 1 :])
-    return _whole(found[k], (file,), files, others=others)
+    return _whole(chunks[k], (file,), files, others=others)
 
 
 def _setting(chunk: _Chunk, name: str) -> float | None:
     """Return a positive number of the chunk's settings; None where there is none."""
-    for one in chunk.root.each("settings", "property"):
-        if one.attributes.get("name") == name and (value := one.number("value")) > 0:
+    for setting in chunk.root.each("settings", "property"):
+        if setting.attributes.get("name") == name and (value := setting.number("value")) > 0:
             return value
     return None
 
 
 def _told(whole: _Chunk, work: Callable[[], T], element: Element | None = None) -> T:
-    """Return what a work makes; its ValueError becomes a problem at an element of the chunk."""
+    """Return the value of a call; its ValueError becomes a problem of an element of the chunk."""
     try:
         return work()
     except ValueError as error:
-        found = " ".join(str(error).split())
-        raise (element or whole.root).wrong(found, "must be what a flight can have") from None
+        message = " ".join(str(error).split())
+        raise (element or whole.root).wrong(message, "must be what a flight can have") from None
 
 
 def _of_project(file: Opened, root: Element, label: str | None, files: Together) -> _Chunk:
-    """Return a chunk of a .psx, which names an archive, which names the chunks' archives."""
+    """Return a chunk of a .psx; it names an archive with the names of the chunks' archives."""
     folder = Path(file.file).parent
     name = root.attribute("path").replace("{projectname}", Path(file.file).stem)
     project = _member(files.read(_inside(root, folder, name)), files)
@@ -308,21 +309,21 @@ def _of_project(file: Opened, root: Element, label: str | None, files: Together)
     listed = list(document.each("chunks", "chunk"))
     within = (folder / name).parent
     active = document.one("chunks").attributes.get("active_id")
-    ids = [one.attributes.get("id") for one in listed]
+    ids = [entry.attributes.get("id") for entry in listed]
     wanted = ids.index(active) if active in ids else 0
     labels: list[str] = []
     kept: dict[str, _Chunk] = {}
-    for k, one in enumerate(listed):  # of chunks that are not wanted the label alone is kept
-        chunk = _in_archive(files.read(_inside(one, within, one.attribute("path"))), files)
+    for k, entry in enumerate(listed):  # of chunks that are not wanted the label alone is kept
+        chunk = _in_archive(files.read(_inside(entry, within, entry.attribute("path"))), files)
         labels.append(chunk.root.attributes.get("label", ""))
         if k == wanted if label is None else labels[-1] == label:
             kept.setdefault(labels[-1], chunk)
     k = _place(document, labels, label, wanted)
-    found = kept[labels[k]]
+    selected = kept[labels[k]]
     return _Chunk(
-        root=found.root,
-        frame=found.frame,
-        sources=(file, project, *found.sources),
+        root=selected.root,
+        frame=selected.frame,
+        sources=(file, project, *selected.sources),
         others=tuple(labels[:k] + labels[k + 1 :]),
     )
 
@@ -354,7 +355,7 @@ def _member(file: Opened, files: Together) -> Opened:
 
 
 def _inside(element: Element, folder: Path, name: str) -> Path:
-    """Return the path of a file that a project names, which must lie below its folder."""
+    """Return the path of a file in a project; it must lie below the project's folder."""
     parts = PurePosixPath(name.replace("\\", "/"))
     if parts.is_absolute() or ".." in parts.parts or ":" in name:
         raise element.wrong(quoted(name), "must lie below the project's folder", attribute="path")
@@ -389,25 +390,25 @@ def _sensors(root: Element, *, wanted: str) -> dict[str, _Sensor]:
     elements = list(root.each("sensors", "sensor"))
     if not elements:
         raise root.wrong("has no <sensor>", "must have one")
-    ids = [one.attribute("id") for one in elements]
-    labels = [one.attributes.get("label", "").strip() or "unknown" for one in elements]
+    ids = [sensor.attribute("id") for sensor in elements]
+    labels = [sensor.attributes.get("label", "").strip() or "unknown" for sensor in elements]
     names, _ = tables.without_doubles(labels, ids)
     places = dict(zip(names, elements, strict=True))
     tables.require_names(
-        names, lambda name, found, expected: places[name].wrong(found, expected, attribute="label")
+        names, lambda name, fault, expected: places[name].wrong(fault, expected, attribute="label")
     )
-    found = {}
-    images = [one for listed in root.each("cameras") for one in listed.everywhere("camera")]
-    used = {one.attributes.get("sensor_id") for one in images} or set(ids)
+    sensors = {}
+    images = [camera for listed in root.each("cameras") for camera in listed.everywhere("camera")]
+    used = {camera.attributes.get("sensor_id") for camera in images} or set(ids)
     for i, name, element in zip(ids, names, elements, strict=True):
-        if i in found:
+        if i in sensors:
             raise element.wrong(f"{quoted(i)} is there twice", "must be unique", attribute="id")
         master = element.attributes.get("master_id", i)
         if master not in ids:
             raise element.wrong(quoted(master), "must be a sensor's id", attribute="master_id")
         if i in used:
-            found[i] = _sensor(element, name, master, wanted=wanted, is_slave=master != i)
-    return found
+            sensors[i] = _sensor(element, name, master, wanted=wanted, is_slave=master != i)
+    return sensors
 
 
 def _sensor(element: Element, name: str, master: str, *, wanted: str, is_slave: bool) -> _Sensor:
@@ -429,11 +430,14 @@ def _mount_rotation(element: Element, *, is_slave: bool) -> Array:
 
 
 def _chosen(element: Element, wanted: str) -> Lens:
-    """Return a sensor's lens as it was adjusted or before, as it is wanted."""
-    found = {one.attributes.get("class", "adjusted"): one for one in element.each("calibration")}
+    """Return a sensor's adjusted or initial lens, or else that of its nominal focal length."""
+    calibrations = {
+        calibration.attributes.get("class", "adjusted"): calibration
+        for calibration in element.each("calibration")
+    }
     for kind in (wanted, "initial"):
-        if kind in found:
-            return replace(_lens(found[kind]), kind=kind)
+        if kind in calibrations:
+            return replace(_lens(calibrations[kind]), kind=kind)
     focal, pixel = (_property(element, name) for name in ("focal_length", "pixel_width"))
     if not focal or not pixel:
         raise element.wrong(
@@ -443,14 +447,16 @@ def _chosen(element: Element, wanted: str) -> Lens:
 
 
 def _lens(element: Element) -> Lens:
-    """Return what an element ``calibration`` says, of a sensor or of a file of its own."""
+    """Return the lens of an element ``calibration``, of a sensor or of a file of its own."""
     if element.maybe("fx") is not None:
         raise element.wrong(
             "has <fx>: PhotoScan before 1.2 wrote it, whose p1 and p2 mean other things",
             "must have <f>; open and save the project with a newer version",
         )
     known = ("cx", "cy", "b1", "b2", *MODELS["frame"].names)
-    values = {one.tag: one.number() for one in element.below if one.tag in known}
+    values = {
+        parameter.tag: parameter.number() for parameter in element.below if parameter.tag in known
+    }
     values["f"] = element.one("f").number(allowed=POSITIVE)
     if values["f"] + values.get("b1", 0.0) <= 0:
         raise element.wrong("f + b1 is not positive", "must be a focal length in px")
@@ -500,14 +506,14 @@ def _resolution(element: Element) -> tuple[int, int]:
 
 def _property(element: Element, name: str) -> float | None:
     """Return a sensor's property in mm; None where it is absent or zero."""
-    for one in element.each("property"):
-        if one.attributes.get("name") == name:
-            value = one.number("value")
+    for entry in element.each("property"):
+        if entry.attributes.get("name") == name:
+            value = entry.number("value")
             if value == 0:
                 return None
             in_um = RANGES["pixel_um"]
             if name == "pixel_width" and 1000 * value not in in_um:
-                raise one.wrong(f"{value:g} mm", f"{in_um} µm", attribute="value")
+                raise entry.wrong(f"{value:g} mm", f"{in_um} µm", attribute="value")
             return value
     return None
 
@@ -517,7 +523,7 @@ def _property(element: Element, name: str) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class _Shot:
-    """An image: its pose in the chunk, what was measured of a master, the component it is in."""
+    """An image: its pose in the chunk, its measured reference, the component of its pose."""
 
     name: str
     exposure: str
@@ -536,14 +542,14 @@ def _shots(root: Element, sensors: Mapping[str, _Sensor]) -> tuple[dict[str, _Sh
         if i in elements:
             raise element.wrong(f"{quoted(i)} is there twice", "must be unique", attribute="id")
         if element.attribute("sensor_id") not in sensors:
-            given = quoted(element.attribute("sensor_id"))
-            raise element.wrong(given, "must be a sensor's id", attribute="sensor_id")
+            sensor_id = quoted(element.attribute("sensor_id"))
+            raise element.wrong(sensor_id, "must be a sensor's id", attribute="sensor_id")
         elements[i] = element
-    labels = [one.attribute("label").strip() for one in elements.values()]
+    labels = [camera.attribute("label").strip() for camera in elements.values()]
     names, doubled = tables.without_doubles(labels, list(elements))
     places = dict(zip(names, elements.values(), strict=True))
     tables.require_names(
-        names, lambda name, found, expected: places[name].wrong(found, expected, attribute="label")
+        names, lambda name, fault, expected: places[name].wrong(fault, expected, attribute="label")
     )
     named = dict(zip(elements, names, strict=True))
     return {i: _shot(element, elements, named, sensors) for i, element in elements.items()}, doubled
@@ -654,10 +660,10 @@ class _Similarity:
 
 def _places(whole: _Chunk) -> dict[str, _Similarity]:
     """Return the transformations of a chunk's components by their numbers; its own is ""."""
-    found = {"": whole.root.maybe("transform")}
+    transforms = {"": whole.root.maybe("transform")}
     for component in whole.root.each("components", "component"):
-        found[component.attributes.get("id", "")] = component.maybe("transform")
-    return {i: _similarity(element) for i, element in found.items() if element is not None}
+        transforms[component.attributes.get("id", "")] = component.maybe("transform")
+    return {i: _similarity(element) for i, element in transforms.items() if element is not None}
 
 
 def _similarity(element: Element) -> _Similarity:
@@ -682,20 +688,20 @@ def _images(
     places: Mapping[str, _Similarity],
     system: Chosen | None,
 ) -> tuple[Images, InGrid]:
-    """Return all images, in the ECEF frame where any has a place there, and how they lie in it."""
+    """Return all images, placed in the ECEF frame where possible, and the way into the grid."""
     poses = []
-    for one in shots.values():
-        place = places.get(one.component) or places.get("")
-        if one.T_c is None or (places and place is None):
+    for shot in shots.values():
+        place = places.get(shot.component) or places.get("")
+        if shot.T_c is None or (places and place is None):
             poses.append(UNKNOWN)
         else:
-            poses.append(one.T_c if place is None else place.pose(one.T_c))
+            poses.append(shot.T_c if place is None else place.pose(shot.T_c))
     images = Images(
-        names=tuple(one.name for one in shots.values()),
-        cameras=tuple(one.sensor.name for one in shots.values()),
-        exposures=tuple(one.exposure for one in shots.values()),
+        names=tuple(shot.name for shot in shots.values()),
+        cameras=tuple(shot.sensor.name for shot in shots.values()),
+        exposures=tuple(shot.exposure for shot in shots.values()),
         T_w_c=stacked(poses),
-        enabled=np.array([one.enabled for one in shots.values()], dtype=bool),
+        enabled=np.array([shot.enabled for shot in shots.values()], dtype=bool),
     )
     element = whole.root.maybe("reference") or whole.root
     if system is None:
@@ -715,28 +721,30 @@ def _no_place(whole: _Chunk) -> tuple[Array, Array]:
 
 
 def _measured(whole: _Chunk, shots: Mapping[str, _Shot], system: Chosen | None) -> Trajectory:
-    """Return the references that have position and angles, neither of which is switched off."""
-    used = [one for one in shots.values() if one.enabled]
-    leaders = {one.exposure: one for one in used}
-    leaders |= {one.exposure: one for one in used if one.name == one.exposure}
+    """Return the trajectory from references with both position and angles switched on."""
+    used = [shot for shot in shots.values() if shot.enabled]
+    leaders = {shot.exposure: shot for shot in used}
+    leaders |= {shot.exposure: shot for shot in used if shot.name == shot.exposure}
     rows = [
-        (name, place, turns, one.reference)
-        for name, one in leaders.items()
-        if one.reference is not None
-        and (place := _measured_place(one.reference)) is not None
-        and (turns := _measured_rotation(one.reference)) is not None
+        (name, place, turns, shot.reference)
+        for name, shot in leaders.items()
+        if shot.reference is not None
+        and (place := _measured_place(shot.reference)) is not None
+        and (turns := _measured_rotation(shot.reference)) is not None
     ]
     off = _switched_off(leaders)
     if not rows or system is None:
         n = sum(
-            one.reference is not None and _measured_place(one.reference) is not None
-            for one in leaders.values()
+            shot.reference is not None and _measured_place(shot.reference) is not None
+            for shot in leaders.values()
         )
         why = "none has angles as well, which trajectory.csv needs"
         if rows:
             why = "the chunk has no coordinate system (--crs)"
-        said = f"{n} measured camera positions: {why}; another import, or --orientations adjusted"
-        return Trajectory(left_out=(*off, *((said,) if n else ())))
+        sentence = (
+            f"{n} measured camera positions: {why}; another import, or --orientations adjusted"
+        )
+        return Trajectory(left_out=(*off, *((sentence,) if n else ())))
     names, places, rotations, references = zip(*rows, strict=True)
     if system.crs == LOCAL:
         enh, rph = np.array(places), np.radians(np.array(rotations)[:, ::-1])
@@ -779,42 +787,50 @@ _YAW = (
 
 def _switched_off(leaders: Mapping[str, _Shot]) -> tuple[str, ...]:
     """Return how many measured positions, and angles, Metashape was told not to use."""
-    of = [one.reference for one in leaders.values() if one.reference is not None]
-    places = sum(_location(one) is not None and _measured_place(one) is None for one in of)
+    references = [
+        reference.reference for reference in leaders.values() if reference.reference is not None
+    ]
+    places = sum(
+        _location(reference) is not None and _measured_place(reference) is None
+        for reference in references
+    )
     angles = sum(
-        _is_on(one) and _rotation(one) is not None and _measured_rotation(one) is None for one in of
+        _is_on(reference)
+        and _rotation(reference) is not None
+        and _measured_rotation(reference) is None
+        for reference in references
     )
     counted = (
         (places, 'positions, with their angles, that are switched off (enabled="false")'),
         (angles, 'attitudes that are switched off (rotation_enabled="false")'),
     )
-    return tuple(f"{n} measured {what}: they are not used" for n, what in counted if n)
+    return tuple(f"{n} measured {kind}: they are not used" for n, kind in counted if n)
 
 
 def _whose_accuracy(references: tuple[Element, ...]) -> tuple[str, ...]:
     """Return how many references have accuracies of their own, where not all have."""
     kinds = (("positions", LOCATION), ("attitudes", ANGLES))
     n = len(references)
-    own = {
-        name: sum(bool(np.isfinite(_accuracy(one, names)).all()) for one in references)
+    counts = {
+        name: sum(bool(np.isfinite(_accuracy(reference, names)).all()) for reference in references)
         for name, names in kinds
     }
     return tuple(
         f"{k} of {n} {name} have an accuracy of their own; others have the chunk's"
-        for name, k in own.items()
+        for name, k in counts.items()
         if 0 < k < n
     )
 
 
 def _sigmas(whole: _Chunk, references: tuple[Element, ...]) -> dict[str, list[float]]:
-    """Return the columns of accuracies of references; the chunk's for those that lack one."""
+    """Return columns of the references' accuracies, or else those of the chunk."""
     kinds = (
         (LOCATION, ("east_m", "north_m", "height_m"), "accuracy_cameras"),
         (ANGLES, ("heading_deg", "pitch_deg", "roll_deg"), "accuracy_cameras_ypr"),
     )
     columns: dict[str, list[float]] = {}
     for names, units, common in kinds:
-        sigma = np.array([_accuracy(one, names) for one in references])
+        sigma = np.array([_accuracy(reference, names) for reference in references])
         lacking = np.isnan(sigma)
         if lacking.all():
             continue
@@ -842,11 +858,11 @@ def _geographic(whole: _Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple
             lambda: coordinates.with_heights(system, enh, coordinates.heights_of(source)),
             element,
         )
-        said = (
+        sentence = (
             "Positions of cameras are longitude and latitude: as coordinates of the chunk's "
             "system they would lie at its origin"
         )
-        return np.column_stack([xyh[:, :2], enh[:, 2]]), (said,)
+        return np.column_stack([xyh[:, :2], enh[:, 2]]), (sentence,)
     enh = _told(whole, lambda: coordinates.into(system, xyh), element)
     grid = _told(whole, system.grid, element)
     return np.column_stack([grid.lonlat_from_grid(enh[:, :2]), enh[:, 2]]), ()
@@ -856,7 +872,7 @@ def _geographic(whole: _Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple
 
 
 def _located(whole: _Chunk, cameras: list[str]) -> tuple[Measured, Mask, int]:
-    """Return where markers are in images, which of it was measured, and how many lie elsewhere."""
+    """Return markers in images, which of them are pinned, and how many are in other images."""
     names = _markers(whole.root)
     labels, number = list(names.values()), {i: k for k, i in enumerate(names)}
     row = {camera: k for k, camera in enumerate(cameras)}
@@ -889,7 +905,7 @@ def _located(whole: _Chunk, cameras: list[str]) -> tuple[Measured, Mask, int]:
 
 def _markers(root: Element) -> dict[str, str]:
     """Return the labels of markers by their numbers."""
-    found: dict[str, str] = {}
+    labels: dict[str, str] = {}
     places: dict[str, Element] = {}
     for marker in root.each("markers", "marker"):
         label = marker.attribute("label").strip()
@@ -898,12 +914,12 @@ def _markers(root: Element) -> dict[str, str]:
                 f"{quoted(label)} is there twice", "must be unique", attribute="label"
             )
         places[label] = marker
-        found[marker.attribute("id")] = label
+        labels[marker.attribute("id")] = label
     tables.require_names(
         list(places),
-        lambda name, what, expected: places[name].wrong(what, expected, attribute="label"),
+        lambda name, fault, expected: places[name].wrong(fault, expected, attribute="label"),
     )
-    return found
+    return labels
 
 
 def _control(whole: _Chunk, system: Chosen | None) -> Control:
@@ -914,7 +930,9 @@ def _control(whole: _Chunk, system: Chosen | None) -> Control:
         if (reference := marker.maybe("reference")) is not None
         and (place := _location(reference)) is not None
     }
-    sigma = np.array([_accuracy(one, LOCATION) for one, _ in references.values()]).reshape(-1, 3)
+    sigma = np.array([_accuracy(entry, LOCATION) for entry, _ in references.values()]).reshape(
+        -1, 3
+    )
     xyh: Array = np.array([place for _, place in references.values()]).reshape(-1, 3)
     if system is not None and len(xyh):
         element = whole.root.maybe("reference")
@@ -925,8 +943,8 @@ def _control(whole: _Chunk, system: Chosen | None) -> Control:
         enh=xyh,
         sigma=np.where(np.isnan(sigma), common, sigma),
         is_check=tuple(
-            one.attributes.get("enabled", "true") in ("false", "0")
-            for one, _ in references.values()
+            entry.attributes.get("enabled", "true") in ("false", "0")
+            for entry, _ in references.values()
         ),
     )
 
@@ -934,7 +952,7 @@ def _control(whole: _Chunk, system: Chosen | None) -> Control:
 def _proofs(
     whole: _Chunk, located: Measured, pinned: Mask, control: Control, system: Chosen | None
 ) -> tuple[Proof, ...]:
-    """Return what Metashape computed, what was measured, and the latter with surveyed places."""
+    """Return the proofs by markers: located by Metashape, measured, and surveyed."""
     proofs = [
         Proof(
             whose="the locations that Metashape computed itself", measured=located.where(~pinned)
@@ -947,9 +965,9 @@ def _proofs(
         x_w = dict(zip(control.names, x_e, strict=True))
         nowhere_known = np.full(3, np.nan)
         places = np.array([x_w.get(name, nowhere_known) for name in located.points])
-        own = replace(located.where(pinned), x_w=places)
+        surveyed = replace(located.where(pinned), x_w=places)
         whose = "the surveyed markers, by Metashape's adjusted orientations,"
-        proofs.append(Proof(whose=whose, measured=own))
+        proofs.append(Proof(whose=whose, measured=surveyed))
     return tuple(proofs)
 
 

@@ -107,41 +107,45 @@ def project(source: Path, *, crs: str | None = None) -> Project:
         For files that are not MicMac's, other conventions, projections or distortion models.
     """
     version = _SECOND if _is_second(source) else _FIRST
-    found = _files_of(source, version)
-    lenses = {_camera(name): version.lens(one) for name, one in found.calibrations.items()}
-    measured = _once(version.measured(found.measures))
+    files = _files_of(source, version)
+    lenses = {
+        _camera(name): version.lens(calibration) for name, calibration in files.calibrations.items()
+    }
+    measured = _once(version.measured(files.measures))
     surveyed: dict[str, tuple[Array, Array]] = {}
-    for element, name, x_w, sigma in version.surveyed(found.surveyed):
+    for element, name, x_w, sigma in version.surveyed(files.surveyed):
         if name in surveyed:
             raise element.wrong(f"point {quoted(name)} stands twice", "must stand once")
         surveyed[name] = (x_w, sigma)
-    poses = {image: version.pose(one) for image, one in found.orientations.items()}
+    poses = {image: version.pose(node) for image, node in files.orientations.items()}
     names = tuple(dict.fromkeys([*poses, *(image for _, image, _, _ in measured)]))
     row_of = {image: row for row, image in enumerate(names)}
     images = Images(
         names=names,
-        cameras=tuple(_camera_of(found, image, version) for image in names),
+        cameras=tuple(_camera_of(files, image, version) for image in names),
         exposures=names,
         T_w_c=stacked([poses.get(name, UNKNOWN) for name in names]),
     )
     rays = Measured.of(
-        [(row_of[image], point, at) for _, image, point, at in measured],
+        [(row_of[image], point, colrow) for _, image, point, colrow in measured],
         {name: x_w for name, (x_w, _) in surveyed.items()},
     )
     named = {"image": names, "camera": images.cameras, "point": rays.points}
-    tables.require_all_names(named, found.read[0].wrong)
-    xyz, sigma = (np.array([one[k] for one in surveyed.values()]).reshape(-1, 3) for k in (0, 1))
+    tables.require_all_names(named, files.read[0].wrong)
+    xyz, sigma = (
+        np.array([place[k] for place in surveyed.values()]).reshape(-1, 3) for k in (0, 1)
+    )
     return Project(
         source=version.name,
-        sources=found.read,
+        sources=files.read,
         lenses=lenses,
         images=images,
         measured=rays,
-        proofs=(Proof(whose="surveyed points", measured=rays), *version.proofs(found)),
+        proofs=(Proof(whose="surveyed points", measured=rays), *version.proofs(files)),
         control=Control(names=tuple(surveyed), enh=xyz, sigma=sigma),
         settings={} if crs is None else {"crs": crs, "heights": "ellipsoidal"},
         in_grid=in_crs(source, crs),
-        lost={"other XML files": found.others, **version.lost(rays.points, surveyed)},
+        lost={"other XML files": files.others, **version.lost(rays.points, surveyed)},
         assumed=(
             *(version.assumed, PIXEL),
             *(_of_control(crs, version.precision) if surveyed else ()),
@@ -153,10 +157,10 @@ read = reading(project, orientations="initial")  # which is none: all that MicMa
 
 
 def _of_control(crs: str | None, precision: str) -> tuple[str, str]:
-    """Return what is assumed of surveyed points, in both versions."""
+    """Return sentences on the coordinates and the precision of surveyed points."""
     where = "the flight's CRS" if crs is None else crs
-    said = f"MicMac's coordinates are east, north, height in {where}: its files do not say it"
-    return said, precision
+    sentence = f"MicMac's coordinates are east, north, height in {where}: its files do not say it"
+    return sentence, precision
 
 
 def _once(rays: Iterable[Ray]) -> list[Ray]:
@@ -174,15 +178,15 @@ def _camera(calibration: str) -> str:
     return name.removeprefix(CALIBRATION)
 
 
-def _camera_of(found: _Files, image: str, version: _Version) -> str:
+def _camera_of(files: _Files, image: str, version: _Version) -> str:
     """Return the camera of an image: that of its orientation, or the only one."""
-    orientation = found.orientations.get(image)
+    orientation = files.orientations.get(image)
     if orientation is None:
-        return next(iter(map(_camera, found.calibrations)), CAMERA)
-    if image in found.interior:
-        return _camera(found.interior[image])
+        return next(iter(map(_camera, files.calibrations)), CAMERA)
+    if image in files.interior:
+        return _camera(files.interior[image])
     element, name = version.calibration(orientation)
-    if name not in found.calibrations:
+    if name not in files.calibrations:
         raise element.wrong(f"{quoted(name)} is not there", "must be beside the orientations")
     return _camera(name)
 
@@ -206,7 +210,7 @@ def _within(element: Element, values: Array, allowed: Range) -> Array:
 
 @dataclass(kw_only=True)
 class _Files:
-    """The XML files of a folder, of version 1 also of the folders Ori-* in it, by what they hold.
+    """The XML files of a folder by kind; of version 1 also those of the folders Ori-* in it.
 
     `orientations` are by image, `calibrations` by their names, `interior` names that of each image
     whose orientation holds it itself, `others` counts files of another content.
@@ -248,28 +252,28 @@ class _Version:
 
 def _files_of(source: Path, version: _Version) -> _Files:
     """Return MicMac's files at a path: a folder, or one file."""
-    found, files = _Files(), Together()
+    contents, files = _Files(), Together()
     paths = list(version.paths(source)) if source.is_dir() else [source]
     if len(paths) > MOST:
         many = f"has {len(paths)} XML files"
         raise opened.refusal(str(source), 1, "folder", many, f"must have at most {MOST}")
     for path in paths:
         file = files.read(path)
-        if version.keep(found, path, xml_tree.tree(file)):
-            found.read.append(file)
+        if version.keep(contents, path, xml_tree.tree(file)):
+            contents.read.append(file)
         else:
-            found.others += 1
-    if not found.read:
+            contents.others += 1
+    if not contents.read:
         expected = f"must hold {version.wanted}"
         raise opened.refusal(str(source), 1, "file", "has no XML of MicMac", expected)
-    return found
+    return contents
 
 
 def _require_one(source: Path, names: list[str]) -> None:
     """Raise where there are orientations in several folders."""
     if len(names) > 1:
-        found = f"has orientations in {', '.join(names)}"
-        raise opened.refusal(str(source), 1, "folder", found, "give one of these folders")
+        listed = f"has orientations in {', '.join(names)}"
+        raise opened.refusal(str(source), 1, "folder", listed, "give one of these folders")
 
 
 # --- Version 1
@@ -277,49 +281,49 @@ def _require_one(source: Path, names: list[str]) -> None:
 
 def _first_paths(source: Path) -> Iterable[Path]:
     """Return the XML files of a folder and of its Ori-*, or of an Ori-* and the folder around."""
-    inside = [one for one in sorted(source.glob("Ori-*")) if one.is_dir()]
-    oriented = [one for one in inside if next(one.glob("Orientation-*.xml"), None)]
-    _require_one(source, [one.name for one in oriented])
+    inside = [inner for inner in sorted(source.glob("Ori-*")) if inner.is_dir()]
+    oriented = [inner for inner in inside if next(inner.glob("Orientation-*.xml"), None)]
+    _require_one(source, [inner.name for inner in oriented])
     around = [source.parent] if source.name.startswith("Ori-") else []
-    folders = [source, *oriented, *(one for one in inside if one not in oriented), *around]
+    folders = [source, *oriented, *(inner for inner in inside if inner not in oriented), *around]
     return [path for folder in folders for path in sorted(folder.glob("*.xml"))]
 
 
-def _first_keep(found: _Files, path: Path, root: Element) -> bool:
+def _first_keep(files: _Files, path: Path, root: Element) -> bool:
     contents = root.below if root.tag in AROUND else [root]
-    known = [_is_known(found, path, one) for one in contents]
+    known = [_is_known(files, path, content) for content in contents]
     return any(known)
 
 
-def _is_known(found: _Files, path: Path, content: Element) -> bool:
-    """Put an element where it belongs; tell whether it belongs anywhere."""
+def _is_known(files: _Files, path: Path, content: Element) -> bool:
+    """Keep an element under its kind; return False where its kind is unknown."""
     image = re.fullmatch(r"Orientation-(.+)\.xml", path.name)
     if content.tag == "OrientationConique" and image:
-        found.orientations[image[1]] = content
+        files.orientations[image[1]] = content
         if (interior := content.maybe("Interne")) is not None:
-            found.interior[image[1]] = _named(found, interior)
-    elif content.tag == "CalibrationInternConique" and path.name not in found.calibrations:
-        found.calibrations[path.name] = content
-        found.by_content.setdefault(_content(content), path.name)
+            files.interior[image[1]] = _named(files, interior)
+    elif content.tag == "CalibrationInternConique" and path.name not in files.calibrations:
+        files.calibrations[path.name] = content
+        files.by_content.setdefault(_content(content), path.name)
     elif content.tag == "SetOfMesureAppuisFlottants":
-        found.measures.append(content)
+        files.measures.append(content)
     elif content.tag == "DicoAppuisFlottant":
-        found.surveyed.append(content)
+        files.surveyed.append(content)
     else:
         return False
     return True
 
 
-def _named(found: _Files, interior: Element) -> str:
-    """Return the name of a calibration that an orientation holds; equal ones are one."""
-    new = f"CAM{len(found.calibrations) + 1}.xml"
-    name = found.by_content.setdefault(_content(interior), new)
-    found.calibrations.setdefault(name, interior)
+def _named(files: _Files, interior: Element) -> str:
+    """Return the name of an orientation's own calibration; equal calibrations have one name."""
+    new = f"CAM{len(files.calibrations) + 1}.xml"
+    name = files.by_content.setdefault(_content(interior), new)
+    files.calibrations.setdefault(name, interior)
     return name
 
 
 def _content(element: Element) -> Content:
-    return element.text, tuple((one.tag, _content(one)) for one in element.below)
+    return element.text, tuple((child.tag, _content(child)) for child in element.below)
 
 
 def _first_pose(orientation: Element) -> Pose:
@@ -346,39 +350,39 @@ def _first_calibration(orientation: Element) -> tuple[Element, str]:
 
 
 def _first_measured(sets: Iterable[Element]) -> Iterator[Ray]:
-    for one in sets:
-        for image in one.each("MesureAppuiFlottant1Im"):
+    for group in sets:
+        for image in group.each("MesureAppuiFlottant1Im"):
             name = image.one("NameIm").text
             for point in image.each("OneMesureAF1I"):
                 yield point, name, point.one("NamePt").text, _pixel(point.one("PtIm"))
 
 
 def _first_surveyed(dictionaries: Iterable[Element]) -> Iterator[Place]:
-    for one in dictionaries:
-        for point in one.each("OneAppuisDAF"):
+    for dictionary in dictionaries:
+        for point in dictionary.each("OneAppuisDAF"):
             sigma = point.maybe("Incertitude")
             values = np.full(3, np.nan) if sigma is None else _three(sigma)
             yield point, point.one("NamePt").text, _three(point.one("Pt")), values
 
 
-def _verified(found: _Files) -> tuple[Proof]:
+def _verified(files: _Files) -> tuple[Proof]:
     """Return the proof by what MicMac itself computed of images, each point once."""
     pairs = [
-        (image, _three(one.one("Ter")), _pixel(one.one("Im")))
-        for image, orientation in enumerate(found.orientations.values())
-        for one in orientation.each("Verif", "Appuis")
+        (image, _three(point.one("Ter")), _pixel(point.one("Im")))
+        for image, orientation in enumerate(files.orientations.values())
+        for point in orientation.each("Verif", "Appuis")
     ]
-    own = Measured.of(
+    projected = Measured.of(
         [(image, str(k), colrow) for k, (image, _, colrow) in enumerate(pairs)],
         {str(k): x_w for k, (_, x_w, _) in enumerate(pairs)},
     )
-    return (Proof(whose="points that MicMac projected itself (Verif)", measured=own),)
+    return (Proof(whose="points that MicMac projected itself (Verif)", measured=projected),)
 
 
 def _alone(measured: Iterable[str], surveyed: Iterable[str]) -> dict[str, int]:
     """Return the points that are measured or surveyed alone, in words, and how many."""
-    given, seen = set(surveyed), set(measured)
-    unknown = [name for name in measured if name not in given] if given else []
+    known, seen = set(surveyed), set(measured)
+    unknown = [name for name in measured if name not in known] if known else []
     unseen = [name for name in surveyed if name not in seen]
     ties = "measured points are tie points, since their coordinates are not there"
     return {
@@ -403,10 +407,10 @@ def _first_lens(root: Element) -> Lens:
     fx, fy = _focal(root)
     hole = Pinhole(fx=fx, fy=fy, cx=cx, cy=cy)
     stretched = _stretched(hole, root)
-    wide = [one for one in root.each("CalibDistortion", "ModUnif") if _is_fisheye(one)]
+    wide = [model for model in root.each("CalibDistortion", "ModUnif") if _is_fisheye(model)]
     if wide:
         return _fisheye(root, wide[0], hole, (width, height))
-    shifts = [_shift(one) for one in root.each("CalibDistortion")]
+    shifts = [_shift(model) for model in root.each("CalibDistortion")]
 
     def distorted(ideal: Array) -> Array:
         colrow = hole.colrow(ideal)
@@ -467,16 +471,16 @@ def _focal(root: Element) -> tuple[float, float]:
 def _require_plain(element: Element) -> None:
     """Raise for an affine map of pixels that does not leave them where they are."""
     plain = {"I00": [0.0, 0.0], "V10": [1.0, 0.0], "V01": [0.0, 1.0]}
-    found = {tag: one for tag in plain for one in element.everywhere(tag)}
-    if not all(one.numbers(2).tolist() == plain[tag] for tag, one in found.items()):
+    columns = {tag: column for tag in plain for column in element.everywhere(tag)}
+    if not all(column.numbers(2).tolist() == plain[tag] for tag, column in columns.items()):
         raise element.wrong("turns or scales pixels", "must leave them as they are")
 
 
 def _shift(element: Element) -> Callable[[Array], Array]:
-    """Return what one distortion of a calibration adds to ideal pixels."""
+    """Return the displacement of ideal pixels by one distortion of a calibration."""
     if len(element.below) != 1:
-        found = f"holds {len(element.below)} models"
-        raise element.wrong(found, "must hold one")
+        count = f"holds {len(element.below)} models"
+        raise element.wrong(count, "must hold one")
     model = element.below[0]
     if model.tag not in MODELS:
         kind = model.maybe("TypeModele")
@@ -486,21 +490,24 @@ def _shift(element: Element) -> Callable[[Array], Array]:
         return np.zeros_like
     radial = model.one("RadialePart") if model.maybe("RadialePart") is not None else model
     centre = radial.one("CDist").numbers(2)
-    k = {f"k{n}": one.number() for n, one in enumerate(radial.each("CoeffDist"), start=1)}
+    k = {
+        f"k{n}": coefficient.number()
+        for n, coefficient in enumerate(radial.each("CoeffDist"), start=1)
+    }
     p1, p2, b1, b2 = (_optional(model, tag) for tag in ("P1", "P2", "b1", "b2"))
 
     def shift(colrow: Array) -> Array:
-        at = colrow - centre
-        out = lens.effects(at, {**k, "u": p2, "v": p1})
-        out[:, 0] += at @ [b1, b2]
+        offset = colrow - centre
+        out = lens.effects(offset, {**k, "u": p2, "v": p1})
+        out[:, 0] += offset @ [b1, b2]
         return out
 
     return shift
 
 
 def _optional(element: Element, tag: str) -> float:
-    found = element.maybe(tag)
-    return 0.0 if found is None else found.number(allowed=PER_PIXEL)
+    child = element.maybe(tag)
+    return 0.0 if child is None else child.number(allowed=PER_PIXEL)
 
 
 # Fisheyes, ModUnif: 10 radial, 5 decentring terms, polynomials to x⁵. As its source has them: an
@@ -526,7 +533,7 @@ STATE = Range(1e-3, 1e9, "must be positive")
 def _measured(model: Element) -> Model:
     """Return the map from ideal pixels to measured ones, shape (n, 2), of an element ModUnif."""
     kind = model.one("TypeModele").text
-    values = np.array([one.number() for one in model.each("Params")])
+    values = np.array([parameter.number() for parameter in model.each("Params")])
     if len(values) > N:
         raise model.wrong(f"has {len(values)} Params", f"must have at most {N}")
     values = np.pad(values, (0, N - len(values)))
@@ -537,10 +544,10 @@ def _measured(model: Element) -> Model:
     radial, decentring = values[2:first], values[first : first + 2 * DECENTRING].reshape(-1, 2)
 
     def moved(colrow: Array) -> Array:
-        at = (colrow - values[:2]) / state
-        r = np.hypot(*at.T)
+        points = (colrow - values[:2]) / state
+        r = np.hypot(*points.T)
         scale = np.divide(distance(np.arctan(r)), r, out=np.ones_like(r), where=r > 0)
-        p = at * scale[:, None]
+        p = points * scale[:, None]
         r2 = np.sum(p * p, axis=1)
         out = p * (1 + sum(k * r2**n for n, k in enumerate(radial, start=1)))[:, None]
         for n, pair in enumerate(decentring, start=1):  # derivatives of p r^2n by the centre
@@ -602,29 +609,31 @@ def _is_second(source: Path) -> bool:
     wanted = (f"{ORIENTATION}*.xml", f"{CALIBRATION}*.xml")
     inside = (source.glob(pattern) for pattern in wanted)
     around = ("MMVII-PhgrProj", "Ori")
-    return any(next(one, None) for one in inside) or any((source / n).is_dir() for n in around)
+    return any(next(matches, None) for matches in inside) or any(
+        (source / n).is_dir() for n in around
+    )
 
 
 def _second_paths(source: Path) -> Iterable[Path]:
     """Return the XML files of one folder of orientations, and of the points of its project."""
     oriented = sorted({path.parent for path in source.rglob(f"{ORIENTATION}*.xml")})
-    _require_one(source, [str(one.relative_to(source)) for one in oriented])
+    _require_one(source, [str(place.relative_to(source)) for place in oriented])
     folder = oriented[0] if oriented else source
     paths = sorted(folder.glob("*.xml"))
     if folder.parent.name == "Ori":
-        rest = (one for one in sorted(folder.parent.parent.iterdir()) if one.name != "Ori")
-        paths += [path for one in rest for path in sorted(one.rglob("Mes*.xml"))]
+        rest = (place for place in sorted(folder.parent.parent.iterdir()) if place.name != "Ori")
+        paths += [path for place in rest for path in sorted(place.rglob("Mes*.xml"))]
     return paths
 
 
-def _second_keep(found: _Files, _: Path, root: Element) -> bool:
+def _second_keep(files: _Files, _: Path, root: Element) -> bool:
     kind, content = _kind(root)
     if kind == "CameraPose":
-        found.orientations[_text(content.one("NameImage"))] = content
+        files.orientations[_text(content.one("NameImage"))] = content
     elif kind == "InternalCalibration":
-        found.calibrations[_text(content.one("Name"))] = content
+        files.calibrations[_text(content.one("Name"))] = content
     elif kind:
-        (found.measures if kind == "SetMesIm" else found.surveyed).append(content)
+        (files.measures if kind == "SetMesIm" else files.surveyed).append(content)
     return bool(kind)
 
 
@@ -639,7 +648,7 @@ def _kind(root: Element) -> tuple[str, Element]:
 
 
 def _text(element: Element) -> str:
-    """Return a text without the quotation marks that version 2 writes around it."""
+    """Return a text without the quotation marks of version 2."""
     text = element.text
     return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
 
@@ -660,21 +669,21 @@ def _second_calibration(pose: Element) -> tuple[Element, str]:
 
 
 def _second_measured(sets: Iterable[Element]) -> Iterator[Ray]:
-    for one in sets:
-        image = _text(one.one("NameIm"))
-        for point in one.each("Measures", "el"):
+    for group in sets:
+        image = _text(group.one("NameIm"))
+        for point in group.each("Measures", "el"):
             yield point, image, _text(point.one("Name")), _pixel(point.one("Pt"))
 
 
 def _second_surveyed(sets: Iterable[Element]) -> Iterator[Place]:
-    for one in sets:
-        for point in one.each("Measures", "el"):
+    for group in sets:
+        for point in group.each("Measures", "el"):
             yield point, _text(point.one("Name")), _three(point.one("Pt")), _sigma(point)
 
 
 def _sigma(point: Element) -> Array:
     """Return standard deviations of a surveyed point, m; NaN where the file has none."""
-    element = next((one for one in point.below if one.tag.endswith("Sigma2")), None)
+    element = next((child for child in point.below if child.tag.endswith("Sigma2")), None)
     if element is None:
         return np.full(3, np.nan)
     variances = element.numbers(6)[[0, 3, 5]]
@@ -690,7 +699,7 @@ def _second_lens(root: Element) -> Lens:
         expected = f"must be one of {', '.join(PROJECTIONS)}"
         raise root.one("Projection").wrong(quoted(kind), expected)
     size = root.one("PixelFrame", "NbPix")
-    width, height = (int(one) for one in _within(size, size.numbers(2), RANGES["width_px"]))
+    width, height = (int(side) for side in _within(size, size.numbers(2), RANGES["width_px"]))
     f = root.one("PerfectProj", "F").number(allowed=FOCAL)
     cx, cy = root.one("PerfectProj", "PP").numbers(2).tolist()
     values = _coefficients(root)
@@ -699,9 +708,9 @@ def _second_lens(root: Element) -> Lens:
     hole = replace(plain, fx=f * (1 + b1), skew=f * b2)
 
     def distorted(points: Array) -> Array:
-        at = points if outward is None else _moved(points, outward(np.hypot(*points.T)))
-        moved = at + lens.effects(at, values)
-        moved[:, 0] += at @ [b1, b2]
+        projected = points if outward is None else _moved(points, outward(np.hypot(*points.T)))
+        moved = projected + lens.effects(projected, values)
+        moved[:, 0] += projected @ [b1, b2]
         return hole.points(plain.colrow(moved))
 
     return Lens(
@@ -723,12 +732,12 @@ def _moved(points: Array, distance: Array) -> Array:
 
 def _coefficients(root: Element) -> dict[str, float]:
     """Return the terms of the distortion by what they are in `lens.effects`, with b1 and b2."""
-    found: dict[str, float] = {}
+    coefficients: dict[str, float] = {}
     mode = root.maybe("Auxiliary", "IsFraserMode")
     known = {"p1": "v", "p2": "u", "b1": "b1", "b2": "b2"}
     if mode is not None and mode.text == "0":  # the terms of degree 1 are others
         known = {"p1": "v", "p2": "u"}
-    for element in (one for part in root.one("Distorsion").below for one in part.below):
+    for element in (term for part in root.one("Distorsion").below for term in part.below):
         value = element.number(allowed=COEFFICIENT)
         role = known.get(element.tag)
         if radial := re.fullmatch(r"K([1-6])", element.tag):
@@ -737,8 +746,8 @@ def _coefficients(root: Element) -> dict[str, float]:
             expected = "must be 0; K1 to K6, p1, p2, b1, b2 are read"
             raise element.wrong(f"{value:g}", expected)
         if role is not None:
-            found[role] = value
-    return found
+            coefficients[role] = value
+    return coefficients
 
 
 _SECOND = _Version(

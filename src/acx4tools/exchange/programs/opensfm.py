@@ -123,15 +123,15 @@ def project(
     named = {"image": shots.names, "camera": shots.heads, "exposure": shots.instances}
     tables.require_all_names({**named, "point": ties.points}, root.source.wrong)
     place = _place_of(files, root, shots, crs)
-    listed = [one for one in map(files.maybe, CONTROL) if one is not None]
+    listed = [file for file in map(files.maybe, CONTROL) if file is not None]
     marks, control, left_out = Measured(), None, others
     lost: dict[str, int] = {}
     if listed and place is None:
-        said = f"{listed[0].name}: the reconstruction has no place on the Earth"
-        left_out = (said, *others)
+        sentence = f"{listed[0].name}: the reconstruction has no place on the Earth"
+        left_out = (sentence, *others)
     elif listed and place is not None:
         marks, control, lost = _marks(listed[0], shots, lenses, place)
-        taken = (f"{one.name}: {listed[0].name} is taken" for one in listed[1:])
+        taken = (f"{file.name}: {listed[0].name} is taken" for file in listed[1:])
         left_out = (*taken, *others)
         ties = _renamed(ties, {*marks.points, *control.names})
     T_w_c = Pose(R=shots.T_w_v.R @ FLIP, r=shots.T_w_v.r)
@@ -178,7 +178,7 @@ def _cameras_alone(files: _Files) -> Project:
     return Project(
         source="OpenSfM's cameras",
         sources=files.read.values(),
-        lenses={name: _lens(one) for name, one in node.items()},
+        lenses={name: _lens(camera) for name, camera in node.items()},
         assumed=ASSUMED[:1],
     )
 
@@ -207,14 +207,14 @@ def _of_control(marks: Measured, T_w_c: Pose, place: _Place | None) -> tuple[Pro
 
 def _in_grid(root: Node, place: _Place | None) -> InGrid:
     if place is None:
-        found = "has no measured position: the adjusted orientations are nowhere on the Earth"
+        fault = "has no measured position: the adjusted orientations are nowhere on the Earth"
         expected = "must have gps_position, with reference_lla"
-        return nowhere(root.one("shots").wrong(found, expected))
+        return nowhere(root.one("shots").wrong(fault, expected))
     return lambda T: place.frame.pose_to_grid(place.in_frame(T))
 
 
 def _ties(files: _Files, root: Node, shots: _Shots, lenses: Mapping[str, Lens]) -> Measured:
-    """Return the tracks in images of the reconstruction, with the points that it has of them."""
+    """Return the tracks in reconstructed images, with their reconstructed points."""
     known, source = root.maybe("points"), files.maybe(TRACKS)
     x_w = {} if known is None else _points(known)
     if source is None:
@@ -223,7 +223,9 @@ def _ties(files: _Files, root: Node, shots: _Shots, lenses: Mapping[str, Lens]) 
     row_of = {name: row for row, name in enumerate(shots.names)}
     used = np.array([image in row_of for image in images], dtype=bool)
     image_idx = np.array([row_of[image] for image in images if image in row_of], dtype=int)
-    tracks, point_idx = tables.first_use([n for n, one in zip(names, used, strict=True) if one])
+    tracks, point_idx = tables.first_use(
+        [n for n, is_used in zip(names, used, strict=True) if is_used]
+    )
     sizes = [(lenses[head].width_px, lenses[head].height_px) for head in shots.heads]
     return Measured(
         points=tuple(tracks),
@@ -251,14 +253,14 @@ def _renamed(ties: Measured, taken: set[str]) -> Measured:
 
 @dataclass(frozen=True, kw_only=True)
 class _Files:
-    """A folder with files of OpenSfM: other names that they have, and what was opened so far."""
+    """A folder of OpenSfM's files, with the files' other names and the files opened so far."""
 
     folder: Path
     names: dict[str, str] = field(default_factory=dict)
     read: dict[str, Opened] = field(default_factory=dict)
 
     def maybe(self, *names: str) -> Opened | None:
-        """Return the first file of these names that is there."""
+        """Return the first file that exists of some names; None where there is none."""
         for name in names:
             path = self.folder / self.names.get(name, name)
             if name.startswith("../") and self.folder.name != OPENSFM:
@@ -268,7 +270,7 @@ class _Files:
         return None
 
     def tree(self, *names: str) -> Node | None:
-        """Return the first file of these names that is there, as JSON."""
+        """Return the first file that exists of some names, as JSON; None where there is none."""
         source = self.maybe(*names)
         return None if source is None else json_tree.tree(source)
 
@@ -293,7 +295,7 @@ def _is_cameras(source: Path) -> bool:
 
 
 def _none_but(kind: str) -> dict[str, str]:
-    """Return names that no file has for the other files: one file alone was given."""
+    """Return names that no file has, for all kinds of files but one: it was given alone."""
     others = {RECONSTRUCTION, TRACKS, *CAMERAS} - {kind}
     return dict.fromkeys(others, "\0")
 
@@ -311,10 +313,10 @@ def _reconstruction(files: _Files) -> tuple[Node | None, tuple[str, ...]]:
     sizes = [len(list(part.one("shots").items())) for part in parts]
     best = int(np.argmax(sizes))
     others = sum(sizes) - sizes[best]
-    left = (
+    remarks = (
         f"{len(parts) - 1} more reconstructions with {others} shots: each has a frame of its own",
     )
-    return parts[best], left if len(parts) > 1 else ()
+    return parts[best], remarks if len(parts) > 1 else ()
 
 
 # shots, rigs, points, tracks
@@ -339,14 +341,14 @@ class _Shots:
 
 def _shots(root: Node, rigs: Node | None) -> _Shots:
     """Return the shots; `rigs` is rig_assignments.json, for files that say nothing of rigs."""
-    found = list(root.one("shots").items())
-    if not found:
+    shots = list(root.one("shots").items())
+    if not shots:
         raise root.one("shots").wrong("has no shot", "must have one at least")
     of_rig = dict(_instances(root)) or (dict(_assigned(rigs)) if rigs is not None else {})
-    names = tuple(name for name, _ in found)
-    models = tuple(shot.one("camera").text() for _, shot in found)
-    R_v_w = exp(np.array([shot.one("rotation").numbers(3, allowed=TURN) for _, shot in found]))
-    t = np.array([shot.one("translation").numbers(3, allowed=METRES) for _, shot in found])
+    names = tuple(name for name, _ in shots)
+    models = tuple(shot.one("camera").text() for _, shot in shots)
+    R_v_w = exp(np.array([shot.one("rotation").numbers(3, allowed=TURN) for _, shot in shots]))
+    t = np.array([shot.one("translation").numbers(3, allowed=METRES) for _, shot in shots])
     alone = zip(names, names, models, strict=True)
     rows = {name: of_rig.get(name, (instance, model)) for name, instance, model in alone}
     return _Shots(
@@ -355,7 +357,7 @@ def _shots(root: Node, rigs: Node | None) -> _Shots:
         instances=tuple(instance for instance, _ in rows.values()),
         heads=tuple(head for _, head in rows.values()),
         T_w_v=Pose(R=R_v_w, r=t).inverse,
-        gps=np.array([_gps(shot) for _, shot in found]),
+        gps=np.array([_gps(shot) for _, shot in shots]),
     )
 
 
@@ -378,13 +380,13 @@ def _instances(root: Node) -> Iterator[tuple[str, tuple[str, str]]]:
 
 
 def _assigned(rigs: Node) -> Iterator[tuple[str, tuple[str, str]]]:
-    """Yield the same of rig_assignments.json: lists of images and cameras, by number or name."""
+    """Yield the rows of `_instances` from rig_assignments.json: lists of images and cameras."""
     by_name = isinstance(rigs.value, dict)
     all_rigs = (
         list(rigs.items()) if by_name else [(f"rig {k}", v) for k, v in enumerate(rigs.each())]
     )
     for instance, rig in all_rigs:
-        cameras = [(one.one(0).text(), one.one(1).text()) for one in rig.each()]
+        cameras = [(pair.one(0).text(), pair.one(1).text()) for pair in rig.each()]
         for image, head in cameras if len(cameras) > 1 else ():
             yield image, (instance, head)
 
@@ -393,21 +395,21 @@ def _rig_mounts(node: Node | None) -> dict[str, Pose]:
     """Return the mountings of cameras in their rig by their names, the library's axes."""
     if node is None:
         return {}
-    there = {
+    poses = {
         name: Pose(
-            R=exp(one.one("rotation").numbers(3, allowed=TURN)),
-            r=one.one("translation").numbers(3, allowed=METRES),
+            R=exp(mount.one("rotation").numbers(3, allowed=TURN)),
+            r=mount.one("translation").numbers(3, allowed=METRES),
         ).inverse
-        for name, one in node.items()
+        for name, mount in node.items()
     }
-    return {name: Pose(R=turned(one.R), r=one.r @ FLIP) for name, one in there.items()}
+    return {name: Pose(R=turned(pose.R), r=pose.r @ FLIP) for name, pose in poses.items()}
 
 
 def _points(node: Node) -> dict[str, list[float]]:
     """Return the coordinates of object points by their names."""
     return {
-        name: one.one("coordinates").numbers(3, allowed=METRES).tolist()
-        for name, one in node.items()
+        name: point.one("coordinates").numbers(3, allowed=METRES).tolist()
+        for name, point in node.items()
     }
 
 
@@ -451,8 +453,8 @@ def _lens(node: Node) -> Lens:
 
 
 def _number(node: Node, name: str) -> float:
-    found = node.maybe(name)
-    return 0.0 if found is None else found.number(COEFFICIENT)
+    child = node.maybe(name)
+    return 0.0 if child is None else child.number(COEFFICIENT)
 
 
 def _kind(node: Node) -> str:
@@ -496,37 +498,40 @@ class _Place:
         return self.utm.pose_from_grid(T_w.r + np.append(self.offset, 0.0), T_w.opk)
 
 
-def _place_of(found: _Files, root: Node, shots: _Shots, crs: str | None) -> _Place | None:
+def _place_of(files: _Files, root: Node, shots: _Shots, crs: str | None) -> _Place | None:
     """Return where a project is; None without measured positions: then it is nowhere."""
-    node = root.maybe("reference_lla") or found.tree("reference_lla.json")
+    node = root.maybe("reference_lla") or files.tree("reference_lla.json")
     if node is None or not np.isfinite(shots.gps).any():
         return None
     lon, lat, altitude = (
         node.one(key).number(allowed)
         for key, allowed in (("longitude", LON), ("latitude", LAT), ("altitude", HEIGHT))
     )
-    zone, offset = _zone_and_offset(found, lon, lat)
+    zone, offset = _zone_and_offset(files, lon, lat)
     try:
-        utm, own = (
+        utm, flight_frame = (
             MappingFrame(
-                grid=GridSystem(crs=one, heights="ellipsoidal"), origin=np.array([lon, lat])
+                grid=GridSystem(crs=code, heights="ellipsoidal"), origin=np.array([lon, lat])
             )
-            for one in (zone, crs or zone)
+            for code in (zone, crs or zone)
         )
     except ValueError as error:
         raise FlightError([f"--crs:1: crs: {error}; must be projected and in metres"]) from None
     place = _Place(
-        frame=own,
+        frame=flight_frame,
         altitude=altitude,
         offset=offset,
-        said=(f"positions are of WGS 84, in {own.grid.crs}; altitudes are taken as ellipsoidal",),
+        said=(
+            f"positions are of WGS 84, in {flight_frame.grid.crs}; "
+            "altitudes are taken as ellipsoidal",
+        ),
     )
     return _in_utm_if_better(place, utm, shots)
 
 
-def _zone_and_offset(found: _Files, lon: float, lat: float) -> tuple[str, Array]:
+def _zone_and_offset(files: _Files, lon: float, lat: float) -> tuple[str, Array]:
     """Return the UTM zone as an EPSG code, and the origin of a reconstruction by ODM in it."""
-    source = found.maybe(COORDS)
+    source = files.maybe(COORDS)
     rows = [] if source is None else list(text_lines.lines(source))[:2]
     if len(rows) == 2 and rows[0].cells[:2] == ("WGS84", "UTM"):
         zone = rows[0].cell(2, "zone")
@@ -545,15 +550,15 @@ def _in_utm_if_better(place: _Place, utm: MappingFrame, shots: _Shots) -> _Place
     known = np.isfinite(shots.gps).all(axis=1)
     centres, gps = shots.T_w_v.r[known, :2], shots.gps[known]
     grid = utm.to_grid(gps + np.array([0.0, 0.0, place.altitude]))[:, :2] - place.offset
-    plain, in_utm = (_rms(centres - one) for one in (gps[:, :2], grid))
+    plain, in_utm = (_rms(centres - positions) for positions in (gps[:, :2], grid))
     size = _rms(gps[:, :2] - gps[:, :2].mean(axis=0))
     if known.sum() < 3 or BETTER * in_utm > plain or in_utm > size:
         return place
-    said = (
+    sentence = (
         f"orientations and points have the axes of UTM, as ODM writes them: camera centres are "
         f"{in_utm:.2g} m rms from the measured positions so, {plain:.2g} m in topocentric axes"
     )
-    return replace(place, utm=utm, said=(*place.said, said))
+    return replace(place, utm=utm, said=(*place.said, sentence))
 
 
 def _rms(off: Array) -> float:
@@ -572,24 +577,26 @@ def _marks(
         for name, head in zip(shots.names, shots.heads, strict=True)
     }
     if file.name.endswith(".json"):
-        names, lonlath, seen = _of_json(json_tree.tree(file))
+        names, lonlath, marks = _of_json(json_tree.tree(file))
     else:
-        names, lonlath, seen = _of_list(file, size, place.frame.grid)
+        names, lonlath, marks = _of_list(file, size, place.frame.grid)
     row_of = {name: row for row, name in enumerate(shots.names)}
-    used = [one for one in seen if one[0] in row_of]
+    used = [mark for mark in marks if mark[0] in row_of]
     sizes = np.array([size[image] for image, _, _ in used], dtype=float).reshape(-1, 2)
-    colrow = _colrow(np.array([at for _, _, at in used]).reshape(-1, 2), sizes)
-    rows = [(row_of[image], name, at) for (image, name, _), at in zip(used, colrow, strict=True)]
+    colrow = _colrow(np.array([xy for _, _, xy in used]).reshape(-1, 2), sizes)
+    rows = [
+        (row_of[image], name, pixel) for (image, name, _), pixel in zip(used, colrow, strict=True)
+    ]
     places = dict(zip(names, place.frame.from_geographic(lonlath), strict=True))
     measured = Measured.of(rows, places)
     whole = np.isfinite(lonlath[:, 2])
     enh = np.column_stack(
         [place.frame.grid.grid_from_lonlat(lonlath[whole, :2]), lonlath[whole, 2]]
     )
-    control = Control(names=tuple(n for n, one in zip(names, whole, strict=True) if one), enh=enh)
+    control = Control(names=tuple(n for n, has in zip(names, whole, strict=True) if has), enh=enh)
     lost = {
         "control points without an altitude": int((~whole).sum()),
-        "measurements of control points in images that were not oriented": len(seen) - len(used),
+        "measurements of control points in images that were not oriented": len(marks) - len(used),
     }
     return measured, control, lost
 
@@ -603,34 +610,40 @@ def _of_json(node: Node) -> tuple[list[str], Array, list[Seen]]:
     names: list[str] = []
     places: list[list[float]] = []
     measured: list[Seen] = []
-    for one in node.one("points").each():
-        name = one.one("id").text()
-        if (place := one.maybe("position")) is not None:
+    for point in node.one("points").each():
+        name = point.one("id").text()
+        if (place := point.maybe("position")) is not None:
             names.append(name)
             places.append(_lonlath(place))
-        for seen in one.one("observations").each():
-            at = seen.maybe("projection")
-            if at is not None:
-                image = seen.one("shot_id").text()
-                measured.append((image, name, [at.one(k).number(NORMALISED) for k in (0, 1)]))
+        for observation in point.one("observations").each():
+            projection = observation.maybe("projection")
+            if projection is not None:
+                image = observation.one("shot_id").text()
+                measured.append(
+                    (image, name, [projection.one(k).number(NORMALISED) for k in (0, 1)])
+                )
     return names, np.array(places).reshape(-1, 3), measured
 
 
 def _of_list(
     file: Opened, size: Mapping[str, tuple[int, int]], grid: GridSystem
 ) -> tuple[list[str], Array, list[Seen]]:
-    """Return the same of ODM's list, whose coordinates pass through the flight's grid."""
+    """Return what `_of_json` does, from ODM's list, whose coordinates are the flight's grid's."""
     listed = _list(file, grid.crs)
-    own = GridSystem(crs=grid.crs, heights="ellipsoidal")
+    ellipsoidal = GridSystem(crs=grid.crs, heights="ellipsoidal")
     known = np.isfinite(listed.enh[:, 2])
-    names = [name for name, one in zip(listed.names.values(), known, strict=True) if one]
+    names = [name for name, has in zip(listed.names.values(), known, strict=True) if has]
     enh = listed.enh[known]
-    lonlath = np.column_stack([own.lonlat_from_grid(enh[:, :2]), enh[:, 2]])
-    seen = [
-        (one.image, listed.names[one.xyz], _normalised(np.array(one.colrow), size.get(one.image)))
-        for one in listed.seen
+    lonlath = np.column_stack([ellipsoidal.lonlat_from_grid(enh[:, :2]), enh[:, 2]])
+    marks = [
+        (
+            mark.image,
+            listed.names[mark.xyz],
+            _normalised(np.array(mark.colrow), size.get(mark.image)),
+        )
+        for mark in listed.seen
     ]
-    return names, lonlath, seen
+    return names, lonlath, marks
 
 
 def _normalised(colrow: Array, size: tuple[int, int] | None) -> list[float]:
@@ -705,10 +718,10 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
     listed = _list(file, crs)
     known = np.isfinite(listed.enh[:, 2])
     high, flat = (
-        tuple(name for name, one in zip(listed.names.values(), mask, strict=True) if one)
+        tuple(name for name, has in zip(listed.names.values(), mask, strict=True) if has)
         for mask in (known, ~known)
     )
-    images, image_idx = tables.first_use([one.image for one in listed.seen])
+    images, image_idx = tables.first_use([mark.image for mark in listed.seen])
     pairs = zip(image_idx, listed.seen, strict=True)
     return Project(
         source="ODM's control points",
@@ -719,7 +732,7 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
             exposures=tuple(images),
             T_w_c=stacked([UNKNOWN] * len(images)),
         ),
-        measured=Measured.of([(k, listed.names[one.xyz], one.colrow) for k, one in pairs]),
+        measured=Measured.of([(k, listed.names[mark.xyz], mark.colrow) for k, mark in pairs]),
         control=Control(names=high, enh=listed.enh[known]),
         settings=listed.system.settings,
         lost={f"points without a height: {', '.join(flat[:5])}": len(flat)},
@@ -732,26 +745,26 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
 
 def _list(file: Opened, crs: str | None) -> _List:
     first, *rows = [*text_lines.lines(file, comment="#")] or [_blank(file)]
-    seen = [_seen(row) for row in rows]
-    if not seen:
+    marks = [_seen(row) for row in rows]
+    if not marks:
         raise first.wrong("file", "has no point after the CRS", "must have one at least")
-    names = _names(seen)
-    _require_once(seen, names)
-    xyz = np.array([(*one, np.nan)[:3] for one in names])
+    names = _names(marks)
+    _require_once(marks, names)
+    xyz = np.array([(*place, np.nan)[:3] for place in names])
     system = _chosen(first, file, xyz, crs)
     try:
         enh = system.from_source(xyz)
     except ValueError as error:
         raise first.wrong("CRS", str(error), "must lead to the flight's CRS") from None
-    return _List(seen=seen, names=names, enh=enh, system=system)
+    return _List(seen=marks, names=names, enh=enh, system=system)
 
 
 def crs_of(text: str) -> str:
     """Return the CRS of a first line: a UTM zone of WGS 84, WGS 84 alone, a code, a PROJ string."""
     text = text.strip().strip("'\"")
-    found = UTM.fullmatch(text)
-    if found and 1 <= int(found[1]) <= 60:
-        return f"EPSG:{(32700 if found[2].upper() == 'S' else 32600) + int(found[1])}"
+    zone = UTM.fullmatch(text)
+    if zone and 1 <= int(zone[1]) <= 60:
+        return f"EPSG:{(32700 if zone[2].upper() == 'S' else 32600) + int(zone[1])}"
     return "EPSG:4326" if re.fullmatch(r"WGS\s?84", text, re.I) else text
 
 
@@ -762,12 +775,12 @@ def _blank(file: Opened) -> NoReturn:
 def _chosen(first: Line, file: Opened, xyz: Array, crs: str | None) -> Chosen:
     text = file.text().split("\n")[first.number - 1]
     try:
-        found = coordinates.chosen(crs_of(text), xyz[:, :2].mean(axis=0), crs)
+        system = coordinates.chosen(crs_of(text), xyz[:, :2].mean(axis=0), crs)
     except ValueError as error:
         raise first.wrong("CRS", f"{quoted(text.strip())}: {error}", _EXPECTED) from None
-    if found is None:
+    if system is None:
         raise first.wrong("CRS", quoted(text.strip()), _EXPECTED)
-    return found
+    return system
 
 
 def _seen(row: Line) -> _Seen:
@@ -785,32 +798,32 @@ def _seen(row: Line) -> _Seen:
     )
 
 
-def _names(seen: list[_Seen]) -> dict[tuple[float, ...], str]:
+def _names(marks: list[_Seen]) -> dict[tuple[float, ...], str]:
     """Return names by coordinates; points without one are numbered in the order of the file."""
     names: dict[tuple[float, ...], str] = {}
-    for one in seen:
-        name = names.setdefault(one.xyz, one.name or f"GCP{len(names) + 1}")
-        if one.name not in ("", name):
-            found = f"{quoted(one.name)} has the coordinates of {quoted(name)}"
-            raise one.line.wrong("name", found, "must be one name for one point")
+    for mark in marks:
+        name = names.setdefault(mark.xyz, mark.name or f"GCP{len(names) + 1}")
+        if mark.name not in ("", name):
+            fault = f"{quoted(mark.name)} has the coordinates of {quoted(name)}"
+            raise mark.line.wrong("name", fault, "must be one name for one point")
     times = Counter(names.values())
     if len(times) < len(names):
-        again = [one for one in seen if times[names[one.xyz]] > 1]
-        found = f"{quoted(names[again[0].xyz])} has different coordinates"
-        raise again[-1].line.wrong("name", found, "must be one point for one name")
+        again = [mark for mark in marks if times[names[mark.xyz]] > 1]
+        fault = f"{quoted(names[again[0].xyz])} has different coordinates"
+        raise again[-1].line.wrong("name", fault, "must be one point for one name")
     return names
 
 
-def _require_once(seen: list[_Seen], names: dict[tuple[float, ...], str]) -> None:
+def _require_once(marks: list[_Seen], names: dict[tuple[float, ...], str]) -> None:
     before: set[tuple[str, str]] = set()
-    for one in seen:
-        key = (one.image, names[one.xyz])
+    for mark in marks:
+        key = (mark.image, names[mark.xyz])
         if key in before:
-            found = f"{quoted(key[1])} stands twice in {quoted(key[0])}"
-            raise one.line.wrong("image", found, "must stand once")
+            fault = f"{quoted(key[1])} stands twice in {quoted(key[0])}"
+            raise mark.line.wrong("image", fault, "must stand once")
         before.add(key)
-        tables.require_names(key, partial(_wrong_name, one.line))
+        tables.require_names(key, partial(_wrong_name, mark.line))
 
 
-def _wrong_name(line: Line, name: str, found: str, expected: str) -> FlightError:
-    return line.wrong("name", found if name in found else f"{quoted(name)} {found}", expected)
+def _wrong_name(line: Line, name: str, fault: str, expected: str) -> FlightError:
+    return line.wrong("name", fault if name in fault else f"{quoted(name)} {fault}", expected)

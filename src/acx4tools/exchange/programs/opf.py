@@ -118,32 +118,32 @@ def project(
     FlightError
         Where the files are no project of OPF, or something in them cannot be.
     """
-    found = _documents_of(source)
-    sensors = _sensors(found, wanted=camera)
-    shots = _shots(found, sensors)
-    listed = found.by_format.get("input-control-points")
+    documents = _documents_of(source)
+    sensors = _sensors(documents, wanted=camera)
+    shots = _shots(documents, sensors)
+    listed = documents.by_format.get("input-control-points")
     gcps = {} if listed is None else _surveyed(listed)
-    system = _system(found, _captured(shots), [one for one, _ in gcps.values()], crs)
+    system = _system(documents, _captured(shots), [place for place, _ in gcps.values()], crs)
     if system is not None and heights is not None:
         system = _with_heights(system, heights)
-    poses = _calibrated(found)
-    rows = {one.number: k for k, one in enumerate(shots)}
-    marks, lost_marks = _marks(found, rows)
+    poses = _calibrated(documents)
+    rows = {shot.number: k for k, shot in enumerate(shots)}
+    marks, lost_marks = _marks(documents, rows)
     ties, lost_ties = Measured(), 0
-    if found.tracks is not None:
-        ties, lost_ties = _ties(found.tracks, rows, found.files)
+    if documents.tracks is not None:
+        ties, lost_ties = _ties(documents.tracks, rows, documents.files)
     control, strange = _control(gcps, system)
-    bias = found.by_format.get("gps-bias") is not None
-    others = ", ".join(dict.fromkeys(found.others))
+    bias = documents.by_format.get("gps-bias") is not None
+    others = ", ".join(dict.fromkeys(documents.others))
     return Project(
-        source=found.program,
-        sources=found.sources,
-        lenses={one.name: one.lens for one in sensors.values()},
+        source=documents.program,
+        sources=documents.sources,
+        lenses={sensor.name: sensor.lens for sensor in sensors.values()},
         images=Images(
-            names=tuple(one.name for one in shots),
-            cameras=tuple(one.sensor.name for one in shots),
-            exposures=tuple(one.exposure for one in shots),
-            T_w_c=stacked([poses.get(one.number, UNKNOWN) for one in shots]),
+            names=tuple(shot.name for shot in shots),
+            cameras=tuple(shot.sensor.name for shot in shots),
+            exposures=tuple(shot.exposure for shot in shots),
+            T_w_c=stacked([poses.get(shot.number, UNKNOWN) for shot in shots]),
         ),
         measured=joined(marks, ties),
         proofs=(
@@ -151,8 +151,8 @@ def project(
             Proof(whose="the calibrated tie points", measured=ties),
         ),
         control=control,
-        settings={"name": found.name, **(system.settings if system else {})},
-        in_grid=_in_grid(found, system),
+        settings={"name": documents.name, **(system.settings if system else {})},
+        in_grid=_in_grid(documents, system),
         trajectory=_measured(shots, system) if orientations == "initial" else Trajectory(),
         lost={
             "marks in images that are not in the project": lost_marks,
@@ -192,7 +192,7 @@ def _documents_of(source: Path) -> _Documents:
     if source.is_dir():
         listed = sorted(source.glob("*.opf"))
         if len(listed) > 1:
-            names = ", ".join(one.name for one in listed)
+            names = ", ".join(path.name for path in listed)
             raise refusal(str(source), 1, "folder", f"has {names}", "name one of them")
         if not listed:
             return _gathered(source)
@@ -210,8 +210,8 @@ def _gathered(folder: Path) -> _Documents:
     roots = [json_tree.tree(files.read(path)) for path in sorted(folder.glob("*.json"))]
     roots = [root for root in roots if _format(root, must=False)]
     if not roots:
-        found, expected = "has no file of OPF", "must have project.opf, or JSON files of OPF"
-        raise refusal(str(folder), 1, "folder", found, expected)
+        fault, expected = "has no file of OPF", "must have project.opf, or JSON files of OPF"
+        raise refusal(str(folder), 1, "folder", fault, expected)
     return _documents(folder.resolve().name, "OPF", roots, files)
 
 
@@ -236,17 +236,21 @@ def _of_items(path: Path, root: Node, files: Together) -> _Documents:
     program = "OPF"
     if generator is not None:
         parts = (generator.maybe("name"), generator.maybe("version"))
-        program = " ".join(["OPF of", *(one.text() for one in parts if one is not None)])
+        program = " ".join(["OPF of", *(part.text() for part in parts if part is not None)])
     title = root.maybe("name")
     if not roots:
         known = ", ".join(READ)
         raise root.one("items").wrong("has no file that is read", f"must have some of {known}")
     name = path.stem if title is None else title.text()
-    found = _documents(name, program, [*roots.values()], files)
-    found.others += others
-    found.tracks = tracks
-    found.sources = (root.source, *found.sources, *(() if tracks is None else (tracks.source,)))
-    return found
+    documents = _documents(name, program, [*roots.values()], files)
+    documents.others += others
+    documents.tracks = tracks
+    documents.sources = (
+        root.source,
+        *documents.sources,
+        *(() if tracks is None else (tracks.source,)),
+    )
+    return documents
 
 
 def _resources(root: Node) -> Iterator[tuple[str, Node]]:
@@ -267,8 +271,8 @@ def _documents(name: str, program: str, roots: list[Node], files: Together) -> _
         else:
             others.append(kind if kind not in READ else f"a second {kind}")
     if not documents:
-        found = f"{quoted(others[0])} is none that is read"
-        raise roots[0].one("format").wrong(found, f"must be one of {', '.join(READ)}")
+        fault = f"{quoted(others[0])} is none that is read"
+        raise roots[0].one("format").wrong(fault, f"must be one of {', '.join(READ)}")
     return _Documents(
         name=name,
         program=program,
@@ -286,8 +290,8 @@ def _format(root: Node, *, must: bool = True) -> str:
         return text.value.removeprefix(BEGIN).removesuffix(END)
     if not must:
         return ""
-    found = "is missing" if text is None else quoted(text.value)
-    raise (text or root).wrong(f"format {found}", f"must begin with {BEGIN}")
+    fault = "is missing" if text is None else quoted(text.value)
+    raise (text or root).wrong(f"format {fault}", f"must begin with {BEGIN}")
 
 
 def _require_version(root: Node) -> None:
@@ -297,7 +301,7 @@ def _require_version(root: Node) -> None:
 
 
 def _inside(uri: Node, folder: Path) -> Path:
-    """Return the path of a file that a project names, which must lie below its folder."""
+    """Return the path of a file in a project; it must lie below the project's folder."""
     text = unquote(uri.text())
     parts = PurePosixPath(text.replace("\\", "/"))
     if parts.is_absolute() or ".." in parts.parts or ":" in text or "\0" in text:
@@ -318,55 +322,55 @@ class _Sensor:
 
 def _sensors(project: _Documents, *, wanted: str) -> dict[str, _Sensor]:
     """Return the sensors by their numbers, with adjusted internals where they are wanted."""
-    given = project.by_format.get("input-cameras")
-    if given is None:
+    declared = project.by_format.get("input-cameras")
+    if declared is None:
         source = project.sources[0]
-        found = "the project has no input-cameras"
-        raise source.wrong("file", found, "required: the sizes of images are there")
-    nodes = {one.one("id").text(): one for one in given.one("sensors").each()}
+        missing = "the project has no input-cameras"
+        raise source.wrong("file", missing, "required: the sizes of images are there")
+    nodes = {sensor.one("id").text(): sensor for sensor in declared.one("sensors").each()}
     calibrated = project.by_format.get("calibrated-cameras")
     after: dict[str, Node] = {}
     if calibrated is not None and wanted == "adjusted":
-        after = {one.one("id").text(): one for one in calibrated.one("sensors").each()}
+        after = {sensor.one("id").text(): sensor for sensor in calibrated.one("sensors").each()}
     ids = list(nodes)
     names, _ = tables.without_doubles(_sensor_labels(nodes), ids)
     places = dict(zip(names, nodes.values(), strict=True))
-    tables.require_names(names, lambda name, what, expected: places[name].wrong(what, expected))
+    tables.require_names(names, lambda name, fault, expected: places[name].wrong(fault, expected))
     return {i: _sensor(name, nodes[i], after.get(i)) for i, name in zip(ids, names, strict=True)}
 
 
 def _sensor_labels(nodes: Mapping[str, Node]) -> list[str]:
     """Return the names of sensors, with their bands where several have one name."""
-    found = {}
+    labels = {}
     for i, node in nodes.items():
         name = node.maybe("name")
-        found[i] = i if name is None or not name.text().strip() else name.text().strip()
-    often = Counter(found.values())
-    return [f"{name} {_bands(nodes[i])}" if often[name] > 1 else name for i, name in found.items()]
+        labels[i] = i if name is None or not name.text().strip() else name.text().strip()
+    often = Counter(labels.values())
+    return [f"{name} {_bands(nodes[i])}" if often[name] > 1 else name for i, name in labels.items()]
 
 
 def _bands(node: Node) -> str:
     bands = node.maybe("bands")
-    listed = [one.maybe("name") for one in bands.each()] if bands is not None else []
-    return "+".join(one.text() for one in listed if one is not None)
+    listed = [band.maybe("name") for band in bands.each()] if bands is not None else []
+    return "+".join(band.text() for band in listed if band is not None)
 
 
-def _sensor(name: str, given: Node, after: Node | None) -> _Sensor:
-    source = given if after is None else after
-    width, height = (given.one("image_size_px").numbers(2)).tolist()
+def _sensor(name: str, declared: Node, after: Node | None) -> _Sensor:
+    source = declared if after is None else after
+    width, height = (declared.one("image_size_px").numbers(2)).tolist()
     for side in (width, height):
         if side not in PIXELS:
-            raise given.one("image_size_px").wrong(f"{side:g}", str(PIXELS))
-    pixel = given.maybe("pixel_size_um")
+            raise declared.one("image_size_px").wrong(f"{side:g}", str(PIXELS))
+    pixel = declared.maybe("pixel_size_um")
     lens = _lens(source.one("internals"), int(width), int(height))
     return _Sensor(
         name=name,
         lens=replace(
             lens,
             pixel_um=0.0 if pixel is None else pixel.number(RANGES["pixel_um"]),
-            mount=_mount(source.maybe("rig_relatives") or given.maybe("rig_relatives")),
+            mount=_mount(source.maybe("rig_relatives") or declared.maybe("rig_relatives")),
             kind="initial" if after is None else "adjusted",
-            remark=_sigma(name, given.maybe("rig_relatives")),
+            remark=_sigma(name, declared.maybe("rig_relatives")),
         ),
     )
 
@@ -421,11 +425,11 @@ def _fisheye(node: Node, width: int, height: int, centre: tuple[float, float]) -
     c, d, e, f = _floats(node, "affine", 4)
     p = _floats(node, "polynomial", -1)
     if len(p) < 2 or p[0] != 0 or p[1] <= 0:
-        found = quoted(list(p))
-        raise node.one("polynomial").wrong(found, "must be 0, a positive number, and others")
+        values = quoted(list(p))
+        raise node.one("polynomial").wrong(values, "must be 0, a positive number, and others")
     if c <= 0 or f <= 0 or c * f - d * e <= 0:
-        found = quoted([c, d, e, f])
-        raise node.one("affine").wrong(found, "must be c d; e f with positive c and f")
+        values = quoted([c, d, e, f])
+        raise node.one("affine").wrong(values, "must be c d; e f with positive c and f")
     return fisheye(p, (c, d, e, f), centre, size=(width, height), wrong=node.wrong)
 
 
@@ -438,7 +442,7 @@ def _floats(node: Node, key: str, n: int) -> list[float]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Shot:
-    """An image; `capture` is that of a reference camera: what was measured."""
+    """An image; that of a reference camera has its `capture`, with measured place and angles."""
 
     number: str
     name: str
@@ -447,8 +451,8 @@ class _Shot:
     capture: Node | None
 
 
-def _shots(project: _Documents, of: Mapping[str, _Sensor]) -> list[_Shot]:
-    """Return the images: those of captures, else those of calibrated cameras."""
+def _shots(project: _Documents, sensors: Mapping[str, _Sensor]) -> list[_Shot]:
+    """Return the images of the captures, or else of the calibrated cameras."""
     captures = list(project.by_format["input-cameras"].one("captures").each())
     pairs: list[tuple[Node, Node | None]] = [
         (camera, capture) for capture in captures for camera in capture.one("cameras").each()
@@ -460,20 +464,20 @@ def _shots(project: _Documents, of: Mapping[str, _Sensor]) -> list[_Shot]:
     labels = _labels(project)
     names, _ = tables.without_doubles([labels.get(i, i) for i in numbers], numbers)
     places_of = {name: camera for name, (camera, _) in zip(names, pairs, strict=True)}
-    tables.require_names(names, lambda name, what, wanted: places_of[name].wrong(what, wanted))
+    tables.require_names(names, lambda name, fault, wanted: places_of[name].wrong(fault, wanted))
     named = dict(zip(numbers, names, strict=True))
     if len(named) < len(numbers):
         times = Counter(numbers)
         again = next(camera for camera, _ in pairs if times[camera.one("id").text()] > 1)
         raise again.one("id").wrong("is there twice", "must be unique")
-    return [_shot(camera, capture, named, of) for camera, capture in pairs]
+    return [_shot(camera, capture, named, sensors) for camera, capture in pairs]
 
 
 def _shot(
-    camera: Node, capture: Node | None, named: Mapping[str, str], of: Mapping[str, _Sensor]
+    camera: Node, capture: Node | None, named: Mapping[str, str], sensors: Mapping[str, _Sensor]
 ) -> _Shot:
     number, sensor = camera.one("id").text(), camera.one("sensor_id")
-    if sensor.text() not in of:
+    if sensor.text() not in sensors:
         raise sensor.wrong(quoted(sensor.text()), "must be the id of a sensor")
     leader = number if capture is None else capture.one("reference_camera_id").text()
     if capture is not None and leader not in named:
@@ -482,7 +486,7 @@ def _shot(
         number=number,
         name=named[number],
         exposure=named[leader],
-        sensor=of[sensor.text()],
+        sensor=sensors[sensor.text()],
         capture=capture if number == leader else None,
     )
 
@@ -493,15 +497,15 @@ def _labels(project: _Documents) -> dict[str, str]:
     if listed is None:
         return {}
     return {
-        one.one("id").text(): one.one("uri").text().replace("\\", "/").rpartition("/")[2]
-        for one in listed.one("cameras").each()
+        camera.one("id").text(): camera.one("uri").text().replace("\\", "/").rpartition("/")[2]
+        for camera in listed.one("cameras").each()
     }
 
 
 def _captured(shots: list[_Shot]) -> list[_Place]:
-    """Return the place of the first capture that has one."""
-    for one in shots:
-        if one.capture is not None and (node := one.capture.maybe("geolocation")) is not None:
+    """Return the place of the first capture with a place, in a list; else an empty list."""
+    for shot in shots:
+        if shot.capture is not None and (node := shot.capture.maybe("geolocation")) is not None:
             return [_place(node)]
     return []
 
@@ -511,13 +515,13 @@ def _calibrated(project: _Documents) -> dict[str, Pose]:
     document = project.by_format.get("calibrated-cameras")
     if document is None:
         return {}
-    found = {}
-    for one in document.one("cameras").each():
-        opk = np.radians(one.one("orientation_deg").numbers(3))
-        found[one.one("id").text()] = Pose(
-            R=rotation_from_opk(opk[None])[0], r=one.one("position").numbers(3, allowed=METRES)
+    poses = {}
+    for camera in document.one("cameras").each():
+        opk = np.radians(camera.one("orientation_deg").numbers(3))
+        poses[camera.one("id").text()] = Pose(
+            R=rotation_from_opk(opk[None])[0], r=camera.one("position").numbers(3, allowed=METRES)
         )
-    return found
+    return poses
 
 
 def _in_grid(project: _Documents, system: Chosen | None) -> InGrid:
@@ -531,14 +535,14 @@ def _in_grid(project: _Documents, system: Chosen | None) -> InGrid:
 
     def in_grid(T: Pose) -> tuple[Array, Array]:
         try:
-            own = coordinates.parsed(node.text())
-            if not own.is_projected:
-                raise node.wrong(quoted(own.name), "must be projected for adjusted orientations")
-            there = replace(system, source=own).from_source(_base(frame, T.r))
-            there = coordinates.with_heights(system, there, coordinates.heights_of(own))
+            source = coordinates.parsed(node.text())
+            if not source.is_projected:
+                raise node.wrong(quoted(source.name), "must be projected for adjusted orientations")
+            enh = replace(system, source=source).from_source(_base(frame, T.r))
+            enh = coordinates.with_heights(system, enh, coordinates.heights_of(source))
         except ValueError as error:
             raise node.wrong(" ".join(str(error).split()), "must be convertible") from None
-        return there, T.opk
+        return enh, T.opk
 
     return in_grid
 
@@ -559,29 +563,29 @@ def _swaps(turn: Node) -> bool:
 
 
 def _measured(shots: list[_Shot], system: Chosen | None) -> Trajectory:
-    """Return the trajectory of what was measured of captures."""
+    """Return the trajectory by the measured places and angles of captures."""
     rows = [
-        (one, one.capture.one("geolocation"), one.capture.one("orientation"))
-        for one in shots
-        if one.capture is not None
-        and one.capture.maybe("geolocation") is not None
-        and one.capture.maybe("orientation") is not None
+        (shot, shot.capture.one("geolocation"), shot.capture.one("orientation"))
+        for shot in shots
+        if shot.capture is not None
+        and shot.capture.maybe("geolocation") is not None
+        and shot.capture.maybe("orientation") is not None
     ]
     if not rows or system is None:
         return Trajectory(left_out=("a trajectory: no capture has position and angles",))
-    names = [one.exposure for one, _, _ in rows]
+    names = [shot.exposure for shot, _, _ in rows]
     spots = [_place(where) for _, where, _ in rows]
     try:
         enh = np.stack([_enh(system, spot) for spot in spots])
     except FlightError as error:
         return Trajectory(left_out=(f"the measured orientations: {error.problems[0]}",))
     opk, sigma = zip(
-        *(_attitude(how, at, system) for (_, _, how), at in zip(rows, enh, strict=True)),
+        *(_attitude(how, place, system) for (_, _, how), place in zip(rows, enh, strict=True)),
         strict=True,
     )
     table: dict[str, object] = {
         **dict(tables.trajectory_in_grid(names, enh, np.stack(opk))),
-        **_sigmas(("east_m", "north_m", "height_m"), np.stack([one.sigma for one in spots])),
+        **_sigmas(("east_m", "north_m", "height_m"), np.stack([spot.sigma for spot in spots])),
         **_sigmas(("roll_deg", "pitch_deg", "heading_deg"), np.stack(sigma)),
     }
     return Trajectory(table=table, assumed=(ANGLES,))
@@ -599,8 +603,8 @@ def _attitude(node: Node, enh: Array, system: Chosen) -> tuple[Array, Array]:
     """Return a body's omega, phi, kappa against the grid, rad, and sigma of its axes, degrees."""
     kind = node.one("type").text()
     angles = np.radians(node.one("angles_deg").numbers(3))
-    given = node.maybe("sigmas_deg")
-    sigma = np.zeros(3) if given is None else np.maximum(given.numbers(3), 0.0)
+    sigmas = node.maybe("sigmas_deg")
+    sigma = np.zeros(3) if sigmas is None else np.maximum(sigmas.numbers(3), 0.0)
     grid = coordinates.grid_of(system.crs)
     lonlat = grid.lonlat_from_grid(enh[None, :2])
     if kind == "yaw_pitch_roll":
@@ -622,7 +626,7 @@ def _meridians(node: Node, lonlat: Array, grid: GridSystem) -> Array:
         other = coordinates.grid_of(node.text())
     except ValueError as error:
         raise node.wrong(str(error), "must be a projected coordinate system") from None
-    here, there = (one.convergence(lonlat)[0] for one in (grid, other))
+    here, there = (system.convergence(lonlat)[0] for system in (grid, other))
     if not np.isfinite([here, there]).all():
         raise node.wrong(f"{node.text()} is not defined there", "must be that of the place")
     c, s = np.cos(here - there), np.sin(here - there)
@@ -647,7 +651,7 @@ class _Place:
 
 
 def _place(node: Node) -> _Place:
-    """Return what a node ``geolocation`` says."""
+    """Return the place in a node ``geolocation``."""
     definition = node.one("crs", "definition")
     text = definition.text()
     try:
@@ -679,55 +683,57 @@ def _system(
     nodes: list[tuple[Node, Array | None]] = []
     if frame is not None:
         nodes.append((frame.one("crs", "definition"), None))
-    nodes += [(one.node.one("crs", "definition"), one.xyh[:2]) for one in (*captured, *surveyed)]
-    found, fault = None, None
-    for node, at in nodes:
+    nodes += [
+        (place.node.one("crs", "definition"), place.xyh[:2]) for place in (*captured, *surveyed)
+    ]
+    system, fault = None, None
+    for node, xy in nodes:
         try:
-            found = coordinates.chosen(node.text(), at, wanted)
+            system = coordinates.chosen(node.text(), xy, wanted)
         except ValueError as error:
             fault = fault or node.wrong(str(error), "must be one that a flight can have")
-        if found is not None:
+        if system is not None:
             break
-    if found is None and fault is not None:
+    if system is None and fault is not None:
         raise fault
     places = (*surveyed, *captured)
-    return found if found is None or not places else _with_heights(found, places[0].heights)
+    return system if system is None or not places else _with_heights(system, places[0].heights)
 
 
-def _with_heights(found: Chosen, heights: str | float) -> Chosen:
-    """Return a system with other heights, and what is said of them."""
-    said = "above the ellipsoid" if heights == "ellipsoidal" else f"of {heights}"
+def _with_heights(system: Chosen, heights: str | float) -> Chosen:
+    """Return a system with other heights, and with the sentence on them."""
+    phrase = "above the ellipsoid" if heights == "ellipsoidal" else f"of {heights}"
     if isinstance(heights, float):
-        said = f"{heights:g} m less than above the ellipsoid"
-    return replace(found, heights=heights, assumed=(*found.assumed[:1], f"Heights are {said}"))
+        phrase = f"{heights:g} m less than above the ellipsoid"
+    return replace(system, heights=heights, assumed=(*system.assumed[:1], f"Heights are {phrase}"))
 
 
-def _enh(system: Chosen, one: _Place) -> Array:
+def _enh(system: Chosen, place: _Place) -> Array:
     """Return east, north, height of a place in the flight's system, shape (3,)."""
     try:
-        of_place = replace(system, source=coordinates.parsed(one.text))
-        there = of_place.from_source(one.xyh[None])
-        there = coordinates.with_heights(system, there, one.heights)
+        of_place = replace(system, source=coordinates.parsed(place.text))
+        enh = of_place.from_source(place.xyh[None])
+        enh = coordinates.with_heights(system, enh, place.heights)
     except ValueError as error:
-        found = " ".join(str(error).split()).split(" (Error")[0]
-        raise one.node.wrong(found, "must be convertible into the flight's system") from None
-    if not np.isfinite(there).all():
-        raise one.node.wrong("lies outside the flight's system", "must lie inside")
-    return np.asarray(there[0])
+        message = " ".join(str(error).split()).split(" (Error")[0]
+        raise place.node.wrong(message, "must be convertible into the flight's system") from None
+    if not np.isfinite(enh).all():
+        raise place.node.wrong("lies outside the flight's system", "must lie inside")
+    return np.asarray(enh[0])
 
 
 def _surveyed(control: Node) -> dict[str, tuple[_Place, bool]]:
     """Return the places of control points, and whether they are check points."""
-    found: dict[str, tuple[_Place, bool]] = {}
-    for one in control.one("gcps").each():
-        name = one.one("id").text()
-        if name in found:
-            raise one.one("id").wrong(f"{quoted(name)} is there twice", "must be unique")
-        tables.require_names([name], lambda _, what, wanted: one.one("id").wrong(what, wanted))  # noqa: B023 called at once
-        check = one.maybe("is_checkpoint")
+    places: dict[str, tuple[_Place, bool]] = {}
+    for gcp in control.one("gcps").each():
+        name = gcp.one("id").text()
+        if name in places:
+            raise gcp.one("id").wrong(f"{quoted(name)} is there twice", "must be unique")
+        tables.require_names([name], lambda _, fault, wanted: gcp.one("id").wrong(fault, wanted))  # noqa: B023 called at once
+        check = gcp.maybe("is_checkpoint")
         is_check = check is not None and check.value is True
-        found[name] = (_place(one.one("geolocation")), is_check)
-    return found
+        places[name] = (_place(gcp.one("geolocation")), is_check)
+    return places
 
 
 def _control(
@@ -762,32 +768,32 @@ def _marks(project: _Documents, rows: Mapping[str, int]) -> tuple[Measured, int]
     control = project.by_format.get("input-control-points")
     if control is None:
         return Measured(), 0
-    found: list[tuple[int, str, Array]] = []
+    marks: list[tuple[int, str, Array]] = []
     lost = 0
     for kind in ("gcps", "mtps"):
         listed = control.maybe(kind)
-        for one in listed.each() if listed is not None else ():
-            of_point = _marks_of(one)
-            found += [(rows[n], name, at) for n, name, at in of_point if n in rows]
+        for point in listed.each() if listed is not None else ():
+            of_point = _marks_of(point)
+            marks += [(rows[n], name, colrow) for n, name, colrow in of_point if n in rows]
             lost += sum(n not in rows for n, _, _ in of_point)
-    return Measured.of(found, _calibrated_points(project)), lost
+    return Measured.of(marks, _calibrated_points(project)), lost
 
 
 def _marks_of(point: Node) -> list[tuple[str, str, Array]]:
     """Return the camera's number, the point and the pixel of a point's marks."""
-    name, found = point.one("id"), []
-    tables.require_names([name.text()], lambda _, what, wanted: name.wrong(what, wanted))
+    name, marks = point.one("id"), []
+    tables.require_names([name.text()], lambda _, fault, wanted: name.wrong(fault, wanted))
     seen = set()
     for mark in point.one("marks").each():
-        number, at = mark.one("camera_id").text(), mark.one("position_px")
+        number, position = mark.one("camera_id").text(), mark.one("position_px")
         if number in seen:
             raise mark.wrong(f"{name.text()} is twice in one camera", "must be there once")
         seen.add(number)
-        colrow = at.numbers(2) - HALF
+        colrow = position.numbers(2) - HALF
         if np.abs(colrow).max() > RANGES["col_px"].high:
-            raise at.wrong("is too large", str(RANGES["col_px"]))
-        found.append((number, name.text(), colrow))
-    return found
+            raise position.wrong("is too large", str(RANGES["col_px"]))
+        marks.append((number, name.text(), colrow))
+    return marks
 
 
 def _calibrated_points(project: _Documents) -> dict[str, Array]:
@@ -795,8 +801,8 @@ def _calibrated_points(project: _Documents) -> dict[str, Array]:
     if document is None:
         return {}
     return {
-        one.one("id").text(): one.one("coordinates").numbers(3, allowed=METRES)
-        for one in document.one("points").each()
+        point.one("id").text(): point.one("coordinates").numbers(3, allowed=METRES)
+        for point in document.one("points").each()
     }
 
 
@@ -846,8 +852,8 @@ class _Scene:
             raise node.wrong(f"{size} bytes from {begin} of {len(data)}", "must be complete")
         self.taken += size
         if self.taken > SHARED * sum(map(len, self.buffers.values())):
-            found = "the same bytes of its buffers are taken again and again"
-            raise node.wrong(found, f"must be taken {SHARED} times at most")
+            fault = "the same bytes of its buffers are taken again and again"
+            raise node.wrong(fault, f"must be taken {SHARED} times at most")
         values = np.frombuffer(data, dtype=layout, count=n * width, offset=begin)
         return values.reshape(n, width)
 
@@ -888,17 +894,17 @@ def _matched(
     scene: _Scene, matches: Node, xyz: Array, rows: Mapping[str, int]
 ) -> tuple[Measured, int]:
     """Return the measurements of the points of one mesh, and how many are left out."""
-    numbers = [one.text() for one in matches.one("cameraUids").each()]
+    numbers = [uid.text() for uid in matches.one("cameraUids").each()]
     camera = scene.array(matches.one("cameraIds"), width=1, kind="u")[:, 0]
-    at = matches.one("imagePoints", "pixelCoordinates")
-    colrow = scene.array(at, width=2, kind="f").astype(float) - HALF
+    node = matches.one("imagePoints", "pixelCoordinates")
+    colrow = scene.array(node, width=2, kind="f").astype(float) - HALF
     point, match = _ranges(scene, matches.one("pointIndexRanges"), len(xyz), len(camera))
     if len(camera) != len(colrow) or (len(camera) and camera.max() >= len(numbers)):
         raise matches.wrong(
             "its matches do not fit together", "must have a camera and a pixel each"
         )
     if not (np.abs(colrow) <= RANGES["col_px"].high).all():
-        raise at.wrong("a pixel is too large", str(RANGES["col_px"]))
+        raise node.wrong("a pixel is too large", str(RANGES["col_px"]))
     pairs = np.stack([point, camera[match]], axis=1)
     once = np.sort(np.unique(pairs, axis=0, return_index=True)[1])
     image = np.array([rows.get(number, -1) for number in numbers], dtype=int)

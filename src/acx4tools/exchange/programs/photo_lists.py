@@ -83,16 +83,16 @@ def bingo(source: Path, *, size: tuple[int, int], pixel_um: float) -> Project:
     """
     path = source / "image.dat" if source.is_dir() else source
     file = opened.read(path)
-    seen = _read(file)
+    points = _read(file)
     beside = path.parent / "geoin.dat"
     control, others, sources = None, Counter[str](), [file]
     if beside.exists():
-        given = opened.read(beside)
-        control, others = _control(given)
-        sources += [given] if control is not None else []
+        geoin = opened.read(beside)
+        control, others = _control(geoin)
+        sources += [geoin] if control is not None else []
     shown = ", ".join(f"{count} {quoted(name)}" for name, count in others.most_common(5))
     return _project(
-        seen,
+        points,
         size=size,
         pixel_um=pixel_um,
         pixels_per_unit=1000 / pixel_um,
@@ -108,14 +108,14 @@ def _patb(source: Path, *, unit: str, size: tuple[int, int], pixel_um: float) ->
     """Return PAT-B's image coordinates."""
     file = opened.read(source)
     if source.suffix.lower() in NOT_READ:
-        found = f"{source.suffix} of PAT-B is not read: its layout is not known for certain"
-        raise file.wrong("file", found, "must be the image coordinates, .im")
+        fault = f"{source.suffix} of PAT-B is not read: its layout is not known for certain"
+        raise file.wrong("file", fault, "must be the image coordinates, .im")
     left_out = tuple(
         f"{path.name}: not read"
         for path in sorted(source.parent.glob(f"{source.stem}.*"))
         if path.suffix.lower() in NOT_READ
     )
-    said = (
+    sentences = (
         f"x and y are in {unit} from the middle of the image, x right, y up; all images have one "
         "camera; what follows them on a line is no part of them",
         "the layout is untried on a file that PAT-B wrote",
@@ -127,7 +127,7 @@ def _patb(source: Path, *, unit: str, size: tuple[int, int], pixel_um: float) ->
         pixels_per_unit=UM[unit] / pixel_um,
         source="PAT-B",
         sources=[file],
-        assumed=said,
+        assumed=sentences,
         left_out=left_out,
     )
 
@@ -145,22 +145,22 @@ class _Seen:
 
 def _read(file: Opened, camera: str = "") -> list[_Seen]:
     """Return all measurements of a list; a camera is that of all images, else the header's."""
-    found: list[_Seen] = []
+    points: list[_Seen] = []
     before: set[tuple[str, str]] = set()
     for header, rows in _blocks(file):
         image = header.cell(0, "image")
-        of = camera or (header.cells[1] if len(header) > 1 else CAMERA)
+        camera_name = camera or (header.cells[1] if len(header) > 1 else CAMERA)
         for row in rows:
             point = row.cell(0, "point")
             if (image, point) in before:
-                what = f"{quoted(point)} stands twice in image {quoted(image)}"
-                raise row.wrong("point", what, "must stand once")
+                fault = f"{quoted(point)} stands twice in image {quoted(image)}"
+                raise row.wrong("point", fault, "must stand once")
             before.add((image, point))
             xy = (row.number_at(1, "x", IMAGE), row.number_at(2, "y", IMAGE))
-            found.append(_Seen(line=row, image=image, camera=of, point=point, xy=xy))
-    if not found:
+            points.append(_Seen(line=row, image=image, camera=camera_name, point=point, xy=xy))
+    if not points:
         raise file.wrong("file", "has no measurement", "must have blocks: image camera; point x y")
-    return found
+    return points
 
 
 def _blocks(file: Opened) -> Iterator[tuple[Line, list[Line]]]:
@@ -187,7 +187,7 @@ def _blocks(file: Opened) -> Iterator[tuple[Line, list[Line]]]:
 
 
 def _project(
-    seen: Sequence[_Seen],
+    points: Sequence[_Seen],
     *,
     size: tuple[int, int],
     pixel_um: float,
@@ -196,16 +196,16 @@ def _project(
 ) -> Project:
     """Return a list as a project, with other fields of it."""
     cameras: dict[str, str] = {}
-    for one in seen:
-        tables.require_names((one.image, one.camera, one.point), _at(one.line))
-        if cameras.setdefault(one.image, one.camera) != one.camera:
-            two = f"{quoted(cameras[one.image])} and {quoted(one.camera)}"
-            what = f"image {quoted(one.image)} has the cameras {two}"
-            raise one.line.wrong("camera", what, "must be one")
-    xy = np.array([one.xy for one in seen]) * [pixels_per_unit, -pixels_per_unit]
+    for point in points:
+        tables.require_names((point.image, point.camera, point.point), _at(point.line))
+        if cameras.setdefault(point.image, point.camera) != point.camera:
+            two = f"{quoted(cameras[point.image])} and {quoted(point.camera)}"
+            fault = f"image {quoted(point.image)} has the cameras {two}"
+            raise point.line.wrong("camera", fault, "must be one")
+    xy = np.array([point.xy for point in points]) * [pixels_per_unit, -pixels_per_unit]
     width, height = size
     middle = np.array([width - 1, height - 1]) / 2
-    names, image_idx = tables.first_use([one.image for one in seen])
+    names, image_idx = tables.first_use([point.image for point in points])
     right, down = np.abs(xy).max(axis=0)
     return Project(
         sensors={
@@ -219,7 +219,7 @@ def _project(
             T_w_c=stacked([UNKNOWN] * len(names)),
         ),
         measured=Measured.of(
-            list(zip(image_idx, (one.point for one in seen), xy + middle, strict=True))
+            list(zip(image_idx, (point.point for point in points), xy + middle, strict=True))
         ),
         found=(
             f"the outermost measurement is {right:.0f} px, {down:.0f} px from the middle of "
@@ -252,7 +252,7 @@ def _control(file: Opened) -> tuple[Control | None, Counter[str]]:
 
 
 def _at(line: Line) -> Callable[[str, str, str], FlightError]:
-    def wrong(name: str, found: str, expected: str) -> FlightError:
-        return line.wrong("name", found if name in found else f"{quoted(name)} {found}", expected)
+    def wrong(name: str, fault: str, expected: str) -> FlightError:
+        return line.wrong("name", fault if name in fault else f"{quoted(name)} {fault}", expected)
 
     return wrong

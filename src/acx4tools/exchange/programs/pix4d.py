@@ -96,7 +96,7 @@ class _Shot:
 
     @property
     def lens(self) -> tuple[float, ...]:
-        """Numbers of the lens, by which images of one camera are known."""
+        """Numbers of the lens; images with equal ones are of one camera."""
         return (*self.size, *self.K.ravel().tolist(), *self.coefficients)
 
 
@@ -110,13 +110,13 @@ class _Folder:
 
     def maybe(self, end: str) -> Opened | None:
         """Return the file whose name ends so; None where there is none."""
-        found = sorted(one for one in self.path.iterdir() if _ends(one.name, end))
-        if not found:
+        paths = sorted(path for path in self.path.iterdir() if _ends(path.name, end))
+        if not paths:
             return None
-        if len(found) > 1:
-            said = f"has {', '.join(one.name for one in found)}"
-            raise refusal(str(self.path), 1, "folder", said, "must have the files of one project")
-        source = self.files.read(found[0])
+        if len(paths) > 1:
+            fault = f"has {', '.join(path.name for path in paths)}"
+            raise refusal(str(self.path), 1, "folder", fault, "must have the files of one project")
+        source = self.files.read(paths[0])
         self.read.append(source)
         return source
 
@@ -145,7 +145,7 @@ def project(source: Path, *, crs: str | None = None, heights: str | float | None
         raise refusal(str(folder.path), 1, "folder", f"has no *_{PARAMETERS}", expected)
     shots = list(_shots(parameters))
     names, offset = _names(shots), _offset(folder.maybe(OFFSET))
-    T_w_c = stacked([_pose(one, np.zeros(3) if offset is None else offset) for one in shots])
+    T_w_c = stacked([_pose(shot, np.zeros(3) if offset is None else offset) for shot in shots])
     matrices = _matrices(folder.maybe(MATRICES), shots)
     compared = (
         *_external(folder.maybe(EXTERNAL), shots, T_w_c, placed=offset is not None),
@@ -153,7 +153,7 @@ def project(source: Path, *, crs: str | None = None, heights: str | float | None
     )
     system = _system(folder.maybe(SYSTEM), str(folder.path), crs, heights)
     called, lenses = _lenses(parameters, shots, folder.maybe(INTERNAL))
-    shown = _shown(shots, [lenses[called[one.lens]] for one in shots], matrices, T_w_c)
+    shown = _shown(shots, [lenses[called[shot.lens]] for shot in shots], matrices, T_w_c)
     tables.require_all_names({"image": names}, parameters.wrong)
     return Project(
         source="Pix4Dmapper",
@@ -161,7 +161,7 @@ def project(source: Path, *, crs: str | None = None, heights: str | float | None
         lenses=lenses,
         images=Images(
             names=names,
-            cameras=tuple(called[one.lens] for one in shots),
+            cameras=tuple(called[shot.lens] for shot in shots),
             exposures=names,
             T_w_c=T_w_c,
         ),
@@ -207,8 +207,8 @@ def _shots(source: Opened) -> Iterator[_Shot]:
     for k in range(0, len(rows), 10):
         block = rows[k : k + 10]
         if len(block) < 10:
-            found = f"{len(block)} lines of an image"
-            raise block[0].wrong("image", found, "must be ten; is the file cut off?")
+            count = f"{len(block)} lines of an image"
+            raise block[0].wrong("image", count, "must be ten; is the file cut off?")
         yield _shot(block)
 
 
@@ -241,11 +241,11 @@ def _shot(rows: list[Line]) -> _Shot:
 
 def _names(shots: list[_Shot]) -> tuple[str, ...]:
     seen: set[str] = set()
-    for one in shots:
-        if one.name in seen:
-            raise one.line.wrong("image", f"{quoted(one.name)} is there twice", "must be once")
-        seen.add(one.name)
-    return tuple(one.name for one in shots)
+    for shot in shots:
+        if shot.name in seen:
+            raise shot.line.wrong("image", f"{quoted(shot.name)} is there twice", "must be once")
+        seen.add(shot.name)
+    return tuple(shot.name for shot in shots)
 
 
 def _pose(shot: _Shot, offset: Array) -> Pose:
@@ -265,8 +265,8 @@ def _lenses(
     source: Opened, shots: list[_Shot], internal: Opened | None
 ) -> tuple[Mapping[tuple[float, ...], str], dict[str, Lens]]:
     """Return the names of cameras by their numbers, and the lenses."""
-    called = numbered(one.lens for one in shots)
-    first = {called[one.lens]: one for one in reversed(shots)}
+    called = numbered(shot.lens for shot in shots)
+    first = {called[shot.lens]: shot for shot in reversed(shots)}
     wide_mm = _sensor_mm(internal) if len(called) == 1 else 0.0
     return called, {name: _lens(source, first[name], wide_mm) for name in called.values()}
 
@@ -285,9 +285,9 @@ def _lens(source: Opened, shot: _Shot, wide_mm: float) -> Lens:
 
 
 def _sensor_mm(internal: Opened | None) -> float:
-    """Return the sensor's width that the .cam says, mm; 0 where it does not."""
-    found = internal and re.search(r"sensor width of (\d{1,6}(?:\.\d{0,40})?)x", internal.text())
-    return float(found[1]) if found else 0.0
+    """Return the width of the sensor by the .cam, mm; 0 without it."""
+    match = internal and re.search(r"sensor width of (\d{1,6}(?:\.\d{0,40})?)x", internal.text())
+    return float(match[1]) if match else 0.0
 
 
 # what the other files say
@@ -296,54 +296,54 @@ def _sensor_mm(internal: Opened | None) -> float:
 def _external(
     source: Opened | None, shots: list[_Shot], T_w_c: Pose, *, placed: bool
 ) -> tuple[str, ...]:
-    """Compare positions, omega, phi, kappa with those of the parameters; return what is found."""
+    """Compare positions and omega, phi, kappa with the parameters; return a sentence on it."""
     if source is None:
         return ()
     rows = list(text_lines.lines(source))
     if not rows or rows[0].cells != EXTERNAL_HEAD:
         raise source.wrong("head", "is another", f"must be {' '.join(EXTERNAL_HEAD)}")
-    there = {" ".join(row.cells[:-6]): row for row in rows[1:]}
+    by_name = {" ".join(row.cells[:-6]): row for row in rows[1:]}
     worst = np.zeros(2)
     for k, shot in enumerate(shots):
-        if (row := there.get(shot.name)) is None:
+        if (row := by_name.get(shot.name)) is None:
             continue
         n = len(row) - 6
-        at = row.numbers(n, n + 3, "X, Y, Z", METRES)
+        position = row.numbers(n, n + 3, "X, Y, Z", METRES)
         opk = np.radians(row.numbers(n + 3, n + 6, "Omega, Phi, Kappa", RANGES["omega_deg"]))
         turn = rotation_from_opk(opk).T @ T_w_c.R[k]
         degrees = np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1.0, 1.0)))
-        off = np.array([np.abs(at - T_w_c.r[k]).max() if placed else 0.0, degrees])
+        off = np.array([np.abs(position - T_w_c.r[k]).max() if placed else 0.0, degrees])
         if off[0] > SAME_M or off[1] > SAME_DEG:
-            found = f"{quoted(shot.name)} is off by {off[0]:.3g} m and {off[1]:.3g} degrees"
-            raise row.wrong("orientation", found, f"must be that of *_{PARAMETERS}")
+            fault = f"{quoted(shot.name)} is off by {off[0]:.3g} m and {off[1]:.3g} degrees"
+            raise row.wrong("orientation", fault, f"must be that of *_{PARAMETERS}")
         worst = np.maximum(worst, off)
-    said = f"{worst[0]:.2g} m and {worst[1]:.2g} degrees"
-    return (f"Omega, Phi, Kappa and positions of *_{EXTERNAL} are those of R and t to {said}",)
+    largest = f"{worst[0]:.2g} m and {worst[1]:.2g} degrees"
+    return (f"Omega, Phi, Kappa and positions of *_{EXTERNAL} are those of R and t to {largest}",)
 
 
 def _matrices(source: Opened | None, shots: list[_Shot]) -> dict[int, Array]:
     """Return the matrices of images by their numbers; each must be K [R | -R t]."""
     if source is None:
         return {}
-    there = {" ".join(row.cells[:-12]): row for row in text_lines.lines(source)}
-    found: dict[int, Array] = {}
+    by_name = {" ".join(row.cells[:-12]): row for row in text_lines.lines(source)}
+    matrices: dict[int, Array] = {}
     for k, shot in enumerate(shots):
-        if (row := there.get(shot.name)) is None:
+        if (row := by_name.get(shot.name)) is None:
             continue
-        found[k] = row.numbers(len(row) - 12, len(row), "matrix").reshape(3, 4)
-        apart = _apart(shot, found[k])
+        matrices[k] = row.numbers(len(row) - 12, len(row), "matrix").reshape(3, 4)
+        apart = _apart(shot, matrices[k])
         if not apart <= SAME_PX:
-            said = f"that of {quoted(shot.name)} is off by {apart:.3g} px"
-            raise row.wrong("matrix", said, f"must be K [R | -R t] of *_{PARAMETERS}")
-    return found
+            fault = f"that of {quoted(shot.name)} is off by {apart:.3g} px"
+            raise row.wrong("matrix", fault, f"must be K [R | -R t] of *_{PARAMETERS}")
+    return matrices
 
 
 def _compared(shots: list[_Shot], matrices: Mapping[int, Array]) -> tuple[str, ...]:
     if not matrices:
         return ()
     worst = max(_apart(shots[k], P) for k, P in matrices.items())
-    of = number_of(len(matrices), "matrices")
-    return (f"{of} of *_{MATRICES} are K [R | -R t], to {worst:.2g} px in the images",)
+    count = number_of(len(matrices), "matrices")
+    return (f"{count} of *_{MATRICES} are K [R | -R t], to {worst:.2g} px in the images",)
 
 
 def _rays(shot: _Shot) -> tuple[Array, Array]:
@@ -371,7 +371,7 @@ def _apart(shot: _Shot, P: Array) -> float:
 def _shown(
     shots: list[_Shot], lenses: list[Lens], matrices: Mapping[int, Array], T_w_c: Pose
 ) -> Measured:
-    """Return places and the pixels where the matrices and Pix4D's lens show them."""
+    """Return places, and their pixels by the matrices and Pix4D's lens."""
     parts = []
     for k, P in matrices.items():
         _, x_w = _rays(shots[k])
@@ -396,14 +396,14 @@ def _system(
 ) -> Chosen | None:
     """Return the flight's coordinate system; None where no file and no option says it."""
     try:
-        found = coordinates.chosen("" if source is None else source.text().strip(), None, crs)
+        system = coordinates.chosen("" if source is None else source.text().strip(), None, crs)
     except ValueError as error:
         file = folder if source is None else source.file
-        said = " ".join(str(error).split())
-        raise refusal(file, 1, "crs", said, "must be what a flight can have") from None
-    if found is None or heights is None:
-        return found
-    return Chosen(crs=found.crs, heights=heights, assumed=found.assumed, source=found.source)
+        message = " ".join(str(error).split())
+        raise refusal(file, 1, "crs", message, "must be what a flight can have") from None
+    if system is None or heights is None:
+        return system
+    return Chosen(crs=system.crs, heights=heights, assumed=system.assumed, source=system.source)
 
 
 def _in_grid(parameters: Opened, system: Chosen | None, *, placed: bool) -> InGrid:
@@ -420,8 +420,8 @@ def _in_grid(parameters: Opened, system: Chosen | None, *, placed: bool) -> InGr
             enh = coordinates.into(system, T.r)
             plain = np.allclose(enh[:, :2], T.r[:, :2], atol=SAME_M, rtol=0)
         except ValueError as error:
-            said = " ".join(str(error).split())
-            raise _lacks(parameters, said, "must be what a flight can have") from None
+            message = " ".join(str(error).split())
+            raise _lacks(parameters, message, "must be what a flight can have") from None
         if not plain:
             raise _lacks(parameters, f"its CRS is not {system.crs}", "give that of Pix4D's output")
         return enh, T.opk
@@ -429,5 +429,5 @@ def _in_grid(parameters: Opened, system: Chosen | None, *, placed: bool) -> InGr
     return in_grid
 
 
-def _lacks(source: Opened, found: str, cure: str) -> FlightError:
-    return source.wrong("crs", f"adjusted orientations: {found}", f"{cure}, or --orientations none")
+def _lacks(source: Opened, fault: str, cure: str) -> FlightError:
+    return source.wrong("crs", f"adjusted orientations: {fault}", f"{cure}, or --orientations none")

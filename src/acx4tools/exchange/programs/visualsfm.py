@@ -52,7 +52,7 @@ ASSUMED = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Camera:
-    """An image: the line that has it, its file, f and r, and its pose."""
+    """An image: its line in the file, its name, f and r, and its pose."""
 
     line: Line
     file: str
@@ -85,7 +85,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         raise file.wrong("cameras", "there is none", "must have one")
     images = _names(cameras)
     points, again = _points(rows, len(cameras), centre)
-    called = numbered(one.lens for one in cameras)
+    called = numbered(camera.lens for camera in cameras)
     measured = Measured(
         points=tuple(str(k) for k in range(len(points.x_w))),
         x_w=points.x_w,
@@ -93,7 +93,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         point_idx=points.views[:, 1].astype(int),
         colrow=points.views[:, 2:],
     )
-    first = {called[one.lens]: one for one in reversed(cameras)}
+    first = {called[camera.lens]: camera for camera in reversed(cameras)}
     tables.require_all_names({"image": images}, file.wrong)
     return Project(
         source=f"VisualSFM {VERSION}",
@@ -101,9 +101,9 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         lenses={name: _lens(file, first[name], size, centre) for name in called.values()},
         images=Images(
             names=images,
-            cameras=tuple(called[one.lens] for one in cameras),
+            cameras=tuple(called[camera.lens] for camera in cameras),
             exposures=images,
-            T_w_c=stacked([one.T_w_c for one in cameras]),
+            T_w_c=stacked([camera.T_w_c for camera in cameras]),
         ),
         measured=measured,
         settings=settings,
@@ -120,11 +120,11 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
 read = reading(project)
 
 
-def _counted(rows: Rows, what: str) -> Iterator[Line]:
-    """Yield as many lines as a line with their number says."""
-    head = rows.next(f"number of {what}s")
-    for _ in range(int(head.number_at(0, f"number of {what}s", MOST))):
-        yield rows.next(what)
+def _counted(rows: Rows, noun: str) -> Iterator[Line]:
+    """Yield as many lines as the line before them states."""
+    head = rows.next(f"number of {noun}s")
+    for _ in range(int(head.number_at(0, f"number of {noun}s", MOST))):
+        yield rows.next(noun)
 
 
 def _centre(rows: Rows, size: tuple[int, int]) -> Array:
@@ -161,7 +161,7 @@ def _camera(row: Line) -> _Camera:
 
 def _names(cameras: list[_Camera]) -> tuple[str, ...]:
     """Return names of files without folders, or with them where some are the same."""
-    whole = [one.file for one in cameras]
+    whole = [camera.file for camera in cameras]
     for k, name in enumerate(whole):
         if name in whole[:k]:
             raise cameras[k].line.wrong("image", f"{quoted(name)} is there twice", "must be once")
@@ -183,11 +183,11 @@ def _points(rows: Rows, n_cameras: int, centre: Array) -> tuple[_Points, int]:
         x_w.append(row.numbers(0, 3, "point", COORDINATE))
         n = row.whole_at(6, "views")
         if not 0 <= n == (len(row) - 7) / 4:
-            found = f"{len(row) - 7} cells after the number {n}"
-            raise row.wrong("views", found, "must be four for each: image, feature, x, y")
-        seen = first_views(row, 7, n_cameras)
-        views += [(k, point, x + centre[0], y + centre[1]) for k, (x, y) in seen.items()]
-        again += n - len(seen)
+            count = f"{len(row) - 7} cells after the number {n}"
+            raise row.wrong("views", count, "must be four for each: image, feature, x, y")
+        by_image = first_views(row, 7, n_cameras)
+        views += [(k, point, x + centre[0], y + centre[1]) for k, (x, y) in by_image.items()]
+        again += n - len(by_image)
     table = np.array(views, dtype=float).reshape(-1, 4)
     return _Points(x_w=np.array(x_w).reshape(-1, 3), views=table), again
 

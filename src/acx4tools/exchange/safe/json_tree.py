@@ -55,7 +55,7 @@ class Node:
         return refusal(self.source.file, line, self.place, found, expected)
 
     def maybe(self, *keys: Key) -> Node | None:
-        """Return what lies below keys; None where it is absent or null."""
+        """Return the node below keys; None where it is absent or null."""
         node = self
         for key in keys:
             value = node.value
@@ -121,15 +121,15 @@ class Node:
         values: list[Node] = [self]
         sizes = []
         for n in shape:
-            values = [below for one in values for below in one._list(n)]
+            values = [below for node in values for below in node._list(n)]
             sizes.append(n)
-        flat = np.array([one.number(allowed) for one in values], dtype=float)
+        flat = np.array([node.number(allowed) for node in values], dtype=float)
         return flat.reshape(sizes) if flat.size else flat.reshape([max(n, 0) for n in sizes])
 
     def _list(self, n: int) -> Iterator[Node]:
         if not isinstance(self.value, list) or (n >= 0 and len(self.value) != n):
-            of = "numbers" if n < 0 else f"{n} values"
-            raise self.wrong(quoted(self.value), f"must be a list of {of}")
+            kind = "numbers" if n < 0 else f"{n} values"
+            raise self.wrong(quoted(self.value), f"must be a list of {kind}")
         return self.each()
 
 
@@ -144,8 +144,8 @@ def tree(source: Opened) -> Node:
     text = source.text()
     deep = _too_deep(text)
     if deep:
-        found = f"has more than {DEEPEST} lists and objects inside each other"
-        raise source.wrong("file", found, "must be less deep", line=deep)
+        fault = f"has more than {DEEPEST} lists and objects inside each other"
+        raise source.wrong("file", fault, "must be less deep", line=deep)
     try:
         value = json.loads(text, object_pairs_hook=_object, parse_constant=_no_number)
     except json.JSONDecodeError as error:
@@ -180,12 +180,12 @@ def _too_deep(text: str) -> int:
     if text.count("[") + text.count("{") <= DEEPEST:
         return 0
     depth = 0
-    for found in _BRACKET.finditer(text):
-        mark = found[0]
+    for match in _BRACKET.finditer(text):
+        mark = match[0]
         if mark in "[{":
             depth += 1
             if depth > DEEPEST:
-                return text.count("\n", 0, found.start()) + 1
+                return text.count("\n", 0, match.start()) + 1
         elif mark in "]}":
             depth -= 1
     return 0
@@ -195,14 +195,14 @@ def _line(text: str, keys: tuple[Key, ...]) -> int:
     """Return the line of a value of valid JSON, by the keys that lead to it."""
     path: list[Key] = []
     tokens = list(_TOKEN.finditer(text))
-    for k, found in enumerate(tokens):
-        mark, after = found[0], tokens[k + 1][0] if k + 1 < len(tokens) else ""
+    for k, token in enumerate(tokens):
+        mark, after = token[0], tokens[k + 1][0] if k + 1 < len(tokens) else ""
         if path and isinstance(path[-1], str) and after == ":":
             path[-1] = json.loads(mark)
             if tuple(path) == keys:
-                return text.count("\n", 0, found.start()) + 1
+                return text.count("\n", 0, token.start()) + 1
         elif tuple(path) == keys and mark not in ",:":
-            return text.count("\n", 0, found.start()) + 1
+            return text.count("\n", 0, token.start()) + 1
         if mark in "[{":
             path.append(0 if mark == "[" else "")
         elif mark in "]}" and path:

@@ -1,4 +1,4 @@
-"""A file that was opened once: its content, its checksum, and how what is wrong in it is told."""
+"""A file that was opened once: its content, its checksum, and the errors that name it."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ class Opened:
             text = self.data.decode(code)
         except UnicodeDecodeError as error:
             line = self.data.count(b"\n", 0, error.start) + 1
-            found = f"byte 0x{self.data[error.start]:02x} is not {code[:6].rstrip('-').upper()}"
-            raise self.wrong("file", found, "must be UTF-8 text", line=line) from None
-        at = text.find("\0")
-        if at >= 0:
-            found, line = "holds a null character", text.count("\n", 0, at) + 1
-            raise self.wrong("file", found, "must be text", line=line)
+            fault = f"byte 0x{self.data[error.start]:02x} is not {code[:6].rstrip('-').upper()}"
+            raise self.wrong("file", fault, "must be UTF-8 text", line=line) from None
+        null = text.find("\0")
+        if null >= 0:
+            fault, line = "holds a null character", text.count("\n", 0, null) + 1
+            raise self.wrong("file", fault, "must be text", line=line)
         return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -83,7 +83,7 @@ def of_windows(source: Opened) -> Opened:
 
 
 def refusal(file: str, line: int, element: str, found: str, expected: str) -> FlightError:
-    """Return the error of one thing that is wrong in one place of a file."""
+    """Return the error for a problem at one place of a file."""
     problem = Problem(file=file, line=line, column=element, found=found, expected=expected)
     return FlightError([str(problem)])
 
@@ -112,7 +112,7 @@ def read(path: Path, *, most: int | None = None) -> Opened:
 
 @dataclass(kw_only=True)
 class Together:
-    """The files that one import reads: each of them once, and their sum is bounded as one file is.
+    """The files of one import: each is read once, and their sum is limited as one file is.
 
     A file that names others may name one of them a thousand times, by a thousand links.
 
@@ -131,16 +131,16 @@ class Together:
             status = path.stat()
             before = self._known.setdefault((status.st_dev, status.st_ino), path)
             if before is not path:
-                found = f"is the same file as {before}"
-                raise refusal(str(path), 1, "file", found, "must be a file of its own")
+                fault = f"is the same file as {before}"
+                raise refusal(str(path), 1, "file", fault, "must be a file of its own")
         return self.add(read(path))
 
     def add(self, one: Opened) -> Opened:
         """Return a file after its size was counted, such as a member of an archive."""
         self.size += len(one.data)
         if not table_files.fits(self.size):
-            found = f"makes {self.size} bytes of files and what is packed in them"
-            raise one.wrong("file", found, "must fit into free memory together")
+            fault = f"makes {self.size} bytes of files and what is packed in them"
+            raise one.wrong("file", fault, "must fit into free memory together")
         return one
 
 
@@ -202,8 +202,8 @@ def member(source: Opened, name: str) -> Opened:
             data = _unpacked(source, entry, begin)
     except UNREADABLE as error:
         reason = str(error).split("\n")[0] or type(error).__name__
-        found = f"is no ZIP archive that can be read ({reason})"
-        raise source.wrong("archive", found, "must be a whole ZIP archive") from None
+        fault = f"is no ZIP archive that can be read ({reason})"
+        raise source.wrong("archive", fault, "must be a whole ZIP archive") from None
     return Opened(file=f"{source.file}/{name}", data=data)
 
 
@@ -223,23 +223,23 @@ def _unpacked(source: Opened, entry: zipfile.ZipInfo, begin: int) -> bytes:
 
 def _inflated(source: Opened, entry: zipfile.ZipInfo, packed: memoryview) -> bytes:
     stream, data = zlib.decompressobj(-zlib.MAX_WBITS), bytearray()
-    for at in range(0, len(packed), AT_A_TIME):
-        part: bytes | memoryview = packed[at : at + AT_A_TIME]
+    for begin in range(0, len(packed), AT_A_TIME):
+        part: bytes | memoryview = packed[begin : begin + AT_A_TIME]
         while part and not stream.eof:
             data += stream.decompress(part, LARGEST_RATIO * AT_A_TIME)
             part = stream.unconsumed_tail
-            taken = at + AT_A_TIME - len(part)
+            taken = begin + AT_A_TIME - len(part)
             _require_size(source, entry, len(data), taken)
     return bytes(data + stream.flush())
 
 
 def _require_size(source: Opened, entry: zipfile.ZipInfo, size: int, packed: int) -> None:
-    """Raise the error of a member that has too many bytes for those that it is packed into."""
+    """Raise FlightError for a member too large, packed too densely, or with a password."""
     most = min(MOST_BYTES, LARGEST_RATIO * max(packed, 1))
     if size > most or not table_files.fits(size) or entry.flag_bits & 1:
-        found = f"{entry.filename!r} has {size} bytes packed into {packed}"
+        fault = f"{entry.filename!r} has {size} bytes packed into {packed}"
         expected = (
             f"must have at most {LARGEST_RATIO} times as many, fit into memory with "
             f"{MOST_BYTES} at most, and have no password"
         )
-        raise source.wrong("archive", found, expected)
+        raise source.wrong("archive", fault, expected)

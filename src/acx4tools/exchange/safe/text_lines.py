@@ -55,10 +55,10 @@ class Line:
         return refusal(self.file, self.number, element, found, expected)
 
     def cell(self, k: int, element: str) -> str:
-        """Return a cell that must be there; `element` is what messages call it."""
+        """Return a cell that must be there; `element` is its name in messages."""
         if k >= len(self.cells):
-            found = f"is missing, the line has {len(self.cells)} cells"
-            raise self.wrong(element, found, f"must be cell {k + 1}")
+            fault = f"is missing, the line has {len(self.cells)} cells"
+            raise self.wrong(element, fault, f"must be cell {k + 1}")
         return self.cells[k]
 
     def number_at(self, k: int, element: str, allowed: Range | None = None) -> float:
@@ -81,7 +81,7 @@ class Line:
     def numbers(
         self, first: int, last: int | None, element: str, allowed: Range | None = None
     ) -> Array:
-        """Return the cells from one to another, this one excluded, as finite numbers in a range."""
+        """Return the cells from `first` to before `last` as finite numbers in a range."""
         if last is not None:
             self.cell(last - 1, element)
         values = numbers_of(self.cells[first:last])
@@ -106,8 +106,8 @@ def lines(source: Opened, *, separator: str | None = None, comment: str = "") ->
     """
     for number, text in enumerate(source.text().split("\n"), start=1):
         if len(text) > LONGEST_LINE:
-            found = f"has {len(text)} characters"
-            raise source.wrong("line", found, f"must have at most {LONGEST_LINE}", line=number)
+            fault = f"has {len(text)} characters"
+            raise source.wrong("line", fault, f"must have at most {LONGEST_LINE}", line=number)
         if text.strip() and not (comment and text.lstrip().startswith(comment)):
             yield Line(file=source.file, number=number, cells=cut(text, separator))
 
@@ -117,14 +117,14 @@ def cut(text: str, separator: str | None = None) -> tuple[str, ...]:
     if separator is None:
         if '"' not in text and "'" not in text:
             return tuple(text.split())
-        return tuple("".join(found.groups("")) for found in _CELL.finditer(text))
+        return tuple("".join(match.groups("")) for match in _CELL.finditer(text))
     if '"' not in text:
         return tuple(cell.strip() for cell in text.split(separator))
     return tuple(_between(text, separator))
 
 
 def _between(text: str, separator: str) -> Iterator[str]:
-    """Yield the cells between separators; in one that begins with a quote these are letters."""
+    """Yield the cells between separators; those inside quotes separate nothing."""
     end = -1
     while end < len(text):
         begin = _SPACES.match(text, end + 1).end()  # type: ignore[union-attr] # it always matches
@@ -143,7 +143,7 @@ LONGEST_NAME = 1000
 
 
 def records(source: Opened, layout: np.dtype[Any]) -> NDArray[Any]:
-    """Return a file that consists of records of one layout, an element for each.
+    """Return the records of a file that has one layout throughout, shape (n,).
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def records(source: Opened, layout: np.dtype[Any]) -> NDArray[Any]:
 
 
 class Rows:
-    """The lines of a text, one after another; those that begin with # are left out."""
+    """The lines of a text, one after another, without lines of comment (#)."""
 
     def __init__(self, file: Opened) -> None:
         self._file = file
@@ -175,19 +175,19 @@ class Rows:
         return next(self._rows, None)
 
     def next(self, what: str) -> Line:
-        """Return the next line; `what` is what a message calls it where the text ends before."""
+        """Return the next line; `what` is its name in the message where the text ends too early."""
         row = self.maybe()
         if row is None:
             end = self._file.data.count(b"\n") + 1
-            found = f"{what} is missing at the end of the file"
-            raise self._file.wrong(what, found, "must be complete; is the file cut off?", line=end)
+            fault = f"{what} is missing at the end of the file"
+            raise self._file.wrong(what, fault, "must be complete; is the file cut off?", line=end)
         return row
 
 
 def first_views(
     row: Line, start: int, n_images: int, image: str = "image"
 ) -> dict[float, tuple[float, float]]:
-    """Return where images see a point, the first time that each does.
+    """Return a point's pixel in each image; of several in one image the first.
 
     Parameters
     ----------
@@ -238,8 +238,8 @@ class Cursor:
         """Return the next text, which a null byte ends."""
         end = self.source.data.find(b"\0", self.at, self.at + LONGEST_NAME)
         if end < 0:
-            found = f"text at byte {self.at} has no end"
-            raise self.source.wrong(element, found, f"must have at most {LONGEST_NAME} bytes")
+            fault = f"text at byte {self.at} has no end"
+            raise self.source.wrong(element, fault, f"must have at most {LONGEST_NAME} bytes")
         begin = self._skip(end + 1 - self.at, element)
         try:
             return self.source.data[begin:end].decode("utf-8")
@@ -249,7 +249,7 @@ class Cursor:
     def _skip(self, size: int, element: str) -> int:
         """Move on, and return where that began."""
         if not 0 <= size <= self.left:
-            found = f"at byte {self.at}: {max(size, 0)} bytes, {self.left} are left"
-            raise self.source.wrong(element, found, "must be complete; is the file cut off?")
+            fault = f"at byte {self.at}: {max(size, 0)} bytes, {self.left} are left"
+            raise self.source.wrong(element, fault, "must be complete; is the file cut off?")
         self.at += size
         return self.at - size

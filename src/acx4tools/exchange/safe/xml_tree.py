@@ -54,7 +54,7 @@ class Element:
         return refusal(self.file, self.line, place, found, expected)
 
     def each(self, *tags: str) -> Iterator[Element]:
-        """Yield all elements that lie below this one by these names, one inside the other."""
+        """Yield all elements below this one along a path of names."""
         if not tags:
             yield self
             return
@@ -85,7 +85,7 @@ class Element:
         return element
 
     def attribute(self, name: str) -> str:
-        """Return an attribute that must be there."""
+        """Return a required attribute."""
         if name not in self.attributes:
             hint = did_you_mean(name, self.attributes.keys())
             raise self.wrong(f"is missing{hint}", "required", attribute=name)
@@ -141,17 +141,17 @@ def tree(source: Opened) -> Element:
     try:
         parser.Parse(source.data, True)
     except expat.ExpatError as error:
-        found = expat.ErrorString(error.code)
-        raise source.wrong("file", found, "must be valid XML", line=error.lineno) from None
+        fault = expat.ErrorString(error.code)
+        raise source.wrong("file", fault, "must be valid XML", line=error.lineno) from None
     except (LookupError, ValueError):  # an encoding that Python has not, or not so
-        found = "its encoding is not known"
-        raise source.wrong("file", found, "must be UTF-8") from None
+        fault = "its encoding is not known"
+        raise source.wrong("file", fault, "must be UTF-8") from None
     return builder.root
 
 
 @dataclass(kw_only=True, eq=False)
 class _Builder:
-    """What is called while a file is read."""
+    """The handlers of the parser, and the tree that they build."""
 
     source: Opened
     parser: expat.XMLParserType
@@ -165,15 +165,15 @@ class _Builder:
 
     def refuse_document_type(self, *_: object) -> None:
         line = self.parser.CurrentLineNumber
-        found, expected = "<!DOCTYPE> may name entities and other files", "must be without it"
-        raise self.source.wrong("file", found, expected, line=line)
+        fault, expected = "<!DOCTYPE> may name entities and other files", "must be without it"
+        raise self.source.wrong("file", fault, expected, line=line)
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         line = self.parser.CurrentLineNumber
         self.count += 1
         if self.count > MOST or len(self.open) >= DEEPEST:
-            found = f"more than {MOST} elements, or {DEEPEST} inside each other"
-            raise self.source.wrong("file", found, "must have fewer", line=line)
+            fault = f"more than {MOST} elements, or {DEEPEST} inside each other"
+            raise self.source.wrong("file", fault, "must have fewer", line=line)
         file = self.source.file
         element = Element(file=file, line=line, tag=tag, attributes=attributes or NONE)
         if self.open:

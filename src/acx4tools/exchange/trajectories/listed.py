@@ -118,24 +118,24 @@ def _column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
 def _declared(text: str, known: Mapping[str, str] = KNOWN) -> tuple[Column, ...]:
     """Return the columns that a user declares: words with commas or spaces between."""
     words = [word for word in re.split(r"[\s,;]+", text) if word]
-    found = []
+    columns = []
     for word in words:
-        one = _column(word, known)
-        if one is None:
+        column = _column(word, known)
+        if column is None:
             words_known = ", ".join(dict.fromkeys(known.values()))
             hint = did_you_mean(word.lower(), known)
             raise ValueError(f"column {word!r} is not known{hint}; known are {words_known}")
-        found.append(one)
-    times = Counter(found)
-    twice = [one.name for one in times if one.name != SKIP and times[one] > 1]
-    if twice or not found:
+        columns.append(column)
+    times = Counter(columns)
+    twice = [column.name for column in times if column.name != SKIP and times[column] > 1]
+    if twice or not columns:
         raise ValueError(f"column {twice[0]!r} stands twice" if twice else "no column is declared")
-    return tuple(found)
+    return tuple(columns)
 
 
 def position_of(columns: Sequence[Column], name: str) -> int | None:
-    """Return where a column stands first, None where it is not there."""
-    return next((k for k, one in enumerate(columns) if one.name == name), None)
+    """Return the first position of a column; None where it is absent."""
+    return next((k for k, column in enumerate(columns) if column.name == name), None)
 
 
 # --- The rows of a text with declared columns: a list of events, of orientations, or of points
@@ -186,7 +186,7 @@ class Listed:
         return all(position_of(self.columns, name) is not None for name in names)
 
     def at(self, name: str) -> int:
-        """Return where a column stands that is there."""
+        """Return the position of a column that is present."""
         return int(position_of(self.columns, name) or 0)
 
     def numbers(self, name: str) -> Array:
@@ -203,17 +203,17 @@ class Listed:
         """Return a column of names that are all different."""
         names = self.names(name)
         first: dict[str, Line] = {}
-        for row, one in zip(self.rows, names, strict=True):
-            if one in first:
-                found = f"{quoted(one)} stands in line {first[one].number} already"
-                raise row.wrong(name, found, "every one once")
-            first[one] = row
+        for row, cell in zip(self.rows, names, strict=True):
+            if cell in first:
+                fault = f"{quoted(cell)} stands in line {first[cell].number} already"
+                raise row.wrong(name, fault, "every one once")
+            first[cell] = row
         return names
 
 
 def left_out(listed: Listed, what: str, known: Mapping[str, str] = KNOWN) -> tuple[str, ...]:
-    """Return sentences on lines and columns that were not read; `what` is what they are not."""
-    k_skipped = [k for k, one in enumerate(listed.columns) if one.name == SKIP]
+    """Return sentences on unread lines and columns; `what` names what they do not have."""
+    k_skipped = [k for k, column in enumerate(listed.columns) if column.name == SKIP]
     heading = listed.heading.cells if listed.heading else ()
     named = [heading[k] if k < len(heading) else f"column {k + 1}" for k in k_skipped]
     longest = max(listed.rows, key=len)
@@ -232,12 +232,12 @@ def left_out(listed: Listed, what: str, known: Mapping[str, str] = KNOWN) -> tup
 
 
 def _unread_heading(heading: Line, columns: Sequence[Column], known: Mapping[str, str]) -> str:
-    """Return a sentence on a heading beside columns that are declared, and what it calls others."""
+    """Return a sentence on the unread heading over declared columns, and on contradictions."""
     of_heading = (_column(cell, known) for cell in heading.cells)
     others = [
-        f"{quoted(cell)} over {one.name}"
-        for cell, said, one in zip(heading.cells, of_heading, columns, strict=False)
-        if said and SKIP not in (said.name, one.name) and said.name != one.name
+        f"{quoted(cell)} over {column.name}"
+        for cell, named, column in zip(heading.cells, of_heading, columns, strict=False)
+        if named and SKIP not in (named.name, column.name) and named.name != column.name
     ]
     against = f"; it contradicts the declared columns: {', '.join(others)}" if others else ""
     return f"The heading in line {heading.number}, since the columns are declared{against}."
@@ -281,19 +281,19 @@ def read_list(
     before = _before_heading(source, known)
     mark = _separator(source, separator, len(before))
     every = lines(source, separator=mark, comment=COMMENTS)
-    found = [one for one in every if one.number > len(before)]
-    if not found or len(found) > MOST:
-        raise source.wrong("file", f"has {len(found)} rows", f"must have 1 to {MOST}")
+    kept = [line for line in every if line.number > len(before)]
+    if not kept or len(kept) > MOST:
+        raise source.wrong("file", f"has {len(kept)} rows", f"must have 1 to {MOST}")
     if columns:
         try:
             named = _declared(columns, known)
         except ValueError as error:
-            what, _, words = str(error).partition("; ")
-            raise source.wrong("--columns", what, words or "every column once") from None
-        heading = found[0] if _is_heading(found[0], named, numbers) else None
+            fault, _, words = str(error).partition("; ")
+            raise source.wrong("--columns", fault, words or "every column once") from None
+        heading = kept[0] if _is_heading(kept[0], named, numbers) else None
     else:
-        heading, named = found[0], _of_heading(found[0], known)
-    rows = tuple(found[heading is not None :])
+        heading, named = kept[0], _of_heading(kept[0], known)
+    rows = tuple(kept[heading is not None :])
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
     return Listed(
@@ -307,7 +307,7 @@ def read_list(
 
 
 def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the lines before the first that names columns, if no row stands there; else none.
+    """Return the lines before the heading, if none of them is a row; else none.
 
     Such a line has two different columns at least, and half of its words are columns. A row is a
     line that has numbers in half of its words.
@@ -317,7 +317,7 @@ def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]
         words = [word for word in re.split(r"[\s;,]+", line.strip()) if word][:MOST_WORDS]
         if not words or words[0].startswith(COMMENTS):
             continue
-        columns = {one.name for word in words if (one := _column(word, known))} - {SKIP}
+        columns = {column.name for word in words if (column := _column(word, known))} - {SKIP}
         if len(columns) >= max(2, len(words) / 2):
             return tuple(text[:k])
         if sum(bool(NUMBER.fullmatch(word)) for word in words) >= len(words) / 2:
@@ -326,13 +326,13 @@ def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]
 
 
 def _separator(source: Opened, name: str, before: int) -> str | None:
-    """Return what stands between cells: a mark that the first two lines after others have."""
+    """Return the separator of cells: the mark in both of the first two lines, or None."""
     if name:
         return SEPARATORS[name]
-    text = (one for one in source.text().split("\n")[before:] if one.strip())
-    first = list(islice((one for one in text if not one.lstrip().startswith(COMMENTS)), 2))
-    bare = [QUOTED_CELL.sub("", one) for one in first]
-    return next((mark for mark in (";", "\t", ",") if all(mark in one for one in bare)), None)
+    text = (line for line in source.text().split("\n")[before:] if line.strip())
+    first = list(islice((line for line in text if not line.lstrip().startswith(COMMENTS)), 2))
+    bare = [QUOTED_CELL.sub("", line) for line in first]
+    return next((mark for mark in (";", "\t", ",") if all(mark in line for line in bare)), None)
 
 
 def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -> bool:
@@ -343,15 +343,15 @@ def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -
 
 
 def _of_heading(line: Line, known: Mapping[str, str]) -> tuple[Column, ...]:
-    found = [_column(cell, known) for cell in line.cells]
-    said = [one for one in found if one is not None and one.name != SKIP]
-    if len(said) < 2:
+    columns = [_column(cell, known) for cell in line.cells]
+    named = [column for column in columns if column is not None and column.name != SKIP]
+    if len(named) < 2:
         raise _undeclared(line, f"is no heading: {quoted(' '.join(line.cells))}")
-    ((name, times),) = Counter(one.name for one in said).most_common(1)
+    ((name, times),) = Counter(column.name for column in named).most_common(1)
     if times > 1:
         raise _undeclared(line, f"two columns may be {name!r}")
-    return tuple(one or Column(name=SKIP) for one in found)
+    return tuple(column or Column(name=SKIP) for column in columns)
 
 
-def _undeclared(line: Line, found: str) -> FlightError:
-    return line.wrong("columns", found, "declare them by --columns, in their order")
+def _undeclared(line: Line, fault: str) -> FlightError:
+    return line.wrong("columns", fault, "declare them by --columns, in their order")

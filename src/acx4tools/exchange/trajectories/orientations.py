@@ -46,7 +46,7 @@ AGREED_M = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Meaning:
-    """What a list does not say of its numbers.
+    """Conventions that a list does not state of its numbers.
 
     Attributes
     ----------
@@ -104,15 +104,15 @@ def _oriented(listed: Listed, meaning: Meaning) -> Oriented:
     """Return the numbers of a list."""
     forms = [form for form in (OPK, RPH) if listed.has(*form)]
     if len(forms) != 1 or not _is_located(listed):
-        names = [one.name for one in listed.columns]
+        names = [column.name for column in listed.columns]
         expected = (
             "must have east north or lat lon, height, and omega phi kappa or roll pitch heading; "
             "declare them by --columns"
         )
         raise _of_columns(listed, f"are {', '.join(names)}", expected)
     angles = np.radians(np.stack([_degrees(listed, n, meaning.angle) for n in forms[0]], axis=-1))
-    found = _located(listed)
-    return replace(found, **{"opk" if forms[0] == OPK else "rph": angles})
+    located = _located(listed)
+    return replace(located, **{"opk" if forms[0] == OPK else "rph": angles})
 
 
 def _is_located(listed: Listed) -> bool:
@@ -132,25 +132,25 @@ def _located(listed: Listed) -> Oriented:
     return Oriented(east_north=east_north, lonlat=lonlat, height=listed.numbers("height"))
 
 
-def _trajectory(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Any]:
+def _trajectory(listed: Listed, oriented: Oriented, meaning: Meaning) -> dict[str, Any]:
     """Return the columns of trajectory.csv but for the exposures.
 
     Omega, phi, kappa against the grid stay what they are; all else becomes latitude, longitude,
     roll, pitch and true heading.
     """
-    if found.opk is not None:
-        R_a_b = _rotation(found.opk, meaning.order)
-        if found.north(meaning) == "grid":
-            table = _on_grid(listed, found, meaning, R_a_b)
+    if oriented.opk is not None:
+        R_a_b = _rotation(oriented.opk, meaning.order)
+        if oriented.north(meaning) == "grid":
+            table = _on_grid(listed, oriented, meaning, R_a_b)
         else:
             R_n_b = R_ENU_NED @ R_a_b @ R_FRD_FLU
-            table = _geographic(listed, found, meaning, frames.rph_from_rotation(R_n_b))
+            table = _geographic(listed, oriented, meaning, frames.rph_from_rotation(R_n_b))
     else:
-        rph = np.zeros((0, 3)) if found.rph is None else found.rph.copy()
-        if found.north(meaning) == "grid":
+        rph = np.zeros((0, 3)) if oriented.rph is None else oriented.rph.copy()
+        if oriented.north(meaning) == "grid":
             grid = _grid_system(listed.source, meaning, "a heading from grid north")
-            rph[:, 2] += grid.convergence(_lonlat_of(listed, found, meaning))
-        table = _geographic(listed, found, meaning, rph)
+            rph[:, 2] += grid.convergence(_lonlat_of(listed, oriented, meaning))
+        table = _geographic(listed, oriented, meaning, rph)
     return table | _extras(listed, meaning)
 
 
@@ -182,23 +182,23 @@ def in_flight(source: Opened, meaning: Meaning, lonlat: Array, ellipsoidal: Arra
     undulation = _grid_system(source, meaning, "ellipsoidal heights").undulation(lonlat)
     if not np.isfinite(undulation).all():
         k = int(np.flatnonzero(~np.isfinite(undulation))[0])
-        found = f"position {k + 1}, {lonlat[k, 1]:.5f} {lonlat[k, 0]:.5f},"
-        raise source.wrong("height", found, f"must lie inside the geoid grid {meaning.heights}")
+        fault = f"position {k + 1}, {lonlat[k, 1]:.5f} {lonlat[k, 0]:.5f},"
+        raise source.wrong("height", fault, f"must lie inside the geoid grid {meaning.heights}")
     return ellipsoidal - undulation
 
 
-def _lonlat_of(listed: Listed, found: Oriented, meaning: Meaning) -> Array:
+def _lonlat_of(listed: Listed, oriented: Oriented, meaning: Meaning) -> Array:
     """Return longitude and latitude, deg, shape (n, 2), of east and north if it has both."""
-    if found.lonlat is not None and (found.east_north is None or not meaning.crs):
-        return found.lonlat
+    if oriented.lonlat is not None and (oriented.east_north is None or not meaning.crs):
+        return oriented.lonlat
     grid = _grid_system(listed.source, meaning, "east and north, and attitudes against true north")
-    return _reached(listed, grid.lonlat_from_grid(np.asarray(found.east_north)))
+    return _reached(listed, grid.lonlat_from_grid(np.asarray(oriented.east_north)))
 
 
-def _apart(listed: Listed, found: Oriented, meaning: Meaning) -> float:
+def _apart(listed: Listed, oriented: Oriented, meaning: Meaning) -> float:
     """Return the largest distance of the grid positions from the geographic ones, m."""
     grid = _grid_system(listed.source, meaning, "positions in two forms")
-    off = grid.grid_from_lonlat(np.asarray(found.lonlat)) - np.asarray(found.east_north)
+    off = grid.grid_from_lonlat(np.asarray(oriented.lonlat)) - np.asarray(oriented.east_north)
     far = np.hypot(*off.T)
     k_lat = listed.at("lat")
     decimals = min(len(row.cells[k_lat].partition(".")[2]) for row in listed.rows)
@@ -215,42 +215,42 @@ def _rotation(opk: Array, order: str) -> Array:
     return frames.turn(1, phi) @ frames.turn(0, omega) @ frames.turn(2, kappa)
 
 
-def _on_grid(listed: Listed, found: Oriented, meaning: Meaning, R_g_b: Array) -> dict[str, Any]:
+def _on_grid(listed: Listed, oriented: Oriented, meaning: Meaning, R_g_b: Array) -> dict[str, Any]:
     opk = np.degrees(frames.opk_from_rotation(R_g_b))
     attitude = dict(zip(("omega_deg", "phi_deg", "kappa_deg"), np.round(opk, 9).T, strict=True))
-    return _in_grid(listed, found, meaning) | attitude
+    return _in_grid(listed, oriented, meaning) | attitude
 
 
-def _in_grid(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Any]:
+def _in_grid(listed: Listed, oriented: Oriented, meaning: Meaning) -> dict[str, Any]:
     """Return east, north and height in the systems of the flight, columns of its tables."""
-    east_north = found.east_north
+    east_north = oriented.east_north
     if east_north is None:
         grid = _grid_system(
             listed.source, meaning, "latitude and longitude that become east and north"
         )
-        east_north = _reached(listed, grid.grid_from_lonlat(np.asarray(found.lonlat)))
+        east_north = _reached(listed, grid.grid_from_lonlat(np.asarray(oriented.lonlat)))
     east, north = np.round(east_north, 5).T
-    return {"east_m": east, "north_m": north} | _height(listed, found, meaning)
+    return {"east_m": east, "north_m": north} | _height(listed, oriented, meaning)
 
 
-def _geographic(listed: Listed, found: Oriented, meaning: Meaning, rph: Array) -> dict[str, Any]:
-    lon, lat = np.round(_lonlat_of(listed, found, meaning), 11).T
+def _geographic(listed: Listed, oriented: Oriented, meaning: Meaning, rph: Array) -> dict[str, Any]:
+    lon, lat = np.round(_lonlat_of(listed, oriented, meaning), 11).T
     angles = np.degrees(rph)
     angles[:, 2] %= TURN_DEG
     names = ("roll_deg", "pitch_deg", "heading_deg")
     attitude = dict(zip(names, np.round(angles, 9).T, strict=True))
-    return {"lat_deg": lat, "lon_deg": lon} | _height(listed, found, meaning) | attitude
+    return {"lat_deg": lat, "lon_deg": lon} | _height(listed, oriented, meaning) | attitude
 
 
-def _height(listed: Listed, found: Oriented, meaning: Meaning) -> dict[str, Array]:
+def _height(listed: Listed, oriented: Oriented, meaning: Meaning) -> dict[str, Array]:
     """Return the heights in the system of the flight, unscaled."""
-    height = found.height
+    height = oriented.height
     if meaning.ground_m is not None:
         grid = _grid_system(listed.source, meaning, "heights with the scale of the map")
-        scale = grid.scale(_lonlat_of(listed, found, meaning))
+        scale = grid.scale(_lonlat_of(listed, oriented, meaning))
         height = meaning.ground_m + (height - meaning.ground_m) / scale
     if meaning.ellipsoidal and meaning.heights != "ellipsoidal":
-        height = in_flight(listed.source, meaning, _lonlat_of(listed, found, meaning), height)
+        height = in_flight(listed.source, meaning, _lonlat_of(listed, oriented, meaning), height)
     return {"height_m": np.round(height, 5)}
 
 
@@ -294,13 +294,13 @@ def _reached(listed: Listed, values: Array) -> Array:
 
 def _refuse(listed: Listed, name: str, wrong: Any, expected: str) -> None:
     rows, file = listed.rows, listed.source.file
-    at = position_of(listed.columns, name)
+    position = position_of(listed.columns, name)
     problems = [
         Problem(
             file=file,
             line=rows[k].number,
             column=name,
-            found=quoted(" ".join(rows[k].cells) if at is None else rows[k].cells[at]),
+            found=quoted(" ".join(rows[k].cells) if position is None else rows[k].cells[position]),
             expected=expected,
         )
         for k in np.flatnonzero(wrong).tolist()
@@ -309,9 +309,9 @@ def _refuse(listed: Listed, name: str, wrong: Any, expected: str) -> None:
         raise FlightError(lines_of(problems))
 
 
-def _of_columns(listed: Listed, found: str, expected: str) -> FlightError:
+def _of_columns(listed: Listed, fault: str, expected: str) -> FlightError:
     line = listed.heading.number if listed.heading else 1
-    return listed.source.wrong("columns", found, expected, line=line)
+    return listed.source.wrong("columns", fault, expected, line=line)
 
 
 def settings(meaning: Meaning) -> dict[str, Any]:
@@ -355,7 +355,7 @@ NORTH = {"grid": "grid north", "true": "true north"}
 
 @dataclass(frozen=True, kw_only=True)
 class TableOptions:
-    """What is done with a list.
+    """Options for the import of a list.
 
     Attributes
     ----------
@@ -395,10 +395,10 @@ def _brought(
     source: str,
     says: tuple[str, ...] = (),
 ) -> Brought:
-    """Return what a list of orientations brings of a flight; `says` is what it states itself."""
-    found = _oriented(listed, meaning)
+    """Return a list of orientations as a part of a flight; `says` are its own statements."""
+    oriented = _oriented(listed, meaning)
     names = _names(listed)
-    table = {"exposure": names, **_trajectory(listed, found, meaning)}
+    table = {"exposure": names, **_trajectory(listed, oriented, meaning)}
     tables: dict[str, Any] = {f"{options.block}/trajectory.csv": table}
     if options.camera or listed.has("camera"):
         tables[f"{options.block}/images.csv"] = _images(listed, names, options.camera)
@@ -408,15 +408,15 @@ def _brought(
         settings=settings(meaning),
         tables=tables,
         pictures=grid_file(meaning),
-        assumed=_assumed(listed, found, meaning, options),
-        found=(*_found(listed, found, meaning), *says),
+        assumed=_assumed(listed, oriented, meaning, options),
+        found=(*_found(listed, oriented, meaning), *says),
         left_out=left_out(listed, "orientation"),
     )
 
 
 def _names(listed: Listed) -> list[str]:
     """Return the names of exposures: images, events, or else the numbers of the rows from 1."""
-    name = next((one for one in ("image", "exposure") if listed.has(one)), "")
+    name = next((column for column in ("image", "exposure") if listed.has(column)), "")
     return listed.unique(name) if name else [str(k + 1) for k in range(len(listed.rows))]
 
 
@@ -429,14 +429,14 @@ def _images(listed: Listed, names: list[str], camera: str) -> dict[str, Any]:
 
 
 def _assumed(
-    listed: Listed, found: Oriented, meaning: Meaning, options: TableOptions
+    listed: Listed, oriented: Oriented, meaning: Meaning, options: TableOptions
 ) -> tuple[str, ...]:
-    columns = " ".join(one.name for one in listed.columns)
+    columns = " ".join(column.name for column in listed.columns)
     heading = "declaration" if listed.declared else "its heading"
     numbered = "" if listed.has("image") or listed.has("exposure") else "; exposures are numbered"
-    unit = {listed.columns[listed.at(name)].unit or meaning.angle for name in _angles(found)}
-    north = NORTH[found.north(meaning)]
-    if found.opk is not None:
+    unit = {listed.columns[listed.at(name)].unit or meaning.angle for name in _angles(oriented)}
+    north = NORTH[oriented.north(meaning)]
+    if oriented.opk is not None:
         order = (
             "Rx(omega) Ry(phi) Rz(kappa)"
             if meaning.order == "opk"
@@ -460,8 +460,8 @@ def _assumed(
     )
 
 
-def _whose(of: str) -> str:
-    if of == "imu":
+def _whose(body: str) -> str:
+    if body == "imu":
         return (
             "Positions and attitudes are those of the IMU: no boresight, no lever arm is applied."
         )
@@ -472,21 +472,21 @@ def _whose(of: str) -> str:
     )
 
 
-def _angles(found: Oriented) -> tuple[str, ...]:
-    return OPK if found.opk is not None else RPH
+def _angles(oriented: Oriented) -> tuple[str, ...]:
+    return OPK if oriented.opk is not None else RPH
 
 
-def _found(listed: Listed, found: Oriented, meaning: Meaning) -> tuple[str, ...]:
+def _found(listed: Listed, oriented: Oriented, meaning: Meaning) -> tuple[str, ...]:
     lines = [f"Positions and attitudes: {len(listed.rows)}."]
-    angles = found.opk if found.opk is not None else found.rph
+    angles = oriented.opk if oriented.opk is not None else oriented.rph
     low, high = (
         np.degrees(np.asarray(angles)).min(axis=0),
         np.degrees(np.asarray(angles)).max(axis=0),
     )
-    ranges = zip(_angles(found), low, high, strict=True)
+    ranges = zip(_angles(oriented), low, high, strict=True)
     lines.append("; ".join(f"{n} {a:.2f} to {b:.2f} deg" for n, a, b in ranges) + ".")
-    if found.east_north is not None and found.lonlat is not None and meaning.crs:
-        largest = _apart(listed, found, meaning)
+    if oriented.east_north is not None and oriented.lonlat is not None and meaning.crs:
+        largest = _apart(listed, oriented, meaning)
         lines.append(
             f"East and north, and latitude and longitude in {meaning.crs}, differ by at most "
             f"{largest:.3f} m."
@@ -536,7 +536,7 @@ WORDS = re.compile("|".join(f"{p}(?![A-Z])(?P<_{k}>)" for k, p in enumerate(PHRA
 NEEDED = ({"omega", "phi", "kappa"}, {"roll", "pitch", "heading"})
 ANGLE = {"DEG": "deg", "GRAD": "gon", "GON": "gon", "RAD": "rad"}
 TURN = re.compile(r"(?:FIRST|SECOND|THIRD) ROTATION IS ABOUT THE \W?([XYZ])\W")
-"""How a preamble tells the sequence of rotations, mapping to image."""
+"""How a preamble states the sequence of rotations, mapping to image."""
 
 SEQUENCES = {"": "", "XYZ": "opk", "YXZ": "pok"}
 """Orders of `Meaning` by the axes that a preamble lists."""
@@ -571,9 +571,9 @@ def read_pospac(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
     listed = _listed(source, heading, columns)
     preamble = _preamble(source, heading.number)
     meaning = replace(meaning, angle=_angle_unit(source, listed.rows[0].number))
-    names = {one.name for one in columns}
+    names = {column.name for column in columns}
     camera = NEEDED[0] <= names
-    applied = camera or any(APPLIED.match(one.upper()) for one in preamble)
+    applied = camera or any(APPLIED.match(line.upper()) for line in preamble)
     order = _order(source, heading.number) if camera else ""
     meaning = replace(meaning, order=order or meaning.order)
     if ORTHOMETRIC in names:
@@ -599,8 +599,8 @@ def _heading(source: Opened) -> tuple[Line, tuple[Column, ...]]:
         upper = re.sub(r"[ \t]+", " ", text.upper())
         if not ("KAPPA" in upper or "HEADING" in upper):
             continue
-        found = list(WORDS.finditer(upper))
-        names = [list(PHRASES.values())[int(str(one.lastgroup)[1:])] for one in found]
+        words = list(WORDS.finditer(upper))
+        names = [list(PHRASES.values())[int(str(word.lastgroup)[1:])] for word in words]
         if any(form <= set(names) for form in NEEDED) and not text.lstrip().startswith("("):
             line = Line(file=source.file, number=number, cells=(text,))
             unknown = re.findall(r"[A-Z]{2,}|\b[XYZ]\b", WORDS.sub("", upper))
@@ -626,19 +626,19 @@ def _listed(source: Opened, heading: Line, columns: tuple[Column, ...]) -> Liste
         raise source.wrong("file", "has a heading and no rows", "must have rows")
     text = source.text().split("\n")
     by_tabs = [cut(text[row.number - 1].rstrip(), "\t") for row in rows]
-    if all(len(own) == len(columns) for own in by_tabs):
-        rows = [replace(row, cells=own) for row, own in zip(rows, by_tabs, strict=True)]
+    if all(len(cells) == len(columns) for cells in by_tabs):
+        rows = [replace(row, cells=cells) for row, cells in zip(rows, by_tabs, strict=True)]
     else:
         plain = (" ".join(row.cells).replace(",", " ").split() for row in rows)
-        rows = [replace(row, cells=tuple(own)) for row, own in zip(rows, plain, strict=True)]
+        rows = [replace(row, cells=tuple(cells)) for row, cells in zip(rows, plain, strict=True)]
     if columns[0].name == "image" and all(_lacks_id(row, columns) for row in rows):
         rows = [replace(row, cells=row.cells[len(row.cells) == len(columns) :]) for row in rows]
         columns = columns[1:]
     for row in rows:
         if len(row) != len(columns):
-            found = f"has {len(row)} cells"
+            count = f"has {len(row)} cells"
             raise row.wrong(
-                "row", found, f"must have {len(columns)}, as the heading of line {heading.number}"
+                "row", count, f"must have {len(columns)}, as the heading of line {heading.number}"
             )
     return Listed(source=source, columns=columns, rows=tuple(rows), heading=heading)
 
@@ -649,14 +649,14 @@ def _lacks_id(row: Line, columns: tuple[Column, ...]) -> bool:
 
 def _with_height(listed: Listed) -> Listed:
     columns = tuple(
-        Column(name="height") if one.name == ORTHOMETRIC else one for one in listed.columns
+        Column(name="height") if column.name == ORTHOMETRIC else column for column in listed.columns
     )
     return replace(listed, columns=columns)
 
 
 def _preamble(source: Opened, before: int) -> list[str]:
-    text = (" ".join(one.split()) for one in source.text().split("\n")[: before - 1])
-    return [one[:200] for one in text if re.search(r"\w", one)][:MOST_PREAMBLE]
+    text = (" ".join(line.split()) for line in source.text().split("\n")[: before - 1])
+    return [line[:200] for line in text if re.search(r"\w", line)][:MOST_PREAMBLE]
 
 
 def _angle_unit(source: Opened, before: int) -> str:
@@ -676,11 +676,11 @@ def _angle_unit(source: Opened, before: int) -> str:
 
 
 def _order(source: Opened, before: int) -> str:
-    """Return the order of omega, phi, kappa that the preamble states; empty where it does not."""
+    """Return the order of omega, phi, kappa in the preamble; empty where it states none."""
     axes = ""
     for number, text in enumerate(source.text().split("\n")[: before - 1], start=1):
-        if found := TURN.search(text.upper()):
-            axes += found[1]
+        if turn := TURN.search(text.upper()):
+            axes += turn[1]
             if not any(known.startswith(axes) for known in SEQUENCES):
                 expected = "must be about x, y, z or y, x, z"
                 raise source.wrong("rotations", quoted(text.strip()), expected, line=number)
@@ -696,7 +696,7 @@ PLACES = ("east", "north", "height", "lat", "lon")
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredOptions:
-    """What is done with a table of measurements.
+    """Options for the import of a table of measurements.
 
     Attributes
     ----------
@@ -727,14 +727,16 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> Brought:
     """
     every = [_measured(path, options) for path in paths]
     _refuse_twice(every)
-    images = [name for one in every for name in one.names("image")]
-    points = [name for one in every for name in one.names("point")]
-    colrow = np.concatenate([[one.numbers("col"), one.numbers("row")] for one in every], axis=1)
+    images = [name for listed in every for name in listed.names("image")]
+    points = [name for listed in every for name in listed.names("point")]
+    colrow = np.concatenate(
+        [[listed.numbers("col"), listed.numbers("row")] for listed in every], axis=1
+    )
     colrow = np.round(colrow - options.first, 5)
     cols, rows = colrow.tolist()
     table: dict[str, Any] = {"image": images, "point": points, "col_px": cols, "row_px": rows}
-    if all(one.has("sigma") for one in every):
-        table["sigma_px"] = [px for one in every for px in one.numbers("sigma").tolist()]
+    if all(listed.has("sigma") for listed in every):
+        table["sigma_px"] = [px for listed in every for px in listed.numbers("sigma").tolist()]
     names = [*dict.fromkeys(images)]
     tables: dict[str, Any] = {f"{options.block}/image_points.csv": table}
     if options.camera:
@@ -743,10 +745,10 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> Brought:
     (left, top), (right, bottom) = colrow.min(axis=1), colrow.max(axis=1)
     return Brought(
         source="Table of image points",
-        sha256=opened.checksums([one.source for one in every]),
+        sha256=opened.checksums([listed.source for listed in every]),
         tables=tables,
         assumed=(
-            *dict.fromkeys(_columns_said(one) for one in every),
+            *dict.fromkeys(_columns_said(listed) for listed in every),
             "Columns count to the right and rows down, in pixels; the middle of the first pixel is "
             f"{options.first:g}, {options.first:g}.",
         ),
@@ -755,7 +757,9 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> Brought:
             f"in {number_of(len(names), 'images')}; columns {left:.1f} to {right:.1f}, rows "
             f"{top:.1f} to {bottom:.1f} px.",
         ),
-        left_out=tuple(line for one in every for line in left_out(one, "measurement", MEASURED)),
+        left_out=tuple(
+            line for listed in every for line in left_out(listed, "measurement", MEASURED)
+        ),
     )
 
 
@@ -796,12 +800,12 @@ def surveyed(
     _require(listed, "point", says="point east north height")
     if not _is_located(listed):
         raise _lacks(listed, "no position", "point east north height")
-    found = _located(listed)
-    table = {"point": listed.unique("point"), **_in_grid(listed, found, meaning)}
+    located = _located(listed)
+    table = {"point": listed.unique("point"), **_in_grid(listed, located, meaning)}
     table |= _extras(listed, meaning)
     if listed.has("role") or role:
         table["role"] = _roles(listed, role)
-    n_check = sum(one == "check" for one in table.get("role", ()))
+    n_check = sum(use == "check" for use in table.get("role", ()))
     return Brought(
         source="Table of surveyed points",
         sha256=opened.checksums([source]),
@@ -826,10 +830,10 @@ def _require(listed: Listed, *names: str, says: str) -> None:
         raise _lacks(listed, f"no {missing[0]}", says)
 
 
-def _lacks(listed: Listed, found: str, says: str) -> Exception:
+def _lacks(listed: Listed, fault: str, says: str) -> Exception:
     line = listed.heading.number if listed.heading else 1
     expected = f"must be {says}, in any order; declare them by --columns"
-    return listed.source.wrong("columns", f"have {found}", expected, line=line)
+    return listed.source.wrong("columns", f"have {fault}", expected, line=line)
 
 
 def _refuse_twice(every: Sequence[Listed]) -> None:
@@ -840,8 +844,8 @@ def _refuse_twice(every: Sequence[Listed]) -> None:
             if (image, point) in first:
                 before = first[image, point]
                 where = f"line {before.number}" + f" of {before.file}" * (before.file != row.file)
-                found = f"{quoted(point)} stands in image {quoted(image)} in {where} already"
-                raise row.wrong("point", found, "must stand once in an image")
+                fault = f"{quoted(point)} stands in image {quoted(image)} in {where} already"
+                raise row.wrong("point", fault, "must stand once in an image")
             first[image, point] = row
 
 
@@ -849,17 +853,19 @@ def _roles(listed: Listed, otherwise: str) -> list[str]:
     if not listed.has("role"):
         return [otherwise] * len(listed.rows)
     k = listed.at("role")
-    found = []
+    roles = []
     for row in listed.rows:
         cell = row.cell(k, "role")
         if cell.lower() not in ROLES:
             raise row.wrong("role", quoted(cell), "must be control or check")
-        found.append(ROLES[cell.lower()] or otherwise)
-    return found
+        roles.append(ROLES[cell.lower()] or otherwise)
+    return roles
 
 
 def _columns_said(listed: Listed) -> str:
-    names = " ".join(one.name for one in listed.columns)
+    names = " ".join(column.name for column in listed.columns)
     by = "declaration" if listed.declared else "its heading"
-    said = "" if not listed.source.encoding else " The text is in Windows-1252: it is not UTF-8."
-    return f"The columns, by {by}, are: {names}.{said}"
+    encoding = (
+        "" if not listed.source.encoding else " The text is in Windows-1252: it is not UTF-8."
+    )
+    return f"The columns, by {by}, are: {names}.{encoding}"

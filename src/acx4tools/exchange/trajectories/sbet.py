@@ -44,7 +44,7 @@ NAMES = {GPS_SOW: "GPS time", UTC_SOW: "UTC"}
 
 @dataclass(frozen=True, kw_only=True)
 class SbetOptions:
-    """What the files do not say.
+    """Options and conventions that the files do not state.
 
     Attributes
     ----------
@@ -119,29 +119,31 @@ def _opened(path: Path) -> opened.Opened:
 
 
 def _ahead(listed: Events, options: SbetOptions) -> float:
-    """Return the seconds by which the trajectory's clock is ahead of that of the events."""
+    """Return the seconds by which the trajectory's clock is ahead of the clock of the events."""
     events_utc, track_utc = _is_utc(options.time), _is_utc(options.trajectory_time)
     if events_utc == track_utc:
         return 0.0
     if options.leap_seconds is None:
         ours, theirs = NAMES[options.trajectory_time], "UTC" if events_utc else "GPS time"
-        found = f"are {theirs}, those of the trajectory {ours}"
+        fault = f"are {theirs}, those of the trajectory {ours}"
         expected = "needs --leap-seconds, 18 since 2017; or declare --time or --trajectory-time"
-        raise listed.listed.source.wrong("times", found, expected)
+        raise listed.listed.source.wrong("times", fault, expected)
     return options.leap_seconds if events_utc else -options.leap_seconds
 
 
 def _refuse_outside(track: Track, listed: Events, t: Array, options: SbetOptions) -> None:
     first, last = track.time[[0, -1]].tolist()
     file = Path(track.source.file).name
-    at = _between(track.time, t)
+    between = _between(track.time, t)
     outside = (t < first) | (t > last)
-    gap = ~outside & (at.interval > options.gap_s)
+    gap = ~outside & (between.interval > options.gap_s)
     places = f"must lie between {first:.3f} and {last:.3f} s, of {file}"
     problems = _problems(listed, outside, lambda k: f"is {t[k]:.3f} s", places)
     usual = float(np.median(np.diff(track.time)))
     cure = f"must be at most {options.gap_s:g} s: --gap; usual are {usual:.3g} s"
-    problems += _problems(listed, gap, lambda k: f"lies in a gap of {at.interval[k]:.3f} s", cure)
+    problems += _problems(
+        listed, gap, lambda k: f"lies in a gap of {between.interval[k]:.3f} s", cure
+    )
     if problems:
         raise FlightError(lines_of(problems))
 
@@ -156,10 +158,10 @@ def _refuse_without_deviation(spread: Deviations, listed: Events, t: Array) -> N
         raise FlightError(lines_of(problems))
 
 
-def _problems(listed: Events, where: Mask, found: Any, expected: str) -> list[Problem]:
+def _problems(listed: Events, where: Mask, describe: Any, expected: str) -> list[Problem]:
     rows, file = listed.listed.rows, listed.listed.source.file
     return [
-        Problem(file=file, line=rows[k].number, column="time", found=found(k), expected=expected)
+        Problem(file=file, line=rows[k].number, column="time", found=describe(k), expected=expected)
         for k in np.flatnonzero(where).tolist()
     ]
 
@@ -171,11 +173,11 @@ def _brought(
     t: Array,
     options: SbetOptions,
 ) -> Brought:
-    at = _between(track.time, t)
-    off, speed = _velocity_misfit(track, at)
+    between = _between(track.time, t)
+    off, speed = _velocity_misfit(track, between)
     faithful = off <= max(FAITHFUL_MS, FAITHFUL * speed)
-    lonlath = _positions(track, at, by_velocity=faithful)
-    rph = np.degrees(_attitudes(track, at))
+    lonlath = _positions(track, between, by_velocity=faithful)
+    rph = np.degrees(_attitudes(track, between))
     meaning, lonlat = options.meaning, lonlath[:, :2]
     height = orientations.in_flight(track.source, meaning, lonlat, lonlath[:, 2])
     table: dict[str, Any] = {
@@ -209,7 +211,7 @@ def _brought(
 def _assumed(listed: Events, options: SbetOptions) -> tuple[str, ...]:
     seconds, dated = options.leap_seconds, np.isfinite(listed.stamps.weeks).all()
     shift = _is_utc(options.time) != _is_utc(options.trajectory_time)
-    columns = " ".join(one.name for one in listed.listed.columns)
+    columns = " ".join(column.name for column in listed.listed.columns)
     weeks = "by their weeks" if dated and options.week is not None else "in the nearest week"
     heading = "" if listed.listed.heading is None else "; its first line is a heading"
     return (
@@ -317,21 +319,23 @@ class Track:
 
     def lonlath(self, rows: Index) -> Array:
         """Return longitude, latitude (rad) and height (m) of records, shape (k, 3)."""
-        own = self.record[rows]
-        return np.stack([own["lon"], own["lat"], own["height"]], axis=-1)
+        selected = self.record[rows]
+        return np.stack([selected["lon"], selected["lat"], selected["height"]], axis=-1)
 
     def rph(self, rows: Index) -> Array:
         """Return roll, pitch and true heading of records, rad, shape (k, 3)."""
-        own = self.record[rows]
-        return np.stack([own["roll"], own["pitch"], own["heading"] - own["wander"]], axis=-1)
+        selected = self.record[rows]
+        return np.stack(
+            [selected["roll"], selected["pitch"], selected["heading"] - selected["wander"]], axis=-1
+        )
 
     def velocity(self, rows: Index) -> Array:
         """Return the velocities to north, east and down of records, m/s, shape (k, 3)."""
-        own = self.record[rows]
-        cos, sin = np.cos(own["wander"]), np.sin(own["wander"])
-        north = own["vx"] * cos - own["vy"] * sin
-        east = -own["vx"] * sin - own["vy"] * cos
-        return np.stack([north, east, -own["vz"]], axis=-1)
+        selected = self.record[rows]
+        cos, sin = np.cos(selected["wander"]), np.sin(selected["wander"])
+        north = selected["vx"] * cos - selected["vy"] * sin
+        east = -selected["vx"] * sin - selected["vy"] * cos
+        return np.stack([north, east, -selected["vz"]], axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -395,10 +399,10 @@ def _increasing(source: Opened, record: NDArray[Any]) -> Array:
 
 def _refuse(source: Opened, name: str, values: Array, bad: NDArray[Any], expected: str) -> None:
     """Refuse the first record with a value that is wrong."""
-    at = np.flatnonzero(bad)
-    if len(at):
-        found = f"record {at[0] + 1} of {len(values)} has {values[at[0]]!r}"
-        raise source.wrong(name, found.replace("np.float64", ""), f"must be {expected}")
+    wrong_rows = np.flatnonzero(bad)
+    if len(wrong_rows):
+        fault = f"record {wrong_rows[0] + 1} of {len(values)} has {values[wrong_rows[0]]!r}"
+        raise source.wrong(name, fault.replace("np.float64", ""), f"must be {expected}")
 
 
 # --- Position, attitude and standard deviations between the records of a trajectory
@@ -434,15 +438,15 @@ def _between(times: Array, t: Array) -> Between:
     return Between(before=before, share=(t - times[before]) / interval, interval=interval)
 
 
-def _positions(track: Track, at: Between, *, by_velocity: bool) -> Array:
+def _positions(track: Track, between: Between, *, by_velocity: bool) -> Array:
     """Return longitude, latitude (deg) and height (m), shape (n, 3)."""
-    first, last = track.lonlath(at.before), track.lonlath(at.before + 1)
+    first, last = track.lonlath(between.before), track.lonlath(between.before + 1)
     step = last - first
     step[:, 0] = (step[:, 0] + np.pi) % (2 * np.pi) - np.pi
-    s = at.share[:, None]
+    s = between.share[:, None]
     x = first + s * step
     if by_velocity:  # a cubic, whose error grows with the fourth power of the interval
-        begin, end = (at.interval[:, None] * _rates(track, at.before + k) for k in (0, 1))
+        begin, end = (between.interval[:, None] * _rates(track, between.before + k) for k in (0, 1))
         x += s * (1 - s) * ((1 - s) * (begin - step) - s * (end - step))
     x[:, 0] = (x[:, 0] + np.pi) % (2 * np.pi) - np.pi
     return np.column_stack([np.degrees(x[:, :2]), x[:, 2]])
@@ -459,30 +463,32 @@ def _rates(track: Track, rows: Index) -> Array:
     return np.stack([east / (across * np.cos(lat)), north / along, -down], axis=-1)
 
 
-def _attitudes(track: Track, at: Between) -> Array:
+def _attitudes(track: Track, between: Between) -> Array:
     """Return roll, pitch and true heading, rad, shape (n, 3); the body turns at a constant rate."""
-    R_n_b, after = (frames.rotation_from_rph(track.rph(at.before + k)) for k in (0, 1))
+    R_n_b, after = (frames.rotation_from_rph(track.rph(between.before + k)) for k in (0, 1))
     turned = frames.log(np.swapaxes(R_n_b, -1, -2) @ after)
-    rph = frames.rph_from_rotation(R_n_b @ frames.exp(at.share[:, None] * turned))
+    rph = frames.rph_from_rotation(R_n_b @ frames.exp(between.share[:, None] * turned))
     return np.column_stack([rph[:, :2], rph[:, 2] % (2 * np.pi)])
 
 
-def _deviations(of: Deviations, t: Array) -> Array:
+def _deviations(deviations: Deviations, t: Array) -> Array:
     """Return standard deviations at times, linear between records, shape (n, 6)."""
-    return np.stack([np.interp(t, of.time, column) for column in of.sigma.T], axis=-1)
+    return np.stack(
+        [np.interp(t, deviations.time, column) for column in deviations.sigma.T], axis=-1
+    )
 
 
-def _velocity_misfit(track: Track, at: Between) -> tuple[float, float]:
+def _velocity_misfit(track: Track, between: Between) -> tuple[float, float]:
     """Return how much velocities and changes of position differ, and the speed; medians, m/s."""
-    rows = np.unique(at.before)
+    rows = np.unique(between.before)
     first, last = track.lonlath(rows), track.lonlath(rows + 1)
     step = last - first
     step[:, 0] = (step[:, 0] + np.pi) % (2 * np.pi) - np.pi
     dt = (track.time[rows + 1] - track.time[rows])[:, None]
-    said = 0.5 * (_rates(track, rows) + _rates(track, rows + 1))
+    rates = 0.5 * (_rates(track, rows) + _rates(track, rows + 1))
     across = np.column_stack([AXIS_M * np.cos(first[:, 1]), np.full((len(rows), 2), [AXIS_M, 1.0])])
-    off = np.linalg.norm(across * (step / dt - said), axis=1)
-    return float(np.median(off)), float(np.median(np.linalg.norm(across * said, axis=1)))
+    off = np.linalg.norm(across * (step / dt - rates), axis=1)
+    return float(np.median(off)), float(np.median(np.linalg.norm(across * rates, axis=1)))
 
 
 WEEK_SOW = "gps-week-sow"
@@ -587,9 +593,9 @@ class Events:
 def _read_events(source: Opened, *, columns: str, separator: str, base: str) -> Events:
     """Return the events of a text."""
     listed = read_list(source, columns, separator=separator, numbers=("time", "week"))
-    name = next((one for one in ("exposure", "image") if listed.has(one)), "")
+    name = next((column for column in ("exposure", "image") if listed.has(column)), "")
     needed = ("time", "week") if base == WEEK_SOW else ("time",)
-    missing = [one for one in needed if not listed.has(one)] + ["image"] * (not name)
+    missing = [column for column in needed if not listed.has(column)] + ["image"] * (not name)
     if missing:
         raise source.wrong("columns", f"{missing[0]!r} is missing", f"--time {base} needs it")
     if listed.has("week") and base != WEEK_SOW:
