@@ -47,7 +47,7 @@ from acx4lib.results import folder as results
 from acx4lib.results.provenance import KEPT, Run, check_kept, read_run
 from acx4lib.results.read_back import read_calibration, refused
 
-# --- What one flight says of its cameras: parameters with covariance, a date, a temperature
+# --- The calibration by one flight: parameters with covariance, a date, a temperature
 
 
 COMPARED = ("single_step", "rig", "rig_calibration", "two_step_gnss", "two_step")
@@ -339,7 +339,7 @@ def same_values(values: Array, covs: Array, *, redundancy: float = KNOWN) -> Seq
     ]
 
 
-# --- Campaigns of the same cameras side by side: differences, what they share, trends, and tests
+# --- Campaigns of the same cameras: differences, pooled parameters, trends, and their tests
 #
 # Campaigns count as independent, so that the covariance of a difference is the sum of both.
 
@@ -673,7 +673,7 @@ def years(comparison: Comparison) -> Array | None:
     return (np.array(known) - known[0]) / 365.25
 
 
-# --- What a change of a camera's parameters moves on the ground, over its format
+# --- Effects of a camera's parameters on the ground, over its format
 
 
 NODES = 15
@@ -682,7 +682,7 @@ NODES = 15
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundEffects:
-    """Derivatives of points on level ground, seen by a camera of which body and height are known.
+    """Derivatives of points on level ground, seen by a camera of known pose and height.
 
     Attributes
     ----------
@@ -959,7 +959,7 @@ def _pooled(comparison: Comparison) -> pd.DataFrame:
 
 
 def trends_of(comparison: Comparison) -> dict[str, Trend]:
-    """Return the trends by what they run over: ``year``, ``temperature``; none of two campaigns.
+    """Return the trends over ``year`` and ``temperature``, where three campaigns or more have them.
 
     With two campaigns a line passes through both, and its slope is their difference; it is left
     out.

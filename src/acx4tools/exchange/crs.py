@@ -60,11 +60,11 @@ class Chosen:
         if self.crs == LOCAL or horizontal is None or horizontal == _horizontal(parsed(self.crs)):
             return np.asarray(xyh, dtype=float)
         try:
-            there = _between(horizontal, self.crs)
+            transformer = _between(horizontal, self.crs)
         except ProjError:
             msg = f"PROJ knows no exact way from {horizontal.name!r} to {self.crs}"
             raise ValueError(msg) from None
-        east, north = there.transform(xyh[:, 0], xyh[:, 1])
+        east, north = transformer.transform(xyh[:, 0], xyh[:, 1])
         return np.column_stack([east, north, xyh[:, 2]])
 
 

@@ -300,7 +300,7 @@ def with_synthetic(brought: Brought) -> Brought:
     return replace(brought, settings=settings, assumed=(*brought.assumed, sentence))
 
 
-# --- What an import brings of a flight, in the flight's own form, and what it says of it
+# --- Imported data in the form of a flight, and the sentences on them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -329,9 +329,9 @@ class Brought:
         Rows of a table in import.md where there are many: camera, size, f, f of the program, the
         largest and the rms difference, all in px.
     found : tuple of str
-        What was read, counted, and what proves that it was read rightly: a sentence each.
+        Sentences on the numbers of things read, and on the proof that they were read rightly.
     left_out : tuple of str
-        What the source has and the flight has not, counted and named, and why.
+        Sentences on parts of the source that the flight does not have, and why.
     """
 
     source: str

@@ -58,8 +58,8 @@ class Left:
     ----------
     largest_px, rms_px : float
     returned : bool
-        Whether the lens is not the nearest one but that of which a camera was made, so that it
-        goes back to its program as it came.
+        Whether the lens is the imported one, returned to its program unchanged, not the nearest
+        to a camera.
     """
 
     largest_px: float
@@ -231,7 +231,7 @@ def brown_of(camera: Camera) -> tuple[Array, Left]:
 
 
 def without_skew(camera: Camera) -> tuple[Pinhole, Array, Left]:
-    """Return the nearest lens without skew: its pinhole, OpenCV's coefficients, what is left.
+    """Return the nearest lens without skew: pinhole, OpenCV's coefficients, differences left.
 
     Where a camera has b2, all of it is refitted; otherwise it is `pinhole_of` with `brown_of`.
     """
@@ -295,7 +295,7 @@ def inverse(forward: Model, wanted: Array, start: Array) -> Array:
     Returns
     -------
     ndarray, shape (n, 2)
-        NaN where there is no such point, or where the map has turned back before it.
+        NaN where no point maps to a wanted one, or the map turns back before it.
     """
     points, step = start.copy(), 1e-6
     with np.errstate(all="ignore"):  # what diverges ends as NaN
@@ -357,7 +357,7 @@ def _power_series(r2: Array, values: Mapping[str, float], letter: str, most: int
 
 
 def brown(at: Array, off: Array, f_px: float) -> tuple[Array, Left]:
-    """Return OpenCV's coefficients k1, k2, p1, p2, k3 by linear least squares, and what is left.
+    """Return OpenCV's k1, k2, p1, p2, k3 by linear least squares, and the differences left.
 
     Parameters
     ----------
@@ -374,7 +374,7 @@ def brown(at: Array, off: Array, f_px: float) -> tuple[Array, Left]:
 def _fitted(
     measured: Array, rays: Array, ideal: Model, colrow: Array, hole: Pinhole
 ) -> tuple[Pinhole, float, Array, Left]:
-    """Return the pinhole, its fy over the focal length, the coefficients of `brown`, what is left.
+    """Return the pinhole, its fy over the focal length, `brown`'s coefficients, differences left.
 
     Of a pinhole the others follow by linear least squares, so that its cx, cy, fx and skew alone
     are searched for.

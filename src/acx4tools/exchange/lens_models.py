@@ -192,8 +192,8 @@ class Refitted:
     @property
     def said(self) -> str:
         """Sentence on the lens and its difference from its refit."""
-        name, size, f, there, _, _ = self.row
-        focal = f if f == there else f"{f} (there {there})"
+        name, size, f, f_program, _, _ = self.row
+        focal = f if f == f_program else f"{f} (there {f_program})"
         return (
             f"lens of {name}: {size} px, f {focal} px; refitted as Brown's model it differs by "
             f"{self.left}"

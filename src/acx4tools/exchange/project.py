@@ -1,9 +1,9 @@
 """The content of another program's project, and the part of a flight that it becomes.
 
 A program's file returns a `Project`: lenses, images, orientations, measurements, surveyed points,
-what was assumed and what has no place in a flight. `flight_of` makes the tables and settings of all
-programs in the same way, and proves them: the program's own points are projected by what was
-imported. Pixels, camera axes and units are the library's; the frame w is any Cartesian one.
+assumptions, and parts that have no place in a flight. `flight_of` makes tables and settings of all
+programs in the same way, and proves them: the imported cameras and poses project the program's own
+points. Pixels, camera axes and units are the library's; the frame w is any Cartesian one.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Measured:
     points : tuple of str
         Names of points.
     x_w : ndarray, shape (n_points, 3), optional
-        Where the program has them, NaN where it does not say; None where it says it of none.
+        Coordinates in w, NaN where the program has none; None where it has none of all points.
     image_idx, point_idx : ndarray of int, shape (n,)
         Of each measurement.
     colrow : ndarray, shape (n, 2)
@@ -218,8 +218,8 @@ class Project:
     settings : mapping
         Keys of flight.toml but cameras.
     in_grid : callable or None
-        Where w lies; it raises a FlightError where that is not known. None where a program never
-        has a place on the Earth.
+        The map of poses in w into the grid; it raises a FlightError where the place of w is not
+        known. None where the frames of a program never have a place on the Earth.
     placed : tuple of str
         What is assumed where `in_grid` is used.
     trajectory : Trajectory
@@ -280,7 +280,7 @@ def flight_of(
     FlightError
         Where no camera of a flight is like a lens, or adjusted orientations have no place.
     """
-    fitted, odd = _refitted(project, pixel_um, allow)
+    fitted, unfit = _refitted(project, pixel_um, allow)
     flown = _flown(project, orientations)
     kept = _kept(project, fitted, flown)
     images, measured = project.images, project.measured
@@ -316,7 +316,7 @@ def flight_of(
         lenses=[refitted.row for refitted in fitted.values()] if len(fitted) > SHOWN else (),
         left_out=(
             *_lost(project, kept, flown),
-            *odd,
+            *unfit,
             *project.left_out,
             *flown.left_out,
         ),
@@ -358,7 +358,7 @@ def reading(project: Callable[..., Project], **orientations: str) -> Callable[..
 
 
 def nowhere(error: FlightError) -> InGrid:
-    """Return the way into the grid from a frame without a place: it raises an error."""
+    """Return the map into the grid of a frame without a place: it raises an error."""
 
     def in_grid(_: Pose) -> tuple[Array, Array]:
         raise error
@@ -396,7 +396,7 @@ def numbered(lenses: Iterable[Hashable]) -> dict[Any, str]:
 
 
 def in_crs(source: Path, crs: str | None) -> InGrid:
-    """Return the way into the grid from a frame w in the flight's CRS, which no file states.
+    """Return the map into the grid of a frame w in the flight's CRS, which no file states.
 
     Parameters
     ----------
@@ -420,7 +420,7 @@ def _refitted(
     """Return the cameras of all images, and sentences on cameras that no flight can have."""
     enabled = project.images.enabled
     cameras = [n for i, n in enumerate(project.images.cameras) if enabled is None or enabled[i]]
-    used, fitted, odd = set(cameras) or set(project.lenses), {}, []
+    used, fitted, unfit = set(cameras) or set(project.lenses), {}, []
     for name, lens in project.lenses.items():
         if name not in used:
             continue
@@ -430,14 +430,14 @@ def _refitted(
             if not project.may_leave_cameras:
                 expected = "must be a lens that a flight can have"
                 raise lens.wrong(f"{name}: {error}", expected) from None
-            odd.append(f"camera and its images: {name}: {error}")
+            unfit.append(f"camera and its images: {name}: {error}")
             continue
         if (fault := too_far(fitted[name].left, allow)) is not None:
             raise lens.wrong(f"{name}: {fault[0]}", fault[1])
-    if odd and not fitted:
+    if unfit and not fitted:
         first = next(lens for name, lens in project.lenses.items() if name in used)
-        raise first.wrong("; ".join(odd), "must be one that a flight can have")
-    return fitted, tuple(odd)
+        raise first.wrong("; ".join(unfit), "must be one that a flight can have")
+    return fitted, tuple(unfit)
 
 
 def _flown(project: Project, orientations: str) -> Trajectory:
@@ -448,12 +448,12 @@ def _flown(project: Project, orientations: str) -> Trajectory:
         orientations = "adjusted"
     if orientations != "adjusted":
         trajectory = project.trajectory if orientations == "initial" else Trajectory()
-        how = (
+        hint = (
             ": their coordinates are in no CRS"
             if project.in_grid is None
             else (" (--orientations adjusted)")
         )
-        remarks = (f"{number_of(n, 'adjusted orientations')}{how}",) if n else ()
+        remarks = (f"{number_of(n, 'adjusted orientations')}{hint}",) if n else ()
         return replace(trajectory, left_out=(*trajectory.left_out, *remarks))
     leaders: dict[str, int] = {}
     for i in np.flatnonzero(images.oriented).tolist():
@@ -484,8 +484,8 @@ def _kept(project: Project, fitted: Mapping[str, Refitted], flown: Trajectory) -
     if images.enabled is not None:
         kept &= images.enabled
     if flown.table is not None:
-        there = set(flown.table["exposure"])
-        kept &= np.array([name in there for name in images.exposures], dtype=bool)
+        exposures = set(flown.table["exposure"])
+        kept &= np.array([name in exposures for name in images.exposures], dtype=bool)
     return kept
 
 
@@ -546,7 +546,7 @@ def _sizes(
 
 
 def _counted(project: Project, kept: Mask, measured: Measured) -> tuple[str, ...]:
-    """Return how many images, measurements and surveyed points there are."""
+    """Return sentences on the numbers of images, measurements and surveyed points."""
     images, control, sentences = project.images, project.control, []
     if kept.any():
         rows = np.flatnonzero(kept)
@@ -597,13 +597,13 @@ def _of_lenses(fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
 
 
 def _lost(project: Project, kept: Mask, flown: Trajectory) -> tuple[str, ...]:
-    """Return what is not part of the flight, counted."""
+    """Return sentences with the numbers of images, measurements and others that are left out."""
     images = project.images
     enabled = np.ones(len(kept), dtype=bool) if images.enabled is None else images.enabled
     without = 0
     if flown.table is not None:
-        there = set(flown.table["exposure"])
-        without = sum(images.exposures[i] not in there for i in np.flatnonzero(enabled))
+        exposures = set(flown.table["exposure"])
+        without = sum(images.exposures[i] not in exposures for i in np.flatnonzero(enabled))
     outside = int((~kept[project.measured.image_idx]).sum())
     counted = {
         **project.lost,

@@ -51,7 +51,7 @@ class Unmeasured:
 
 
 def read_unmeasured(path: str | Path) -> Unmeasured:
-    """Return the flight in a folder, with whatever is measured there already.
+    """Return the flight in a folder, with the measurements that it already has.
 
     Parameters
     ----------

@@ -185,7 +185,7 @@ class Matched:
 
     @property
     def weight(self) -> float:
-        """Sum of the weights of all rays, px^-2 of full size: what the level knows."""
+        """Sum of the weights of all rays, px^-2 of full size: the information of the level."""
         shrink = np.array([view.shrink for view in self.views])[self.rays.view]
         return float(np.sum((shrink * self.rays.sigma_px) ** -2.0))
 
@@ -297,7 +297,7 @@ def beyond_search(block: Block, views: Sequence[View], surface: Surface, reduce:
 
 
 def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:
-    """Return, for every level from small to large, by what every picture is reduced."""
+    """Return the reduction of every picture at every level, from small to large."""
     last = [view.shrink * reduce for view in views]
     sides = [max(view.declared.width_px, view.declared.height_px) for view in views]
     ratio = max(max(side / k for side, k in zip(sides, last, strict=True)) / COARSE_PX, 1.0)
@@ -337,7 +337,7 @@ def _matched(
 def _worth_it(block: Block, i: int, j: int) -> bool:
     """Tell whether pictures are of the same head or exposure, or of heads that look apart.
 
-    Heads that look one way show the same at an exposure, which ties them.
+    Heads with one view show the same ground at an exposure; pairs of one exposure tie them.
     """
     images = block.images
     same = (

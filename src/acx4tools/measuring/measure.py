@@ -43,7 +43,7 @@ Tell = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What was measured in a block.
+    """The measurements of a block.
 
     Attributes
     ----------

@@ -609,7 +609,7 @@ def _tracks(features: Mapping[int, _Features], links: Sequence[_Link]) -> TieRay
     return rays[usable[track]]
 
 
-# --- What the trajectory says of attitudes beside what the pictures say
+# --- Attitudes of the trajectory compared with those of the pictures
 
 
 GAP_DEG = 20.0

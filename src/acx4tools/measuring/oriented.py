@@ -123,7 +123,7 @@ def chosen(rays: TieRays, shown: Index, *, apart_px: float) -> TieRays:
         rays_of_point = slice(start[i], start[i] + count[i])
         cell = np.floor(rays.colrow[rays_of_point] / apart_px).astype(int)
         measured = zip(rays.view[rays_of_point], cell, rays.of_head[rays_of_point], strict=True)
-        places = [(int(v), int(c), int(r)) for v, (c, r), here in measured if here]
+        places = [(int(v), int(c), int(r)) for v, (c, r), of_head in measured if of_head]
         if enough[i] and not any(_near(place, taken) for place in places):
             taken.update(places)
             keep[rays_of_point] = True
@@ -143,7 +143,7 @@ LOOSE_POSITION, LOOSE_ATTITUDE = 0.005, float(np.radians(1.0))
 """Standard deviations of positions, in flying heights, and of attitudes as approximate values."""
 
 FIRM_POSITION_M, FIRM_ATTITUDE = 0.2, float(np.radians(0.02))
-"""Least standard deviations where the trajectory is to say where the block is: room for a lever arm
+"""Least standard deviations of a trajectory that holds the block in place: room for a lever arm
 that is not declared, and for delays."""
 
 LEVER_M = 1.0
@@ -264,7 +264,7 @@ def _shared(bundle: Bundle, rays: TieRays) -> Array:
 
 
 def _times(bundle: Bundle, factor: Array) -> Bundle:
-    """Return a bundle whose block has other sigma of its rays."""
+    """Return a bundle with the sigma of its block's rays multiplied by factors."""
     network, points = bundle.network, bundle.network.block.image_points
     weighted = replace(points, sigma_px=factor * points.sigma_px)
     return replace(
@@ -361,7 +361,7 @@ def approximate(block: Block, flying_height: float) -> Block:
 
 
 def firm(block: Block) -> Block:
-    """Return a block whose trajectory holds it, as well as its position and attitude are known."""
+    """Return a block held by its trajectory, whose standard deviations get a minimum."""
     return _with_sigma(block, FIRM_POSITION_M, FIRM_ATTITUDE)
 
 

@@ -420,12 +420,12 @@ def _keep(path: Path, both: Both) -> None:
 
 def _match_pair(job: PairJob) -> tuple[Found, Found]:
     """Return the corners of the first picture found in the second, and the reverse."""
-    there = found_in(job.a, job.b, job.surface, job.at_a, job.options)
+    forth = found_in(job.a, job.b, job.surface, job.at_a, job.options)
     back = found_in(job.b, job.a, job.surface, job.at_b, job.options)
-    colrow_a = np.concatenate([job.at_a[there.which], back.colrow])
-    colrow_b = np.concatenate([there.colrow, job.at_b[back.which]])
+    colrow_a = np.concatenate([job.at_a[forth.which], back.colrow])
+    colrow_b = np.concatenate([forth.colrow, job.at_b[back.which]])
     near = agree(job.a, job.b, colrow_a, colrow_b, least_px=job.options.epipolar_px)
-    return there[near[: len(there)]], back[near[len(there) :]]
+    return forth[near[: len(forth)]], back[near[len(forth) :]]
 
 
 def _kept(path: Path) -> Both | None:
@@ -434,7 +434,7 @@ def _kept(path: Path) -> Both | None:
         return None
     try:
         with opened(path) as kept, np.load(kept, allow_pickle=False) as file:
-            there, back = (Found(**{name: file[f"{k}_{name}"] for name in _PARTS}) for k in (0, 1))
+            forth, back = (Found(**{name: file[f"{k}_{name}"] for name in _PARTS}) for k in (0, 1))
     except _BROKEN:
         return None
-    return there, back
+    return forth, back

@@ -410,9 +410,9 @@ def carried(
     for k, other in enumerate(others):
         match = found_in(view, other, surface, middle[None], NATURAL)
         if len(match):
-            here = transferred(view, other, surface, np.stack([middle.astype(float), colrow]))
+            shown = transferred(view, other, surface, np.stack([middle.astype(float), colrow]))
             which.append(k)
-            places.append(match.colrow[0] + (here[1] - here[0]))
+            places.append(match.colrow[0] + (shown[1] - shown[0]))
             sigmas.append(match.sigma_px[0, 1])
     return np.array(which, np.intp), np.array(places).reshape(-1, 2), np.array(sigmas)
 
@@ -458,7 +458,7 @@ def find_surveyed(
         What is measured already. Such a point is matched from there; the others are looked for as
         signalised ones.
     """
-    there = {(row.image, row.point) for row in given}
+    measured = {(row.image, row.point) for row in given}
     by_point: dict[str, list[Measured]] = {}
     for row in given:
         by_point.setdefault(row.point, []).append(row)
@@ -474,8 +474,8 @@ def find_surveyed(
     ]
     for name in names:
         rows += _natural(views, surface, by_point.get(name, []))
-    rows = [row for row in rows if (row.image, row.point) not in there]
-    done = there | {(row.image, row.point) for row in rows}
+    rows = [row for row in rows if (row.image, row.point) not in measured]
+    done = measured | {(row.image, row.point) for row in rows}
     return Surveyed(rows=tuple(rows), not_found=dict(_missing(views, names, x_m, done)))
 
 
@@ -484,10 +484,10 @@ def _natural(
 ) -> Iterator[Measured]:
     """Yield the measurements of a point in other pictures, matched from the surest given one."""
     of_name = {view.name: view for view in views}
-    here = [row for row in given if row.image in of_name]
-    if not here:
+    measured_rows = [row for row in given if row.image in of_name]
+    if not measured_rows:
         return
-    row = min(here, key=lambda measured: measured.sigma_px)
+    row = min(measured_rows, key=lambda measured: measured.sigma_px)
     view = of_name[row.image]
     others = [other for other in views if other is not view]
     colrow = view.own(np.array([[row.col_px, row.row_px]]))[0]
@@ -516,8 +516,8 @@ def _missing(
     for k, name in enumerate(names):
         lacking = [
             view.name
-            for view, here in zip(views, shown, strict=True)
-            if here[k] and (view.name, name) not in done
+            for view, mask in zip(views, shown, strict=True)
+            if mask[k] and (view.name, name) not in done
         ]
         if lacking:
             yield name, tuple(lacking)

@@ -189,8 +189,8 @@ def _decoded(path: Path, camera: Camera) -> Raster:
 def _of_size(name: str, size: tuple[int, int]) -> Camera:
     """Return a camera with nothing but a size, to read a picture."""
     width, height = size
-    some = Interior(f=1.0)
-    return Camera(name=name, width_px=width, height_px=height, pixel_mm=0.001, interior=some)
+    interior = Interior(f=1.0)
+    return Camera(name=name, width_px=width, height_px=height, pixel_mm=0.001, interior=interior)
 
 
 def _reduced(image: Raster, declared: tuple[int, int], shrink: int, reduce: int) -> Array:

@@ -37,8 +37,7 @@ from acx4tools.planning.design import Design
 from acx4tools.planning.flown import flying_time_s
 from acx4tools.planning.plan import TURN_S, Plan
 
-# --- What a flight is to reach: standard deviations, check points, time, and strips to
-# choose from
+# --- The target of a flight: standard deviations, check points, time, and candidate strips
 
 
 BLOCK = "calibration"
@@ -193,7 +192,7 @@ def _short(value: Any) -> str:
     return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
-# --- All candidates of a target together: what they could give, and what any choice of them gives
+# --- All candidates of a target: the accuracy of all together, and of any choice of them
 
 
 AT_CHECK_POINTS = "check points"
@@ -272,14 +271,14 @@ class Candidates:
         return max(0.0, float(self.seconds[list(chosen)].sum()) - TURN_S) / 60.0
 
     def given(self, chosen: Choice) -> Array:
-        """Return the wanted sigmas and RMS by a choice, from the tie points that take part."""
+        """Return the wanted sigmas and RMS of a choice, from the tie points that take part."""
         cov = self.information.covariance(chosen)
         sigma = sigmas(propagate(self.by_common, cov))
         rms = np.sqrt(self.own_m2 + np.sum(self.by_calibration * cov, axis=(1, 2)))
         return np.append(sigma, rms)
 
     def planned(self, plan: Plan) -> Array:
-        """Return the wanted sigmas and RMS by a plan, from all of its tie points."""
+        """Return the wanted sigmas and RMS of a plan, from all of its tie points."""
         predicted = _found(_designed(self.target, plan))
         return np.array([predicted[goal.camera, goal.name] for goal in self.wanted])
 
@@ -387,10 +386,10 @@ def _at_check_points(target: Target, full: Design, k: int) -> tuple[Array, Array
     return own_m2[axes], by_calibration
 
 
-# --- What every strip of a block tells of the unknowns that all strips have in common
+# --- The information of every strip of a block on the unknowns that all strips share
 #
 # Strips share the unknowns of cameras and of GNSS, and the points on the ground. Poses and drifts
-# belong to one strip. So the normal equations of each strip are reduced to what is shared, once,
+# belong to one strip. So the normal equations of each strip are reduced to shared unknowns, once,
 # and those of any choice of strips are a sum. This is exact for the points that take part; so that
 # it is quick, a part of the tie points takes part, with the weight of all. Where errors of the
 # trajectory change slowly, their correlation is kept along each strip, and neglected from one to
@@ -537,8 +536,8 @@ def _sparse(A: Array, columns: Index, n: int) -> sparse.csr_array:
     m, d, _ = A.shape
     row = np.broadcast_to(np.arange(m * d).reshape(m, d, 1), A.shape)
     column = np.broadcast_to(columns[:, None, :], A.shape)
-    there = column >= 0
-    return sparse.csr_array((A[there], (row[there], column[there])), shape=(m * d, n))
+    free = column >= 0
+    return sparse.csr_array((A[free], (row[free], column[free])), shape=(m * d, n))
 
 
 def _uncorrelated(correlation: Correlation, strip: Index) -> sparse.csr_array:
@@ -548,8 +547,8 @@ def _uncorrelated(correlation: Correlation, strip: Index) -> sparse.csr_array:
     row, column = np.nonzero(np.triu(np.equal.outer(strip, strip)))
     parts = [(U[row, column], (d * row + c, d * column + c)) for c, U in enumerate(factors)]
     values, places = zip(*parts, strict=True)
-    where = tuple(np.concatenate(indices) for indices in zip(*places, strict=True))
-    return sparse.csr_array((np.concatenate(values), where), shape=(m * d, m * d))
+    row_column = tuple(np.concatenate(indices) for indices in zip(*places, strict=True))
+    return sparse.csr_array((np.concatenate(values), row_column), shape=(m * d, m * d))
 
 
 def _reduced(rows: sparse.csr_array, shared: Index, eliminated: Index) -> Array:
@@ -606,7 +605,7 @@ def cheapest(lack: Callable[[Choice], float], cost: Array, *, most: float = np.i
 
 
 def in_order(chosen: Choice, lack: Callable[[Choice], float], cost: Array) -> Choice:
-    """Return a choice in an order: each candidate next takes off most of the lack for its cost."""
+    """Return a choice in order: each candidate takes off most of the lack left, for its cost."""
     order: Choice = ()
     while remaining := [k for k in chosen if k not in order]:
         now, taken = lack(order), order
@@ -616,7 +615,7 @@ def in_order(chosen: Choice, lack: Callable[[Choice], float], cost: Array) -> Ch
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Search:
-    """A search for the cheapest choice; what a choice lacks is computed once."""
+    """A search for the cheapest choice; the lack of a choice is computed once."""
 
     lack: Callable[[Choice], float]
     cost: Array
@@ -677,7 +676,7 @@ class _Search:
                     yield from ((*kept, *new) for new in combinations(others, taken))
 
 
-# --- The strips that are chosen for a target: what the flight then determines, and what each buys
+# --- The strips chosen for a target: the accuracy of their flight, and the gain by each strip
 
 
 TRIALS = 5
@@ -689,7 +688,7 @@ SAFE = 0.999
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chosen:
-    """Chosen strips, and what they give as a plan of their own.
+    """Chosen strips, and the accuracy of a plan with them alone.
 
     Attributes
     ----------
@@ -699,9 +698,9 @@ class Chosen:
     given : ndarray, shape (n,)
         What is wanted, as the plan gives it.
     after : ndarray, shape (n_strips, n)
-        What is wanted, from every strip and those before it.
+        Wanted sigmas and RMS by every strip together with those before it.
     without : ndarray, shape (n_strips, n)
-        What is wanted, where one strip alone is left out.
+        Wanted sigmas and RMS without each single strip.
     minutes_after : ndarray, shape (n_strips,)
         Flying time from the first exposure of the first strip to the last of each.
     """
@@ -806,7 +805,7 @@ def searched(candidates: Candidates, limits: Array, minutes: float) -> Choice:
 
 
 def with_strips(plan: Plan, chosen: Choice) -> Plan:
-    """Return a plan of which only some strips are flown.
+    """Return the plan with some of its strips only.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """The adjustments of a planned flight, predicted.
+    """The predicted adjustments of a planned flight.
 
     Attributes
     ----------
@@ -46,9 +46,9 @@ class Design:
         measured in heads, and ``rig`` of block heads. Estimates are the plan's values.
     validations : dict of str to Validation
         Of block validation, by the method whose calibration is used: ``given`` where the plan
-        calibrates nothing. Differences are zero; their sigma is what is predicted.
+        calibrates nothing. Differences are zero; their sigma is predicted.
     outcomes : tuple of Outcome
-        Of other winds, or the one of these blocks. What is predicted is their mean.
+        Of other winds, or the one of these blocks. The prediction is their mean.
     """
 
     plan: Plan
@@ -121,7 +121,7 @@ def _in_wind(plan: Plan, wind: int, places: Mapping[str, Array | None]) -> Outco
 def _in_one_wind(
     plan: Plan, blocks: Mapping[str, Block]
 ) -> tuple[dict[str, Mounting], dict[str, Validation], Outcome]:
-    """Return what blocks determine: their adjustments, their validations, and the sum of them."""
+    """Return the adjustments and the validations of blocks, and their covariances."""
     mountings = {
         method: calibrated(plan, blocks[name], method=method)
         for name, method in methods(plan).items()
@@ -233,10 +233,10 @@ def _calibrations(
     }
 
 
-# --- What a plan determines in several winds: its mean, and by how much one flight differs
+# --- Covariances of a plan in several winds: their mean, and the scatter of single flights
 #
 # No aircraft flies twice alike. The mean of the variances in many winds is what flights of a plan
-# have on average; their scatter says by how much that mean, and one flight, may differ.
+# have on average; their scatter is the uncertainty of that mean, and of one flight.
 
 
 PARTS = ("points", "pairs")

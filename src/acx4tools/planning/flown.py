@@ -1,6 +1,6 @@
 """A planned block.
 
-Where and how it is exposed, which images see which points, and its tables free of error.
+Its exposures, the visibility of points in its images, and its tables free of error.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def block(plan: Plan, name: str, *, wind: int = 0, tie_places: Array | None = No
     ties = in_the_air.tie_points() if tie_places is None else in_the_air.ties_at(tie_places)
     sight = _joined([surveyed, ties])
     if not sight.shown.any():
-        where = "lie apart from the strips"
-        raise FlightError([f"{name}: no image shows a point; there are none, or they {where}"])
+        reason = "lie apart from the strips"
+        raise FlightError([f"{name}: no image shows a point; there are none, or they {reason}"])
     taken = exposures(plan.blocks[name], wind=wind)
     tables = BlockTables(
         name=name,

@@ -478,8 +478,8 @@ def _place_problems(toml: Toml, plan: Plan, block: PlannedBlock) -> Iterator[Pro
     key = block.name if "east_m" in toml.table(block.name) else "field"
     place = f"{east:g} east, {north:g} north"
     if not np.isfinite(grid.lonlat_from_grid(np.array([[east, north]]))).all():
-        where = f"must lie where {grid.crs} maps the earth; easting first"
-        yield toml.problem((key, "east_m"), place, where)
+        limit = f"must lie where {grid.crs} maps the earth; easting first"
+        yield toml.problem((key, "east_m"), place, limit)
     elif of_degrees(grid, np.array([east]), np.array([north])):
         place += " (longitude, latitude in degrees?)"
         yield toml.problem((key, "east_m"), place, f"must be metres where {grid.crs} is meant for")

@@ -36,7 +36,7 @@ from acx4tools.planning.design import PARTS, Design, Expected, Outcome
 from acx4tools.planning.flown import flying_time_s
 from acx4tools.planning.plan import PlannedBlock
 
-# --- What a plan determines, as tables and as entries of a summary
+# --- Predicted accuracies as tables and as entries of a summary
 
 
 AXES = ("east_m", "north_m", "height_m")
@@ -360,7 +360,7 @@ def _adjusted(design: Design, method: str) -> dict[str, Any]:
     }
 
 
-# --- What a plan determines, as lines of text for the screen
+# --- Predicted accuracies as lines of text for the screen
 
 
 SAID = {

@@ -57,8 +57,8 @@ def brown(camera: Camera) -> Brown:
 def skewed(calibrated: Calibrated) -> dict[str, Brown]:
     """Return the lenses of all cameras with two focal lengths and skew, by their names.
 
-    A camera of which no interior parameter is estimated goes back as it came: its lens is that of
-    which it is the refit.
+    A camera without estimated interior parameters goes back as it came: by the lens that an import
+    refits as this camera.
     """
     return _of_cameras(calibrated, brown, _as_is)
 

@@ -220,7 +220,7 @@ class Relative:
 
     @property
     def T_v_r_h(self) -> Pose:
-        """The same with y down and z ahead in both heads."""
+        """Pose of the head with y down and z ahead in both heads."""
         return Pose(R=R_C_V @ self.T_r_h.R @ R_C_V, r=R_C_V @ self.T_r_h.r)
 
     @property

@@ -101,9 +101,9 @@ def orient(calibrated: Calibrated, flight: Flight, block: str) -> Oriented:
     for variant in (flight.mounted(block), flight.block(block)):
         present = [camera.name for camera in variant.cameras if camera.name in names]
         if present:
-            some = select_cameras(variant, present)
-            g = georeference(some, calibrated.calibration)
-            return Oriented(block=some, georeferenced=g)
+            mounted = select_cameras(variant, present)
+            g = georeference(mounted, calibrated.calibration)
+            return Oriented(block=mounted, georeferenced=g)
     listed = ", ".join(camera.name for camera in flight.block(block).cameras)
     problem = f"{flight.path}: block {block} has images of {listed}, not of {', '.join(names)}"
     raise FlightError([f"{problem}; name another --method"])

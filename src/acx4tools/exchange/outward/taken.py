@@ -29,7 +29,7 @@ BODY = "boresight and lever arm: --to toml has them"
 
 @dataclass(frozen=True, kw_only=True)
 class Taken:
-    """Files for another program, and what their user has to know.
+    """Files for another program, and notes for their user.
 
     Attributes
     ----------

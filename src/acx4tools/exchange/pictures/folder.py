@@ -336,11 +336,11 @@ def _when(tags: Tags) -> float:
 def _placed(shots: Sequence[_Shot]) -> tuple[list[_Shot], list[str]]:
     """Return the exposures with a position, and a message on the others."""
     known = [_found_place(shot) is not None for shot in shots]
-    placed = [shot for shot, there in zip(shots, known, strict=True) if there]
+    placed = [shot for shot, is_known in zip(shots, known, strict=True) if is_known]
     if not placed:
         tags, expected = shots[0].taken[0].tags, "needed, and no other picture has a position"
         raise tags.wrong("GPSLatitude, GPSLongitude, GPSAltitude", "missing", expected)
-    without = [shot.name for shot, there in zip(shots, known, strict=True) if not there]
+    without = [shot.name for shot, is_known in zip(shots, known, strict=True) if not is_known]
     message = f"{number_of(len(without), 'exposures')} without a position: {_some(without)}"
     return placed, [message] if without else []
 
@@ -467,7 +467,7 @@ def _found_place(shot: _Shot) -> tuple[float, float, float] | None:
 
 
 def _sigma(shot: _Shot) -> tuple[float, float, float]:
-    """Return sigma of a position; of a navigation receiver where no picture says it."""
+    """Return sigma of a position, m; a navigation receiver's where no picture states it."""
     if (mark := shot.taken[0].mark) is not None and min(mark.sigma_m) > 0:
         return mark.sigma_m
     known = (metadata.sigma_of(picture.tags) for picture in shot.taken)
@@ -489,7 +489,7 @@ def _attitude(shot: _Shot, heading: float) -> Attitude:
     )
 
 
-# --- what is said ----------------------------------------------------------------------------
+# --- sentences -------------------------------------------------------------------------------
 
 
 def _assumed(shots: Sequence[_Shot], heads: Sequence[Head]) -> list[str]:
@@ -733,7 +733,7 @@ def _warnings_of(marks: Sequence[Mark]) -> list[str]:
 
 
 def _sentence(marks: Sequence[Mark], others: Mapping[str, tuple[float, float]]) -> str:
-    """Return what was done with the marks of exposures."""
+    """Return a sentence on the use of the marks of exposures."""
     offset = float(np.median([mark.offset_m for mark in marks]))
     text = (
         f"positions of {number_of(len(marks), 'exposures')} are those of the antenna in "
@@ -788,9 +788,9 @@ def _votes(taken: Sequence[Taken], both: Both, other: Sequence[int]) -> tuple[in
     for k in pairs[:: max(len(pairs) // PAIRS, 1)][:PAIRS]:
         (a, (lat, lon, _)), (b, (next_lat, next_lon, _)) = taken[k : k + 2]
         step = next_lat - lat, (next_lon - lon) * np.cos(np.radians(lat))
-        found = _heading_by(a.path, b.path, step, (a.width_px, a.height_px))
-        if found is not None:
-            off = [_apart(found, heading) for heading in both[k]]
+        by_pictures = _heading_by(a.path, b.path, step, (a.width_px, a.height_px))
+        if by_pictures is not None:
+            off = [_apart(by_pictures, heading) for heading in both[k]]
             if min(off) < ANOTHER_COURSE_DEG:
                 votes[int(off[1] < off[0])] += 1
     return votes[0], votes[1]
@@ -856,8 +856,8 @@ def _grey(path: Path, size: tuple[int, int]) -> Array | None:
 def _pixels(data: bytes) -> Array:
     """Return the pixels of a JPEG or a TIFF, (rows, cols)."""
     if data[:2] == b"\xff\xd8":
-        how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
-        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), how)
+        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
         if decoded is None:
             raise ValueError("is damaged")
         return np.asarray(decoded, dtype=float)

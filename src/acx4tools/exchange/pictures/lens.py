@@ -1,4 +1,4 @@
-"""The camera of a picture, from what its metadata say of the lens and the sensor."""
+"""The camera of a picture, by its metadata on the lens and the sensor."""
 
 from __future__ import annotations
 

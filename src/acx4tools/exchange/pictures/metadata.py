@@ -172,9 +172,9 @@ def attitude_of(tags: Tags) -> Attitude | None:
 
 def _of_sensefly(tags: Tags) -> tuple[str, ...]:
     """Return the names of senseFly's angles as a file writes them, whatever their capitals."""
-    there = {name.lower(): name for name in tags.xmp}
-    roll, pitch, heading = (there.get(name.lower(), name) for name in SENSEFLY)
-    return roll, pitch, there.get("sensefly:yaw", heading)
+    by_lower_case = {name.lower(): name for name in tags.xmp}
+    roll, pitch, heading = (by_lower_case.get(name.lower(), name) for name in SENSEFLY)
+    return roll, pitch, by_lower_case.get("sensefly:yaw", heading)
 
 
 def course(places: Sequence[tuple[float, float, float]]) -> list[float]:
@@ -262,7 +262,7 @@ def rotation(relatives_deg: Sequence[float]) -> Array:
 
 
 def in_order(heads: Sequence[Head]) -> list[Head]:
-    """Return the heads by number, the first reference that any of them names in front."""
+    """Return the heads by number, but first the reference that a head names before all others."""
     sorted_heads = sorted(heads, key=lambda head: (head.index, head.name))
     named = [head.reference for head in heads if head.reference is not None]
     first = next((h for h in sorted_heads if named and h.index == named[0]), sorted_heads[0])
@@ -270,7 +270,7 @@ def in_order(heads: Sequence[Head]) -> list[Head]:
 
 
 def sentence(heads: Sequence[Head]) -> str:
-    """Return what was assumed of the heads' rotations."""
+    """Return a sentence on the assumed rotations of the heads."""
     names = {head.index: head.name for head in heads}
     references = dict.fromkeys(h.reference for h in heads if h.reference is not None)
     turned = [h for h in heads if h.relatives_deg]
@@ -290,7 +290,7 @@ def sentence(heads: Sequence[Head]) -> str:
     return text
 
 
-# --- What the metadata say of grey values: dark level and vignetting. Nothing is applied to
+# --- Grey values by the metadata: dark level and vignetting. Nothing is applied to
 # pixels
 
 

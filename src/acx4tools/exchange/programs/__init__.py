@@ -1,4 +1,4 @@
 """Other programs' projects: cameras, images, measurements, control and orientations.
 
-A file for each program: `project` returns what it knows, `read` the flight that is made of it.
+A file for each program: `project` returns the content of its files, `read` the flight from them.
 """

@@ -51,7 +51,7 @@ ASSUMED = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Bundle:
-    """What is in bundle.out.
+    """The content of bundle.out.
 
     `lenses` are f (px), k1, k2 of each image, f is 0 where it was not oriented; `xy` are px from
     the middle of the image, y up; `again` counts points that an image has twice.

@@ -89,7 +89,7 @@ class _Rig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Model:
-    """What is in the files: lenses, images, numbers and places of points, rigs, image to frame."""
+    """The content of the files: lenses, images, points, their places, rigs, image to frame."""
 
     sources: tuple[Opened, ...]
     cameras: Mapping[int, Lens]
@@ -165,7 +165,7 @@ read = reading(project, orientations="none")
 
 
 def _model(source: Path) -> _Model:
-    """Return the model of a folder, or of that of a file."""
+    """Return the model in a folder, or in the folder of a file."""
     folder = source.parent if source.is_file() else source
     for ending, readers in READERS.items():
         paths = {name: folder / f"{name}{ending}" for name in (*NAMES, *MAYBE)}
@@ -281,7 +281,7 @@ def _measured(model: _Model) -> tuple[Measured, dict[str, int]]:
 
 
 def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[InGrid, tuple[str, ...]]:
-    """Return the way of a model's poses into a grid, and a sentence on the assumption."""
+    """Return the map from a model's poses into the grid, and a sentence on its assumption."""
     if crs is None:
         expected = f"adjusted orientations need a projected CRS, or {LOCAL!r}"
         return nowhere(refusal(str(folder), 1, "--crs", "missing", expected)), ()
@@ -428,12 +428,12 @@ def _text_rigs(source: Opened) -> Iterator[_Rig]:
         while k < len(line):
             kind, number = line.cell(k, "SENSOR_TYPE"), line.whole_at(k + 1, "SENSOR_ID")
             has_pose = line.whole_at(k + 2, "HAS_POSE") != 0
-            there = None
+            pose = None
             if has_pose:
                 wrong = partial(line.wrong, "sensor")
-                there = _pose(line.numbers(k + 3, k + 10, "pose"), wrong)
+                pose = _pose(line.numbers(k + 3, k + 10, "pose"), wrong)
             if kind == "CAMERA":
-                others[number] = there
+                others[number] = pose
             k += 10 if has_pose else 3
         if line.cell(2, "REF_SENSOR_TYPE") != "CAMERA":
             raise line.wrong("REF_SENSOR_TYPE", quoted(line.cells[2]), "must be CAMERA")
@@ -518,8 +518,8 @@ def _binary_points(source: Opened) -> tuple[Index, Array]:
     cursor, n = _entries(source, "point", 51)
     ids, xyz = np.empty(n, dtype=np.int64), np.empty((n, 3))
     for k in range(n):
-        number, *there = cursor.take("<q3d", "point")
-        ids[k], xyz[k] = number, there
+        number, *place = cursor.take("<q3d", "point")
+        ids[k], xyz[k] = number, place
         _, _, _, _, length = cursor.take("<3BdQ", "point")
         cursor.array(_TRACK_ELEMENT, length, f"track of point {number}")
     _require_size(xyz, partial(source.wrong, "point"))
@@ -538,9 +538,9 @@ def _binary_rigs(source: Opened) -> Iterator[_Rig]:
         for _ in range(count - 1):
             other, sensor, has_pose = cursor.take("<iIB", element)
             wrong = partial(source.wrong, element)
-            there = _pose(np.array(cursor.take("<7d", element)), wrong) if has_pose else None
+            pose = _pose(np.array(cursor.take("<7d", element)), wrong) if has_pose else None
             if other == _CAMERA:
-                others[sensor] = there
+                others[sensor] = pose
         if kind != _CAMERA:
             raise source.wrong(element, f"reference sensor of type {kind}", "must be a camera, 0")
         yield _Rig(reference=reference, others=others)

@@ -688,7 +688,7 @@ def _images(
     places: Mapping[str, _Similarity],
     system: Chosen | None,
 ) -> tuple[Images, InGrid]:
-    """Return all images, placed in the ECEF frame where possible, and the way into the grid."""
+    """Return all images, placed in the ECEF frame where possible, and the map into the grid."""
     poses = []
     for shot in shots.values():
         place = places.get(shot.component) or places.get("")
@@ -786,7 +786,7 @@ _YAW = (
 
 
 def _switched_off(leaders: Mapping[str, _Shot]) -> tuple[str, ...]:
-    """Return how many measured positions, and angles, Metashape was told not to use."""
+    """Return sentences on measured positions and angles that are switched off."""
     references = [
         reference.reference for reference in leaders.values() if reference.reference is not None
     ]
@@ -846,7 +846,7 @@ def _sigmas(whole: _Chunk, references: tuple[Element, ...]) -> dict[str, list[fl
 
 
 def _geographic(whole: _Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple[str, ...]]:
-    """Return longitude, latitude, height of references, and what is assumed of them."""
+    """Return longitude, latitude, height of references, and sentences on assumptions."""
     source = system.source
     are_degrees = (np.abs(xyh[:, 0]) <= 180).all() and (np.abs(xyh[:, 1]) <= 90).all()
     element = whole.root.maybe("reference")
@@ -872,7 +872,7 @@ def _geographic(whole: _Chunk, xyh: Array, system: Chosen) -> tuple[Array, tuple
 
 
 def _located(whole: _Chunk, cameras: list[str]) -> tuple[Measured, Mask, int]:
-    """Return markers in images, which of them are pinned, and how many are in other images."""
+    """Return markers in images, which of them are pinned, and how many are in unknown cameras."""
     names = _markers(whole.root)
     labels, number = list(names.values()), {i: k for k, i in enumerate(names)}
     row = {camera: k for k, camera in enumerate(cameras)}

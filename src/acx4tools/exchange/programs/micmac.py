@@ -90,7 +90,7 @@ Place = tuple[Element, str, Array, Array]
 
 
 def project(source: Path, *, crs: str | None = None) -> Project:
-    """Return MicMac's files, of version 1, or of version 2 where such are there.
+    """Return MicMac's files of version 1, or of version 2 if there are any.
 
     Parameters
     ----------
@@ -228,11 +228,11 @@ class _Files:
 
 @dataclass(frozen=True, kw_only=True)
 class _Version:
-    """What the files of a version are called and hold.
+    """The readers of the files of a version, and its sentences.
 
-    `keep` puts what is in a file where it belongs in `_Files`, and tells whether it belongs
-    anywhere; `calibration` is the element that names the calibration of an orientation, and the
-    name; `proofs` and `lost` are what only this version has or counts.
+    `keep` puts the content of a file into `_Files`, and is False where its kind is unknown;
+    `calibration` is the element that names the calibration of an orientation, and the name;
+    `proofs` and `lost` are those of this version alone.
     """
 
     name: str
@@ -366,7 +366,7 @@ def _first_surveyed(dictionaries: Iterable[Element]) -> Iterator[Place]:
 
 
 def _verified(files: _Files) -> tuple[Proof]:
-    """Return the proof by what MicMac itself computed of images, each point once."""
+    """Return the proof by points that MicMac itself projected into images, each point once."""
     pairs = [
         (image, _three(point.one("Ter")), _pixel(point.one("Im")))
         for image, orientation in enumerate(files.orientations.values())
@@ -638,7 +638,7 @@ def _second_keep(files: _Files, _: Path, root: Element) -> bool:
 
 
 def _kind(root: Element) -> tuple[str, Element]:
-    """Return what kind of file this is, and the element with its content."""
+    """Return the kind of a file, and the element with its content."""
     data = root.maybe("Data") or root
     for kind, inside in KINDS.items():
         within = data.maybe(kind) or data
@@ -731,7 +731,7 @@ def _moved(points: Array, distance: Array) -> Array:
 
 
 def _coefficients(root: Element) -> dict[str, float]:
-    """Return the terms of the distortion by what they are in `lens.effects`, with b1 and b2."""
+    """Return the terms of the distortion by their roles in `lens.effects`, with b1 and b2."""
     coefficients: dict[str, float] = {}
     mode = root.maybe("Auxiliary", "IsFraserMode")
     known = {"p1": "v", "p2": "u", "b1": "b1", "b2": "b2"}

@@ -172,9 +172,9 @@ def _cameras_alone(files: _Files) -> Project:
     """Return the cameras of a project in which nothing is oriented yet."""
     node = files.tree(*CAMERAS)
     if node is None:
-        where = str(files.folder / TRACKS)
+        path = str(files.folder / TRACKS)
         wanted = f"needs {RECONSTRUCTION} beside it, which names the cameras of the images"
-        raise opened.refusal(where, 1, "file", "alone", wanted)
+        raise opened.refusal(path, 1, "file", "alone", wanted)
     return Project(
         source="OpenSfM's cameras",
         sources=files.read.values(),
@@ -242,7 +242,7 @@ def _colrow(points: Array, sizes: Array) -> Array:
 
 
 def _renamed(ties: Measured, taken: set[str]) -> Measured:
-    """Return tie points none of which has the name of a control point."""
+    """Return tie points, with other names where a control point has the name of any."""
     if not taken.intersection(ties.points):
         return ties
     return replace(ties, points=tuple(f"track {name}" for name in ties.points))
@@ -571,7 +571,7 @@ def _rms(off: Array) -> float:
 def _marks(
     file: Opened, shots: _Shots, lenses: Mapping[str, Lens], place: _Place
 ) -> tuple[Measured, Control, dict[str, int]]:
-    """Return measurements of control points, the points with an altitude, and what is lost."""
+    """Return measurements of control points, points with an altitude, and counts of lost ones."""
     size = {
         name: (lenses[head].width_px, lenses[head].height_px)
         for name, head in zip(shots.names, shots.heads, strict=True)
@@ -589,13 +589,15 @@ def _marks(
     ]
     places = dict(zip(names, place.frame.from_geographic(lonlath), strict=True))
     measured = Measured.of(rows, places)
-    whole = np.isfinite(lonlath[:, 2])
+    has_height = np.isfinite(lonlath[:, 2])
     enh = np.column_stack(
-        [place.frame.grid.grid_from_lonlat(lonlath[whole, :2]), lonlath[whole, 2]]
+        [place.frame.grid.grid_from_lonlat(lonlath[has_height, :2]), lonlath[has_height, 2]]
     )
-    control = Control(names=tuple(n for n, has in zip(names, whole, strict=True) if has), enh=enh)
+    control = Control(
+        names=tuple(n for n, has in zip(names, has_height, strict=True) if has), enh=enh
+    )
     lost = {
-        "control points without an altitude": int((~whole).sum()),
+        "control points without an altitude": int((~has_height).sum()),
         "measurements of control points in images that were not oriented": len(marks) - len(used),
     }
     return measured, control, lost

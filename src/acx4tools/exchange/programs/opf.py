@@ -574,13 +574,16 @@ def _measured(shots: list[_Shot], system: Chosen | None) -> Trajectory:
     if not rows or system is None:
         return Trajectory(left_out=("a trajectory: no capture has position and angles",))
     names = [shot.exposure for shot, _, _ in rows]
-    spots = [_place(where) for _, where, _ in rows]
+    spots = [_place(place_node) for _, place_node, _ in rows]
     try:
         enh = np.stack([_enh(system, spot) for spot in spots])
     except FlightError as error:
         return Trajectory(left_out=(f"the measured orientations: {error.problems[0]}",))
     opk, sigma = zip(
-        *(_attitude(how, place, system) for (_, _, how), place in zip(rows, enh, strict=True)),
+        *(
+            _attitude(angles_node, place, system)
+            for (_, _, angles_node), place in zip(rows, enh, strict=True)
+        ),
         strict=True,
     )
     table: dict[str, object] = {

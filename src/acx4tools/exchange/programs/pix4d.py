@@ -109,7 +109,7 @@ class _Folder:
     read: list[Opened] = field(default_factory=list)
 
     def maybe(self, end: str) -> Opened | None:
-        """Return the file whose name ends so; None where there is none."""
+        """Return the file with this end of its name; None where there is none."""
         paths = sorted(path for path in self.path.iterdir() if _ends(path.name, end))
         if not paths:
             return None
@@ -356,14 +356,14 @@ def _rays(shot: _Shot) -> tuple[Array, Array]:
 
 
 def _seen(P: Array, x_w: Array) -> Array:
-    """Return where a matrix takes places, shape (n, 2)."""
+    """Return the pixels of places by a matrix, shape (n, 2)."""
     with np.errstate(all="ignore"):  # what is not finite is far
         u, v, w = P @ np.column_stack([x_w, np.ones(len(x_w))]).T
         return np.stack([u / w, v / w], axis=1)
 
 
 def _apart(shot: _Shot, P: Array) -> float:
-    """Return how far a matrix takes places from the pixels in whose rays they are, px."""
+    """Return the largest distance, px, of pixels from their rays projected by a matrix."""
     pixels, x_w = _rays(shot)
     return float(np.hypot(*(_seen(P, x_w) - pixels).T).max())
 

@@ -71,7 +71,7 @@ class Node:
         return node
 
     def one(self, *keys: Key) -> Node:
-        """Return what must lie below keys."""
+        """Return the node below keys; FlightError where it is absent or null."""
         node = self
         for key in keys:
             below = node.maybe(key)

@@ -225,7 +225,7 @@ class Cursor:
         return len(self.source.data) - self.at
 
     def take(self, layout: str, element: str) -> tuple[Any, ...]:
-        """Return the next values, by a layout of `struct`; `element` is what messages call them."""
+        """Return the next values, by a layout of `struct`; `element` is their name in messages."""
         begin = self._skip(struct.calcsize(layout), element)
         return struct.unpack_from(layout, self.source.data, begin)
 

@@ -337,8 +337,8 @@ def _separator(source: Opened, name: str, before: int) -> str | None:
 
 def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -> bool:
     """Tell whether a line has words where every row has numbers; nan and 1,5 are no words."""
-    where = (k for name in numbers if (k := position_of(columns, name)) is not None)
-    cells = [line.cells[k].strip() for k in where if k < len(line.cells)]
+    positions = (k for name in numbers if (k := position_of(columns, name)) is not None)
+    cells = [line.cells[k].strip() for k in positions if k < len(line.cells)]
     return any(cells) and not any(SPOILT.match(cell) for cell in cells if cell)
 
 

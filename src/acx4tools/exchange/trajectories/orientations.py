@@ -843,8 +843,8 @@ def _refuse_twice(every: Sequence[Listed]) -> None:
         for row, (image, point) in zip(listed.rows, pairs, strict=True):
             if (image, point) in first:
                 before = first[image, point]
-                where = f"line {before.number}" + f" of {before.file}" * (before.file != row.file)
-                fault = f"{quoted(point)} stands in image {quoted(image)} in {where} already"
+                place = f"line {before.number}" + f" of {before.file}" * (before.file != row.file)
+                fault = f"{quoted(point)} stands in image {quoted(image)} in {place} already"
                 raise row.wrong("point", fault, "must stand once in an image")
             first[image, point] = row
 
