@@ -57,7 +57,7 @@ CONTROLLED = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """The quality of one group of observations in one adjustment.
+    """Quality of a group of observations in an adjustment.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Quality:
 
 
 _FOUND: WeakKeyDictionary[Material, list[Quality]] = WeakKeyDictionary()
-"""Of materials that are in use: several parts of a report show them."""
+"""Qualities of the materials in use; several parts of a report show them."""
 
 
 def decisive_qualities(material: Material) -> list[Quality]:
@@ -129,11 +129,11 @@ def _qualities(material: Material, adjustment: str) -> list[Quality]:
         for k in pair.unique()
     }
     group = pair.map(names)
-    told = material.found.summary[adjustment].get("sigma_tests")
-    tests: Mapping[str, Mapping[str, float]] = told if isinstance(told, dict) else {}
+    sigma_tests = material.found.summary[adjustment].get("sigma_tests")
+    tests: Mapping[str, Mapping[str, float]] = sigma_tests if isinstance(sigma_tests, dict) else {}
     return [
-        _of_group(adjustment, str(name), own, tests.get(str(name)))
-        for name, own in rows.groupby(group, sort=False)
+        _of_group(adjustment, str(name), rows_of_group, tests.get(str(name)))
+        for name, rows_of_group in rows.groupby(group, sort=False)
     ]
 
 
@@ -175,7 +175,7 @@ def _p(ratio: float, redundancy: float) -> float:
 COMPONENTS = {"col": "columns", "row": "rows"}
 
 PROBABILITY = 0.999
-"""Of the limits by chance that are drawn, for each strip by itself."""
+"""Probability of the chance limits drawn for each single strip."""
 
 
 def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Camera]) -> Figure:
@@ -188,9 +188,11 @@ def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Cam
     cameras : mapping of str to Camera
     """
     fields = {
-        _panel(title, own["camera"], name): _of_camera(own[own["camera"] == name], cameras[name])
-        for title, own in tables.items()
-        for name in own["camera"].unique()
+        _panel(title, residuals["camera"], name): _of_camera(
+            residuals[residuals["camera"] == name], cameras[name]
+        )
+        for title, residuals in tables.items()
+        for name in residuals["camera"].unique()
     }
     if not fields:
         return style.nothing("There are no residuals of image points.")
@@ -198,7 +200,7 @@ def residual_plane(tables: Mapping[str, pd.DataFrame], cameras: Mapping[str, Cam
 
 
 def _panel(title: str, cameras: pd.Series, name: str) -> str:
-    """Return the title of a camera's panel: with only one camera, that of the adjustment."""
+    """Return a panel's title: the adjustment's, with the camera's name if there are several."""
     several = cameras.iloc[0] != cameras.iloc[-1]
     return f"{title}, {name}" if several else title
 
@@ -264,15 +266,20 @@ def _draw_strips(
     label: str,
 ) -> None:
     groups = list(table.groupby("strip", sort=False))
-    at = np.array([strips.index(str(strip)) + shift for strip, _ in groups])
-    weighted = [float(np.sum((own[f"v_{component}"] / own["sigma"]) ** 2)) for _, own in groups]
-    total = np.array([own[f"redundancy_{component}"].sum() for _, own in groups])
+    x = np.array([strips.index(str(strip)) + shift for strip, _ in groups])
+    weighted = [
+        float(np.sum((residuals[f"v_{component}"] / residuals["sigma"]) ** 2))
+        for _, residuals in groups
+    ]
+    total = np.array([residuals[f"redundancy_{component}"].sum() for _, residuals in groups])
     nothing = (np.nan, np.nan)
     limits = [rms_limits(r, probability=PROBABILITY) if r > 0 else nothing for r in total]
     low, high = np.transpose(limits)
-    axes[0].vlines(at, low, high, color=style.SOFT, alpha=0.35, lw=4.5)
-    axes[0].plot(at, np.sqrt(weighted / total), "o", ms=3.8, label=label)
-    axes[1].plot(at, [own[f"w_{component}"].abs().max() for _, own in groups], "o", ms=3.8)
+    axes[0].vlines(x, low, high, color=style.SOFT, alpha=0.35, lw=4.5)
+    axes[0].plot(x, np.sqrt(weighted / total), "o", ms=3.8, label=label)
+    axes[1].plot(
+        x, [residuals[f"w_{component}"].abs().max() for _, residuals in groups], "o", ms=3.8
+    )
 
 
 # --- Tables of the adjustments: tests, groups of observations, gross errors
@@ -318,7 +325,7 @@ LARGEST = "Rejected observations, the largest first"
 
 
 def _weakest_sentence(material: Material) -> str:
-    """Return what the calibration determines worst, from its summary; empty where not known."""
+    """Return a sentence on the weakest combination of unknowns; empty if not in the summary."""
     entry = material.found.summary.get(material.calibration, {})
     weakest = entry.get("weakest")
     if not isinstance(weakest, dict) or not weakest:
@@ -349,15 +356,15 @@ def _test_table(material: Material) -> pd.DataFrame:
     """Return the size and the global test of every adjustment."""
     rows = []
     for name in material.adjustments:
-        said = material.found.summary[name]
-        r, p = int(str(said["redundancy"])), said["chi_square_p"]
+        entry = material.found.summary[name]
+        r, p = int(str(entry["redundancy"])), entry["chi_square_p"]
         rows.append(
             {
                 "Adjustment": heading(name),
-                "Observations": said["n_observations"],
-                "Unknowns": said["n_unknowns"],
+                "Observations": entry["n_observations"],
+                "Unknowns": entry["n_unknowns"],
                 "Redundancy": r,
-                "σ₀²": said["sigma0_squared"],
+                "σ₀²": entry["sigma0_squared"],
                 "p": None if p is None else p_value(float(str(p))),
             }
         )
@@ -369,12 +376,12 @@ def _rejection_table(material: Material) -> pd.DataFrame:
     rows = [
         {
             "Adjustment": heading(name),
-            "Observations": said["n_observations"],
-            "Found and rejected": said["n_rejected"],
-            "Expected by chance": said.get("expected_rejections"),
-            "Tie points left out": said.get("n_left_out", ""),
+            "Observations": entry["n_observations"],
+            "Found and rejected": entry["n_rejected"],
+            "Expected by chance": entry.get("expected_rejections"),
+            "Tie points left out": entry.get("n_left_out", ""),
         }
-        for name, said in ((name, material.found.summary[name]) for name in material.adjustments)
+        for name, entry in ((name, material.found.summary[name]) for name in material.adjustments)
     ]
     return pd.DataFrame(rows)
 
@@ -421,8 +428,8 @@ def _short(value: float) -> float:
 def _rejected_table(material: Material) -> pd.DataFrame:
     """Return the observations rejected as gross errors, the largest first."""
     rows = material.found.rejected
-    own = [n for n in ("heads/bundle", material.calibration, validated(material)) if n]
-    rows = rows[(rows["stage"] + "/" + rows["method"]).isin(own)]
+    methods = [n for n in ("heads/bundle", material.calibration, validated(material)) if n]
+    rows = rows[(rows["stage"] + "/" + rows["method"]).isin(methods)]
     order = rows["statistic"].abs().sort_values(ascending=False, kind="stable").index
     rows = rows.loc[order[:SHOWN]]
     return pd.DataFrame(

@@ -1,4 +1,4 @@
-"""What holds and what does not: each question with its test and answer, and the statement."""
+"""Findings of a report: each question with its tests and answer, and the verdict."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ from acx4lib.results.folder import messages, rows
 HOLDS, FAILS, NOTE = "holds", "fails", "note"
 
 LEVEL = 0.05
-"""Probability that anything fails in the report of a right flight: that of all tests together."""
+"""Joint error probability of all tests: of any failure in the report of a right flight."""
 
 MATTERS = 1.1
-"""Factor of errors over their σ from which a difference matters: the run reports the same."""
+"""Ratio of errors to their σ from which a difference is relevant, as in the run's messages."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,12 +80,12 @@ class ChanceTest:
 
     @property
     def significant(self) -> bool:
-        """Whether it is more than chance among all tests of the report."""
+        """Whether the test is significant among all tests of the report."""
         return self.p_joint < LEVEL
 
     @property
     def fails(self) -> bool:
-        """Whether it is more than chance, and matters."""
+        """Whether the test is significant and relevant."""
         return self.significant and self.relevant
 
 
@@ -125,7 +125,7 @@ class Finding:
 
 
 def judged(findings: Iterable[Finding]) -> list[Finding]:
-    """Return the findings as all their tests together decide, at one level, by Holm.
+    """Judge the findings by all their tests jointly, at one level, by Holm.
 
     Parameters
     ----------
@@ -141,22 +141,22 @@ def judged(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def _answered(finding: Finding) -> Finding:
-    """Return the finding with what its tests say."""
+    """Return a finding with state and answer from its tests."""
     if not finding.tests:
         return finding
-    said = [test.said for test in finding.tests if test.fails]
+    failures = [test.said for test in finding.tests if test.fails]
     little = [test.said for test in finding.tests if test.significant and not test.relevant]
     parts = (
         finding.answer,
-        f"Significant: {'; '.join(said)}." if said else finding.passed,
+        f"Significant: {'; '.join(failures)}." if failures else finding.passed,
         f"Significant, but too little to matter: {'; '.join(little)}." if little else "",
     )
     answer = type(finding.answer)(" ".join(filter(None, parts)))
-    return replace(finding, state=FAILS if said else finding.state, answer=answer)
+    return replace(finding, state=FAILS if failures else finding.state, answer=answer)
 
 
 def _matters(ratio: float) -> bool:
-    """Tell whether errors over their σ are so far from one that it matters: by a tenth."""
+    """Tell whether a ratio of errors to their σ differs from one by a tenth or more."""
     return not 1 / MATTERS < ratio < MATTERS
 
 
@@ -169,13 +169,13 @@ def _all_tests(findings: Sequence[Finding]) -> list[ChanceTest]:
 
 
 DECLARED = ("declared lever arm", "declared boresight")
-"""Groups of observations that the question on the declared mounting tests."""
+"""Groups of observations tested by the question on the declared mounting."""
 
 
 def _one_flight(material: Material) -> Iterator[Finding]:
-    """Tell whether all stages saw the same files."""
+    """Check that all stages were computed from the same files."""
     stages = material.provenance.stages
-    stale = [name for name, said in stages.items() if said["flight"] != material.provenance.digest]
+    stale = [name for name, run in stages.items() if run["flight"] != material.provenance.digest]
     question = "One state of the data"
     if stale:
         answer = (
@@ -205,10 +205,10 @@ def _converged(material: Material) -> Iterator[Finding]:
 
 
 def _contradictions(material: Material) -> Iterator[Finding]:
-    """Tell whether a part of a group that is too large contradicts the others."""
+    """Check for groups in which too many observations contradict the others."""
     lines = _stopped(material, _tested_on(material))
     for name in material.decisive:
-        lines += [f"{name}: {said}" for said in _rejected_away(material, name)]
+        lines += [f"{name}: {sentence}" for sentence in _rejected_away(material, name)]
     question = "Observations agree with each other"
     if lines:
         yield Finding(question=question, state=FAILS, answer="; ".join(lines) + ".")
@@ -218,7 +218,7 @@ def _contradictions(material: Material) -> Iterator[Finding]:
 
 
 def _tested_on(material: Material) -> list[str]:
-    """Return the names of what is certified: the decisive adjustments and their validation."""
+    """Return the names of the certified parts: the decisive adjustments and their validation."""
     names = (*material.decisive, validated(material))
     return [name for name in names if name in material.found.summary]
 
@@ -230,7 +230,7 @@ def _stopped(material: Material, names: Iterable[str]) -> list[str]:
 
 
 def _rejected_away(material: Material, name: str) -> Iterator[str]:
-    """Yield what was rejected of trajectory and control, where that is too much of it."""
+    """Yield a sentence where too much of trajectory or control was rejected."""
     rejected = rows(material.found, "rejected", "/".join(name.split("/")[:2]))
     for kind, noun in NAMES.items():
         out = _names(rejected, kind)
@@ -240,8 +240,10 @@ def _rejected_away(material: Material, name: str) -> Iterator[str]:
 
 
 def _names(table: pd.DataFrame, kind: str) -> set[tuple[str, str]]:
-    own = table[table["kind"] == kind]
-    return set(zip(own["image_or_exposure"].astype(str), own["point"].astype(str), strict=True))
+    of_kind = table[table["kind"] == kind]
+    return set(
+        zip(of_kind["image_or_exposure"].astype(str), of_kind["point"].astype(str), strict=True)
+    )
 
 
 def _determined(material: Material) -> Iterator[Finding]:
@@ -263,20 +265,20 @@ def _determined(material: Material) -> Iterator[Finding]:
 
 
 def _open(material: Material, name: str) -> list[str]:
-    """Return what an adjustment does not determine."""
+    """Return the run's messages on undetermined parameters of an adjustment."""
     return messages(material.found.summary[name], "not_determined")
 
 
 def _weak(material: Material) -> Iterator[Finding]:
     """Name the weak parameters of the calibration: why, and what would determine them."""
     names = (*material.decisive, validated(material))
-    found = [
+    sentences = [
         line.partition(": ")[2]
         for line in _sentences(material, "weak")
         if line.startswith(tuple(f"{name}: " for name in names))
     ]
-    if found:
-        answer = "; ".join(dict.fromkeys(found)) + "."
+    if sentences:
+        answer = "; ".join(dict.fromkeys(sentences)) + "."
         yield Finding(question="Weak parameters", state=NOTE, answer=answer)
 
 
@@ -287,9 +289,9 @@ def _sentences(material: Material, key: str) -> Iterator[str]:
 
 
 def _other_methods(material: Material) -> Iterator[Finding]:
-    """Say what methods leave open that are not certified."""
-    own = _tested_on(material)
-    others = [name for name in material.found.summary if name not in own]
+    """Report open problems of the methods without certificate."""
+    tested = _tested_on(material)
+    others = [name for name in material.found.summary if name not in tested]
     lines = [line for name in others for line in _open(material, name)]
     lines += _stopped(material, others)
     refined = material.found.summary.get("synthetic/refined", {}).get("sigma0_squared")
@@ -358,8 +360,8 @@ def _weights(material: Material) -> Iterator[Finding]:
 def _estimated_weights(material: Material) -> Iterator[Finding]:
     """Tell whether σ that were estimated from the residuals are within their bounds."""
     entries = [material.found.summary[name] for name in material.decisive]
-    factors = [said for entry in entries for said in _factors(entry).values()]
-    if all(said.get("applied") in (None, 1.0) for said in factors):
+    factors = [factor for entry in entries for factor in _factors(entry).values()]
+    if all(factor.get("applied") in (None, 1.0) for factor in factors):
         return
     lines = [*_sentences(material, "sigma_beyond")]
     if lines:
@@ -376,8 +378,8 @@ def _estimated_weights(material: Material) -> Iterator[Finding]:
 
 
 def _factors(entry: Mapping[str, object]) -> dict[str, dict[str, object]]:
-    said = entry.get("sigma_factors")
-    return said if isinstance(said, dict) else {}
+    factors = entry.get("sigma_factors")
+    return factors if isinstance(factors, dict) else {}
 
 
 def _factor(ratio: float) -> str:
@@ -445,22 +447,26 @@ def _gross_errors(material: Material) -> Iterator[Finding]:
 
 
 def _rejected(material: Material) -> tuple[float, int]:
-    """Return the largest statistic that was rejected, and how many points and exposures it hit.
+    """Return the largest rejected statistic, and the number of affected points and exposures.
 
     One error may take out several rays of its point, which control each other.
     """
     methods = ["/".join(name.split("/")[:2]) for name in _tested_on(material)]
-    found = [rows(material.found, "rejected", method) for method in dict.fromkeys(methods)]
-    out = pd.concat(found) if found else pd.DataFrame()
-    if out.empty:
+    tables = [rows(material.found, "rejected", method) for method in dict.fromkeys(methods)]
+    rejected = pd.concat(tables) if tables else pd.DataFrame()
+    if rejected.empty:
         return 0.0, 0
-    place = out["point"].where(out["point"].astype(str) != "", out["image_or_exposure"])
-    hit = out["stage"].astype(str) + "/" + out["kind"].astype(str) + "/" + place.astype(str)
-    return float(out["statistic"].abs().max()), int(hit.nunique())
+    place = rejected["point"].where(
+        rejected["point"].astype(str) != "", rejected["image_or_exposure"]
+    )
+    hit = (
+        rejected["stage"].astype(str) + "/" + rejected["kind"].astype(str) + "/" + place.astype(str)
+    )
+    return float(rejected["statistic"].abs().max()), int(hit.nunique())
 
 
 def _poisson_sf(n: int, chance: float) -> float:
-    """Return the probability of n rejections or more, where chance makes so many on average."""
+    """Return the probability of n rejections or more, given the number expected by chance."""
     return statistics.chi2_cdf(2 * chance, 2 * n) if n else 1.0
 
 
@@ -495,8 +501,8 @@ def _stable(material: Material) -> Iterator[Finding]:
     if not material.certified:
         return
     question = "Boresight stable over time"
-    told = material.found.summary.get(material.certified, {}).get("boresight_stability")
-    if not isinstance(told, dict):
+    stability = material.found.summary.get(material.certified, {}).get("boresight_stability")
+    if not isinstance(stability, dict):
         answer = "These results have no test of the boresight over time; run again."
         yield Finding(question=question, state=NOTE, answer=answer)
         return
@@ -523,11 +529,11 @@ def _stable(material: Material) -> Iterator[Finding]:
 
 
 FEWEST = 2
-"""Number of check points from which something can be said of them."""
+"""Smallest number of check points for their statistics."""
 
 
 def _mountings(material: Material) -> Iterator[Finding]:
-    """Tell whether the estimated mountings are those that were declared."""
+    """Compare the estimated mountings with the declared ones."""
     question = "Declared mounting confirmed"
     parts = [part for name in material.decisive for part in _parts(material, name)]
     lines = [part.mistaken for part in parts if part.mistaken]
@@ -549,7 +555,7 @@ def _mountings(material: Material) -> Iterator[Finding]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """A declared part of a mounting: its known mistake, its test, or how far off it is."""
+    """A declared part of a mounting: a recognised mistake, a test, or its deviation."""
 
     mistaken: str = ""
     test: ChanceTest | None = None
@@ -557,22 +563,24 @@ class _Part:
 
 
 def _parts(material: Material, name: str) -> Iterator[_Part]:
-    """Yield the declared parts that an adjustment compared."""
+    """Yield the declared parts compared in an adjustment."""
     entry = material.found.summary[name]
     declared = entry.get("declared")
     compared = declared if isinstance(declared, dict) else {}
-    if any("told" not in one for one in compared.values()):  # of an earlier version
+    if any("told" not in comparison for comparison in compared.values()):  # of an earlier version
         yield from (_Part(mistaken=line) for line in results.messages(entry, "not_confirmed"))
-    for place, one in compared.items():
+    for place, comparison in compared.items():
         camera, _, part = place.rpartition("/")
-        title, mistake = f"{part.replace('_', ' ')} of {camera}", one.get("mistake", "")
-        said = f"{title} {one.get('told', 'differs from the declared one')}"
+        title, mistake = f"{part.replace('_', ' ')} of {camera}", comparison.get("mistake", "")
+        sentence = f"{title} {comparison.get('told', 'differs from the declared one')}"
         if mistake:
-            yield _Part(mistaken=f"{said}; {mistake}" if one["told"] else f"{title} {mistake}")
-        if one.get("p") is not None:
-            yield _Part(test=ChanceTest(name=title, p=float(one["p"]), said=said))
-        elif one["confirmed"]:
-            yield _Part(approximate=said)
+            yield _Part(
+                mistaken=f"{sentence}; {mistake}" if comparison["told"] else f"{title} {mistake}"
+            )
+        if comparison.get("p") is not None:
+            yield _Part(test=ChanceTest(name=title, p=float(comparison["p"]), said=sentence))
+        elif comparison["confirmed"]:
+            yield _Part(approximate=sentence)
 
 
 def _not_compared(material: Material) -> str:
@@ -592,16 +600,17 @@ def _not_compared(material: Material) -> str:
 
 
 def _earlier(material: Material) -> Iterator[Finding]:
-    """Tell of which earlier flight the calibration is that was validated, if it was asked for."""
-    told = earlier_calibrations(material)
-    if not told:
+    """Name the earlier flight of the validated calibration, if it is not from this flight."""
+    calibrations = earlier_calibrations(material)
+    if not calibrations:
         return
-    said = told[validated(material)]
-    flown = f", flown {said['flown']}" if said.get("flown") else ""
+    calibration = calibrations[validated(material)]
+    flown = f", flown {calibration['flown']}" if calibration.get("flown") else ""
     answer = (
-        f"Validated is the calibration {said['method']} of an earlier flight, "
-        f"{said['flight']['name']} (SHA-256 {said['flight']['sha256'][:12]}{flown}); computed "
-        f"{said['computed']}, results {said['results']} with SHA-256 {said['sha256'][:12]}."
+        f"Validated is the calibration {calibration['method']} of an earlier flight, "
+        f"{calibration['flight']['name']} (SHA-256 "
+        f"{calibration['flight']['sha256'][:12]}{flown}); computed {calibration['computed']}, "
+        f"results {calibration['results']} with SHA-256 {calibration['sha256'][:12]}."
     )
     yield Finding(question="Calibration of an earlier flight", state=NOTE, answer=answer)
 
@@ -633,7 +642,7 @@ def _heights(material: Material) -> Iterator[Finding]:
 
 
 def _predicted(entry: Mapping[str, Any]) -> str:
-    """Return how well exposures that took no part in the calibration fit to it."""
+    """Return a sentence on the fit of exposures left out of the calibration."""
     off = ", ".join(
         f"{v:.2f} m in {axis}" for v, axis in zip(entry["position_rms_m"], AXES, strict=True)
     )
@@ -682,10 +691,10 @@ CHECKED = "Independent check points"
 
 
 def _of_adjustment(material: Material) -> pd.DataFrame:
-    """Return the check points that take no part in the decisive adjustments, all but blunders."""
-    found = material.found.check_points
-    own = {"/".join(name.split("/")[:2]) for name in material.decisive}
-    return found[(found["stage"] + "/" + found["method"]).isin(own)]
+    """Return the check points of the decisive adjustments, without blunders."""
+    points = material.found.check_points
+    methods = {"/".join(name.split("/")[:2]) for name in material.decisive}
+    return points[(points["stage"] + "/" + points["method"]).isin(methods)]
 
 
 def _ratios(points: pd.DataFrame) -> Array:
@@ -747,8 +756,8 @@ def _means(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
 
 def _spreads(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
     """Yield the tests of the RMS of differences over their sigma, two-sided."""
-    found = zip(points["normalised_rms"], points["effective_number"], AXES, strict=True)
-    for ratio, n, axis in found:
+    by_axis = zip(points["normalised_rms"], points["effective_number"], AXES, strict=True)
+    for ratio, n, axis in by_axis:
         square = n * ratio**2
         below, above = statistics.chi2_cdf(square, n), statistics.chi2_sf(square, n)
         yield ChanceTest(
@@ -759,7 +768,7 @@ def _spreads(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
 
 
 def _said(material: Material) -> Iterator[Finding]:
-    """Repeat what the run said: methods left out, notes of stages and of the flight."""
+    """Repeat the run's messages: methods left out, notes of stages and of the flight."""
     lines = [*_sentences(material, "left_out"), *_sentences(material, "notes")]
     lines += list(material.flight.notes)
     if lines:
@@ -772,7 +781,7 @@ def _said(material: Material) -> Iterator[Finding]:
 
 
 class Consequence(NamedTuple):
-    """What it means, and what to do; both continue a sentence."""
+    """Meaning and cure of a failed question; both continue a sentence."""
 
     means: str
     cure: str
@@ -783,13 +792,13 @@ TEXT = Path(__file__).with_name("consequences.md")
 CONSEQUENCES = {
     question: Consequence(*text.split("\n\n")) for question, text in sections(TEXT).items()
 }
-"""By the question of a finding, the gravest first: what it means holds for those behind it, too."""
+"""By question, the gravest first; the first meaning covers the later ones, too."""
 
 UNKNOWN = Consequence("the results must not be used before the cause is known", "see below")
 
 
 def _by_gravity(questions: Iterable[str]) -> list[str]:
-    """Return questions that fail, the gravest first; those not known are the gravest."""
+    """Sort failed questions, the gravest first; unknown questions come before all others."""
     order = list(CONSEQUENCES)
     return sorted(questions, key=lambda q: order.index(q) if q in order else -1)
 
@@ -807,7 +816,7 @@ STATES = {"holds": "✓ holds", "fails": "✗ fails", "note": "• note"}
 
 
 def findings(material: Material) -> list[Finding]:
-    """Return the answers to all questions that the results can answer, all tests at one level."""
+    """Return the findings on all applicable questions, their tests judged at one level."""
     return judged(finding for question in QUESTIONS for finding in question(material))
 
 
@@ -818,7 +827,7 @@ NOT_EXAMINED = (
     "the camera at temperatures, pressures and focus settings other than those of the flight",
     "the stability of the camera after the flight",
 )
-"""What certificates of mapping cameras may contain, and no flight over control points shows."""
+"""Properties in certificates of mapping cameras that a flight over control cannot show."""
 
 
 def section(found: Sequence[Finding]) -> Text:
@@ -843,7 +852,7 @@ OBTAINED = (
 
 
 def statement(found: Sequence[Finding]) -> str:
-    """Return the verdict, as Markdown: what fails, what that means, and what to do."""
+    """Return the verdict as Markdown: failures, their meaning and their cure."""
     failed = [f.question for f in found if f.state == FAILS]
     if not failed and not _all_tests(found):
         return (
@@ -860,7 +869,7 @@ def statement(found: Sequence[Finding]) -> str:
 
 
 def _level(found: Sequence[Finding]) -> str:
-    """Say how many tests were made, and with which probability right results fail any."""
+    """State the number of tests, and the probability that right results fail any."""
     tests = _all_tests(found)
     n = sum(test.fails for test in tests)
     if not tests:
@@ -873,7 +882,7 @@ def _level(found: Sequence[Finding]) -> str:
 
 
 def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
-    """Return the table of findings; those that fail come first."""
+    """Return the table of findings, failures first."""
     order = sorted(found, key=lambda f: f.state != FAILS)
     rows = [(f.question, STATES[f.state], _p(f.p), _p(f.p_joint), f.answer) for f in order]
     return pd.DataFrame(rows, columns=["Question", "Result", "p", "p joint", "Explanation"])

@@ -1,4 +1,4 @@
-"""What the calibration is worth on the ground: check points, and the error budget."""
+"""Accuracy of the calibration on the ground: check points and error budget."""
 
 from __future__ import annotations
 
@@ -30,10 +30,13 @@ LABELLED = 40
 
 def check_points_section(material: Material) -> Text:
     """Return the section on the differences at check points, and the classes reached."""
-    name, told = "tab-report-classes", "the differences of the calibration, by the standards named"
+    name, obtained = (
+        "tab-report-classes",
+        "the differences of the calibration, by the standards named",
+    )
     return show(
         table(_check_table(material), DIFFERENCES, name="tab-report-check", obtained=FROM_POINTS),
-        table(_class_table(material), "Accuracy classes reached", name=name, obtained=told),
+        table(_class_table(material), "Accuracy classes reached", name=name, obtained=obtained),
     )
 
 
@@ -47,33 +50,33 @@ FROM_POINTS = (
 def _check_table(material: Material) -> pd.DataFrame:
     """Return statistics of the differences at check points, by method and axis."""
     rows = []
-    found = material.found.check_points
-    for (stage, method), own in found.groupby(["stage", "method"], sort=False):
-        d = own[["d_east_m", "d_north_m", "d_height_m"]].to_numpy()
-        sigma = own[["sigma_east_m", "sigma_north_m", "sigma_height_m"]].to_numpy()
-        said = accuracy.from_differences(d)
+    points = material.found.check_points
+    for (stage, method), group in points.groupby(["stage", "method"], sort=False):
+        d = group[["d_east_m", "d_north_m", "d_height_m"]].to_numpy()
+        sigma = group[["sigma_east_m", "sigma_north_m", "sigma_height_m"]].to_numpy()
+        statistics = accuracy.from_differences(d)
         mean_sigma = _mean_sigma(material, f"{stage}/{method}")
         for i, axis in enumerate(AXES):
             rows.append(
                 {
                     "Differences": heading(f"{stage}/{method}"),
                     "Axis": axis,
-                    "Points": said.n,
-                    "Mean (m)": said.mean[i],
-                    "Std (m)": said.std[i],
-                    "RMS (m)": said.rms[i],
+                    "Points": statistics.n,
+                    "Mean (m)": statistics.mean[i],
+                    "Std (m)": statistics.std[i],
+                    "RMS (m)": statistics.rms[i],
                     "Predicted (m)": float(np.sqrt(np.mean(sigma[:, i] ** 2))),
-                    "Mean / σ": said.mean[i] / mean_sigma[i],
+                    "Mean / σ": statistics.mean[i] / mean_sigma[i],
                 }
             )
     return pd.DataFrame(rows)
 
 
 def _mean_sigma(material: Material, stage_method: str) -> Array:
-    """Return the sigma of the mean differences with all correlations; NaN where not known."""
+    """Return the sigma of the mean differences, with all correlations; NaN if unknown."""
     points = material.found.summary.get(stage_method, {}).get("points")
-    found = points.get("mean_sigma") if isinstance(points, dict) else None
-    return np.array([np.nan] * 3 if found is None else found, dtype=float)
+    sigma = points.get("mean_sigma") if isinstance(points, dict) else None
+    return np.array([np.nan] * 3 if sigma is None else sigma, dtype=float)
 
 
 def _class_table(material: Material) -> pd.DataFrame:
@@ -82,18 +85,21 @@ def _class_table(material: Material) -> pd.DataFrame:
     points = entry.get("points")
     classes = points.get("classes", {}) if isinstance(points, dict) else {}
     rows: list[tuple[str, str]] = []
-    for name, one in classes.get("pec_pcd", {}).items():
-        rows.append((f"PEC-PCD {name}, plan / height", f"{one['plan']} / {one['height']}"))
+    for name, reached in classes.get("pec_pcd", {}).items():
+        rows.append((f"PEC-PCD {name}, plan / height", f"{reached['plan']} / {reached['height']}"))
     if "nssda" in classes:
         rows.append(("NSSDA", classes["nssda"]["statement"]))
     if "asprs_2014" in classes:
-        one = classes["asprs_2014"]
+        reached = classes["asprs_2014"]
         rows.append(
-            ("ASPRS 2014, horizontal / vertical", f"{one['horizontal']} / {one['vertical']}")
+            (
+                "ASPRS 2014, horizontal / vertical",
+                f"{reached['horizontal']} / {reached['vertical']}",
+            )
         )
     if "asprs_2023" in classes:
-        one = classes["asprs_2023"]
-        text = f"{one['horizontal']} / {one['vertical']} / {one['three_d']}"
+        reached = classes["asprs_2023"]
+        text = f"{reached['horizontal']} / {reached['vertical']} / {reached['three_d']}"
         rows.append(("ASPRS 2023, horizontal / vertical / 3D", text))
     rows.sort(key=lambda row: _scale(row[0]))
     return pd.DataFrame(rows, columns=["Standard", "Reached"])
@@ -115,18 +121,18 @@ def check_points(points: pd.DataFrame) -> Figure:
     """
     if points.empty:
         return style.nothing("There are no check points.")
-    at = np.arange(len(points))
+    x = np.arange(len(points))
     with style.applied():
         fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 4.6), sharex=True)
         for i, (ax, axis) in enumerate(zip(axes, AXES, strict=True)):
             d, sigma = points[f"d_{axis}_m"], points[f"sigma_{axis}_m"]
-            ax.bar(at, 4 * sigma, bottom=-2 * sigma, width=0.7, color=style.SOFT, alpha=0.16, lw=0)
-            ax.plot(at, d, "o", ms=3.4, color=style.colour(0))
+            ax.bar(x, 4 * sigma, bottom=-2 * sigma, width=0.7, color=style.SOFT, alpha=0.16, lw=0)
+            ax.plot(x, d, "o", ms=3.4, color=style.colour(0))
             ax.axhline(0, color=style.INK, lw=0.7)
             ax.set_ylabel(f"{axis} (m)")
             ax.grid(visible=False, axis="x")
             if i == 2 and len(points) <= LABELLED:
-                ax.set_xticks(at, [style.plain(name) for name in points["point"]], rotation=90)
+                ax.set_xticks(x, [style.plain(name) for name in points["point"]], rotation=90)
         axes[-1].set_xlabel("check point")
         axes[-1].set_xlim(-0.8, len(points) - 0.2)
     return fig
@@ -136,7 +142,7 @@ def check_points(points: pd.DataFrame) -> Figure:
 
 
 WITHOUT = "No error budget: "
-"""How the reason begins why there is none."""
+"""First words of the reason for a missing budget."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,7 +164,7 @@ class Mapped:
 
 
 def mapped(material: Material) -> Mapped | str:
-    """Return what the budget is computed from, or the reason why there is none.
+    """Return calibration and flight for the budget, or the reason for its absence.
 
     The flight has the median height of the independent block, or else of the calibration block,
     its accuracies, and the usual overlaps.
@@ -185,17 +191,17 @@ def mapped(material: Material) -> Mapped | str:
 
 
 def section(found: Mapped | str) -> Text:
-    """Return the section on the error budget: what it holds for, and every source."""
+    """Return the section on the error budget: assumptions and sources."""
     drawn = table(_source_table(found), SOURCES_OF, name="tab-report-budget", obtained=PREDICTED)
     return show(_assumed(found), "" if isinstance(found, str) else drawn)
 
 
-def _source_table(found: Mapped | str) -> pd.DataFrame:
+def _source_table(basis: Mapped | str) -> pd.DataFrame:
     """Return every source of the error with σ and share of the variance, in plan and in height."""
-    if isinstance(found, str):
+    if isinstance(basis, str):
         return pd.DataFrame()
-    mean = budget.over_ground(found.calibration, found.flight).mean
-    rows = []  # of a correlation: the root of the size of its variance, with its sign
+    mean = budget.over_ground(basis.calibration, basis.flight).mean
+    rows = []  # a correlation term can be negative: signed root of its absolute value
     parts = {name: mean[:, i] for i, name in enumerate(SOURCES) if name != "survey"}
     for name, part in {**parts, "together": mean.sum(axis=-1)}.items():
         plan, height = part[:2].sum(), part[2]
@@ -210,14 +216,14 @@ def _source_table(found: Mapped | str) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(head))
 
 
-def _assumed(found: Mapped | str) -> str:
-    """Return what the budget holds for, or why there is none."""
-    if isinstance(found, str):
-        return found
-    flight, degrees = found.flight, np.degrees(found.flight.sigma_attitude)
+def _assumed(basis: Mapped | str) -> str:
+    """Return the assumptions of the budget, or the reason for its absence."""
+    if isinstance(basis, str):
+        return basis
+    flight, degrees = basis.flight, np.degrees(basis.flight.sigma_attitude)
     east, north, up = (100 * sigma for sigma in flight.sigma_position_m)
     return (
-        f"The budget holds for a regular mapping flight with the calibration {found.title}: "
+        f"The budget holds for a regular mapping flight with the calibration {basis.title}: "
         f"vertical images {flight.height_m:.0f} m over flat ground, overlaps of "
         f"{100 * flight.forward:.0f} and {100 * flight.side:.0f} %, neighbouring strips flown in "
         f"opposite directions, every point intersected from all images that show it. A priori σ, "

@@ -1,4 +1,4 @@
-"""What was calibrated and how: the certificate, identification, method and data."""
+"""Certificate, identification, method and data of a calibration."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ ALONE = (
 
 
 def first_page(material: Material, found: Sequence[Finding]) -> Text:
-    """Return the first page of a report: what was calibrated, the values, and whether they hold."""
+    """Return the first page of a report: the cameras, their values and the verdict."""
     stated = table(_certificate_table(material), "The calibration", name="tab-report-certificate")
     heads = pd.DataFrame()
     if folder.has(material.found, "heads/bundle"):
@@ -54,7 +54,7 @@ def first_page(material: Material, found: Sequence[Finding]) -> Text:
 
 
 def _certificate_table(material: Material) -> pd.DataFrame:
-    """Return what identifies the calibration; what flight.toml does not state is left out."""
+    """Tabulate the identity of the calibration, as far as flight.toml states it."""
     return pd.DataFrame(_items(material), columns=[ITEM, VALUE])
 
 
@@ -93,7 +93,7 @@ def _antenna(lever: tuple[float, ...]) -> str:
 
 
 def _certified(material: Material) -> list[str]:
-    """Return the cameras that are certified: those calibrated, or the given ones validated."""
+    """Return the names of the certified cameras: calibrated ones, else the given ones."""
     methods = [material.calibration] if material.calibration else []
     methods += [m for m in ("heads/bundle",) if folder.has(material.found, m)]
     names = [name for m in methods for name in folder.cameras(material.found, m)]
@@ -101,13 +101,13 @@ def _certified(material: Material) -> list[str]:
 
 
 def _by_format(cameras: Iterable[Camera]) -> dict[str, list[str]]:
-    """Return the names of cameras by the text that says the size of their images."""
-    found: dict[str, list[str]] = {}
+    """Group the names of cameras by a text on the size of their images."""
+    names: dict[str, list[str]] = {}
     for camera in cameras:
         width, height = camera.pixel_mm * np.array([camera.width_px, camera.height_px])
         pixels = f"{camera.width_px} × {camera.height_px} pixels of {1000 * camera.pixel_mm:.3g} µm"
-        found.setdefault(f"{pixels}, {width:.2f} × {height:.2f} mm", []).append(camera.name)
-    return found
+        names.setdefault(f"{pixels}, {width:.2f} × {height:.2f} mm", []).append(camera.name)
+    return names
 
 
 def _device(device: Device) -> str:
@@ -141,10 +141,10 @@ def _value_table(material: Material) -> pd.DataFrame:
     names = folder.cameras(material.found, method) if method else ()
     if len(names) != 1:
         return head_table(material, method) if names else pd.DataFrame()
-    found = folder.parameters(material.found, method, names[0])
+    estimates = folder.parameters(material.found, method, names[0])
     rows = [
         _row(parameter_title(str(name)), row["value"], row["sigma"], str(row["unit"]))
-        for name, row in found.iterrows()
+        for name, row in estimates.iterrows()
     ]
     (lens,) = lenses(material, method)
     balance = balanced(lens)
@@ -216,7 +216,7 @@ def _identification(material: Material) -> pd.DataFrame:
 
 
 def method_and_data(material: Material) -> Text:
-    """Return the section on the method and on the data that it used."""
+    """Return the section on method and data."""
     name, caption = "tab-report-data", "The blocks, with σ a priori"
     return show(
         _method_text(material), table(_data_table(material), caption, name=name, obtained=COUNTED)
@@ -224,7 +224,7 @@ def method_and_data(material: Material) -> Text:
 
 
 def _method_text(material: Material) -> str:
-    """Return what was computed, with the numbers of the equations, as Markdown."""
+    """Describe the computation with the numbers of the equations, as Markdown."""
     flight, chosen = material.flight, material.calibration.partition("/")[2]
     values = {
         "heads": any(name.startswith("heads/bundle") for name in material.adjustments),
@@ -269,8 +269,11 @@ def _refraction(refraction: str) -> str:
 
 def _software(material: Material) -> str:
     """Return the software versions of the stages; several if they differ."""
-    said = [dict(entry["versions"]) for entry in material.provenance.stages.values()]  # type: ignore[call-overload] # read from JSON
-    texts = {", ".join(f"{name} {version}" for name, version in one.items()) for one in said}
+    by_stage = [dict(entry["versions"]) for entry in material.provenance.stages.values()]  # type: ignore[call-overload] # read from JSON
+    texts = {
+        ", ".join(f"{name} {version}" for name, version in versions.items())
+        for versions in by_stage
+    }
     return "; ".join(sorted(texts))
 
 
@@ -285,7 +288,7 @@ def _files(material: Material) -> pd.DataFrame:
 # --- method ----------------------------------------------------------------------------------
 
 METHOD = Path(__file__).with_name("method.md")
-"""Its paragraphs, of which those are left out that say nothing of a flight."""
+"""Template of the method text; a flight gets only the paragraphs on its own data."""
 
 
 def _spelled(names: Iterable[str]) -> Markup:
@@ -310,14 +313,14 @@ def _data_table(material: Material) -> pd.DataFrame:
 def _of_block(block: Block) -> dict[str, str]:
     rays = block.rays[block.rays > 0]
     n_surveyed = len(block.control) + len(block.check)
-    found = levels(block)
+    block_levels = levels(block)
     return {
         "cameras": ", ".join(camera.name for camera in block.cameras),
         "images": f"{len(block.images)}",
         "exposures": f"{len(block.trajectory)}",
         "strips": f"{len({s for s in block.images.strips if s}) or 'not named'}",
-        "flying heights (m)": _joined([level.height_m for level in found], ".0f"),
-        "ground pixels (cm)": _joined([100 * level.gsd_m for level in found], ".1f"),
+        "flying heights (m)": _joined([level.height_m for level in block_levels], ".0f"),
+        "ground pixels (cm)": _joined([100 * level.gsd_m for level in block_levels], ".1f"),
         "measured image points": f"{len(block.image_points):,}",
         "tie points": f"{len(rays) - n_surveyed:,}",
         "images per point, mean": f"{rays.mean():.1f}" if len(rays) else "–",
@@ -344,13 +347,13 @@ def _apriori(block: Block) -> dict[str, str]:
     }
 
 
-def _slow(of: str, process: GaussMarkov) -> dict[str, str]:
-    """Return how errors are correlated in time; nothing where they are independent."""
+def _slow(quantity: str, process: GaussMarkov) -> dict[str, str]:
+    """Return the correlation of errors in time; empty for independent errors."""
     if process.share == 0:
         return {}
     return {
-        f"{of}: correlated share of σ": f"{process.share:g}",
-        f"{of}: time constant of the correlation (s)": f"{process.time_constant_s:g}",
+        f"{quantity}: correlated share of σ": f"{process.share:g}",
+        f"{quantity}: time constant of the correlation (s)": f"{process.time_constant_s:g}",
     }
 
 
@@ -359,7 +362,7 @@ def _joined(values: list[float], spec: str) -> str:
 
 
 def _range(values: np.ndarray) -> str:
-    """Return the smallest and the largest number as text; only one if they do not differ."""
+    """Return the smallest and the largest number as text; a single number if they are equal."""
     if not values.size:
         return "–"
     low, high = float(values.min()), float(values.max())

@@ -1,4 +1,4 @@
-"""Markdown of the notebooks as HTML, with only the part of MyST that their cells use.
+"""Markdown of the notebooks as HTML, with the part of MyST used in their cells.
 
 Tables and figures are numbered in their order; text of a user's flight is escaped.
 """
@@ -95,17 +95,17 @@ def _parser() -> MarkdownIt:
 def _inline(state: StateInline, silent: bool) -> bool:
     """Parse mathematics and roles in the text."""
     for pattern in (ROLE, MATH):
-        found = pattern.match(state.src, state.pos)
-        if found is None:
+        match = pattern.match(state.src, state.pos)
+        if match is None:
             continue
         if not silent:
             token = state.push("acx4", "", 0)
             token.content = (
-                _mathematics(found[1])
+                _mathematics(match[1])
                 if pattern is MATH
-                else _reference(found[1], found[2], state.env["document"])
+                else _reference(match[1], match[2], state.env["document"])
             )
-        state.pos = found.end()
+        state.pos = match.end()
         return True
     return False
 

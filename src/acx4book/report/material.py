@@ -1,4 +1,4 @@
-"""The material of a report: a results folder, and the flight that is kept in it."""
+"""The material of a report: a results folder with its copy of the flight."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BLOCK = {"heads": "heads", "mounting": "calibration", "validation": "validation"
 
 
 class Material(Run):
-    """A run of which a report speaks."""
+    """A run with the residuals and adjustments of its report."""
 
     @property
     def adjustments(self) -> tuple[str, ...]:
@@ -36,14 +36,14 @@ class Material(Run):
 
     @cached_property
     def calibration(self) -> str:
-        """The method with the calibration, if possible the single step; empty without any."""
+        """The calibrating method, preferably the single step; empty if there is none."""
         ordered = sorted(METHODS, key=lambda method: method != "single_step")
         listed = set(self.found.parameters["stage"] + "/" + self.found.parameters["method"])
         return next((f"mounting/{m}" for m in ordered if f"mounting/{m}" in listed), "")
 
     @property
     def certified(self) -> str:
-        """The adjustment that is certified: the calibration, or the single step without unknowns.
+        """The certified adjustment: the calibration, or the single step without unknowns.
 
         Empty where no mounting was adjusted.
         """
@@ -52,7 +52,7 @@ class Material(Run):
 
     @property
     def decisive(self) -> tuple[str, ...]:
-        """The adjustments to which the statement refers: the certified one and all heads."""
+        """The adjustments of the verdict: the certified one and all heads."""
         return tuple(
             n for n in self.adjustments if n == self.certified or n.startswith("heads/bundle")
         )
@@ -66,7 +66,7 @@ class Material(Run):
 
     @property
     def date(self) -> dt.date:
-        """Date at which the results were written: that of summary.json."""
+        """Date of the results, from the file time of summary.json."""
         changed = (self.folder / "summary.json").stat().st_mtime
         return dt.datetime.fromtimestamp(changed, tz=dt.UTC).date()
 
@@ -113,9 +113,13 @@ def validated(material: Material) -> str:
 
 
 def earlier_calibrations(material: Material) -> Mapping[str, Mapping[str, Any]]:
-    """Return what is said of the calibrations of an earlier flight, by their validations' names."""
-    found = {n: entry.get("calibration") for n, entry in material.found.summary.items()}
-    return {name: said for name, said in found.items() if isinstance(said, dict)}
+    """Return the records of calibrations from an earlier flight, by the names of validations."""
+    calibrations = {n: entry.get("calibration") for n, entry in material.found.summary.items()}
+    return {
+        name: calibration
+        for name, calibration in calibrations.items()
+        if isinstance(calibration, dict)
+    }
 
 
 def checked_points(material: Material) -> pd.DataFrame:
@@ -144,7 +148,7 @@ def block_of(material: Material, stage_method: str) -> Block:
 
 
 def _of_camera(material: Material, adjustment: str, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of an adjustment among those of its method: all, or those of one head."""
+    """Select an adjustment's rows from its method's rows: all, or one head's."""
     camera = adjustment.split("/")[2:]
     if not camera:
         return rows
@@ -178,15 +182,15 @@ def image_residuals(material: Material, adjustment: str) -> pd.DataFrame:
         rows.loc[rows["component"] == component, [*keys, *columns]]
         for component in ("col_px", "row_px")
     )
-    said = col.merge(row, on=keys, suffixes=("_col", "_row")).drop(columns="sigma_row")
-    said = said.rename(columns={"image_or_exposure": "image", "sigma_col": "sigma"})
+    residuals = col.merge(row, on=keys, suffixes=("_col", "_row")).drop(columns="sigma_row")
+    residuals = residuals.rename(columns={"image_or_exposure": "image", "sigma_col": "sigma"})
     measured = _measured(block_of(material, adjustment))
-    both = measured.merge(said, on=["image", "point"], how="inner")
-    if 2 * len(both) != len(rows) or both.empty:
-        found = f"{len(rows)} rows of {adjustment} are not of the points in {KEPT}"
-        problem = f"{material.folder / 'residuals.csv'}:1: point: {found}; run all stages again"
+    joined = measured.merge(residuals, on=["image", "point"], how="inner")
+    if 2 * len(joined) != len(rows) or joined.empty:
+        mismatch = f"{len(rows)} rows of {adjustment} are not of the points in {KEPT}"
+        problem = f"{material.folder / 'residuals.csv'}:1: point: {mismatch}; run all stages again"
         raise FlightError([problem])
-    return both
+    return joined
 
 
 def _measured(block: Block) -> pd.DataFrame:

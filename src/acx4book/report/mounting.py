@@ -45,10 +45,10 @@ def _lever_table(material: Material) -> pd.DataFrame:
 
 
 def _rows(material: Material, camera: Camera) -> Iterator[dict[str, str]]:
-    found = folder.parameters(material.found, material.calibration, camera.name)
+    estimates = folder.parameters(material.found, material.calibration, camera.name)
     summary = material.found.summary[material.calibration].get("declared")
-    told = summary.get(f"{camera.name}/lever_arm", {}) if isinstance(summary, dict) else {}
-    given = told.get("difference") or [None] * 3
+    test = summary.get(f"{camera.name}/lever_arm", {}) if isinstance(summary, dict) else {}
+    differences = test.get("difference") or [None] * 3
     for i, key in enumerate(LEVER_ARM):
         if not camera.prior.lever_declared[i]:
             continue
@@ -56,11 +56,11 @@ def _rows(material: Material, camera: Camera) -> Iterator[dict[str, str]]:
         sigma, row = camera.prior.lever_sigma[i], {"Camera": camera.name}
         row |= {"Component": parameter_title(label)}
         row |= {"Surveyed (m)": _surveyed(surveyed, sigma)}
-        if label in found.index:
-            value = float(found["value"][label])
-            difference = value - surveyed if given[i] is None else float(given[i])
-            row |= {"Estimated (m)": value_and_sigma(value, float(found["sigma"][label]))}
-            row |= {"Difference (m)": f"{difference:+.3f}", "p": _p(told.get("p"))}
+        if label in estimates.index:
+            value = float(estimates["value"][label])
+            difference = value - surveyed if differences[i] is None else float(differences[i])
+            row |= {"Estimated (m)": value_and_sigma(value, float(estimates["sigma"][label]))}
+            row |= {"Difference (m)": f"{difference:+.3f}", "p": _p(test.get("p"))}
         else:
             row |= {"Estimated (m)": AS_SURVEYED, "Difference (m)": "", "p": ""}
         yield row
@@ -113,7 +113,7 @@ TURNED = (
 
 
 def _turn_table(tested: Sequence[Turns]) -> pd.DataFrame:
-    """Return how far the boresight turned in every strip and over time, with the tests."""
+    """Tabulate the turns of the boresight by strip and over time, with the tests."""
     rows = [
         {
             "Turn": test.title if len(test.names) == 1 else f"strip {name}",
@@ -163,10 +163,10 @@ def boresight_over_time(boresights: pd.DataFrame) -> Figure:
 
 def _by_strip(ax: Axes, time: Array, values: Array, sigma: Array, strips: pd.Series) -> None:
     for i, strip in enumerate(strips.unique()):
-        own = (strips == strip).to_numpy()
+        of_strip = (strips == strip).to_numpy()
         bars: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.7, "color": style.colour(i)}
         label = f"strip {style.plain(strip)}" if strip else ""
-        ax.errorbar(time[own], values[own], yerr=sigma[own], label=label, **bars)
+        ax.errorbar(time[of_strip], values[of_strip], yerr=sigma[of_strip], label=label, **bars)
 
 
 # --- The boresight over time: values of all images, and the tests of the certified adjustment
@@ -179,7 +179,7 @@ SOURCES = ("mounting/two_step", "mounting/two_step_gnss")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Turns:
-    """A test of the certified adjustment: of steps of the boresight between strips, or a drift.
+    """A test of the certified boresight: for steps between strips, or for a drift.
 
     Attributes
     ----------
@@ -204,7 +204,7 @@ class Turns:
 
     @property
     def sentence(self) -> str:
-        """What is said where it is significant: the turn that is largest in its sigma."""
+        """Sentence for a significant test: the largest turn relative to its sigma."""
         ratio = np.nan_to_num(np.abs(self.turns_deg / self.sigma_deg))
         i, axis = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
         turn, sigma = self.turns_deg[i, axis], self.sigma_deg[i, axis]
@@ -220,21 +220,21 @@ TITLES = {"strips": "differences between strips", "drift": "drift"}
 def turns_of(material: Material) -> list[Turns]:
     """Return the tests of the certified adjustment's boresights, from its summary."""
     entry = material.found.summary.get(material.certified, {}).get("boresight_stability")
-    told: Mapping[str, Any] = entry if isinstance(entry, dict) else {}
-    return [_turns_told(title, told[key]) for key, title in TITLES.items() if told.get(key)]
+    tests: Mapping[str, Any] = entry if isinstance(entry, dict) else {}
+    return [_turns_told(title, tests[key]) for key, title in TITLES.items() if tests.get(key)]
 
 
-def _turns_told(title: str, told: Mapping[str, Any]) -> Turns:
-    turns, sigma = (np.array(told[key], dtype=float) for key in ("turns_deg", "sigma_deg"))
+def _turns_told(title: str, test: Mapping[str, Any]) -> Turns:
+    turns, sigma = (np.array(test[key], dtype=float) for key in ("turns_deg", "sigma_deg"))
     return Turns(
         title=title,
-        names=tuple(told["names"]),
+        names=tuple(test["names"]),
         turns_deg=turns,
         sigma_deg=np.where(np.isfinite(sigma), sigma, np.inf),
-        f=float(told["f"]),
-        dof=int(told["dof"]),
-        redundancy=float(told["redundancy"]),
-        p=float(told["p"]),
+        f=float(test["f"]),
+        dof=int(test["dof"]),
+        redundancy=float(test["redundancy"]),
+        p=float(test["p"]),
     )
 
 
@@ -291,10 +291,10 @@ def _of_images(block: Block, image_idx: Index, rows: pd.DataFrame) -> tuple[Arra
     R_b_c = np.swapaxes(block.T_m_b_images.R[image_idx], 1, 2) @ T_m_c.R
     turns, camera_idx = np.zeros((len(rows), 3)), block.images.camera_idx[image_idx]
     for k in np.unique(camera_idx):
-        own = camera_idx == k
-        turns[own] = log(R_b_c[own] @ mean_rotation(R_b_c[own]).T)
-    said = rows[["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"]].to_numpy()
+        of_camera = camera_idx == k
+        turns[of_camera] = log(R_b_c[of_camera] @ mean_rotation(R_b_c[of_camera]).T)
+    sigma_deg = rows[["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"]].to_numpy()
     J = R_b_c @ np.linalg.inv(opk_jacobian(opk))
-    by_image = propagate(J, np.apply_along_axis(np.diag, 1, said**2))
+    by_image = propagate(J, np.apply_along_axis(np.diag, 1, sigma_deg**2))
     attitude = np.degrees(block.trajectory.sigma_attitude[block.images.exposure_idx[image_idx]])
     return np.degrees(turns), np.sqrt(sigmas(by_image) ** 2 + attitude**2)

@@ -48,20 +48,20 @@ from acx4lib.results import folder, whole_files
 from acx4lib.results.own_folder import check_file
 
 FORMAT = 1
-"""Of the file; raised when a key changes its meaning or goes."""
+"""Version of the file format; raised when a key is removed or changes its meaning."""
 
 MARK = b'"made_by": "acx4 report"'
-"""Mark of such a file, which may be replaced by a newer one."""
+"""Mark of a report as JSON, which a newer report may replace."""
 
 TESTS = (
     *("n_observations", "n_unknowns", "redundancy", "sigma0_squared", "chi_square_p"),
     *("n_rejected", "expected_rejections", "condition", "weakest", "declared"),
 )
-"""Entries of summary.json that are told of every adjustment."""
+"""Entries of summary.json repeated for every adjustment."""
 
 
 def text(material: Material, found: Sequence[Finding]) -> str:
-    """Return the report as JSON; a number that is not known is null."""
+    """Return the report as JSON; an unknown number is null."""
     return json.dumps(_plain(record(material, found)), indent=1, ensure_ascii=False) + "\n"
 
 
@@ -115,9 +115,9 @@ def _finding(finding: Finding) -> dict[str, Any]:
 
 
 def _stated(value: dict[str, Any]) -> dict[str, Any]:
-    """Return what is stated, without what is empty."""
+    """Return a nested dictionary without its empty entries."""
     inner = {k: _stated(v) if isinstance(v, dict) else v for k, v in value.items()}
-    return {key: one for key, one in inner.items() if one}
+    return {key: entry for key, entry in inner.items() if entry}
 
 
 def _methods(material: Material) -> list[str]:
@@ -156,8 +156,8 @@ def _camera(lens: Lens) -> dict[str, Any]:
 
 def _surveyed(camera: Camera) -> dict[str, Any]:
     """Return the surveyed components of the lever arm by their names."""
-    told = zip(LEVER_ARM, camera.prior.lever_declared, camera.T_b_c.r, strict=True)
-    return {REPORTED[key][0]: float(value) for key, declared, value in told if declared}
+    components = zip(LEVER_ARM, camera.prior.lever_declared, camera.T_b_c.r, strict=True)
+    return {REPORTED[key][0]: float(value) for key, declared, value in components if declared}
 
 
 def _parameters(material: Material, name: str, lens: Lens) -> dict[str, Any]:
@@ -184,13 +184,13 @@ def _checked(entry: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON can hold it; numbers that are not finite become None."""
+    """Convert a value to types of JSON; non-finite numbers become None."""
     if isinstance(value, dict):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(part) for key, part in value.items()}
     if isinstance(value, pd.DataFrame):
         return _plain(value.to_dict("records"))
     if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(part) for part in value]
     if isinstance(value, np.generic):
         return _plain(value.item())
     if isinstance(value, float):
@@ -202,7 +202,7 @@ def _plain(value: Any) -> Any:
 
 
 PAGE_MARK = b'<meta name="generator" content="acx4'
-"""Mark of a report, which may be replaced by a newer one."""
+"""Mark of a report as HTML, which a newer report may replace."""
 
 PDF_MARK = b"/Title(Calibration report)"
 """Mark of a PDF of a report: its heading among the bookmarks, with which the file begins."""
@@ -247,7 +247,7 @@ def write(
     *,
     on_part: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> None:
-    """Write the calibration report of a run as one HTML file, and beside it as JSON.
+    """Write the calibration report of a run as an HTML file, with a JSON file beside it.
 
     Both are written completely or not at all.
 
@@ -273,9 +273,9 @@ def write(
     out = Path(out)
     _check_places(out)
     run = read(folder)
-    found = findings.findings(run)
-    shown = parts(TEXT.read_text(encoding="utf-8"), computed(run, found), on_part)
-    texts = _page([*shown], run), text(run, found)
+    answers = findings.findings(run)
+    shown = parts(TEXT.read_text(encoding="utf-8"), computed(run, answers), on_part)
+    texts = _page([*shown], run), text(run, answers)
     _check_places(out)  # again, as some seconds have passed
     whole_files.write_all(dict(zip((out, out.with_suffix(".json")), texts, strict=True)))
 
@@ -300,7 +300,7 @@ def _page(parts: Sequence[Part], material: Material) -> str:
 
 
 def _check_places(out: Path) -> None:
-    """Check that the page and what stands beside it may be written."""
+    """Check that the page and its JSON file may be written."""
     if not out.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such folder", str(out.parent))
     if out.suffix in (".json", ".pdf"):
@@ -311,7 +311,7 @@ def _check_places(out: Path) -> None:
 
 
 def check_pdf(out: str | Path) -> None:
-    """Check that the report `out` may be set into the file beside it.
+    """Check that the PDF beside the report `out` may be written.
 
     Raises
     ------
@@ -322,7 +322,7 @@ def check_pdf(out: str | Path) -> None:
 
 
 def write_pdf(out: str | Path) -> Path:
-    """Typeset the report `out` as a PDF/A beside it, and return the place of this.
+    """Typeset the report `out` as a PDF/A beside it, and return the path of the PDF.
 
     Raises
     ------
@@ -389,7 +389,7 @@ class Part:
 
 
 def computed(run: Material, found: Sequence[Finding]) -> dict[str, Callable[[], Text | Figure]]:
-    """Return what computes each part, by the name that the text has for it.
+    """Return the functions that compute the parts, by their names in the text.
 
     Parameters
     ----------
@@ -422,7 +422,7 @@ def computed(run: Material, found: Sequence[Finding]) -> dict[str, Callable[[], 
 
 
 def _used_blocks(material: Material) -> tuple[Block, ...]:
-    """Return the blocks used for the calibration; without any, that of the validation."""
+    """Return the blocks of the calibration, or else all blocks."""
     blocks = material.flight.blocks
     used = [blocks[name] for name in ("heads", "calibration") if name in blocks]
     return tuple(used or blocks.values())
@@ -439,7 +439,7 @@ def parts(
     by_name: Mapping[str, Callable[[], Text | Figure]],
     on_part: Callable[[int, int], None],
 ) -> Iterator[Part]:
-    """Yield the texts and what is computed between them, in their order.
+    """Yield texts and computed parts in the order of the text.
 
     Parameters
     ----------
@@ -464,14 +464,14 @@ def parts(
             on_part(number, len(directives))
             yield from _text(text[done : directive.start()])
             name, done = directive["name"], directive.end()
-            told = {"caption": directive["caption"], "alt": directive["alt"] or ""}
-            yield Part(content=by_name[name](), name=f"fig-report-{name}", **told)
+            labels = {"caption": directive["caption"], "alt": directive["alt"] or ""}
+            yield Part(content=by_name[name](), name=f"fig-report-{name}", **labels)
         yield from _text(text[done:])
     on_part(len(directives), len(directives))
 
 
 def _text(text: str) -> Iterator[Part]:
-    """Yield a text, divided before its headings."""
-    for one in re.split(r"(?m)^(?=## )", text):
-        if one.strip():
-            yield Part(content=Text(one.strip()))
+    """Split a text before its headings."""
+    for section in re.split(r"(?m)^(?=## )", text):
+        if section.strip():
+            yield Part(content=Text(section.strip()))

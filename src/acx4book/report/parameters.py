@@ -43,7 +43,7 @@ SIGNIFICANCE = 0.05
 """Error probability of every test of the report, two-sided; divided among combined tests."""
 
 FROM_DECLARED = ("f", *MOUNT)
-"""Parameters for which zero has no meaning: they stand beside their declared values.
+"""Parameters compared with their declared values, since zero has no meaning for them.
 
 Without sigma these are approximations, and a difference from them is no mistake; with sigma the
 verdict tests them.
@@ -82,7 +82,7 @@ class Estimate:
 
     @property
     def significant(self) -> bool | None:
-        """Whether it differs from zero by more than chance explains; None beside a declared one."""
+        """Whether the estimate differs significantly from zero; None with a declared value."""
         declared = any(REPORTED[key][0] == self.parameter for key in FROM_DECLARED)
         return None if declared else abs(self.t) > self.critical
 
@@ -146,22 +146,22 @@ def _declared(material: Material, name: str, key: str) -> float:
 
 def _redundancy(material: Material, stage_method: str) -> int:
     """Return the smallest redundancy of a method's adjustments, but at least one."""
-    said = [
+    redundancies = [
         int(str(material.found.summary[name]["redundancy"]))
         for name in material.adjustments
         if f"{name}/".startswith(f"{stage_method}/")
     ]
-    return max(1, min(said, default=1))
+    return max(1, min(redundancies, default=1))
 
 
 def _strongest(related: pd.DataFrame, label: str) -> tuple[str, float]:
-    """Return the parameter with the largest correlation with another, and this correlation."""
+    """Return the parameter most correlated with a given one, and the correlation."""
     if label not in related.index or len(related) < 2:
         return "", np.nan
     names = list(related.index)
-    own = names.index(label)
-    rho = related.to_numpy()[own].copy()
-    rho[own] = 0.0
+    i = names.index(label)
+    rho = related.to_numpy()[i].copy()
+    rho[i] = 0.0
     k = int(np.argmax(np.abs(rho)))
     return str(names[k]), float(rho[k])
 
@@ -177,26 +177,26 @@ def strong_pairs(material: Material, stage_method: str) -> list[Pair]:
     """Return the pairs of parameters that correlate by more than `STRONG`, the largest first."""
     related = correlations(material, stage_method)
     values, names = related.to_numpy(), [str(name) for name in related.index]
-    found = [
+    pairs = [
         Pair(one=names[i], other=names[j], rho=float(values[i, j]))
         for i, j in zip(*np.triu_indices(len(names), 1), strict=True)
         if abs(values[i, j]) > STRONG
     ]
-    return sorted(found, key=lambda pair: -abs(pair.rho))
+    return sorted(pairs, key=lambda pair: -abs(pair.rho))
 
 
 def pair_texts(pairs: Sequence[Pair]) -> list[Markup]:
-    """Return pairs of parameters with their correlations, and their camera where several occur."""
+    """Return texts on pairs of parameters, with the cameras' names if there are several."""
     cameras = {name.rpartition("/")[0] for pair in pairs for name in (pair.one, pair.other)}
-    return [_pair_text(pair, whose=len(cameras) > 1) for pair in pairs]
+    return [_pair_text(pair, with_camera=len(cameras) > 1) for pair in pairs]
 
 
-def _pair_text(pair: Pair, *, whose: bool) -> Markup:
+def _pair_text(pair: Pair, *, with_camera: bool) -> Markup:
     one, other = (shown(parameter_title(name)) for name in (pair.one, pair.other))
     first, last = (name.rpartition("/")[0] for name in (pair.one, pair.other))
-    if whose and last:
+    if with_camera and last:
         other = Markup(f"{other} of {shown(last)}")
-    if whose and first and first != last:
+    if with_camera and first and first != last:
         one = Markup(f"{one} of {shown(first)}")
     return Markup(f"{one} and {other} ({pair.rho:+.2f})")
 
@@ -223,16 +223,23 @@ UM = 1000.0
 """Micrometres in a millimetre."""
 
 SMALLEST_LEVEL = 0.2
-"""Cosine of the slope of the body's x axis against the image below which it is not drawn."""
+"""Smallest cosine between image plane and body's x axis for drawing the axis."""
 
 
 def image_section(material: Material) -> Text:
     """Return the section on the distortion and the corners of the images."""
-    found = _shown_lenses(material)
-    told = "the estimated coefficients, eqs (7) to (11); σ from their covariance matrix"
+    shown_lenses = _shown_lenses(material)
+    obtained = "the estimated coefficients, eqs (7) to (11); σ from their covariance matrix"
     return show(
-        table(_balanced_table(found), BALANCED, name="tab-report-balanced", obtained=FROM_RADIAL),
-        table(_distortion_table(material), DISTORTION, name="tab-report-distortion", obtained=told),
+        table(
+            _balanced_table(shown_lenses),
+            BALANCED,
+            name="tab-report-balanced",
+            obtained=FROM_RADIAL,
+        ),
+        table(
+            _distortion_table(material), DISTORTION, name="tab-report-distortion", obtained=obtained
+        ),
         table(_corner_table(material), CORNERS, name="tab-report-corners", obtained=FORMAT),
     )
 
@@ -271,7 +278,7 @@ CORNERS = "Corners of the images: centres of the corner pixels"
 FORMAT = "the numbers of pixels and their size, as flight.toml states them"
 
 
-def _balanced_table(found: Sequence[Lens]) -> pd.DataFrame:
+def _balanced_table(shown_lenses: Sequence[Lens]) -> pd.DataFrame:
     """Return the calibrated and the balanced focal length of every lens."""
     rows = [
         {
@@ -281,7 +288,7 @@ def _balanced_table(found: Sequence[Lens]) -> pd.DataFrame:
             "Radial, balanced (µm)": f"within ±{UM * balance.largest:.1f}",
             "Farthest corner (mm)": f"{lens.radius:.2f}",
         }
-        for lens, balance in ((lens, balanced(lens)) for lens in found)
+        for lens, balance in ((lens, balanced(lens)) for lens in shown_lenses)
     ]
     return pd.DataFrame(rows)
 
@@ -291,7 +298,7 @@ def _length(value: float, sigma: float) -> str:
 
 
 def _shown_lenses(material: Material) -> list[Lens]:
-    """Return the lenses of the calibration, and those of the heads that were calibrated alone."""
+    """Return the lenses of the calibration and of the separately calibrated heads."""
     methods = [material.calibration] if material.calibration else []
     if any(name.startswith("heads/bundle") for name in material.adjustments):
         methods.append("heads/bundle")
@@ -299,7 +306,7 @@ def _shown_lenses(material: Material) -> list[Lens]:
 
 
 def profile(lens: Lens) -> pd.DataFrame:
-    """Return the distortion at round distances from the principal point, and at the last one.
+    """Return the distortion at round distances from the principal point, and at the largest.
 
     Returns
     -------
@@ -308,8 +315,8 @@ def profile(lens: Lens) -> pd.DataFrame:
         balanced focal length), decentring_um.
     """
     step = style.round_length(lens.radius / 4)
-    at = np.append(np.arange(step, lens.radius - step / 4, step), lens.radius)
-    return _profile_at(lens, balanced(lens), at)
+    radii = np.append(np.arange(step, lens.radius - step / 4, step), lens.radius)
+    return _profile_at(lens, balanced(lens), radii)
 
 
 def _profile_at(lens: Lens, balance: Balanced, radius: np.ndarray) -> pd.DataFrame:
@@ -340,23 +347,23 @@ def _radial_sigma(lens: Lens, radius: Array) -> Array:
 
 
 def _decentring(interior: Interior, radius: Array) -> Array:
-    """Return the tangential decentring distortion, mm; at right angles it is 3 times as large."""
+    """Return the tangential decentring distortion, mm; the radial one is 3 times as large."""
     return np.hypot(interior.p1, interior.p2) * radius**2
 
 
 def _distortion_table(material: Material) -> pd.DataFrame:
     """Return the distortion of every lens at round distances from the principal point."""
-    found = _shown_lenses(material)
+    shown_lenses = _shown_lenses(material)
     rows = [
         {
-            **({"Camera": lens.camera.name} if len(found) > 1 else {}),
+            **({"Camera": lens.camera.name} if len(shown_lenses) > 1 else {}),
             "Distance (mm)": f"{row['radius_mm']:.4g}",
             "Field angle (°)": f"{row['angle_deg']:.1f}",
             "Radial (µm)": value_and_sigma(row["radial_um"], row["sigma_um"]),
             "Radial, balanced (µm)": f"{row['balanced_um']:+.1f}",
             "Decentring (µm)": f"{row['decentring_um']:.1f}",
         }
-        for lens in found
+        for lens in shown_lenses
         for row in profile(lens).to_dict("records")
     ]
     return pd.DataFrame(rows)
@@ -370,10 +377,10 @@ def corners(camera: Camera) -> np.ndarray:
 
 def image_figure(material: Material) -> Figure:
     """Draw every image with its axes, and the radial distortion of all lenses."""
-    found = _shown_lenses(material)
-    if not found:
+    shown_lenses = _shown_lenses(material)
+    if not shown_lenses:
         return style.nothing("No interior orientation was calibrated.")
-    n = len(found)
+    n = len(shown_lenses)
     columns = min(n, 3)
     rows = -(-n // columns)
     with style.applied():
@@ -381,11 +388,11 @@ def image_figure(material: Material) -> Figure:
         size = (style.WIDTH, 2.9) if beside else (style.WIDTH, 1.9 * rows + 2.4)
         fig = style.figure(figsize=size)
         parts = fig.add_gridspec(1, 2) if beside else fig.add_gridspec(rows + 1, columns)
-        for i, lens in enumerate(found):
+        for i, lens in enumerate(shown_lenses):
             _axes_of_image(fig.add_subplot(parts[divmod(i, columns)]), lens)
         curves = fig.add_subplot(parts[0, 1] if beside else parts[rows, :])
         flight = material.flight
-        _curves(curves, found, flight.head_names if "heads" in flight.blocks else ())
+        _curves(curves, shown_lenses, flight.head_names if "heads" in flight.blocks else ())
         if n > 1:
             style.legend_below(fig, fig.axes[-1].get_legend_handles_labels()[0])
     return fig
@@ -419,23 +426,28 @@ def _axes_of_image(ax: Axes, lens: Lens) -> None:
     ax.plot(lens.interior.xp, lens.interior.yp, "+", color=style.INK, ms=9, mew=1.2, zorder=7)
 
 
-def _curves(ax: Axes, found: Sequence[Lens], heads: Sequence[str]) -> None:
+def _curves(ax: Axes, shown_lenses: Sequence[Lens], heads: Sequence[str]) -> None:
     """Draw the radial distortion with both focal lengths, and its standard deviation.
 
     A head has the colour that it has in all figures; a camera that is none is black beside heads.
     """
-    of_heads = [lens for lens in found if lens.camera.name in heads]
-    for i, lens in enumerate(found):
-        at = np.linspace(0.0, lens.radius, 101)
-        told = _profile_at(lens, balanced(lens), at)
-        own = heads.index(lens.camera.name) if lens in of_heads else i
-        colour = style.INK if of_heads and lens not in of_heads else style.colour(own)
-        band = 3 * told["sigma_um"]
+    of_heads = [lens for lens in shown_lenses if lens.camera.name in heads]
+    for i, lens in enumerate(shown_lenses):
+        radii = np.linspace(0.0, lens.radius, 101)
+        curve = _profile_at(lens, balanced(lens), radii)
+        k = heads.index(lens.camera.name) if lens in of_heads else i
+        colour = style.INK if of_heads and lens not in of_heads else style.colour(k)
+        band = 3 * curve["sigma_um"]
         ax.fill_between(
-            at, told["radial_um"] - band, told["radial_um"] + band, color=colour, alpha=0.18, lw=0
+            radii,
+            curve["radial_um"] - band,
+            curve["radial_um"] + band,
+            color=colour,
+            alpha=0.18,
+            lw=0,
         )
-        ax.plot(at, told["radial_um"], color=colour, label=style.plain(lens.camera.name))
-        ax.plot(at, told["balanced_um"], "--", color=colour, lw=1.2)
+        ax.plot(radii, curve["radial_um"], color=colour, label=style.plain(lens.camera.name))
+        ax.plot(radii, curve["balanced_um"], "--", color=colour, lw=1.2)
     ax.axhline(0, color=style.INK, lw=0.7)
     ax.set_xlabel("distance from the principal point (mm)")
     ax.set_ylabel("radial distortion (µm)")
@@ -450,7 +462,7 @@ POWERS = np.array([3, 5, 7])
 """Powers of the radius that belong to k1, k2, k3: eqs (10)-(11) along a radius."""
 
 HALVINGS = 60
-"""Of the interval with the slope, which then is known to the last digit."""
+"""Number of halvings of the slope's interval; enough for the last digit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -512,7 +524,7 @@ def lenses(material: Material, stage_method: str) -> list[Lens]:
 def _lens(material: Material, stage_method: str, name: str, cov: object) -> Lens:
     rows = folder.parameters(material.found, stage_method, name)
     labels = [REPORTED[key][0] for key in INTERIOR]
-    given = {
+    estimates = {
         key: float(rows["value"][label])
         for key, label in zip(INTERIOR, labels, strict=True)
         if label in rows.index
@@ -520,7 +532,7 @@ def _lens(material: Material, stage_method: str, name: str, cov: object) -> Lens
     whole = cov.reindex(index=[f"{name}/{label}" for label in labels])  # type: ignore[attr-defined]
     camera = material.flight.cameras[name]
     return Lens(
-        camera=camera.with_interior(replace(camera.interior, **given)),
+        camera=camera.with_interior(replace(camera.interior, **estimates)),
         cov=whole.reindex(columns=whole.index).fillna(0.0).to_numpy(),
     )
 
@@ -549,8 +561,8 @@ def balanced(lens: Lens) -> Balanced:
     R, interior = lens.radius, lens.interior
     slope = _balanced_slope(_coefficients(interior) * R ** (POWERS - 1))
     c = interior.f / (1 - slope)
-    at, values = _extremes(_coefficients(interior) * R ** (POWERS - 1), slope)
-    ends = R * np.array([at[np.argmax(values)], at[np.argmin(values)]])
+    radii, values = _extremes(_coefficients(interior) * R ** (POWERS - 1), slope)
+    ends = R * np.array([radii[np.argmax(values)], radii[np.argmin(values)]])
     by_k = np.sum(ends[:, None] ** POWERS, axis=0) / max(float(ends.sum()), R * 1e-12)
     J = np.concatenate([[c / interior.f], c**2 / interior.f * by_k])
     cov = lens.cov[np.ix_((F, *RADIAL), (F, *RADIAL))]
@@ -563,7 +575,7 @@ def balanced(lens: Lens) -> Balanced:
 
 
 def _balanced_slope(k: Array) -> float:
-    """Return the slope that balances the distortion of a radius of one."""
+    """Return the slope that balances the distortion within the unit radius, by bisection."""
     low, high = -float(np.abs(k).sum()), float(np.abs(k).sum())
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
@@ -576,12 +588,12 @@ def _balanced_slope(k: Array) -> float:
 
 
 def _extremes(k: Array, slope: float) -> tuple[Array, Array]:
-    """Return the places where d(r) - s r may be extreme for r from 0 to 1, and its values there."""
+    """Return candidate radii for extremes of d(r) - s r, r from 0 to 1, and the values there."""
     squares = np.roots([*(POWERS * k)[::-1], -slope])
     real = squares[np.abs(squares.imag) < 1e-9].real
     inner = np.sqrt(real[(real > 0) & (real < 1)])
-    at = np.concatenate([[0.0, 1.0], inner])
-    return at, at[:, None] ** POWERS @ k - slope * at
+    radii = np.concatenate([[0.0, 1.0], inner])
+    return radii, radii[:, None] ** POWERS @ k - slope * radii
 
 
 # --- Tables of the calibrated parameters
@@ -610,8 +622,8 @@ def _parameter_table(material: Material) -> pd.DataFrame:
     """Return the parameters of the calibration with sigma, test and strongest correlation."""
     if not material.calibration:
         return pd.DataFrame()
-    found = _estimates(material, material.calibration)
-    several = len({p.camera for p in found}) > 1
+    estimates = _estimates(material, material.calibration)
+    several = len({p.camera for p in estimates}) > 1
     rows = [
         {
             **({"Camera": p.camera} if several else {}),
@@ -622,25 +634,31 @@ def _parameter_table(material: Material) -> pd.DataFrame:
             "Significant": SIGNIFICANT[p.significant],
             "Strongest correlation": _strongest_text(p),
         }
-        for p in found
+        for p in estimates
     ]
     return pd.DataFrame(rows)
 
 
 def _heads_sentence(material: Material) -> str:
-    """Return a sentence on what errors of the heads add to sigma; empty where none are carried."""
-    told = material.found.summary.get(material.calibration, {}).get("sigma_of_heads")
-    if not isinstance(told, dict) or not told:
+    """Return a sentence on the heads' contribution to sigma; empty if not computed."""
+    sigma_of_heads = material.found.summary.get(material.calibration, {}).get("sigma_of_heads")
+    if not isinstance(sigma_of_heads, dict) or not sigma_of_heads:
         return ""
-    own = {f"{p.camera}/{p.parameter}": p.sigma for p in _estimates(material, material.calibration)}
-    each = {name: float(s) / own[name] for name, s in told.items() if own.get(name, 0.0) > 0}
-    if not each:
+    sigma = {
+        f"{p.camera}/{p.parameter}": p.sigma for p in _estimates(material, material.calibration)
+    }
+    ratios = {
+        name: float(s) / sigma[name]
+        for name, s in sigma_of_heads.items()
+        if sigma.get(name, 0.0) > 0
+    }
+    if not ratios:
         return ""
-    most = max(each, key=lambda name: each[name])
+    most = max(ratios, key=lambda name: ratios[name])
     return (
         "The points were carried into the synthetic image by calibrated heads. Errors of this "
         "calibration move all points of a head together, which is not in the σ above. They add "
-        f"{min(each.values()):.2g} to {each[most]:.2g} times these σ, most to "
+        f"{min(ratios.values()):.2g} to {ratios[most]:.2g} times these σ, most to "
         f"{parameter_title(most.rpartition('/')[2])}; flights that are carried by the same "
         "heads share this error."
     )
@@ -648,8 +666,8 @@ def _heads_sentence(material: Material) -> str:
 
 def _joint_table(material: Material) -> pd.DataFrame:
     """Return the tests of several parameters of the calibration at once."""
-    found = _joint_tests(material, material.calibration) if material.calibration else []
-    several = len({test.camera for test in found}) > 1
+    tests = _joint_tests(material, material.calibration) if material.calibration else []
+    several = len({test.camera for test in tests}) > 1
     rows = [
         {
             **({"Camera": test.camera} if several else {}),
@@ -659,7 +677,7 @@ def _joint_table(material: Material) -> pd.DataFrame:
             "Degrees of freedom": f"{len(test.keys)}; {test.redundancy:,}",
             "p": p_value(test.p),
         }
-        for test in found
+        for test in tests
     ]
     return pd.DataFrame(rows)
 
@@ -669,12 +687,12 @@ def _joint_tests(material: Material, stage_method: str) -> list[GroupTest]:
     names = folder.cameras(material.found, stage_method)
     cameras = [material.flight.cameras[name] for name in names]
     calibration = read_calibration(material.found, stage_method, cameras)
-    found = group_tests(
+    tests = group_tests(
         calibration,
         [undistorted(camera) for camera in cameras],
         redundancy=_redundancy(material, stage_method),
     )
-    return [test for test in found if not set(test.keys) <= set(FROM_DECLARED)]
+    return [test for test in tests if not set(test.keys) <= set(FROM_DECLARED)]
 
 
 def _method_table(material: Material) -> pd.DataFrame:
@@ -693,7 +711,7 @@ def _method_table(material: Material) -> pd.DataFrame:
 
 
 def _correlation_sentence(material: Material) -> str:
-    """Return a sentence on parameters that can hardly be separated."""
+    """Return a sentence on pairs of strongly correlated parameters."""
     if not material.calibration:
         return ""
     pairs = strong_pairs(material, material.calibration)
@@ -710,7 +728,7 @@ ROWS = "parameters.csv: estimates and standard deviations, those times σ₀ of 
 FROM_COVARIANCE = "covariance.csv: the covariance matrix of the calibration"
 
 SIGNIFICANT = {True: "yes", False: "no", None: "–"}
-"""Of a parameter beside a declared value nothing is said here: the verdict does."""
+"""The dash marks parameters compared with a declared value: the verdict judges these."""
 
 
 def _correlation_tables(material: Material) -> dict[str, pd.DataFrame]:
@@ -736,8 +754,8 @@ def _matrix(related: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameter", *titles])
 
 
-def _correlation(rho: float, own: bool) -> str:
-    if own:
+def _correlation(rho: float, is_diagonal: bool) -> str:
+    if is_diagonal:
         return "1"
     if abs(rho) < 0.005:
         return "0.00"
@@ -756,7 +774,7 @@ def head_table(material: Material, stage_method: str) -> pd.DataFrame:
         return pd.DataFrame()
     rows = folder.rows(material.found, "parameters", stage_method)
     heads = rows.groupby("camera", sort=False)
-    return _side_by_side({str(name): own.assign(camera="") for name, own in heads})
+    return _side_by_side({str(name): of_head.assign(camera="") for name, of_head in heads})
 
 
 def _side_by_side(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""The report's page as a PDF/A, typeset by Typst from the page itself, so that both say the same.
+"""The report as a PDF/A, typeset by Typst from the HTML page, so that both agree.
 
 Every element of the page becomes a call of Typst, every text a string in quotes: nothing of a
 flight's text is markup. Fonts are those of matplotlib, and no other is looked for.
@@ -52,10 +52,10 @@ CALLS = {
 
 SPACE = re.compile(r"[ \t\n\r]+")
 ISOLATES = re.compile("[\u2066-\u2069]")
-"""Around a name on a page; in Typst a string does not change its neighbours."""
+"""Bidirectional isolates around names in HTML; strings of Typst need none."""
 
 LONG = re.compile(r"\S{24,}")
-"""Words that may be broken anywhere."""
+"""Long words, which may be broken anywhere."""
 
 
 class TypesetError(Acx4Error):
@@ -64,7 +64,7 @@ class TypesetError(Acx4Error):
 
 @dataclass(kw_only=True)
 class Element:
-    """An element of the page: its name, its attributes, and what is in it."""
+    """An element of the page: tag, attributes and content."""
 
     tag: str
     attributes: Mapping[str, str]
@@ -72,35 +72,36 @@ class Element:
 
     def all(self, *tags: str) -> Iterator[Element]:
         """Yield the elements with these names at any depth."""
-        for one in self.inside:
-            if isinstance(one, Element):
-                if one.tag in tags:
-                    yield one
-                yield from one.all(*tags)
+        for child in self.inside:
+            if isinstance(child, Element):
+                if child.tag in tags:
+                    yield child
+                yield from child.all(*tags)
 
     def take(self, tag: str) -> Element | None:
         """Take out the first child with a name."""
-        found = next(
-            (one for one in self.inside if isinstance(one, Element) and one.tag == tag), None
+        taken = next(
+            (child for child in self.inside if isinstance(child, Element) and child.tag == tag),
+            None,
         )
-        if isinstance(found, Element):
-            self.inside.remove(found)
-            return found
+        if isinstance(taken, Element):
+            self.inside.remove(taken)
+            return taken
         return None
 
 
 class _Reader(HTMLParser):
-    """Reads a page of the report, which is whole, into elements."""
+    """Parser of a well-formed page of the report into elements."""
 
     def __init__(self) -> None:
         super().__init__(convert_charrefs=True)
         self.open = [Element(tag="page", attributes={})]
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        one = Element(tag=tag, attributes={key: value or "" for key, value in attrs})
-        self.open[-1].inside.append(one)
+        element = Element(tag=tag, attributes={key: value or "" for key, value in attrs})
+        self.open[-1].inside.append(element)
         if tag not in VOID:
-            self.open.append(one)
+            self.open.append(element)
 
     def handle_endtag(self, tag: str) -> None:
         if self.open[-1].tag == tag:
@@ -148,14 +149,18 @@ def pdf(page: str) -> bytes:
 
 @dataclass(kw_only=True)
 class _Files:
-    """A document while it is written, and its pictures by name."""
+    """Writer of a Typst document, with its pictures by name."""
 
     pictures: dict[str, bytes] = field(default_factory=dict)
 
     def document(self, page: Element) -> str:
-        """Return all of a page."""
-        dates = (one.attributes for one in page.all("meta"))
-        date = next(one["content"] for one in dates if one.get("name") == "dcterms.date")
+        """Return the Typst document of a page."""
+        metas = (meta.attributes for meta in page.all("meta"))
+        date = next(
+            attributes["content"]
+            for attributes in metas
+            if attributes.get("name") == "dcterms.date"
+        )
         year, month, day = map(int, date.split("-"))
         (title,) = page.all("title")
         head = (
@@ -166,16 +171,16 @@ class _Files:
         return head + self.inside(page)
 
     def inside(self, element: Element) -> str:
-        """Return what is in an element."""
+        """Return the content of an element."""
         return "".join(
-            f"#{_quoted(_seen(one))};" if isinstance(one, str) else self.element(one)
-            for one in element.inside
-            if isinstance(one, Element) or one.strip(" \t\n\r") or element.tag in INLINE
+            f"#{_quoted(_seen(child))};" if isinstance(child, str) else self.element(child)
+            for child in element.inside
+            if isinstance(child, Element) or child.strip(" \t\n\r") or element.tag in INLINE
         )
 
-    def element(self, one: Element) -> str:
+    def element(self, element: Element) -> str:
         """Return a call of Typst for an element."""
-        own = {
+        writers = {
             "table": self.table,
             "figure": self.figure,
             "section": self.first_page,
@@ -184,81 +189,80 @@ class _Files:
             "code": self.code,
             "pre": self.code,
         }
-        if one.tag in UNSEEN:
+        if element.tag in UNSEEN:
             return ""
-        if one.tag in own:
-            return own[one.tag](one)
-        call = self.paragraph(one) if one.tag == "p" else CALLS.get(one.tag)
-        ends = "" if one.tag in INLINE else "\n"
-        return f"#({call})[{self.inside(one)}];{ends}" if call else self.inside(one)
+        if element.tag in writers:
+            return writers[element.tag](element)
+        call = self.paragraph(element) if element.tag == "p" else CALLS.get(element.tag)
+        ends = "" if element.tag in INLINE else "\n"
+        return f"#({call})[{self.inside(element)}];{ends}" if call else self.inside(element)
 
-    def paragraph(self, one: Element) -> str:
-        """Return what sets a paragraph: of the head of the page, a note, or of plain text."""
-        kind = one.attributes.get("class", "")
-        if [getattr(part, "tag", "") for part in one.inside] == ["em"]:
+    def paragraph(self, element: Element) -> str:
+        """Return the Typst function of a paragraph: one of the page head, a note or plain text."""
+        kind = element.attributes.get("class", "")
+        if [getattr(part, "tag", "") for part in element.inside] == ["em"]:
             return "note"
         return kind if kind in {"kind", "name", "date"} else "par"
 
-    def first_page(self, one: Element) -> str:
-        """Return the certificate, on a page of its own, whose heading says what it is."""
-        one.take("h2")
-        return f"{self.inside(one)}#pagebreak(weak: true);\n"
+    def first_page(self, element: Element) -> str:
+        """Return the certificate on a page of its own, without its heading."""
+        element.take("h2")
+        return f"{self.inside(element)}#pagebreak(weak: true);\n"
 
-    def listed(self, one: Element) -> str:
+    def listed(self, element: Element) -> str:
         """Return a list."""
-        items = "".join(f"[{self.inside(item)}]" for item in one.all("li"))
-        return f"#{CALLS[one.tag]}{items};\n"
+        items = "".join(f"[{self.inside(item)}]" for item in element.all("li"))
+        return f"#{CALLS[element.tag]}{items};\n"
 
-    def code(self, one: Element) -> str:
-        """Return letters of one width."""
-        return f"#code({_quoted(''.join(_words(one)))});"
+    def code(self, element: Element) -> str:
+        """Return text in a monospaced font."""
+        return f"#code({_quoted(''.join(_words(element)))});"
 
-    def table(self, one: Element) -> str:
+    def table(self, element: Element) -> str:
         """Return a table with its caption, or the lines to sign on."""
-        if one.attributes.get("class") == "signatures":
-            return (
-                f"#signatures({''.join(f'[{self.inside(cell)}], ' for cell in one.all('td'))});\n"
-            )
-        caption = one.take("caption")
-        rows = [[*row.all("td", "th")] for row in one.all("tr")]
+        if element.attributes.get("class") == "signatures":
+            signed = "".join(f"[{self.inside(cell)}], " for cell in element.all("td"))
+            return f"#signatures({signed});\n"
+        caption = element.take("caption")
+        rows = [[*row.all("td", "th")] for row in element.all("tr")]
         width = max(len(row) for row in rows)
         heads = sum(any(cell.tag == "th" for cell in row) for row in rows)
         cells = [
             "".join(self.cell(cell) for cell in row) + "[], " * (width - len(row)) for row in rows
         ]
         head = f"table.header({''.join(cells[:heads])}), " if heads else ""
-        said = f"[{self.inside(caption)}]" if caption else "none"
+        caption_text = f"[{self.inside(caption)}]" if caption else "none"
         body = f"{head}{''.join(cells[heads:])}"
-        return f"#numbered({said}, {width}, ({body}));\n"
+        return f"#numbered({caption_text}, {width}, ({body}));\n"
 
-    def cell(self, one: Element) -> str:
+    def cell(self, element: Element) -> str:
         """Return a cell of a table."""
-        said = self.inside(one)
-        state = one.attributes.get("class", "").removeprefix("state ")
-        right = "right" if "right" in one.attributes.get("style", "") else "left"
-        said = f"#state({_quoted(state)})[{said}]" if state else said
-        return f"table.cell(align: {right})[{said}], "
+        content = self.inside(element)
+        state = element.attributes.get("class", "").removeprefix("state ")
+        right = "right" if "right" in element.attributes.get("style", "") else "left"
+        content = f"#state({_quoted(state)})[{content}]" if state else content
+        return f"table.cell(align: {right})[{content}], "
 
-    def figure(self, one: Element) -> str:
+    def figure(self, element: Element) -> str:
         """Return a figure with its caption and the words in its place."""
-        (picture,), caption = one.all("img"), one.take("figcaption")
+        (picture,), caption = element.all("img"), element.take("figcaption")
         name = f"{len(self.pictures)}.svg"
         self.pictures[name] = base64.b64decode(picture.attributes["src"].partition(",")[2])
-        said = self.inside(caption) if caption else ""
-        return f"#drawing({_quoted(name)}, {_quoted(picture.attributes['alt'])})[{said}];\n"
+        caption_text = self.inside(caption) if caption else ""
+        return f"#drawing({_quoted(name)}, {_quoted(picture.attributes['alt'])})[{caption_text}];\n"
 
 
 INLINE = {"b", "code", "em", "i", "strong", "sub", "sup", "p", "td", "th", "caption", "figcaption"}
-"""Elements in which spaces between others count."""
+"""Elements in which white space between others counts."""
 
 
-def _words(one: Element) -> Iterator[str]:
-    for part in one.inside:
+def _words(element: Element) -> Iterator[str]:
+    for part in element.inside:
         yield from [part] if isinstance(part, str) else _words(part)
 
 
 def _seen(text: str) -> str:
-    """Return text as it is set: spaces as HTML has them, and places where long words may break."""
+    """Collapse spaces as HTML does, and allow breaks in long words."""
     return LONG.sub(lambda word: "\u200b".join(_pieces(word[0])), SPACE.sub(" ", text))
 
 
@@ -267,7 +271,7 @@ def _pieces(word: str) -> list[str]:
 
 
 def _quoted(text: str) -> str:
-    """Return a string of Typst; what the fonts have no shape for is escaped, as in figures."""
+    """Return a string of Typst; characters without a glyph are escaped, as in figures."""
     known = style.shapes()
     plain = ISOLATES.sub("", text)
     drawn = "".join(c if ord(c) in known or c in "\n\u200b" else ascii(c)[1:-1] for c in plain)

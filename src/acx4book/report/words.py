@@ -89,7 +89,7 @@ FORMATS = {
 """Formats of the numbers, by the name of the column."""
 
 OBTAINED = "How obtained"
-"""Begins the line under a table that says where its numbers come from."""
+"""First words of the line on the source of a table's numbers."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -37,23 +37,23 @@ MOST_PANELS = 6
 YEARS = "years after the first campaign"
 
 SPREAD = 0.25
-"""Distance of the first from the last camera in one place, as a share of that of two campaigns."""
+"""Spread of a campaign's cameras along the axis, as a share of the campaigns' spacing."""
 
 
 def time_line(study: Study) -> Figure:
-    """Draw every parameter of every campaign, less its value of all campaigns, with error bars."""
+    """Draw every parameter of every campaign minus its pooled value, with error bars."""
     comparison = study.comparison
     mean = campaigns.pooled(comparison)
-    at, dated = _places(study)
+    x, dated = _places(study)
     d = comparison.values - mean.coefficients[0]  # noqa: PD011 no frame's
     band = sigmas(mean.cov[0, :, 0])
     names = list(dict.fromkeys(p.name for p in comparison.parameters))
     with style.applied():
         fig, axes = _panels(names, height=1.35)
         for ax, name in zip(axes, names, strict=False):
-            unit = _draw(ax, study, name, at, d, band)
+            unit = _draw(ax, study, name, x, d, band)
             ax.set_title(f"{LABELS[name]} ({unit})" if unit else LABELS[name])
-            _axis_of_campaigns(ax, study, at, dated)
+            _axis_of_campaigns(ax, study, x, dated)
         _legend(fig, study, axes)
     return fig
 
@@ -82,11 +82,11 @@ def _year_of(date: dt.date) -> float:
     return date.year + (date.toordinal() - first) / 365.25
 
 
-def _draw(ax: Axes, study: Study, name: str, at: Array, d: Array, band: Array) -> str:
-    """Draw a parameter of all cameras that have it; return the unit."""
+def _draw(ax: Axes, study: Study, name: str, x: Array, d: Array, band: Array) -> str:
+    """Draw a parameter for every camera with it; return the unit."""
     comparison, unit = study.comparison, ""
     cameras = list(dict.fromkeys(p.camera for p in comparison.parameters))
-    step = SPREAD * float(np.diff(np.sort(at)).min(initial=np.inf)) / max(1, len(cameras) - 1)
+    step = SPREAD * float(np.diff(np.sort(x)).min(initial=np.inf)) / max(1, len(cameras) - 1)
     for i, p in enumerate(comparison.parameters):
         if p.name != name:
             continue
@@ -95,7 +95,7 @@ def _draw(ax: Axes, study: Study, name: str, at: Array, d: Array, band: Array) -
         shift = step * (k - (len(cameras) - 1) / 2) if len(cameras) > 1 else 0.0
         sigma = factor * np.sqrt(comparison.covs[:, i, i])
         bars: dict[str, Any] = {"fmt": "o", "ms": 3.5, "lw": 1.1, "color": style.colour(k)}
-        ax.errorbar(at + shift, factor * d[:, i], yerr=BARS * sigma, **bars)
+        ax.errorbar(x + shift, factor * d[:, i], yerr=BARS * sigma, **bars)
         if len(cameras) == 1:
             ax.axhspan(*(BARS * factor * band[i] * np.array([-1, 1])), color=style.SHEET)
     ax.axhline(0, color=style.INK, lw=0.7)
@@ -112,14 +112,14 @@ def _fine(unit: str, size: float) -> tuple[float, str]:
     return factor / 10.0**power, f"10{str(power).translate(SUPERSCRIPTS)} {text}".strip()
 
 
-def _axis_of_campaigns(ax: Axes, study: Study, at: Array, dated: bool) -> None:
+def _axis_of_campaigns(ax: Axes, study: Study, x: Array, dated: bool) -> None:
     if dated:
         ax.xaxis.set_major_locator(MaxNLocator(5, integer=True, min_n_ticks=1))
     else:
         names = [style.plain(c.name, longest=10) for c in study.comparison.campaigns]
-        ax.set_xticks(at, names, rotation=90 if len(names) > 4 else 0)
-    margin = 0.2 * float(np.ptp(at))
-    ax.set_xlim(at.min() - margin, at.max() + margin)
+        ax.set_xticks(x, names, rotation=90 if len(names) > 4 else 0)
+    margin = 0.2 * float(np.ptp(x))
+    ax.set_xlim(x.min() - margin, x.max() + margin)
 
 
 def _legend(fig: Figure, study: Study, axes: Sequence[Axes]) -> None:
@@ -133,8 +133,8 @@ def _legend(fig: Figure, study: Study, axes: Sequence[Axes]) -> None:
 
 
 def on_the_ground(study: Study) -> Figure:
-    """Draw what the difference with the smallest p moves on the ground, over each format."""
-    one = min(study.found, key=lambda found: found.test().p)
+    """Draw the ground displacement of the most significant difference over each format."""
+    clearest = min(study.found, key=lambda difference: difference.test().p)
     names = [style.plain(c.name) for c in study.comparison.campaigns]
     cameras = list(study.ground.of)
     n = min(len(cameras), 4)
@@ -150,17 +150,17 @@ def on_the_ground(study: Study) -> Figure:
         for ax in axes.flat[n:]:
             ax.axis("off")
         for ax, camera in zip(axes.flat, cameras, strict=False):
-            _draw_ground(ax, study, one, camera)
-            title = f"{names[one.later]} less {names[one.earlier]}"
+            _draw_ground(ax, study, clearest, camera)
+            title = f"{names[clearest.later]} less {names[clearest.earlier]}"
             ax.set_title(f"{style.plain(camera)}: {title}" if n > 1 else title, pad=16)
     return fig
 
 
-def _draw_ground(ax: Axes, study: Study, one: campaigns.Difference, camera: str) -> None:
+def _draw_ground(ax: Axes, study: Study, difference: campaigns.Difference, camera: str) -> None:
     effects = study.ground.of[camera]
-    own = study.comparison.of_camera(camera)
-    moved = effects.moved(one.d[own])
-    sigma = effects.sigma(one.cov[np.ix_(own, own)])
+    columns = study.comparison.of_camera(camera)
+    moved = effects.moved(difference.d[columns])
+    sigma = effects.sigma(difference.cov[np.ix_(columns, columns)])
     forward, left = effects.xy.T
     gap = float(np.ptp(forward)) / 14
     longest = float(np.hypot(*moved.T).max())
@@ -187,7 +187,7 @@ def _draw_ground(ax: Axes, study: Study, one: campaigns.Difference, camera: str)
 
 
 def over(study: Study, what: str) -> Figure:
-    """Draw parameters over time or temperature with their lines, the steepest in their σ first.
+    """Draw parameters over time or temperature with their lines, the largest slope over σ first.
 
     Parameters
     ----------
@@ -235,14 +235,14 @@ HOW = (
 
 NAMED = 5
 MOST_ROWS = 60
-"""Exposures that a page lists; of more, those that deviate."""
+"""Largest number of exposures in the table; of more, only deviating ones are listed."""
 
 MOST_NAMES = 40
-"""Exposures whose names an axis can have."""
+"""Largest number of exposure names on an axis."""
 
 
 def read(folder: str | Path) -> Rigidity:
-    """Adjust the heads of a run's flight together again, and test whether they turn.
+    """Adjust the heads of a run's flight together again, and test the rig for rigidity.
 
     Parameters
     ----------
@@ -257,21 +257,21 @@ def read(folder: str | Path) -> Rigidity:
         Where the heads cannot be adjusted together.
     """
     run = read_run(folder)
-    at, flight = run.folder, run.flight
+    path, flight = run.folder, run.flight
     if flight.heads is None or len(flight.heads.cameras) < 2:
         problem = (
-            f"{at}: one results folder without a block of several heads; name two or more folders "
-            "to compare campaigns"
+            f"{path}: one results folder without a block of several heads; name two or more "
+            "folders to compare campaigns"
         )
         raise FlightError([problem])
     stage = rig.calibrate(flight)
     if stage.rig is None:
-        raise AdjustmentError(f"{at}: the heads cannot be adjusted together: {stage.left_out}")
+        raise AdjustmentError(f"{path}: the heads cannot be adjusted together: {stage.left_out}")
     return rigidity(stage.rig.bundle)
 
 
 def table(found: pd.DataFrame, *, level: float) -> pd.DataFrame:
-    """Return the tests by exposure for readers; of many exposures, those that deviate.
+    """Tabulate the tests by exposure; of many exposures, only the deviating ones.
 
     Parameters
     ----------
@@ -324,35 +324,37 @@ def for_terminal(found: Rigidity, *, level: float) -> list[str]:
         f"{whole.redundancy} degrees of freedom, p {p_value(whole.p)}"
     ]
     turned = np.flatnonzero(found.p_joint < level)
-    said = [f"exposure {found.exposures[i]} deviates: F {found.tests[i].f:.2f}" for i in turned]
-    return [*lines, *said]
+    deviations = [
+        f"exposure {found.exposures[i]} deviates: F {found.tests[i].f:.2f}" for i in turned
+    ]
+    return [*lines, *deviations]
 
 
 def turns(found: Rigidity) -> Figure:
-    """Draw how every head turned at every exposure, axis by axis, with error bars."""
-    at = np.arange(len(found.exposures))
+    """Draw the rotation of every head at every exposure, axis by axis, with error bars."""
+    x = np.arange(len(found.exposures))
     arcsec = 3600 * np.degrees(np.stack([found.turns, found.sigma]))
     with style.applied():
         fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 4.8), sharex=True)
         for axis, ax in enumerate(axes):
             for k, head in enumerate(found.heads):
                 value, sigma = arcsec[:, :, k, axis]
-                own = sigma > 0
+                estimated = sigma > 0
                 shift = 0.5 * (k / max(1, len(found.heads) - 1) - 0.5)
                 bars: dict[str, Any] = {"fmt": "o", "ms": 2.8, "lw": 0.8, "color": style.colour(k)}
-                if own.any():
+                if estimated.any():
                     ax.errorbar(
-                        *(at[own] + shift, value[own]),
-                        yerr=2 * sigma[own],
+                        *(x[estimated] + shift, value[estimated]),
+                        yerr=2 * sigma[estimated],
                         label=style.plain(head),
                         **bars,
                     )
             ax.axhline(0, color=style.INK, lw=0.7)
             ax.set_ylabel(f"about {'xyz'[axis]} (″)")
             ax.grid(visible=False, axis="x")
-        if len(at) <= MOST_NAMES:
+        if len(x) <= MOST_NAMES:
             names = [style.plain(name, longest=10) for name in found.exposures]
-            axes[-1].set_xticks(at, names, rotation=90)
+            axes[-1].set_xticks(x, names, rotation=90)
         axes[-1].set_xlabel("exposure")
         style.legend_below(fig, axes[0].get_legend_handles_labels()[0])
     return fig

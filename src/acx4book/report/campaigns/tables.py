@@ -1,4 +1,4 @@
-"""Tables of a comparison for readers, made of those for programs."""
+"""Tables of a comparison for readers, made from the tables for programs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ def tests(study: Study) -> pd.DataFrame:
     """Return the joint tests of all parameters: of stability, of every difference, of trends."""
     table = study.tables["tests"]
     whole = table[table["part"] == "all"]
-    equal = {study.title(one): " = ".join(study.names(one)) for one in study.found}
+    equal = {
+        study.title(difference): " = ".join(study.names(difference)) for difference in study.found
+    }
     rows = [
         {"Hypothesis": equal.get(row.test, row.test), **_tested(row, study.level)}
         for row in rows_of(whole)
@@ -93,7 +95,7 @@ def _answer(rejected: bool) -> str:
 
 
 def singles(study: Study, one: Difference) -> pd.DataFrame:
-    """Return the parameters of a difference, one by one."""
+    """Return the changes of single parameters between two campaigns."""
     table, names = study.tables["differences"], study.names(one)
     mine = table[(table["later"] == names[0]) & (table["earlier"] == names[1])]
     several = _cameras_to_say(study.comparison.parameters)
@@ -114,7 +116,7 @@ def singles(study: Study, one: Difference) -> pd.DataFrame:
 
 
 def pooled(study: Study) -> pd.DataFrame:
-    """Return the value of every parameter from all campaigns, and whether it is stable."""
+    """Return the pooled value of every parameter, and the test of its stability."""
     several = _cameras_to_say(study.comparison.parameters)
     return pd.DataFrame(
         [
@@ -162,12 +164,12 @@ def trends(study: Study, what: str) -> pd.DataFrame:
 
 
 LEVEL = 0.05
-"""Probability of one false alarm or more, of each table."""
+"""Probability of any false alarm in a table."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """What was compared, and how.
+    """Comparison of campaigns with differences, ground effects and tables.
 
     Attributes
     ----------
@@ -191,15 +193,15 @@ class Study:
         return listed[one.later].name, listed[one.earlier].name
 
     def title(self, one: Difference) -> str:
-        """Return a difference as the tables name it."""
+        """Return the name of a difference in the tables."""
         return " - ".join(self.names(one))
 
     def changed(self, one: Difference) -> bool:
-        """Tell whether any test of a difference, whole, of a part or single, is significant."""
+        """Tell whether any test of a difference is significant: joint, by part or by parameter."""
         tests, singles = self.tables["tests"], self.tables["differences"]
         later, earlier = self.names(one)
-        own = singles[(singles["later"] == later) & (singles["earlier"] == earlier)]
-        p = [*tests.loc[tests["test"] == self.title(one), "p_joint"], *own["p_joint"]]
+        rows = singles[(singles["later"] == later) & (singles["earlier"] == earlier)]
+        p = [*tests.loc[tests["test"] == self.title(one), "p_joint"], *rows["p_joint"]]
         return min(p) < self.level
 
 
@@ -230,19 +232,19 @@ def study(
         Where they cannot be compared.
     """
     compared = compare(campaigns, apriori=apriori)
-    found = differences(compared, against=against)
+    changes = differences(compared, against=against)
     ground = ground_of(compared, height_m=height_m)
     return Study(
         comparison=compared,
-        found=found,
+        found=changes,
         ground=ground,
         level=level,
-        tables=acx4tools_campaigns.every(compared, found, ground),
+        tables=acx4tools_campaigns.every(compared, changes, ground),
     )
 
 
 def read(folders: Sequence[str | Path], *, methods: Sequence[str] = ()) -> list[Campaign]:
-    """Read campaigns from the results of runs; all that is wrong is told at once.
+    """Read campaigns from the results of runs; report all problems at once.
 
     Parameters
     ----------
@@ -269,11 +271,11 @@ def read(folders: Sequence[str | Path], *, methods: Sequence[str] = ()) -> list[
 
 
 def _names_of(folders: Sequence[str | Path]) -> list[str]:
-    """Return the shortest ends of paths, of whole names, that differ; of one path its name."""
+    """Return the shortest ends of paths, in whole folder names, that are all different."""
     parts = [Path(folder).resolve().parts for folder in folders]
-    ends = (["/".join(own[-n:]) for own in parts] for n in range(1, max(map(len, parts))))
+    ends = (["/".join(path[-n:]) for path in parts] for n in range(1, max(map(len, parts))))
     different = (names for names in ends if len(set(names)) == len(names))
-    return next(different, [own[-1] for own in parts])
+    return next(different, [path[-1] for path in parts])
 
 
 # --- Rows, labels and units for readers; small changes have small units
@@ -294,9 +296,9 @@ def _scale(unit: str) -> tuple[float, str]:
 
 
 def _label(row: Any, several: bool) -> Markup:
-    """Return the label of a row's parameter, after its camera where this must be said."""
-    said = shown(LABELS.get(row.parameter, row.parameter))
-    return Markup(f"{shown(row.camera)} {said}" if several else said)
+    """Return the label of a row's parameter, after the camera's name if there are several."""
+    label = shown(LABELS.get(row.parameter, row.parameter))
+    return Markup(f"{shown(row.camera)} {label}" if several else label)
 
 
 def _cameras_to_say(parameters: tuple[Parameter, ...]) -> bool:
@@ -308,7 +310,7 @@ def _cameras_to_say(parameters: tuple[Parameter, ...]) -> bool:
 
 
 NAMED = 6
-"""Changes that a sentence names; the others are counted."""
+"""Largest number of changes named in a sentence; the others are counted."""
 
 
 def verdict(study: Study) -> str:
@@ -318,19 +320,19 @@ def verdict(study: Study) -> str:
 
 
 def _stability(study: Study) -> str:
-    found = study.tables["tests"].iloc[0]
-    n, same = len(study.comparison.campaigns), found["p"] >= study.level
+    test = study.tables["tests"].iloc[0]
+    n, same = len(study.comparison.campaigns), test["p"] >= study.level
     counted = plural(len(study.comparison.parameters), "parameter")
-    what = "agree within their errors" if same else "are not the same"
+    outcome = "agree within their errors" if same else "are not the same"
     return (
-        f"**The {n} campaigns {what}.** All {counted} together: χ² = {found['chi_square']:.1f} "
-        f"with {found['dof']} degrees of freedom, p {_p(found['p'])}; the level is {study.level:g}."
+        f"**The {n} campaigns {outcome}.** All {counted} together: χ² = {test['chi_square']:.1f} "
+        f"with {test['dof']} degrees of freedom, p {_p(test['p'])}; the level is {study.level:g}."
     )
 
 
 def _p(p: float) -> str:
-    said = p_value(p)
-    return said if said.startswith("<") else f"= {said}"
+    text = p_value(p)
+    return text if text.startswith("<") else f"= {text}"
 
 
 def _where(study: Study) -> str:
@@ -340,9 +342,9 @@ def _where(study: Study) -> str:
         return "No parameter by itself has changed at the joint level."
     several = _cameras_to_say(study.comparison.parameters)
     most = changed.reindex(changed["t"].abs().sort_values(ascending=False).index)
-    said = [_change(row, several) for row in rows_of(most.head(NAMED))]
+    changes = [_change(row, several) for row in rows_of(most.head(NAMED))]
     more = f", and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
-    return f"Significant at the joint level {_are(len(changed))}: {listed(said)}{more}."
+    return f"Significant at the joint level {_are(len(changed))}: {listed(changes)}{more}."
 
 
 def _together(study: Study) -> str:
@@ -354,9 +356,9 @@ def _together(study: Study) -> str:
     whole = tests[tests["part"] == "all"]
     p = dict(zip(whole["test"], whole["p_joint"], strict=True))
     pairs = [
-        " and ".join(map(shown, reversed(study.names(one))))
-        for one in study.found
-        if p[study.title(one)] < study.level and study.names(one) not in changed
+        " and ".join(map(shown, reversed(study.names(difference))))
+        for difference in study.found
+        if p[study.title(difference)] < study.level and study.names(difference) not in changed
     ]
     if not pairs:
         return ""
@@ -373,24 +375,24 @@ def _are(n: int) -> str:
 
 def _change(row: Any, several: bool) -> str:
     factor, unit = _scale(row.unit)
-    said = value_and_sigma(factor * row.difference, factor * row.sigma)
+    amount = value_and_sigma(factor * row.difference, factor * row.sigma)
     name = _label(row, several)
     gap = "" if unit == "″" else " "
-    return f"{name} by {said}{gap}{unit} ({shown(row.earlier)} to {shown(row.later)})"
+    return f"{name} by {amount}{gap}{unit} ({shown(row.earlier)} to {shown(row.later)})"
 
 
 def _on_the_ground(study: Study) -> Iterator[str]:
-    """Say what the latest difference moves on the ground, camera by camera."""
-    one, names = study.found[-1], [c.name for c in study.comparison.campaigns]
+    """State the ground displacement of the latest difference, camera by camera."""
+    last, names = study.found[-1], [c.name for c in study.comparison.campaigns]
     for camera, effects in study.ground.of.items():
-        own = study.comparison.of_camera(camera)
-        moved = effects.moved(one.d[own])
-        sigma = effects.sigma(one.cov[np.ix_(own, own)])
+        columns = study.comparison.of_camera(camera)
+        moved = effects.moved(last.d[columns])
+        sigma = effects.sigma(last.cov[np.ix_(columns, columns)])
         far, chance = np.sqrt(np.sum(moved**2, axis=1).mean()), np.sqrt(np.mean(sigma**2))
         yield (
             f"From {study.ground.height_m:g} m above the ground a pixel of {shown(camera)} that is "
-            f"georeferenced with {shown(names[one.later])} lies {far:.3f} m (RMS over the format) "
-            f"from where it lies with {shown(names[one.earlier])}; errors of both calibrations "
+            f"georeferenced with {shown(names[last.later])} lies {far:.3f} m (RMS over the format) "
+            f"from where it lies with {shown(names[last.earlier])}; errors of both calibrations "
             f"alone make {chance:.3f} m."
         )
 
@@ -402,23 +404,24 @@ def trend(study: Study) -> str:
             "There is no regression: it needs three campaigns or more, and of all of them `date` "
             "or `temperature_c` in `[session]` of flight.toml, not all the same."
         )
-    return "\n\n".join(_line(study, what) for what in trends_of(study.comparison))
+    return "\n\n".join(_line(study, variable) for variable in trends_of(study.comparison))
 
 
-def _line(study: Study, what: str) -> str:
+def _line(study: Study, variable: str) -> str:
     """Say whether parameters follow time or temperature, and whether a line describes them."""
-    line, noun = trends_of(study.comparison)[what], NOUN[what]
+    line, noun = trends_of(study.comparison)[variable], NOUN[variable]
     sloping, straight = line.sloping.p < study.level, line.scatter.p >= study.level
-    said = (
+    sentence = (
         f"Over {noun} the slopes of all parameters together are {'' if sloping else 'not '}"
         f"significant (χ² = {line.sloping.chi_square:.1f}, {line.sloping.dof} degrees of freedom, "
         f"p {_p(line.sloping.p)})."
     )
     if straight:
-        return f"{said} The campaigns lie on the lines within their errors."
+        return f"{sentence} The campaigns lie on the lines within their errors."
     return (
-        f"{said} But the campaigns do not lie on the lines (χ² = {line.scatter.chi_square:.1f}, "
-        f"{line.scatter.dof} degrees of freedom, p {_p(line.scatter.p)}): {noun} alone does not "
+        f"{sentence} But the campaigns do not lie on the lines (χ² = "
+        f"{line.scatter.chi_square:.1f}, {line.scatter.dof} degrees of freedom, p "
+        f"{_p(line.scatter.p)}): {noun} alone does not "
         "explain what changed, and σ of the slopes do not hold."
     )
 
@@ -427,13 +430,13 @@ def for_terminal(study: Study) -> list[str]:
     """Return the verdict in lines without markup."""
     table = study.tables["differences"]
     changed = table[table["p_joint"] < study.level]
-    found = study.tables["tests"].iloc[0]
+    test = study.tables["tests"].iloc[0]
     lines = [*study.comparison.notes]
-    same = found["p"] >= study.level
+    same = test["p"] >= study.level
     lines.append(
         f"{len(study.comparison.campaigns)} campaigns "
         f"{'agree within their errors' if same else 'are not the same'}: chi-square "
-        f"{found['chi_square']:.1f}, {found['dof']} degrees of freedom, p {_p(found['p'])}"
+        f"{test['chi_square']:.1f}, {test['dof']} degrees of freedom, p {_p(test['p'])}"
     )
     return [
         *lines,

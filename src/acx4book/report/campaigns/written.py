@@ -1,4 +1,4 @@
-"""The folder that ``acx4 compare`` leaves: a page, and a table for every part of it."""
+"""The output folder of ``acx4 compare``: a page and its tables."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FORM: Any = {"float_format": "%.10g", "lineterminator": "\n"}
 COMMAND = "acx4 compare"
 PAGE = "compare.html"
 MOST_SHOWN = 6
-"""Differences that a page shows in any case."""
+"""Number of differences up to which the page shows all; of more, significant ones."""
 
 
 def write(study: Study, out: Path) -> None:
@@ -73,13 +73,15 @@ def write_rigidity(found: Rigidity, out: Path, *, name: str, level: float) -> No
 
 @contextlib.contextmanager
 def _claimed(out: Path, listed: Mapping[str, pd.DataFrame]) -> Iterator[Callable[[str], None]]:
-    """Claim a folder for tables and a page; yield what writes them all, with the page's text."""
-    with own_folder.claim(out, command=COMMAND) as own:
-        tables = {f"{name}.csv": of.to_csv(index=False, **FORM) for name, of in listed.items()}
-        own.expect([PAGE, *tables])
+    """Claim a folder; yield a function that writes the tables and the text of the page."""
+    with own_folder.claim(out, command=COMMAND) as folder:
+        tables = {
+            f"{name}.csv": table.to_csv(index=False, **FORM) for name, table in listed.items()
+        }
+        folder.expect([PAGE, *tables])
         yield lambda text: write_all({out / n: t for n, t in {**tables, PAGE: text}.items()})
-        own.remove([name for name in own.files if name not in (PAGE, *tables)])
-        own.seal()
+        folder.remove([name for name in folder.files if name not in (PAGE, *tables)])
+        folder.seal()
 
 
 def _parts(study: Study) -> Iterator[str | Drawn]:
@@ -118,32 +120,38 @@ def _parts(study: Study) -> Iterator[str | Drawn]:
 
 
 def _differences(study: Study) -> Iterator[str]:
-    """Yield a section for every difference, or of many for those that are significant."""
-    shown_ones = [
-        one for one in study.found if len(study.found) <= MOST_SHOWN or study.changed(one)
+    """Yield a section for every difference; of many, only for the significant ones."""
+    selected = [
+        difference
+        for difference in study.found
+        if len(study.found) <= MOST_SHOWN or study.changed(difference)
     ]
-    for number, one in enumerate(shown_ones, 1):
-        later, earlier = map(shown, study.names(one))
+    for number, difference in enumerate(selected, 1):
+        later, earlier = map(shown, study.names(difference))
         yield f"## {later} less {earlier}"
-        yield myst_table(tables.parts(study, one), "By parts", name=f"tab-parts-{number}")
+        yield myst_table(tables.parts(study, difference), "By parts", name=f"tab-parts-{number}")
         yield myst_table(
-            tables.singles(study, one), "Parameter by parameter", name=f"tab-singles-{number}"
+            tables.singles(study, difference),
+            "Parameter by parameter",
+            name=f"tab-singles-{number}",
         )
-    if left := len(study.found) - len(shown_ones):
-        yield f"In {left} more differences nothing is significant; differences.csv has them."
+    if n_hidden := len(study.found) - len(selected):
+        yield f"In {n_hidden} more differences nothing is significant; differences.csv has them."
 
 
 def _trends(study: Study) -> Iterator[str | Drawn]:
     yield f"## Time and temperature\n\n{tables.trend(study)}"
-    for what in trends_of(study.comparison):
+    for variable in trends_of(study.comparison):
         yield Drawn(
-            figure=figures.over(study, what),
-            name=f"fig-over-{what}",
-            caption=f"The parameters that follow {NOUN[what]} most, in their standard deviations.",
-            alt=f"Small diagrams of parameters over {NOUN[what]}, each with a straight line.",
+            figure=figures.over(study, variable),
+            name=f"fig-over-{variable}",
+            caption=(
+                f"The parameters that follow {NOUN[variable]} most, in their standard deviations."
+            ),
+            alt=f"Small diagrams of parameters over {NOUN[variable]}, each with a straight line.",
         )
-        slopes = tables.trends(study, what)
-        yield myst_table(slopes, f"Slopes over {NOUN[what]}", name=f"tab-over-{what}")
+        slopes = tables.trends(study, variable)
+        yield myst_table(slopes, f"Slopes over {NOUN[variable]}", name=f"tab-over-{variable}")
 
 
 def _how(study: Study) -> str:
@@ -168,10 +176,10 @@ def _how(study: Study) -> str:
     )
 
 
-def _parts_of_rig(found: Rigidity, table: pd.DataFrame, level: float) -> Iterator[str | Drawn]:
-    yield f"## Do the heads keep their places?\n\n{figures.verdict(found, level=level)}"
+def _parts_of_rig(rigidity: Rigidity, table: pd.DataFrame, level: float) -> Iterator[str | Drawn]:
+    yield f"## Do the heads keep their places?\n\n{figures.verdict(rigidity, level=level)}"
     yield Drawn(
-        figure=figures.turns(found),
+        figure=figures.turns(rigidity),
         name="fig-turns",
         caption=(
             "Rotation of every head against the first one of the exposure, if the rig is rigid at "
@@ -256,8 +264,8 @@ def _page(title: str, name: str, parts: Sequence[str | Drawn]) -> str:
 def _style() -> str:
     colours = "".join(f"  --figure-{name}: {value};\n" for value, name in style.NAMES.items())
     sheets = (page.STYLE, ADDED)
-    own, added = (sheet.read_text(encoding="utf-8") for sheet in sheets)
-    return f"{own}\n:root {{\n{colours}}}\n{added}"
+    base, added = (sheet.read_text(encoding="utf-8") for sheet in sheets)
+    return f"{base}\n:root {{\n{colours}}}\n{added}"
 
 
 def _figure(part: Drawn, document: Document, known: set[str]) -> str:
