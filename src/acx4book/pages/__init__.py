@@ -1,7 +1,8 @@
-"""The pages of the book that no notebook makes, and the filling of the book's folder.
+"""Pages of the book without a notebook, and the files that the book is built from.
 
 ``python -m acx4book.pages FLIGHT RESULTS BOOK`` calls `build`, which fills ``_executed`` and
-``_generated``: notebooks, the truth of a `simulation`, `provenance`, the `example` on the page
-about the library, the figures of the `frames`, the pages of this interface (`api`), and the pages
-on long runs (`benchmarks`).
+``_generated``: executed notebooks, the pages on the `study` and its `reproducibility`, the figures
+of the `frames`, the pages on long runs (`benchmarks`), downloads (`release`), and the pages of the
+programming interface. `flight_book` makes a book of one flight, `pdf` prints a book, and `words`
+counts its prose.
 """

@@ -15,5 +15,5 @@ if __name__ == "__main__":
             flight_book.write_chapter(sys.argv[2], *map(Path, sys.argv[3:5]))
         else:
             build.fill(*map(Path, sys.argv[1:5]))
-    except Acx4Error as error:  # results that were changed, a notebook that failed
+    except Acx4Error as error:  # changed results, a failed notebook
         sys.exit(str(error))

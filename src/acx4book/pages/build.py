@@ -1,9 +1,9 @@
-"""A run brought into the book: ``_executed`` and ``_generated`` filled.
+"""The files that a book is built from: ``_executed`` and ``_generated``.
 
-The executed notebooks of the stages are copied, with the code of every cell that shows something
-folded; a stage that the flight does not have gets a page that says so. The notebooks that show the
-results of a run are run here; those of `independent` come from where they are kept, or do not come.
-What the other pages include is written: texts and figures.
+Executed notebooks of the stages are copied, with the code of cells with output folded; a stage
+without data gets a page that says so. Notebooks on the results of a run are run here; chapters
+that depend on no flight come from the cache of `study`, or are left out. Texts and figures for the
+other pages are written.
 """
 
 from __future__ import annotations
@@ -47,15 +47,15 @@ from acx4lib.results.table_files import NOTEBOOKS
 from acx4sim.files import truth_path
 
 BENCHMARKS = Path("data", "benchmarks")
-"""What long runs left, below the current folder: that of the working copy."""
+"""Results of long runs, below the current folder: that of the working copy."""
 
 FRONT = "```{{figure}} _generated/front.svg\n:alt: {alt}\n:width: 100%\n\n{caption}\n```\n"
 
 RUN_PAGES = ("first-flight", "library", "your-files")
-"""Pages whose code is run, and what it prints shown."""
+"""Pages with code to be run; its output is shown."""
 
 WRAPPED = ("your-files",)
-"""Those of them whose output is sentences, not tables: long lines go on in the next."""
+"""Pages among them with sentences as output, not tables: long lines are wrapped."""
 
 DOORS = {
     "read": ("four-questions", "_executed/foundations/", *(f"_executed/0{n}" for n in range(5))),
@@ -64,28 +64,28 @@ DOORS = {
     "teach": ("teaching/syllabus",),
     "files": ("your-files",),
 }
-"""What is read behind the doors of the front page: how the names of the pages begin."""
+"""Pages behind the doors of the front page, by the beginnings of their names."""
 
 HEADING = re.compile(r"#+(?= )")
-"""Begin of a heading's cell."""
+"""Beginning of a cell with a heading."""
 
 INTRODUCES = "introduces"
-"""Tag of a cell that speaks of the figure in the next one."""
+"""Tag of a cell that introduces the figure of the next cell."""
 
 UNDATED = 315_532_800
-"""First second of 1980, in seconds since 1970: the earliest that an archive can say of a file."""
+"""First second of 1980, in seconds since 1970: the earliest file time in an archive."""
 
 REPORT, SLIDES = Path("downloads", "report.html"), Path("downloads", "slides.html")
-"""Report and slides, among what is copied into the built book as it is."""
+"""Report and slides, copied into the built book unchanged."""
 
 OF_RESULTS = ("06-errata",)
-"""Notebooks that show a run's results and are not run by ``acx4 run``."""
+"""Notebooks on the results of a run that ``acx4 run`` does not execute."""
 
 OWN = "template/study"
-"""The notebook that a reader's own chapter begins with: it adjusts the flight of the run."""
+"""The template of a reader's own chapter: it adjusts the flight of the run."""
 
 OF_IDEAL = ("mounting", "validation")
-"""Stages whose pages are those of an ideal synthetic camera, where there is a run of it."""
+"""Stages shown from the run of the ideal synthetic camera, if there is one."""
 
 FOLDED = {"parameters", "injected-parameters"}
 """Tags of cells whose code is folded."""
@@ -95,17 +95,17 @@ IDEAL = (
     "pages, but with synthetic images that one ideal camera took. What the images that are made of "
     "four heads give instead stands beside the printed numbers in {doc}`12-synthetic-cost`.\n:::"
 )
-"""What such a page says under its introduction."""
+"""Note under the introduction of these pages."""
 
 SIMULATED = (
     ":::{note}\nThe flight of this page is simulated. {doc}`/reproducibility` has what it was "
     "given.\n:::"
 )
-"""What other pages of a simulated flight say there."""
+"""Note on other pages of a simulated flight."""
 
 
 def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | None = None) -> None:
-    """Write what the book's pages are made of.
+    """Write the files that the pages of the book are made of.
 
     Parameters
     ----------
@@ -153,8 +153,8 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         whole_files.write(generated / name, text)
     for name, figure in _figures_of_benchmarks(timed, errors):
         whole_files.write(generated / name, vector(figure))
-    told = _made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
-    whole_files.write(generated / "made_from.json", json.dumps(told, indent=1))
+    made_from = _made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
+    whole_files.write(generated / "made_from.json", json.dumps(made_from, indent=1))
     frames.draw(generated)
     drawn = [*showing.figures(executed)]
     whole_files.write(generated / "figures.zip", showing.archive(drawn))
@@ -175,7 +175,7 @@ def _write_notebooks(
     *,
     pictures_path: Path | None = None,
 ) -> None:
-    """Write a page for every notebook: those of a run, and those of `OF_RESULTS`, run here.
+    """Write a page for every notebook: those of the run, and `OF_RESULTS`, executed here.
 
     Where there is a run of an ideal camera, the pages of `OF_IDEAL` are its, and say so.
     """
@@ -192,8 +192,8 @@ def _write_notebooks(
             whole_files.write(executed / f"{name}.md", text)
     for name in OF_RESULTS:
         run_here(name, executed, {"results_path": str(results_path)})
-    of = ideal_path or results_path
-    places = {"flight_path": str(of / KEPT), "results_path": str(of)}
+    run_path = ideal_path or results_path
+    places = {"flight_path": str(run_path / KEPT), "results_path": str(run_path)}
     if ideal_path is None and pictures_path is not None:
         places["pictures_path"] = str(pictures_path)
     run_here(OWN, executed, places)
@@ -209,7 +209,7 @@ def run_here(name: str, executed: Path, given: Mapping[str, str], note: str = ""
 
 
 def _made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> dict[str, Any]:
-    """Return what the extension `provenance` of the book tells: commit, and flights by page."""
+    """Return the content for the book's extension `provenance`: commit, and flights by page."""
     name = f"{flight_path.name}{', simulated' if simulated else ''}"
     named = dict.fromkeys((*NOTEBOOKS.values(), *OF_RESULTS, OWN, "scorecard", "certificate"), name)
     shows_ideal = [*(NOTEBOOKS[stage] for stage in OF_IDEAL), *study.OF_IDEAL, OWN]
@@ -246,14 +246,14 @@ def fold(executed: Path, page: Path, note: str = "") -> None:
             if cell.outputs and not {"hide-input", "remove-input"} & {*tags}:
                 cell.metadata["tags"] = [*tags, "hide-input"]
         elif "hide-input" in tags and not FOLDED & {*tags} and "notebook.begin(" not in cell.source:
-            left = "remove-input" if cell.outputs else "remove-cell"
-            cell.metadata["tags"] = [*(tag for tag in tags if tag != "hide-input"), left]
+            hidden = "remove-input" if cell.outputs else "remove-cell"
+            cell.metadata["tags"] = [*(tag for tag in tags if tag != "hide-input"), hidden]
     text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call] # untyped
     whole_files.write(page, text)
 
 
 def _end(notebook: nbformat.NotebookNode) -> int:
-    """Return the number of cells of the page of a notebook that may have ended early."""
+    """Return the number of cells on the page: all, or up to an early end of the notebook."""
     shown = [
         "".join(o.get("data", {}).get("text/markdown", "") for o in cell.get("outputs", []))
         for cell in notebook.cells
@@ -264,7 +264,7 @@ def _end(notebook: nbformat.NotebookNode) -> int:
 
 
 def _with_content(cells: list[nbformat.NotebookNode]) -> list[nbformat.NotebookNode]:
-    """Return the cells of a page without sections that have nothing to show."""
+    """Return the cells of a page without empty sections."""
     levels = [_level(cell) for cell in cells]
     gone = set[int]()
     for first, level in enumerate(levels):
@@ -280,9 +280,9 @@ def _with_content(cells: list[nbformat.NotebookNode]) -> list[nbformat.NotebookN
 
 
 def _level(cell: nbformat.NotebookNode) -> int:
-    """Return the level of the heading that a cell begins with, 0 for none."""
-    found = HEADING.match(cell.source) if cell.cell_type == "markdown" else None
-    return len(found[0]) if found else 0
+    """Return the level of the heading at the beginning of a cell, 0 for none."""
+    match = HEADING.match(cell.source) if cell.cell_type == "markdown" else None
+    return len(match[0]) if match else 0
 
 
 def _is_meant_to_show(cell: nbformat.NotebookNode) -> bool:
@@ -291,7 +291,7 @@ def _is_meant_to_show(cell: nbformat.NotebookNode) -> bool:
 
 
 def _shows(cell: nbformat.NotebookNode) -> bool:
-    """Tell whether a cell shows something; where a figure is meant, a picture."""
+    """Tell whether a cell has output; for a cell with a figure, a picture."""
     shown = [output.get("data", {}) for output in cell.get("outputs", [])]
     if "figure" in cell.metadata.get("mystnb", {}):
         return any(kind.startswith("image/") for data in shown for kind in data)
@@ -299,11 +299,11 @@ def _shows(cell: nbformat.NotebookNode) -> bool:
 
 
 def _number_tables(cell: nbformat.NotebookNode) -> None:
-    """Show the tables of a cell as Markdown, with the caption and the name in its metadata.
+    """Convert the tables of a cell to Markdown, with caption and name from its metadata.
 
-    A sentence of which no case holds is left out. One in the place of a figure has no caption.
+    An empty sentence is left out. A sentence in the place of a figure has no caption.
     """
-    told = cell.metadata.get("acx4", {})
+    labels = cell.metadata.get("acx4", {})
     if not _shows(cell):
         cell.metadata.get("mystnb", {}).pop("figure", None)
     cell.outputs = [o for o in cell.outputs if o.get("data", {}).get("text/markdown") != ""]
@@ -312,8 +312,10 @@ def _number_tables(cell: nbformat.NotebookNode) -> None:
         if not {"text/html", "text/markdown"} <= data.keys():
             continue
         del data["text/html"]
-        if told:
-            data["text/markdown"] = numbered(data["text/markdown"], told["caption"], told["name"])
+        if labels:
+            data["text/markdown"] = numbered(
+                data["text/markdown"], labels["caption"], labels["name"]
+            )
 
 
 def title(notebook: Path) -> str:
@@ -337,13 +339,13 @@ def _silent(_done: int, _total: int) -> None:
 def _texts_of_run(
     flight_path: Path, results_path: Path, ideal_path: Path | None = None
 ) -> Iterator[tuple[str, str]]:
-    """Yield names and texts: the scorecard, what the flight was given, and what was read."""
-    found, flown = _run(results_path)
+    """Yield names and texts: scorecard, certificate, simulation, geometry, provenance."""
+    run, flown = _run(results_path)
     ideal = None if ideal_path is None else _run(ideal_path)
     true = truth_path(flight_path)
     truth = json.loads(true.read_text("utf-8")) if true.is_file() else None
     simulated = truth is not None
-    yield from scorecard.texts(found, flown, simulated=simulated, ideal=ideal).items()
+    yield from scorecard.texts(run, flown, simulated=simulated, ideal=ideal).items()
     yield "certificate.md", certificate_page(material.read(results_path), REPORT.as_posix())
     yield "simulation.md", study.simulation_page(flown, truth)
     yield "geometry.md", study.geometry_page()
@@ -353,14 +355,14 @@ def _texts_of_run(
 def _texts_of_front(
     results_path: Path, executed: Path, ideal_path: Path | None = None
 ) -> Iterator[tuple[str, str]]:
-    """Yield names and texts of the front page and of the four questions, a drawing among them."""
-    found, flown = _run(results_path)
+    """Yield names and texts, and a drawing, of the front page and of the four questions."""
+    book_run, flown = _run(results_path)
     drawn = flight.exposure(flown)
     yield "front.svg", vector(drawn)
     yield "front.md", FRONT.format(alt=flight.ALT, caption=flight.caption(flown))
     applies = printed.applies(flown)
-    own = executed if ideal_path is None else results_path / "notebooks"
-    four, ideal = questions.Told(found=found, answers=questions.answers(own)), None
+    notebooks = executed if ideal_path is None else results_path / "notebooks"
+    four, ideal = questions.Told(found=book_run, answers=questions.answers(notebooks)), None
     if ideal_path is not None:
         answers = questions.answers(ideal_path / "notebooks")
         ideal = questions.Told(found=results.read(ideal_path), answers=answers)
@@ -369,14 +371,14 @@ def _texts_of_front(
     yield "methods.md", f"{ideally}\n"
     ideal_answers = None if ideal is None else ideal.answers
     yield "four-questions.md", questions.text(four.answers, ideal_answers, beside_print=applies)
-    runs = {"this book" if ideal is None else "four heads": found}
+    runs = {"this book" if ideal is None else "four heads": book_run}
     if ideal is not None:
         runs["ideal camera"] = ideal.found
     needed = {"mounting/single_step", "mounting/two_step_gnss"}
     has_both = all(needed <= run.summary.keys() for run in runs.values())
     table = questions.small_table_3(runs, camera) if applies and has_both else ""
     yield "front-table.md", f"{table}\n"
-    whole = applies and has_both and "validation/single_step" in found.summary
+    whole = applies and has_both and "validation/single_step" in book_run.summary
     yield "side-by-side.md", questions.side_by_side(four, ideal, camera) if whole else "\n"
     for name, pages in DOORS.items():
         yield f"minutes-{name}.md", f"{words.minutes(*pages)} minutes to read\n"
@@ -391,7 +393,7 @@ def _run(results_path: Path) -> tuple[results.Results, Flight]:
 def _texts_of_benchmarks(
     timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
 ) -> Iterator[tuple[str, str]]:
-    """Yield names and texts: speed, what imports say, errors over standard deviations."""
+    """Yield names and texts: speed, messages of imports, errors over standard deviations."""
     yield from ((f"speed-{name}.md", speed.text(name, timed[name])) for name in speed.NAMES)
     yield from speed.of_imports(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
@@ -400,24 +402,24 @@ def _texts_of_benchmarks(
     yield "coverage-bias.md", sigma.bias_page(sigma.bias_read(BENCHMARKS))
     yield "coverage-slow.md", verdicts.page(verdicts.slow_errors_read(BENCHMARKS))
     yield "coverage-validated.md", verdicts.validated(verdicts.read_validated(BENCHMARKS))
-    said = verdicts.read(BENCHMARKS)
-    yield "coverage-good.md", verdicts.good(said)
-    yield "coverage-spoilt.md", verdicts.spoilt(said)
+    reports = verdicts.read(BENCHMARKS)
+    yield "coverage-good.md", verdicts.good(reports)
+    yield "coverage-spoilt.md", verdicts.spoilt(reports)
 
 
 def _texts_of_examples(book: Path) -> list[tuple[str, str]]:
-    """Return the names and the outputs of the code on the pages whose code is run."""
+    """Run the code on pages, and return names and texts of its outputs."""
     texts = []
     for name in RUN_PAGES:
         page = (book / f"{name}.md").read_text(encoding="utf-8")
-        for number, said in enumerate(outputs(page), 1):
-            text = speed.wrapped(said) if name in WRAPPED else said
+        for number, output in enumerate(outputs(page), 1):
+            text = speed.wrapped(output) if name in WRAPPED else output
             texts.append((f"{name}-{number}.txt", text))
     return texts
 
 
 def _texts_of_back_matter() -> Iterator[tuple[str, str]]:
-    """Yield the names and texts of what the project's own files say, in the current folder."""
+    """Yield names and texts made from the project's own files in the current folder."""
     yield "citation.json", json.dumps(reproducibility.footer(Path("CITATION.cff")))
     yield "cite.md", reproducibility.sentence(Path("CITATION.cff"))
     yield "licences.md", reproducibility.licences_page()
@@ -428,8 +430,8 @@ def _figures_of_benchmarks(
 ) -> Iterator[tuple[str, Figure]]:
     """Yield names and figures."""
     yield "speed.svg", speed.seconds_by_points(timed["adjustment"])
-    own = [table[table["method"] == sigma.MAIN] for table in (errors.parameters, errors.points)]
-    yield "coverage.svg", normalised_errors(*own)
+    tables = [table[table["method"] == sigma.MAIN] for table in (errors.parameters, errors.points)]
+    yield "coverage.svg", normalised_errors(*tables)
 
 
 # --- the page on the certificate of a run, which leads to the report itself
@@ -444,15 +446,15 @@ def certificate_page(run: Material, report: str) -> str:
     report : str
         Address of the report beside the page; the same as JSON has the ending .json.
     """
-    found = findings.findings(run)
+    answers = findings.findings(run)
     json = f"{report.removesuffix('.html')}.json"
     return "\n\n".join(
         [
             "*Can this calibration be used?*",
-            findings.statement(found),
+            findings.statement(answers),
             f'<a href="{report}">Open the report</a>, one file to print and to keep. Beside it '
             f'lies the same as <a href="{json}">JSON</a>.',
-            myst_table(findings.verdict_table(found), "Findings", name="tab-findings"),
+            myst_table(findings.verdict_table(answers), "Findings", name="tab-findings"),
             "",
         ]
     )
@@ -471,7 +473,7 @@ COLUMNS = "78"
 
 
 def outputs(page: str) -> Iterator[str]:
-    """Run the code of a page piece by piece, in an empty folder; yield what each piece prints.
+    """Run the code of a page piece by piece, in an empty folder; yield the output of each.
 
     Parameters
     ----------
@@ -484,14 +486,14 @@ def outputs(page: str) -> Iterator[str]:
             if language == "shell":
                 yield "".join(_printed(line) for line in code.splitlines())
                 continue
-            said = io.StringIO()
-            with contextlib.redirect_stdout(said):
+            stdout = io.StringIO()
+            with contextlib.redirect_stdout(stdout):
                 exec(compile(code, f"<piece {number} of the page>", "exec"), names)
-            yield said.getvalue()
+            yield stdout.getvalue()
 
 
 def _printed(line: str) -> str:
-    """Return what a command prints that begins with ``acx4``."""
+    """Run a command line that begins with ``acx4``, and return its output."""
     arguments = shlex.split(line)[1:]
     narrow = os.environ | {"COLUMNS": COLUMNS}
     done = subprocess.run(
@@ -504,19 +506,19 @@ def _printed(line: str) -> str:
 
 
 API = "_generated/api"
-"""Where the pages are in the book."""
+"""Folder of the pages in the book."""
 
 CELLAR = "compiled"
-"""Name of the folders that no page shows."""
+"""Name of the folders without pages."""
 
 EXCHANGE = ("outward", "pictures", "programs", "safe", "trajectories")
 BY_MODULE = tuple(f"acx4tools.exchange.{part}." for part in EXCHANGE)
-"""Where modules are listed with what they are for: their functions serve one kind of files, and no
-user's program calls them."""
+"""Modules listed by their docstring alone: their functions serve one kind of files, and no user's
+program calls them."""
 
 
 def write_api(book: Path) -> None:
-    """Write the pages that the contents of the book list, in their order."""
+    """Write the pages of the interface that the table of contents lists."""
     folder = book / API
     contents = (book / "_generated" / "_toc.yml").read_text("utf-8")
     listed = re.findall(rf"{API}/([\w/]+)", contents)
@@ -541,11 +543,11 @@ def _api_page(name: str, rooms: Sequence[str] = ()) -> Iterator[str]:
 
 
 def _contents(package: str) -> list[str]:
-    """Return the modules and rooms in a package, in the order in which its docstring names them."""
+    """Return the modules and rooms of a package, in the order of its docstring."""
     about = import_module(package)
     named = re.findall(r"`([\w.]+)`", about.__doc__ or "")
-    found = [m.name for m in pkgutil.iter_modules(about.__path__)]
-    shown = [name for name in found if name != CELLAR and not name.startswith("_")]
+    names = [m.name for m in pkgutil.iter_modules(about.__path__)]
+    shown = [name for name in names if name != CELLAR and not name.startswith("_")]
     shown.sort(key=lambda name: named.index(name) if name in named else len(named))
     return [f"{package}.{name}" for name in shown]
 
@@ -562,7 +564,7 @@ def _section(name: str, level: int) -> Iterator[str]:
 
 
 def _summary(package: str, names: Sequence[str]) -> str:
-    """Return a table of what is in a package, with the first sentences of docstrings."""
+    """Return a table of a package's modules, with the first sentences of their docstrings."""
     inside = (name.removeprefix(f"{package}.") for name in names)
     return _directive("autosummary", "", "", *inside)
 

@@ -1,7 +1,7 @@
-"""A book of one flight: its chapters, its certificate, and the pages that a reader of these needs.
+"""A book of one flight: its chapters, its certificate, and reference pages for them.
 
-It is what one hands to a client or to students. It has nothing of the study: no errata, no
-scorecard, no labs. A chapter whose block the flight does not have is not there.
+It is meant for clients or students. It has nothing of the study: no errata, no scorecard, no labs.
+Chapters on blocks that the flight lacks are left out.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from acx4lib.results.table_files import NOTEBOOKS
 from acx4lib.results.whole_files import SCRATCH
 
 COMMAND = "acx4 book"
-"""The command that is named in the mark of a book."""
+"""The command named in the mark of a book."""
 
 SOURCES = Path(str(resources.files("acx4book.pages") / "sources"))
-"""Folder of the pages of the study's book, from which those of a flight take some."""
+"""Folder of the pages of the study's book, some of which a flight's book takes."""
 
 CHAPTERS = {
     "00-flight": "flight",
@@ -53,23 +53,23 @@ CHAPTERS = {
     "16-error-budget": "validation",
     "09-weights": "mounting",
 }
-"""Notebooks that can be about any flight, in the order of its book, and the stage that each needs:
-its own, whose notebook comes from the run, or the one whose results it looks at."""
+"""Notebooks for any flight, in the order of its book, and the stage that each needs: its own, if
+the run executes the notebook, or the stage of the results shown."""
 
 READING = ("frames-and-notation", "notation", "glossary", "bibliography")
-"""Pages that a reader of the chapters needs."""
+"""Reference pages for readers of the chapters."""
 
 TAKEN = ("_ext", "_static", "_moving", "images", "references.bib", *(f"{p}.md" for p in READING))
-"""What is taken from the sources of the study's book, beside its settings."""
+"""Sources of the study's book used unchanged, beside its settings."""
 
 OF_CODE = {
     *("sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"),
     *("sphinx_exercise", "short_signatures", "docstrings", "forwards"),
 }
-"""Extensions for pages that the book of a flight does not have, or never had."""
+"""Extensions of Sphinx for pages that the book of a flight does not have."""
 
 OF_COURSE = re.compile(r":::\{admonition\} Before you start\n.*?\n:::\n\n", re.DOTALL)
-"""What the first cell of a chapter says of goals, prerequisites and exercises."""
+"""The box in the first cell of a chapter with goals, prerequisites and exercises."""
 
 NOTE = ":::{note}\nThe flight of this page is simulated.\n:::"
 
@@ -79,10 +79,10 @@ BUILD = (
 )
 
 COLOURS, SAYS = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"WARNING|ERROR|Error")
-"""What colours the lines of Sphinx, and which of them say what is wrong."""
+"""Escape sequences for colours in the output of Sphinx, and words of lines on errors."""
 
 LINES_SHOWN = 12
-"""Last lines of Sphinx that are told where it fails."""
+"""Number of last lines of Sphinx in the message of a failed build."""
 
 
 class BookError(Acx4Error):
@@ -117,7 +117,7 @@ def write(
     own_folder.verify(results_path, cure="run acx4 run again")
     with (
         tempfile.TemporaryDirectory(prefix="acx4-book-") as temporary,
-        own_folder.claim(site, command=COMMAND) as own,
+        own_folder.claim(site, command=COMMAND) as folder,
     ):
         source = Path(temporary) / "book"
         name = _gather(results_path, source, tell)
@@ -126,11 +126,11 @@ def write(
         page.write(results_path, html / "report.html")
         shutil.copyfile(source / "_toc.yml", html / "_toc.yml")  # by which it can be printed
         tell("pages", 1, 1)
-        _place(html, own)
+        _place(html, folder)
 
 
 def write_chapter(name: str, results_path: Path, site: Path) -> None:
-    """Build one chapter of the study's book as its author looks at it, with warnings on stderr.
+    """Build one chapter of the study's book for its author, with warnings on stderr.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def write_chapter(name: str, results_path: Path, site: Path) -> None:
         raise BookError(f"{name}: no such notebook; one is {next(iter(CHAPTERS))}")
     with (
         tempfile.TemporaryDirectory(prefix="acx4-book-") as temporary,
-        own_folder.claim(site, command=COMMAND) as own,
+        own_folder.claim(site, command=COMMAND) as folder,
     ):
         source = Path(temporary) / "book"
         executed = _begun(source)
@@ -163,34 +163,34 @@ def write_chapter(name: str, results_path: Path, site: Path) -> None:
             (executed / name).parent.mkdir(exist_ok=True)
             build.run_here(name, executed, places if results_path.is_dir() else {})
         _write_settings(source, "acx4lib", [name], {"index.md": f"# {name}\n"}, set())
-        _place(_built(source, Path(temporary), strict=False, said=sys.stderr), own)
+        _place(_built(source, Path(temporary), strict=False, log=sys.stderr), folder)
 
 
 def _escape(html: Path, name: str) -> None:
-    """Escape the name of the flight where templates of the theme have it as it is."""
+    """Escape the name of the flight where the theme's templates do not."""
     if (safe := escape(name)) != name:
         for path in html.rglob("*.html"):
             whole_files.write(path, path.read_text("utf-8").replace(name, safe))
 
 
-def _place(html: Path, own: OwnFolder) -> None:
-    """Bring the pages into their folder, whole before the first of an earlier book goes."""
+def _place(html: Path, folder: OwnFolder) -> None:
+    """Move the pages into their folder; an earlier book is removed once all are copied."""
     names = sorted(p.relative_to(html).as_posix() for p in html.rglob("*") if p.is_file())
-    with tempfile.TemporaryDirectory(dir=own.path, prefix=SCRATCH) as temporary:
+    with tempfile.TemporaryDirectory(dir=folder.path, prefix=SCRATCH) as temporary:
         whole = Path(temporary) / "html"
         for name in names:
             (whole / name).parent.mkdir(parents=True, exist_ok=True)
             whole_files.copy(html / name, whole / name)
-        own.remove(list(own.files))
-        own.expect(names)
+        folder.remove(list(folder.files))
+        folder.expect(names)
         for name in names:
-            (own.path / name).parent.mkdir(parents=True, exist_ok=True)
-            (whole / name).replace(own.path / name)
-    own.seal()
+            (folder.path / name).parent.mkdir(parents=True, exist_ok=True)
+            (whole / name).replace(folder.path / name)
+    folder.seal()
 
 
 def _gather(results_path: Path, source: Path, tell: Tell) -> str:
-    """Write all that the pages are made of, and return the name of the flight."""
+    """Write all sources of the pages, and return the name of the flight."""
     executed = _begun(source)
     run = material.read(results_path)
     chapters = list(_chapters(results_path, executed, simulated=run.flight.simulated, tell=tell))
@@ -203,7 +203,7 @@ def _gather(results_path: Path, source: Path, tell: Tell) -> str:
 
 
 def _begun(source: Path) -> Path:
-    """Copy what is the same in every book, and return the folder for its notebooks."""
+    """Copy the common files of all books, and return the folder for the notebooks."""
     source.mkdir()
     for name in TAKEN:
         copied = shutil.copytree if (SOURCES / name).is_dir() else shutil.copyfile
@@ -218,15 +218,15 @@ def _begun(source: Path) -> Path:
 def _write_settings(
     source: Path, name: str, chapters: list[str], texts: Mapping[str, str], without: Set[str]
 ) -> None:
-    """Write pages, contents and settings of a book of some chapters, without some extensions."""
+    """Write pages, contents and settings of a book with given chapters and extensions."""
     generated = source / "_generated"
     settings = {"_toc.yml": _contents(chapters, [*texts]), "_config.yml": _settings(name, without)}
     written = {file: yaml.safe_dump(values) for file, values in settings.items()}
     for file, text in {**texts, **written}.items():
         whole_files.write(source / file, text)
     made_by = f"acx4lib {version('acx4lib')}"
-    told = {"made_by": made_by, "flights": dict.fromkeys(chapters, name)}
-    whole_files.write(generated / "made_from.json", json.dumps(told))
+    made_from = {"made_by": made_by, "flights": dict.fromkeys(chapters, name)}
+    whole_files.write(generated / "made_from.json", json.dumps(made_from))
     left_out = {page: title for page, title in _titles() if page not in {*READING, *chapters}}
     whole_files.write(generated / "left_out.json", json.dumps({**left_out, "_generated/api": ""}))
     foot = {"name": "acx4lib", "version": version("acx4lib"), "authors": "", "licence": ""}
@@ -257,7 +257,7 @@ def _chapters(results_path: Path, executed: Path, *, simulated: bool, tell: Tell
 
 
 def _without_course(page: Path) -> None:
-    """Take out of a chapter what it says to those who take the course of the study's book."""
+    """Remove the box for course participants from a chapter."""
     notebook = nbformat.read(page, as_version=4)  # type: ignore[no-untyped-call] # untyped
     notebook.cells[0].source = OF_COURSE.sub("", notebook.cells[0].source)
     whole_files.write(page, nbformat.writes(notebook))  # type: ignore[no-untyped-call] # untyped
@@ -267,7 +267,7 @@ def _without_course(page: Path) -> None:
 
 
 def _front(run: material.Material) -> str:
-    """Return the first page: which flight, what is in the book, what was read and by what."""
+    """Return the first page: flight, table of contents, blocks, files and software."""
     flight = run.flight
     blocks = pd.concat([block.table() for block in flight.blocks.values()])
     versions = {name: v for stage in run.provenance.stages.values() for name, v in _versions(stage)}
@@ -305,8 +305,8 @@ def _versions(stage: Mapping[str, object]) -> Iterator[tuple[str, str]]:
 def _contents(chapters: list[str], pages: list[str]) -> dict[str, Any]:
     """Return the table of contents."""
     of_flight = [f"_executed/{name}" for name in chapters]
-    own = [page.removesuffix(".md") for page in pages if page != "index.md"]
-    parts = {"The flight": [*of_flight, *own], "To read it": READING}
+    others = [page.removesuffix(".md") for page in pages if page != "index.md"]
+    parts = {"The flight": [*of_flight, *others], "To read it": READING}
     return {
         "format": "jb-book",
         "root": "index",
@@ -347,8 +347,8 @@ def _titles() -> Iterator[tuple[str, str]]:
 # --- Sphinx ----------------------------------------------------------------------------------
 
 
-def _built(source: Path, work: Path, *, strict: bool, said: TextIO | None = None) -> Path:
-    """Run Sphinx, and return the folder of HTML; its warnings are written to `said`."""
+def _built(source: Path, work: Path, *, strict: bool, log: TextIO | None = None) -> Path:
+    """Run Sphinx, and return the folder of HTML; its warnings are written to `log`."""
     options = ["--quiet", "-n", "--keep-going", *(["-W"] if strict else [])]
     command = [sys.executable, "-c", BUILD, "build", str(source), *options]
     done = subprocess.run(
@@ -364,6 +364,6 @@ def _built(source: Path, work: Path, *, strict: bool, said: TextIO | None = None
         lines = COLOURS.sub("", done.stdout + done.stderr).splitlines()
         why = [line.replace(f"{source}/", "") for line in lines if SAYS.search(line)] or lines
         raise BookError("\n".join(["the book could not be built", *why[-LINES_SHOWN:]]))
-    if said:
-        said.write(COLOURS.sub("", done.stderr).replace(f"{source}/", ""))
+    if log:
+        log.write(COLOURS.sub("", done.stderr).replace(f"{source}/", ""))
     return html

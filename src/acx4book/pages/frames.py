@@ -40,7 +40,7 @@ def _seen(points: Vector) -> Vector:
 
 
 def _from_camera(points: Vector) -> Vector:
-    """Bring points of the camera frame into the mapping frame."""
+    """Transform points of the camera frame to the mapping frame."""
     return CAMERA_AT + R_B_M.apply(R_C_B.apply(points))
 
 
@@ -114,8 +114,8 @@ def _draw_image_plane(ax: Axes) -> None:
     ax.add_patch(Rectangle((-width / 2, -height / 2), width, height, fc=SHEET, ec=CAMERA))
     for column in range(3):
         for row in range(2):
-            at = (-width / 2 + 0.8 * column, height / 2 - 0.8 * (row + 1))
-            ax.add_patch(Rectangle(at, 0.8, 0.8, fc=PAPER, ec=SOFT, lw=0.8))
+            corner = (-width / 2 + 0.8 * column, height / 2 - 0.8 * (row + 1))
+            ax.add_patch(Rectangle(corner, 0.8, 0.8, fc=PAPER, ec=SOFT, lw=0.8))
     across, down = np.array([3.2, 0]), np.array([0, 2.6])
     pixel = np.array([-width / 2 + 0.4, height / 2 - 0.4])
     ax.plot(*pixel, "o", color=INK, ms=4, zorder=5)

@@ -1,8 +1,8 @@
 """The book as one PDF: ``python -m acx4book.pages.pdf HTML CONTENTS PDF``.
 
-Chromium prints the pages one by one, and pypdf joins them. Links between pages lead inside the PDF:
-what they lead to is a place that Chromium notes only where the page itself has a link to it, so a
-copy of every page is printed that has hidden links to all places which are linked from anywhere.
+Chromium prints the pages one by one, and pypdf joins them. Links between pages lead inside the PDF.
+Chromium notes the target of a link only if the page itself links to it. So each page is printed
+from a copy with hidden links to all its places that any page links to.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from acx4lib.errors import Acx4Error
 from acx4lib.results import whole_files
 
 AT_ONCE = 2
-"""Pages that are printed side by side."""
+"""Number of pages printed at the same time."""
 
 HREF = re.compile(r'<a\b[^>]*?\bhref="([^"]+)"')
 Place = tuple[str, str]
-"""A page, by its path below the folder of the book, and the name of a place on it, or nothing."""
+"""Path of a page below the book's folder, and the name of a place on it, or nothing."""
 
 
 def order(contents: Path) -> list[str]:
@@ -51,7 +51,7 @@ def order(contents: Path) -> list[str]:
 
 
 def _joined(root: str, pdfs: Mapping[str, Path]) -> PdfWriter:
-    """Join the printed pages of a book into one document, whose links lead inside."""
+    """Join the printed pages of a book into one document with internal links."""
     readers = {page: PdfReader(pdf) for page, pdf in pdfs.items()}
     writer = PdfWriter()
     targets: dict[Place, tuple[int, Fit]] = {}
@@ -59,10 +59,13 @@ def _joined(root: str, pdfs: Mapping[str, Path]) -> PdfWriter:
     for page, reader in readers.items():
         first = len(writer.pages)
         targets[page, ""] = (first, Fit.fit_horizontally())
-        for name, at in reader.named_destinations.items():
-            number = reader.get_destination_page_number(at)
+        for name, destination in reader.named_destinations.items():
+            number = reader.get_destination_page_number(destination)
             if number is not None:
-                targets[page, name.removeprefix("/")] = first + number, Fit.xyz(at.left, at.top)
+                targets[page, name.removeprefix("/")] = (
+                    first + number,
+                    Fit.xyz(destination.left, destination.top),
+                )
         for number, sheet in enumerate(reader.pages, first):
             links += ((number, rect, to) for rect, to in _taken_links(sheet, root, page))
         writer.append(reader, outline_item=_title(reader, page), import_outline=False)
@@ -73,21 +76,21 @@ def _joined(root: str, pdfs: Mapping[str, Path]) -> PdfWriter:
 
 
 def _taken_links(sheet: Any, root: str, page: str) -> Iterator[tuple[Any, Place | str]]:
-    """Take the links off a sheet; yield where they stand and where they lead."""
+    """Remove the links of a sheet; yield their rectangles and targets."""
     if "/Annots" not in sheet:
         return
     for entry in sheet["/Annots"]:
-        found = entry.get_object()
-        if "/Dest" in found:
-            yield found["/Rect"], (page, unquote(str(found["/Dest"])).removeprefix("/"))
-        elif "/A" in found and "/URI" in found["/A"]:
-            address = str(found["/A"]["/URI"])
-            yield found["/Rect"], _place(root, address) or address
+        link = entry.get_object()
+        if "/Dest" in link:
+            yield link["/Rect"], (page, unquote(str(link["/Dest"])).removeprefix("/"))
+        elif "/A" in link and "/URI" in link["/A"]:
+            address = str(link["/A"]["/URI"])
+            yield link["/Rect"], _place(root, address) or address
     del sheet["/Annots"]
 
 
 def _place(root: str, address: str) -> Place | None:
-    """Return where an address leads inside a book; None where it leads elsewhere."""
+    """Return the place of an address inside the book; None outside it."""
     if not address.startswith(f"{root}/"):
         return None
     url = urlsplit(address[len(root) + 1 :])
@@ -101,12 +104,12 @@ def _link(
     to: Place | str,
     targets: Mapping[Place, tuple[int, Fit]],
 ) -> None:
-    """Put a link on a sheet; none that leads to a file which is not printed."""
+    """Put a link on a sheet, unless its target is a file that is not printed."""
     box, plain = tuple(map(float, rect)), [0, 0, 0]
     if isinstance(to, tuple):
-        at = targets.get(to) or targets.get((to[0], ""))
-        if at is not None:
-            link = Link(rect=box, border=plain, target_page_index=at[0], fit=at[1])  # type: ignore[arg-type] # four
+        target = targets.get(to) or targets.get((to[0], ""))
+        if target is not None:
+            link = Link(rect=box, border=plain, target_page_index=target[0], fit=target[1])  # type: ignore[arg-type] # four
             writer.add_annotation(number, link)
     elif not to.startswith("file:"):
         writer.add_annotation(number, Link(rect=box, border=plain, url=to))  # type: ignore[arg-type] # four
@@ -114,8 +117,8 @@ def _link(
 
 def _title(reader: PdfReader, page: str) -> str:
     """Return the title of a printed page, without that of the book."""
-    said = (reader.metadata and reader.metadata.title) or page
-    return said.partition(" — ")[0]
+    title = (reader.metadata and reader.metadata.title) or page
+    return title.partition(" — ")[0]
 
 
 def make(html: Path, contents: Path, pdf: Path) -> int:
@@ -149,34 +152,34 @@ def make(html: Path, contents: Path, pdf: Path) -> int:
 
 def _chromium() -> str:
     """Return the path of Chromium."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
         raise PrintError(MISSING)
-    return found
+    return path
 
 
 def _prepared(html: Path, folder: Path, pages: Sequence[str]) -> None:
-    """Make a copy of a book to print, whose pages have a hidden link to every place on them."""
+    """Copy a book for printing, with hidden links on each page to its own linked places."""
     shutil.copytree(html, folder, copy_function=os.link)
     places = _wanted(html, pages)
     for page in pages:
         links = "".join(f'<a href="#{escape(name)}"></a>' for name in sorted(places[page]))
         text = (html / page).read_text(encoding="utf-8")
         hidden = f'<div style="display: none">{links}</div></body>'
-        # another file than the book's own, of which it is a second name
+        # a new file: the old one is a hard link to the book's own
         whole_files.write(folder / page, text.replace("</body>", hidden))
 
 
 def _wanted(html: Path, pages: Sequence[str]) -> dict[str, set[str]]:
-    """Return the places of every page that links of the book lead to."""
-    found: dict[str, set[str]] = defaultdict(set)
+    """Return the linked places of every page."""
+    anchors: dict[str, set[str]] = defaultdict(set)
     for page in pages:
         for address in HREF.findall((html / page).read_text(encoding="utf-8")):
             url = urlsplit(unescape(address))
             if url.fragment and not url.scheme and not url.netloc:
                 to = os.path.normpath(Path(page).parent / unquote(url.path)) if url.path else page
-                found[to].add(unquote(url.fragment))
-    return found
+                anchors[to].add(unquote(url.fragment))
+    return anchors
 
 
 def _printed(browser: str, page: Path, pdf: Path) -> None:
@@ -198,7 +201,7 @@ def _printed(browser: str, page: Path, pdf: Path) -> None:
 
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-"""What Chromium is called on different systems."""
+"""Names of Chromium on different systems."""
 
 MISSING = (
     "the book is printed by Chromium, which is not here: install the package chromium "
@@ -209,10 +212,10 @@ FLAGS = (
     *("--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=60000"),
 )
 END = b"%%EOF"
-"""Of a whole PDF."""
+"""End of a complete PDF."""
 
 SECONDS = 300
-"""After which a page is given up."""
+"""Time limit for printing a page, s."""
 
 
 class PrintError(Acx4Error):

@@ -33,10 +33,10 @@ from acx4lib.results import own_folder, whole_files
 
 
 LIST = Path("FILES.txt")
-"""What an archive of the project names its files in; a clone has none."""
+"""List of files in an archive of the project; a clone has none."""
 
 FILE, LINK = 0o100644, 0o120777
-"""Modes of what is packed."""
+"""File modes in an archive."""
 
 
 class ReleaseError(Acx4Error):
@@ -44,7 +44,7 @@ class ReleaseError(Acx4Error):
 
 
 def _git(*arguments: str) -> bytes:
-    """Return what git says in the current folder."""
+    """Return the output of git in the current folder."""
     try:
         done = subprocess.run(["git", *arguments], capture_output=True, check=False)
     except OSError as error:
@@ -57,7 +57,7 @@ def _git(*arguments: str) -> bytes:
 
 
 def problems(changelog: str, version: str) -> list[str]:
-    """Return what the changelog does not say of a version, a sentence each.
+    """Return a sentence on each entry about a version that the changelog lacks.
 
     Parameters
     ----------
@@ -67,20 +67,20 @@ def problems(changelog: str, version: str) -> list[str]:
         The version to be released.
     """
     _, _, newest = changelog.partition("\n## ")
-    heading, _, said = newest.partition("\n")
-    said = said.partition("\n## ")[0]
-    found = []
+    heading, _, entry = newest.partition("\n")
+    entry = entry.partition("\n## ")[0]
+    missing = []
     if heading.partition(",")[0] != version:
-        found.append(f"CHANGELOG.md begins with {heading!r}; the version is {version}")
+        missing.append(f"CHANGELOG.md begins with {heading!r}; the version is {version}")
     elif "unreleased" in heading:
-        found.append(f"CHANGELOG.md calls {version} unreleased: write the date of the release")
-    for what, number in (("flights", settings.FORMAT), ("results", own_folder.FORMAT)):
-        if not re.search(rf"[Ff]ormat\s+of\s+{what}\s+is\s+{number}\b", said):
-            found.append(
-                f'CHANGELOG.md does not say "The format of {what} is {number}" and what older '
+        missing.append(f"CHANGELOG.md calls {version} unreleased: write the date of the release")
+    for kind, number in (("flights", settings.FORMAT), ("results", own_folder.FORMAT)):
+        if not re.search(rf"[Ff]ormat\s+of\s+{kind}\s+is\s+{number}\b", entry):
+            missing.append(
+                f'CHANGELOG.md does not say "The format of {kind} is {number}" and what older '
                 "ones are still read"
             )
-    return found
+    return missing
 
 
 def _wheel(folder: Path, seconds: int) -> None:
@@ -101,7 +101,7 @@ def _wheel(folder: Path, seconds: int) -> None:
 
 
 def offered(generated: Path, seconds: int) -> str:
-    """Pack the project for readers of the book, and return what leads to it as MyST text."""
+    """Pack the project for readers of the book, and return a link to it as MyST text."""
     archive = generated / "acx4lib.zip"
     try:
         _project(archive, seconds)
@@ -113,7 +113,7 @@ def offered(generated: Path, seconds: int) -> str:
 
 
 def _project(archive: Path, seconds: int) -> None:
-    """Pack what belongs to the working copy in the current folder: what can be built again."""
+    """Pack the files of the working copy in the current folder, all that builds the project."""
     names = _listed()
     with _packed(archive, seconds) as add:
         for path in sorted(Path(name) for name in names if os.path.lexists(name)):
@@ -133,7 +133,7 @@ def _listed() -> list[str]:
 
 @contextmanager
 def _packed(archive: Path, seconds: int) -> Iterator[Callable[[str, bytes, int], None]]:
-    """Open a new archive, and give what adds a file to its folder by name, content and mode."""
+    """Open a new archive; yield a function that adds a file by name, content and mode."""
     date = time.gmtime(seconds)[:6]
 
     def add(name: str, content: bytes, mode: int) -> None:
@@ -149,7 +149,7 @@ def _packed(archive: Path, seconds: int) -> Iterator[Callable[[str, bytes, int],
 
 
 def make(html: Path, folder: Path) -> list[str]:
-    """Make a release of the working copy in the current folder, and return what there is to say.
+    """Make a release of the working copy in the current folder, and return its messages.
 
     Parameters
     ----------
@@ -174,27 +174,29 @@ def make(html: Path, folder: Path) -> list[str]:
     _wheel(folder, seconds)
     _pack(html, folder / f"acx4lib-book-{version}.zip", seconds)
     sums = (f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p}" for p in sorted(folder.iterdir()))
-    said = problems(Path("CHANGELOG.md").read_text(encoding="utf-8"), version)
-    return [f"acx4lib {version}, commit {_git('rev-parse', 'HEAD').decode().strip()}", *sums, *said]
+    missing = problems(Path("CHANGELOG.md").read_text(encoding="utf-8"), version)
+    return [
+        f"acx4lib {version}, commit {_git('rev-parse', 'HEAD').decode().strip()}",
+        *sums,
+        *missing,
+    ]
 
 
 def _pack(content: Path, archive: Path, seconds: int) -> None:
-    """Pack a folder into an archive that has one folder, of the archive's name."""
+    """Pack a folder into an archive, below one folder with the archive's name."""
     with _packed(archive, seconds) as add:
         for path in sorted(path for path in content.rglob("*") if path.is_file()):
             add(path.relative_to(content).as_posix(), path.read_bytes(), FILE)
 
 
-# --- The notebooks as readers download them: without outputs, and such that they run where
-# they land
+# --- The notebooks for download: without outputs, ready to run anywhere
 #
-# In the project a notebook reads the flight that make simulated. A copy by itself has other
-# defaults, and a cell that simulates the flight and runs the stages before, where they are
-# missing.
+# In the project a notebook reads the flight simulated by make. A copy by itself has other
+# defaults, and a cell that simulates a missing flight and runs missing earlier stages.
 
 
 FOLDER = Path("downloads", "notebooks")
-"""Where the copies lie in the built book."""
+"""Folder of the copies in the built book."""
 
 NEEDS = (
     "> This notebook comes from the book. Where `acx4lib` is not installed, as at a host, put the "
@@ -202,7 +204,7 @@ NEEDS = (
     "`book`, for which it needs the network once. References such as {numref} are written in MyST "
     "Markdown, which the book shows as links."
 )
-"""What a reader is told at the top."""
+"""Note for the reader at the top of a copy."""
 
 INSTALL = """\
 import importlib.util
@@ -213,12 +215,12 @@ if importlib.util.find_spec("acx4lib") is None:  # some minutes, once
     pip = f'"{sys.executable}" -m pip install -q -c acx4lib/environment.lock'
     subprocess.run(f"unzip -qo acx4lib.zip && {pip} './acx4lib[book]'", shell=True, check=True)
     importlib.invalidate_caches()"""
-"""The first cell: it does nothing where the library is installed."""
+"""Cell that installs the library if it is missing."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Before:
-    """What has to be there before a notebook can run.
+    """Flight and stages needed before a notebook can run.
 
     Attributes
     ----------
@@ -245,14 +247,14 @@ BEFORE: Mapping[str, Before] = {
     "16-error-budget": Before(design="acx4-ideal", stages=("mounting",)),
     "study": Before(design="acx4-ideal"),
 }
-"""The notebooks that need a flight, the one that their pages show; the others need none."""
+"""Notebooks that need a flight: the one shown on their pages."""
 
 PAGES = ("*.ipynb", "foundations/*.ipynb", "template/study.ipynb")
 """The notebooks that are pages of the book, below their folder."""
 
 
 def write(folder: Path) -> None:
-    """Write a copy of every notebook below a folder, where it lies below that of the notebooks."""
+    """Write a copy of every notebook, at the same relative path below a folder."""
     for source in _sources():
         name = source.relative_to(NOTEBOOKS_PATH)
         path = folder / name
@@ -263,30 +265,30 @@ def write(folder: Path) -> None:
 
 def _sources() -> list[Path]:
     """Return the notebooks that are pages of the book."""
-    found = (NOTEBOOKS_PATH.glob(pattern) for pattern in PAGES)
-    return sorted(path for paths in found for path in paths)
+    matches = (NOTEBOOKS_PATH.glob(pattern) for pattern in PAGES)
+    return sorted(path for paths in matches for path in paths)
 
 
 def _copy(source: Path, name: str) -> nbformat.NotebookNode:
-    """Return a notebook that runs by itself."""
+    """Return a copy of a notebook that runs outside the project."""
     notebook: nbformat.NotebookNode = nbformat.read(source, as_version=4)  # type: ignore[no-untyped-call] # untyped
     notebook.cells[0].source += f"\n\n{NEEDS}"
     notebook.cells.insert(1, nbformat.v4.new_code_cell(INSTALL, id="install"))  # type: ignore[no-untyped-call] # untyped
     if name in BEFORE:
         flight, results = _places(name)
-        at = next(
+        index = next(
             i for i, c in enumerate(notebook.cells) if "parameters" in c.metadata.get("tags", [])
         )
-        parameters = notebook.cells[at]
+        parameters = notebook.cells[index]
         parameters.source = _with_default(parameters.source, "flight_path", flight)
         parameters.source = _with_default(parameters.source, "results_path", results)
         cell = nbformat.v4.new_code_cell(_start(name, parameters.source), id="start")  # type: ignore[no-untyped-call] # untyped
-        notebook.cells.insert(at + 1, cell)
+        notebook.cells.insert(index + 1, cell)
     return notebook
 
 
 def _with_default(source: str, name: str, value: str) -> str:
-    """Return a cell of parameters in which a text has another default, where it is there."""
+    """Replace the default of a text parameter in a cell, if the cell has the parameter."""
     return re.sub(rf'^({name}: str = )"[^"]*"', rf'\1"{value}"', source, flags=re.MULTILINE)
 
 
@@ -296,7 +298,7 @@ def _places(name: str) -> tuple[str, str]:
 
 
 def _start(name: str, parameters: str) -> str:
-    """Return the code that makes what is missing, for the flight that the parameters name.
+    """Return the code that simulates the flight and runs earlier stages if they are missing.
 
     A notebook that has no flight among its parameters makes its own results alone.
     """

@@ -1,4 +1,4 @@
-"""What a book was made from: software, flights, licences, and who made which version."""
+"""Sources of a book: software, flights, licences, and the project's citation."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from acx4lib.results.provenance import KEPT
 
 
 def commit() -> str:
-    """Name the commit of the working copy in the current folder, and count its files that differ.
+    """Return the commit of the working copy in the current folder, and count changed files.
 
-    Files that are new do not count: a flight or its results beside the sources change none of them.
+    New files do not count: a flight or results beside the sources do not change the sources.
     """
 
     def git(*arguments: str) -> str:
@@ -40,7 +40,7 @@ def commit() -> str:
 
 
 def short(commit: str) -> str:
-    """Return what `commit` names with ten characters of the hash."""
+    """Shorten the text of `commit` to ten characters of the hash."""
     name, _, changed = commit.partition(",")
     return f"{name[:10]}{' with changes' if changed else ''}" if " " not in name else name
 
@@ -53,7 +53,7 @@ def _table(name: str, caption: str, header: Sequence[str], rows: Iterable[Sequen
 
 
 def _packages() -> list[tuple[str, str]]:
-    """List the packages that environment.txt names, with the versions installed."""
+    """List the packages of environment.txt with the installed versions."""
     text = Path("environment.txt").read_text(encoding="utf-8")
     names = re.findall(r"^([\w.-]+)==", text, flags=re.MULTILINE)
     return [(name, version(name)) for name in names]
@@ -99,7 +99,7 @@ def page(flight: Path, results: Path) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """A work of others that lies in the folder of the built book.
+    """A work of others in the folder of the built book.
 
     Attributes
     ----------
@@ -177,11 +177,13 @@ WORKS = tuple(
 
 def of(file: str) -> Work | None:
     """Return the work that a file of the built book belongs to; None for our own."""
-    return next((work for work in WORKS if any(fnmatch(file, one) for one in work.files)), None)
+    return next(
+        (work for work in WORKS if any(fnmatch(file, pattern) for pattern in work.files)), None
+    )
 
 
 def licences_page() -> str:
-    """Return what the book carries, and what it was compared with, as MyST text."""
+    """Tabulate works of others in the book and in its comparisons, as MyST text."""
     carried = ((w.what, w.licence, f"{w.brought_by} {version(w.brought_by)}") for w in WORKS)
     return "\n".join(
         [
@@ -202,7 +204,7 @@ def licences_page() -> str:
 
 
 def _compared() -> Iterator[tuple[str, str, str]]:
-    """Yield the repositories of the reference data, how many files are theirs, and licences."""
+    """Yield repository, number of files and licence of the reference data."""
     counted = Counter((entry.repository, entry.licence) for entry in data.index())
     for (repository, licence), files in sorted(counted.items()):
         yield f"`{repository}`", f"{files}", licence
@@ -212,11 +214,11 @@ def _compared() -> Iterator[tuple[str, str, str]]:
 
 
 PARTS = ("code", "text")
-"""What the licences of a CITATION.cff that has two are of, in their order."""
+"""Parts of the project, in the order of the two licences of its CITATION.cff."""
 
 
 def footer(file: Path) -> dict[str, str]:
-    """Return what CITATION.cff says for the foot of a page.
+    """Return the fields of CITATION.cff for the foot of a page.
 
     Parameters
     ----------
@@ -228,36 +230,36 @@ def footer(file: Path) -> dict[str, str]:
     dict
         name, version, authors, licence; doi and repository where the file has them.
     """
-    said = yaml.safe_load(file.read_text(encoding="utf-8"))
-    found = {
-        "name": said["title"].partition(":")[0],
-        "version": str(said["version"]),
-        "authors": ", ".join(_name(author) for author in said["authors"]),
-        "licence": _licences(said["license"]),
-        "doi": said.get("doi", ""),
-        "repository": said.get("repository-code", ""),
+    citation = yaml.safe_load(file.read_text(encoding="utf-8"))
+    fields = {
+        "name": citation["title"].partition(":")[0],
+        "version": str(citation["version"]),
+        "authors": ", ".join(_name(author) for author in citation["authors"]),
+        "licence": _licences(citation["license"]),
+        "doi": citation.get("doi", ""),
+        "repository": citation.get("repository-code", ""),
     }
-    return {key: value for key, value in found.items() if value}
+    return {key: value for key, value in fields.items() if value}
 
 
 def sentence(file: Path) -> str:
-    """Return how the project is cited, as Markdown: authors, title, version, address."""
-    said, found = yaml.safe_load(file.read_text(encoding="utf-8")), footer(file)
-    ends = (found.get("doi") and f"doi:{found['doi']}", found.get("repository"))
-    parts = (found["authors"], f"*{said['title']}*", f"version {found['version']}", *ends)
+    """Return the citation of the project as Markdown: authors, title, version, address."""
+    citation, fields = yaml.safe_load(file.read_text(encoding="utf-8")), footer(file)
+    ends = (fields.get("doi") and f"doi:{fields['doi']}", fields.get("repository"))
+    parts = (fields["authors"], f"*{citation['title']}*", f"version {fields['version']}", *ends)
     return f"{', '.join(filter(None, parts))}.\n"
 
 
-def _licences(given: str | list[str]) -> str:
-    """Return the licence of all, or those of the code and of the text, which are two."""
-    if isinstance(given, str):
-        return given
+def _licences(licences: str | list[str]) -> str:
+    """Return the single licence, or the licences of code and text."""
+    if isinstance(licences, str):
+        return licences
     return ", ".join(
-        f"{what} {name.replace('-', ' ')}" for what, name in zip(PARTS, given, strict=True)
+        f"{part} {name.replace('-', ' ')}" for part, name in zip(PARTS, licences, strict=True)
     )
 
 
 def _name(author: dict[str, str]) -> str:
-    """Return the name of a person, or of a group, which has one name."""
+    """Return the name of a person or of a group."""
     parts = (author.get("given-names"), author.get("name-particle"), author.get("family-names"))
     return author.get("name") or " ".join(filter(None, parts))

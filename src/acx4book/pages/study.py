@@ -1,6 +1,6 @@
 """Parts of pages on the study.
 
-Its flight and truth, the methods beside each other, independent data.
+Simulated flight, accuracy, comparison of methods, geometry, and independent chapters.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ def _say(name: str, /, **values: Any) -> str:
 
 
 Row = tuple[str, str, str]
-"""What was chosen, its value here, and what the paper says or what comes out by it."""
+"""A choice, its value here, and the paper's statement or the effect."""
 
 
 def _for_printed_numbers(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
-    """Return what was set so that printed numbers come out."""
+    """Return the choices made to reproduce printed numbers."""
     best, worst = (printed.statement(f"gnss_{end}_m") for end in ("best", "worst"))
     rows: list[Row] = []
     if flight.calibration is not None:
@@ -90,7 +90,7 @@ def _for_printed_numbers(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
 
 
 def _guessed(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
-    """Return what the paper does not tell and nothing was tuned by."""
+    """Return the choices not given in the paper and not tuned."""
     plan = acx4_plan()
     levers = np.array(
         [[truth["cameras"][h][f"lever_{axis}_m"] for axis in "xyz"] for h in printed.HEADS]
@@ -153,7 +153,7 @@ def _n_ties(block: Block) -> int:
 
 
 def _side_overlap() -> float:
-    """Return the part of an image of the validation block that the next strip has, too."""
+    """Return the side overlap of the validation block, a fraction of the image."""
     first, second = acx4_plan().blocks["validation"].strips[:2]
     f, width = printed.value(3, "f_mm", "single_step"), printed.value(2, "height_mm", "SYN")
     return 1 - abs(first.left_m - second.left_m) * f / (width * first.height_m)
@@ -173,10 +173,10 @@ def _area(half_m: tuple[float, float]) -> str:
 
 
 SCALES = (2000, 5000)
-"""Denominators of the scales that the paper claims."""
+"""Denominators of the map scales claimed in the paper."""
 
 SPREAD = (0.05, 0.95)
-"""Quantiles between which nine of ten flights lie."""
+"""Quantiles that enclose nine of ten flights."""
 
 METHODS = ("single_step", "two_step")
 
@@ -191,33 +191,35 @@ def page(benchmarks: Path) -> str:
     Parameters
     ----------
     benchmarks : Path
-        Folder with what ``make chain`` and ``make coverage`` left.
+        Folder with the results of ``make chain`` and ``make coverage``.
     """
-    found = {"four heads, single-step": _of_chain(synthetic_cost.read(benchmarks))}
-    found |= {f"ideal camera, {TITLES[m]}": of_ideal(benchmarks, m) for m in METHODS}
-    table = pd.DataFrame([_row(title, flights) for title, flights in found.items()])
+    by_way = {"four heads, single-step": _of_chain(synthetic_cost.read(benchmarks))}
+    by_way |= {f"ideal camera, {TITLES[m]}": of_ideal(benchmarks, m) for m in METHODS}
+    table = pd.DataFrame([_row(title, flights) for title, flights in by_way.items()])
     caption = "RMS at the check points of many simulated flights, and how many reach class A"
     return f"{_say('accuracy')}\n\n{myst_table(table, caption, name='tab-front-accuracy')}\n"
 
 
-def _of_chain(found: synthetic_cost.Study) -> Flights:
-    """Return the flights whose synthetic images are made of four heads."""
-    rms = synthetic_cost.rms_by_flight(found, synthetic_cost.SYNTHETIC)
-    own = found.classes[found.classes["way"] == synthetic_cost.SYNTHETIC].set_index("seed")
+def _of_chain(chain: synthetic_cost.Study) -> Flights:
+    """Return the accuracy of flights with synthetic images from four heads."""
+    rms = synthetic_cost.rms_by_flight(chain, synthetic_cost.SYNTHETIC)
+    classes = chain.classes[chain.classes["way"] == synthetic_cost.SYNTHETIC].set_index("seed")
     parts = [f"{part}_{scale}" for part in ("plan", "height") for scale in SCALES]
-    return rms.join(own[parts] == "A")
+    return rms.join(classes[parts] == "A")
 
 
 def of_ideal(benchmarks: Path, method: str) -> Flights:
-    """Return the flights whose synthetic images one ideal camera took."""
+    """Return the accuracy of flights with images from one ideal camera."""
     _, (points,) = stored.read(benchmarks, "coverage", "points", make="coverage")
     rows = []
-    for _, own in points[points["method"] == method].groupby("seed"):
-        said = accuracy.from_differences(own[["d_east_m", "d_north_m", "d_height_m"]].to_numpy())
-        row: dict[str, float | bool] = {"plan": float(np.hypot(*said.rms[:2]))}
-        row["height"] = said.rms[2]
+    for _, group in points[points["method"] == method].groupby("seed"):
+        statistics = accuracy.from_differences(
+            group[["d_east_m", "d_north_m", "d_height_m"]].to_numpy()
+        )
+        row: dict[str, float | bool] = {"plan": float(np.hypot(*statistics.rms[:2]))}
+        row["height"] = statistics.rms[2]
         for scale in SCALES:
-            reached = accuracy.pec_pcd(said, scale)
+            reached = accuracy.pec_pcd(statistics, scale)
             row |= {f"plan_{scale}": reached.plan == "A", f"height_{scale}": reached.height == "A"}
         rows.append(row)
     return pd.DataFrame(rows)
@@ -239,11 +241,11 @@ def _row(title: str, flights: Flights) -> dict[str, str]:
 
 
 COMPARED = ("f_mm", "lever_z_m", "boresight_omega_deg")
-"""Parameters whose standard deviations are compared."""
+"""Parameters with compared standard deviations."""
 
 
 def methods_page(found: folder.Results, camera: str, benchmarks: Path) -> str:
-    """Return the verdict on the two methods as MyST text; empty where one of them is missing.
+    """Return the verdict on the two methods as MyST text; empty if one is missing.
 
     Parameters
     ----------
@@ -251,7 +253,7 @@ def methods_page(found: folder.Results, camera: str, benchmarks: Path) -> str:
         With the stages mounting and validation.
     camera : str
     benchmarks : Path
-        Folder with what ``make coverage`` left.
+        Folder with the results of ``make coverage``.
     """
     names = ("two_step", "single_step")
     if not {f"{stage}/{m}" for stage in ("mounting", "validation") for m in names} <= {
@@ -265,7 +267,8 @@ def methods_page(found: folder.Results, camera: str, benchmarks: Path) -> str:
     values |= {"f": LABELS["f_mm"], "f_ratio": ratios["f_mm"]}
     values |= {"lever": LABELS["lever_z_m"], "lever_ratio": ratios["lever_z_m"]}
     values |= {
-        key: of["boresight_omega_deg"] for key, of in (("omega", LABELS), ("omega_ratio", ratios))
+        key: by_name["boresight_omega_deg"]
+        for key, by_name in (("omega", LABELS), ("omega_ratio", ratios))
     }
     heading = "## Does the single step beat the two-step method?"
     return f"{heading}\n\n{_say('methods', **values)}\n\n{_slow_errors(benchmarks)}"
@@ -278,11 +281,11 @@ def _rms(entry: dict[str, Any]) -> tuple[float, float]:
 
 
 def _slow_errors(benchmarks: Path) -> str:
-    """Say what errors of the trajectory that change slowly do to the boresight."""
+    """State the effect of slowly changing trajectory errors on the boresight."""
     _, (errors,) = stored.read(benchmarks, "slow_errors", make="coverage")
-    own = errors[(errors["weights"] == "white") & errors["parameter"].isin(BORESIGHT_ANGLES)]
-    ratio = ((own["error"] / own["sigma"]) ** 2).groupby(own["parameter"]).mean() ** 0.5
-    return _say("slow errors", n=own["seed"].nunique(), ratio=ratio)
+    rows = errors[(errors["weights"] == "white") & errors["parameter"].isin(BORESIGHT_ANGLES)]
+    ratio = ((rows["error"] / rows["sigma"]) ** 2).groupby(rows["parameter"]).mean() ** 0.5
+    return _say("slow errors", n=rows["seed"].nunique(), ratio=ratio)
 
 
 # --- What a simulated flight was given, as a page of the book
@@ -341,15 +344,17 @@ def _cameras(truth: Truth) -> pd.DataFrame:
 
 
 def _of_the_paper(flight: Flight, truth: Truth) -> str:
-    """Say where the synthetic camera comes from, which values are the paper's, and which not."""
+    """State the origin of the synthetic camera, and the values taken from the paper."""
     levers = np.array([[truth["cameras"][h][name] for name in MOUNT] for h in printed.HEADS])
     angles = np.degrees(flight.cameras["SYN"].T_b_c.opk)
     mount = [printed.value(3, name, "single_step") for name in BORESIGHT]
     synthetic = truth["cameras"].get("SYN", {})
-    given = [name for name, x in synthetic.items() if x == printed.value(3, name, "single_step")]
+    from_paper = [
+        name for name, x in synthetic.items() if x == printed.value(3, name, "single_step")
+    ]
     return _say(
         "of the paper",
-        given=len(given) if synthetic else None,
+        given=len(from_paper) if synthetic else None,
         same=np.allclose(angles, mount, atol=1e-9),
         held=flight.cameras["CAM1"].interior.f,
         first=truth["cameras"]["CAM1"]["f_mm"],
@@ -358,7 +363,7 @@ def _of_the_paper(flight: Flight, truth: Truth) -> str:
 
 
 def _noise(flight: Flight) -> pd.DataFrame:
-    """Return the standard deviations that noise was drawn with, by block."""
+    """Return the standard deviations of the simulated noise, by block."""
     return pd.DataFrame([{"Block": name, **_sigmas(b)} for name, b in flight.blocks.items()])
 
 
@@ -398,7 +403,7 @@ def geometry_page() -> str:
 
 
 def _geometry_table() -> pd.DataFrame:
-    """Return limit and geometry for every parameter; neighbours with the same ones in one row."""
+    """Tabulate limit and geometry for the parameters; equal neighbours share a row."""
     rows: list[dict[str, str]] = []
     for key, (name, _) in REPORTED.items():
         limit, geometry = _limit(key), needed(key)
@@ -410,7 +415,7 @@ def _geometry_table() -> pd.DataFrame:
 
 
 def _limit(key: str) -> str:
-    """Return the sigma above which a parameter is not determined; any is accepted of a lens."""
+    """Return the sigma above which a parameter is not determined; lens terms have no limit."""
     if key.startswith("lever"):
         return f"{LIMIT_LEVER_M:g} m"
     if key.startswith("boresight"):
@@ -420,11 +425,10 @@ def _limit(key: str) -> str:
     return "any"
 
 
-# --- Chapters that depend on no flight: run when what they depend on has changed, and kept
+# --- Chapters that depend on no flight: run again after a change of their inputs, and kept
 #
-# The book of the flight that ships has them all. That of another flight has those that are kept
-# and still hold; the others are neither run for it nor in its table of contents, and neither are
-# the pages of the programming interface.
+# The book of the flight in the project has all of them. The book of another flight has the kept
+# chapters that are up to date; it leaves out the others and the pages of the programming interface.
 
 
 FOUNDATIONS = tuple(
@@ -449,29 +453,29 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "18-over-the-years": (),
     "16-error-budget": ("data/paper/*.csv",),
 }
-"""The notebooks, and what files of the working copy they read; *measured* are the measurements of
-others, wherever they are."""
+"""The notebooks, and the files of the working copy that they read; *measured* are the measurements
+of others, wherever they are."""
 
 OF_IDEAL = ("09-weights", "16-error-budget")
-"""Those of any flight, which show that of the ideal camera."""
+"""Chapters for any flight; the book shows the flight of the ideal camera."""
 
 KEPT = Path("build", "chapters")
-"""Where the executed notebooks are kept, below the current folder: that of the working copy."""
+"""Folder of the kept executed notebooks, below the current folder: the working copy."""
 
 CORES = 2
-"""Notebooks that are run side by side."""
+"""Number of notebooks run at the same time."""
 
 
 def bring(executed: Path, ideal_path: Path | None) -> list[str]:
-    """Bring the chapters into the book, and return the names of those that are left out.
+    """Copy the chapters into the book, and return the names of chapters left out.
 
     Parameters
     ----------
     executed : Path
-        Where the book has its executed notebooks.
+        Folder of the book's executed notebooks.
     ideal_path : Path or None
-        Run of the flight that `OF_IDEAL` shows, where those chapters are run that are not kept, or
-        do not hold any more.
+        Run of the flight for `OF_IDEAL`; missing and outdated chapters are then executed. Without
+        it only kept chapters are used.
 
     Raises
     ------
@@ -486,16 +490,16 @@ def bring(executed: Path, ideal_path: Path | None) -> list[str]:
             path.parent.mkdir(parents=True, exist_ok=True)
         with ProcessPoolExecutor(min(CORES, len(missing))) as pool:
             list(pool.map(partial(_run, ideal_path), missing))
-    here = {name: path for name, path in kept.items() if path.is_file()}
-    for name, path in here.items():
+    available = {name: path for name, path in kept.items() if path.is_file()}
+    for name, path in available.items():
         page = executed / f"{name}.ipynb"
         page.parent.mkdir(exist_ok=True)
         whole_files.copy(path, page)
-    return [name for name in CHAPTERS if name not in here]
+    return [name for name in CHAPTERS if name not in available]
 
 
 def _run(ideal_path: Path, kept: Path) -> None:
-    """Run a chapter and keep it in the place of what was kept of it."""
+    """Run a chapter and replace its kept copies."""
     name = kept.stem.rpartition("-")[0]
     source = NOTEBOOKS_PATH / kept.parent.relative_to(KEPT) / f"{name}.ipynb"
     new = kept.with_name(f"new-{kept.name}")
@@ -516,19 +520,19 @@ def _digest(name: str, ideal_path: Path | None) -> str:
 
 
 def _files(patterns: Iterable[str]) -> Iterator[Path]:
-    """Yield the files that patterns mean, and the versions of the libraries."""
+    """Yield the files that match patterns, and the list of library versions."""
     yield Path("environment.lock")
     for pattern in patterns:
         measured = pattern == "measured"
-        found = reference.folder().rglob("*") if measured else Path().glob(pattern)
-        yield from filter(Path.is_file, found)
+        paths = reference.folder().rglob("*") if measured else Path().glob(pattern)
+        yield from filter(Path.is_file, paths)
 
 
 # --- a book without some of them -------------------------------------------------------------
 
 
 def leave_out(book: Path, pages: Collection[str]) -> None:
-    """Write the book's table of contents without some pages, and what the chapters are called.
+    """Write the book's table of contents without given pages, and the titles of these.
 
     The extension `left_out` of the book reads the list: links become titles or names.
 
@@ -550,7 +554,7 @@ def leave_out(book: Path, pages: Collection[str]) -> None:
 
 
 def _without(pages: Collection[str], entries: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Yield the entries of a table of contents that are none of some pages, and their sections."""
+    """Yield the entries of a table of contents, and their sections, without given pages."""
     for entry in entries:
         folders = {parent.as_posix() for parent in PurePosixPath(entry["file"]).parents}
         if not {entry["file"], *folders} & set(pages):
@@ -560,7 +564,7 @@ def _without(pages: Collection[str], entries: Iterable[dict[str, Any]]) -> Itera
 
 
 def _title(page: str) -> str:
-    """Return the title of a chapter; a folder has none."""
+    """Return the title of a chapter; empty for a folder."""
     notebook = NOTEBOOKS_PATH / f"{page.removeprefix('_executed/')}.ipynb"
     if not notebook.is_file():
         return ""

@@ -1,8 +1,8 @@
-"""Words of prose of the book's pages: `make words` prints a line for each, and two sums.
+"""Number of words of the book's pages: `make words` prints a line for each, and two sums.
 
-Counted is what a reader reads from left to right: paragraphs and lists, and the sentences that a
-run wrote where `make book` has left the executed notebook. Tables, code, formulas on lines of their
-own, exercises and their solutions, the teaching kit, the interface and the bibliography are not.
+Counted is continuous prose: paragraphs, lists, and the sentences written by a run, if `make book`
+has left the executed notebook. Tables, code, formulas on lines of their own, exercises and their
+solutions, the teaching kit, the interface and the bibliography are not.
 Run by `python -m acx4book.pages.words` in the working copy.
 """
 
@@ -21,14 +21,14 @@ BOOK, NOTEBOOKS = Path("book"), Path("notebooks")
 """Folders of the working copy, the current folder."""
 
 A_MINUTE = 200
-"""Words of a text with formulas that are read in a minute."""
+"""Reading speed for a text with formulas, words per minute."""
 
 MARKDOWN = MarkdownIt("commonmark").enable("table")
 READ = {"admonition", "grid", "grid-item-card", "note", "tip", "warning", "glossary"}
-"""Directives whose content is prose; what is folded is not read."""
+"""Directives with prose as content; folded ones do not count."""
 
 NOT_COUNTED = ("teaching/", "_generated/", "api", "bibliography")
-"""How the names of pages begin that are looked up, not read."""
+"""Beginnings of the names of reference pages, which do not count."""
 
 SOLUTION = re.compile(r"`{3,}\{solution-start\}.*?`{3,}\{solution-end\}\n`{3,}", re.DOTALL)
 FENCE, FORMULA = re.compile(r"^:{3,}", re.MULTILINE), re.compile(r"\$\$.*?\$\$", re.DOTALL)
@@ -40,19 +40,19 @@ def _words(text: str) -> int:
     """Count the words of prose of MyST text."""
     counted, table = 0, 0
     for token in MARKDOWN.parse(
-        FENCE.sub(lambda found: "`" * len(found[0]), FORMULA.sub("", text))
+        FENCE.sub(lambda match: "`" * len(match[0]), FORMULA.sub("", text))
     ):
         table += {"table_open": 1, "table_close": -1}.get(token.type, 0)
         if token.type == "fence":
             counted += _words(_inside(token.info.strip(), token.content))
         elif token.type == "inline" and not table:
-            plain = ROLE.sub(lambda found: f" {found[1] or found[2] or ''} ", token.content)
+            plain = ROLE.sub(lambda match: f" {match[1] or match[2] or ''} ", token.content)
             counted += len(re.findall(r"[^\W\d_][\w'’-]*", plain))
     return counted
 
 
 def _inside(directive: str, content: str) -> str:
-    """Return the prose of a block: of an include that of its file, where a build has left it."""
+    """Return the prose of a block; for an include, of its file if a build has left it."""
     name, _, argument = directive.removeprefix("{").partition("}")
     file = BOOK / argument.strip()
     if name == "include" and file.is_file():
@@ -61,7 +61,7 @@ def _inside(directive: str, content: str) -> str:
 
 
 def _prose(page: str) -> str:
-    """Return the text of a page: of a notebook its Markdown, and what its cells wrote as such."""
+    """Return the text of a page; of a notebook, its Markdown cells and Markdown outputs."""
     written, executed = BOOK / f"{page}.md", BOOK / f"{page}.ipynb"
     source = NOTEBOOKS / f"{page.removeprefix('_executed/')}.ipynb"
     if written.is_file():
@@ -78,17 +78,17 @@ def _prose(page: str) -> str:
 
 
 def _pages() -> Iterator[str]:
-    """Yield the pages that are read, in the order of the table of contents."""
-    told = yaml.safe_load((BOOK / "_toc.yml").read_text("utf-8"))
-    yield told["root"]
-    for part in told["parts"]:
+    """Yield the counted pages in the order of the table of contents."""
+    contents = yaml.safe_load((BOOK / "_toc.yml").read_text("utf-8"))
+    yield contents["root"]
+    for part in contents["parts"]:
         for chapter in part["chapters"]:
             if not chapter["file"].startswith(NOT_COUNTED):
                 yield chapter["file"]
 
 
 def minutes(*parts: str) -> int:
-    """Return how long the pages are read whose names begin so, in minutes, in fives."""
+    """Return the reading time of pages by the beginning of their names, min, in steps of 5."""
     read = sum(_words(_prose(page)) for page in _pages() if page.startswith(parts))
     return max(5 * round(read / A_MINUTE / 5), 5)
 

@@ -1,5 +1,5 @@
-"""Pages on what long runs left in ``data/benchmarks``, read by `stored`.
+"""Pages on the results of long runs in ``data/benchmarks``, read by `stored`.
 
-`speed` of commands, adjustment and rendering; `imports`, what they said of other programs' files;
-`coverage`, whether errors keep to their standard deviations.
+`speed` of commands, adjustment and rendering, and the messages of imports; `sigma`, errors over
+their standard deviations; `verdicts`, reports on good and spoilt flights.
 """

@@ -1,6 +1,6 @@
-"""The page on what ``make coverage`` left.
+"""The page on the errors from ``make coverage``.
 
-Errors over their standard deviations, tested, and what is left in the mean.
+Tests of errors over their standard deviations, and biases.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ALPHA = 0.01
 """Probability that any of all tests fails by chance."""
 
 MAIN = "single_step"
-"""The method whose errors are shown one by one."""
+"""The method with figures of single parameters."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,8 +65,8 @@ class Errors:
 
     def normalised(self, method: str) -> pd.DataFrame:
         """Return errors over sigma, a row per flight and a column per parameter."""
-        own = self._of(self.parameters, method)
-        return _wide(own.assign(z=own["error"] / own["sigma"]), "z")
+        rows = self._of(self.parameters, method)
+        return _wide(rows.assign(z=rows["error"] / rows["sigma"]), "z")
 
     def chi_squares(self, method: str) -> tuple[Array, int]:
         """Return the joint chi-square of every flight, and its degrees of freedom."""
@@ -76,21 +76,21 @@ class Errors:
     def validated(self, method: str) -> Array:
         """Return differences over sigma, shape (n_flights, n_points, 3).
 
-        NaN for a point that a flight does not have.
+        NaN for a point missing in a flight.
         """
-        own = self._of(self.points, method)
+        rows = self._of(self.points, method)
         parts = []
         for axis in AXES:
-            z = own.assign(z=own[f"d_{axis}_m"] / own[f"sigma_{axis}_m"])
+            z = rows.assign(z=rows[f"d_{axis}_m"] / rows[f"sigma_{axis}_m"])
             parts.append(z.pivot_table(index="seed", columns="point", values="z").to_numpy())
-        return np.stack(parts, axis=-1) if len(own) else np.zeros((0, 0, 3))
+        return np.stack(parts, axis=-1) if len(rows) else np.zeros((0, 0, 3))
 
     def _of(self, table: pd.DataFrame, method: str) -> pd.DataFrame:
         return table[table["method"] == method]
 
     @cached_property
     def tests(self) -> pd.DataFrame:
-        """Every test: method, quantity, what is tested, its value, p, and p by Holm over all."""
+        """All tests: method, quantity, name, value, p, and p by Holm over all tests."""
         rows = [row for method in self.methods for row in _tests(self, method)]
         table = pd.DataFrame(rows, columns=["method", "quantity", "test", "value", "p"])
         return table.assign(joint_p=holm(table["p"].to_numpy(dtype=float)))
@@ -102,7 +102,7 @@ def _wide(rows: pd.DataFrame, values: str) -> pd.DataFrame:
 
 
 def read(folder: Path) -> Errors:
-    """Read what ``make coverage`` left in a folder."""
+    """Read the errors of ``make coverage`` from a folder."""
     about, (parameters, points, heads) = stored.read(
         folder, "coverage", "parameters", "points", "heads", make="coverage"
     )
@@ -170,20 +170,20 @@ def page(errors: Errors) -> str:
 
 
 def _verdict(errors: Errors) -> str:
-    """Say whether all tests together pass, and which do not."""
+    """State the joint outcome of all tests, and name the failing ones."""
     tests = errors.tests
     failed = tests[tests["joint_p"] < ALPHA]
     worst = tests.iloc[int(tests["p"].argmin())]
     if failed.empty:
-        said = (
+        sentence = (
             f"None of the {len(tests)} tests fails. The smallest p value is that of the "
             f"{worst['test']} of {_label(worst)}: {worst['p']:.2g} by itself, and "
             f"{worst['joint_p']:.2g} after Holm's adjustment"
         )
     else:
         each = "; ".join(f"{row['test']} of {_label(row)}" for _, row in failed.iterrows())
-        said = f"{len(failed)} of the {len(tests)} tests fail: {each}"
-    return f"{said}. By chance any of them would fail in {100 * ALPHA:g} % of all repetitions."
+        sentence = f"{len(failed)} of the {len(tests)} tests fail: {each}"
+    return f"{sentence}. By chance any of them would fail in {100 * ALPHA:g} % of all repetitions."
 
 
 def _point_table(errors: Errors) -> pd.DataFrame:
@@ -274,7 +274,7 @@ def _made(errors: Errors) -> str:
 
 
 def found(errors: Errors) -> str:
-    """Say which errors of means and of standard deviations the tests would find."""
+    """State the smallest detectable errors of means and standard deviations."""
     n, m = int(errors.parameters["seed"].nunique()), len(errors.tests)
     low, high = _found_scales(n, ALPHA / m)
     return (
@@ -286,7 +286,7 @@ def found(errors: Errors) -> str:
 
 
 def _found_scales(n: int, alpha: float) -> tuple[float, float]:
-    """Return the scatters below and above one that chi-square finds in 95 % of all cases."""
+    """Return the detectable scatters below and above one, at 95 % power of chi-square."""
     chi2 = stats.chi2(n - 1)
     below = chi2.ppf(alpha / 2) / chi2.ppf(CONFIDENCE)
     above = chi2.ppf(1 - alpha / 2) / chi2.ppf(1 - CONFIDENCE)
@@ -294,7 +294,7 @@ def _found_scales(n: int, alpha: float) -> tuple[float, float]:
 
 
 def _found_bias(n: int, alpha: float) -> float:
-    """Return the mean of n normalised errors that Student's test finds in 95 % of all cases."""
+    """Return the detectable mean of n normalised errors, at 95 % power of Student's test."""
     critical = stats.t.ppf(1 - alpha / 2, n - 1)
     return float((critical + stats.norm.ppf(CONFIDENCE)) / np.sqrt(n))
 
@@ -302,24 +302,24 @@ def _found_bias(n: int, alpha: float) -> float:
 def _label(test: pd.Series) -> str:
     quantity = str(test["quantity"])
     if quantity == "joint":
-        what = "χ²"
+        name = "χ²"
     elif quantity in AXES:
-        what = f"{quantity} at validation points"
+        name = f"{quantity} at validation points"
     else:
-        what = _parameter(quantity)
-    return f"{what} ({inside(TITLES[str(test['method'])])})"
+        name = _parameter(quantity)
+    return f"{name} ({inside(TITLES[str(test['method'])])})"
 
 
 def _parameter(name: str) -> Markup:
-    """Return the label of a parameter, with its head where it has one."""
+    """Return the label of a parameter, after the name of its head if any."""
     head, _, key = name.rpartition(" ")
     return Markup(f"{head} {LABELS[key]}".strip())
 
 
 def _of_test(errors: Errors, method: str, test: str) -> pd.DataFrame:
     tests = errors.tests
-    own = tests[(tests["method"] == method) & (tests["test"] == test)]
-    return own.set_index("quantity")[["value", "p"]]
+    rows = tests[(tests["method"] == method) & (tests["test"] == test)]
+    return rows.set_index("quantity")[["value", "p"]]
 
 
 def shares(errors: Errors) -> str:
@@ -351,7 +351,7 @@ def _share_within_by_flights(z: Array, level: float) -> Share:
 
 
 def _grouped(errors: Errors) -> Iterator[tuple[str, Array]]:
-    """Yield what is counted together, and its normalised errors, a row per flight."""
+    """Yield titles of groups, and their normalised errors, a row per flight."""
     for method in errors.methods:
         z = errors.normalised(method).to_numpy()
         yield f"all {z.shape[1]} parameters, {inside(TITLES[method])}", z
@@ -375,14 +375,14 @@ def _percent(share: float) -> str:
 # --- Whether standard deviations keep what they promise: statistics of errors over many flights
 #
 # Normalised errors, errors over their a priori sigma, should be standard normal. Flights are
-# independent of each other; what belongs to one flight is not.
+# independent of each other; errors within one flight are not.
 
 
 LEVELS = (1, 2, 3)
-"""Multiples of sigma whose coverage is counted."""
+"""Multiples of sigma at which coverage is counted."""
 
 CONFIDENCE = 0.95
-"""Of the intervals of a coverage."""
+"""Confidence of the intervals of a coverage."""
 
 RESAMPLED = 20_000
 """Samples of a bootstrap: its p values are multiples of 1 / 20 001."""
@@ -421,7 +421,7 @@ MINT = "#a9dccb"
 
 
 def normalised_errors(parameters: pd.DataFrame, points: pd.DataFrame) -> Figure:
-    """Draw how errors over sigma are distributed, beside what theory says.
+    """Draw histograms of errors over sigma beside their theoretical distributions.
 
     Parameters
     ----------
@@ -436,9 +436,9 @@ def normalised_errors(parameters: pd.DataFrame, points: pd.DataFrame) -> Figure:
         fig, grid = style.subplots(n_rows, COLUMNS, figsize=(style.WIDTH, 1.45 * n_rows))
         axes = list(grid.ravel())
         for name in names:
-            own = parameters[parameters["parameter"] == name]
+            rows = parameters[parameters["parameter"] == name]
             _against_normal(
-                axes.pop(0), own["error"] / own["sigma"], LABELS[name], (style.SKY, style.BLUE)
+                axes.pop(0), rows["error"] / rows["sigma"], LABELS[name], (style.SKY, style.BLUE)
             )
         squares = (parameters["decorrelated"] ** 2).groupby(parameters["seed"]).sum()
         _against_chi_square(axes.pop(0), squares.to_numpy(), len(names))
@@ -501,16 +501,16 @@ GOAL = 0.02
 """Largest bias of a parameter, in its sigma."""
 
 GOAL_ERROR = 0.005
-"""Largest standard error with which the bias is to be known."""
+"""Largest allowed standard error of a bias, in sigma."""
 
 OWN = "adjusted"
-"""Where the library evaluates distortion unless told otherwise."""
+"""Where the library evaluates distortion by default."""
 
 HEADINGS = {"adjusted": "Adjusted point", "measured": "Measured point"}
 
 
 def bias_read(folder: Path) -> pd.DataFrame:
-    """Read what ``make coverage`` left of its pairs of flights.
+    """Read the errors of pairs of flights from ``make coverage``.
 
     Returns
     -------
@@ -523,8 +523,8 @@ def bias_read(folder: Path) -> pd.DataFrame:
 
 def _biases(pairs: pd.DataFrame, distortion_at: str) -> pd.DataFrame:
     """Return bias and standard error over sigma, a row per parameter."""
-    own = pairs[pairs["distortion_at"] == distortion_at]
-    z = (own["error"] / own["sigma"]).groupby(own["parameter"], sort=False)
+    rows = pairs[pairs["distortion_at"] == distortion_at]
+    z = (rows["error"] / rows["sigma"]).groupby(rows["parameter"], sort=False)
     return pd.DataFrame({"bias": z.mean(), "error": z.sem()})
 
 
@@ -538,9 +538,9 @@ def bias_page(pairs: pd.DataFrame) -> str:
 
 
 def _bias_verdict(pairs: pd.DataFrame) -> str:
-    """Say how large the largest biases are, and whether the goal is reached."""
-    own = _biases(pairs, OWN)
-    largest, least_known = own.iloc[int(own["bias"].abs().argmax())], own["error"].max()
+    """State the largest bias, and whether the goal is reached."""
+    biases = _biases(pairs, OWN)
+    largest, least_known = biases.iloc[int(biases["bias"].abs().argmax())], biases["error"].max()
     reached = abs(largest["bias"]) < GOAL and least_known < GOAL_ERROR
     return (
         f"In {pairs['seed'].nunique()} pairs the largest bias of the single step is "
@@ -551,15 +551,15 @@ def _bias_verdict(pairs: pd.DataFrame) -> str:
 
 
 def _bias_table(pairs: pd.DataFrame) -> pd.DataFrame:
-    """Return the bias of every parameter in thousandths of sigma, by where distortion is taken."""
-    found = {heading: 1000 * _biases(pairs, where) for where, heading in HEADINGS.items()}
-    names = found[HEADINGS[OWN]].index
+    """Tabulate the bias of every parameter, 1/1000 sigma, by the place of the distortion."""
+    biases = {heading: 1000 * _biases(pairs, where) for where, heading in HEADINGS.items()}
+    names = biases[HEADINGS[OWN]].index
     columns = {
-        heading: [_shown(row, digits=2) for _, row in own.iterrows()]
-        for heading, own in found.items()
+        heading: [_shown(row, digits=2) for _, row in table.iterrows()]
+        for heading, table in biases.items()
     }
     return pd.DataFrame({"Parameter": [LABELS[str(name)] for name in names], **columns})
 
 
-def _shown(found: pd.Series, *, digits: int) -> str:
-    return f"{found['bias']:+z.{digits}f} ± {found['error']:.{digits}f}".replace("-", "−")
+def _shown(row: pd.Series, *, digits: int) -> str:
+    return f"{row['bias']:+z.{digits}f} ± {row['error']:.{digits}f}".replace("-", "−")

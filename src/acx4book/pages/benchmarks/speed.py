@@ -1,6 +1,6 @@
-"""How long commands, the adjustment and the rendering take, and others beside them: one page.
+"""The page on the speed of commands, adjustment and rendering, beside other programs.
 
-The numbers are those of ``make bench``, which leaves them in ``data/benchmarks``.
+``make bench`` writes the numbers to ``data/benchmarks``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 
 NAMES = ("commands", "many", "measuring", "adjustment", "rendering")
-"""Of the benchmarks, as their files and the parts of the page are called."""
+"""Names of the benchmarks, of their files, and of the parts of the page."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,17 +41,17 @@ class Benchmark:
     about: Mapping[str, Any]
 
     def medians(self, *by: str) -> pd.DataFrame:
-        """Return medians of the numbers of all runs with the same keys, in the file's order."""
+        """Return medians over runs with the same keys, in the file's order."""
         return self.runs.groupby(list(by), sort=False).median(numeric_only=True)
 
 
 def read(folder: Path) -> dict[str, Benchmark]:
-    """Read what ``make bench`` left in a folder, by the names of the benchmarks."""
-    found = {}
+    """Read the results of ``make bench`` from a folder, by the names of the benchmarks."""
+    benchmarks = {}
     for name in NAMES:
         about, (runs,) = stored.read(folder, name)
-        found[name] = Benchmark(runs=runs, about=about)
-    return found
+        benchmarks[name] = Benchmark(runs=runs, about=about)
+    return benchmarks
 
 
 def text(name: str, benchmark: Benchmark) -> str:
@@ -68,7 +68,7 @@ def text(name: str, benchmark: Benchmark) -> str:
 
 
 def _measured(about: Mapping[str, Any]) -> str:
-    """Say when, at what commit, and on what machine it was measured."""
+    """State date, commit, machine and software of the measurement."""
     versions = about.get("versions", {})
     names = ("python", "numpy", "numba", "ceres", "pycolmap", "distributed", "nona", "enblend")
     software = ", ".join(f"{name} {versions[name]}" for name in names if name in versions)
@@ -87,26 +87,26 @@ def _table(
 # --- commands ------------------------------------------------------------------------------------
 
 IMPORTS, GROWTH = "imports", "run --numbers-only"
-"""What stands for a command where the packages are only imported; the command whose growth with
-the number of images is told."""
+"""The entry for importing the packages alone; the command with a sentence on its growth with the
+number of images."""
 
 
 def _commands(benchmark: Benchmark) -> Iterator[str]:
-    """Yield the table of whole commands, and how one of them grows."""
+    """Yield the table of whole commands, and a sentence on the growth of one command."""
     medians = benchmark.medians("flight", "command").reset_index()
     alone = medians[medians["command"] == IMPORTS].set_index("flight")["cpu_s"]
-    own = medians[medians["command"] != IMPORTS]
-    beyond = own["cpu_s"] - own["flight"].map(alone)
+    commands = medians[medians["command"] != IMPORTS]
+    beyond = commands["cpu_s"] - commands["flight"].map(alone)
     table = pd.DataFrame(
         {
-            "Flight": own["flight"],
-            "Command": [Markup(f"`acx4 {name}`") for name in own["command"]],
-            "Images": own["images"].astype(int),
-            "Image points": own["measurements"].astype(int),
-            "Seconds": own["wall_s"],
-            "CPU seconds": own["cpu_s"],
+            "Flight": commands["flight"],
+            "Command": [Markup(f"`acx4 {name}`") for name in commands["command"]],
+            "Images": commands["images"].astype(int),
+            "Image points": commands["measurements"].astype(int),
+            "Seconds": commands["wall_s"],
+            "CPU seconds": commands["cpu_s"],
             "beyond imports": beyond.where(beyond > 0),  # some import less than a run
-            "MB": own["tree_mb"],
+            "MB": commands["tree_mb"],
         }
     )
     seconds = dict.fromkeys(("Seconds", "CPU seconds", "beyond imports"), ".1f")
@@ -116,11 +116,11 @@ def _commands(benchmark: Benchmark) -> Iterator[str]:
     )
     counts = dict.fromkeys(("Images", "Image points"), ",d")
     yield _table(table, caption, "commands", {**counts, **seconds, "MB": ",.0f"})
-    yield _of_two_sizes(own[own["command"] == GROWTH].sort_values("measurements"))
+    yield _of_two_sizes(commands[commands["command"] == GROWTH].sort_values("measurements"))
 
 
 def _of_two_sizes(runs: pd.DataFrame) -> str:
-    """Say how time and memory grow from one to the other of the two largest flights."""
+    """State the growth of time and memory between the two largest flights."""
     if len(runs) < 2:
         return ""
     times = runs.iloc[-1][["images", "cpu_s", "tree_mb"]] / runs.iloc[-2]
@@ -155,9 +155,9 @@ def _many(benchmark: Benchmark) -> Iterator[str]:
 
 
 def _measuring(benchmark: Benchmark) -> Iterator[str]:
-    """Yield the table of what `acx4 measure` takes, measured and computed."""
-    found = _computed(benchmark.runs)
-    shown = found[found["pictures"] > 0]
+    """Yield the table of time and memory of `acx4 measure`, measured and computed."""
+    runs = _computed(benchmark.runs)
+    shown = runs[runs["pictures"] > 0]
     table = pd.DataFrame(
         {
             "": np.where(shown["run"], "measured", "computed"),
@@ -177,22 +177,22 @@ def _measuring(benchmark: Benchmark) -> Iterator[str]:
 
 
 def _computed(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return the runs with time and memory of the rows that have none."""
-    # a pair costs the same at each level of the search, and a picture by its pixels, which are read
-    # at each level; what the library costs alone is a row without pictures; memory grows with the
-    # pixels of a picture, because a few are held at a time
-    found = runs.copy()
-    run = found["cpu_s"].notna().to_numpy()
+    """Return the runs with missing times and memory computed from the others."""
+    # at each level of the search a pair has a fixed cost, and a picture a cost by its pixels; the
+    # row without pictures has the cost of the library alone; memory grows with the pixels of a
+    # picture, because a few pictures are held at a time
+    completed = runs.copy()
+    run = completed["cpu_s"].notna().to_numpy()
     columns = ("levels", "pairs", "pictures", "megapixels")
-    levels, pairs, pictures, pixels = (found[name].to_numpy() for name in columns)
-    ones = np.ones(len(found))
-    by = {
+    levels, pairs, pictures, pixels = (completed[name].to_numpy() for name in columns)
+    ones = np.ones(len(completed))
+    matrices = {
         "cpu_s": np.column_stack([ones, levels * pairs, levels * pictures * pixels]),
         "tree_mb": np.column_stack([pictures == 0, pictures > 0, pixels]),
     }
-    for name, A in by.items():
-        found.loc[~run, name] = A[~run] @ _costs(A[run], found.loc[run, name].to_numpy())
-    return found.assign(run=run)
+    for name, A in matrices.items():
+        completed.loc[~run, name] = A[~run] @ _costs(A[run], completed.loc[run, name].to_numpy())
+    return completed.assign(run=run)
 
 
 def _costs(A: Array, cost: Array) -> Array:
@@ -206,8 +206,8 @@ def _costs(A: Array, cost: Array) -> Array:
 # --- adjustment ----------------------------------------------------------------------------------
 
 OURS, SWEEP, FREE = "ours", "sweep-", "free-"
-"""Our solver; how the names of problems begin that differ in their number of tie points only, and
-of those that pycolmap can state, too: it has no lever arms."""
+"""Our solver; prefix of the problems that differ only in their number of tie points; prefix of the
+problems without lever arms, which pycolmap can state, too."""
 
 CERES = {"automatic": "Ceres, automatic", "analytic": "Ceres, by hand"}
 PYCOLMAP = {
@@ -230,9 +230,9 @@ def _adjustment(benchmark: Benchmark) -> Iterator[str]:
 
 
 def _of(medians: pd.DataFrame, beginning: str) -> pd.DataFrame:
-    """Return the fastest way of a kind to solve each problem."""
-    own = medians[medians["solver"].str.startswith(beginning)]
-    return own.sort_values("cpu_s").groupby("problem").first()
+    """Return the fastest run of each problem among the solvers with a prefix."""
+    rows = medians[medians["solver"].str.startswith(beginning)]
+    return rows.sort_values("cpu_s").groupby("problem").first()
 
 
 def _beside_ceres(medians: pd.DataFrame) -> str:
@@ -257,15 +257,15 @@ def _beside_ceres(medians: pd.DataFrame) -> str:
 
 
 def _beside_pycolmap(medians: pd.DataFrame) -> str:
-    of = {name: medians[medians["solver"] == name].set_index("problem") for name in PYCOLMAP}
+    by_solver = {name: medians[medians["solver"] == name].set_index("problem") for name in PYCOLMAP}
     ours = _of(medians, OURS).sort_values("observations")
-    if ours.empty or all(found.empty for found in of.values()):
+    if ours.empty or all(rows.empty for rows in by_solver.values()):
         return ""
     table = ours[[*SIZES]].astype(int).rename(columns=SIZES)
     table["acx4lib"] = ours["cpu_s"]
     for name, label in PYCOLMAP.items():
-        table[label] = of[name]["cpu_s"].reindex(ours.index).astype(float)
-    apart = max((of[n]["cost"] / ours["cost"] - 1).abs().max() for n in PYCOLMAP)
+        table[label] = by_solver[name]["cpu_s"].reindex(ours.index).astype(float)
+    apart = max((by_solver[n]["cost"] / ours["cost"] - 1).abs().max() for n in PYCOLMAP)
     caption = f"CPU time beside pycolmap, in seconds; costs agree to {scientific(apart)}"
     formats = dict.fromkeys(SIZES.values(), ",d") | dict.fromkeys(
         ("acx4lib", *PYCOLMAP.values()), ".3f"
@@ -274,7 +274,7 @@ def _beside_pycolmap(medians: pd.DataFrame) -> str:
 
 
 def _of_points(sweep: pd.DataFrame) -> str:
-    """Say with which power of the number of points the time grows."""
+    """State the power of the number of points with which the time grows."""
     ours = sweep[sweep["solver"] == OURS].sort_values("points")
     upper = ours.iloc[len(ours) // 2 :]
     if len(upper) < 2:
@@ -287,7 +287,7 @@ def _of_points(sweep: pd.DataFrame) -> str:
 
 
 def _agreement(about: Mapping[str, Any]) -> str:
-    """Say how far the answers of Ceres and ours lie apart."""
+    """State the differences between our solution and that of Ceres."""
     rows = pd.DataFrame(about.get("agreement", ()))
     if rows.empty:
         return ""
@@ -306,7 +306,7 @@ SOLVERS = {
 
 
 def seconds_by_points(benchmark: Benchmark) -> Figure:
-    """Draw CPU seconds of the adjustment over the number of points, in all and for each ray."""
+    """Draw CPU seconds of the adjustment over the number of points: total and per ray."""
     medians = benchmark.medians(*KEYS).reset_index()
     medians = medians[medians["problem"].str.startswith(SWEEP)]
     if medians.empty:
@@ -314,13 +314,13 @@ def seconds_by_points(benchmark: Benchmark) -> Figure:
     with style.applied():
         fig, (total, each) = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
         for solver, (label, colour, line) in SOLVERS.items():
-            own = medians[medians["solver"] == solver].sort_values("points")
-            points, seconds = own["points"].to_numpy(), own["cpu_s"].to_numpy()
+            rows = medians[medians["solver"] == solver].sort_values("points")
+            points, seconds = rows["points"].to_numpy(), rows["cpu_s"].to_numpy()
             total.plot(points / 1000, seconds, line[0], color=colour, label=label)
-            if len(own) > 1:
+            if len(rows) > 1:
                 slope, start = np.polyfit(points, seconds, 1)
                 total.plot(points / 1000, start + slope * points, color=colour, lw=1.0)
-            each.plot(points / 1000, 1e6 * seconds / own["image_points"], line, color=colour)
+            each.plot(points / 1000, 1e6 * seconds / rows["image_points"], line, color=colour)
         total.set(xlabel="points (1000)", ylabel="CPU time (s)", ylim=(0, None), xlim=(0, None))
         each.set(xscale="log", xlabel="points (1000)", ylim=(0, None))
         each.set_ylabel("CPU time for an image point (\N{MICRO SIGN}s)")
@@ -343,7 +343,7 @@ RENDERERS = {
     "scipy": "scipy map_coordinates, order 1",
     "skimage": "scikit-image warp, order 1",
 }
-"""Those in memory, in the order of the table."""
+"""Renderers in memory, in the order of the table."""
 
 FILES = {
     "acx4_render": "acx4 render",
@@ -359,15 +359,15 @@ TIES = {"method": "Way", "points": "Points", "rms_px": "rms (px)", "cpu_s": "CPU
 def _rendering(benchmark: Benchmark) -> Iterator[str]:
     """Yield tables of renderers in memory, of commands, and of ways to find tie points."""
     about, medians = benchmark.about, benchmark.medians("what", "reduction")
-    own = medians.xs(about["reduction"], level="reduction")
-    own = own.reindex([name for name in RENDERERS if name in own.index])
-    samples = own["samples"].to_numpy()
+    rows = medians.xs(about["reduction"], level="reduction")
+    rows = rows.reindex([name for name in RENDERERS if name in rows.index])
+    samples = rows["samples"].to_numpy()
     table = pd.DataFrame(
         {
-            "Renderer": [RENDERERS[name] for name in own.index],
-            "ns a sample, CPU": 1e9 * own["cpu_s"].to_numpy() / samples,
-            "ns a sample, passed": 1e9 * own["wall_s"].to_numpy() / samples,
-            "Errors, rms (DN)": own["rms_dn"].to_numpy(),
+            "Renderer": [RENDERERS[name] for name in rows.index],
+            "ns a sample, CPU": 1e9 * rows["cpu_s"].to_numpy() / samples,
+            "ns a sample, passed": 1e9 * rows["wall_s"].to_numpy() / samples,
+            "Errors, rms (DN)": rows["rms_dn"].to_numpy(),
         }
     )
     size = f"{about['width_px']:,} × {about['height_px']:,} px, three bands of 16 bit"
@@ -386,18 +386,18 @@ def _rendering(benchmark: Benchmark) -> Iterator[str]:
 def _by_files(medians: pd.DataFrame) -> str:
     """Return a table of whole commands, the larger image first."""
     order = {name: i for i, name in enumerate(FILES)}
-    own = medians[medians["what"].isin(FILES)]
-    own = own.sort_values(["reduction", "what"], key=lambda c: c.map(order).fillna(c))
-    if own.empty:
+    rows = medians[medians["what"].isin(FILES)]
+    rows = rows.sort_values(["reduction", "what"], key=lambda c: c.map(order).fillna(c))
+    if rows.empty:
         return ""
-    sizes = zip(own["width_px"], own["height_px"], strict=True)
+    sizes = zip(rows["width_px"], rows["height_px"], strict=True)
     table = pd.DataFrame(
         {
-            "Command": [FILES[what] for what in own["what"]],
+            "Command": [FILES[command] for command in rows["what"]],
             "Image": [f"{width:,.0f} × {height:,.0f} px" for width, height in sizes],
-            "Seconds": own["wall_s"].to_numpy(),
-            "CPU seconds": own["cpu_s"].to_numpy(),
-            "MB": own["peak_mb"].to_numpy(),
+            "Seconds": rows["wall_s"].to_numpy(),
+            "CPU seconds": rows["cpu_s"].to_numpy(),
+            "MB": rows["peak_mb"].to_numpy(),
         }
     )
     formats = {"Seconds": ".1f", "CPU seconds": ".1f", "MB": ",.0f"}
@@ -409,11 +409,11 @@ def _by_files(medians: pd.DataFrame) -> str:
 
 
 WIDTH = 76
-"""Longest line that is shown, characters; longer ones go on in the next."""
+"""Longest line on the page, characters; longer lines are wrapped."""
 
 
 def of_imports(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield the name of a text and the text for each kind: the command and what it printed.
+    """Yield name and text for each kind of import: the command and its output.
 
     Parameters
     ----------
@@ -432,7 +432,7 @@ def of_imports(folder: Path) -> Iterator[tuple[str, str]]:
 
 
 def wrapped(text: str) -> str:
-    """Return a text whose long lines go on in the next, farther to the right."""
+    """Wrap the long lines of a text; continued lines are indented."""
     return "".join(f"{_wrapped(line)}\n" for line in text.splitlines())
 
 

@@ -1,4 +1,4 @@
-"""What long runs leave in ``data/benchmarks``: tables, and a file about the machine."""
+"""Results of long runs in ``data/benchmarks``: tables, and a file about the machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pandas as pd
 def read(
     folder: Path, name: str, *parts: str, make: str = "bench"
 ) -> tuple[dict[str, Any], list[pd.DataFrame]]:
-    """Return what ``NAME.json`` says, and the tables.
+    """Return the content of ``NAME.json``, and the tables.
 
     Parameters
     ----------

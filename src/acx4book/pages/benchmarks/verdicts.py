@@ -25,13 +25,13 @@ from acx4lib.least_squares.statistics import holm
 
 
 GOAL = 0.07
-"""Largest share of clean flights whose report may say that something does not hold."""
+"""Goal: largest share of clean flights with a failing report."""
 
 LEVEL = 0.05
 """Level of every single test, and of a report as a whole."""
 
 FOUND = 0.8
-"""Share of the spoilt flights in which the fault of the predicted size is to be found."""
+"""Share of the spoilt flights in which a fault of the predicted size should be found."""
 
 ALPHA = 0.01
 """Probability that any share of a table lies outside its bounds by chance."""
@@ -56,7 +56,7 @@ FAULTS: Mapping[str, tuple[str, str]] = {
     "datum in plan": ("surveyed points shifted east by", "{:.2g} m"),
     "datum in height": ("surveyed points shifted in height by", "{:.2g} m"),
 }
-"""What is wrong, and the form of its size; gross errors have a table of their own."""
+"""Faults, and the format of their size; gross errors have a table of their own."""
 
 GROSS: Mapping[str, str] = {
     "image_point": "an image point",
@@ -69,15 +69,15 @@ PURPOSES: Mapping[str, str] = {
     "spoilt": "with a fault of the predicted size",
     "third": "with a σ that is a third too small",
 }
-"""What flights are for."""
+"""Titles of the flights by purpose."""
 
 TEST = "p: "
-"""Before the question and the name of a test, in the heading of its probability."""
+"""Prefix of the columns with probabilities, before question and name of the test."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verdicts:
-    """What reports say of many flights.
+    """Verdicts of the reports on many flights.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Verdicts:
         holds; a column for the state of every question, ``found: KIND`` of planted gross errors,
         ``p: QUESTION: TEST`` of clean flights.
     about : mapping
-        Date, commit, number of flights that are planned for every purpose.
+        Date, commit, number of planned flights by purpose.
     """
 
     flights: pd.DataFrame
@@ -104,13 +104,13 @@ class Verdicts:
 
 
 def read(folder: Path) -> Verdicts:
-    """Read what ``make coverage`` left in a folder."""
+    """Read the verdicts of ``make coverage`` from a folder."""
     about, (flights,) = stored.read(folder, "verdicts", make="coverage")
     return Verdicts(flights=flights.fillna({"fault": ""}), about=about)
 
 
 def _fails(flights: pd.DataFrame) -> pd.Series:
-    """Tell which flights have a report that does not hold, or no results to report on."""
+    """Return a mask of flights with a failing report, or without results."""
     return flights["holds"] != 1
 
 
@@ -118,7 +118,7 @@ def _fails(flights: pd.DataFrame) -> pd.Series:
 
 
 def good(verdicts: Verdicts) -> str:
-    """Return what reports say of clean flights, as MyST text."""
+    """Return the verdicts on clean flights, as MyST text."""
     return "\n\n".join(
         [
             _made(verdicts),
@@ -176,13 +176,13 @@ def _good_table(verdicts: Verdicts) -> pd.DataFrame:
         [
             {
                 "Plan": title,
-                "Flights": len(own),
-                "Do not hold": int(_fails(own).sum()),
-                "Share": _percent(sigma.binomial(int(_fails(own).sum()), len(own))),
-                "Not determined": int((own["status"] != 0).sum()),
+                "Flights": len(flights),
+                "Do not hold": int(_fails(flights).sum()),
+                "Share": _percent(sigma.binomial(int(_fails(flights).sum()), len(flights))),
+                "Not determined": int((flights["status"] != 0).sum()),
             }
-            for title, own in groups
-            if len(own)
+            for title, flights in groups
+            if len(flights)
         ]
     )
 
@@ -207,7 +207,7 @@ def _made(verdicts: Verdicts) -> str:
 
 
 def _good_verdict(verdicts: Verdicts) -> str:
-    """Say how many reports of clean flights do not hold, and whether these are too many."""
+    """State the share of failing reports of clean flights, and whether it meets the goal."""
     clean = verdicts.of("clean")
     n_failed = int(_fails(clean).sum())
     share = sigma.binomial(n_failed, len(clean))
@@ -220,20 +220,20 @@ def _good_verdict(verdicts: Verdicts) -> str:
 
 
 def _too_many_p(k: int, n: int, share: float) -> float:
-    """Return the probability of k or more of n independent cases where a share is expected."""
+    """Return the probability of k or more of n independent cases, given the expected share."""
     return float(stats.binomtest(k, n, share, alternative="greater").pvalue)
 
 
 def _level_verdict(levels: pd.DataFrame) -> str:
-    """Say which single tests fail more often than their level."""
+    """Name the single tests that fail more often than their level."""
     many = levels[levels["joint_p"] < ALPHA]
     if many.empty:
-        said = f"None of the {len(levels)} tests fails more often than chance lets it"
+        sentence = f"None of the {len(levels)} tests fails more often than chance lets it"
     else:
         each = "; ".join(f"{row.test} ({row.k} of {row.n})" for row in many.itertuples())
-        said = f"{len(many)} of the {len(levels)} tests fail more often than they say: {each}"
+        sentence = f"{len(many)} of the {len(levels)} tests fail more often than they say: {each}"
     return (
-        f"{said}. By chance any of them would seem to in {100 * ALPHA:g} % of all repetitions "
+        f"{sentence}. By chance any of them would seem to in {100 * ALPHA:g} % of all repetitions "
         "(Holm). Tests that count rejected observations have few values, and fail more rarely."
     )
 
@@ -257,7 +257,7 @@ def _level_table(levels: pd.DataFrame) -> pd.DataFrame:
 
 
 def spoilt(verdicts: Verdicts) -> str:
-    """Return what reports say of flights with a fault, as MyST text."""
+    """Return the verdicts on flights with a fault, as MyST text."""
     thirds = verdicts.of("third")
     return "\n\n".join(
         [
@@ -276,19 +276,19 @@ def _size_table(verdicts: Verdicts) -> pd.DataFrame:
     for row in _shares(verdicts).to_dict("records"):
         size = FAULTS[row["fault"]][1].format(row["size"])
         cells[row["fault"]][PLANS[row["plan"]]] = f"{size}: {row['k']} of {row['n']}"
-    rows = [{"Fault": FAULTS[name][0], **own} for name, own in cells.items() if own]
+    rows = [{"Fault": FAULTS[name][0], **by_plan} for name, by_plan in cells.items() if by_plan]
     return pd.DataFrame(rows, columns=["Fault", *PLANS.values()])
 
 
 def _gross_table(verdicts: Verdicts) -> pd.DataFrame:
     """Return how many planted gross errors were taken out, a row per kind and a column per plan."""
-    own = verdicts.of("spoilt")
-    own = own[own["fault"] == "gross errors"]
+    flights = verdicts.of("spoilt")
+    flights = flights[flights["fault"] == "gross errors"]
     rows = []
     for kind, title in GROSS.items():
-        found = own.get(f"found: {kind}", pd.Series(dtype=float)).dropna()
-        by_plan = found.groupby(own.loc[found.index, "plan"], sort=False)
-        cells = {PLANS[str(p)]: f"{int(one.sum())} of {len(one)}" for p, one in by_plan}
+        detected = flights.get(f"found: {kind}", pd.Series(dtype=float)).dropna()
+        by_plan = detected.groupby(flights.loc[detected.index, "plan"], sort=False)
+        cells = {PLANS[str(p)]: f"{int(of_plan.sum())} of {len(of_plan)}" for p, of_plan in by_plan}
         rows.append({"Gross error": title, **cells})
     return pd.DataFrame(rows, columns=["Gross error", *PLANS.values()])
 
@@ -297,13 +297,15 @@ def _finder_table(verdicts: Verdicts) -> pd.DataFrame:
     """Return which questions fail in the flights with a fault, of all plans together."""
     rows = []
     for fault, (text, _) in FAULTS.items():
-        own = verdicts.of("spoilt")
-        own = own[own["fault"] == fault]
-        if len(own):
-            count = (own[verdicts.questions] == "fails").sum().sort_values(ascending=False)
-            said = [f"{name} {100 * k / len(own):.0f} %" for name, k in count[count > 0].items()]
+        flights = verdicts.of("spoilt")
+        flights = flights[flights["fault"] == fault]
+        if len(flights):
+            count = (flights[verdicts.questions] == "fails").sum().sort_values(ascending=False)
+            shares = [
+                f"{name} {100 * k / len(flights):.0f} %" for name, k in count[count > 0].items()
+            ]
             rows.append(
-                {"Fault": text, "Flights": len(own), "Questions that fail": "; ".join(said)}
+                {"Fault": text, "Flights": len(flights), "Questions that fail": "; ".join(shares)}
             )
     return pd.DataFrame(rows)
 
@@ -315,9 +317,9 @@ GROSS_CAPTION = "Single gross errors, of the size that the plan says is found in
 
 
 def _shares(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how many spoilt flights have a report that fails, a row per fault, plan and size."""
-    own = verdicts.of("spoilt")
-    groups = own[own["fault"].isin(FAULTS)].groupby(["fault", "plan", "size"], sort=False)
+    """Count the spoilt flights with a failing report, a row per fault, plan and size."""
+    flights = verdicts.of("spoilt")
+    groups = flights[flights["fault"].isin(FAULTS)].groupby(["fault", "plan", "size"], sort=False)
     rows = [(*keys, len(rows), int(_fails(rows).sum())) for keys, rows in groups]
     table = pd.DataFrame(rows, columns=["fault", "plan", "size", "n", "k"])
     counts = list(zip(table["k"].tolist(), table["n"].tolist(), strict=True))
@@ -327,33 +329,33 @@ def _shares(verdicts: Verdicts) -> pd.DataFrame:
 
 
 def _spoilt_verdict(verdicts: Verdicts) -> str:
-    """Say at how many sizes the predicted share was found or more, and where it was not."""
-    found = _shares(verdicts)
-    hidden, seen = found[found["is_hidden"]], found[~found["is_hidden"]]
+    """State how many fault sizes reach the predicted share of detections; name the others."""
+    shares = _shares(verdicts)
+    hidden, seen = shares[shares["is_hidden"]], shares[~shares["is_hidden"]]
     off = seen[holm(seen["p"].to_numpy(dtype=float)) < ALPHA]
     low, high = ("; ".join(_cases(part)) for part in (_under(off), _over(off)))
     never = "; ".join(_cases(hidden))
-    said = [
+    sentences = [
         f"{len(seen) - len(_under(off))} of {len(seen)} predicted sizes were found in "
         f"{100 * FOUND:g} % of the flights or more, within the bounds of chance."
     ]
-    said += [f"More rarely found: {low}."] if low else []
-    said += [f"More often found: {high}."] if high else []
-    said += [f"Not found, since unknowns take it up: {never}."] if never else []
-    return " ".join(said)
+    sentences += [f"More rarely found: {low}."] if low else []
+    sentences += [f"More often found: {high}."] if high else []
+    sentences += [f"Not found, since unknowns take it up: {never}."] if never else []
+    return " ".join(sentences)
 
 
-def _under(found: pd.DataFrame) -> pd.DataFrame:
-    return found[found["k"] < FOUND * found["n"]]
+def _under(shares: pd.DataFrame) -> pd.DataFrame:
+    return shares[shares["k"] < FOUND * shares["n"]]
 
 
-def _over(found: pd.DataFrame) -> pd.DataFrame:
-    return found[found["k"] >= FOUND * found["n"]]
+def _over(shares: pd.DataFrame) -> pd.DataFrame:
+    return shares[shares["k"] >= FOUND * shares["n"]]
 
 
-def _cases(found: pd.DataFrame) -> Iterator[str]:
-    """Yield what is wrong in which plan, and how often it was found."""
-    for row in found.to_dict("records"):
+def _cases(shares: pd.DataFrame) -> Iterator[str]:
+    """Yield fault, size, plan and number of detections."""
+    for row in shares.to_dict("records"):
         yield f"{_wrong(row)}, {PLANS[row['plan']]} ({row['k']} of {row['n']})"
 
 
@@ -365,10 +367,10 @@ def _wrong(row: Mapping[Any, Any]) -> str:
 def _share_table(flights: pd.DataFrame) -> pd.DataFrame:
     """Return in how many flights the report fails, a row per fault and a column per plan."""
     cells: dict[str, dict[str, str]] = {}
-    for (fault, plan), own in flights.groupby(["fault", "plan"], sort=False):
+    for (fault, plan), group in flights.groupby(["fault", "plan"], sort=False):
         row = cells.setdefault(str(fault), {})
-        row[PLANS[str(plan)]] = f"{int(_fails(own).sum())} of {len(own)}"
-    rows = [{"σ of": name.removeprefix("sigma of "), **own} for name, own in cells.items()]
+        row[PLANS[str(plan)]] = f"{int(_fails(group).sum())} of {len(group)}"
+    rows = [{"σ of": name.removeprefix("sigma of "), **by_plan} for name, by_plan in cells.items()]
     return pd.DataFrame(rows, columns=["σ of", *PLANS.values()])
 
 
@@ -387,13 +389,13 @@ def _percent(share: Share) -> str:
 
 
 CHECKED = "Independent check points"
-"""The question of a report that the validation answers."""
+"""The question of a report on the validation."""
 
 HEADINGS = {"white": "Taken for independent", "correlated": "Weights of their correlation"}
 
 
 def slow_errors_read(folder: Path) -> pd.DataFrame:
-    """Read what ``make coverage`` left of its flights with slow errors.
+    """Read the errors of flights with slow errors from ``make coverage``.
 
     Returns
     -------
@@ -417,20 +419,21 @@ def _slow_table(errors: pd.DataFrame) -> pd.DataFrame:
     columns = {heading: _ratios(errors, weights) for weights, heading in HEADINGS.items()}
     names = columns[HEADINGS["white"]].index
     shown = {
-        heading: [f"{value:.2f}" for value in own.loc[names]] for heading, own in columns.items()
+        heading: [f"{value:.2f}" for value in ratios.loc[names]]
+        for heading, ratios in columns.items()
     }
     return pd.DataFrame({"Parameter": [LABELS[str(name)] for name in names], **shown})
 
 
 def _ratios(errors: pd.DataFrame, weights: str) -> pd.Series:
     """Return the RMS of the normalised errors, by parameter."""
-    own = errors[errors["weights"] == weights]
-    squares = (own["error"] / own["sigma"]) ** 2
-    return squares.groupby(own["parameter"], sort=False).mean() ** 0.5
+    rows = errors[errors["weights"] == weights]
+    squares = (rows["error"] / rows["sigma"]) ** 2
+    return squares.groupby(rows["parameter"], sort=False).mean() ** 0.5
 
 
 def read_validated(folder: Path) -> pd.DataFrame:
-    """Read what reports say of flights of a plan whose validation has slow errors, too.
+    """Read the verdicts on flights with slow errors in calibration and validation.
 
     Returns
     -------
@@ -443,11 +446,11 @@ def read_validated(folder: Path) -> pd.DataFrame:
 
 
 def validated(flights: pd.DataFrame) -> str:
-    """Return what reports say of validations with slow errors, as MyST text."""
-    counts = {kind: _counts(own) for kind, own in flights.groupby("fault", sort=False)}
+    """Return the verdicts on validations with slow errors, as MyST text."""
+    counts = {kind: _counts(group) for kind, group in flights.groupby("fault", sort=False)}
     known, n, _ = counts["declared"]
     unknown, m, _ = counts["not declared"]
-    said = (
+    sentence = (
         f"With slow errors in calibration and validation, the question of independent check points "
         f"fails in {known} of {n} flights where σ, share and time constant are declared, and in "
         f"{unknown} of {m} where `flight.toml` says nothing of them."
@@ -455,24 +458,26 @@ def validated(flights: pd.DataFrame) -> str:
     rows = [
         {
             "Slow errors": str(kind),
-            "Flights": of,
+            "Flights": n_flights,
             "Independent check points fail": failed,
             "The report does not hold": lost,
         }
-        for kind, (failed, of, lost) in counts.items()
+        for kind, (failed, n_flights, lost) in counts.items()
     ]
     caption = "Reports of flights whose trajectory's errors change slowly"
-    return f"{said}\n\n{myst_table(pd.DataFrame(rows), caption, name='tab-coverage-validated')}\n"
+    return (
+        f"{sentence}\n\n{myst_table(pd.DataFrame(rows), caption, name='tab-coverage-validated')}\n"
+    )
 
 
 def _counts(flights: pd.DataFrame) -> tuple[int, int, int]:
-    """Return in how many flights the question fails, how many there are, and failing reports."""
+    """Count the flights in which the question fails, all flights, and the failing reports."""
     failed = (flights[CHECKED] == "fails").sum()
     return int(failed), len(flights), int((flights["holds"] != 1).sum())
 
 
 def _verdict(errors: pd.DataFrame) -> str:
-    """Say what chi-square says of all parameters together, for both weights."""
+    """State the joint chi-square of all parameters, for both weights."""
     value, n = _chi_square(errors, "correlated")
     white, _ = _chi_square(errors, "white")
     p = two_sided_p(value, n)
@@ -486,6 +491,6 @@ def _verdict(errors: pd.DataFrame) -> str:
 
 
 def _chi_square(errors: pd.DataFrame, weights: str) -> tuple[float, int]:
-    """Return the sum of squares of the independent normalised errors, and how many there are."""
-    own = errors.loc[errors["weights"] == weights, "decorrelated"]
-    return float(np.sum(own**2)), len(own)
+    """Return the sum of squares of the decorrelated normalised errors, and their number."""
+    normalised = errors.loc[errors["weights"] == weights, "decorrelated"]
+    return float(np.sum(normalised**2)), len(normalised)
