@@ -33,19 +33,19 @@ from acx4book.command import (
 from acx4book.command.endings import TERMINATED, status_of
 from acx4book.command.surroundings import shut_out
 
-# The commands import the modules that compute themselves, so that `acx4 --help` is quick.
+# Commands import the computing modules inside their functions, so that `acx4 --help` is quick.
 
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
 """Linear algebra on one thread: with more, sums in another order differ in the last bits, and
 matrices this small take longer."""
 
 GARBAGE = 100_000
-"""Objects made between two searches for garbage. With Python's 700, libraries that are being
-loaded, of which nothing is garbage, are searched again and again: a tenth of a small flight."""
+"""Objects made between two garbage collections. With Python's default of 700, collections without
+effect while libraries are loaded take a tenth of the time of a small flight."""
 
 GRAMMAR = "rfc3987_syntax"
-"""Of addresses in any script, which no notebook has: nbformat's validator would make its parser at
-every start, which takes longer than all else that a run loads."""
+"""Grammar of international addresses, unused by notebooks: nbformat's validator would build its
+parser at every start, which takes longer than all other imports of a run."""
 
 app = typer.Typer(
     add_completion=False,
@@ -132,12 +132,12 @@ def check(flight: terminal.Flight) -> None:
     from acx4lib.flight.summary import summary  # noqa: PLC0415 quick help
     from acx4lib.production.image_files import is_cut_off  # noqa: PLC0415 quick help
 
-    found = read(flight)
-    files = (path for paths in found.image_files.values() for path in paths if path is not None)
+    flown = read(flight)
+    files = (path for paths in flown.image_files.values() for path in paths if path is not None)
     if cut := [path for path in files if is_cut_off(path)]:
         says = "is cut off, its pixels have no end; copy it again"
         raise FlightError([f"{path}: {says}" for path in cut])
-    terminal.show(summary(replace(found, notes=(*found.notes, *notes(found)))))
+    terminal.show(summary(replace(flown, notes=(*flown.notes, *notes(flown)))))
 
 
 app.command(help=run.HELP)(run.run)

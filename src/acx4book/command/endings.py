@@ -25,10 +25,10 @@ from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable
 
 TERMINATED = 128 + signal.SIGTERM
 ENDED = {INTERRUPTED: SAYS, TERMINATED: "terminated"}
-"""Exit statuses of a command that was stopped from outside, and the words for them."""
+"""Exit statuses of a command stopped from outside, and their messages."""
 
 AGAIN_S = 0.02
-"""Time after which an interruption that was lost is repeated, s."""
+"""Delay before a lost interruption is repeated, s."""
 
 TRACEBACK = "ACX4_TRACEBACK"
 """Environment variable that makes an unexpected error show its traceback."""
@@ -58,7 +58,7 @@ def status_of(command: Command, arguments: Sequence[str]) -> int:
 
 @contextlib.contextmanager
 def _interruptible() -> Iterator[None]:
-    """Let an interruption be an exception, so that a command cleans up."""
+    """Turn an interruption into an exception, so that a command cleans up."""
     before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
     if before is stop:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -72,7 +72,7 @@ def _interruptible() -> Iterator[None]:
 
 
 def _interrupt_again(ignored: sys.UnraisableHookArgs) -> None:
-    """Interrupt anew where Python lost the exception, as while it removes an object."""
+    """Repeat an interruption lost by Python, for example while it removes an object."""
     if issubclass(ignored.exc_type, KeyboardInterrupt):
         threading.Timer(AGAIN_S, _thread.interrupt_main).start()  # not while this is called
     else:
@@ -80,7 +80,7 @@ def _interrupt_again(ignored: sys.UnraisableHookArgs) -> None:
 
 
 def _guarded(command: Command, arguments: Sequence[str]) -> int:
-    """Run a command, print the error that stops it, and return the status."""
+    """Run a command, print its error, and return its status."""
     try:
         status = command()
     except SystemExit as end:
@@ -97,13 +97,13 @@ def _guarded(command: Command, arguments: Sequence[str]) -> int:
 
 
 def _said_of_others(error: Exception, arguments: Sequence[str]) -> int:
-    """Print an error that concerns neither a flight nor a file, and return the status."""
+    """Print an error of neither a flight nor a file, and return the status."""
     if isinstance(error, ImportError):
         say(f"the installation is not complete: {_one_line(error)}")
         return 1
     if isinstance(error, MemoryError | RecursionError):
-        what = "memory" if isinstance(error, MemoryError) else "stack"
-        say(f"not enough {what} for this input ({_one_line(error)})")
+        resource = "memory" if isinstance(error, MemoryError) else "stack"
+        say(f"not enough {resource} for this input ({_one_line(error)})")
         return 1
     if type(error).__name__ == "LinAlgError":  # of numpy, which most commands need not load
         say(str(unsolvable(_one_line(error))))
@@ -112,9 +112,9 @@ def _said_of_others(error: Exception, arguments: Sequence[str]) -> int:
 
 
 def _unforeseen(error: Exception, arguments: Sequence[str]) -> int:
-    """Print the parser's message on a wrong option, or that an error is our mistake."""
+    """Print the parser's message on a wrong option, or report a mistake in acx4."""
     show: Callable[..., None] | None = getattr(error, "show", None)
-    if show is not None:  # an error of the command line has its usage, and its own status
+    if show is not None:  # an error of the command line shows usage, and has its own status
         text = io.StringIO()
         show(file=text)
         say(*text.getvalue().splitlines())
@@ -123,26 +123,26 @@ def _unforeseen(error: Exception, arguments: Sequence[str]) -> int:
         return INTERRUPTED
     if os.environ.get(TRACEBACK):
         say(*"".join(traceback.format_exception(error)).splitlines())
-    said = f"{type(error).__name__}: {_one_line(error)}"
+    message = f"{type(error).__name__}: {_one_line(error)}"
     typed = shlex.join(["acx4", *arguments])
     say(
-        f"this is a mistake in acx4: {said}; please report it with the command "
+        f"this is a mistake in acx4: {message}; please report it with the command "
         f"{typed} and what it shows with {TRACEBACK}=1"
     )
     return 1
 
 
 def _said_of_file(error: OSError) -> str:
-    """Return what is wrong with a file, with its name if it is known."""
-    said = error.strerror or _one_line(error)
+    """Return the message on a file, with its name if known."""
+    message = error.strerror or _one_line(error)
     if error.filename is not None:
         name = error.filename
-        return f"{os.fsdecode(name) if isinstance(name, str | bytes) else name}: {said}"
+        return f"{os.fsdecode(name) if isinstance(name, str | bytes) else name}: {message}"
     try:
         Path.cwd()
     except OSError:
-        return f"the current folder is no more: {said}"
-    return said
+        return f"the current folder is no more: {message}"
+    return message
 
 
 def _one_line(error: BaseException) -> str:
@@ -150,7 +150,7 @@ def _one_line(error: BaseException) -> str:
 
 
 def _flushed(status: int) -> int:
-    """Write the remaining output, or print why that is not possible; return the status."""
+    """Write the remaining output, or print the reason for a failure; return the status."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()

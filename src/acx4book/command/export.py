@@ -1,4 +1,4 @@
-"""The command ``acx4 export``: a calibration, or orientations by it, for another program."""
+"""The command ``acx4 export``: a calibration or its orientations for another program."""
 
 from __future__ import annotations
 
@@ -88,44 +88,48 @@ def export(
         terminal.refuse(f"--to {to} has no place for orientations; leave --orientations out")
     if flight is not None and not orientations:
         terminal.refuse("--flight needs --orientations BLOCK, a block of that flight")
-    found = calibrated.read(results, method=method, heads=kind.heads)
-    made = _made(kind, found, orientations, flight)
+    calibration = calibrated.read(results, method=method, heads=kind.heads)
+    made = _made(kind, calibration, orientations, flight)
     made = taken.near(made, allow)
-    title = f"{to}: {found.title}"
-    taken.write(made, out, title=title, origin=found.origin)
-    _show(title, found, made)
+    title = f"{to}: {calibration.title}"
+    taken.write(made, out, title=title, origin=calibration.origin)
+    _show(title, calibration, made)
     terminal.show(f"{out}: {', '.join([*made.files, taken.STATEMENT])}")
 
 
-def _made(kind: Kind, found: Calibrated, block: str, flight: Path | None) -> Taken:
-    """Return the files of a kind, with orientations where a block is named."""
+def _made(kind: Kind, calibration: Calibrated, block: str, flight: Path | None) -> Taken:
+    """Return the files of a kind, with orientations if a block is named."""
     from acx4tools.exchange.outward import programs  # noqa: PLC0415 quick help
     from acx4tools.exchange.outward.orientations import orient, read_flown  # noqa: PLC0415 quick help
 
     if not block and kind.cameras is not None:
-        return kind.cameras(found)
-    flown = found.flight if flight is None else read_flown(flight)
+        return kind.cameras(calibration)
+    flown = calibration.flight if flight is None else read_flown(flight)
     if kind.on_map and flown.grid.is_local:
-        fits = [name for name, one in programs.KINDS.items() if one.oriented and not one.on_map]
+        fits = [
+            name
+            for name, program in programs.KINDS.items()
+            if program.oriented and not program.on_map
+        ]
         terminal.refuse(
             f"{flown.path}: crs is {flown.grid.crs!r}, on no map, which these orientations need; "
             f"--to {', '.join(fits)} need none"
         )
-    oriented = orient(found, flown, block)
+    oriented = orient(calibration, flown, block)
     if kind.oriented is None:
         msg = "kind: expected one with a place for orientations"
         raise ValueError(msg)
-    return kind.oriented(found, oriented)
+    return kind.oriented(calibration, oriented)
 
 
-def _show(title: str, found: Calibrated, made: Taken) -> None:
+def _show(title: str, calibration: Calibrated, made: Taken) -> None:
     from acx4tools.exchange.outward.taken import sentences  # noqa: PLC0415 quick help
 
     terminal.show(title)
     for sentence in sentences(made):
         terminal.show(f"  {sentence}")
-    for name, said in (("convention", made.assumed), ("left out", made.left_out)):
-        for sentence in said:
+    for name, remarks in (("convention", made.assumed), ("left out", made.left_out)):
+        for sentence in remarks:
             terminal.show(f"  {name}: {sentence}")
-    if found.others:
-        terminal.show(f"  by --method also: {', '.join(found.others)}")
+    if calibration.others:
+        terminal.show(f"  by --method also: {', '.join(calibration.others)}")

@@ -39,17 +39,21 @@ KINDS = {
         *("opensfm", "micmac", "bundler", "visualsfm", "bingo", "patb", "odm-control"),
     ),
 }
-"""The kinds by what they bring, in the order in which they are listed."""
+"""The kinds grouped by their content, in the order of the help."""
 
 
 class _Grouped(TyperGroup):
-    """Kinds that are listed by what they bring."""
+    """Group of commands with a help that lists the kinds by their content."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write a list for each group of kinds."""
         for title, names in KINDS.items():
-            found = {name: self.get_command(ctx, name) for name in names}
-            rows = [(name, one.get_short_help_str(limit=150)) for name, one in found.items() if one]
+            commands = {name: self.get_command(ctx, name) for name in names}
+            rows = [
+                (name, command.get_short_help_str(limit=150))
+                for name, command in commands.items()
+                if command
+            ]
             with formatter.section(title):
                 formatter.write_dl(rows)
 
@@ -111,15 +115,15 @@ LARGEST_UNDULATION_M = 200.0
 
 
 TO_DO = 8
-"""Lines on what a flight still lacks that are shown."""
+"""Largest number of lines on missing parts of a flight."""
 
 
 def heights_of(text: str) -> str | float:
-    """Return the heights of a flight by the text of an option: a number is an undulation."""
+    """Return the heights of a flight from the text of an option; a number is an undulation, m."""
     try:
         undulation = float(text)
     except ValueError:
-        file = Path(text)  # PROJ finds a grid by its whole path alone
+        file = Path(text)  # PROJ needs the absolute path of a grid
         return str(file.absolute()) if file.is_file() else text
     if not abs(undulation) <= LARGEST_UNDULATION_M:
         terminal.refuse(f"--heights: {text}: must be at most {LARGEST_UNDULATION_M:g} m either way")
@@ -127,7 +131,7 @@ def heights_of(text: str) -> str | float:
 
 
 def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
-    """Return CRS and heights of a flight: what the options say, else its flight.toml."""
+    """Return CRS and heights of a flight from the options, else from its flight.toml."""
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
     from acx4lib.flight.problems import lines_of  # noqa: PLC0415 quick help
     from acx4lib.flight.settings import FLIGHT  # noqa: PLC0415 quick help
@@ -136,7 +140,7 @@ def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
     path = out / "flight.toml"
     toml = read_toml(path)
     known = toml.values
-    problems = [one for one in toml.problems if one.column == "file" and path.exists()]
+    problems = [problem for problem in toml.problems if problem.column == "file" and path.exists()]
     for key in ("crs", "heights"):
         if known.get(key, "") != "":
             problems += FLIGHT.keys[key].problems(toml, (key,))
@@ -148,15 +152,15 @@ def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
     return crs or str(known.get("crs", "")), heights_of(heights) if heights else named
 
 
-def _parameter(name: str, means: Any, said: Any, default: Any = Parameter.empty) -> Parameter:
-    """Return an option of commands: its type, and what typer is told of it."""
-    annotation = Annotated[means, said]
+def _parameter(name: str, means: Any, info: Any, default: Any = Parameter.empty) -> Parameter:
+    """Return a keyword-only option of a command, with its type and its typer information."""
+    annotation = Annotated[means, info]
     return Parameter(name, Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
 
 
 def _program(
     name: str,
-    said: str,
+    help_text: str,
     options: Sequence[Parameter],
     *,
     of_flight: Sequence[str] = (),
@@ -164,8 +168,8 @@ def _program(
 ) -> None:
     """Make a command of a reader below `acx4tools.exchange.programs`; its options are the reader's.
 
-    The reader is imported when the command is called, so that help is quick. What a flight that was
-    begun says stands for the options `of_flight`.
+    The reader is imported when the command is called, so that help is quick. A flight that is
+    already in the output folder gives the options `of_flight`.
     """
     module, _, function = (reader or name).partition(".")
 
@@ -174,19 +178,19 @@ def _program(
         if begun:
             known = {"crs": given.get("crs") or begun, "heights": heights}
             given |= {key: known[key] for key in of_flight}
-        found = importlib.import_module(f"acx4tools.exchange.programs.{module}")
-        _place(getattr(found, function or "read")(source, **given), out)
+        program = importlib.import_module(f"acx4tools.exchange.programs.{module}")
+        _place(getattr(program, function or "read")(source, **given), out)
 
-    needed = [one for one in options if one.default is Parameter.empty]
-    others = [one for one in options if one not in needed]
-    own = [SOURCE, *needed, OUT, *others]
-    command.__annotations__ = {one.name: one.annotation for one in own}
-    command.__signature__ = Signature(own)  # type: ignore[attr-defined]
-    app.command(name, help=said)(command)
+    needed = [option for option in options if option.default is Parameter.empty]
+    others = [option for option in options if option not in needed]
+    parameters = [SOURCE, *needed, OUT, *others]
+    command.__annotations__ = {option.name: option.annotation for option in parameters}
+    command.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    app.command(name, help=help_text)(command)
 
 
 def _place(brought: Brought, out: Path) -> None:
-    """Write what was brought, and say what was assumed, found and left out, and what is missing."""
+    """Write imported data, and report assumptions, findings, omissions and missing parts."""
     from acx4tools.exchange import flight_folder  # noqa: PLC0415 quick help
 
     if brought.settings and not (out / flight_folder.SETTINGS).is_file():
@@ -209,25 +213,25 @@ def _place(brought: Brought, out: Path) -> None:
 
 
 def missing(flight: Path) -> list[str]:
-    """Return what a folder still lacks to be a flight, or what the readings of a flight say."""
+    """Return lines on missing parts of a flight, or notes on the conventions of a whole one."""
     from acx4lib.conventions import notes  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
     from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
 
     try:
-        found = read(flight)
+        flown = read(flight)
     except FlightError as error:
         lines = [f"still to do: {line}" for line in error.problems]
         more = [f"still to do: {len(lines) - TO_DO} more: acx4 check"] * (len(lines) > TO_DO)
         return lines[:TO_DO] + more
-    return [f"check: {note}" for note in (*found.notes, *notes(found))]
+    return [f"check: {note}" for note in (*flown.notes, *notes(flown))]
 
 
 # --- where images were taken, and in which attitude
 
 
 Clock = Literal["gps-sow", "utc-sow"]
-"""Of an SBET."""
+"""Time scale of an SBET."""
 
 Columns = Annotated[
     str,
@@ -707,11 +711,11 @@ NEEDED_PIXEL_UM = _parameter(
 
 
 def _width_height(text: str) -> tuple[int, int]:
-    """Return the two numbers of a size, or end the command."""
-    found = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text.strip(), re.ASCII | re.I)
-    if found is None or "0" in (found[1].lstrip("0") or "0", found[2].lstrip("0") or "0"):
+    """Return width and height from the text of a size, or end the command."""
+    match = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text.strip(), re.ASCII | re.I)
+    if match is None or "0" in (match[1].lstrip("0") or "0", match[2].lstrip("0") or "0"):
         terminal.refuse(f"--size {text}: must be width x height in pixels, such as 4000x3000")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 SIZE = _parameter(

@@ -55,8 +55,8 @@ def new(
 
     heads = [name.strip() for name in answers["cameras"].split(",") if name.strip()]
     name = folder.resolve().name
-    for one in (name, *heads):
-        if fault := name_fault(one):
+    for entered in (name, *heads):
+        if fault := name_fault(entered):
             terminal.refuse(f"{fault[0]}; {fault[1]}")
     if len(set(heads)) != len(heads) or not heads:
         terminal.refuse(f"--cameras: {answers['cameras']!r}: must be names that are all different")
@@ -73,13 +73,13 @@ def new(
 
 
 def _answers(given: dict[str, str]) -> dict[str, str]:
-    """Return the options, and answers to questions where they are not given."""
-    open_ones = [name for name, value in given.items() if not value]
-    if open_ones and not sys.stdin.isatty():
-        options = ", ".join(f"--{name}" for name in open_ones)
+    """Return the given options, and the answers to questions for the others."""
+    unanswered = [name for name, value in given.items() if not value]
+    if unanswered and not sys.stdin.isatty():
+        options = ", ".join(f"--{name}" for name in unanswered)
         terminal.refuse(f"{options}: missing; on a terminal the command asks for them")
     asked = {
         name: typer.prompt(QUESTIONS[name][0], default=QUESTIONS[name][1] or None, err=True)
-        for name in open_ones
+        for name in unanswered
     }
     return given | {name: str(answer).strip() for name, answer in asked.items()}

@@ -81,13 +81,13 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     options = MeasureOptions(points=points, reduce=reduce, ground_m=ground)
     where = Where(jobs=jobs, cluster=cluster)
     with stage_bars("pairs") as tell, where.maybe_executor() as executor:
-        found = measure_flight(flight, out, options=options, executor=executor, tell=tell)
+        outcomes = measure_flight(flight, out, options=options, executor=executor, tell=tell)
     if show_in is not None:
         with own_folder.placed(show_in, command="acx4 measure --show") as draft:
-            write_pictures(found, draft)
+            write_pictures(outcomes, draft)
     say_if_not_kept()
-    for one in found:
-        for sentence in one.sentences:
+    for outcome in outcomes:
+        for sentence in outcome.sentences:
             show(sentence)
     show(out)
 
@@ -183,9 +183,9 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     say_if_not_kept()
     for line in report.notes:
         show(line)
-    there = f", {len(report.kept)} there already" if report.kept else ""
+    kept = f", {len(report.kept)} there already" if report.kept else ""
     images = "1 image" if len(report.rendered) == 1 else f"{len(report.rendered)} images"
-    show(f"{images} rendered{there}, in {out}")
+    show(f"{images} rendered{kept}, in {out}")
     if report.problems:
         say(*report.problems)
         raise typer.Exit(2)

@@ -1,4 +1,4 @@
-"""``acx4 plan`` and ``acx4 simulate``: flights that are planned, and flown without an aircraft."""
+"""The commands ``acx4 plan`` and ``acx4 simulate``: planned and simulated flights."""
 
 from __future__ import annotations
 
@@ -63,10 +63,10 @@ Examples:
 """
 
 NOT_DETERMINED = 1
-"""Exit status where the design leaves something open that is wanted."""
+"""Exit status if a wanted parameter is not determined."""
 
 FILES = ("parameters", "covariance", "correlations", "reliability", "check_points")
-"""Tables in the folder."""
+"""Names of the tables in the folder."""
 
 
 def plan(
@@ -88,12 +88,12 @@ def plan(
     planned = plans.read(file)
     chosen = None if target is None else _choose(planned, target)
     flown = planned if chosen is None else chosen.plan
-    found = design.of(flown, winds=design.usual_winds(flown))
-    terminal.show("\n".join(tables.lines(found)))
+    predicted = design.of(flown, winds=design.usual_winds(flown))
+    terminal.show("\n".join(tables.lines(predicted)))
     if out is not None:
         source = text_of(file) if chosen is None else plans.written(chosen.plan.values)
-        _write(found, source, out, chosen)
-    if tables.sentences(found) or (chosen is not None and not chosen.met):
+        _write(predicted, source, out, chosen)
+    if tables.sentences(predicted) or (chosen is not None and not chosen.met):
         raise typer.Exit(NOT_DETERMINED)
 
 
@@ -119,10 +119,10 @@ def _write(design: Design, source: str, out: Path, chosen: Chosen | None = None)
     if chosen is not None:
         content["target.csv"] = _csv(choosing.wanted(chosen))
         content["strips.csv"] = _csv(choosing.strips(chosen))
-    with own_folder.claim(out, command="acx4 plan") as own:
-        own.expect(content)
+    with own_folder.claim(out, command="acx4 plan") as folder:
+        folder.expect(content)
         whole_files.write_all({out / name: written for name, written in content.items()})
-        own.seal()
+        folder.seal()
     terminal.show(f"\n{out}: {', '.join(content)}")
 
 
@@ -134,7 +134,7 @@ def _csv(table: pd.DataFrame) -> str:
 
 
 MISSED = 1
-"""Exit status where the target is not met."""
+"""Exit status if the target is not met."""
 
 
 def _choose(plan: Plan, target: Path) -> Chosen:
@@ -146,79 +146,79 @@ def _choose(plan: Plan, target: Path) -> Chosen:
     wanted = choosing.read(target, plan)
     all_strips = choosing.of(wanted)
     if all_strips.failing:
-        terminal.say(*(_unreachable(one, len(all_strips.seconds)) for one in all_strips.failing))
+        terminal.say(*(_unreachable(goal, len(all_strips.seconds)) for goal in all_strips.failing))
         if not np.isfinite(wanted.minutes):
             raise typer.Exit(MISSED)
-    found = choosing.choose(all_strips, minutes=wanted.minutes)
-    terminal.show("\n".join(_lines(found, len(all_strips.seconds))))
-    if not found.met and not all_strips.failing:
+    chosen = choosing.choose(all_strips, minutes=wanted.minutes)
+    terminal.show("\n".join(_lines(chosen, len(all_strips.seconds))))
+    if not chosen.met and not all_strips.failing:
         enough = choosing.choose(all_strips)
         terminal.say(
-            *(_missed(one, float(x), wanted.minutes) for one, x in _missing(found)),
+            *(_missed(goal, float(x), wanted.minutes) for goal, x in _missing(chosen)),
             f"{enough.minutes:.0f} min reach the target: {', '.join(enough.strips)}",
         )
-    return found
+    return chosen
 
 
-def _unreachable(one: Wanted, n: int) -> str:
-    """Say that no choice of the candidates gives what is wanted, and what would."""
+def _unreachable(goal: Wanted, n: int) -> str:
+    """Say that no choice of strips meets a goal, and which geometry would."""
     return (
-        f"{_named(one)}: no choice of strips gives {one.limit:g}; with all {n} candidates it is "
-        f"{one.with_all:.3g}, {one.with_all / one.limit:.2g} times that"
-        + (f"; it would need {one.needs}" if one.needs else "")
+        f"{_named(goal)}: no choice of strips gives {goal.limit:g}; with all {n} candidates it is "
+        f"{goal.with_all:.3g}, {goal.with_all / goal.limit:.2g} times that"
+        + (f"; it would need {goal.needs}" if goal.needs else "")
     )
 
 
-def _missed(one: Wanted, given: float, minutes: float) -> str:
-    """Say what a choice misses that must not take longer."""
+def _missed(goal: Wanted, reached: float, minutes: float) -> str:
+    """Say by how much the best choice within the flying time misses a goal."""
     return (
-        f"{_named(one)}: {given:.3g}, {given / one.limit:.2g} times the {one.limit:g} that is "
-        f"wanted; no better choice was found for {minutes:g} min"
+        f"{_named(goal)}: {reached:.3g}, {reached / goal.limit:.2g} times the {goal.limit:g} that "
+        f"is wanted; no better choice was found for {minutes:g} min"
     )
 
 
-def _missing(found: Chosen) -> Iterator[tuple[Wanted, float]]:
-    for one, given in zip(found.wanted, found.given, strict=True):
-        if given > one.limit:
-            yield one, float(given)
+def _missing(chosen: Chosen) -> Iterator[tuple[Wanted, float]]:
+    for goal, reached in zip(chosen.wanted, chosen.given, strict=True):
+        if reached > goal.limit:
+            yield goal, float(reached)
 
 
-def _lines(found: Chosen, n: int) -> list[str]:
-    """Return what is shown of a choice: what it gives, then what each strip buys."""
-    names = [_named(one) for one in found.wanted]
-    limits = [one.limit for one in found.wanted]
+def _lines(chosen: Chosen, n: int) -> list[str]:
+    """Return a choice as lines: its results, then the gain by each strip."""
+    names = [_named(goal) for goal in chosen.wanted]
+    limits = [goal.limit for goal in chosen.wanted]
     rows = [
         ["", "", *names],
         ["wanted", "", *map(_digits, limits)],
-        [f"all {n} candidates", "", *(_digits(one.with_all) for one in found.wanted)],
-        ["chosen", "", *map(_digits, found.given)],
+        [f"all {n} candidates", "", *(_digits(goal.with_all) for goal in chosen.wanted)],
+        ["chosen", "", *map(_digits, chosen.given)],
         ["", "min", *[""] * len(names)],
         *(
             [f"{'+ ' if k else '  '}{strip}", f"{minutes:.1f}", *map(_digits, after)]
             for k, (strip, minutes, after) in enumerate(
-                zip(found.strips, found.minutes_after, found.after, strict=True)
+                zip(chosen.strips, chosen.minutes_after, chosen.after, strict=True)
             )
         ),
     ]
     return [
-        f"{len(found.strips)} of {n} strips, {found.minutes:.1f} min from first exposure to last",
+        f"{len(chosen.strips)} of {n} strips, {chosen.minutes:.1f} min from first exposure to last",
         *terminal.aligned(rows),
         *(
-            f"without {strip}: {_worst(found, without)}"
-            for strip, without in zip(found.strips, found.without, strict=True)
+            f"without {strip}: {_worst(chosen, without)}"
+            for strip, without in zip(chosen.strips, chosen.without, strict=True)
         ),
     ]
 
 
-def _worst(found: Chosen, without: Sequence[float]) -> str:
-    """Say what leaving a strip out does to what suffers most, by what is wanted."""
-    shares = [x / one.limit for x, one in zip(without, found.wanted, strict=True)]
+def _worst(chosen: Chosen, without: Sequence[float]) -> str:
+    """Name the goal that suffers most without a strip, with its value before and after."""
+    shares = [x / goal.limit for x, goal in zip(without, chosen.wanted, strict=True)]
     k = shares.index(max(shares))
-    return f"{_named(found.wanted[k])} {_digits(found.given[k])} -> {_digits(without[k])}"
+    return f"{_named(chosen.wanted[k])} {_digits(chosen.given[k])} -> {_digits(without[k])}"
 
 
-def _named(one: Wanted) -> str:
-    return f"{one.camera} {one.name}".strip()
+def _named(goal: Wanted) -> str:
+    return f"{goal.camera} {goal.name}".strip()
 
 
 def _digits(x: float) -> str:

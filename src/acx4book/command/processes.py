@@ -34,7 +34,7 @@ T = TypeVar("T")
 _SPAWN = multiprocessing.get_context("spawn")
 
 GRACE_S = 10
-"""Time that a process has to clean up when it is told to end, s."""
+"""Time for a process to clean up before it is killed, s."""
 
 
 class ProcessDiedError(RuntimeError):
@@ -42,12 +42,12 @@ class ProcessDiedError(RuntimeError):
 
 
 class Processes(Executor):
-    """An executor with a fixed number of processes, started when they are needed.
+    """An executor with a fixed number of processes, started on demand.
 
     Raises
     ------
     FileNotFoundError
-        Where the current folder, in which they begin, is no more.
+        Where the current folder, in which processes start, does not exist any more.
     """
 
     def __init__(self, n: int) -> None:
@@ -59,11 +59,11 @@ class Processes(Executor):
         self._is_ended = False
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Call a function in the next process that is free; it must be importable by its name."""
+        """Call a function, importable by name, in the next free process."""
         return self._threads.submit(self._call, fn, args, kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes when their calls are finished, or without `wait`, at once."""
+        """End the processes after their calls, or at once without `wait`."""
         if not wait:
             self._terminate()
         self._threads.shutdown(cancel_futures=cancel_futures)
@@ -94,14 +94,14 @@ class Processes(Executor):
 
 
 class _Process:
-    """A process that serves one call after the other."""
+    """A process that serves calls one after another."""
 
     def __init__(self) -> None:
         self._pipe, theirs = _SPAWN.Pipe()
         self._process = _SPAWN.Process(target=_serve, args=(theirs,))
-        resource_tracker.ensure_running()  # which would let signals pass again when it is started
+        resource_tracker.ensure_running()  # its start would unblock signals
         try:
-            with system.uninterrupted():  # which the process inherits
+            with system.uninterrupted():  # inherited by the process
                 self._process.start()
         except FileNotFoundError:
             raise FileNotFoundError(errno.ENOENT, "the current folder is no more") from None
@@ -112,7 +112,7 @@ class _Process:
         return not self._process.is_alive()
 
     def call(self, *call: object) -> Any:
-        """Return what a function returns there, or raise what it raises.
+        """Call a function in the process; return its value or raise its error.
 
         Raises
         ------
@@ -133,7 +133,7 @@ class _Process:
         self._process.terminate()
 
     def close(self) -> None:
-        """End the process; one that does not is killed."""
+        """End the process; kill it after `GRACE_S` seconds."""
         self._pipe.close()
         self._process.join(GRACE_S)
         self._process.kill()
@@ -141,32 +141,32 @@ class _Process:
 
 
 def _serve(pipe: Connection) -> None:
-    """Serve calls until the other end of the pipe is closed, by whatever end of the parent."""
+    """Serve calls until the parent closes its end of the pipe or dies."""
     shut_out()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it, too, and tells
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent gets it, too, and ends its processes
     system.hear_interruptions()
     signal.signal(signal.SIGTERM, _leave)
     while True:
         try:
             call = pipe.recv_bytes()
         except EOFError:
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it is leaving
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the process is ending
             return
         pipe.send_bytes(_answer(call))
 
 
 def _leave(*_: object) -> None:
-    """Leave tidily; the signal comes twice where the whole group is sent it."""
+    """Leave tidily; a second signal, as from a signal to the whole group, is ignored."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     sys.exit(1)
 
 
 def _answer(call: bytes) -> bytes:
-    """Return whether a call succeeded, and what it returns or raises."""
+    """Run a pickled call; return success and its value or error, pickled."""
     try:
         function, args, kwargs = pickle.loads(call)
         return pickle.dumps((True, function(*args, **kwargs)))
-    except Exception as error:  # the caller's
+    except Exception as error:  # raised again in the caller
         return pickle.dumps((False, error))
 
 
@@ -186,12 +186,12 @@ ANSWER_S = 10
 ADDRESS = re.compile(
     r"(?:(?:tcp|tls|ucx|ws|wss)://)?(?:[\w.-]+|\[[\da-f:.]+\]):(?P<port>\d{1,5})/?", re.ASCII | re.I
 )
-"""Of a scheduler in another process: protocol, name or number of the host, port."""
+"""Address of a scheduler: protocol, name or number of the host, port."""
 
 
 @contextmanager
 def on_processes(n: int) -> Iterator[Executor]:
-    """Yield an executor with processes of this computer; where the context fails, they are ended.
+    """Yield an executor with local processes; an error in the context ends them at once.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def on_processes(n: int) -> Iterator[Executor]:
 def on_cluster(address: str) -> Iterator[Executor]:
     """Yield an executor with the workers of a Dask cluster.
 
-    The cluster repeats a call whose worker dies, with another worker, three times by default.
+    If a worker dies, the cluster repeats its call with another one, by default three times.
 
     Parameters
     ----------
@@ -244,9 +244,9 @@ def _connected(address: str) -> Iterator[Any]:
 
 
 def _check(address: str) -> None:
-    """Refuse an address that no scheduler can have."""
-    found = ADDRESS.fullmatch(address)
-    if found is None or not 0 < int(found["port"]) < 65536:
+    """Refuse a text that is not the address of a scheduler."""
+    match = ADDRESS.fullmatch(address)
+    if match is None or not 0 < int(match["port"]) < 65536:
         expected = "must be that of a Dask scheduler, such as tcp://host:8786"
         raise FlightError([f"--cluster: {quoted(address)}; {expected}"])
 

@@ -1,4 +1,4 @@
-"""The commands ``acx4 book`` and ``acx4 compare``, of the results of runs."""
+"""The commands ``acx4 book`` and ``acx4 compare`` on results of runs."""
 
 from __future__ import annotations
 
@@ -110,9 +110,9 @@ def compare(
     from acx4book.report.campaigns import figures, tables, written  # noqa: PLC0415 quick help
 
     if len(results) == 1:
-        found = figures.read(results[0])
-        written.write_rigidity(found, out, name=results[0].resolve().name, level=level)
-        lines = figures.for_terminal(found, level=level)
+        rigidity = figures.read(results[0])
+        written.write_rigidity(rigidity, out, name=results[0].resolve().name, level=level)
+        lines = figures.for_terminal(rigidity, level=level)
     else:
         campaigns = tables.read(results, methods=methods)
         compared = tables.study(
@@ -124,7 +124,7 @@ def compare(
 
 
 def _check(methods: list[str], against: str, n: int) -> None:
-    """Refuse options that mean nothing."""
+    """Refuse invalid or contradicting options."""
     known = ("single_step", "rig", "rig_calibration", "two_step_gnss", "two_step")
     if unknown := [name for name in methods if name not in known]:
         terminal.refuse(f"--method {unknown[0]}: must be one of {', '.join(known)}")

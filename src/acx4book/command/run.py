@@ -108,13 +108,13 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
 
 
 def _run_one(flight: Path, results: Path, settings: Settings) -> None:
-    """Run the stages of a flight, and say what deserves notice."""
+    """Run the stages of a flight, and print its notes and undetermined parameters."""
     from acx4book.notebooks import runner  # noqa: PLC0415 quick help
     from acx4book.notebooks.functions import way_of  # noqa: PLC0415 quick help
     from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
 
     numbers_only = settings.notebooks is None
-    if numbers_only:  # notebooks are copies of this process, and would keep its memory once more
+    if numbers_only:  # processes of notebooks, copies of this one, would each keep the memory
         processors.keep_memory()
     with terminal.stage_bars("stages" if numbers_only else "cells") as tell:
         report = runner.run(
@@ -137,7 +137,7 @@ def _run_one(flight: Path, results: Path, settings: Settings) -> None:
 def _settings(
     stages: str, notebooks: Path | None, calibration: Path | None, *, numbers_only: bool
 ) -> Settings:
-    """Return what is run, or refuse it."""
+    """Return the settings of a run from its options, or end the command."""
     from acx4book.command.runs import Settings, absolute  # noqa: PLC0415 quick help
     from acx4book.notebooks.runner import NOTEBOOKS_PATH  # noqa: PLC0415 quick help
     from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
@@ -158,7 +158,7 @@ def _settings(
 
 
 HEADER = ("flight", "σ0²", "f_mm", "σ", "RMS east", "north", "height m", "status")
-"""Of the table on the screen."""
+"""Heading of the table on the screen."""
 
 _SHOWN = (
     ("sigma0_squared", ".3f"),
@@ -186,7 +186,7 @@ class Where:
     cluster: str | None = None
 
     def executor(self) -> AbstractContextManager[Executor]:
-        """Return what runs them, as a context."""
+        """Return an executor for them, as a context."""
         from acx4book.command import processes  # noqa: PLC0415 quick help
 
         if self.cluster is not None:
@@ -194,12 +194,12 @@ class Where:
         return processes.on_processes(self.jobs)
 
     def maybe_executor(self) -> AbstractContextManager[Executor | None]:
-        """Return the same; None in it where this process is enough."""
+        """Return an executor, or None if this process is enough, as a context."""
         return nullcontext() if self._is_here else self.executor()
 
     @property
     def threads(self) -> int | None:
-        """Number of threads of each call; None for all that there are."""
+        """Number of threads of each call; None for all processors."""
         from acx4lib.least_squares.processors import cores  # noqa: PLC0415 quick help
 
         if self._is_here:
@@ -221,16 +221,18 @@ def _run_many(
     jobs = _jobs(flights, results, seeds, settings)
     with where.executor() as executor, terminal.counting_bar("flights") as tell:
         outcomes = runs.run_all(jobs, results, executor, tell)
-    for line in terminal.aligned([HEADER, *(_shown(name, one) for name, one in outcomes.items())]):
+    for line in terminal.aligned(
+        [HEADER, *(_shown(name, outcome) for name, outcome in outcomes.items())]
+    ):
         terminal.show(line)
-    failed = {name: one for name, one in outcomes.items() if one.status}
-    there = sum(one.kept for one in outcomes.values())
+    failed = {name: outcome for name, outcome in outcomes.items() if outcome.status}
+    n_kept = sum(outcome.kept for outcome in outcomes.values())
     terminal.show(
-        f"{len(outcomes)} flights: {there} there already, {len(failed)} failed; {results / TABLE}"
+        f"{len(outcomes)} flights: {n_kept} there already, {len(failed)} failed; {results / TABLE}"
     )
-    terminal.say(*(f"{name}: {one.reason}" for name, one in failed.items()))
+    terminal.say(*(f"{name}: {outcome.reason}" for name, outcome in failed.items()))
     if failed:
-        raise typer.Exit(max(one.status for one in failed.values()))
+        raise typer.Exit(max(outcome.status for outcome in failed.values()))
 
 
 def _jobs(
@@ -248,7 +250,7 @@ def _jobs(
 
 
 def _simulated(flight: Path) -> str:
-    """Return the name of a design, or the path of a plan from the root; refuse all others."""
+    """Return the name of a design or the absolute path of a plan; refuse other texts."""
     from acx4book.command import runs  # noqa: PLC0415 quick help
     from acx4book.notebooks import simulated  # noqa: PLC0415 quick help
 

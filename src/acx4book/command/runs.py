@@ -1,4 +1,4 @@
-"""Many flights, each run by itself (``acx4 run``): which, what still stands, and their tables."""
+"""Runs of many flights (``acx4 run``): jobs, valid earlier results, and tables."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ TABLE, TIMES = "flights.csv", "times.csv"
 """Files of a folder of many flights; every flight has a folder of its own beside them."""
 
 SIMULATED = "simulated"
-"""Folder of the flights that were simulated, with the truth of each."""
+"""Folder of the simulated flights with their truth."""
 
 RESERVED = (TABLE, TIMES, SIMULATED)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What is run of every flight.
+    """Settings for the run of every flight.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Settings:
     notebooks : Path or None
         Folder of the notebooks to execute; None computes the numbers only.
     calibration : Path or None
-        Results of an earlier flight, whose calibration is validated.
+        Results of an earlier flight with the calibration to be validated.
     """
 
     stages: tuple[str, ...]
@@ -87,8 +87,8 @@ class Job:
 def of_flights(flights: Sequence[Path], folder: Path, settings: Settings) -> list[Job]:
     """Return a job for each flight, with its results in a folder below another.
 
-    It has the name of the flight's folder. Where two of these are alike, as many folders above are
-    put before it as tell them apart: ``north-flight`` and ``south-flight``.
+    It has the name of the flight's folder. Equal names get parent folders as prefix, as many as
+    tell them apart: ``north-flight`` and ``south-flight``.
 
     Raises
     ------
@@ -138,31 +138,31 @@ def of_seeds(
 
 
 def seeds_of(text: str) -> list[int]:
-    """Return the seeds that a text such as ``1-200`` or ``1,5,9-12`` names, in its order.
+    """Return the seeds named in a text such as ``1-200`` or ``1,5,9-12``, in its order.
 
     Raises
     ------
     ValueError
         For any other text.
     """
-    found: list[int] = []
+    seeds: list[int] = []
     for part in text.split(","):
         ends = re.fullmatch(r"\s*(\d{1,18})\s*(?:-\s*(\d{1,18})\s*)?", part, re.ASCII)
         first, last = (int(end or ends[1]) for end in ends.groups()) if ends else (1, 0)
         if first > last:
             msg = f"{part.strip()!r} names no seeds; give whole numbers, as in 1-200 or 1,5,9-12"
             raise ValueError(msg)
-        found += range(first, last + 1)
-    return list(dict.fromkeys(found))
+        seeds += range(first, last + 1)
+    return list(dict.fromkeys(seeds))
 
 
 def absolute(path: Path) -> Path:
-    """Return a path from the root; a link keeps its own name."""
+    """Return an absolute path without following links."""
     return Path(os.path.abspath(path))  # noqa: PTH100 `resolve` would follow links
 
 
 def _told_apart(paths: Sequence[Path]) -> list[str]:
-    """Return names that differ, of as few folders as possible."""
+    """Return different names of paths, made of as few folders as possible."""
     names = [_name(path, 1) for path in paths]
     for n in range(2, 1 + max(len(path.parts) for path in paths)):
         alike = {name for name, times in Counter(names).items() if times > 1}
@@ -179,12 +179,12 @@ def _told_apart(paths: Sequence[Path]) -> list[str]:
 
 
 def _name(path: Path, n: int) -> str:
-    """Return the last folders of a path as one name."""
+    """Join the last n folders of a path to one name."""
     return "-".join(part for part in path.parts[-n:] if part != path.anchor)
 
 
 def _fault(name: str, often: Counter[str], *, cure: str = "rename the flight's folder") -> str:
-    """Return what is wrong with a name, and what to do; empty for a good one."""
+    """Return fault and cure of a name; empty for a good one."""
     if not name or name.startswith(".") or name in RESERVED:
         return f"a folder of results cannot be called {name!r}; {cure}"
     if often[name] > 1:
@@ -193,15 +193,15 @@ def _fault(name: str, often: Counter[str], *, cure: str = "rename the flight's f
     return f"{fault[0]}; {cure}" if fault else ""
 
 
-# --- what of a run's results stands: which stages are those of the flight as it is now
+# --- validity of a run's results: which stages belong to the flight as it is now
 
 
 def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
-    """Tell whether a run would leave what is there.
+    """Tell whether existing results are complete and up to date.
 
-    It would where all files are as a run wrote them, and every stage that the flight has data for
-    was run to its end with this flight, by this software, and by these notebooks if any are wanted.
-    Pictures are not compared.
+    They are if all files are as a run wrote them, and if every stage with data was completed with
+    this flight and this software, and with these notebooks if any are wanted. Pictures are not
+    compared.
 
     Parameters
     ----------
@@ -213,23 +213,25 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
     try:
         if own_folder.read_mark(results)[0] != provenance.COMMAND or own_folder.changes(results):
             return False
-        found = provenance.read(results)
-        told = earlier.read(settings.calibration, flight).told if settings.calibration else None
-    except Acx4Error:  # a run says what is wrong, or puts it right
+        record = provenance.read(results)
+        calibration = (
+            earlier.read(settings.calibration, flight).told if settings.calibration else None
+        )
+    except Acx4Error:  # a run reports or mends the error
         return False
-    run: dict[str, object] = {"flight": found.digest, "versions": provenance.versions()}
-    run |= {"calibration": told} if told else {}
+    run: dict[str, object] = {"flight": record.digest, "versions": provenance.versions()}
+    run |= {"calibration": calibration} if calibration else {}
     parts = [s for s in runner.parts_of(settings.stages) if not order.missing(flight, s)]
     return (
-        dict(found.files) == provenance.checksums(flight)
-        and all(found.stages.get(PART_OF.get(part, part)) == run for part in parts)
+        dict(record.files) == provenance.checksums(flight)
+        and all(record.stages.get(PART_OF.get(part, part)) == run for part in parts)
         and ("rig" not in parts or "mounting/rig" in folder.entries(results))
         and all(_is_executed(settings.notebooks, results, part) for part in ("flight", *parts))
     )
 
 
 def _is_executed(notebooks: Path | None, results: Path, part: str) -> bool:
-    """Tell whether the results have a part's notebook with the cells that it has now."""
+    """Tell whether the results have a part's executed notebook with its present cells."""
     if notebooks is None:
         return True
     name = f"{NOTEBOOKS[part]}.ipynb"
@@ -238,7 +240,7 @@ def _is_executed(notebooks: Path | None, results: Path, part: str) -> bool:
 
 
 def _cells(notebook: Path) -> list[str]:
-    """Return the text of all cells but those of parameters."""
+    """Return the texts of all cells except parameters."""
     of_parameters = {"parameters", "injected-parameters"}
     return [
         "".join(cell["source"])
@@ -249,15 +251,15 @@ def _cells(notebook: Path) -> list[str]:
 
 # --- The table of many flights: a row for each, as text, so that equal results give equal bytes
 #
-# What differs from call to call, such as times, stands in a table of its own.
+# Values that differ from call to call, such as times, are in a table of their own.
 
 
 METHOD = "single_step"
-"""The method whose parameters and check points are shown."""
+"""The method with parameters and check points in the table."""
 
 VALIDATED = (f"validation/{METHOD}", "validation/given")
-"""Where the check points are, the first that there is; the second of a flight that was not
-calibrated."""
+"""Entries with the check points, the first existing one counts; the second is for a flight without
+calibration."""
 
 _PARAMETERS = tuple(name for name, _ in REPORTED.values())
 _ADJUSTMENT = ("sigma0_squared", "redundancy", "n_rejected")
@@ -273,14 +275,14 @@ COLUMNS = (
 """Columns of the table of all flights."""
 
 TIME_COLUMNS = ("flight", "seconds", "cpu_s", "peak_mb", "worker")
-"""Columns of the other table: time and processor time of a run, s; the most memory that its
-process has had so far, MB; host and number of this process."""
+"""Columns of the other table: time and processor time of a run, s; peak memory of its process so
+far, MB; host and number of this process."""
 
 Row = Mapping[str, str]
 
 
 def _parameters(path: Path) -> Iterator[tuple[str, str]]:
-    """Yield camera, values and sigmas of the method, exactly as they are written there."""
+    """Yield camera, values and sigmas of the method, with the digits of the file."""
     for line in csv.DictReader(io.StringIO(text_of(path), newline="")):
         if (line["stage"], line["method"]) != ("mounting", METHOD):
             continue
@@ -291,13 +293,13 @@ def _parameters(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _checked(entry: Mapping[str, object]) -> Iterator[tuple[str, str]]:
-    """Yield the number of check points, and means and root mean squares of their differences."""
+    """Yield number of check points, and means and RMS of their differences."""
     if "n_points" in entry:
         yield "n_check_points", _text(entry["n_points"])
     points = entry.get("points")
-    for what, unit in _CHECKED.items() if isinstance(points, dict) else ():
-        for axis, value in zip(AXES, points.get(what) or (), strict=False):  # type: ignore[attr-defined]
-            yield f"{what}_{axis}{unit}", _text(value)
+    for statistic, unit in _CHECKED.items() if isinstance(points, dict) else ():
+        for axis, value in zip(AXES, points.get(statistic) or (), strict=False):  # type: ignore[attr-defined]
+            yield f"{statistic}_{axis}{unit}", _text(value)
 
 
 def _text(value: object) -> str:
@@ -308,7 +310,7 @@ def _text(value: object) -> str:
 
 
 COMMAND_OF_SIMULATED = "acx4 simulate"
-"""In the mark of a simulated flight."""
+"""Command in the mark of a simulated flight."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -318,11 +320,11 @@ class Outcome:
     Attributes
     ----------
     status : int
-        As `acx4 run` would end for this flight alone: 0, 1 or 2.
+        Exit status of `acx4 run` for this flight alone: 0, 1 or 2.
     reason : str
-        Why it is not 0, in one line.
+        Reason for a status other than 0, in one line.
     kept : bool
-        Whether the results were there already.
+        Whether existing results were kept.
     row, times : mapping of str to str
         Of the tables of all flights, by the names of `COLUMNS` and
         `TIME_COLUMNS`.
@@ -336,7 +338,7 @@ class Outcome:
 
 
 def _kept_or_run(job: Job) -> tuple[bool, Sequence[str]]:
-    """Return whether the results were there, and what is wrong with them."""
+    """Keep valid results or run the flight; return whether kept, and messages of failure."""
     if job.design:
         _simulate(job)
     flight = reader.read(job.flight)
@@ -354,9 +356,9 @@ def _kept_or_run(job: Job) -> tuple[bool, Sequence[str]]:
 
 
 def _simulate(job: Job) -> None:
-    """Fly the design or the plan of a job, if this was not done before.
+    """Simulate the design or plan of a job, unless its flight exists.
 
-    A copy of the plan stands beside the flight: one of another plan is not taken for it.
+    A copy of the plan beside the flight tells whether the flight was simulated by this plan.
     """
     from acx4book.notebooks import simulated  # noqa: PLC0415 most flights are not simulated
     from acx4sim.files import write  # noqa: PLC0415 as above
@@ -378,12 +380,12 @@ def _simulate(job: Job) -> None:
 
 
 def _plan_beside(flight: Path) -> Path:
-    """Return the path of the plan by which a flight was simulated: beside its folder."""
+    """Return the path of the plan beside a simulated flight."""
     return flight.with_name(f"{flight.name}.plan.toml")
 
 
 def _row(job: Job) -> dict[str, str]:
-    """Return what the results say of the flight as it is."""
+    """Return the table row of the flight's valid results; empty if unreadable."""
     try:
         return _row_of(job.results, _stages_of(job.results))
     except Acx4Error:
@@ -391,15 +393,15 @@ def _row(job: Job) -> dict[str, str]:
 
 
 def _stages_of(results: Path) -> list[str]:
-    """Return the stages that were run with the flight that is kept beside their results."""
+    """Return the stages that were run with the flight now kept in the results."""
     if not (results / provenance.FILE).is_file():
         return []
-    found = provenance.read(results)
-    return [name for name, run in found.stages.items() if run["flight"] == found.digest]
+    record = provenance.read(results)
+    return [name for name, run in record.stages.items() if run["flight"] == record.digest]
 
 
 def _row_of(results: Path, stages: Sequence[str]) -> dict[str, str]:
-    """Return what some stages left, by the names of `COLUMNS`."""
+    """Return the results of given stages, by the names of `COLUMNS`."""
     row: dict[str, str] = {}
     summary = folder.entries(results)
     if "mounting" in stages:
@@ -415,7 +417,7 @@ def _row_of(results: Path, stages: Sequence[str]) -> dict[str, str]:
 
 
 def _said(error: Exception) -> tuple[int, list[str]]:
-    """Return the status of an error, and what it says, in lines."""
+    """Return exit status and message lines of an error."""
     if isinstance(error, Acx4Error):
         lines = [*getattr(error, "__notes__", ()), *str(error).splitlines()]
         return (2 if isinstance(error, FlightError | OutputError) else 1), lines
@@ -428,14 +430,14 @@ def _said(error: Exception) -> tuple[int, list[str]]:
 
 
 def _reason(job: Job, lines: Sequence[str]) -> str:
-    """Return lines as one, with files named from the flight's and the results' own folder."""
+    """Return the first of several lines, with paths relative to the flight or the results."""
     if not lines:
         return ""
     more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
-    said = f"{lines[0]}{more}"
+    line = f"{lines[0]}{more}"
     for place in (job.flight, job.results):
-        said = said.replace(f"{place}/", "")
-    return visible(" ".join(said.split()))
+        line = line.replace(f"{place}/", "")
+    return visible(" ".join(line.split()))
 
 
 # --- what it took ----------------------------------------------------------------------------
@@ -459,20 +461,20 @@ def _times(start: tuple[float, float]) -> dict[str, str]:
 
 
 COMMAND = "acx4 run of many flights"
-"""The command that is named in the mark of the folder."""
+"""The command named in the mark of the folder."""
 
 Tell = Callable[[str, int, int], None]
-"""It is called with a flight, and with 0 and 1 when it is waiting, 1 and 1 when it is done, 0 and 0
-when it failed."""
+"""Function of a flight's name and two numbers: 0 and 1 while it waits, 1 and 1 when it is done, 0
+and 0 when it failed."""
 
 
 def run_all(
     jobs: Sequence[Job], folder: Path, executor: Executor, tell: Tell = lambda *_: None
 ) -> dict[str, Outcome]:
-    """Run flights, and write the tables of all of them when they are finished, or interrupted.
+    """Run flights, and write the tables of all of them at the end or after an interruption.
 
-    No error of a flight is raised. What was simulated or run before is not again, unless the
-    flight, the software or the settings have changed since.
+    No error of a flight is raised. Flights are not simulated or run again unless the flight, the
+    software or the settings have changed.
 
     Equal flights, software and settings give equal bytes in every folder of results and in the
     table `TABLE`, whatever the executor. Only `TIMES` differs.
@@ -500,8 +502,8 @@ def run_all(
     outcomes: dict[str, Outcome] = {}
     for job in jobs:
         tell(job.name, 0, 1)
-    with own_folder.claim(folder, command=COMMAND, away_from=away_from) as own:
-        own.expect([TABLE, TIMES])
+    with own_folder.claim(folder, command=COMMAND, away_from=away_from) as claimed:
+        claimed.expect([TABLE, TIMES])
         try:
             for job, call in as_finished(executor, _run, jobs):
                 outcome = outcomes[job.name] = _outcome(call)
@@ -509,16 +511,16 @@ def run_all(
         finally:
             outcomes = {job.name: outcomes[job.name] for job in jobs if job.name in outcomes}
             _write_tables(folder, outcomes)
-            own.seal()
+            claimed.seal()
     return outcomes
 
 
 def _run(job: Job) -> Outcome:
-    """Run a flight, and return what came of it; no error of the flight is raised."""
+    """Run a flight, and return its outcome; no error of the flight is raised."""
     start = _clocks()
     try:
         kept, wrong = _kept_or_run(job)
-    except Exception as error:  # the others go on
+    except Exception as error:  # other flights go on
         status, lines = _said(error)
         row = _row(job) if status == 1 else {}
     else:
@@ -531,35 +533,35 @@ def _run(job: Job) -> Outcome:
 def _outcome(call: Future[Outcome]) -> Outcome:
     try:
         return call.result()
-    except Exception as error:  # of the executor: `_run` raises none
+    except Exception as error:  # an error of the executor: `_run` raises none
         return _lost(error)
 
 
 def _lost(error: BaseException) -> Outcome:
-    """Return the outcome for a flight whose worker did not live to tell."""
+    """Return the outcome of a flight after the death of its worker."""
     if isinstance(error, FileNotFoundError):
         return Outcome(status=2, reason=visible(error.strerror or str(error)))
-    said = " ".join(str(error).split()) or type(error).__name__
-    return Outcome(status=1, reason=visible(f"{said}; short of memory? use fewer workers"))
+    message = " ".join(str(error).split()) or type(error).__name__
+    return Outcome(status=1, reason=visible(f"{message}; short of memory? use fewer workers"))
 
 
 def _write_tables(folder: Path, outcomes: Mapping[str, Outcome]) -> None:
     before = _rows_by_flight(folder / TIMES)
-    said = {
-        name: {"flight": name, "status": str(one.status), "reason": one.reason}
-        for name, one in outcomes.items()
+    statuses = {
+        name: {"flight": name, "status": str(outcome.status), "reason": outcome.reason}
+        for name, outcome in outcomes.items()
     }
     times = {name: before.get(name, {}) if o.kept else o.times for name, o in outcomes.items()}
     _write_rows(
         folder / TABLE,
         COLUMNS,
-        [{**one.row, **said[name]} for name, one in outcomes.items()],
+        [{**outcome.row, **statuses[name]} for name, outcome in outcomes.items()],
     )
     _write_rows(folder / TIMES, TIME_COLUMNS, [{**t, "flight": n} for n, t in times.items()])
 
 
 def _rows_by_flight(path: Path) -> dict[str, dict[str, str]]:
-    """Return the rows of a table by flight; none where it is not there."""
+    """Return the rows of a table by flight; empty without a file."""
     if not path.exists():
         return {}
     lines = io.StringIO(text_of(path), newline="")
@@ -567,7 +569,7 @@ def _rows_by_flight(path: Path) -> dict[str, dict[str, str]]:
 
 
 def _write_rows(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
-    """Replace a table by another, whole or not at all; what a row does not have is empty."""
+    """Replace a table by another, whole or not at all; missing values are empty."""
     table = io.StringIO(newline="")
     writer = csv.DictWriter(table, columns, extrasaction="ignore", lineterminator="\n")
     writer.writeheader()

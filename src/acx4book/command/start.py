@@ -1,4 +1,4 @@
-"""The start of ``acx4``: while its modules are loaded an interruption ends it, without a traceback.
+"""Start of ``acx4``: an interruption while modules are loaded ends it without traceback.
 
 It imports nothing that takes time.
 """
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from typing import NoReturn
 
 INTERRUPTED = 128 + signal.SIGINT
-"""Exit status of a command that was interrupted."""
+"""Exit status of an interrupted command."""
 
 SAYS = "interrupted"
 
@@ -26,7 +26,7 @@ CURE = "pip install 'acx4lib[command]'"
 
 def main() -> NoReturn:
     """Run the command of the command line and exit."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is not heard
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else ignored, and stays so
         signal.signal(signal.SIGINT, stop)
     try:
         from acx4book.command import acx4  # noqa: PLC0415 takes longest

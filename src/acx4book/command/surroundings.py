@@ -1,7 +1,7 @@
-"""What a command does not take from its working folder: modules, settings and programs.
+"""Protection from modules, settings and programs in the working folder.
 
-A working folder may be a stranger's. Python's child processes look there for modules, and some
-libraries for settings when they are loaded, a few of which name programs to run.
+A working folder may be a stranger's. Python's child processes search it for modules, and some
+libraries read settings there when they are loaded. A few of these settings name programs to run.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ SETTINGS = frozenset({"matplotlib", "numba.core.config"})
 
 
 def shut_out() -> None:
-    """Keep what is in the working folder out of this process and its children.
+    """Keep the content of the working folder out of this process and its children.
 
-    Modules, settings, and programs, where PATH names the folder as ``.`` or by an empty entry.
+    This concerns modules, settings, and programs if PATH has ``.`` or an empty entry.
 
     To be called before the modules of `SETTINGS` are imported.
     """
-    os.environ["PYTHONSAFEPATH"] = "1"  # which the children of multiprocessing read
+    os.environ["PYTHONSAFEPATH"] = "1"  # read by the children of multiprocessing
     folders = os.environ.get("PATH", os.defpath).split(os.pathsep)
     os.environ["PATH"] = os.pathsep.join(filter(os.path.isabs, folders))
     if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
@@ -34,12 +34,12 @@ def shut_out() -> None:
 
 
 class _Finder:  # its base in importlib.abc takes long to load
-    """Finds the modules of `SETTINGS`, and leaves all others to other finders."""
+    """Finder of the modules of `SETTINGS`; all others are left to other finders."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return how to load a module of `SETTINGS` while the process stands elsewhere."""
+        """Return the spec of a module of `SETTINGS`, to be loaded in another working folder."""
         if fullname not in SETTINGS:
             return None
         spec = PathFinder.find_spec(fullname, path, target)
@@ -49,7 +49,7 @@ class _Finder:  # its base in importlib.abc takes long to load
 
 
 class _Elsewhere(SourceFileLoader):
-    """Loads a module while the process stands in the folder of the module."""
+    """Loader that executes a module with the module's folder as working folder."""
 
     def exec_module(self, module: ModuleType) -> None:
         """Execute the module."""

@@ -92,15 +92,15 @@ def grade(
     if totals is not None:
         mark = ",".join(class_table.TOTALS[1:]).encode()
         own_folder.check_file(totals, mark=mark, what="a table of totals of acx4 grade")
-    found = class_table.grade(
+    graded = class_table.grade(
         handed_in, secret, lambda marks: terminal.show("\n".join(class_table.lines(marks)))
     )
-    tables = {out: class_table.text(found), totals: class_table.totals_text(found)}
+    tables = {out: class_table.text(graded), totals: class_table.totals_text(graded)}
     whole_files.write_all({path: text for path, text in tables.items() if path is not None})
-    for line in class_table.total_lines(found):
+    for line in class_table.total_lines(graded):
         terminal.show(line)
-    terminal.say(*found.unread)
-    if found.unread or not found.marks:
+    terminal.say(*graded.unread)
+    if graded.unread or not graded.marks:
         nothing = "nothing was graded: no answers.csv and no results of acx4 run were found"
-        terminal.say(*([] if found.marks or found.unread else [nothing]))
+        terminal.say(*([] if graded.marks or graded.unread else [nothing]))
         raise typer.Exit(2)

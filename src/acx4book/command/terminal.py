@@ -29,11 +29,11 @@ def option(metavar: str, said: str, *names: str, **more: Any) -> Any:
     Parameters
     ----------
     metavar, said : str
-        What stands for its value, and its line of help.
+        Placeholder for its value, and its line of help.
     *names : str
-        Where it is not called as the parameter is.
+        Names of the option, if they differ from the parameter's.
     **more
-        As an option of typer takes them.
+        Other arguments of ``typer.Option``.
     """
     return typer.Option(*names, metavar=metavar, show_default=False, help=said, **more)
 
@@ -54,7 +54,7 @@ BOOK = (
 """Modules of the extra ``book``."""
 
 NOBODY_READS = 128 + system.SIGPIPE
-"""Exit status, without a message, of a command whose output is not read to its end."""
+"""Exit status, without a message, of a command with output that nobody reads to its end."""
 
 
 def say(*lines: str) -> None:
@@ -63,7 +63,7 @@ def say(*lines: str) -> None:
         for line in lines:
             sys.stderr.write(f"{shown(line, 'terminal')}\n")
         sys.stderr.flush()
-    except OSError:  # nobody reads it any more
+    except OSError:  # its reader is gone
         abandon(sys.stderr)
 
 
@@ -104,7 +104,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def abandon(stream: IO[str]) -> None:
-    """Discard what is still to be written to a stream, so that Python ends without an error."""
+    """Discard the remaining output of a stream, so that Python ends without an error."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
@@ -133,7 +133,7 @@ def refuse(message: str) -> NoReturn:
 
 
 def need_book(command: str) -> None:
-    """End a command that runs notebooks if the extra ``book`` is not installed."""
+    """End a command for notebooks or pages if the extra ``book`` is not installed."""
     missing = [name for name in BOOK if importlib.util.find_spec(name) is None]
     if missing:
         needs = f"acx4 {command} needs {', '.join(missing)}"
@@ -142,12 +142,12 @@ def need_book(command: str) -> None:
 
 @contextlib.contextmanager
 def counting_bar(what: str) -> Iterator[Tell]:
-    """Show one bar for all images or flights with the time left, or a line for each finished one.
+    """Show one bar with the time left for all images or flights; without a terminal, a line each.
 
     Parameters
     ----------
     what : str
-        What is counted, in the plural.
+        Name of the counted things, in the plural.
     """
     if not sys.stdout.isatty():
         yield lambda name, done, total: show(f"{name}: done") if 0 < total == done else None
@@ -176,7 +176,7 @@ def counting_bar(what: str) -> Iterator[Tell]:
 
 @contextlib.contextmanager
 def stage_bars(unit: str = "cells") -> Iterator[Tell]:
-    """Show one bar per stage, or one line per stage if the output is no terminal."""
+    """Show one bar per stage; without a terminal, one line."""
     if not sys.stdout.isatty():
         yield lambda stage, done, total: show(f"{stage}: done") if done == total else None
         return
