@@ -19,10 +19,10 @@ COLUMNS = (
     *("student", "sheet", "question", "value", "sigma", "unit"),
     *("right_value", "right_sigma", "points", "of", "verdict"),
 )
-"""Of the table as CSV."""
+"""Columns of the table as CSV."""
 
 TOTALS = ("student", "points", "of")
-"""Of the table of totals; between the first two a column for every sheet."""
+"""Columns of the table of totals; a column for every sheet stands after the first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ class Marks:
 
     @property
     def of(self) -> int:
-        """Points to be had."""
+        """Largest possible number of points."""
         return sum(verdict.of for verdict in self.verdicts)
 
 
@@ -52,7 +52,7 @@ class Class:
     ----------
     marks : tuple of Marks
     unread : tuple of str
-        A line on each hand-in that could not be read.
+        A line on each hand-in that could not be graded.
     """
 
     marks: tuple[Marks, ...]
@@ -62,24 +62,24 @@ class Class:
 def grade(
     paths: Sequence[Path], key: bytes, shown: Callable[[Marks], object] = lambda _: None
 ) -> Class:
-    """Grade what a class handed in; what cannot be read stops nothing.
+    """Grade the hand-ins of a class; unreadable ones are reported and do not stop it.
 
     Parameters
     ----------
     paths : sequence of Path
         As `handed_in.found` takes them.
     key : bytes
-        With which the flights were made.
+        The lecturer's key of the flights.
     shown : callable
         Called with the marks of each student as soon as they are known.
     """
     marks, unread = [], []
-    given: list[handed_in.HandedIn] = []
+    submissions: list[handed_in.HandedIn] = []
     for path in handed_in.found(paths):
         try:
-            one = handed_in.read(path)
-            sheet_of(one.sheet)
-            given.append(one)
+            submission = handed_in.read(path)
+            sheet_of(submission.sheet)
+            submissions.append(submission)
         except (Acx4Error, OSError, ValueError) as error:
             unread.append(_not_graded(path, error))
 
@@ -88,17 +88,19 @@ def grade(
         sheet = sheet_of(sheet_name)
         return sheet.solve(flights.case_of(flights.flight_of(sheet, student, key)))
 
-    def others(one: handed_in.HandedIn) -> dict[str, Rights]:
-        own = flights.same_name(one.student)
-        named = {o.student for o in given if o.sheet == one.sheet}
-        return {n: right(one.sheet, n) for n in sorted(named) if flights.same_name(n) != own}
+    def others(submission: handed_in.HandedIn) -> dict[str, Rights]:
+        own_name = flights.same_name(submission.student)
+        named = {o.student for o in submissions if o.sheet == submission.sheet}
+        return {
+            n: right(submission.sheet, n) for n in sorted(named) if flights.same_name(n) != own_name
+        }
 
-    for one in given:
+    for submission in submissions:
         try:
-            marks.append(_marked(one, key, partial(others, one)))
+            marks.append(_marked(submission, key, partial(others, submission)))
             shown(marks[-1])
         except (Acx4Error, OSError, ValueError) as error:
-            unread.append(_not_graded(one.path, error))
+            unread.append(_not_graded(submission.path, error))
     return Class(marks=tuple(marks), unread=tuple(unread))
 
 
@@ -111,20 +113,20 @@ def _not_graded(path: Path, error: Exception) -> str:
 
 
 def _marked(
-    given: handed_in.HandedIn, key: bytes, others: Callable[[], dict[str, Rights]] = dict
+    submission: handed_in.HandedIn, key: bytes, others: Callable[[], dict[str, Rights]] = dict
 ) -> Marks:
-    """Return the marks of one student on one sheet; the flight is made again."""
-    sheet = sheet_of(given.sheet)
-    case = flights.case_of(flights.flight_of(sheet, given.student, key))
-    verdicts = tuple(graded(sheet, case, given.answers, others))
-    return Marks(student=given.student, sheet=sheet.name, verdicts=verdicts)
+    """Grade one student on one sheet, with the flight simulated again."""
+    sheet = sheet_of(submission.sheet)
+    case = flights.case_of(flights.flight_of(sheet, submission.student, key))
+    verdicts = tuple(graded(sheet, case, submission.answers, others))
+    return Marks(student=submission.student, sheet=sheet.name, verdicts=verdicts)
 
 
 # --- totals ----------------------------------------------------------------------------------
 
 
 def _totals(found: Class) -> dict[str, dict[str, Marks]]:
-    """Return the marks that count of every student, by sheet: of several on one the best."""
+    """Return the best marks of every student by sheet."""
     by_student: dict[str, dict[str, Marks]] = {}
     shown: dict[str, str] = {}
     for marks in found.marks:
@@ -136,23 +138,25 @@ def _totals(found: Class) -> dict[str, dict[str, Marks]]:
 
 
 def total_lines(found: Class) -> Iterator[str]:
-    """Yield the points of every student on all sheets together; none where all have one."""
-    of = _totals(found)
-    if all(len(best) == 1 for best in of.values()):
+    """Yield a line with the total points of every student; nothing if all have one sheet."""
+    totals = _totals(found)
+    if all(len(best) == 1 for best in totals.values()):
         return
-    for name, best in of.items():
-        points, most = (sum(getattr(m, what) for m in best.values()) for what in ("points", "of"))
+    for name, best in totals.items():
+        points, most = (
+            sum(getattr(m, attribute) for m in best.values()) for attribute in ("points", "of")
+        )
         yield f"{name}  {len(best)} sheets  {points} of {most}"
 
 
 def totals_text(found: Class) -> str:
     """Return the totals as CSV: a row for every student, a column for every sheet."""
-    of = _totals(found)
-    sheets = sorted({sheet for best in of.values() for sheet in best})
+    totals = _totals(found)
+    sheets = sorted({sheet for best in totals.values() for sheet in best})
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([TOTALS[0], *sheets, *TOTALS[1:]])
-    for name, best in of.items():
+    for name, best in totals.items():
         each = [best[sheet].points if sheet in best else "" for sheet in sheets]
         sums = [sum(m.points for m in best.values()), sum(m.of for m in best.values())]
         writer.writerow([name, *each, *sums])
@@ -160,7 +164,7 @@ def totals_text(found: Class) -> str:
 
 
 def lines(marks: Marks) -> Iterator[str]:
-    """Yield a student's marks for the screen: the points, and under them what is wrong."""
+    """Yield a student's marks as lines: the points, and below them the wrong answers."""
     yield f"{marks.student}  {marks.sheet}  {marks.points} of {marks.of}"
     for verdict in marks.verdicts:
         if verdict.says:

@@ -1,4 +1,4 @@
-"""Seeds from the name of a student, the sheet, and a key that only the lecturer has."""
+"""Flights of students: seeds from name, sheet and the lecturer's secret key."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ def read_key(path: Path) -> bytes:
 
 
 def shown_name(name: str) -> str:
-    """Return a name as it is written: composed letters, single spaces.
+    """Return a name in its normal form: composed letters, single spaces.
 
     Raises
     ------
     ValueError
-        Where it is empty or cannot be a name.
+        Where it is empty or not valid as a name.
     """
     shown = " ".join(unicodedata.normalize("NFC", name).split())
     fault = name_fault(shown) if shown else ("is empty", "must be a name")
@@ -72,7 +72,7 @@ def shown_name(name: str) -> str:
 
 
 def same_name(name: str) -> str:
-    """Return what all spellings of a name have in common: case and spaces do not count."""
+    """Return a key of a name, the same for all spellings: case and spaces do not count."""
     return unicodedata.normalize("NFC", shown_name(name).casefold())
 
 
@@ -84,7 +84,7 @@ def seed(key: bytes, *, sheet: str, student: str, purpose: str) -> int:
     key : bytes
     sheet, student : str
     purpose : str
-        Seeds of two purposes tell nothing of each other.
+        Seeds of different purposes are unrelated.
     """
     message = "\0".join((purpose, sheet, same_name(student))).encode()
     return int.from_bytes(hmac.digest(key, message, "sha256"), "big")
@@ -98,14 +98,14 @@ def folder_name(sheet: str, student: str) -> str:
 
 
 def title(sheet: str, student: str) -> str:
-    """Return the name of a student's flight, which its results keep."""
+    """Return the name of a student's flight, which is also in its results."""
     return f"{sheet}: {student}"
 
 
 def of_title(name: str) -> tuple[str, str]:
     """Return sheet and student from the name of a flight; ValueError for any other name."""
-    sheet, found, student = name.partition(": ")
-    if not found or not sheet.startswith("lab-"):
+    sheet, separator, student = name.partition(": ")
+    if not separator or not sheet.startswith("lab-"):
         msg = f"{quoted(name)} is no flight of a lab sheet"
         raise ValueError(msg)
     return sheet, student
@@ -123,7 +123,7 @@ WHOLE = (
     replace(HIGH, turn_deg=90.0),
     replace(HIGH, turn_deg=270.0),
 )
-"""Two strips at each of two heights, opposite in direction; those of the other height cross."""
+"""Two opposite strips at each of two heights; the strips of the second height cross."""
 
 PROOF = tuple(
     Strip(n=6, height_m=400.0, base_m=110.0, turn_deg=180.0 * (k % 2), left_m=200.0 * (1 - k))
@@ -135,10 +135,10 @@ ABOUT = {
     "boresight_deg": ((0.15, 0.25), (0.35, 0.5), (0.1, 0.3)),
     "lever_m": ((0.15, 0.25), (0.40, 0.50), (0.70, 0.90)),
 }
-"""Between which sizes parameters are drawn, either sign: apart, so that swapped axes are seen."""
+"""Ranges of the drawn parameters, of either sign; they differ, so that swapped axes show."""
 
 APPROXIMATE = {"focal_mm": 50.0, "mount_kappa_deg": 90.0}
-"""What flight.toml says of the camera where it is to be calibrated."""
+"""Camera in flight.toml for sheets that calibrate it."""
 
 
 def drawn_camera(seed: int) -> Camera:
@@ -167,7 +167,7 @@ def drawn_camera(seed: int) -> Camera:
 
 
 def certificate(camera: Camera) -> dict[str, float]:
-    """Return everything of a camera as flight.toml has it, for a sheet on which it is known."""
+    """Return all parameters of a known camera with their names in flight.toml."""
     named = {name: getattr(camera, name) for name in ("xp_mm", "yp_mm")}
     named |= {name: getattr(camera, name) for name in ("k1", "k2", "k3", "p1", "p2")}
     axes = ("omega", "phi", "kappa")
@@ -191,7 +191,7 @@ def fly(
     Parameters
     ----------
     seed : int
-        Of trajectory and errors.
+        Seed of trajectory and errors.
     title : str
         Name of the flight.
     camera : Camera
@@ -199,7 +199,7 @@ def fly(
     strips : sequence of Strip
         Of the calibration block.
     known : mapping of str to float
-        What flight.toml says of the camera.
+        The camera in flight.toml.
     proof : sequence of Strip
         Of the validation block; there is none without strips.
     options : Options
@@ -248,7 +248,7 @@ def flight_of(sheet: Sheet, student: str, key: bytes) -> SimulatedFlight:
 
 
 def case_of(flight: SimulatedFlight) -> Case:
-    """Return a flight as its student has it, read from files, with its truth."""
+    """Return a flight as read from its student's files, with its truth."""
     with tempfile.TemporaryDirectory(prefix="acx4-lab-") as temporary:
         folder = Path(temporary) / "flight"
         with naming(folder):
@@ -260,22 +260,22 @@ def case_of(flight: SimulatedFlight) -> Case:
 
 
 K = 4.0
-"""Number of standard deviations that a right answer may lie from the truth."""
+"""Largest distance of a right answer from the truth, in standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """A number that is handed in.
+    """A question with a number as answer.
 
     Attributes
     ----------
     name : str
-        In answers.csv; ends with the unit where it has one.
+        Name in answers.csv; ends with the unit if there is one.
     unit : str
     asks : str
         The question in words.
     digits : int
-        Digits after the decimal point that are asked for.
+        Digits after the decimal point.
     with_sigma : bool
         Whether its standard deviation is asked for, too.
     """
@@ -294,11 +294,11 @@ class Right:
     Attributes
     ----------
     value : float
-        What the flight gives where it is solved rightly.
+        Right solution for the flight.
     truth : float
-        What was simulated; `value` where the answer follows from the given numbers alone.
+        Simulated value; `value` if the answer follows from the given numbers alone.
     bound : float
-        Largest distance from the truth that is accepted.
+        Largest accepted distance from the truth.
     sigma : float, optional
         Standard deviation of `value`.
     """
@@ -310,9 +310,9 @@ class Right:
 
 
 def computed(value: float, digits: int, *, share: float = 0.0) -> Right:
-    """Return an answer that follows from given numbers: the last digit may differ by one.
+    """Return an answer computed from given numbers; its last digit may differ by one.
 
-    It is counted from the rounded value.
+    The bound counts from the rounded value.
 
     Parameters
     ----------
@@ -320,17 +320,17 @@ def computed(value: float, digits: int, *, share: float = 0.0) -> Right:
     digits : int
         After the decimal point.
     share : float
-        Part of the value that it may differ by, where this is more.
+        Accepted relative difference, if this is more.
     """
     bound = max(1.01 * 10.0**-digits, share * abs(value))
     return Right(value=value, truth=round(value, digits), bound=bound)
 
 
 def estimated(value: float, sigma: float, truth: float) -> Right:
-    """Return an answer that was estimated from observations.
+    """Return an answer estimated from observations.
 
-    It may lie `K` sigma from the truth. Where the flight's own errors bring the best solution
-    farther away, that and one sigma more.
+    The bound is `K` sigma from the truth, or the distance of the right solution plus one sigma if
+    this is more.
     """
     bound = max(K * sigma, abs(value - truth) + sigma)
     return Right(value=value, truth=truth, bound=bound, sigma=sigma)
@@ -338,18 +338,18 @@ def estimated(value: float, sigma: float, truth: float) -> Right:
 
 @dataclass(frozen=True, kw_only=True)
 class Mistake:
-    """A common mistake, and the wrong answers to which it leads on one flight.
+    """A common mistake, and its wrong answers on one flight.
 
     Attributes
     ----------
     says : str
-        What was done, and what cures it.
+        Sentence on the mistake and its cure.
     gives : mapping of str to float
         Wrong values by question.
     gives_sigma : mapping of str to float
         Wrong standard deviations by question.
     scale : float
-        How much larger the numbers are than the right ones: so much larger are their digits.
+        Factor from the right numbers to the wrong ones; their bounds grow by it.
     """
 
     says: str
@@ -387,18 +387,18 @@ class Sheet:
     Attributes
     ----------
     name, title : str
-        ``lab-1`` to ``lab-9``, and what it is on.
+        ``lab-1`` to ``lab-9``, and the title.
     fly : callable
-        Makes the flight of two seeds, that of the truth and that of the errors.
+        Simulates the flight from two seeds, of truth and errors, and its title.
     questions : tuple of Question
     given : callable
-        Returns what a student is told of the own flight: which image, which point.
+        Returns the lines for the student on the flight: which image, which point.
     solve : callable
         Returns the right answers.
     mistakes : callable
-        Yields what the common mistakes would give on this flight.
+        Yields the common mistakes with their answers on this flight.
     hand_out : callable, optional
-        Returns text files, by their names, that a student gets in the place of the flight.
+        Returns the text files, by name, handed out instead of the flight.
     """
 
     name: str
@@ -411,5 +411,5 @@ class Sheet:
     hand_out: Callable[[Case], Mapping[str, str]] | None = None
 
     def question(self, name: str) -> Question | None:
-        """Return the question of a name; None for an unknown one."""
-        return next((one for one in self.questions if one.name == name), None)
+        """Return a question by its name; None if unknown."""
+        return next((question for question in self.questions if question.name == name), None)

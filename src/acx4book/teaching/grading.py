@@ -1,4 +1,4 @@
-"""Answers compared with the truth, and the common mistake that explains a wrong one."""
+"""Comparison of answers with the truth, and explanation of wrong ones by common mistakes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SIGMA_FACTOR = 1.3
 """A standard deviation is right up to this factor: methods and redundancies differ."""
 
 ALIKE = 1.08
-"""Up to this factor a wrong standard deviation is the one that a mistake gives."""
+"""A wrong standard deviation is explained by a mistake up to this factor."""
 
 UNEXPLAINED = "no common mistake gives this value"
 
@@ -28,18 +28,18 @@ UNITS = {
     "um": {"mm": 1e-3, "nm": 1e3},
     "deg": {"seconds of arc": 3600.0, "minutes of arc": 60.0, "radians": float(np.pi / 180.0)},
 }
-"""Other units in which an answer may be given, and the factors by which its number differs."""
+"""Wrong units of answers, by the right unit, with their factors."""
 
 COPIED = 3
-"""Answers for another student's flight that are enough to say so; fewer are enough if all are."""
+"""Number of matching answers that prove a copy; fewer suffice if all match."""
 
 DIGITS = 500.0
-"""An answer tells flights apart if it has as many units of its last digit."""
+"""Smallest size of an answer that tells flights apart, in units of its last digit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What is said of one answer.
+    """Verdict on one answer.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Verdict:
         None where nothing was handed in.
     right : Right
     points, of : int
-        Points reached, of those to be had: one for the value, one for a standard deviation.
+        Points reached and possible: one for the value, one for a standard deviation.
     says : str
         Empty for a right answer.
     """
@@ -107,7 +107,7 @@ def graded(
 
 
 def apart(name: str, a: float, b: float) -> float:
-    """Return how far two answers to a question are apart; whole turns of angles do not count."""
+    """Return the difference of two answers to a question; of angles without whole turns."""
     return abs((a - b + 180.0) % 360.0 - 180.0) if name.endswith("_deg") else abs(a - b)
 
 
@@ -127,8 +127,8 @@ def _verdict(
     why: Mapping[str, str],
     why_sigma: Mapping[str, str],
 ) -> Verdict:
-    """Return what is said of one answer whose mistakes are known."""
-    of = 2 if question.with_sigma else 1
+    """Return the verdict on one answer from the explanations of wrong answers."""
+    full_marks = 2 if question.with_sigma else 1
     says, points = [], 0
     unread = [visible(quoted(cell)) for cell in answer.no_number] if answer else []
     if answer is None or answer.value is None:
@@ -141,11 +141,16 @@ def _verdict(
         if question.with_sigma:
             missing = "" if answer.sigma is not None else "σ is missing"
             missing = f"σ: {unread[0]} is no number" if unread else missing
-            said = why_sigma.get(question.name, missing)
-            says += [said] if said else []
-            points += not said
+            remark = why_sigma.get(question.name, missing)
+            says += [remark] if remark else []
+            points += not remark
     return Verdict(
-        question=question, answer=answer, right=right, points=points, of=of, says="; ".join(says)
+        question=question,
+        answer=answer,
+        right=right,
+        points=points,
+        of=full_marks,
+        says="; ".join(says),
     )
 
 
@@ -155,41 +160,41 @@ def _verdict(
 def _explained(
     wrong: Mapping[str, float], right: Rights, mistakes: Sequence[Mistake]
 ) -> dict[str, str]:
-    """Return for every wrong answer which mistake it is."""
-    # a mistake that explains several answers comes before those that explain fewer of them; of two
-    # that explain as many, the one comes first whose values are nearer
-    left, said = dict(wrong), {}
-    while left:
-        fits = [_fit(left, right, mistake) for mistake in mistakes]
+    """Return the sentence on the mistake behind every wrong answer."""
+    # the mistake that explains most answers comes first; among equal ones, the one with the nearest
+    # values
+    unexplained, reasons = dict(wrong), {}
+    while unexplained:
+        fits = [_fit(unexplained, right, mistake) for mistake in mistakes]
         best = max(range(len(fits)), key=lambda k: _rank(fits[k]), default=-1)
         if best < 0 or not fits[best]:
             break
         for name in fits[best]:
-            said[name] = mistakes[best].says
-            del left[name]
-    return {name: said.get(name, UNEXPLAINED) for name in wrong}
+            reasons[name] = mistakes[best].says
+            del unexplained[name]
+    return {name: reasons.get(name, UNEXPLAINED) for name in wrong}
 
 
 def _in_other_units(
     wrong: Mapping[str, float], right: Rights, units: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return for every wrong answer that is right in another unit which one this is."""
-    said = {}
+    """Return sentences on wrong answers that are right in another unit."""
+    reasons = {}
     for name, value in wrong.items():
         truth, bound = right[name].truth, right[name].bound
         for unit, factor in UNITS.get(units[name], {}).items():
             if abs(truth) > bound and abs(value / factor - truth) <= bound:
-                said[name] = f"given in {unit}; asked for in {units[name]}"
-    return said
+                reasons[name] = f"given in {unit}; asked for in {units[name]}"
+    return reasons
 
 
 def _copies(
     sheet: Sheet, wrong: Mapping[str, float], others: Mapping[str, Rights]
 ) -> Iterator[Mistake]:
-    """Yield the answers for another student's flight, where wrong ones are these.
+    """Yield the answers for other students' flights, if wrong answers match them.
 
-    That it is no chance, at least `COPIED` of them agree to the last digit, or all, if they are
-    two, and most of all. Numbers of few digits tell nothing.
+    To exclude chance, at least `COPIED` wrong answers must match to the last digit, or all if there
+    are two, and more than half of those with many digits. Numbers with few digits do not count.
     """
     digits = {q.name: q.digits for q in sheet.questions}
     last = {name: 10.0 ** -digits[name] for name in wrong}
@@ -208,13 +213,13 @@ def _copies(
             )
 
 
-def _fit(left: Mapping[str, float], right: Rights, mistake: Mistake) -> dict[str, float]:
-    """Return the answers that a mistake explains, and how far they are from what it gives."""
+def _fit(wrong: Mapping[str, float], right: Rights, mistake: Mistake) -> dict[str, float]:
+    """Return the answers explained by a mistake, with their distances from its values."""
     fits = {}
-    for name, value in left.items():
+    for name, value in wrong.items():
         gives = mistake.gives.get(name)
         if gives is None or apart(name, gives, right[name].truth) <= right[name].bound:
-            continue  # it would not have been seen
+            continue  # its answer would count as right
         off = apart(name, value, gives) / (right[name].bound * mistake.scale)
         if off <= 1.0:
             fits[name] = off
@@ -231,19 +236,19 @@ def _explained_sigma(
     mistakes: Iterable[Mistake],
     units: Mapping[str, str],
 ) -> dict[str, str]:
-    """Return for each wrong standard deviation its mistake, or by what factor it is off."""
-    said = {name: _factor(sigma, right[name], units[name]) for name, sigma in wrong.items()}
+    """Return the mistake behind each wrong standard deviation, or its factor."""
+    reasons = {name: _factor(sigma, right[name], units[name]) for name, sigma in wrong.items()}
     nearest = dict.fromkeys(wrong, ALIKE)
     for mistake in mistakes:
         for name in wrong.keys() & mistake.gives_sigma.keys():
             off = _ratio(wrong[name], mistake.gives_sigma[name])
             if off < nearest[name]:
-                nearest[name], said[name] = off, mistake.says
-    return said
+                nearest[name], reasons[name] = off, mistake.says
+    return reasons
 
 
 def _ratio(a: float, b: float) -> float:
-    """Return by what factor the larger of two numbers is larger; infinite where one is not."""
+    """Return the ratio of the larger to the smaller of two numbers; infinite unless positive."""
     return max(a / b, b / a) if a > 0 and b > 0 else np.inf
 
 
@@ -267,7 +272,7 @@ RADIAN = float(np.pi / 180.0)
 
 
 def named(names: Sequence[str], values: Array) -> dict[str, float]:
-    """Return values by the names of their questions."""
+    """Return values by the names of questions."""
     return dict(zip(names, np.asarray(values, dtype=float).ravel().tolist(), strict=True))
 
 
@@ -277,7 +282,7 @@ def values(right: Rights, names: Sequence[str]) -> Array:
 
 
 def scaled(right: Rights, names: Sequence[str], factor: float, says: str) -> Mistake:
-    """Return numbers in another unit, their standard deviations with them."""
+    """Return the mistake of numbers and standard deviations in another unit."""
     sigma = {name: right[name].sigma for name in names}
     return Mistake(
         says=says,
@@ -288,23 +293,23 @@ def scaled(right: Rights, names: Sequence[str], factor: float, says: str) -> Mis
 
 
 def wrong_sign(right: Rights, names: Sequence[str], says: str = "the sign is wrong") -> Mistake:
-    """Return numbers with the other sign."""
+    """Return the mistake of numbers with the wrong sign."""
     return Mistake(says=says, gives=named(names, -values(right, names)))
 
 
 def swapped(right: Rights, first: str, second: str, says: str) -> Mistake:
-    """Return two answers, each in the place of the other."""
+    """Return the mistake of two swapped answers."""
     return Mistake(says=says, gives={first: right[second].value, second: right[first].value})
 
 
 def of_angles(right: Rights, names: Sequence[str]) -> Iterator[Mistake]:
-    """Yield angles in gon and in radians."""
+    """Yield the mistakes of angles in gon and in radians."""
     yield scaled(right, names, GON, "given in gon; asked for in degrees")
     yield scaled(right, names, RADIAN, "given in radians; asked for in degrees")
 
 
 def of_rotation(right: Rights, opk: Sequence[str]) -> Iterator[Mistake]:
-    """Yield what is done wrong with omega, phi and kappa of one rotation."""
+    """Yield common mistakes with omega, phi and kappa of one rotation."""
     R = rotation_from_opk(np.radians(values(right, opk)))
     yield Mistake(
         says="the rotation is transposed: it takes the other frame's axes; transpose the matrix",
@@ -316,7 +321,7 @@ def of_rotation(right: Rights, opk: Sequence[str]) -> Iterator[Mistake]:
 
 
 def variances(right: Rights) -> Mistake:
-    """Return variances in the place of standard deviations."""
+    """Return the mistake of variances instead of standard deviations."""
     return Mistake(
         says="σ is a variance: take the square root",
         gives_sigma={name: r.sigma**2 for name, r in right.items() if r.sigma is not None},
@@ -324,7 +329,7 @@ def variances(right: Rights) -> Mistake:
 
 
 def too_small(right: Rights, n: Mapping[str, int], what: str) -> Mistake:
-    """Return standard deviations that were divided by √n, though the errors are shared."""
+    """Return the mistake of standard deviations divided by √n although errors are shared."""
     return Mistake(
         says=f"σ is too small by √n: the {what} are not independent, they share errors",
         gives_sigma={

@@ -1,6 +1,6 @@
-"""What students hand in, read as data: answers.csv, or the results folder of a run.
+"""Hand-ins of students, read as data: answers.csv, or the results folder of a run.
 
-Nothing of it is executed, and whatever cannot be read is one sentence. Spreadsheets of countries
+Nothing of it is executed, and each reading error is one sentence. Spreadsheets of countries
 with a decimal comma write it, and semicolons between cells: both are read.
 """
 
@@ -28,19 +28,19 @@ ANSWERS = "answers.csv"
 """The file to fill in, in the folder of every student's flight."""
 
 COLUMNS = ("student", "sheet", "question", "value", "sigma", "unit")
-"""Of answers.csv."""
+"""Columns of answers.csv."""
 
 LARGEST = 1_000_000
-"""Bytes of a file that is read; one with all answers has a few thousand."""
+"""Largest size of a file, bytes; a file with all answers has a few thousand."""
 
 LARGEST_NUMBER = 1e300
-"""No answer is as large."""
+"""Larger than any answer."""
 
 OF_RUN = ("parameters.csv", "flight/flight.toml")
-"""What is read of a results folder."""
+"""Files read from a results folder."""
 
 METHODS = {"single_step": "", "two_step": "two_step_"}
-"""Methods of the mounting stage whose parameters answer questions, and what these begin with."""
+"""Methods of the mounting stage with answers, and the prefix of their questions."""
 
 _ANSWERS = Schema(
     required=COLUMNS, may_be_empty=("value", "sigma", "unit"), keys=(("question",),), ranges={}
@@ -55,15 +55,15 @@ _PARAMETERS = Schema(
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """One number that was handed in.
+    """A number handed in, with its standard deviation.
 
     Attributes
     ----------
     value, sigma : float or None
-        None where the cell is empty, or no number.
+        None if the cell is empty or not a number.
     unit : str
     no_number : tuple of str
-        Cells of the two that are no number, as they were written.
+        The cells among these two that are not numbers, as written.
     """
 
     value: float | None
@@ -74,7 +74,7 @@ class Answer:
 
 @dataclass(frozen=True, kw_only=True)
 class HandedIn:
-    """What one student handed in on one sheet.
+    """The answers of one student to one sheet.
 
     Attributes
     ----------
@@ -91,18 +91,20 @@ class HandedIn:
 
 
 def found(paths: Sequence[Path]) -> list[Path]:
-    """Return the files and results folders in what was named, in the order of their names.
+    """Return the files and results folders in given paths, in the order of their names.
 
     Parameters
     ----------
     paths : sequence of Path
         Answers, results folders, folders with answers, and folders of any of these.
     """
-    return [one for path in paths for one in (_inside(path) if _is_collection(path) else [path])]
+    return [
+        place for path in paths for place in (_inside(path) if _is_collection(path) else [path])
+    ]
 
 
 def _is_collection(path: Path) -> bool:
-    """Tell whether a folder is neither a student's own nor a results folder."""
+    """Tell whether a path is a folder of hand-ins, not a student's own or a results folder."""
     return path.is_dir() and not any(os.path.lexists(path / n) for n in (ANSWERS, OF_RUN[0]))
 
 
@@ -113,12 +115,12 @@ def _inside(folder: Path) -> Iterator[Path]:
 
 
 def read(path: Path) -> HandedIn:
-    """Return what was handed in.
+    """Read the answers of a student.
 
     Raises
     ------
     FlightError
-        A line for each thing that is wrong with it.
+        A line for each problem.
     """
     if not path.is_dir():
         return _of_answers(path)
@@ -156,7 +158,7 @@ def _answers(table: Table) -> dict[str, Answer]:
 
 
 def _number(cell: str) -> float | None:
-    """Return the number in a cell; None where there is none, or one that no result can be."""
+    """Return the number in a cell; None if missing, not finite or too large."""
     value = float(numbers_of([cell])[0])
     return value if abs(value) < LARGEST_NUMBER else None
 
@@ -169,12 +171,12 @@ _MINUS = str.maketrans("\u2212", "-")
 
 
 def _with_points(text: str) -> str:
-    """Return a table with commas between cells and decimal points; a line stays a line."""
+    """Return a table with commas between cells and decimal points, line by line."""
     header = text.partition("\n")[0]
     between = ";" if ";" in header and "," not in header else ","
     try:
         rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=between, strict=True))
-    except csv.Error:  # the reader of tables says what is wrong
+    except csv.Error:  # the reader of tables reports the problem
         return text
     header_cells = [name.strip() for name in rows[0]] if rows else []
     numbers = [k for k, name in enumerate(header_cells) if name in ("value", "sigma")]
@@ -189,7 +191,7 @@ def _with_points(text: str) -> str:
 
 
 def _with_point(cell: str) -> str:
-    """Return a number with a decimal comma, or with another sign for minus, as it is read."""
+    """Return a number with decimal comma or typographic minus in the notation of Python."""
     number = cell.strip().translate(_MINUS)
     if _GROUPED.fullmatch(number):
         return number.replace(".", "").replace(",", ".")
@@ -197,12 +199,12 @@ def _with_point(cell: str) -> str:
         return number.replace(",", ".")
     if NUMBER.fullmatch(number):
         return number
-    # what begins with a sign and is no number would be taken for a formula
+    # a minus before other text would be read as a formula
     return re.sub(r"^\s*-", "\u2212", cell)
 
 
 def _students_name(text: str) -> str:
-    """Return a student's name; FlightError where it is none."""
+    """Return a student's name in normal form; FlightError if it is not valid."""
     try:
         return flights.shown_name(text)
     except ValueError as error:
@@ -239,7 +241,7 @@ def _estimates(table: Table) -> dict[str, Answer]:
 
 
 def _table(path: Path, schema: Schema, *, as_written: Callable[[str], str] = str) -> Table:
-    """Return a table in which no problem was found."""
+    """Read a table; FlightError on any problem."""
     table = read_columns(
         path, str(path), schema, needed_by="a mark", most=LARGEST, as_written=as_written
     )
@@ -255,13 +257,13 @@ README = "README.md"
 
 
 def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
-    """Write the flight of a student, with nothing from which its truth could be read.
+    """Write the flight of a student without its truth.
 
     Parameters
     ----------
     sheet : Sheet
     student : str
-        Name, as it stands in what is handed in.
+        Name as in the hand-in.
     key : bytes
     folder : Path
         New.
@@ -280,17 +282,17 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
 
 
 def _readme(sheet: Sheet, student: str, given: Sequence[str]) -> str:
-    """Return what a student is told of the own flight, as Markdown."""
+    """Return the instructions for a student's flight, as Markdown."""
     asked = "\n".join(
         f"| {q.name} | {q.asks} | {q.unit or '-'} | {q.digits}{' and σ' if q.with_sigma else ''} |"
         for q in sheet.questions
     )
-    told = "\n".join(given)
+    facts = "\n".join(given)
     return f"""# {sheet.name}: {sheet.title}
 
 Flight of {student}, simulated. Every student has another flight with other true values.
 
-{told}
+{facts}
 
 Fill in the columns value and sigma of {ANSWERS}: decimal points, no thousands separators. Leave
 sigma empty where none is asked for. Hand in this one file.

@@ -26,17 +26,17 @@ GIFT, QTI = "questions.gift", "questions_qti.zip"
 """Files of a bank: for Moodle and others; for Canvas, Blackboard, ILIAS and others."""
 
 EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""Date of what is packed, so that the same questions are the same bytes."""
+"""Date of packed files, so that the same questions give the same bytes."""
 
 RIGHT = "Right."
 
 LARGE = 1e12
-"""No answer is as large."""
+"""Larger than any answer."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Range:
-    """Numbers from `low` to `high`, and what is said of an answer among them."""
+    """Interval from `low` to `high`, with the feedback on answers in it."""
 
     low: float
     high: float
@@ -74,16 +74,16 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
         New.
     """
     name = flights.shown_name(student)
-    found = _items(sheet, flights.case_of(flights.flight_of(sheet, name, key)))
+    items = _items(sheet, flights.case_of(flights.flight_of(sheet, name, key)))
     folder.mkdir()
     title = flights.title(sheet.name, name)
-    whole_files.write(folder / GIFT, _gift(found, title))
-    whole_files.write(folder / QTI, _qti(found, title))
+    whole_files.write(folder / GIFT, _gift(items, title))
+    whole_files.write(folder / QTI, _qti(items, title))
 
 
 def _gift(bank: Sequence[Item], title: str) -> str:
     """Return questions as GIFT."""
-    category = title.replace("/", "-")  # which begins a category in another
+    category = title.replace("/", "-")  # a slash would begin a subcategory
     return "\n\n".join([f"$CATEGORY: {category}", *map(_gift_item, bank)]) + "\n"
 
 
@@ -104,25 +104,25 @@ def _qti(bank: Sequence[Item], title: str) -> bytes:
 
 
 def _items(sheet: Sheet, case: Case) -> list[Item]:
-    """Return the questions of a sheet on one flight, each standard deviation as a question."""
+    """Return the questions of a sheet on one flight, with a question for each sigma."""
     right = sheet.solve(case)
     mistakes = [*sheet.mistakes(case, right)]
-    told = " ".join(re.sub("`", "", line) for line in sheet.given(case))
-    found = []
+    facts = " ".join(re.sub("`", "", line) for line in sheet.given(case))
+    items = []
     for question in sheet.questions:
-        found.append(_value(question, right[question.name], mistakes, told))
+        items.append(_value(question, right[question.name], mistakes, facts))
         if question.with_sigma:
-            found.append(_sigma(question, right[question.name], mistakes, told))
-    return found
+            items.append(_sigma(question, right[question.name], mistakes, facts))
+    return items
 
 
-def _value(question: Question, right: Right, mistakes: Sequence[Mistake], told: str) -> Item:
+def _value(question: Question, right: Right, mistakes: Sequence[Mistake], facts: str) -> Item:
     name, digits = question.name, question.digits
     unit = f" ({question.unit})" if question.unit else ""
     after = f"{digits} digits after the decimal point" if digits else "a whole number"
     return Item(
         name=name,
-        asks=" ".join(filter(None, [told, f"{question.asks}{unit}, {after}."])),
+        asks=" ".join(filter(None, [facts, f"{question.asks}{unit}, {after}."])),
         right=_around(right.truth, right.bound, RIGHT),
         mistakes=tuple(_wrong_values(question, right, mistakes)),
     )
@@ -135,7 +135,7 @@ def _wrong_values(question: Question, right: Right, mistakes: Sequence[Mistake])
             yield _around(gives, right.bound * mistake.scale, mistake.says)
     for unit, factor in UNITS.get(question.unit, {}).items():
         says = f"given in {unit}; asked for in {question.unit}"
-        if abs(right.truth) > right.bound and all(says != one.says for one in mistakes):
+        if abs(right.truth) > right.bound and all(says != other.says for other in mistakes):
             yield _around(factor * right.truth, factor * right.bound, says)
 
 
@@ -143,7 +143,7 @@ def _around(value: float, bound: float, says: str) -> Range:
     return Range(low=value - bound, high=value + bound, says=says)
 
 
-def _sigma(question: Question, right: Right, mistakes: Sequence[Mistake], told: str) -> Item:
+def _sigma(question: Question, right: Right, mistakes: Sequence[Mistake], facts: str) -> Item:
     unit, known = question.unit, right.sigma or 0.0
     others = {f"σ is given in {u}; asked for in {unit}": f for u, f in UNITS.get(unit, {}).items()}
     ranges = [
@@ -159,7 +159,7 @@ def _sigma(question: Question, right: Right, mistakes: Sequence[Mistake], told: 
     ]
     return Item(
         name=f"sigma_{question.name}",
-        asks=" ".join(filter(None, [told, f"Standard deviation of: {question.asks} ({unit})."])),
+        asks=" ".join(filter(None, [facts, f"Standard deviation of: {question.asks} ({unit})."])),
         right=_by_factor(known, SIGMA_FACTOR, RIGHT),
         mistakes=tuple(ranges),
     )
@@ -177,8 +177,11 @@ SPECIAL = re.compile(r"([~=#{}:\\])")
 
 def _gift_item(item: Item) -> str:
     lines = [
-        f"={points}{_number(one.low)}..{_number(one.high)}#{_escaped(one.says)}"
-        for points, one in [("", item.right), *(("%0%", one) for one in item.mistakes)]
+        f"={points}{_number(interval.low)}..{_number(interval.high)}#{_escaped(interval.says)}"
+        for points, interval in [
+            ("", item.right),
+            *(("%0%", interval) for interval in item.mistakes),
+        ]
     ]
     inside = "\n".join(lines)
     return f"::{_escaped(item.name)}::[plain]{_escaped(item.asks)} {{#\n{inside}\n}}"
@@ -189,7 +192,7 @@ def _escaped(text: str) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a number without an exponent, which not every reader of GIFT knows."""
+    """Return a number without exponent, since some readers of GIFT reject exponents."""
     return np.format_float_positional(value, precision=12, fractional=False, trim="-")
 
 
@@ -234,11 +237,13 @@ def _qti_item(item: Item) -> ET.Element:
     marking = ET.SubElement(root, "resprocessing")
     score = {"varname": "SCORE", "vartype": "Decimal", "minvalue": "0", "maxvalue": "100"}
     ET.SubElement(ET.SubElement(marking, "outcomes"), "decvar", score)
-    for number, one in enumerate([item.right, *item.mistakes]):
-        _condition(marking, 0 if number else 100, f"feedback_{number}", one)
+    for number, interval in enumerate([item.right, *item.mistakes]):
+        _condition(marking, 0 if number else 100, f"feedback_{number}", interval)
     _condition(marking, 0, "feedback_other", None)
-    said = {f"feedback_{n}": one.says for n, one in enumerate([item.right, *item.mistakes])}
-    for ident, text in {**said, "feedback_other": UNEXPLAINED}.items():
+    feedback = {
+        f"feedback_{n}": interval.says for n, interval in enumerate([item.right, *item.mistakes])
+    }
+    for ident, text in {**feedback, "feedback_other": UNEXPLAINED}.items():
         _text(ET.SubElement(ET.SubElement(root, "itemfeedback", ident=ident), "flow_mat"), text)
     return root
 
@@ -249,7 +254,7 @@ def _text(parent: ET.Element, text: str) -> None:
 
 
 def _condition(marking: ET.Element, points: int, feedback: str, among: Range | None) -> None:
-    """Add what is said of answers in a range; of all others where there is none."""
+    """Add the feedback on answers in a range, or on all others without a range."""
     condition = ET.SubElement(marking, "respcondition", {"continue": "No"})
     test = ET.SubElement(condition, "conditionvar")
     if among is None:

@@ -1,4 +1,4 @@
-"""What a teacher shows: figures of the book, slides, and the lab sheets with their solutions."""
+"""Material for teachers: figures of the book, slides, and lab sheets with solutions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from acx4book.typesetting.svg import inline
 
 
 KINDS = {"image/svg+xml": "svg", "image/png": "png"}
-"""Kinds of pictures in notebooks, the better one first, and what names of files end with."""
+"""Kinds of pictures in notebooks, the preferred one first, and their file endings."""
 
 EARLIEST = (1980, 1, 1, 0, 0, 0)
 """Date of all files in the archive, so that the same figures are the same bytes."""
@@ -75,16 +75,16 @@ def figures(executed: Path) -> Iterator[Figure]:
 
 
 def _of_cell(chapter: str, cell: Mapping[str, Any]) -> Iterator[Figure]:
-    said = cell["metadata"].get("mystnb", {})
-    name = said.get("figure", {}).get("name", "")
+    metadata = cell["metadata"].get("mystnb", {})
+    name = metadata.get("figure", {}).get("name", "")
     for output in cell.get("outputs", []):
         kind = next((kind for kind in KINDS if kind in output.get("data", {})), None)
         if name and kind is not None:
             yield Figure(
                 chapter=chapter,
                 name=name,
-                caption=" ".join(said["figure"]["caption"].split()),
-                alt=said.get("image", {}).get("alt", ""),
+                caption=" ".join(metadata["figure"]["caption"].split()),
+                alt=metadata.get("image", {}).get("alt", ""),
                 kind=KINDS[kind],
                 content=_content(kind, output["data"][kind]),
             )
@@ -97,10 +97,13 @@ def _content(kind: str, data: str | Sequence[str]) -> bytes:
 
 def archive(found: Sequence[Figure]) -> bytes:
     """Return a zip archive of figures with a list of their captions; the same bytes every time."""
-    listed = "".join(f"{one.file}\n    {one.caption}\n" for one in found)
+    listed = "".join(f"{figure.file}\n    {figure.caption}\n" for figure in found)
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as pack:
-        for name, content in [(LIST, listed.encode()), *((one.file, one.content) for one in found)]:
+        for name, content in [
+            (LIST, listed.encode()),
+            *((figure.file, figure.content) for figure in found),
+        ]:
             entry = zipfile.ZipInfo(name, date_time=EARLIEST)
             packed = zipfile.ZIP_STORED if name.endswith(".png") else zipfile.ZIP_DEFLATED
             pack.writestr(entry, content, compress_type=packed, compresslevel=9)
@@ -112,13 +115,13 @@ def archive(found: Sequence[Figure]) -> bytes:
 
 COLOURS = {name: colour for colour, name in svg.NAMES.items()}
 NAMED = re.compile(r"var\(--figure-([\w-]+)\)")
-"""Where a page of the book sets a colour; slides are light."""
+"""Colours set by a page of the book; slides have fixed light colours."""
 
 SLIDES = Path(__file__).with_name("slides.html")
-"""The page into which slides come; their Markdown lies beside it."""
+"""Template of the slides; their Markdown lies beside it."""
 
 ADDRESS = "../downloads/slides.html"
-"""Of the slides, from the pages of the teaching kit."""
+"""Address of the slides relative to the pages of the teaching kit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,7 +167,7 @@ LECTURE = tuple(slide for block in BLOCKS for slide in block)
 
 
 def links() -> Iterator[tuple[str, str]]:
-    """Yield names and texts: the slides of every block as links, in HTML, which no term links."""
+    """Yield names and texts: links to the slides of every block, HTML without glossary links."""
     first = 1
     for number, block in enumerate(BLOCKS, 1):
         links = [
@@ -176,15 +179,15 @@ def links() -> Iterator[tuple[str, str]]:
 
 
 def slides(found: Sequence[Figure], told: Sequence[Slide] = LECTURE) -> str:
-    """Return slides as one HTML page that needs no other file.
+    """Return slides as one self-contained HTML page.
 
     Parameters
     ----------
     found : sequence of Figure
-        Figures of the book; a slide whose figure is not among them has its text alone.
+        Figures of the book; a slide without its figure here shows its text alone.
     told : sequence of Slide
     """
-    by_name = {(one.chapter, one.name): one for one in found}
+    by_name = {(figure.chapter, figure.name): figure for figure in found}
     known: set[str] = set()
     sections = [
         _section(slide, by_name.get((slide.chapter, slide.figure)), f"s{k}-", known)
@@ -201,10 +204,10 @@ def _section(slide: Slide, figure: Figure | None, name: str, known: set[str]) ->
 
 
 def _picture(figure: Figure, name: str, known: set[str]) -> str:
-    """Return a drawing as part of the page, with the letters that none above it has brought."""
+    """Return a drawing as HTML, with the glyphs not yet defined by drawings above it."""
     if figure.kind == "svg":
         drawn = inline(figure.content.decode(), alt=figure.alt, name=name, known=known)
-        return NAMED.sub(lambda found: COLOURS[found[1]], drawn)
+        return NAMED.sub(lambda match: COLOURS[match[1]], drawn)
     data = base64.b64encode(figure.content).decode("ascii")
     return f'<img alt="{escape(figure.alt)}" src="data:image/{figure.kind};base64,{data}">'
 
@@ -214,7 +217,7 @@ def _picture(figure: Figure, name: str, known: set[str]) -> str:
 
 STUDENT = "Demonstration"
 KEY = b"the public key of the book's demonstration flights"
-"""Whoever knows it can compute the truth, so it is of no use for a class."""
+"""Anybody can compute the truth from this public key, so a class needs another."""
 
 
 def texts() -> Iterator[tuple[str, str]]:
@@ -242,10 +245,10 @@ def _questions(sheet: Sheet) -> str:
 
 
 def _solution(sheet: Sheet) -> str:
-    """Return the solution of a sheet for the demonstration flight, and what mistakes give."""
+    """Return the solution of a sheet for the demonstration flight, with common mistakes."""
     case = flights.case_of(flights.flight_of(sheet, STUDENT, KEY))
     right = sheet.solve(case)
-    told = " ".join(sheet.given(case))
+    facts = " ".join(sheet.given(case))
     answers = myst_table(
         _answers(sheet, right),
         f"Solution of {sheet.name} for the demonstration flight",
@@ -256,7 +259,7 @@ def _solution(sheet: Sheet) -> str:
         f"Mistakes on {sheet.name}, and a wrong answer by which each is known",
         name=f"tab-{sheet.name}-mistakes",
     )
-    return f"{told}\n\n{answers}\n\n{wrong}"
+    return f"{facts}\n\n{answers}\n\n{wrong}"
 
 
 def _answers(sheet: Sheet, right: Rights) -> pd.DataFrame:
@@ -273,14 +276,14 @@ def _answers(sheet: Sheet, right: Rights) -> pd.DataFrame:
 
 
 def _mistakes(sheet: Sheet, right: Rights, mistakes: Sequence[Mistake]) -> pd.DataFrame:
-    """Tabulate each mistake with the answer that it changes most, in units of what is accepted."""
+    """Tabulate each mistake with its most changed answer, relative to the accepted bound."""
     rows = []
     for mistake in mistakes:
-        seen = [
+        deviations = [
             (apart(name, value, right[name].truth) / right[name].bound, name, value)
             for name, value in mistake.gives.items()
         ]
-        off, name, value = max(seen, default=(0.0, "", 0.0))
+        off, name, value = max(deviations, default=(0.0, "", 0.0))
         if off > 1.0:
             q = next(q for q in sheet.questions if q.name == name)
             wrong = f"{value:.{q.digits}f}" if round(value, q.digits) else f"{value:.2g}"

@@ -1,4 +1,4 @@
-"""Lab 8: what a flight determines, and what it would not with fewer strips."""
+"""Lab 8: parameters determined by a flight with all strips and with fewer strips."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DESIGNS = {
     "one_height": ("1", "2"),
     "one_direction": ("1", "3"),
 }
-"""Strips by design: both heights and all directions, opposite strips at one height, no opposite."""
+"""Strips by design: two heights and all directions, one height, no opposite strips."""
 
 WORDS = {
     "all": "all strips",
@@ -58,12 +58,12 @@ def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
 
 
 def _given(case: Case) -> Sequence[str]:
-    """Return how many strips there are."""
+    """Return the number of strips, in a sentence."""
     return [f"The block has {len({*case.block.images.strips})} strips; images.csv names them."]
 
 
 def _covariance(case: Case, strips: Sequence[str]) -> Array:
-    """Return the covariance of `ASKED` from some strips alone, shape (3, 3)."""
+    """Return the covariance of `ASKED` from given strips alone, shape (3, 3)."""
     keep = np.isin(case.block.images.strips, strips)
     block = select_images(case.block, keep)
     calibration = single_step(block, free=case.flight.estimate_mounting).calibration
@@ -73,21 +73,21 @@ def _covariance(case: Case, strips: Sequence[str]) -> Array:
 
 def _solve(case: Case) -> Rights:
     """Adjust the block with the strips of each design."""
-    found = {design: _covariance(case, strips) for design, strips in DESIGNS.items()}
+    covariances = {design: _covariance(case, strips) for design, strips in DESIGNS.items()}
     right = {
         f"sigma_{design}_{name}": computed(float(sigma), 4, share=SHARE)
-        for design, cov in found.items()
+        for design, cov in covariances.items()
         for name, sigma in zip(ASKED, np.sqrt(np.diagonal(cov)), strict=True)
     }
     for design in ("all", "one_height"):
-        cov = found[design]
+        cov = covariances[design]
         correlation = cov[0, 2] / np.sqrt(cov[0, 0] * cov[2, 2])
         right[CORRELATION.format(design)] = computed(float(correlation), 2)
     return right
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what is done wrong with designs."""
+    """Yield common mistakes with designs."""
     names = [name for name in right if name.startswith("sigma_")]
     yield Mistake(
         says="these are variances: take the square root",

@@ -40,7 +40,7 @@ TITLES = {
 
 
 def parameters(calibration: Calibration, truth: Mapping[str, float]) -> dict[str, Right]:
-    """Return the parameters of a calibration of one camera, beside what was simulated."""
+    """Return calibrated parameters of one camera as answers, with their simulated values."""
     return {
         p.name: estimated(p.value, p.sigma, truth[p.name])
         for p in estimates.parameters(calibration)
@@ -54,7 +54,7 @@ def parameters(calibration: Calibration, truth: Mapping[str, float]) -> dict[str
 AXES = ("east", "north", "height")
 RMS = tuple(f"rms_{axis}_m" for axis in AXES)
 ALLOWED_M = 0.15
-"""Standard deviation of heights that the class of the sheet allows."""
+"""Standard deviation of heights allowed in the accuracy class of the sheet, m."""
 
 N, MEAN, STD, T, CHI = "n_points", "mean_height_m", "std_height_m", "t_height", "chi2_height"
 
@@ -77,13 +77,13 @@ QUESTIONS = (
 
 
 def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
-    """Fly the whole block, and an independent one."""
+    """Fly the whole block and an independent one."""
     camera = flights.drawn_camera(truth)
     return flights.fly(errors, title, camera, flights.WHOLE, proof=flights.PROOF)
 
 
 def _given(case: Case) -> Sequence[str]:
-    """Return how many check points there are."""
+    """Return the number of check points, in a sentence."""
     return [f"{len(case.flight.block('validation').check)} check points are in the images."]
 
 
@@ -93,7 +93,7 @@ def _validation(case: Case) -> Validation:
 
 
 def _statistics(d: Array, *, ddof: int = 1) -> dict[str, float]:
-    """Return what is asked for of differences, shape (n, 3), m."""
+    """Return the statistics of differences, shape (n, 3), m, by question."""
     n, height = len(d), d[:, 2]
     mean, std = height.mean(), height.std(ddof=ddof)
     return {
@@ -108,14 +108,14 @@ def _statistics(d: Array, *, ddof: int = 1) -> dict[str, float]:
 
 def _solve(case: Case) -> Rights:
     """Calibrate, and compare the check points."""
-    found = _statistics(_validation(case).points.d)
+    statistics = _statistics(_validation(case).points.d)
     digits = {question.name: question.digits for question in QUESTIONS}
-    right = {name: computed(value, digits[name]) for name, value in found.items()}
-    return {**right, N: computed(found[N], 1)}
+    right = {name: computed(value, digits[name]) for name, value in statistics.items()}
+    return {**right, N: computed(statistics[N], 1)}
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what is done wrong with differences."""
+    """Yield common mistakes with differences."""
     checked = _validation(case)
     d, (n, mean, std, chi) = checked.points.d, values(right, (N, MEAN, STD, CHI))
     yield Mistake(

@@ -74,7 +74,7 @@ def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
 
 
 def _given(case: Case) -> Sequence[str]:
-    """Return how many errors of which kind there are."""
+    """Return number and kinds of the errors, in a sentence."""
     return [
         "One control point, the position of one exposure and the attitude of another are wrong, "
         f"and some of the {len(case.block.image_points)} image points."
@@ -82,14 +82,18 @@ def _given(case: Case) -> Sequence[str]:
 
 
 def _planted(case: Case, kind: str) -> dict[str, Any]:
-    return next(one for one in case.truth["gross_errors"] if one["kind"] == kind)
+    return next(
+        gross_error for gross_error in case.truth["gross_errors"] if gross_error["kind"] == kind
+    )
 
 
 def _solve(case: Case) -> Rights:
     """Look for gross errors as the command does."""
     bundle = calibrate(case.flight).mountings["single_step"].bundle
     count = sum(rejection.kind == "image_point" for rejection in bundle.rejected)
-    planted = sum(one["kind"] == "image_point" for one in case.truth["gross_errors"])
+    planted = sum(
+        gross_error["kind"] == "image_point" for gross_error in case.truth["gross_errors"]
+    )
     control = _planted(case, "control_point")
     error = next(value for name, value in control.items() if name.endswith("_m"))
     return {
@@ -111,7 +115,7 @@ def _number(name: str) -> float:
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what is done wrong with gross errors."""
+    """Yield common mistakes with gross errors."""
     yield wrong_sign(right, [ERROR], "the sign is wrong: surveyed less true")
     yield scaled(right, [ERROR], 100.0, "given in cm; asked for in m")
     yield swapped(right, GNSS, ATTITUDE, "the exposures are swapped: position and attitude")

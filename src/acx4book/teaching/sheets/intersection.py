@@ -23,7 +23,7 @@ from acx4sim.files import SimulatedFlight
 
 POINT = ("east_m", "north_m", "height_m")
 GEOID_M = 45.3
-"""Height of the geoid above the ellipsoid there, as the sheet gives it."""
+"""Height of the geoid above the ellipsoid on the sheet, m."""
 
 ABOVE_GEOID = "height_above_geoid_m"
 
@@ -44,7 +44,7 @@ QUESTIONS = (
 
 
 def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
-    """Fly one strip with a camera that is known; the first usable target is not surveyed."""
+    """Fly one strip with a known camera; the target with most rays is not surveyed."""
     camera = flights.drawn_camera(truth)
     known = flights.certificate(camera)
     flight = flights.fly(errors, title, camera, flights.WHOLE[:1], known=known)
@@ -53,12 +53,12 @@ def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     )
     rays = survey["point"].map(measured["point"].value_counts()).fillna(0)
     unknown = survey["point"][int(np.argmax(rays))]
-    left = survey[survey["point"] != unknown]
-    return replace(flight, tables={**flight.tables, "control_points.csv": left})
+    surveyed = survey[survey["point"] != unknown]
+    return replace(flight, tables={**flight.tables, "control_points.csv": surveyed})
 
 
 def _unknown(case: Case) -> tuple[str, Index]:
-    """Return the target that is not surveyed, and its first and last measurement."""
+    """Return the name of the unsurveyed target, and the rows of its first and last measurement."""
     known = {case.block.points[i] for i in case.block.control.point_idx}
     names = [name for name in case.truth["control_points"] if name not in known]
     name = next(name for name in names if name in case.block.points)
@@ -91,17 +91,17 @@ def _intersected(case: Case, block: Block) -> tuple[Array, direct.Intersections,
     """Return east, north, height, the intersection, and the angle of the rays in degrees."""
     georeferenced = direct.georeference(block, as_given(block.cameras))
     rays = _rays(case, block)
-    found = direct.intersect_rays(block, georeferenced, rays)
+    intersection = direct.intersect_rays(block, georeferenced, rays)
     towards = directions(direct.measured(block, georeferenced, rays))
     angle = float(np.degrees(largest_angles(towards, rays.group, 1)[0]))
-    return block.frame.to_grid(found.x_m)[0], found, angle
+    return block.frame.to_grid(intersection.x_m)[0], intersection, angle
 
 
 def _solve(case: Case) -> Rights:
     """Intersect the two rays."""
-    enh, found, angle = _intersected(case, case.block)
-    axes = case.block.frame.grid_axes(found.x_m)
-    sigma = np.sqrt(np.diagonal(propagate(axes, found.cov)[0]))
+    enh, intersection, angle = _intersected(case, case.block)
+    axes = case.block.frame.grid_axes(intersection.x_m)
+    sigma = np.sqrt(np.diagonal(propagate(axes, intersection.cov)[0]))
     true = case.truth["control_points"][_unknown(case)[0]]
     point = {
         name: estimated(float(enh[k]), float(sigma[k]), true[k]) for k, name in enumerate(POINT)
@@ -115,7 +115,7 @@ def _solve(case: Case) -> Rights:
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what is done wrong with two rays."""
+    """Yield common mistakes with two rays."""
     for says, block in _wrong_blocks(case):
         enh, _, angle = _intersected(case, block)
         gives = named((*POINT, ABOVE_GEOID, "angle_deg"), np.array([*enh, enh[2] - GEOID_M, angle]))
@@ -145,19 +145,21 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
 
 
 def _of_images(case: Case) -> Array:
-    """Return the standard deviations that only the image points cause, m."""
+    """Return the standard deviations from image points alone, m."""
     block = case.block
     exact = replace(
         block.trajectory,
         sigma_position=np.zeros((len(block.trajectory), 3)),
         sigma_attitude=np.zeros((len(block.trajectory), 3)),
     )
-    _, found, _ = _intersected(case, replace(block, trajectory=exact))
-    return np.sqrt(np.diagonal(propagate(block.frame.grid_axes(found.x_m), found.cov)[0]))
+    _, intersection, _ = _intersected(case, replace(block, trajectory=exact))
+    return np.sqrt(
+        np.diagonal(propagate(block.frame.grid_axes(intersection.x_m), intersection.cov)[0])
+    )
 
 
 def _wrong_blocks(case: Case) -> Iterator[tuple[str, Block]]:
-    """Yield the block with one thing done wrongly."""
+    """Yield the block with one mistake each."""
     block = case.block
     T = block.cameras[0].T_b_c
 
@@ -187,7 +189,7 @@ def _with_camera(block: Block, camera: Camera) -> Block:
 
 
 def _turned(case: Case) -> Block:
-    """Return the block whose bodies are turned as if headings counted from grid north."""
+    """Return the block with bodies turned as if headings counted from grid north."""
     block = case.block
     trajectory, T = block.trajectory, block.trajectory.T_m_b
     gamma = block.frame.grid.convergence(block.frame.to_geographic(T.r)[:, :2])
@@ -197,7 +199,7 @@ def _turned(case: Case) -> Block:
 
 
 def _lever_on_map(case: Case) -> Block:
-    """Return the block whose lever arm was added without turning it."""
+    """Return the block with the lever arm added without rotation."""
     block = case.block
     lever = block.cameras[0].T_b_c.r
     trajectory, T = block.trajectory, block.trajectory.T_m_b

@@ -1,4 +1,4 @@
-"""Lab 4: the lens, from a calibration: distortion in micrometres, with what it is worth."""
+"""Lab 4: the lens from a calibration: distortion with standard deviations, micrometres."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
 
 
 def _given(case: Case) -> Sequence[str]:
-    """Return what the sheet needs to say of a flight: the half diagonal of its images."""
+    """Return the half diagonal of the images, in a sentence."""
     camera = case.block.cameras[0]
     corner = camera.pixel_mm / 2 * np.hypot(camera.width_px, camera.height_px)
     return [f"The corners of the images are {corner:.1f} mm from their middle."]
 
 
 def _um(lens: Interior) -> Array:
-    """Return all distortions that are asked for, shape (5,), micrometres."""
+    """Return the five distortions of the questions, shape (5,), micrometres."""
     bare = replace(lens, xp=0.0, yp=0.0)
     radial = replace(bare, p1=0.0, p2=0.0)
     along = distortion(radial, np.array([[radius, 0.0] for radius in RADII_MM]))[:, 0]
@@ -94,11 +94,11 @@ def _solve(case: Case) -> Rights:
     calibration = _calibration(case)
     J = _jacobian()
     sigma = np.sqrt(np.diagonal(J @ _covariance(calibration) @ J.T))
-    found = parameters(calibration, case.true_camera)
+    estimates = parameters(calibration, case.true_camera)
     lens = _um(calibration.cameras[0].interior)
     true = _um(Interior(f=1.0, **{name: case.true_camera[name] for name in LENS}))
     return {
-        **{name: found[name] for name in INNER},
+        **{name: estimates[name] for name in INNER},
         **{
             name: estimated(*map(float, answer))
             for name, answer in zip(
@@ -109,7 +109,7 @@ def _solve(case: Case) -> Rights:
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what is done wrong with a lens."""
+    """Yield common mistakes with a lens."""
     names = (*RADIAL, *AT_PLACE)
     yield wrong_sign(
         right, names, "this is the correction: the distortion is what is subtracted from a point"

@@ -1,4 +1,4 @@
-"""Lab 6: boresight and lever arm, in one step, in two, and from one image by hand."""
+"""Lab 6: boresight and lever arm by single step, by two steps, and from one image."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
 OF_IMAGE = tuple(f"image_{name}" for name in (*LEVER, *BORESIGHT))
 TWO_STEP = "two_step_lever_z_m"
 IMAGE = 2
-"""The image whose mounting is computed by hand: the third."""
+"""Index of the image for the computation by hand: the third."""
 
 QUESTIONS = (
     *(
@@ -76,9 +76,9 @@ def _solve(case: Case) -> Rights:
     """Calibrate by both methods."""
     methods = calibrate(case.flight).mountings
     single, two = _by_method(case, methods)
-    one = named(OF_IMAGE, _reported(_of_image(methods)))
+    of_image = named(OF_IMAGE, _reported(_of_image(methods)))
     digits = {question.name: question.digits for question in QUESTIONS}
-    by_hand = {name: computed(value, digits[name]) for name, value in one.items()}
+    by_hand = {name: computed(value, digits[name]) for name, value in of_image.items()}
     return {
         **{name: single[name] for name in (*BORESIGHT, *LEVER)},
         TWO_STEP: two["lever_z_m"],
@@ -109,7 +109,7 @@ def _reported(T: Pose) -> Array:
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what is done wrong with a mounting."""
+    """Yield common mistakes with a mounting."""
     for prefix in ("", "image_"):
         angles = [prefix + name for name in BORESIGHT]
         lever = [prefix + name for name in LEVER]
@@ -129,22 +129,22 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
 
 
 def _other_methods(case: Case) -> Iterator[Mistake]:
-    """Yield the numbers of one method in the place of the other's."""
+    """Yield the mistakes of answers from the other method."""
     single, two = _by_method(case, calibrate(case.flight).mountings)
-    for says, found, names in (
+    for says, rights, names in (
         ("this is of the two-step method; asked for the single step", two, (*BORESIGHT, *LEVER)),
         ("this is of the single step; asked for the two-step method", single, (TWO_STEP,)),
     ):
-        of = {name: found[name.removeprefix("two_step_")] for name in names}
+        answers = {name: rights[name.removeprefix("two_step_")] for name in names}
         yield Mistake(
             says=says,
-            gives={name: right.value for name, right in of.items()},
-            gives_sigma={n: right.sigma for n, right in of.items() if right.sigma is not None},
+            gives={name: right.value for name, right in answers.items()},
+            gives_sigma={n: right.sigma for n, right in answers.items() if right.sigma is not None},
         )
 
 
 def _wrong_axes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what an image gives in wrong axes."""
+    """Yield the mistakes of an image's mounting in wrong axes."""
     lever, opk = np.split(values(right, OF_IMAGE), 2)
     T_m_b = case.block.T_m_b_images[IMAGE]
     R_g_m = case.block.trajectory.R_g_m[case.block.images.exposure_idx[IMAGE]]
@@ -166,7 +166,7 @@ def _wrong_axes(case: Case, right: Rights) -> Iterator[Mistake]:
 
 
 def _convergence(case: Case, R_g_b: Array, R_b_c: Array) -> Iterator[Mistake]:
-    """Yield the boresight from headings that were taken to count from grid north."""
+    """Yield the mistake of headings counted from grid north."""
     frame = case.block.frame
     place = frame.to_geographic(case.block.T_m_b_images.r[[IMAGE]])[:, :2]
     gamma = float(frame.grid.convergence(place)[0])

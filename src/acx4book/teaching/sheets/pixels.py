@@ -71,7 +71,7 @@ def _height(case: Case) -> tuple[float, float]:
 
 
 def _of_height(case: Case, height: float) -> dict[str, float]:
-    """Return what follows from a height above ground."""
+    """Return the quantities that depend on the height above ground."""
     camera = case.block.cameras[0]
     pixel_m = 1e-3 * camera.pixel_mm
     scale = height / (1e-3 * camera.interior.f)
@@ -101,7 +101,7 @@ def _solve(case: Case) -> Rights:
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what is done wrong with pixels, angles and heights."""
+    """Yield common mistakes with pixels, angles and heights."""
     camera, colrow = case.block.cameras[0], _measured(case)
     size = np.array([camera.width_px, camera.height_px])
     up = np.array([1.0, -1.0]) * camera.pixel_mm

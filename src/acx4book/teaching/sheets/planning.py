@@ -1,4 +1,4 @@
-"""Lab 9: a flight is planned for a target, and flown; it keeps what its plan promised."""
+"""Lab 9: a flight planned for a target, simulated, and compared with its plan."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
     plan, seed = _plan(truth, title), errors % 1_000_000
     cheap = _cheap(truth, plan)
     flight = simulated.simulate(cheap.plan, seed=seed, options=Options())
-    own = {"name": "lab", SEED: seed, PLAN: {**plan.values, "name": ""}, TARGET: _target(cheap)}
-    return replace(flight, truth={**flight.truth, **own})
+    origin = {"name": "lab", SEED: seed, PLAN: {**plan.values, "name": ""}, TARGET: _target(cheap)}
+    return replace(flight, truth={**flight.truth, **origin})
 
 
 def _plan(truth: int, title: str) -> Plan:
-    """Return the plan of a student: focal length and lengths of six strips are drawn."""
+    """Return the plan of a student, with drawn focal length and lengths of six strips."""
     rng = np.random.default_rng([truth, *b"plan"])
     focal = round(float(rng.uniform(48.0, 52.0)), 2)
     strips = {
@@ -104,19 +104,19 @@ def _plan(truth: int, title: str) -> Plan:
 
 
 def _cheap(truth: int, plan: Plan) -> Chosen:
-    """Return the cheapest strips for limits that are drawn, and that all strips more than keep."""
+    """Return the cheapest strips for drawn limits, which all strips together fall below."""
     rng = np.random.default_rng([truth, *b"target"])
     every = _candidates(plan, {"sigma": dict.fromkeys(ASKED, 1.0)})
-    limits = [float(f"{one.with_all * rng.uniform(1.25, 1.6):.2g}") for one in every.wanted]
-    wanted = [replace(one, limit=x) for one, x in zip(every.wanted, limits, strict=True)]
+    limits = [float(f"{goal.with_all * rng.uniform(1.25, 1.6):.2g}") for goal in every.wanted]
+    wanted = [replace(goal, limit=x) for goal, x in zip(every.wanted, limits, strict=True)]
     return choosing.choose(replace(every, wanted=tuple(wanted)))
 
 
 def _target(cheap: Chosen) -> dict[str, Any]:
-    """Return the target of a choice, with a flying time that is long enough."""
+    """Return the target of a choice, with a sufficient flying time."""
     return {
         "minutes": float(np.ceil(cheap.minutes / 5 + 0.2) * 5),
-        "sigma": {one.name: one.limit for one in cheap.wanted},
+        "sigma": {goal.name: goal.limit for goal in cheap.wanted},
     }
 
 
@@ -134,7 +134,7 @@ def _given(case: Case) -> Sequence[str]:
 
 
 def _hand_out(case: Case) -> dict[str, str]:
-    """Return the files that the student gets in the place of a flight."""
+    """Return the files handed out instead of a flight."""
     return {
         "plan.toml": plans.written(_values(case)),
         "target.toml": plans.written(case.truth[TARGET]),
@@ -146,7 +146,7 @@ def _values(case: Case) -> dict[str, Any]:
 
 
 def _solve(case: Case) -> Rights:
-    """Predict the strips that were flown, which are the cheapest, and adjust their flight."""
+    """Predict the flown strips, the cheapest ones, and adjust their flight."""
     plan = plans.from_values(_values(case))
     flown = {*case.block.images.strips}
     order = [k for k, name in enumerate(plan.blocks[BLOCK].strips) if name in flown]
@@ -170,7 +170,7 @@ def _minutes(plan: Plan) -> float:
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what is done wrong with plans."""
+    """Yield common mistakes with plans."""
     plan = plans.from_values(_values(case))
     every = _candidates(plan, case.truth[TARGET])
     yield Mistake(
@@ -178,7 +178,7 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
         gives={
             "strips": len(plan.blocks[BLOCK].strips),
             "minutes": _minutes(plan),
-            **named(PLANNED, np.array([one.with_all for one in every.wanted])),
+            **named(PLANNED, np.array([goal.with_all for goal in every.wanted])),
         },
     )
     turns = right["strips"].value - 1
@@ -193,7 +193,7 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     yield scaled(right, ["minutes"], 60.0, "given in seconds; asked for in minutes")
     yield Mistake(
         says="these are what is wanted, not what the plan gives",
-        gives=named(PLANNED, np.array([one.limit for one in every.wanted])),
+        gives=named(PLANNED, np.array([goal.limit for goal in every.wanted])),
     )
     yield Mistake(
         says="these are variances: take the square root",

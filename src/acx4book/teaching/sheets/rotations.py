@@ -22,7 +22,7 @@ GAMMA = "convergence_deg"
 BODY = ("body_omega_deg", "body_phi_deg", "body_kappa_deg")
 CAMERA = ("camera_omega_deg", "camera_phi_deg", "camera_kappa_deg")
 IMAGE = 1
-"""The exposure: the second."""
+"""Index of the exposure: the second."""
 
 NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """North, east, down to east, north, up."""
@@ -51,7 +51,7 @@ QUESTIONS = (
 
 
 def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
-    """Fly one strip with a camera that is known."""
+    """Fly one strip with a known camera."""
     camera = flights.drawn_camera(truth)
     known = flights.certificate(camera)
     return flights.fly(errors, title, camera, flights.WHOLE[:1], known=known)
@@ -101,17 +101,17 @@ def _solve(case: Case) -> Rights:
     R_g_m = block.trajectory.R_g_m[block.images.exposure_idx[IMAGE]]
     R_g_b = R_g_m @ block.T_m_b_images[IMAGE].R
     R_b_c = block.cameras[0].T_b_c.R
-    found = {
+    angles = {
         GAMMA: float(np.degrees(_gamma(case))),
         **named(BODY, _opk_deg(R_g_b)),
         **named(CAMERA, _opk_deg(R_g_b @ R_b_c)),
     }
     digits = {question.name: question.digits for question in QUESTIONS}
-    return {name: computed(value, digits[name]) for name, value in found.items()}
+    return {name: computed(value, digits[name]) for name, value in angles.items()}
 
 
 def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
-    """Yield what is done wrong with attitudes."""
+    """Yield common mistakes with attitudes."""
     yield wrong_sign(right, [GAMMA], "the convergence has the wrong sign: true minus grid azimuth")
     yield from of_angles(right, [GAMMA])
     for names in (BODY, CAMERA):
@@ -132,7 +132,7 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
 
 
 def _wrong_bodies(case: Case) -> Iterator[tuple[str, Array]]:
-    """Yield R_g_b as mistakes make it."""
+    """Yield wrong R_g_b by common mistakes."""
     gamma, rph = _gamma(case), _rph(case)
     yield (
         "the meridian convergence is forgotten: heading counts from true north, κ on the grid",
@@ -151,7 +151,7 @@ def _wrong_bodies(case: Case) -> Iterator[tuple[str, Array]]:
 
 
 def _wrong_cameras(right: Rights, R_b_c: Array) -> Iterator[Mistake]:
-    """Yield the camera's angles as mistakes make them."""
+    """Yield wrong angles of the camera by common mistakes."""
     body = values(right, BODY)
     R_g_b = rotation_from_opk(np.radians(body))
     yield Mistake(
