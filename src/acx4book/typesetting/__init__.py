@@ -1,4 +1,4 @@
-"""How a number, a name, a table and a figure look.
+"""The look of numbers, names, tables and figures.
 
 `labels` names methods, parameters and units; `myst` makes tables of them, `style` figures.
 `maps`, `matrix` and `pictures` are parts that several figures share. Text of a flight passes

@@ -128,5 +128,5 @@ def with_unit(label: str, unit: str) -> Markup:
 
 
 def lacking(reason: str) -> str:
-    """Return what stands in a method's column where it has no outcome for this reason."""
+    """Return the text for a method without outcome, by the reason."""
     return "needs control points" if "control points" in reason else "no outcome"

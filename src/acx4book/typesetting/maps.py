@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 
 SLIMMEST = 0.4
-"""Shorter side of a map over its longer: a longer strip is drawn with free ground beside it."""
+"""Smallest ratio of a map's sides; narrower maps get free ground at their sides."""
 
 NARROW = 0.05
-"""Of the flying height: surveyed points that extend over less of it make no map of their own."""
+"""Smallest extent of surveyed points for a map of their own, as a share of the flying height."""
 
 LEVEL_COLOURS = (style.BLUE, style.ORANGE)
 """Colours of the flying heights, from the highest down; repeated if there are more heights."""
@@ -79,7 +79,7 @@ def control_maps(*blocks: Block | None) -> Figure:
 
 
 def _limits(shown: Array) -> tuple[Array, Array]:
-    """Return the limits of positions, shape (n, 2) of any leading shape; a long map has a width."""
+    """Return the limits of positions, shape (..., 2), at least `SLIMMEST` times as wide as long."""
     low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
     missing = np.maximum(SLIMMEST * (high - low).max() - (high - low), 0) / 2
     return low - missing, high + missing
@@ -87,7 +87,7 @@ def _limits(shown: Array) -> tuple[Array, Array]:
 
 def _maps(extents: Sequence[Array]) -> tuple[Figure, list[Axes]]:
     """Return axes for maps beside each other, with heights that fit their content."""
-    size = np.array([np.subtract(*_limits(at)[::-1]) for at in extents])
+    size = np.array([np.subtract(*_limits(extent)[::-1]) for extent in extents])
     tallest = float(np.max(size[:, 1] / np.maximum(size[:, 0], 1e-9)))
     width = style.WIDTH / len(extents) - 0.7
     height = float(np.clip(width * tallest * 1.1, 2.0, 5.4)) + 0.9
@@ -96,10 +96,10 @@ def _maps(extents: Sequence[Array]) -> tuple[Figure, list[Axes]]:
 
 
 def _extent(block: Block) -> Array:
-    """Return the positions that the map of a block must show, km."""
+    """Return the positions to be shown on the map of a block, km."""
     corners = design.footprints(block).reshape(-1, 3)
-    seen = corners[np.isfinite(corners).all(axis=1)]
-    return _km(block, np.concatenate([block.trajectory.T_m_b.r, seen]))
+    on_ground = corners[np.isfinite(corners).all(axis=1)]
+    return _km(block, np.concatenate([block.trajectory.T_m_b.r, on_ground]))
 
 
 def _km(block: Block, x_m: Array) -> Array:
@@ -112,7 +112,7 @@ def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
     """Draw one map and return legend handles by their labels."""
     levels = design.levels(block)
     corners = design.footprints(block)
-    at = _km(block, block.trajectory.T_m_b.r)
+    positions = _km(block, block.trajectory.T_m_b.r)
     outlines = _km(block, corners[np.isfinite(corners).all(axis=(1, 2))])
     ax.add_collection(
         PolyCollection(list(outlines), facecolor=style.SOFT, alpha=_tint(outlines), lw=0)
@@ -120,7 +120,7 @@ def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
     handles: dict[str, Any] = {}
     for i, level in enumerate(levels):
         colour = LEVEL_COLOURS[i % len(LEVEL_COLOURS)]
-        _draw_level(ax, block, level, at, colour=colour)
+        _draw_level(ax, block, level, positions, colour=colour)
         words = ("higher strips", "lower strips") if len(levels) == 2 else ("strips",)
         name = words[min(i, len(words) - 1)] if any(level.strips) else "exposures"
         handles[name] = Line2D([], [], color=colour, marker="o", ms=2.5, lw=1, label=name)
@@ -134,7 +134,7 @@ def _draw_block(ax: Axes, block: Block) -> dict[str, Any]:
 
 
 def _tint(outlines: Array) -> float:
-    """Return an opacity with which the mean overlap of footprints becomes a light grey."""
+    """Return the opacity of footprints that makes their mean overlap light grey."""
     if not len(outlines):
         return 0.0
     corners = outlines.reshape(-1, 2)
@@ -150,19 +150,23 @@ def _areas(polygons: Array) -> Array:
     return areas
 
 
-def _draw_level(ax: Axes, block: Block, level: design.Level, at: Array, *, colour: str) -> None:
-    """Draw the strips of one flying height with their directions, and one exposure's images."""
-    way = design.directions(block)
+def _draw_level(
+    ax: Axes, block: Block, level: design.Level, positions: Array, *, colour: str
+) -> None:
+    """Draw the strips of one flying height with directions, and the footprints of one exposure."""
+    towards = design.directions(block)
     strip_of = np.array(design.strip_of_exposure(block), dtype=object)
     for strip in level.strips:
-        own = np.flatnonzero(strip_of == strip)
-        ax.plot(*at[own].T, "o" if not strip else "o-", color=colour, lw=0.9, ms=1.9, zorder=4)
-        if strip and len(own) > 1:
-            reach = 0.9 * np.linalg.norm(at[own[-1]] - at[own[0]]) / (len(own) - 1)
+        idx = np.flatnonzero(strip_of == strip)
+        ax.plot(
+            *positions[idx].T, "o" if not strip else "o-", color=colour, lw=0.9, ms=1.9, zorder=4
+        )
+        if strip and len(idx) > 1:
+            reach = 0.9 * np.linalg.norm(positions[idx[-1]] - positions[idx[0]]) / (len(idx) - 1)
             ax.annotate(
                 "",
-                xy=at[own[-1]] + reach * way[own[-1]],
-                xytext=at[own[-1]],
+                xy=positions[idx[-1]] + reach * towards[idx[-1]],
+                xytext=positions[idx[-1]],
                 arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0.9, "shrinkA": 0},
                 zorder=4,
             )
@@ -238,10 +242,9 @@ def _surveyed(block: Block) -> SurveyedPoints:
 
 
 def _around(block: Block) -> Array:
-    """Return the positions that a map of surveyed points must show, km.
+    """Return the positions to be shown on a map of surveyed points, km.
 
-    Those of the flight are among them where the points are too near to each other to fill a map,
-    as a single one is.
+    Exposures are added if the points are too near to each other to fill a map, as a single point.
     """
     points, flown = _km(block, _surveyed(block).x_m), _km(block, block.trajectory.T_m_b.r)
     above_km = float(np.median(design.flying_heights(block))) / 1000.0
@@ -252,16 +255,16 @@ def _around(block: Block) -> Array:
 def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
     """Draw points; their colour shows the height, their size the number of images."""
     points = _surveyed(block)
-    at = _km(block, points.x_m)
+    positions = _km(block, points.x_m)
     height = block.frame.to_grid(points.x_m)[:, 2]
     n_images = block.rays[points.point_idx]
     area = 8 + 70 * n_images / n_images.max()
-    x, y = at.T
+    x, y = positions.T
     marks = ax.scatter(
         x, y, c=height, s=area, cmap=style.SEQUENCE, edgecolor=style.INK, lw=0.5, zorder=3
     )
     finish_map(ax, _around(block), room=(0.1, 0.16))
-    _draw_names(ax, at, [style.plain(block.points[i]) for i in points.point_idx], area)
+    _draw_names(ax, positions, [style.plain(block.points[i]) for i in points.point_idx], area)
     few, many = int(n_images.min()), int(n_images.max())
     images = f"{few} to {many} images (size)" if few < many else count(few, "image")
     each = ", each" if len(points) > 1 else ""
@@ -271,22 +274,24 @@ def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
     )
 
 
-def _draw_names(ax: Axes, at: Array, names: Sequence[str], area: Array) -> None:
+def _draw_names(ax: Axes, positions: Array, names: Sequence[str], area: Array) -> None:
     """Write the name of every point below it, or where no other name is, or not at all."""
-    here = 72 * ax.transData.transform(at) / ax.figure.dpi  # points, nearly: axes may yet move
+    marks = (
+        72 * ax.transData.transform(positions) / ax.figure.dpi
+    )  # points, approximately: axes may still move
     taken: list[Array] = []
-    for place, mark, name, size in zip(at, here, names, area, strict=True):
+    for place, mark, name, size in zip(positions, marks, names, area, strict=True):
         half = np.array([0.32 * style.SMALL * len(name), 0.55 * style.SMALL])
         far = 0.55 * np.sqrt(size)
-        ways = ((0.0, -4.5 - far), (0.0, 4.5 + far), (half[0] + far, 0.0), (-half[0] - far, 0.0))
-        for way in ways:
-            box = np.stack([mark + way - half, mark + way + half])
+        shifts = ((0.0, -4.5 - far), (0.0, 4.5 + far), (half[0] + far, 0.0), (-half[0] - far, 0.0))
+        for shift in shifts:
+            box = np.stack([mark + shift - half, mark + shift + half])
             if not any(np.all((box[0] < other[1]) & (other[0] < box[1])) for other in taken):
                 taken.append(box)
                 ax.annotate(
                     name,
                     xy=tuple(place),
-                    xytext=way,
+                    xytext=shift,
                     textcoords="offset points",
                     fontsize=style.SMALL,
                     color=style.SOFT,
@@ -300,7 +305,7 @@ def _draw_names(ax: Axes, at: Array, names: Sequence[str], area: Array) -> None:
 
 
 MAPPING, BODY, CAMERA, RAY = style.TEAL, style.BRICK, style.BLUE, style.PLUM
-"""The colour of each frame, and of what light does, in every drawing."""
+"""The colours of the frames and of rays in all drawings."""
 
 
 def view(from_deg: float, above_deg: float) -> Rotation:

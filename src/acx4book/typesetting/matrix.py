@@ -1,4 +1,4 @@
-"""Figures of matrices: correlations with their numbers, and the pattern of what is not zero."""
+"""Figures of matrices: correlations with their numbers, and patterns of nonzero elements."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ def signed_cells(ax: Axes, values: Array, *, gap: float = 0.08) -> None:
     style.bare(ax)
     level = np.rint(LEVELS * np.abs(values)).astype(int)
     for colour, sign in ((style.BLUE, values > 0), (style.ORANGE, values < 0)):
-        for own in np.unique(level[sign & (level > 0)]):
-            cells(ax, sign & (level == own), colour, gap=gap, alpha=own / LEVELS)
+        for shade in np.unique(level[sign & (level > 0)]):
+            cells(ax, sign & (level == shade), colour, gap=gap, alpha=shade / LEVELS)
     rows, columns = values.shape
     ax.set(xlim=(0, columns), ylim=(rows, 0), aspect="equal")
     ax.tick_params(length=0)
@@ -77,7 +77,7 @@ def signed_cells(ax: Axes, values: Array, *, gap: float = 0.08) -> None:
 
 
 def write(ax: Axes, i: int, j: int, value: float, text: str) -> None:
-    """Write into a cell of `signed_cells`, in what can be read on its colour by day and night."""
+    """Write into a cell of `signed_cells`, in a colour readable by day and night."""
     strong = style.PAPER if value > 0 else style.BLACK
     ax.text(
         *(j + 0.5, i + 0.5, text.replace("-", "\N{MINUS SIGN}")),
@@ -126,7 +126,7 @@ def _label(name: str) -> str:
 
 
 def cells(ax: Axes, filled: Mask, colour: str, *, gap: float = 0.1, alpha: float = 1.0) -> None:
-    """Draw cells of a matrix as one shape, so that a drawing of thousands is small.
+    """Draw cells of a matrix as one shape, so that drawings of thousands are small.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ CELLS = 12
 """Number of cells along the longer side of an image."""
 
 FAR = 3.44
-"""Length in sigma that a vector of pure noise exceeds as rarely as a single number exceeds 3."""
+"""Length of a vector of noise, in sigma, as improbable as 3 sigma of a single number."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -259,9 +259,9 @@ def _draw_field(ax: Axes, camera: Camera, field: tuple[Array, Array, Array], *, 
 
 
 def sigma_figure(shown: Format) -> Figure:
-    """Draw standard deviations of ground points over the format of the image that shows them.
+    """Draw standard deviations of ground points over the image format.
 
-    In plan, in height, and what the calibration makes of the height; NaN is left white.
+    In plan, in height, and the calibration's share of the height; NaN is left white.
     """
     variance = shown.variance
     total, calibrated = variance.sum(axis=-1), variance[..., -len(CALIBRATION) :].sum(axis=-1)

@@ -1,4 +1,4 @@
-"""Figures that readers move: drawings with sliders, and the block in space.
+"""Interactive figures: drawings with sliders, and the block in space.
 
 Its HTML is complete without a script: the drawing and the numbers at the start values.
 ``book/_moving/explorer.js`` adds the sliders. It reads the data that stand beside the drawing, as
@@ -57,7 +57,7 @@ FIGURES = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Slider:
-    """A number that the reader sets.
+    """A number set by the reader.
 
     Attributes
     ----------
@@ -75,29 +75,29 @@ class Slider:
 
     @property
     def stops(self) -> Array:
-        """All values that can be set, shape (n,)."""
+        """All values of the slider, shape (n,)."""
         n = round((self.high - self.low) / self.step)
         return self.low + self.step * np.arange(n + 1)
 
     @property
     def digits(self) -> int:
-        """Digits after the point that tell the stops apart."""
+        """Digits after the point needed to tell the stops apart."""
         return _digits(self.step)
 
     @property
     def after(self) -> str:
-        """What follows the number: the unit, and a space before it unless it is degrees."""
+        """Text after the number: a space and the unit; degrees without space."""
         return self.unit if self.unit in {"", "°"} else f"\N{NO-BREAK SPACE}{self.unit}"
 
     def data(self) -> dict[str, Any]:
-        """Return what the page holds."""
+        """Return the data for the script of the page."""
         limits = {"min": self.low, "max": self.high, "step": self.step}
         return {"name": self.name, "after": self.after, "digits": self.digits, **limits}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Linear:
-    """A response that is a constant and a matrix times the sliders' values.
+    """A linear response: a constant plus a matrix times the sliders' values.
 
     Attributes
     ----------
@@ -114,14 +114,14 @@ class Linear:
         return self.constant + self.matrix @ np.asarray(values)
 
     def data(self) -> dict[str, Any]:
-        """Return what the page holds."""
+        """Return the data for the script of the page."""
         constant = np.broadcast_to(self.constant, len(self.matrix))
         return {"constant": _rounded(constant), "matrix": _rounded(self.matrix)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stops:
-    """A response that was computed at every stop of the sliders.
+    """A response computed at every stop of the sliders.
 
     Attributes
     ----------
@@ -136,9 +136,9 @@ class Stops:
 
     def __post_init__(self) -> None:
         stops = [len(slider.stops) for slider in self.sliders]
-        given = self.table.shape[:-1]
-        if len(given) != len(stops) or any(
-            n not in (1, most) for n, most in zip(given, stops, strict=True)
+        shape = self.table.shape[:-1]
+        if len(shape) != len(stops) or any(
+            n not in (1, most) for n, most in zip(shape, stops, strict=True)
         ):
             msg = f"a table of shape {self.table.shape}: expected axes of 1 or of {stops} stops"
             raise ValueError(msg)
@@ -151,13 +151,13 @@ class Stops:
         return row
 
     def data(self) -> dict[str, Any]:
-        """Return what the page holds."""
+        """Return the data for the script of the page."""
         return {"stops": _rounded(self.table)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Roots:
-    """A response of standard deviations: roots of sums of squares, each of a slider's value.
+    """A response of standard deviations: roots of sums of squares of terms per slider.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class Roots:
         return root
 
     def data(self) -> dict[str, Any]:
-        """Return what the page holds."""
+        """Return the data for the script of the page."""
         return {"roots": _rounded(self.table)}
 
 
@@ -193,7 +193,7 @@ Response = Linear | Stops | Roots
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mark:
-    """Something drawn that moves.
+    """A moving mark of a drawing.
 
     Attributes
     ----------
@@ -216,12 +216,12 @@ class Mark:
     response: Response
 
     def places(self, values: Sequence[float]) -> Array:
-        """Return where the points are for values of the sliders, shape (n, 2), drawing units."""
+        """Return the places of the points for slider values, shape (n, 2), drawing units."""
         moved = self.response.at(values).reshape(-1, 2)
         return self.at + np.array(self.scale) * moved
 
     def data(self) -> dict[str, Any]:
-        """Return what the page holds."""
+        """Return the data for the script of the page."""
         return {
             "kind": self.kind,
             "at": _rounded(self.at),
@@ -232,18 +232,18 @@ class Mark:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Panel:
-    """A drawing: what stands still, and what moves.
+    """A drawing with fixed parts and moving marks.
 
     Attributes
     ----------
     title : str
         Its heading, plain text.
     alt : str
-        What is seen at the start.
+        Description of the drawing at the start.
     size : tuple of float
         Width and height, px on a page that is wide enough.
     fixed : str
-        SVG of what stands still.
+        SVG of the fixed parts.
     marks : sequence of Mark
         Drawn over it, and clipped at the drawing's border.
     """
@@ -264,14 +264,14 @@ class Column:
 
 
 class _Shown(ABC):
-    """What a notebook's cell shows as HTML; a terminal and other outputs have the caption."""
+    """Base of figures shown as HTML in a notebook; other outputs show the caption."""
 
     caption: str
 
     @property
     @abstractmethod
     def html(self) -> str:
-        """As a part of a page."""
+        """The figure as part of an HTML page."""
 
     def _repr_html_(self) -> str:
         return self.html
@@ -309,7 +309,7 @@ class Explorer(_Shown):
 
     @property
     def html(self) -> str:
-        """As a part of a page."""
+        """The figure as part of an HTML page."""
         return _html(self)
 
     @property
@@ -328,7 +328,7 @@ class Explorer(_Shown):
         ]
 
     def data(self) -> dict[str, Any]:
-        """Return what the page holds for the script, see above."""
+        """Return the data for the script, see above."""
         return {
             "sliders": [slider.data() for slider in self.sliders],
             "presets": [{"name": n, "values": [*values]} for n, values in self.presets.items()],
@@ -339,17 +339,17 @@ class Explorer(_Shown):
 
 
 def _digits(step: float) -> int:
-    """Return how many digits after the point multiples of a step have."""
+    """Return the number of digits after the point in multiples of a step."""
     return next(n for n in range(16) if abs(round(step, n) - step) < 1e-9 * step)
 
 
 def _reading(response: Array) -> float:
-    """Return the number itself, or the length of a vector."""
+    """Return a number, or the length of a vector."""
     return float(response[0]) if len(response) == 1 else float(np.linalg.norm(response))
 
 
 def _number(number: float, digits: int) -> str:
-    """Return a number with so many digits after the point; zero has no sign."""
+    """Return a number with given digits after the point; zero has no sign."""
     text = f"{number:.{digits}f}"
     return (text if float(text) else text.lstrip("-")).replace("-", "\N{MINUS SIGN}")
 
@@ -364,10 +364,10 @@ def _rounded(numbers: Array) -> Any:
 
 
 COLOURS = {name: f"var(--figure-{name}, {colour})" for colour, name in style.NAMES.items()}
-"""Colours by their names: those of the page's style sheet, or else those of all figures."""
+"""Colours by name: from the page's style sheet, else from `style`."""
 
 HEAD = 6.0
-"""Longest stroke of an arrow's head; that of a short arrow is half as long as the arrow."""
+"""Longest stroke of an arrow's head; at most half the length of the arrow."""
 
 BAR = 12.0
 """Thickness of a bar, and diameter of a dot."""
@@ -452,12 +452,12 @@ class Plane:
 
 
 def _mark(drawn: Mark, values: Sequence[float]) -> str:
-    """Return a mark as it is for values of the sliders."""
+    """Return the SVG of a mark for values of the sliders."""
     return _stroke(path(drawn, values), drawn.colour, 1.6, filled=drawn.kind in {"bars", "dots"})
 
 
 def path(drawn: Mark, values: Sequence[float]) -> str:
-    """Return a mark's path as SVG writes it; the script does the same."""
+    """Return the SVG path of a mark, as the script does."""
     places = drawn.places(values)
     if drawn.kind == "arrows":
         return _arrows(drawn.at, places)
@@ -511,7 +511,7 @@ LEFT = 104.0
 
 
 def along(values: Array, axis: int) -> Array:
-    """Return values with a zero, the other coordinate of their place, after each along an axis."""
+    """Insert a zero, the other coordinate, after each value along an axis."""
     places = np.moveaxis(np.repeat(values, 2, axis=axis), axis, 0)
     places[1::2] = 0.0
     return np.moveaxis(places, 0, axis)
@@ -544,7 +544,7 @@ def bars(
 
 
 def logarithms(values: Array, least: float, most: float) -> Array:
-    """Return how far positive values lie along the axis of `dots`, whose ends they do not pass."""
+    """Return positions of positive values on the axis of `dots`, clipped at its ends."""
     lengths: Array = np.log10(np.clip(values, least, most)) - np.log10(least)
     return lengths
 
@@ -552,7 +552,7 @@ def logarithms(values: Array, least: float, most: float) -> Array:
 def dots(
     names: Sequence[str], lengths: Response, *, ends: tuple[float, float], label: str, **said: str
 ) -> Panel:
-    """Return dots on an axis of logarithms, which has no zero for a bar to begin at.
+    """Return dots on a logarithmic axis, which has no zero as origin of bars.
 
     Parameters
     ----------
@@ -575,7 +575,7 @@ def dots(
 def _of_rows(
     plane: Plane, fixed: str, at: Array, lengths: Response, look: tuple[str, str], **said: str
 ) -> Panel:
-    """Return the panel of rows with one kind of marks, in one colour."""
+    """Return a panel of rows with marks of one kind and colour."""
     kind, colour = look
     mark = Mark(kind=kind, colour=colour, at=plane.at(at), scale=plane.scale, response=lengths)
     return Panel(size=plane.size, fixed=fixed, marks=[mark], **said)
@@ -597,9 +597,9 @@ def _rows(
     y = (-0.7, len(names) - 0.3)
     plane = Plane(x=x, y=y, size=(360.0, height), margin=(LEFT, 14.0, 8.0, 40.0))
     drawn = [
-        plane.line([(at, y[0]), (at, y[1])], dash="2 3")
-        + plane.text((at, y[0]), text, shift=(0, 16))
-        for at, text in ticks.items()
+        plane.line([(tick, y[0]), (tick, y[1])], dash="2 3")
+        + plane.text((tick, y[0]), text, shift=(0, 16))
+        for tick, text in ticks.items()
     ]
     drawn += [
         plane.text((x[0], row), name, anchor="end", shift=(-6, 4))
@@ -627,7 +627,7 @@ def _html(shown: Explorer) -> str:
 
 
 def _data(content: dict[str, Any]) -> str:
-    """Return data inside a page, in which nothing ends the element or begins another."""
+    """Return data as JSON in a script element, escaped so that no text ends the element."""
     text = json.dumps(content, separators=(",", ":"), ensure_ascii=False)
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
@@ -667,7 +667,7 @@ def _readings_html(shown: Explorer) -> str:
 
 
 FROM_DEG, ABOVE_DEG = 24.0, 28.0
-"""From where the scene is seen at the start: from the south, towards east; above the horizon."""
+"""View of the scene at the start, degrees: from the south towards east; above the horizon."""
 
 SIZE = (720.0, 470.0)
 """Of the drawing, px."""
@@ -678,12 +678,12 @@ AROUND = 24
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Layer:
-    """Things of one kind, which are shown and hidden together.
+    """Marks of one kind, shown and hidden together.
 
     Attributes
     ----------
     name : str
-        As the reader switches it, plain text.
+        Name of its switch, plain text.
     kind : str
         ``lines``, ``points`` or ``ellipsoids``.
     colour : str
@@ -709,7 +709,7 @@ class Layer:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Scene(_Shown):
-    """Layers, and what is said of them.
+    """A block in space: layers with caption and description.
 
     Attributes
     ----------
@@ -727,14 +727,14 @@ class Scene(_Shown):
 
     @property
     def html(self) -> str:
-        """As a part of a page."""
+        """The figure as part of an HTML page."""
         return _scene_html(self)
 
     @property
     def middle(self) -> Array:
         """The middle of all points, shape (3,)."""
-        at = np.concatenate([layer.at for layer in self.layers])
-        middle: Array = (at.min(axis=0) + at.max(axis=0)) / 2
+        points = np.concatenate([layer.at for layer in self.layers])
+        middle: Array = (points.min(axis=0) + points.max(axis=0)) / 2
         return middle
 
     def data(self) -> dict[str, Any]:
@@ -758,7 +758,7 @@ class Scene(_Shown):
 
 
 def _scene_html(scene: Scene) -> str:
-    """Return the HTML of a scene: the drawing, and the data with which the script replaces it."""
+    """Return the HTML of a scene: a drawing, and the data for its interactive version."""
     names = "".join(
         f'<li><i style="background: {COLOURS[layer.colour]}"></i> {escape(layer.name)}</li>'
         for layer in scene.layers

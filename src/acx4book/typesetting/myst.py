@@ -24,7 +24,7 @@ KEPT = re.compile(
     r"(?<=[<>≤≥≈±]) (?=[+−-]?\d)"
     r"|(?<![\w^])(\d[\d.,]{0,40}+) (?=[°‰σ]|%(?!\w)|(?:[µcmnk]?m|px|m?s|m?rad|min|h|[kMG]B)\b)"
 )
-"""A space at which no line ends: behind a sign of comparison or ±, and between number and unit."""
+"""A space without line break: behind a sign of comparison or ±, and between number and unit."""
 
 POWER = re.compile(r"(?<=mm)\^(-\d)")
 """Exponent of a unit, in the notation of results files."""
@@ -99,7 +99,9 @@ def numbers(text: str) -> str:
 def marked(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table with all texts and headings as Markdown; none may come from a flight."""
     texts = table.astype(object).map(lambda cell: Markup(cell) if isinstance(cell, str) else cell)
-    columns = {name: own if is_numeric_dtype(own) else texts[name] for name, own in table.items()}
+    columns = {
+        name: column if is_numeric_dtype(column) else texts[name] for name, column in table.items()
+    }
     return pd.DataFrame(columns).rename(columns=Markup)
 
 
@@ -113,12 +115,12 @@ def _cell(value: object, spec: str) -> str:
 
 
 def cell_text(value: object) -> str:
-    """Return what stands in a cell of a table, text as it is and `Markup` as Markdown."""
+    """Return the text of a table cell: plain text unchanged, `Markup` as Markdown."""
     return _text(value).replace("|", r"\|")
 
 
 def _text(text: object) -> str:
-    """Return text that is shown as it is; `Markup` becomes one line."""
+    """Escape text, so that it is shown unchanged; put `Markup` on one line."""
     if not isinstance(text, Markup):
         return shown(text)
     line = POWER.sub(lambda m: m[1].translate(SUPERSCRIPTS), " ".join(text.split()))
@@ -126,7 +128,7 @@ def _text(text: object) -> str:
 
 
 def at_commit(commit: str) -> str:
-    """Return the commit that stored numbers name, and in how many files the sources differed.
+    """Return the commit of stored numbers, with the number of changed files.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Pictures in figures: 16 bit converted for a screen, reduced to the pixels of a figure.
+"""Pictures in figures: 16-bit images stretched for the screen and reduced in size.
 
 No file of pixels is made with it: stretch and gamma are only for viewing.
 """
@@ -59,14 +59,14 @@ def smaller(image: Raster | Array, k: int) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """The grey values that are shown as black and as white."""
+    """The grey values shown as black and white."""
 
     low: float
     high: float
 
 
 def common_stretch(images: Sequence[Array | Raster]) -> Stretch:
-    """Return one stretch for all bands of all images, so that differences stay visible.
+    """Return a common stretch of all bands and images, so that differences stay visible.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def middle_xy(orientation: RelativeOrientation, k: int) -> Array:
 
 
 def middles_apart(orientation: RelativeOrientation) -> bool:
-    """Tell whether names of heads in their middles do not lie over each other."""
+    """Tell whether names of heads fit at their middles without overlap."""
     heads = orientation.heads
     middles = np.array([middle_xy(orientation, k) for k in range(len(heads))])
     sizes = [camera.width_px * camera.pixel_mm for camera in heads]

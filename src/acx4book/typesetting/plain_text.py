@@ -68,7 +68,7 @@ def code(text: str) -> str:
 
 
 def _isolated(text: str) -> str:
-    """Return text isolated, so that right-to-left text does not change its neighbours."""
+    """Isolate right-to-left text, so that it does not change its neighbours."""
     if not any(unicodedata.bidirectional(c) in RIGHT_TO_LEFT for c in text):
         return text
     return ISOLATE + text + POP
@@ -90,6 +90,6 @@ def _inert(before: str, c: str, after: str) -> bool:
 
 
 def _tex(text: str) -> str:
-    """Return a label in which a dollar does not open mathematics, and that legends show."""
+    """Escape dollars in a label, and a leading underscore, which legends would hide."""
     quiet = text.replace("$", r"\$")
     return rf"$\_${quiet[1:]}" if quiet.startswith("_") else quiet

@@ -29,7 +29,7 @@ class Sentence:
 
 
 def say(template: str, **values: Any) -> Sentence:
-    """Return a sentence made of a template of Jinja and of values.
+    """Fill a Jinja template with values.
 
     Text of a flight, such as the name of a point, is shown character for character; `Markup` is
     Markdown. The filters are ``fixed`` (decimals), ``signed`` (decimals, with a sign), ``digits``
@@ -93,5 +93,5 @@ def _each(value: Any, spec: str) -> Markup:
 
 
 def _plural(number: Any, word: str, several: str = "") -> Markup:
-    """Return how many there are of something, with the word in its right form."""
+    """Return a count with its noun in singular or plural."""
     return Markup(f"{int(number)} {word if int(number) == 1 else several or f'{word}s'}")

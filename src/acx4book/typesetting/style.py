@@ -1,4 +1,4 @@
-"""The common style of all figures: palette, lines, type, and small parts that they share.
+"""The common style of all figures: palette, lines, type, and small shared parts.
 
 Every figure is made inside `applied`. It is none of pyplot, which would keep it, or open a window::
 
@@ -92,7 +92,7 @@ NAMES = {
 """Names of the colours that a page sets: `--figure-ink` in its style sheet, for day and night."""
 
 PRINTED = INK
-"""Colour of the paper's values in every figure; they are dashed or open diamonds."""
+"""Colour of the paper's values in all figures; they are dashed lines or open diamonds."""
 
 _LARGE = [
     *("#f3f6f9", "#d6e4f1", "#b9d3ea", "#91b9dd", "#699fd0"),
@@ -131,10 +131,10 @@ LETTERS: Any = {"size": SMALL}
 """The same for the keys of arrows."""
 
 MANY = 4000
-"""Marks in one panel of which an eye can still tell some apart; of more, some are drawn."""
+"""Largest number of marks in a panel; of more, a selection is drawn."""
 
 LISTED = 18
-"""Longest legend; the colours of more names repeat too often to tell which is which."""
+"""Largest number of names in a legend; of more, repeated colours could not be told apart."""
 
 LONGEST = 24
 """Largest number of characters of a name in a figure."""
@@ -186,15 +186,15 @@ RC: Any = {
 
 
 def applied() -> AbstractContextManager[None]:
-    """Draw in the book's style; afterwards matplotlib has no new setting."""
+    """Draw in the book's style; matplotlib's own settings are restored afterwards."""
     return mpl.rc_context(RC)
 
 
 class Shown(Figure):
-    """A figure that any notebook shows as a picture, without pyplot."""
+    """A figure shown as a picture by any notebook, without pyplot."""
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-        """Return the pixels, and the width in which a page shows them."""
+        """Return the figure as PNG, and its width on a page, px."""
         buffer = io.BytesIO()
         with mpl.rc_context(RC):
             self.draw_without_rendering()
@@ -204,7 +204,7 @@ class Shown(Figure):
 
 
 def shown_part(fig: Figure, box: Bbox) -> Bbox:
-    """Return the part of a figure that is shown, inches.
+    """Return the visible part of a figure, inches.
 
     It is as wide as the figure, wider where something reaches out of it, and as high as the box.
 
@@ -273,7 +273,7 @@ def legend_below(fig: Figure, handles: Sequence[Any], *, ncols: int = 6) -> None
 
 
 def largest_in_cells(at: Array, values: Array) -> Index:
-    """Return which marks are drawn: all, or of more than `MANY` the largest of every cell.
+    """Return the indices of the marks to draw: all, or beyond `MANY` the largest in every cell.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def largest_in_cells(at: Array, values: Array) -> Index:
 
 
 def heading(ax: Axes, title: str, subtitle: str) -> None:
-    """Write a title with small print under it, one line or several."""
+    """Write a title with a subtitle of one or several lines."""
     ax.set_title(title, pad=15 + 10 * subtitle.count("\n"))
     ax.annotate(
         subtitle,
@@ -318,7 +318,7 @@ def bare(ax: Axes) -> None:
 
 
 class Nothing(Shown):
-    """A figure that only has a sentence: why there is nothing to draw. A notebook shows its text.
+    """A figure replaced by a sentence on the reason; a notebook shows the text.
 
     Attributes
     ----------
@@ -329,7 +329,7 @@ class Nothing(Shown):
     sentence: str = ""
 
     def _repr_markdown_(self) -> str:
-        """Return what a notebook shows."""
+        """Return the sentence as Markdown."""
         return shown(self.sentence)
 
     def _repr_png_(self) -> None:  # type: ignore[override] # a sentence has no pixels
@@ -337,7 +337,7 @@ class Nothing(Shown):
 
 
 def nothing(text: str) -> Nothing:
-    """Return a figure that only has a sentence: why there is no figure.
+    """Return a figure replaced by a sentence on the reason.
 
     Parameters
     ----------
@@ -358,10 +358,10 @@ def nothing(text: str) -> Nothing:
 
 
 def round_length(longest: float) -> float:
-    """Return the largest of 1, 2, 5, 10, 20, ... that is not longer than a positive length."""
+    """Return the largest of 1, 2, 5, 10, 20, ... not above a positive length."""
     power = 10.0 ** np.floor(np.log10(longest))
     steps = np.array([1.0, 2.0, 5.0])
-    # a small tolerance, so that rounding does not make 10 smaller than 10
+    # small tolerance against rounding errors at exact lengths
     return float(power * steps[steps <= longest / power * (1 + 1e-9)][-1])
 
 

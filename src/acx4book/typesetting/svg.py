@@ -1,4 +1,4 @@
-"""Figures as vector drawings for pages: made, written shorter, and put inside a page."""
+"""Figures as vector drawings: conversion to SVG, compaction, and embedding in pages."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from acx4book.typesetting import style
 
 
 LOSSY = 20_000
-"""Bytes from which a picture inside a drawing is stored with the loss of WebP."""
+"""Size from which a picture in a drawing is stored as lossy WebP, bytes of base64."""
 
 QUALITY, EDGES = 40, 50
-"""Of its colours, and of where it is transparent, of 100."""
+"""Quality of its colours and of its transparency, of 100."""
 
 EFFORT, THOROUGH = 4, 6
-"""Of WebP, of 6. Without loss, more takes a hundred times as long and saves a few bytes."""
+"""Effort of WebP, of 6. Without loss, more effort takes 100 times as long and saves little."""
 
 UNSEEN = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
 NUMBER = re.compile(r"(?<![\w#.-])-?\d+\.\d{3,}(?:e-?\d+)?\b")
@@ -43,15 +43,14 @@ PICTURE = re.compile(r'(?<="data:image/)png;base64,([^"]*)')
 
 
 def vector(figure: Figure) -> str:
-    """Return a figure as SVG, beginning with its element.
+    """Return a figure as SVG, beginning with the element ``svg``.
 
-    It is as wide as the figure, wider where something reaches out of it, and as high as what it
-    shows.
+    It is as wide as the figure, or wider if a part extends beyond it, and as high as its content.
 
     Parameters
     ----------
     figure : Figure
-        Its axes are placed for good.
+        Its layout is fixed by the call.
     """
     buffer = io.StringIO()
     with mpl.rc_context({**style.RC, "figure.constrained_layout.use": False}):
@@ -62,32 +61,32 @@ def vector(figure: Figure) -> str:
 
 
 def _lay_out(figure: Figure) -> Bbox:
-    """Place the axes, else the figure would be drawn twice, and return what is shown, inches."""
+    """Fix the layout, which avoids a second drawing, and return the visible part, inches."""
     canvas = _Canvas(figure)
     figure.dpi = canvas.fixed_dpi
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
-        figure.set_layout_engine(None)  # one of matplotlib's that does nothing draws twice as well
+        figure.set_layout_engine(None)  # matplotlib's empty engine would draw twice, too
     return style.shown_part(figure, figure.get_tightbbox())
 
 
 class _Canvas(FigureCanvasSVG):
-    """A canvas that measures text as it is drawn, all with one renderer, which knows it again."""
+    """A canvas with a single renderer, which caches the sizes of texts."""
 
     @cached_property
     def _renderer(self) -> RendererSVG:
         return RendererSVG(*self.figure.bbox.size, io.StringIO())  # type: ignore[no-untyped-call]
 
     def get_renderer(self) -> RendererSVG:
-        """Return the renderer that a figure asks its canvas for."""
+        """Return the renderer of the canvas."""
         return self._renderer
 
 
 def smaller(svg: str) -> str:
-    """Return SVG of matplotlib without what nobody sees, and with pictures as WebP."""
-    seen = UNSEEN.sub("", svg).replace("xlink:href", "href")
-    parts = PICTURE.split(seen)
+    """Compact an SVG of matplotlib: drop invisible parts, store pictures as WebP."""
+    visible = UNSEEN.sub("", svg).replace("xlink:href", "href")
+    parts = PICTURE.split(visible)
     for i, part in enumerate(parts):
         parts[i] = _stored(part) if i % 2 else NUMBER.sub(_rounded, part)
     root = ET.fromstring("".join(parts))
@@ -96,13 +95,13 @@ def smaller(svg: str) -> str:
 
 
 def _rounded(number: re.Match[str]) -> str:
-    """Return a number to a hundredth, and one below 1, which may be a factor, to four digits."""
+    """Round a number to 0.01; below 1, where it may be a factor, to four digits."""
     value = float(number[0])
     return f"{value:.4g}" if abs(value) < 1 else f"{value:.2f}".rstrip("0").rstrip(".")
 
 
 def _stored(png: str) -> str:
-    """Return a picture, PNG in text, as WebP in text."""
+    """Convert a picture from PNG to WebP, both in base64."""
     picture, buffer = Image.open(io.BytesIO(base64.b64decode(png))), io.BytesIO()
     plain = len(png) < LOSSY
     if plain:
@@ -118,30 +117,30 @@ def _stored(png: str) -> str:
 NAMES = style.NAMES | style.SCALES
 COLOUR = re.compile("|".join(NAMES))
 NAMED = re.compile(r'(\bid="|href="#|url\(#)(?!D[\w-]+")([\w.-]+)')
-"""Where a name stands, unless it is that of a letter: a letter is the same in all drawings."""
+"""Names in a drawing, except those of glyphs, which are the same in all drawings."""
 
 LETTER = re.compile(r'<path id="(D[\w-]+)" [^>]*/>')
 SIZE = re.compile(r'<svg [^>]*?viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>')
 GROUND = re.compile(r'<g id="patch_1"><path [^>]*/></g>')
-"""The sheet that matplotlib puts under a figure."""
+"""Background patch of a matplotlib figure."""
 
 POINTS = 72 * style.WIDTH
 """Width of a figure that takes the whole column."""
 
 
 def inline(svg: str, *, alt: str, name: str, known: set[str]) -> str:
-    """Return a drawing as part of a page; the page's style sheet sets its colours.
+    """Return a drawing as HTML for a page; the page's style sheet sets its colours.
 
     Parameters
     ----------
     svg : str
         As `svg.vector` makes it.
     alt : str
-        What is seen.
+        Description of the drawing.
     name : str
-        Beginning of all names in it, so that they are unique on the page.
+        Prefix of all names in it, so that they are unique on the page.
     known : set of str
-        Letters that drawings above it have brought; its own are added.
+        Glyphs defined by drawings above it; its own are added.
     """
     width, height = SIZE.findall(svg)[0]
     share = min(1.0, float(width) / POINTS)
@@ -150,17 +149,17 @@ def inline(svg: str, *, alt: str, name: str, known: set[str]) -> str:
         f'style="width: {100 * share:.4g}%; min-width: {35 * share:.4g}rem">'
     )
     inside = GROUND.sub("", SIZE.sub("", svg, count=1), count=1)
-    coloured = COLOUR.sub(lambda found: f"var(--figure-{NAMES[found[0]]})", inside)
-    lettered = LETTER.sub(lambda found: _once(found, known), coloured)
+    coloured = COLOUR.sub(lambda match: f"var(--figure-{NAMES[match[0]]})", inside)
+    lettered = LETTER.sub(lambda match: _once(match, known), coloured)
     names: dict[str, str] = {}
     named = NAMED.sub(
-        lambda found: found[1] + names.setdefault(found[2], f"{name}{len(names)}"), lettered
+        lambda match: match[1] + names.setdefault(match[2], f"{name}{len(names)}"), lettered
     )
     return f'<div class="drawing" tabindex="0">{begin}{named}</div>'
 
 
 def _once(letter: re.Match[str], known: set[str]) -> str:
-    """Return the outline of a letter, and nothing where the page has it."""
+    """Return the definition of a glyph, or nothing if the page already has it."""
     if letter[1] in known:
         return ""
     known.add(letter[1])
@@ -169,37 +168,37 @@ def _once(letter: re.Match[str], known: set[str]) -> str:
 
 # --- A drawing written shorter: the same marks in the same order, to a hundredth of a point
 #
-# Names that nothing refers to are left out, and groups that say nothing. What neighbours have in
-# common stands once, with a group around them. Paths are written relative to the last point.
+# Unused names and groups without attributes are left out. Common attributes of neighbours move to
+# a group around them. Paths are written relative to the last point.
 
 
 SVG = "http://www.w3.org/2000/svg"
 ET.register_namespace("", SVG)
 
 _GROUND = "patch_1"
-"""Name of the sheet under a figure: a page takes it away."""
+"""Name of the background patch of a figure, which a page removes."""
 
 REFERENCE = re.compile(r"#([\w.-]+)")
 FONT, SHORT = "DejaVuSans-", "D"
-"""Begin of the names of letters, and what stands for it."""
+"""Prefix of the names of glyphs, and its short form."""
 
 COMMON = ("style", "clip-path")
-"""Attributes that a group may have for what is in it."""
+"""Attributes that a group may have for its children."""
 
 OF_GROUPS = re.compile(r"(?<!-)\bopacity")
-"""In a style: what means another thing on a group than on each of its parts."""
+"""Style properties with another effect on a group than on each of its children."""
 
 JOINED = "stroke-linejoin: round"
-"""What matplotlib's style sheet says of all elements, also of those of the page around."""
+"""Rule of matplotlib's style sheet, which would affect the page around the drawing, too."""
 
 PLACE = re.compile(r"translate\((-?[\d.]+)[ ,]+(-?[\d.]+)\)")
 STEP = re.compile(r"[A-Za-z]|-?\d*\.?\d+(?:e-?\d+)?")
 _POINTS = {"M": 1, "L": 1, "Q": 2, "C": 3}
-"""How many points follow a letter of a path: matplotlib writes these and z alone."""
+"""Number of points after a path command; matplotlib writes only these and z."""
 
 
 def _compact(root: Element) -> None:
-    """Shorten a drawing of matplotlib's, without texts, in its place."""
+    """Compact a drawing of matplotlib without texts, in place."""
     _drop_styles(root)
     _drop_repeated(root)
     used = {name for element in root.iter() for name in _references(element)}
@@ -220,7 +219,7 @@ def _references(element: Element) -> Iterator[str]:
 
 
 def _drop_styles(root: Element) -> None:
-    """Take out style sheets: what they say stands in the outermost group."""
+    """Replace style sheets by a style of the outermost group."""
     for parent in root.iter():
         for child in [c for c in parent if c.tag == f"{{{SVG}}}style"]:
             parent.remove(child)
@@ -229,28 +228,32 @@ def _drop_styles(root: Element) -> None:
 
 
 def _drop_repeated(root: Element) -> None:
-    """Take out of each use of a mark what the mark says of its lines and faces, which counts."""
-    own = {f"#{one.get('id')}": dict(_properties(one)) for one in root.iter() if one.get("id")}
+    """Remove line and fill styles from a use if its mark sets them, too: the mark's count."""
+    marks = {
+        f"#{element.get('id')}": dict(_properties(element))
+        for element in root.iter()
+        if element.get("id")
+    }
     for use in root.iter(f"{{{SVG}}}use"):
-        said = own.get(use.get("href", ""), {})
-        left = [
+        inherited = marks.get(use.get("href", ""), {})
+        kept = [
             f"{name}:{value}"
             for name, value in _properties(use)
-            if name not in said or not name.startswith(("fill", "stroke"))
+            if name not in inherited or not name.startswith(("fill", "stroke"))
         ]
         use.attrib.pop("style", None)
-        use.attrib.update({"style": "; ".join(left)} if left else {})
+        use.attrib.update({"style": "; ".join(kept)} if kept else {})
 
 
 def _properties(element: Element) -> Iterator[tuple[str, str]]:
-    """Yield what the style of an element says: properties and values."""
+    """Yield the style properties of an element and their values."""
     for part in filter(None, element.get("style", "").split("; ")):
         name, value = part.split(":", 1)
         yield name, value
 
 
 def _place(element: Element) -> None:
-    """Write where a letter stands in a line, in hundredths of its size, as whole numbers."""
+    """Write the position of a glyph as whole numbers, hundredths of its size, without transform."""
     place = PLACE.fullmatch(element.get("transform", ""))
     if element.tag == f"{{{SVG}}}use" and place:
         del element.attrib["transform"]
@@ -263,7 +266,7 @@ def _place(element: Element) -> None:
 
 
 def _group(parent: Element) -> None:
-    """Open groups that say nothing, and put one around neighbours that have all in common."""
+    """Dissolve groups without attributes, and group neighbours with common attributes."""
     for child in parent:
         _group(child)
     children = [inside for child in parent for inside in _opened(child)]
@@ -275,12 +278,12 @@ def _group(parent: Element) -> None:
 
 
 def _free(group: Element) -> bool:
-    """Tell whether a group can have all that another one in it says."""
+    """Tell whether a group can take over all attributes of its only child."""
     return not ({*group[0].keys()} & {*group.keys()}) and "transform" not in group[0].attrib
 
 
 def _opened(element: Element) -> list[Element]:
-    """Return what stands for an element: of a group that says nothing, its parts."""
+    """Replace a group without attributes by its children."""
     empty = element.tag in {f"{{{SVG}}}g", f"{{{SVG}}}defs"} and not len(element)
     if empty:
         return []
@@ -288,15 +291,15 @@ def _opened(element: Element) -> list[Element]:
 
 
 def _common(element: Element) -> tuple[str, ...]:
-    """Return what an element may share with its neighbours, all empty where it is nothing."""
-    found = tuple(element.get(key, "") for key in COMMON)
+    """Return the attributes an element may share with its neighbours; empty if none."""
+    shared = tuple(element.get(key, "") for key in COMMON)
     moved = "transform" in element.attrib and "clip-path" in element.attrib
     named = "id" in element.attrib or element.tag == f"{{{SVG}}}clipPath"
-    return ("", "") if moved or named or OF_GROUPS.search(found[0]) else found
+    return ("", "") if moved or named or OF_GROUPS.search(shared[0]) else shared
 
 
 def _together(run: list[Element]) -> list[Element]:
-    """Return a group around elements that share something, or the elements."""
+    """Put elements with shared attributes in a group; return them unchanged if there are none."""
     shared = {key: value for key, value in zip(COMMON, _common(run[0]), strict=True) if value}
     if len(run) == 1 or not shared:
         return run
@@ -312,7 +315,7 @@ def _together(run: list[Element]) -> list[Element]:
 
 
 def _path(d: str) -> str:
-    """Return the data of a path, relative to the last point, in hundredths that are not lost."""
+    """Return path data relative to the last point, in hundredths without accumulated rounding."""
     numbers, letter, last, start = [], "", (0, 0), (0, 0)
     written: list[str] = []
     for step in STEP.findall(d):
@@ -350,7 +353,7 @@ def _number(hundredths: int) -> str:
 
 
 def _joined(steps: list[str]) -> str:
-    """Return steps in a row; a letter that repeats is left out."""
+    """Join path steps; a repeated command letter is left out."""
     text = before = ""
     for step in steps:
         letter, numbers = step[0], step[1:]

@@ -1,4 +1,4 @@
-"""How a DataFrame is shown at the end of a cell: as HTML in Jupyter, as Markdown in the book.
+"""Display of a DataFrame at the end of a cell: as HTML in Jupyter, as Markdown in the book.
 
 Numbers are rounded and nothing else is changed. Two columns ``value`` and ``sigma`` are shown as
 one, ``value ± sigma``, to two digits of sigma; a sigma that is missing says that the value was
@@ -45,10 +45,10 @@ SYMBOLS = {
         for letter, name in (("ω", "omega"), ("φ", "phi"), ("κ", "kappa"))
     },
 }
-"""What is shown in the place of the names of parameters in an index."""
+"""Labels shown instead of the names of parameters in an index."""
 
 LEAST, MOST = 1e-4, 1e6
-"""A column with a number beyond these, and of very different ones, has powers of ten."""
+"""Limits of numbers without powers of ten; columns of very different sizes have them, too."""
 
 DIGITS = 4
 """Digits of the largest number of a column."""
@@ -58,7 +58,7 @@ HELD = "held"
 
 
 def register(shell: Any) -> None:
-    """Let an IPython shell show DataFrames as this module does."""
+    """Register the display of this module with an IPython shell."""
     formatters = shell.display_formatter.formatters
     formatters["text/html"].for_type(pd.DataFrame, _html)
     formatters["text/markdown"].for_type(pd.DataFrame, markdown)
@@ -144,7 +144,7 @@ def _columns(table: pd.DataFrame) -> list[Column]:
 
 
 def _sigma_of(key: object, keys: Sequence[object]) -> int | None:
-    """Return the place of the column with the standard deviations of another; None without."""
+    """Return the index of the column with the sigma of another column; None if missing."""
     if isinstance(key, tuple) and key[-1] == VALUE:
         wanted: object = (*key[:-1], SIGMA)
     elif key == VALUE:
@@ -178,7 +178,7 @@ def _heading(name: object) -> str:
 
 
 def _title(key: object) -> str:
-    """Return the heading of a column; of several headings without what repeats."""
+    """Return the heading of a column; of several levels, without repetitions."""
     parts = key if isinstance(key, tuple) else (key,)
     words = [part for part in parts if part not in ("", PRINTED)]
     if len(words) == 1 and isinstance(words[0], Markup):
@@ -222,7 +222,7 @@ def _object(value: object, spec: str) -> str:
 
 
 def _rounded(values: Any) -> list[str]:
-    """Return numbers with common decimals, or each with a power of ten where they differ much."""
+    """Format numbers with common decimals, or with powers of ten if their sizes differ much."""
     size = np.abs(values[np.isfinite(values) & (values != 0)])
     if len(size) == 0:
         return [MISSING if np.isnan(v) else _minus(f"{v:g}") for v in values]
@@ -234,14 +234,14 @@ def _rounded(values: Any) -> list[str]:
 
 
 def _plain(value: Any) -> str:
-    """Return a number with four digits, with a power of ten where it is large or small."""
+    """Format a number with four digits; a very large or small one with a power of ten."""
     if value and np.isfinite(value) and not LEAST <= abs(value) < MOST:
         return _minus(scientific(float(value), digits=2))
     return _minus(f"{value:.{DIGITS}g}")
 
 
 def _in_format(value: float, spec: str) -> Markup:
-    """Return a number in a format; of a positive one that this makes zero, that it is smaller."""
+    """Format a number; a positive one rounded to zero becomes "< 0.01" with its digits."""
     text = format(value, spec)
     if value > 0 and re.fullmatch(r"0\.0+", text):
         return Markup(f"<\N{NO-BREAK SPACE}{text[:-1]}1")
