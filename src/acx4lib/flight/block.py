@@ -286,14 +286,14 @@ class Block:
         _check_surveyed(self)
 
     def __repr__(self) -> str:
-        """Say in a line what is in it."""
+        """Summarize the block in one line."""
         numbers = {**block_row(self), "cameras": 0}
-        said = (shown.count(n, noun.removesuffix("s")) for noun, n in numbers.items() if n)
-        of = shown.names([camera.name for camera in self.cameras], 4)
-        return shown.line(f"Block {self.name!r}", of, *said)
+        counts = (shown.count(n, noun.removesuffix("s")) for noun, n in numbers.items() if n)
+        cameras = shown.names([camera.name for camera in self.cameras], 4)
+        return shown.line(f"Block {self.name!r}", cameras, *counts)
 
     def table(self) -> pd.DataFrame:
-        """Return how many cameras, images, points and measurements it has, in a row."""
+        """Return the numbers of cameras, images, points and measurements, one row."""
         return shown.row_table("block", {self.name: block_row(self)})
 
     @property
@@ -308,7 +308,7 @@ class Block:
 
 
 def _no_poses(images: Images) -> Trajectory:
-    """Return a trajectory of which nothing is known, its exposures named by their first images."""
+    """Return a trajectory of unknown poses, its exposures named by their first images."""
     number, first = np.unique(images.exposure_idx, return_index=True)
     names = [f"exposure {k}" for k in range(int(number.max(initial=-1)) + 1)]
     for k, image in zip(number.tolist(), first.tolist(), strict=True):
@@ -319,7 +319,7 @@ def _no_poses(images: Images) -> Trajectory:
 
 
 def block_row(block: Block) -> dict[str, int]:
-    """Return how many things of every kind a block has."""
+    """Count the cameras, images, exposures, points and measurements of a block."""
     return {
         "cameras": len(block.cameras),
         "images": len(block.images),
@@ -347,7 +347,7 @@ def _check_surveyed(block: Block) -> None:
 
 
 def select_cameras(block: Block, names: Sequence[str]) -> Block:
-    """Return the part of a block that some cameras took; exposures and points stay as they are.
+    """Select the images of some cameras; exposures and points stay as they are.
 
     Parameters
     ----------
@@ -370,13 +370,13 @@ def select_cameras(block: Block, names: Sequence[str]) -> Block:
     taken = [known.index(name) for name in names]
     renumbered = np.full(len(known), -1)
     renumbered[taken] = np.arange(len(taken))
-    own = select_images(block, renumbered[block.images.camera_idx] >= 0)
-    images = replace(own.images, camera_idx=renumbered[own.images.camera_idx])
-    return replace(own, cameras=tuple(block.cameras[k] for k in taken), images=images)
+    selected = select_images(block, renumbered[block.images.camera_idx] >= 0)
+    images = replace(selected.images, camera_idx=renumbered[selected.images.camera_idx])
+    return replace(selected, cameras=tuple(block.cameras[k] for k in taken), images=images)
 
 
 def select_images(block: Block, keep: Mask) -> Block:
-    """Return the part of a block that some images show; exposures and points stay as they are.
+    """Select some images of a block; exposures and points stay as they are.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The tables of a block, and its arrays in the mapping frame made from them."""
+"""The tables of a block, and the arrays in the mapping frame made from them."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ class BlockTables:
 
     @property
     def tables(self) -> tuple[Table, ...]:
-        """All tables that it has."""
+        """All tables of the block."""
         always = (self.images, self.image_points, self.trajectory, self.control)
         return always if self.distances is None else (*always, self.distances)
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """What is wrong with its tables; heads with a picture each need no measurement."""
+        """Problems of all tables; heads with a picture each need no measurement."""
         files = self.images.text.get("file", ())
         pictured = self.name == "heads" and bool(files) and all(files)
         return tuple(
@@ -66,12 +66,12 @@ class BlockTables:
 
     @cached_property
     def rays(self) -> Counter[str]:
-        """How often every point is measured, in the order in which they first stand."""
+        """Number of measurements of every point, in the order of first occurrence."""
         return Counter(self.image_points.text["point"])
 
 
 def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
-    """Return the tables of a block; what is wrong is in their `problems`.
+    """Read the tables of a block; their `problems` list the errors.
 
     Parameters
     ----------
@@ -82,8 +82,8 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
     pictures : Path
         Folder of the flight with its pictures.
     """
-    own = folder / name / "control_points.csv"
-    control = own if os.path.lexists(own) else folder / "control_points.csv"
+    block_control = folder / name / "control_points.csv"
+    control = block_control if os.path.lexists(block_control) else folder / "control_points.csv"
     distances = folder / name / "distances.csv"
     needs = f"block {name}"
     images, image_points, trajectory = (
@@ -102,14 +102,14 @@ def read_block(folder: Path, name: str, *, pictures: Path) -> BlockTables:
 
 
 def _read_table(path: Path, file: str, *, needed_by: str = "a flight") -> Table:
-    """Return a table of a flight; what is wrong is in its `problems`."""
+    """Read a table of a flight; its `problems` list the errors."""
     return read_columns(path, file, SCHEMAS[path.name], needed_by=needed_by)
 
 
 def without_points(tables: BlockTables, folder: Path) -> BlockTables:
-    """Return the tables of a block of which nothing need be measured.
+    """Return the tables of a block that needs no measurements and no control points.
 
-    Empty tables stand in the place of image points and control points that are not there.
+    Empty tables replace missing image points and control points.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def lonlat_of(trajectory: Table, grid: GridSystem) -> Array:
 
 
 def assemble(tables: BlockTables, setup: Setup) -> Block:
-    """Return the block of tables in which no problem was found.
+    """Assemble the block from tables without problems.
 
     Returns
     -------
@@ -231,7 +231,7 @@ def _image_points(tables: BlockTables, points: Sequence[str], setup: Setup) -> I
 
 
 def _sigma(table: Table, columns: Sequence[str], default: Sequence[float]) -> Array:
-    """Return standard deviations: those of the file, or the default where it has none."""
+    """Return standard deviations from the table; defaults for missing columns."""
     sigma = [
         table.numbers.get(column, np.full(len(table), value))
         for column, value in zip(columns, default, strict=True)
@@ -268,7 +268,7 @@ def poses(table: Table, frame: MappingFrame) -> Pose:
 def _surveyed(
     tables: BlockTables, points: Sequence[str], frame: MappingFrame
 ) -> tuple[SurveyedPoints, Mask]:
-    """Return the measured surveyed points, and which of them are check points."""
+    """Return the measured surveyed points, and the mask of the check points."""
     table, measured = tables.control, measured_control(tables)
     x_m = frame.from_grid(table.stack("east_m", "north_m", "height_m")[measured])
     x_m[~np.isfinite(x_m).all(axis=1)] = NOWHERE

@@ -59,7 +59,7 @@ def ground_height(block: Block) -> float:
 
 
 def _on_the_ground(block: Block) -> Array:
-    """Return the surveyed points without those of an absurd height, shape (n, 3).
+    """Return the surveyed points without absurd heights, shape (n, 3).
 
     A point is absurd if its height differs from the median by more than the flying height.
     """
@@ -92,7 +92,7 @@ def ground_sample_m(block: Block) -> float:
 
 
 def strip_of_exposure(block: Block) -> list[str]:
-    """Return the strip of every exposure; an exposure of several images has the first one's."""
+    """Return the strip of every exposure, taken from its first image."""
     strips = [""] * len(block.trajectory)
     for i in range(len(block.images) - 1, -1, -1):
         strips[int(block.images.exposure_idx[i])] = block.images.strips[i]
@@ -111,9 +111,9 @@ def directions(block: Block) -> Array:
     way = block.trajectory.T_m_b.R[:, :2, 0].copy()
     strips = np.array(strip_of_exposure(block), dtype=object)
     for strip in sorted(set(strips) - {""}):
-        own = np.flatnonzero(strips == strip)
-        if len(own) > 1:
-            way[own] = np.gradient(block.trajectory.T_m_b.r[own, :2], axis=0)
+        exposures = np.flatnonzero(strips == strip)
+        if len(exposures) > 1:
+            way[exposures] = np.gradient(block.trajectory.T_m_b.r[exposures, :2], axis=0)
     return way / np.linalg.norm(way, axis=1, keepdims=True)
 
 
@@ -131,30 +131,30 @@ def footprints(block: Block) -> Array:
     ground = ground_height(block)
     corners = np.zeros((len(block.images), 4, 3))
     for k, camera in enumerate(block.cameras):
-        own = np.flatnonzero(block.images.camera_idx == k)
-        T_m_c = block.T_m_b_images[own] @ camera.T_b_c
+        images = np.flatnonzero(block.images.camera_idx == k)
+        T_m_c = block.T_m_b_images[images] @ camera.T_b_c
         w, h = camera.width_px - 0.5, camera.height_px - 0.5
         colrow = np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]])
         poses = Pose(R=np.repeat(T_m_c.R, 4, axis=0), r=np.repeat(T_m_c.r, 4, axis=0))
-        ray = rays(camera, poses, np.tile(colrow, (len(own), 1)))
+        ray = rays(camera, poses, np.tile(colrow, (len(images), 1)))
         length = np.where(ray[:, 2] < 0, (ground - poses.r[:, 2]) / ray[:, 2], np.nan)
-        corners[own] = (poses.r + length[:, None] * ray).reshape(-1, 4, 3)
+        corners[images] = (poses.r + length[:, None] * ray).reshape(-1, 4, 3)
     return corners
 
 
 def levels(block: Block) -> tuple[Level, ...]:
-    """Return the strips of a block by flying height, the highest first.
+    """Group the strips of a block by flying height, the highest first.
 
-    Exposures of the trajectory without an image, such as those of a part of a block, count nothing.
+    Exposures of the trajectory without an image, as in a part of a block, are ignored.
     """
     height = flying_heights(block)
     strip_of = np.array(strip_of_exposure(block), dtype=object)
     strip_of[~np.isin(np.arange(len(strip_of)), block.images.exposure_idx)] = None  # took no image
     names = [name for name in dict.fromkeys(strip_of) if name is not None]
-    of_strip = {name: float(np.median(height[strip_of == name])) for name in names}
+    height_of_strip = {name: float(np.median(height[strip_of == name])) for name in names}
     groups: list[list[str]] = []
-    for name in sorted(names, key=lambda n: -of_strip[n]):
-        if groups and of_strip[name] > (1 - SAME_HEIGHT) * of_strip[groups[-1][0]]:
+    for name in sorted(names, key=lambda n: -height_of_strip[n]):
+        if groups and height_of_strip[name] > (1 - SAME_HEIGHT) * height_of_strip[groups[-1][0]]:
             groups[-1].append(name)
         else:
             groups.append([name])
@@ -183,24 +183,24 @@ def _level(block: Block, strips: Sequence[str], strip_of: Array) -> Level:
 
 
 def _overlap(block: Block, images: Index, shift: Array) -> Array:
-    """Return the overlap of each image with itself, moved over flat ground, 0 to 1, shape (n,)."""
+    """Return the overlap of each image with itself, shifted on flat ground, 0 to 1, shape (n,)."""
     T_m_b = block.T_m_b_images[images]
     known = np.isfinite(ground_height(block))
     above = flying_heights(block) if known else np.full(len(block.trajectory), np.nan)
     height = above[block.images.exposure_idx[images]]
     share = np.zeros(len(images))
     for k, camera in enumerate(block.cameras):
-        own = block.images.camera_idx[images] == k
-        R_m_c = T_m_b.R[own] @ camera.T_b_c.R
-        moved = transform(np.swapaxes(R_m_c, -1, -2), shift[own])[:, :2]
+        of_camera = block.images.camera_idx[images] == k
+        R_m_c = T_m_b.R[of_camera] @ camera.T_b_c.R
+        moved = transform(np.swapaxes(R_m_c, -1, -2), shift[of_camera])[:, :2]
         size = camera.pixel_mm / camera.interior.f * np.array([camera.width_px, camera.height_px])
-        rest = np.maximum(1 - np.abs(moved) / (height[own, None] * size), 0)
-        share[own] = rest.prod(axis=1)
+        rest = np.maximum(1 - np.abs(moved) / (height[of_camera, None] * size), 0)
+        share[of_camera] = rest.prod(axis=1)
     return share
 
 
 def forward_overlaps(block: Block) -> tuple[Index, Array]:
-    """Return the images that have a successor of their camera in the strip, and these overlaps.
+    """Return images with a successor of the same camera in the strip, and their overlaps.
 
     Valid for images that look down, over flat ground at the surveyed points.
 
@@ -227,18 +227,18 @@ def _side_overlap(block: Block, strips: Sequence[str], strip_of: Array) -> float
     r, way = block.trajectory.T_m_b.r, directions(block)
     shares = []
     for strip in strips:
-        own = strip_of == strip
-        along = np.append(way[own].mean(axis=0), 0.0)
+        in_strip = strip_of == strip
+        along = np.append(way[in_strip].mean(axis=0), 0.0)
         along /= np.linalg.norm(along)
         apart = []
         for other in strips:
             parallel = abs(way[strip_of == other].mean(axis=0) @ along[:2]) > np.cos(np.radians(20))
             if other != strip and parallel:
-                d = (r[strip_of == other].mean(axis=0) - r[own].mean(axis=0)) * [1.0, 1.0, 0.0]
+                d = (r[strip_of == other].mean(axis=0) - r[in_strip].mean(axis=0)) * [1.0, 1.0, 0.0]
                 apart.append(d - along * (d @ along))
         if apart:
             nearest = min(apart, key=lambda d: float(d @ d))
-            images = np.flatnonzero(own[block.images.exposure_idx])
+            images = np.flatnonzero(in_strip[block.images.exposure_idx])
             shares.append(_median(_overlap(block, images, np.tile(nearest, (len(images), 1)))))
     return _median(np.array(shares))
 
@@ -280,7 +280,7 @@ def _level_row(level: Level) -> dict[str, float]:
 
 
 def sigma_table(blocks: Mapping[str, Block]) -> pd.DataFrame:
-    """Return the medians of the standard deviations with which blocks come, a row for each."""
+    """Return the median standard deviations of the observations, one row per block."""
     import pandas as pd  # noqa: PLC0415 as above
 
     rows = {name: _sigmas(block) for name, block in blocks.items()}
@@ -302,17 +302,17 @@ def _sigmas(block: Block) -> dict[str, float]:
     }
 
 
-# --- Parts of a block, for the question of what a flight would tell without the rest of it
+# --- Parts of a block, to learn what a flight would determine without the rest of it
 
 
 def lowest_height(block: Block) -> Block:
-    """Return the images that were taken at the lowest flying height, within a tenth of it."""
+    """Select the images taken less than a tenth above the lowest flying height."""
     height = flying_heights(block)[block.images.exposure_idx]
     return select_images(block, height < 1.1 * height.min())
 
 
 def one_direction(block: Block) -> Block:
-    """Return the images that were flown within a right angle of the first one's direction."""
+    """Select the images whose heading is within 90 degrees of the first image's."""
     forward = block.T_m_b_images.R[:, :2, 0]
     return select_images(block, forward @ forward[0] > 0)
 
@@ -330,7 +330,7 @@ def without_strips(block: Block, names: Collection[str]) -> Block:
 
 
 def without_control(block: Block, names: Collection[str] | None = None) -> Block:
-    """Return a block in which control points count as tie points: those named, or all.
+    """Use control points as tie points: those named, or all.
 
     Parameters
     ----------
@@ -362,7 +362,7 @@ def with_focal_lengths(block: Block, f_mm: Mapping[str, float]) -> Block:
 
 
 def unshared(block: Block) -> Block:
-    """Return the block with every tie point split into one for each camera that measured it.
+    """Split every tie point into one point per camera that measured it.
 
     No measurement is lost; the cameras are left with the surveyed points and the trajectory in
     common.
@@ -373,7 +373,7 @@ def unshared(block: Block) -> Block:
     np.minimum.at(first, points.point_idx, camera)
     split = camera > first[points.point_idx]
     split &= ~np.isin(points.point_idx, [*block.control.point_idx, *block.check.point_idx])
-    pairs, own = np.unique(
+    pairs, pair_idx = np.unique(
         np.stack([points.point_idx, camera], axis=1)[split], axis=0, return_inverse=True
     )
     names = list(block.points)
@@ -385,12 +385,12 @@ def unshared(block: Block) -> Block:
         names.append(name)
         taken.add(name)
     point_idx = points.point_idx.copy()
-    point_idx[split] = len(block.points) + own.ravel()
+    point_idx[split] = len(block.points) + pair_idx.ravel()
     return replace(block, points=tuple(names), image_points=replace(points, point_idx=point_idx))
 
 
 def as_if_cartesian(block: Block) -> Block:
-    """Return the block as a program sees it that takes east, north, height for Cartesian.
+    """Return the block as seen by software that takes east, north, height as Cartesian.
 
     Positions and control are the grid's numbers, attitudes those against the grid; curvature of
     the earth and scale of the map are not modelled.
@@ -437,12 +437,12 @@ def with_lever_arm(block: Block, lever_m: Sequence[float], *, camera: str = "") 
         Where the block has no such camera, or these are not three numbers.
     """
     r = expected.numbers("lever_m", np.asarray(lever_m, dtype=float), (3,))
-    names = [one.name for one in block.cameras]
+    names = [declared.name for declared in block.cameras]
     if camera:
         expected.one_of("camera", camera, names)
     chosen = [not camera or name == camera for name in names]
     cameras = tuple(
-        replace(one, T_b_c=Pose(R=one.T_b_c.R, r=r)) if own else one
-        for one, own in zip(block.cameras, chosen, strict=True)
+        replace(declared, T_b_c=Pose(R=declared.T_b_c.R, r=r)) if selected else declared
+        for declared, selected in zip(block.cameras, chosen, strict=True)
     )
     return replace(block, cameras=cameras)

@@ -32,7 +32,7 @@ MANY = 50_000
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One thing that is wrong in one place.
+    """One problem at one place of a file or table.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ def counted(rows: Sequence[int] | Index, problem: Callable[[int], Problem]) -> I
 
 
 def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
-    """Return one line per problem, sorted by file and line; more than ten alike are counted."""
+    """Return one message per problem, sorted by file and line; more than ten alike are counted."""
     problems = tuple(dict.fromkeys(problems))
     files = list(dict.fromkeys(p.file for p in problems))
     order = {file: i for i, file in enumerate(files)}
@@ -105,11 +105,11 @@ def lines_of(problems: Iterable[Problem]) -> tuple[str, ...]:
 
 
 NO_ROWS = "has no rows"
-"""What is found of a table with a header alone."""
+"""Message on a table with a header alone."""
 
 
 def quoted(value: object) -> str:
-    """Return a value of a file in quotes, for a message; of a long one the beginning."""
+    """Return a value of a file as quoted in a message, shortened if it is long."""
     if isinstance(value, str):
         return repr(value[:QUOTED]) + ("…" if len(value) > QUOTED else "")
     text = repr(value)

@@ -1,6 +1,6 @@
-"""Reading a flight: either the whole flight, or a list of everything that is wrong with it.
+"""Read a flight: the flight itself, or a list of all its problems.
 
-What the tables of a block and flight.toml say against each other is refused; oddities become notes.
+Contradictions between the tables of a block and flight.toml are refused; oddities become notes.
 """
 
 from __future__ import annotations
@@ -78,20 +78,21 @@ class Flight(Setup):
     notes: tuple[str, ...]
 
     def __repr__(self) -> str:
-        """Say in a line what is in it."""
+        """Summarize the flight in one line."""
         blocks = [
-            f"{name} {shown.count(len(one.images), 'image')}" for name, one in self.blocks.items()
+            f"{name} {shown.count(len(block.images), 'image')}"
+            for name, block in self.blocks.items()
         ]
         cameras = shown.count(len(self.cameras), "camera")
         return shown.line(f"Flight {self.name!r}", cameras, *blocks)
 
     def table(self) -> pd.DataFrame:
-        """Return what is in its blocks, a row for each."""
+        """Return the counts of every block, one row per block."""
         rows = {name: block_row(block) for name, block in self.blocks.items()}
         return shown.row_table("block", rows)
 
     def block(self, name: str) -> Block:
-        """Return one of the blocks; a FlightError says so where it is not there."""
+        """Return a block by its name; FlightError if the flight has no such block."""
         if name not in self.blocks:
             raise FlightError([f"{self.path}: the flight has no block {name}"])
         return self.blocks[name]
@@ -113,21 +114,21 @@ class Flight(Setup):
 
     @property
     def head_names(self) -> tuple[str, ...]:
-        """Cameras of block heads that are heads: those of [synthetic] in its order, or all."""
+        """Names of the heads in block heads, ordered as in [synthetic]; without it, all cameras."""
         present = tuple(camera.name for camera in self.blocks["heads"].cameras)
         named = self.synthetic.heads if self.synthetic else present
         return tuple(name for name in named if name in present)
 
     @property
     def carried(self) -> tuple[str, ...]:
-        """Blocks that are measured in heads and carried into the synthetic image."""
+        """Blocks measured in head images and transferred into the synthetic image."""
         here = [name for name in ("calibration", "validation") if name in self.blocks]
         return tuple(here) if self.measured_in_heads else ()
 
     def mounted(self, name: str) -> Block:
         """Return a block as its mounted camera exposed it.
 
-        For a block that is carried these are its synthetic images, without measurements.
+        For a block in `carried` these are its synthetic images, without measurements.
         """
         synthetic = self.synthetic_camera
         if name not in self.carried or synthetic is None:
@@ -141,7 +142,7 @@ class Flight(Setup):
 
 
 def read(path: str | Path, *, pictures: str | Path = "") -> Flight:
-    """Return the flight in a folder.
+    """Read the flight in a folder and check it.
 
     Parameters
     ----------
@@ -180,37 +181,38 @@ def checked(
     problems: Sequence[Problem] = (),
     notes: Sequence[str] = (),
 ) -> Flight:
-    """Return the flight of settings and tables; FlightError with all that is wrong with them.
+    """Build a flight from settings and tables; FlightError with all their problems.
 
     Parameters
     ----------
     toml : Toml
     blocks : sequence of BlockTables
     problems, notes : sequence
-        What was found before, beside the tables' own.
+        Further problems and notes, beside the tables' own.
     """
-    found = [*_toml_problems(toml)]
-    setup = None if found else setup_of(toml)
-    found += problems
+    all_problems = [*_toml_problems(toml)]
+    setup = None if all_problems else setup_of(toml)
+    all_problems += problems
     for tables in blocks:
-        found += _block_problems(tables, toml, setup)
-    if setup is not None and not found:
-        found = [*_uncalibrated_problems(blocks, setup)]
-    if found or setup is None:
-        raise FlightError(lines_of(found))
-    own = [note for tables in blocks for note in _notes(tables)]
-    return _flight(toml, setup, blocks, [*notes, *own])
+        all_problems += _block_problems(tables, toml, setup)
+    if setup is not None and not all_problems:
+        all_problems = [*_uncalibrated_problems(blocks, setup)]
+    if all_problems or setup is None:
+        raise FlightError(lines_of(all_problems))
+    block_notes = [note for tables in blocks for note in _notes(tables)]
+    return _flight(toml, setup, blocks, [*notes, *block_notes])
 
 
 def _toml_problems(toml: Toml) -> Iterator[Problem]:
-    """Yield what is wrong with flight.toml; if it could not be read, only that."""
+    """Yield the problems of flight.toml; if it could not be read, only the reason."""
     yield from toml.problems or flight_table(toml).problems(toml)
 
 
 def read_kept(path: str | Path) -> Flight:
-    """Return a flight from tables kept by a run.
+    """Read a flight from tables kept by a run.
 
-    How they fit together was judged when they were first read, perhaps by an earlier version.
+    Heights and the fit to control points are not checked again: the first reading, perhaps by an
+    earlier version, did this.
 
     Parameters
     ----------
@@ -260,7 +262,7 @@ def _read_blocks(folder: Path, pictures: Path) -> list[BlockTables]:
 def _flight(
     toml: Toml, setup: Setup, blocks: Sequence[BlockTables], notes: Iterable[str]
 ) -> Flight:
-    """Return the flight made from blocks without problems."""
+    """Build the flight from blocks without problems."""
     assembled = {tables.name: assemble(tables, setup) for tables in blocks}
     held = _unobserved_parts(assembled.get("calibration"))
     setup = replace(setup, fix=tuple(dict.fromkeys((*setup.fix, *held))))
@@ -297,8 +299,8 @@ def _no_folder(folder: Path) -> Problem:
 
 
 def _too_large(folder: Path) -> Problem:
-    found, expected = "reading it takes more memory than there is", "must fit into free memory"
-    return Problem(file=str(folder), line=1, column="folder", found=found, expected=expected)
+    fault, expected = "reading it takes more memory than there is", "must fit into free memory"
+    return Problem(file=str(folder), line=1, column="folder", found=fault, expected=expected)
 
 
 def _is_other(path: Path) -> bool:
@@ -314,8 +316,8 @@ def _no_block_folder(path: Path) -> Problem:
 def _no_block(folder: Path) -> Problem:
     expected = f"needs at least one of the folders {', '.join(f'{name}/' for name in BLOCKS)}"
     stray = "".join(f" ({path} is in none)" for path in _strays(folder))
-    found = f"no block at all{stray}"
-    return Problem(file=str(folder), line=1, column="folder", found=found, expected=expected)
+    fault = f"no block at all{stray}"
+    return Problem(file=str(folder), line=1, column="folder", found=fault, expected=expected)
 
 
 def _strays(folder: Path) -> list[str]:
@@ -326,7 +328,7 @@ def _strays(folder: Path) -> list[str]:
 
 
 def _block_problems(tables: BlockTables, toml: Toml, setup: Setup | None) -> list[Problem]:
-    """Return what is wrong with a block; its geometry is checked only if all else is right."""
+    """Return the problems of a block; its geometry is checked only if all else is right."""
     problems = [*tables.problems]
     problems += _name_problems(tables, toml)
     problems += _file_problems(tables)
@@ -409,7 +411,7 @@ def from_tables(
     calibration: Tables | None = None,
     validation: Tables | None = None,
 ) -> Flight:
-    """Return the flight of tables in memory; nothing is read from files but a geoid grid.
+    """Build a flight from tables in memory; only a geoid grid is read from a file.
 
     Parameters
     ----------
@@ -442,7 +444,7 @@ def from_tables(
 
 
 def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem]:
-    """Yield what is no table, lacks, or has a name that no table has."""
+    """Yield missing blocks, and blocks and tables of a wrong type or name."""
     if not isinstance(settings, Mapping):
         yield _problem("settings", "settings", f"is {given(settings)}", "must be a dict")
     if not blocks:
@@ -457,20 +459,20 @@ def _missing(blocks: Mapping[str, Tables], settings: object) -> Iterator[Problem
 
 
 def _names(block: str, tables: Tables) -> Iterator[Problem]:
-    """Yield the names of a block's tables that no table has, and those that are missing."""
+    """Yield unknown and missing tables of a block."""
     known = (*TABLES, CONTROL, DISTANCES)
     for table in tables:
         if table not in known:
-            found = f"unknown table{did_you_mean(str(table), known)}"
-            yield _problem(block, str(table), found, f"must be one of {', '.join(known)}")
+            fault = f"unknown table{did_you_mean(str(table), known)}"
+            yield _problem(block, str(table), fault, f"must be one of {', '.join(known)}")
     for table in TABLES:
         if table not in tables:
             yield _problem(block, table, "missing", "required")
 
 
-def _problem(table: str, column: str, found: str, expected: str) -> Problem:
+def _problem(table: str, column: str, fault: str, expected: str) -> Problem:
     return Problem(
-        file=table, line=-1, column=column, found=found, expected=expected, in_memory=True
+        file=table, line=-1, column=column, found=fault, expected=expected, in_memory=True
     )
 
 
@@ -498,28 +500,28 @@ def _distances(name: str, tables: Tables) -> Table | None:
 
 def _control(name: str, tables: Tables, shared: Columns | None) -> Table:
     """Return a block's own control points, or those of the flight, or none."""
-    own = tables.get(CONTROL)
-    columns = shared if own is None else own
+    block_control = tables.get(CONTROL)
+    columns = shared if block_control is None else block_control
     if columns is None:
         columns = dict.fromkeys(("point", "east_m", "north_m", "height_m"), np.zeros(0))
-    label = CONTROL if own is None else f"{name}.{CONTROL}"
+    label = CONTROL if block_control is None else f"{name}.{CONTROL}"
     return table_in_memory(columns, label, SCHEMAS[f"{CONTROL}.csv"])
 
 
 def _plain(value: Any) -> Any:
-    """Return settings as flight.toml would hold them: None is left out, as are numpy's types."""
+    """Convert settings to the plain types of flight.toml, without None and numpy's types."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items() if one is not None}
+        return {str(key): _plain(entry) for key, entry in value.items() if entry is not None}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
+    return [_plain(entry) for entry in value] if isinstance(value, list | tuple) else value
 
 
 # --- Contradictions between the tables of a block, and between these and flight.toml
 
 
 def _name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
-    """Yield unknown names of images, cameras and so on, and cells with none of the choices."""
+    """Yield unknown names of images, cameras, exposures and points, and unknown roles."""
     cameras = toml.table("cameras")
     if cameras:
         yield from _unknown(tables.images, "camera", cameras, f"must be a camera of {toml.file}")
@@ -541,7 +543,7 @@ def _name_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
 
 
 def _distance_problems(distances: Table, measured: Table) -> Iterator[Problem]:
-    """Yield ends of distances that no image shows, and distances from a point to itself."""
+    """Yield distances to unmeasured points, and distances from a point to itself."""
     if "point" not in measured.text or not distances.has("point_a", "point_b"):
         return
     for end in ("point_a", "point_b"):
@@ -557,7 +559,7 @@ def _distance_problems(distances: Table, measured: Table) -> Iterator[Problem]:
 
 
 def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
-    """Yield a problem where drifts or delays are asked for and there are no strips or times."""
+    """Yield requested drifts or delays for which strips or times are missing."""
     keys = ("stages", "mounting", "gnss")
     asked = toml.get(*keys) if tables.name == "calibration" else None
     asked = asked if isinstance(asked, list) else []
@@ -573,7 +575,7 @@ def _strip_problems(tables: BlockTables, toml: Toml) -> Iterator[Problem]:
 def _timeless(
     tables: BlockTables, toml: Toml, keys: tuple[str, ...], delays: Sequence[str]
 ) -> Iterator[Problem]:
-    """Yield a problem for each delay and correlation where the trajectory has no times."""
+    """Yield requested delays and correlations if the trajectory has no times."""
     if len(tables.trajectory) == 0 or tables.trajectory.has("time_s"):
         return
     expected = f"needs times in {tables.trajectory.file}, column time_s"
@@ -590,14 +592,14 @@ def _unknown(table: Table, column: str, known: Collection[str], expected: str) -
     rows = [row for row, name in enumerate(names) if name in unknown] if unknown else []
 
     def problem(row: int) -> Problem:
-        found = f"{quoted(names[row])} is unknown{did_you_mean(names[row], known)}"
-        return table.problem(row, column, found, expected)
+        fault = f"{quoted(names[row])} is unknown{did_you_mean(names[row], known)}"
+        return table.problem(row, column, fault, expected)
 
     yield from counted(rows, problem)
 
 
 def _file_problems(tables: BlockTables) -> Iterator[Problem]:
-    """Yield files of images that are not there, or outside of the flight."""
+    """Yield image files that are missing or outside the flight."""
     images, flight, folder = tables.images, tables.pictures, tables.pictures / tables.name
     names = images.text.get("file", ())
     expected = f"must be a file under {folder}, links resolved"
@@ -613,7 +615,7 @@ def _file_problems(tables: BlockTables) -> Iterator[Problem]:
 
 
 def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
-    """Yield a problem where the heads' images and the declared heads do not agree."""
+    """Yield contradictions between the heads' images and the declared heads."""
     settings, heads = toml.get(), toml.get("synthetic", "heads")
     if settings and "synthetic" not in settings:
         yield toml.problem(("synthetic",), "missing", "required, since there is a block heads")
@@ -641,9 +643,9 @@ def _other_cameras(images: Table, toml: Toml, since: str) -> Iterator[Problem]:
 
 
 def _uncalibrated_problems(blocks: Sequence[BlockTables], setup: Setup) -> Iterator[Problem]:
-    """Yield the cameras of the validation block that are not in the calibration block.
+    """Yield cameras of the validation block that are not in the calibration block.
 
-    Where both are carried into the synthetic image, its camera is calibrated.
+    Where both are transferred into the synthetic image, its camera is calibrated.
     """
     images = {tables.name: tables.images for tables in blocks}
     if setup.measured_in_heads or not {"calibration", "validation"} <= images.keys():
@@ -655,9 +657,9 @@ def _uncalibrated_problems(blocks: Sequence[BlockTables], setup: Setup) -> Itera
         first.setdefault(name, row)
     for name, row in first.items():
         if name not in known:
-            found = f"{name!r} is not calibrated"
+            fault = f"{name!r} is not calibrated"
             expected = f"must be a camera with images in {images['calibration'].file}"
-            yield images["validation"].problem(row, "camera", found, expected)
+            yield images["validation"].problem(row, "camera", fault, expected)
 
 
 def _sensor_problems(tables: BlockTables, setup: Setup) -> Iterator[Problem]:
@@ -697,8 +699,8 @@ def _outside(
 
     def problem(row: int) -> Problem:
         swapped = " (col and row swapped?)" if not hint and may_be_swapped(row) else hint
-        found = measured.text[column][row].strip() + swapped
-        return measured.problem(row, column, found, expected)
+        fault = measured.text[column][row].strip() + swapped
+        return measured.problem(row, column, fault, expected)
 
     return problem
 
@@ -725,23 +727,23 @@ def _position_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Proble
 
 
 def _off_frame(tables: BlockTables) -> Iterator[Problem]:
-    """Yield a problem where a flight on no map has a trajectory of longitudes and latitudes."""
+    """Yield a problem if a flight on no map has a trajectory in longitude and latitude."""
     if "lat_deg" in tables.trajectory.numbers:
         expected = f"must be east_m, north_m, … kappa_deg, since crs is {LOCAL!r}"
-        found = "longitudes and latitudes of a flight on no map"
-        yield tables.trajectory.problem(0, "lat_deg", found, expected)
+        fault = "longitudes and latitudes of a flight on no map"
+        yield tables.trajectory.problem(0, "lat_deg", fault, expected)
 
 
 def _degree_problems(tables: BlockTables, grid: GridSystem) -> Iterator[Problem]:
-    """Yield a problem where a table has longitudes and latitudes in the place of metres."""
+    """Yield tables with longitudes and latitudes in place of metres."""
     for table in (tables.trajectory, tables.control):
         if table.has("east_m", "north_m") and of_degrees(
             grid, table.numbers["east_m"], table.numbers["north_m"]
         ):
             east, north = (table.text[name][0].strip() for name in ("east_m", "north_m"))
-            found = f"{east}, {north} (longitude, latitude in degrees?)"
+            fault = f"{east}, {north} (longitude, latitude in degrees?)"
             expected = f"must be metres where {quoted(grid.crs)[1:-1]} is meant for"
-            yield table.problem(0, "east_m", found, expected)
+            yield table.problem(0, "east_m", fault, expected)
 
 
 def _nowhere(table: Table, grid: GridSystem) -> Callable[[int], Problem]:
@@ -759,14 +761,14 @@ def _no_height(table: Table, grid: GridSystem, lonlat: Array) -> Callable[[int],
     expected = f"must lie inside the geoid grid {grid.height_system}"
 
     def problem(row: int) -> Problem:
-        found = f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}"
-        return table.problem(row, column, found, expected)
+        fault = f"no height is known at {lonlat[row, 1]:.4f}, {lonlat[row, 0]:.4f}"
+        return table.problem(row, column, fault, expected)
 
     return problem
 
 
 def _height_problems(tables: BlockTables) -> Iterator[Problem]:
-    """Yield exposures below a control point that they see, or below all those of the block."""
+    """Yield exposures below their highest control point; without any, below all of the block."""
     measured = measured_control(tables)
     if not measured.any():
         return
@@ -781,17 +783,17 @@ def _height_problems(tables: BlockTables) -> Iterator[Problem]:
     feet = " (in feet?)" if below.mean() > 0.5 and above_in_feet.all() else ""
 
     def problem(row: int) -> Problem:
-        found = (
+        fault = (
             f"{trajectory.text['height_m'][row].strip()} is below control point "
             f"{quoted(tables.control.text['point'][above[row]])} at {height[above[row]]:g}{feet}"
         )
-        return trajectory.problem(row, "height_m", found, expected)
+        return trajectory.problem(row, "height_m", fault, expected)
 
     yield from counted(np.flatnonzero(used_exposures(tables) & below), problem)
 
 
 def _highest_seen(tables: BlockTables) -> dict[str, int]:
-    """Return for each exposure with measured control the row of its highest control point."""
+    """Return the row of the highest control point in the images of each exposure."""
     exposure = dict(zip(tables.images.text["image"], tables.images.text["exposure"], strict=True))
     height = tables.control.numbers["height_m"]
     highest: dict[str, int] = {}
@@ -804,7 +806,7 @@ def _highest_seen(tables: BlockTables) -> dict[str, int]:
     return highest
 
 
-# --- Strange positions of a flight's points that are no reason to refuse the flight
+# --- Notes on strange positions of points; they are no reason to refuse the flight
 
 
 ABSURD = 4.0
@@ -821,7 +823,7 @@ BESIDE_DEG = 3.0
 
 
 def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
-    """Return tables without single control points off the CRS, or above all exposures seeing them.
+    """Drop single control points outside the CRS, or above all exposures that see them.
 
     A mistake in one row of many is a gross error; the adjustment will find it. Mistakes in many
     rows are a mistake of the table; then all rows stay.
@@ -844,7 +846,7 @@ def _without_single_rows(tables: BlockTables, grid: GridSystem) -> BlockTables:
 
 
 def _highest_below(tables: BlockTables) -> Array:
-    """Return for every control point the lowest height that cannot be right.
+    """Return the lowest impossible height of every control point, m, shape (n,).
 
     It is above all exposures that see the point, and above half of the block's exposures,
     because a single exposure may be too low itself.
@@ -863,8 +865,8 @@ def _highest_below(tables: BlockTables) -> Array:
 
 def _control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
     """Yield notes on surveyed points that project far from their measurements."""
-    found = misfit(block)
-    ratio = medians(found.distance_px / found.allowed_px, found.point_idx, len(block.points))
+    misfits = misfit(block)
+    ratio = medians(misfits.distance_px / misfits.allowed_px, misfits.point_idx, len(block.points))
     absurd = {block.points[i] for i in np.flatnonzero(ratio > ABSURD)}
     line = dict(zip(tables.control.text["point"], tables.control.lines, strict=True))
     far = [name for name in line if name in absurd]
@@ -874,14 +876,14 @@ def _control_notes(tables: BlockTables, block: Block) -> Iterator[str]:
         )
         more = ", …" if len(far) > NAMED else ""
         yield (
-            f"{tables.name}: {len(far)} of {len(np.unique(found.point_idx))} surveyed points of "
+            f"{tables.name}: {len(far)} of {len(np.unique(misfits.point_idx))} surveyed points of "
             f"{tables.control.file} lie nowhere near where they were measured, and will be "
             f"rejected as gross errors if the others fit: {listed}{more}"
         )
 
 
 def _unobserved_parts(block: Block | None) -> tuple[str, ...]:
-    """Return the parts of the mounting that no trajectory observes, as `fix` names them."""
+    """Return the mounting parts that the trajectory does not observe, named as in `fix`."""
     if block is None or not block.frame.grid.is_local:
         return ()
     trajectory = block.trajectory
@@ -896,15 +898,15 @@ def _unobserved_parts(block: Block | None) -> tuple[str, ...]:
 
 
 def _datum_notes(block: Block) -> Iterator[str]:
-    """Yield what fixes the place, the directions and the scale of a block on no map."""
+    """Yield notes on the datum of a block on no map: parts held, position and scale."""
     if not block.frame.grid.is_local:
         return
     if block.name == "calibration" and (held := _unobserved_parts(block)):
-        what = "positions nor attitudes" if not _observed(block) else "attitudes"
+        unknown = "positions nor attitudes" if not _observed(block) else "attitudes"
         lack = "has neither sigma of" if not _observed(block) else "has no sigma of"
         parts = " and ".join(name.replace("_", " ") for name in held)
         yield (
-            f"{block.name}: the trajectory {lack} {what}, which are start values alone; "
+            f"{block.name}: the trajectory {lack} {unknown}, which are start values alone; "
             f"{parts} are held"
         )
     if len(block.control) < ENOUGH and not _observed(block):
@@ -922,7 +924,7 @@ def _observed(block: Block) -> bool:
 
 
 def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
-    """Yield a note where a block is far outside the area of use of its CRS, if it has one."""
+    """Yield a note on each block far outside the area of use of its CRS."""
     if grid.is_local:
         return
     crs = pyproj.CRS.from_user_input(grid.crs)
@@ -942,9 +944,9 @@ def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
 
 
 def of_degrees(grid: GridSystem, east: Array, north: Array) -> bool:
-    """Tell whether longitudes and latitudes stand in the place of metres in a map.
+    """Tell whether map coordinates are longitudes and latitudes in degrees, not metres.
 
-    All are as small, and the CRS is not meant for where that would be.
+    No value exceeds 180 and 90, and the first, as metres, lies outside the area of use of the CRS.
 
     Parameters
     ----------
@@ -984,20 +986,20 @@ def _place(lon: float, lat: float) -> str:
 
 
 FAR, TILTED = 20.0, np.radians(20.0)
-"""An exposure stands out that is so many median distances from the middle of all, or turned so far
-against the median vertical."""
+"""An exposure stands out if it is more than so many median distances from the middle of all, or
+tilted by more than this angle, rad, against the median vertical."""
 
 MOST_NAMED = 3
 
 
 def sentence(block: Block) -> str:
-    """Return which exposures and control points stand out, as a part of a sentence."""
-    at, trajectory = block.trajectory.T_m_b, block.trajectory
-    middle = np.median(at.r, axis=0)
-    apart = np.linalg.norm(at.r - middle, axis=1)
+    """Name the exposures and control points that stand out, as part of a sentence."""
+    poses, trajectory = block.trajectory.T_m_b, block.trajectory
+    middle = np.median(poses.r, axis=0)
+    apart = np.linalg.norm(poses.r - middle, axis=1)
     usual = max(float(np.median(apart)), 1.0)
-    up = np.median(at.R[:, :, 2], axis=0)
-    tilt = np.arccos(np.clip(at.R[:, :, 2] @ up / max(float(np.linalg.norm(up)), 1e-9), -1, 1))
+    up = np.median(poses.R[:, :, 2], axis=0)
+    tilt = np.arccos(np.clip(poses.R[:, :, 2] @ up / max(float(np.linalg.norm(up)), 1e-9), -1, 1))
     names = [block.points[i] for i in block.control.point_idx]
     survey = np.linalg.norm(block.control.x_m - middle, axis=1)
     parts = [
@@ -1008,7 +1010,7 @@ def sentence(block: Block) -> str:
     return f", in which {', '.join(dict.fromkeys(parts))} stand out," if parts else ""
 
 
-def _named(what: str, names: Sequence[str], size: Array) -> list[str]:
-    """Return the largest of those with a size above one."""
+def _named(kind: str, names: Sequence[str], size: Array) -> list[str]:
+    """Name up to `MOST_NAMED` entries, those with the largest sizes above one."""
     worst = [i for i in np.argsort(-size)[:MOST_NAMED] if not size[i] <= 1]
-    return [f"{what} {names[i]}" for i in worst]
+    return [f"{kind} {names[i]}" for i in worst]

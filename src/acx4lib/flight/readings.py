@@ -1,7 +1,7 @@
-"""What numbers of a flight may have meant: the fit to control points, usual mistakes undone.
+"""Usual mistakes in the numbers of a flight, found by the fit to control points.
 
-Rays are intersected and held against control points; where they miss, the usual errors of signs,
-orders and units are tried one by one.
+Control points are projected into the images; where they miss their measurements, the usual errors
+of signs, orders and units are tried one by one.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Misfit:
 
 
 def misfit(block: Block) -> Misfit:
-    """Return the distances of projected surveyed points from their measurements, not adjusted."""
+    """Return the distances of surveyed points, projected unadjusted, from their measurements."""
     x_m = np.full((len(block.points), 3), np.nan)
     is_surveyed = np.zeros(len(block.points), dtype=bool)
     for surveyed in (block.control, block.check):
@@ -137,8 +137,8 @@ def fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Prob
         return
     with np.errstate(all="ignore"):  # wrong positions may have no convergence
         block = assemble(tables, setup)
-        found = misfit(block)
-    by_camera = {c.name: found[found.camera_idx == i] for i, c in enumerate(block.cameras)}
+        misfits = misfit(block)
+    by_camera = {c.name: misfits[misfits.camera_idx == i] for i, c in enumerate(block.cameras)}
     judged = {name: mine for name, mine in by_camera.items() if len(mine) >= ENOUGH}
     wrong = {name: mine for name, mine in judged.items() if mine.ratio(0.5) > 1}
     if wrong and len(wrong) < len(judged):
@@ -147,14 +147,14 @@ def fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Prob
         if len(wrong) > SHOWN:
             says = f"control points do not fit images of {len(wrong) - SHOWN} more cameras"
             yield toml.problem(("cameras",), says, "must lie near their measurements")
-    elif found.ratio(MOST) > 1:
-        problem, explained = _whole_block(tables, setup, toml, found)
-        if explained or found.ratio(0.5) > 1:
+    elif misfits.ratio(MOST) > 1:
+        problem, explained = _whole_block(tables, setup, toml, misfits)
+        if explained or misfits.ratio(0.5) > 1:
             yield problem
 
 
 def _control_only(tables: BlockTables) -> BlockTables:
-    """Return the tables without tie points and without control points that are not measured."""
+    """Return the tables with measured control points only, without tie points."""
     surveyed = set(tables.control.text["point"])
     names = tables.image_points.text["point"]
     measured = np.array([name in surveyed for name in names], dtype=bool)
@@ -167,7 +167,7 @@ def _control_only(tables: BlockTables) -> BlockTables:
 
 
 def _thinned(tables: BlockTables) -> BlockTables:
-    """Return some thousand measurements of a large block, and the rows that belong to them.
+    """Return at most `ENOUGH_TO_EXPLAIN` measurements of a large block, with their rows.
 
     About forty mistakes are tried; a part of the measurements shows them as well as all do.
     """
@@ -188,16 +188,16 @@ def _thinned(tables: BlockTables) -> BlockTables:
 
 
 def _named(table: Table, column: str, names: Iterable[str]) -> Table:
-    """Return the rows with one of these names."""
+    """Select the rows with the given names."""
     wanted = set(names)
     return table.select(np.array([name in wanted for name in table.text[column]], dtype=bool))
 
 
 def _whole_block(
-    tables: BlockTables, setup: Setup, toml: Toml, found: Misfit
+    tables: BlockTables, setup: Setup, toml: Toml, misfits: Misfit
 ) -> tuple[Problem, bool]:
     """Return the problem of a block, and whether a usual mistake explains it."""
-    problem = _problem(tables, found, "control points")
+    problem = _problem(tables, misfits, "control points")
     best, says = _best(_mistakes(_thinned(tables), setup))
     if best is None:
         return replace(problem, found=f"{problem.found}; {_where(tables, setup)}"), False
@@ -209,9 +209,9 @@ def _whole_block(
 
 
 def _one_camera(
-    tables: BlockTables, setup: Setup, toml: Toml, which: tuple[str, Misfit]
+    tables: BlockTables, setup: Setup, toml: Toml, camera_misfits: tuple[str, Misfit]
 ) -> Problem:
-    name, found = which
+    name, misfits = camera_misfits
     camera = dict(zip(tables.images.text["image"], tables.images.text["camera"], strict=True))
     keep = np.array([camera[i] == name for i in tables.image_points.text["image"]], dtype=bool)
     alone = replace(
@@ -220,43 +220,43 @@ def _one_camera(
         images=_named(tables.images, "camera", [name]),
     )
     _, says = _best(_mounting_mistakes(_thinned(alone), setup, only=name))
-    problem = _problem(tables, found, f"control points in images of {name}")
+    problem = _problem(tables, misfits, f"control points in images of {name}")
     return _at_mount(replace(problem, found=f"{problem.found}; {says}"), toml, name)
 
 
 def _best(candidates: Iterator[_Mistake]) -> tuple[_Mistake | None, str]:
-    """Return the mistake that explains nearly all misfits, if there is one, and a sentence."""
-    best, least, left = None, 1.0 / ALIKE, ""
+    """Return the mistake that explains nearly all misfits, or None, and a sentence on it."""
+    best, least, remaining = None, 1.0 / ALIKE, ""
     for mistake in candidates:
         with np.errstate(all="ignore"):  # changed positions may not be on the earth
             after = misfit(assemble(mistake.tables, mistake.setup))
             ratio = after.ratio(MOST)
         if ratio < ALIKE * least:
-            best, least, left = mistake, ratio, f"{np.median(after.distance_px):.0f} px"
+            best, least, remaining = mistake, ratio, f"{np.median(after.distance_px):.0f} px"
     if best is None:
         return None, "no quarter turn or sign explains it"
-    return best, f"it looks as if {best.says} (then {left})"
+    return best, f"it looks as if {best.says} (then {remaining})"
 
 
-def _problem(tables: BlockTables, found: Misfit, who: str) -> Problem:
-    median = float(np.median(found.distance_px))
+def _problem(tables: BlockTables, misfits: Misfit, points: str) -> Problem:
+    median = float(np.median(misfits.distance_px))
     where = (
         f"{median:.0f} px from their measurements" if np.isfinite(median) else "behind the camera"
     )
-    allowed = np.median(found.allowed_px)
-    outside = int((found.distance_px > found.allowed_px).sum())
+    allowed = np.median(misfits.allowed_px)
+    outside = int((misfits.distance_px > misfits.allowed_px).sum())
     return Problem(
         file=tables.control.file,
         line=1,
         column="east_m",
-        found=f"{who} lie {where} (median; {outside} of {len(found)} too far) with the trajectory "
-        f"of {tables.trajectory.file} and the points of {tables.control.file}",
+        found=f"{points} lie {where} (median; {outside} of {len(misfits)} too far) with the "
+        f"trajectory of {tables.trajectory.file} and the points of {tables.control.file}",
         expected=f"must be below {allowed:.0f} px, a quarter of the image diagonal",
     )
 
 
 def _at_mount(problem: Problem, toml: Toml, camera: str) -> Problem:
-    """Return a problem with its place changed to the mounting angles in flight.toml."""
+    """Move the place of a problem to the mounting angles in flight.toml."""
     return toml.problem(("cameras", camera, "mount_kappa_deg"), problem.found, problem.expected)
 
 
@@ -290,7 +290,7 @@ QUARTERS = (90, 180, -90)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Mistake:
-    """A flight with one supposed mistake undone.
+    """A flight with one usual mistake undone.
 
     Attributes
     ----------
@@ -357,7 +357,7 @@ def _position_mistakes(tables: BlockTables, setup: Setup, where: str) -> Iterato
 
 
 def _other_zones(grid: GridSystem, east_north: Array) -> Iterator[tuple[str, Array]]:
-    """Yield east and north as they would be if given in a neighbouring UTM zone."""
+    """Yield the grid coordinates if east and north were of a neighbouring UTM zone."""
     if grid.is_local:
         return
     crs = pyproj.CRS.from_user_input(grid.crs)
@@ -426,10 +426,10 @@ def _mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> 
             name: _remounted(camera, turned) if name in names else camera
             for name, camera in setup.cameras.items()
         }
-        own = [cameras[name] for name in names]
+        mounted = [cameras[name] for name in names]
         yield _Mistake(
             where="mount",
-            says=f"the camera axes were {says}: {_angles(own)}{_or_of_the_camera(own)}",
+            says=f"the camera axes were {says}: {_angles(mounted)}{_or_of_the_camera(mounted)}",
             tables=tables,
             setup=replace(setup, cameras=cameras),
         )
@@ -438,13 +438,13 @@ def _mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> 
 def _angles(cameras: list[Camera]) -> str:
     """Return the sentence on the mounting angles that would fit."""
     opk = {camera.name: np.round(np.degrees(camera.T_b_c.opk)) + 0.0 for camera in cameras[:SHOWN]}
-    of = "; ".join(f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items())
+    listed = "; ".join(f"{name} {o:.0f}, {p:.0f}, {k:.0f}" for name, (o, p, k) in opk.items())
     more = "; …" if len(cameras) > SHOWN else ""
-    return f"mount_omega_deg, mount_phi_deg, mount_kappa_deg of {of}{more} would fit"
+    return f"mount_omega_deg, mount_phi_deg, mount_kappa_deg of {listed}{more} would fit"
 
 
 def _or_of_the_camera(cameras: list[Camera]) -> str:
-    """Return what a mounting without any turn may mean as well."""
+    """Return the other explanation of a mounting without rotation: angles of the camera."""
     alone = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=NO_TURN)
     return ", or the angles are of the camera, not of the body" if alone else ""
 
@@ -469,7 +469,7 @@ def _remounted(camera: Camera, turned: Callable[[Array], Array]) -> Camera:
     return replace(camera, T_b_c=Pose(R=turned(camera.T_b_c.R), r=camera.T_b_c.r))
 
 
-# --- What the numbers of a flight may have meant: every usual sign, order, unit, axis and row
+# --- The usual interpretations of the numbers of a flight: signs, orders, units, axes and rows
 
 
 ANGLES = {
@@ -492,16 +492,16 @@ ROUND_GON, ROUND_DEG = 400.0, 360.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """A trajectory with one supposed meaning of its numbers, in the terms of the contract.
+    """A trajectory under one interpretation of its numbers, converted to the contract.
 
     Attributes
     ----------
     quantity : {"attitude", "position"}
-        What it changes most.
+        The quantity that changes most.
     columns : tuple of str
-        Columns that are read otherwise.
+        Columns that are interpreted otherwise.
     meaning : str
-        What they are then, such as "of opposite sign".
+        Their interpretation, such as "of opposite sign".
     table : Table
         The trajectory in the contract's own signs, orders and units.
     """
@@ -534,7 +534,7 @@ def _changed(table: Table, **columns: Array) -> Table:
 
 
 def readings(table: Table, grid: GridSystem) -> Iterator[Reading]:
-    """Yield a trajectory in each of its usual readings, the simplest first.
+    """Yield a trajectory under each usual interpretation, the simplest first.
 
     Parameters
     ----------
@@ -562,7 +562,7 @@ def _attitude(table: Table, meaning: str, **columns: Array) -> Reading:
 
 
 def _usual_signs(table: Table) -> Iterator[Reading]:
-    """Roll, pitch and heading counted the other way round, one, two or all three."""
+    """Yield roll, pitch and heading with opposite signs: one, two or all three."""
     names = _angle_columns(table)
     for signs in _SIGNS:
         flipped = {n: -table.numbers[n] for n, s in zip(names, signs, strict=True) if s < 0}
@@ -570,7 +570,7 @@ def _usual_signs(table: Table) -> Iterator[Reading]:
 
 
 def _headings(table: Table, grid: GridSystem) -> Iterator[Reading]:
-    """Headings from other zero directions."""
+    """Yield headings from other zero directions."""
     heading = _angle_columns(table)[2]
     value = table.numbers[heading]
     other = "an angle from east" if heading == "heading_deg" else "a heading from north"
@@ -590,12 +590,12 @@ def _lonlat(table: Table, grid: GridSystem) -> Array:
 
 
 def _exchanged(table: Table) -> Iterator[Reading]:
-    """Roll and pitch in each other's column, with all their signs; a body with z down."""
+    """Yield angles in each other's column, with all signs; a body with z down."""
     roll, pitch, heading = _angle_columns(table)
     a, b, c = (table.numbers[name] for name in (roll, pitch, heading))
     signs = {(1, 1): "", (-1, 1): "the first", (1, -1): "the second", (-1, -1): "both"}
-    for (i, j), which in signs.items():
-        turned = f", then {which} of opposite sign" if which else ""
+    for (i, j), flipped in signs.items():
+        turned = f", then {flipped} of opposite sign" if flipped else ""
         yield _attitude(table, f"exchanged{turned}", **{roll: i * b, pitch: j * a})
     yield _attitude(table, "exchanged", **{roll: c, heading: a})
     yield _attitude(table, "exchanged", **{pitch: c, heading: b})
@@ -613,7 +613,7 @@ def _units(table: Table) -> Iterator[Reading]:
 
 
 def _orders(table: Table) -> Iterator[Reading]:
-    """Rotations multiplied in another order, or transposed."""
+    """Yield rotations multiplied in another order, or transposed."""
     names = _angle_columns(table)
     opk = np.radians(table.stack(*names))
     R1, R2, R3 = (turn(axis, opk[:, axis]) for axis in range(3))
@@ -650,7 +650,7 @@ def _heights(table: Table, grid: GridSystem) -> Iterator[Reading]:
 
 
 def height_readings(height: Array, lonlat: Array, grid: GridSystem) -> Iterator[tuple[str, Array]]:
-    """Yield heights of points in their other readings, with the meaning of each.
+    """Yield the other interpretations of heights: meaning, and heights in m.
 
     Parameters
     ----------
@@ -667,12 +667,12 @@ def height_readings(height: Array, lonlat: Array, grid: GridSystem) -> Iterator[
 
 
 def plane_readings(east_north: Array) -> Iterator[tuple[str, Array]]:
-    """Yield east and north of points, shape (n, 2), in their other readings."""
+    """Yield other interpretations of east and north: meaning, and values, shape (n, 2)."""
     yield "exchanged", east_north[:, ::-1]
 
 
 def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tuple[str, str, Array]]:
-    """Yield the other readings of image measurements: columns, their meaning, pixels.
+    """Yield other interpretations of image measurements: columns, their meaning, pixels.
 
     Half a pixel is not among them: no measurement tells it from the principal point.
 
@@ -694,21 +694,21 @@ def pixel_readings(colrow: Array, size: Array, pixel_mm: Array) -> Iterator[tupl
 
 
 def _rows(table: Table) -> Iterator[Reading]:
-    """Positions and angles of the row before or after; the row beyond the end is the last."""
+    """Yield positions and angles of the next or previous row; the end row is repeated."""
     n = np.arange(len(table))
     taken = [name for name in table.numbers if not name.startswith(("sigma", "time"))]
-    for step, which in ((1, "next"), (-1, "previous")):
+    for step, neighbour in ((1, "next"), (-1, "previous")):
         rows = np.clip(n + step, 0, len(table) - 1)
         yield Reading(
             quantity="position",
             columns=("positions", "angles"),
-            meaning=f"of the {which} row",
+            meaning=f"of the {neighbour} row",
             table=_changed(table, **{name: table.numbers[name][rows] for name in taken}),
         )
 
 
 def of_cameras(table: Table, R_b_c: Array) -> Iterator[Reading]:
-    """Yield the trajectory whose angles are a camera's, not the body's.
+    """Yield the trajectory with omega, phi, kappa of a camera converted to the body.
 
     Parameters
     ----------
@@ -720,5 +720,5 @@ def of_cameras(table: Table, R_b_c: Array) -> Iterator[Reading]:
     angles = np.radians(table.stack(*names))
     if names[2] == "kappa_deg":
         body = opk_from_rotation(rotation_from_opk(angles) @ R_b_c.T)
-        found = dict(zip(names, np.degrees(body).T, strict=True))
-        yield _attitude(table, "of the camera, not of the body", **found)
+        body_deg = dict(zip(names, np.degrees(body).T, strict=True))
+        yield _attitude(table, "of the camera, not of the body", **body_deg)

@@ -1,4 +1,4 @@
-"""The keys of flight.toml: what each may be, and what is wrong with a file.
+"""The keys of flight.toml: their allowed values, and the checks of a file.
 
 `FLIGHT` declares them, for the check of a file and for the table of the book's page.
 """
@@ -49,7 +49,7 @@ INWARD, OUTWARD = 0.25, 0.5
 alone, and outwards a fisheye needs a quarter and more."""
 
 FORMAT = 6
-"""The latest format of flight.toml that is understood, as are all before it."""
+"""The latest format of flight.toml; all earlier formats are understood as well."""
 
 MOST_CAMERAS = 1000
 MOST_REASON = 200
@@ -64,13 +64,13 @@ def flight_table(toml: Toml) -> Table:
 
 
 def _crs_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield what is wrong with the text of a CRS: WKT may have several lines."""
+    """Yield the problem of the text of a CRS; WKT may have several lines."""
     value = toml.get(*keys)
     if not is_text(value):
         yield toml.problem(keys, quoted(value), "must be text, such as EPSG:32633")
     elif unseen := UNSEEN.search(re.sub(r"[\n\r\t]", " ", value)):
-        found = f"holds the character U+{ord(unseen[0]):04X}"
-        yield toml.problem(keys, found, "must be text without control characters")
+        fault = f"holds the character U+{ord(unseen[0]):04X}"
+        yield toml.problem(keys, fault, "must be text without control characters")
 
 
 def _height_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
@@ -90,10 +90,10 @@ def _flag_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
 
 
 def _halves(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield a share of correlated errors without its time constant, and the reverse."""
+    """Yield a share of correlated errors without its time constant, or the reverse."""
     table = toml.table(*keys)
-    for of in ("gnss", "attitude"):
-        both = (f"{of}_correlation_s", f"{of}_correlated_share")
+    for quantity in ("gnss", "attitude"):
+        both = (f"{quantity}_correlation_s", f"{quantity}_correlated_share")
         for key, other in (both, both[::-1]):
             if key in table and other not in table:
                 yield toml.problem((*keys, key), "stands alone", f"needs {other} as well")
@@ -127,12 +127,12 @@ def _grid_problems(toml: Toml, _: Keys) -> Iterator[Problem]:
         reason = " ".join(str(error.__cause__ or error).split())
         if path is not None and type(error.__cause__) is ProjError:
             reason = "PROJ cannot read it as a geoid grid"
-        found = f"{quoted(heights)} cannot be used{hint or f' ({reason[:MOST_REASON]})'}"
-        yield toml.problem(("heights",), found, expected)
+        fault = f"{quoted(heights)} cannot be used{hint or f' ({reason[:MOST_REASON]})'}"
+        yield toml.problem(("heights",), fault, expected)
 
 
 def _local_problems(toml: Toml) -> Iterator[Problem]:
-    """Yield what a frame on no map cannot have: a geoid, and the air of a vertical."""
+    """Yield a geoid or a refraction, which a frame on no map cannot have."""
     for key, only in (("heights", "ellipsoidal"), ("refraction", "none")):
         value = toml.values.get(key, only)
         if value != only:
@@ -149,23 +149,23 @@ def _whole_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
 
 
 def _sigma_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield a sigma of a mounting that is not there."""
-    for key, of in zip(SIGMAS, (LEVER, MOUNT), strict=True):
-        if key in toml.table(*keys) and not any(name in toml.table(*keys) for name in of):
-            cure = f"needs the values it is of: {', '.join(of)}"
+    """Yield a sigma of a mounting whose values are not declared."""
+    for key, values in zip(SIGMAS, (LEVER, MOUNT), strict=True):
+        if key in toml.table(*keys) and not any(name in toml.table(*keys) for name in values):
+            cure = f"needs the values it is of: {', '.join(values)}"
             yield toml.problem((*keys, key), "sigma of nothing", cure)
 
 
 def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
-    """Yield a problem where the distortion at a corner is absurd: other units or another model."""
+    """Yield absurd distortion or principal points: other units or another lens model."""
     camera = camera_of("camera", toml.table(*keys))
     half = 0.5 * camera.pixel_mm * np.array([camera.width_px, camera.height_px])
     corners = half * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
-    radius, off = float(np.hypot(*half)), distortion(camera.interior, corners)
-    worst, inward = float(np.abs(off).max()), float(np.max(np.sum(off * corners, axis=1))) / radius
+    radius, dxy = float(np.hypot(*half)), distortion(camera.interior, corners)
+    worst, inward = float(np.abs(dxy).max()), float(np.max(np.sum(dxy * corners, axis=1))) / radius
     if worst > OUTWARD * radius or inward > INWARD * radius:
-        found = f"distortion by k1 to p2 reaches {worst:.3g} mm at a corner"
-        yield toml.problem(keys, found, "must be small; k1 in mm^-2, k2 in mm^-4, k3 in mm^-6")
+        fault = f"distortion by k1 to p2 reaches {worst:.3g} mm at a corner"
+        yield toml.problem(keys, fault, "must be small; k1 in mm^-2, k2 in mm^-4, k3 in mm^-6")
     for axis, key in enumerate(("xp_mm", "yp_mm")):
         value = toml.table(*keys).get(key, 0.0)
         if abs(value) > half[axis]:
@@ -174,7 +174,7 @@ def _lens_problems(toml: Toml, keys: tuple[str, ...]) -> Iterator[Problem]:
 
 
 def _synthetic_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield names of the synthetic camera and its heads that are no cameras, or stand twice."""
+    """Yield unknown or repeated names of the synthetic camera and its heads."""
     cameras, camera, heads = (
         toml.table("cameras"),
         toml.get(*keys, "camera"),
@@ -204,8 +204,8 @@ def _device_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
     """Yield cameras of a certificate that the flight does not have."""
     cameras, stated = toml.table("cameras"), toml.table(*keys, "cameras")
     for n, name in enumerate(name for name in stated if name not in cameras):
-        found = f"no camera of this name{did_you_mean(name, cameras) if n < SHOWN else ''}"
-        yield toml.problem((*keys, "cameras", name), found, "must be one of [cameras.…]")
+        fault = f"no camera of this name{did_you_mean(name, cameras) if n < SHOWN else ''}"
+        yield toml.problem((*keys, "cameras", name), fault, "must be one of [cameras.…]")
 
 
 _METRES = f"an undulation in metres, at most {LARGEST_UNDULATION_M:g} either way"
@@ -233,13 +233,13 @@ class Apriori:
 
     @property
     def slow_positions(self) -> GaussMarkov:
-        """How the errors of GNSS positions are correlated."""
+        """Time correlation of the errors of GNSS positions."""
         share, constant = self.gnss_correlated_share, self.gnss_correlation_s
         return GaussMarkov(share=share, time_constant_s=constant)
 
     @property
     def slow_attitudes(self) -> GaussMarkov:
-        """How the errors of attitudes are correlated."""
+        """Time correlation of the errors of attitudes."""
         share, constant = self.attitude_correlated_share, self.attitude_correlation_s
         return GaussMarkov(share=share, time_constant_s=constant)
 
@@ -280,10 +280,10 @@ def camera_of(name: str, table: dict[str, Any]) -> Camera:
 
 
 def _prior(table: dict[str, Any]) -> Prior:
-    """Return what a camera's table says of its mounting: a value is declared if it is written."""
+    """Return the prior of a camera's mounting; a value in the table counts as declared."""
     declared = [key in table for key in (*LEVER, *MOUNT)]
-    given = [np.broadcast_to(table.get(key, np.inf), 3).astype(float) for key in SIGMAS]
-    sigma = np.where(declared, np.concatenate([given[0], np.radians(given[1])]), np.inf)
+    sigmas = [np.broadcast_to(table.get(key, np.inf), 3).astype(float) for key in SIGMAS]
+    sigma = np.where(declared, np.concatenate([sigmas[0], np.radians(sigmas[1])]), np.inf)
     return Prior(declared=tuple(declared), sigma=tuple(sigma.tolist()))
 
 
@@ -301,7 +301,7 @@ ESTIMATED = {
     "heads": ("xp_mm", "yp_mm", "k1", "p1", "p2"),
     "mounting": tuple(name for name in ESTIMABLE if name not in ("b1", "b2")),
 }
-"""Those that a stage estimates where flight.toml says nothing."""
+"""Interior parameters that a stage estimates by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -324,7 +324,7 @@ class Synthetic:
 
 @dataclass(frozen=True, kw_only=True)
 class Device:
-    """What identifies a camera on its certificate; empty where it is not stated."""
+    """Identification of a camera on its certificate; empty where not stated."""
 
     maker: str = ""
     model: str = ""
@@ -337,7 +337,7 @@ class Device:
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """What a certificate of calibration states beside the results; nothing is computed from it.
+    """Statements of a calibration certificate beside the results; nothing is computed from them.
 
     Attributes
     ----------
@@ -443,17 +443,17 @@ FLIGHT = Table(
     default={"refraction": "none"},
     rules=[_grid_problems],
 )
-"""The keys of flight.toml, with what stands where they do not; any other key is refused."""
+"""The keys of flight.toml and their defaults; any other key is refused."""
 
 UNOBSERVED = dict.fromkeys(
     ("gnss_horizontal_m", "gnss_vertical_m", "roll_pitch_deg", "heading_deg"), np.inf
 )
-"""Standard deviations of a flight on no map, unless it says others: no receiver is supposed."""
+"""Default standard deviations of a flight on no map: no GNSS receiver is assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Session:
-    """When a flight was flown, and what may have changed its cameras.
+    """Date of a flight, and temperature of its cameras.
 
     Attributes
     ----------
@@ -519,7 +519,7 @@ class Setup:
 
 
 def setup_of(toml: Toml) -> Setup:
-    """Return the content of a flight.toml in which no problem was found."""
+    """Build the setup from a flight.toml without problems."""
     synthetic = toml.table("synthetic")
     mounting = toml.table("stages", "mounting")
     estimated = {
@@ -527,7 +527,7 @@ def setup_of(toml: Toml) -> Setup:
         for stage, names in ESTIMATED.items()
     }
     grid, apriori = _grid_of(toml), toml.table("apriori")
-    unsaid = UNOBSERVED if grid.is_local else {}
+    unobserved = UNOBSERVED if grid.is_local else {}
     return Setup(
         name=toml.values["name"],
         grid=grid,
@@ -535,7 +535,7 @@ def setup_of(toml: Toml) -> Setup:
         simulated=toml.values.get("simulated", False),
         cameras={name: camera_of(name, table) for name, table in toml.table("cameras").items()},
         synthetic=_synthetic_of(synthetic) if synthetic else None,
-        apriori=Apriori(**unsaid | {key: float(value) for key, value in apriori.items()}),
+        apriori=Apriori(**unobserved | {key: float(value) for key, value in apriori.items()}),
         smallest_angle=_smallest_angle(toml),
         estimate_heads=estimated["heads"],
         estimate_mounting=estimated["mounting"],
@@ -573,7 +573,7 @@ def _synthetic_of(table: dict[str, Any]) -> Synthetic:
 def camera_table(camera: Camera) -> dict[str, Any]:
     """Return the table of a camera in flight.toml, the inverse of `camera_of`.
 
-    Its mounting counts as declared there, with the sigma that the camera's prior has of it.
+    Its mounting is declared there, with the sigma of the camera's prior.
     """
     sizes = (camera.width_px, camera.height_px, 1000.0 * camera.pixel_mm, camera.interior.f)
     lens = (getattr(camera.interior, key.removesuffix("_mm")) for key in LENS)

@@ -23,7 +23,7 @@ def summary(flight: Flight) -> str:
         _row("CRS", _system(flight.grid)),
         _row("heights", flight.grid.height_system),
         _row("refraction", flight.refraction),
-        *(_row("session", said) for said in _session(flight.session)),
+        *(_row("session", conditions) for conditions in _session(flight.session)),
     ]
     for block in flight.blocks.values():
         lines += ["", f"block {block.name}", *(_row(*row) for row in _block_rows(block))]
@@ -98,7 +98,7 @@ def _image_rows(block: Block) -> Iterator[tuple[str, str]]:
 
 
 def _above(block: Block) -> Array:
-    """Return the heights above the surveyed points, m; NaN where there are none."""
+    """Return the heights above the surveyed points, m; NaN without surveyed points."""
     known = len(block.control) + len(block.check) > 0
     return flying_heights(block) if known else np.full(len(block.trajectory), np.nan)
 

@@ -1,4 +1,4 @@
-"""Reading tables: first as text, so that every problem has its file, line and column."""
+"""Read tables, first as text, so that every problem has its file, line and column."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def read_columns(
     most: int | None = None,
     as_written: Callable[[str], str] = str,
 ) -> Table:
-    """Return a table with the columns of a schema; what is wrong is in its `problems`.
+    """Read a table with the columns of a schema; its `problems` list the errors.
 
     Parameters
     ----------
@@ -88,16 +88,16 @@ def read_columns(
 
 
 def _header_problems(file: str, header: Sequence[str], schema: Schema) -> tuple[Problem, ...]:
-    """Return what is wrong with the columns of a table."""
+    """Return the problems of the columns of a table."""
     whole = _whole_problem(header, schema)
     if whole:
-        found, expected = whole
-        return (Problem(file=file, line=1, column="header", found=found, expected=expected),)
+        fault, expected = whole
+        return (Problem(file=file, line=1, column="header", found=fault, expected=expected),)
     return tuple(_column_problems(file, header, schema))
 
 
 def _whole_problem(header: Sequence[str], schema: Schema) -> tuple[str, str] | None:
-    """Return the problem of a header that is no list of columns at all, None if it is one."""
+    """Return the fault of a header that is no list of columns, and the expected form; or None."""
     name, *others = header
     if len(others) >= MOST_COLUMNS:
         return f"has {len(header)} columns", f"must have at most {MOST_COLUMNS}"
@@ -114,8 +114,8 @@ def _whole_problem(header: Sequence[str], schema: Schema) -> tuple[str, str] | N
 
 
 def _column_problems(file: str, header: Sequence[str], schema: Schema) -> Iterator[Problem]:
-    def wrong(column: str, found: str, expected: str) -> Problem:
-        return Problem(file=file, line=1, column=column, found=found, expected=expected)
+    def wrong(column: str, fault: str, expected: str) -> Problem:
+        return Problem(file=file, line=1, column=column, found=fault, expected=expected)
 
     for name, count in Counter(header).items():
         if count > 1 and name in schema.known:
@@ -145,7 +145,7 @@ def _hint(name: str, header: Sequence[str], schema: Schema) -> str:
 
 
 def _extra_notes(file: str, header: Sequence[str], schema: Schema) -> Iterator[str]:
-    """Yield a note on each column that is not read, up to `SHOWN`, and one on all others."""
+    """Yield a note on each unread column, up to `SHOWN`, and a note on the rest."""
     extra = [name for name in header if name and name not in schema.known]
     for name in extra[:SHOWN]:
         yield f"{file}: column {quoted(name)} is not read{did_you_mean(name, schema.known)}"
@@ -156,8 +156,8 @@ def _extra_notes(file: str, header: Sequence[str], schema: Schema) -> Iterator[s
 def _no_header(text: str, header: list[str], file: str) -> tuple[Problem, ...]:
     if any(header):
         return ()
-    found = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
-    return (Problem(file=file, line=1, column="file", found=found, expected="needs a header"),)
+    fault = "begins with a blank line" if text.strip("\r\n\t ,") else "is empty"
+    return (Problem(file=file, line=1, column="file", found=fault, expected="needs a header"),)
 
 
 def _of_rows(file: str, rows: Rows, schema: Schema) -> Table:
@@ -181,8 +181,8 @@ def _width_problems(file: str, rows: Rows) -> Iterator[Problem]:
     """Yield blank lines between others, and rows of another width than the header."""
     expected = f"as many as the header: {rows.width}"
 
-    def wrong(line: int, found: str) -> Problem:
-        return Problem(file=file, line=line, column="row", found=found, expected=expected)
+    def wrong(line: int, fault: str) -> Problem:
+        return Problem(file=file, line=line, column="row", found=fault, expected=expected)
 
     def ragged(k: int) -> Problem:
         row, n = rows.ragged[k], rows.n_cells[k]
@@ -201,7 +201,7 @@ def _whole_rows(rows: Rows) -> Mask:
 
 
 def _cell_problems(table: Table, schema: Schema, whole: Mask) -> Iterator[Problem]:
-    """Yield what is wrong with the cells of a table."""
+    """Yield the problems of the cells of a table."""
     for name, texts in table.text.items():
         if name in schema.ranges:
             yield from _number_problems(table, name, schema.ranges[name], whole)
@@ -217,15 +217,15 @@ def _number_problems(table: Table, name: str, allowed: Range, whole: Mask) -> It
     good = finite & (values >= allowed.low) & (values <= allowed.high)
 
     def outside(row: int) -> Problem:
-        found = _shortened(cells[row].strip()) + _range_hint(table, name, row)
-        return table.problem(row, name, found, str(allowed))
+        fault = _shortened(cells[row].strip()) + _range_hint(table, name, row)
+        return table.problem(row, name, fault, str(allowed))
 
     def none(row: int) -> Problem:
         cell = cells[row]
-        hint = next((f" ({what}?)" for form, what in FORMS if re.fullmatch(form, cell)), "")
-        found = f"{quoted(cell)}{hint}" if cell.strip() else "is empty"
+        hint = next((f" ({notation}?)" for form, notation in FORMS if re.fullmatch(form, cell)), "")
+        fault = f"{quoted(cell)}{hint}" if cell.strip() else "is empty"
         point = "" if table.in_memory else ", decimal point"
-        return table.problem(row, name, found, f"must be a finite number{point}")
+        return table.problem(row, name, fault, f"must be a finite number{point}")
 
     yield from counted(np.flatnonzero(whole & finite & ~good), outside)
     yield from counted(np.flatnonzero(whole & ~finite), none)
@@ -287,8 +287,8 @@ def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
 
     def problem(row: int) -> Problem:
         called = ", ".join(quoted(cells[row]) for cells in columns)
-        found = f"{called} stands in {table.counts} {table.lines[first[row]]} already"
-        return table.problem(row, ", ".join(key), found, f"every {' and '.join(key)} once")
+        fault = f"{called} stands in {table.counts} {table.lines[first[row]]} already"
+        return table.problem(row, ", ".join(key), fault, f"every {' and '.join(key)} once")
 
     yield from counted(np.flatnonzero(again), problem)
 
@@ -298,8 +298,8 @@ def _first_alike(columns: Sequence[Sequence[str]]) -> Index:
     code = np.zeros(len(columns[0]), dtype=np.int64)
     for cells in columns:
         index = {name: i for i, name in enumerate(dict.fromkeys(cells))}
-        own = np.fromiter(map(index.__getitem__, cells), dtype=np.int64, count=len(cells))
-        code = code * max(len(index), 1) + own
+        name_idx = np.fromiter(map(index.__getitem__, cells), dtype=np.int64, count=len(cells))
+        code = code * max(len(index), 1) + name_idx
     _, first, inverse = np.unique(code, return_index=True, return_inverse=True)
     return first[inverse]
 
@@ -320,7 +320,7 @@ EXPANSION = 25
 def read_bytes(
     path: Path, file: str, *, needed_by: str = "a flight", most: int | None = None
 ) -> tuple[bytes, tuple[Problem, ...]]:
-    """Return the content of a regular file, or what is wrong with the file.
+    """Return the content of a regular file, or the problem of reading it.
 
     Parameters
     ----------
@@ -333,8 +333,8 @@ def read_bytes(
         Largest size in bytes; by default what the free memory allows.
     """
 
-    def wrong(found: str, expected: str) -> tuple[bytes, tuple[Problem, ...]]:
-        problem = Problem(file=file, line=1, column="file", found=found, expected=expected)
+    def wrong(fault: str, expected: str) -> tuple[bytes, tuple[Problem, ...]]:
+        problem = Problem(file=file, line=1, column="file", found=fault, expected=expected)
         return b"", (problem,)
 
     try:
@@ -358,26 +358,26 @@ def read_bytes(
 def read_text(
     path: Path, file: str, *, needed_by: str = "a flight", most: int | None = None
 ) -> tuple[str, str, tuple[Problem, ...]]:
-    """Return a file's text, without byte-order mark, its SHA-256, and what is wrong with it."""
+    """Return a file's text without byte-order mark, its SHA-256, and its problems."""
     data, problems = read_bytes(path, file, needed_by=needed_by, most=most)
     if problems:
         return "", "", problems
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        at, found = error.start, f"byte 0x{data[error.start]:02x} is not UTF-8"
+        offset, fault = error.start, f"byte 0x{data[error.start]:02x} is not UTF-8"
     else:
-        at, found = data.find(b"\0"), "holds a null character"
-        if at < 0:
+        offset, fault = data.find(b"\0"), "holds a null character"
+        if offset < 0:
             return text, hashlib.sha256(data).hexdigest(), ()
-    line = data.count(b"\n", 0, at) + 1
+    line = data.count(b"\n", 0, offset) + 1
     expected = "must be UTF-8 text"
-    problem = Problem(file=file, line=line, column="file", found=found, expected=expected)
+    problem = Problem(file=file, line=line, column="file", found=fault, expected=expected)
     return "", "", (problem,)
 
 
 def named_file(flight: Path, folder: Path, name: str) -> tuple[Path | None, str]:
-    """Return the resolved path of a flight's file, or None and what is wrong with its name.
+    """Return the resolved path of a flight's file, or None and the fault of its name.
 
     Parameters
     ----------
@@ -415,12 +415,12 @@ def _content(path: Path, most: int | None) -> tuple[int, bytes | None]:
 
 
 def fits(size: int) -> bool:
-    """Tell whether files of so many bytes together can be read and checked in the free memory."""
+    """Tell whether files of `size` bytes in total can be read and checked in the free memory."""
     return size <= SMALL or size * EXPANSION <= free_memory()
 
 
 def free_memory() -> int:
-    """Return the bytes of memory that this process can still get, according to the system."""
+    """Return the memory that this process can still get, bytes, according to the system."""
     known = [_meminfo(), _group_limit(), system.free_addresses()]
     return min(free for free in known if free is not None)
 
@@ -451,7 +451,7 @@ PICTURES = ("file",)
 
 
 class Frame(Protocol):
-    """What a DataFrame of pandas and others have in common."""
+    """Common interface of the DataFrames of pandas and other libraries."""
 
     @property
     def columns(self) -> Any:
@@ -466,7 +466,7 @@ Columns = Mapping[str, Any] | Frame
 
 
 class _Written(Sequence[str]):
-    """The cells of a numeric column as text, written when somebody asks."""
+    """The cells of a numeric column as text, formatted on demand."""
 
     def __init__(self, values: NDArray[Any]) -> None:
         self._values = values
@@ -488,16 +488,16 @@ class _Written(Sequence[str]):
 
 
 def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
-    """Return a table made from columns; what is wrong is in its `problems`.
+    """Build a table from columns; its `problems` list the errors.
 
     Parameters
     ----------
     columns : mapping of str to array, or DataFrame
         Names may be text or whole numbers. A standard deviation may be infinite: not known.
     name : str
-        What messages call it.
+        Its name in messages.
     schema : Schema
-        Of the file that it stands for, without `PICTURES`.
+        Schema of the file that it replaces, without `PICTURES`.
     """
     schema = replace(schema, optional=tuple(c for c in schema.optional if c not in PICTURES))
     table = Table(file=name, in_memory=True)
@@ -510,12 +510,12 @@ def table_in_memory(columns: Columns, name: str, schema: Schema) -> Table:
         replace(problem, line=-1, in_memory=True)
         for problem in _header_problems(name, header, schema)
     )
-    found = {c: _cells(columns[c]) for c in dict.fromkeys(names) if c in schema.known}
-    misshapen = tuple(_shape_problems(name, found))
+    cells = {c: _cells(columns[c]) for c in dict.fromkeys(names) if c in schema.known}
+    misshapen = tuple(_shape_problems(name, cells))
     if wrong or misshapen:
         return replace(table, problems=(*wrong, *misshapen))
     notes = tuple(_extra_notes(name, header, schema))
-    return _checked(replace(table, notes=notes), found, schema)
+    return _checked(replace(table, notes=notes), cells, schema)
 
 
 def _cells(column: Any) -> NDArray[Any]:
@@ -523,14 +523,14 @@ def _cells(column: Any) -> NDArray[Any]:
     return np.asarray(column, dtype=object if isinstance(column, list | tuple) else None)
 
 
-def _whole(name: str, column: str, found: str, expected: str) -> Problem:
+def _whole(name: str, column: str, fault: str, expected: str) -> Problem:
     return Problem(
-        file=name, line=-1, column=column, found=found, expected=expected, in_memory=True
+        file=name, line=-1, column=column, found=fault, expected=expected, in_memory=True
     )
 
 
 def _shape_problems(name: str, columns: Mapping[str, NDArray[Any]]) -> Iterator[Problem]:
-    """Yield the columns that are no column, or not as long as the longest."""
+    """Yield columns that are not one-dimensional, or shorter than the longest."""
     n = max((len(cells) for cells in columns.values() if cells.ndim == 1), default=0)
     longest = next((c for c, cells in columns.items() if cells.shape == (n,)), "")
     for column, cells in columns.items():
@@ -545,7 +545,7 @@ def _shape_problems(name: str, columns: Mapping[str, NDArray[Any]]) -> Iterator[
 
 
 def _checked(table: Table, columns: Mapping[str, NDArray[Any]], schema: Schema) -> Table:
-    """Return the table with its cells, and what is wrong with them."""
+    """Return the table with its cells and their problems."""
     n = len(next(iter(columns.values())))
     text: dict[str, Sequence[str]] = {}
     numbers: dict[str, Array] = {}
@@ -567,7 +567,7 @@ def _checked(table: Table, columns: Mapping[str, NDArray[Any]], schema: Schema) 
 
 
 def _with_known(table: Table) -> Table:
-    """Return the table with a usual value for standard deviations that are not known."""
+    """Return the table with 1 for unknown (infinite) standard deviations."""
     numbers = {
         column: np.where(np.isposinf(values), 1.0, values) if column.startswith("sigma") else values
         for column, values in table.numbers.items()
@@ -576,7 +576,7 @@ def _with_known(table: Table) -> Table:
 
 
 def _numbers(cells: NDArray[Any]) -> Array:
-    """Return cells as numbers, NaN where one is none; text is none, whatever it says."""
+    """Return cells as numbers; NaN for text and all other values."""
     if cells.dtype.kind in "fiu":
         return cells.astype(float)
     return np.fromiter(map(_number, cells), dtype=float, count=len(cells))
@@ -592,13 +592,13 @@ def _number(value: object) -> float:
 
 
 def _names(cells: NDArray[Any]) -> tuple[tuple[str, ...], list[int]]:
-    """Return cells as names, and the rows of those that are neither text nor a whole number."""
+    """Return cells as names, and the rows with neither text nor a whole number."""
     values = cells.tolist()
     if cells.dtype.kind in "iu":
         return tuple(map(str, values)), []
-    empty = [_is_missing(one) or (isinstance(one, float) and np.isnan(one)) for one in values]
-    names = ["" if none else str(one) for none, one in zip(empty, values, strict=True)]
-    good = [none or _is_name(one) for none, one in zip(empty, values, strict=True)]
+    empty = [_is_missing(cell) or (isinstance(cell, float) and np.isnan(cell)) for cell in values]
+    names = ["" if blank else str(cell) for blank, cell in zip(empty, values, strict=True)]
+    good = [blank or _is_name(cell) for blank, cell in zip(empty, values, strict=True)]
     return tuple(names), np.flatnonzero(np.logical_not(good)).tolist()
 
 
@@ -607,14 +607,14 @@ def _is_name(value: object) -> bool:
 
 
 def _is_missing(value: object) -> bool:
-    """Tell whether a cell is empty: pandas' own value for that cannot be compared."""
+    """Tell whether a cell is empty; pandas' NA cannot be compared, so its type is."""
     return value is None or type(value).__name__ in ("NAType", "NaTType")
 
 
 def _no_name(table: Table, column: str, cells: NDArray[Any]) -> Callable[[int], Problem]:
     def problem(row: int) -> Problem:
-        found = quoted(cells[row].item() if isinstance(cells[row], np.generic) else cells[row])
-        return table.problem(row, column, found, "must be a name: text, or a whole number")
+        fault = quoted(cells[row].item() if isinstance(cells[row], np.generic) else cells[row])
+        return table.problem(row, column, fault, "must be a name: text, or a whole number")
 
     return problem
 

@@ -1,4 +1,4 @@
-"""The tables of a flight as text: every value knows its line and column, and what is wrong."""
+"""The tables of a flight as text: line and column of every value, and the problems."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Table:
 
     @property
     def counts(self) -> str:
-        """What `lines` counts."""
+        """Unit of `lines` in messages: row or line."""
         return "row" if self.in_memory else "line"
 
     def problem(self, row: int, column: str, found: str, expected: str) -> Problem:
@@ -193,7 +193,7 @@ _FORMULA = re.compile(rf"{_BLANK}(?:[=@]|[+-]\s*\S)")
 
 
 def name_fault(name: str) -> tuple[str, str] | None:
-    """Return what is wrong with a name and what was expected; None for a good one.
+    """Return the fault of a name and the expected form; None for a good name.
 
     Parameters
     ----------
@@ -205,11 +205,11 @@ def name_fault(name: str) -> tuple[str, str] | None:
         return f"{quoted(name)} has {len(name)} characters", expected
     unseen = UNSEEN.search(name)
     if unseen:
-        found = f"{quoted(name)} holds the character U+{ord(unseen[0]):04X}"
-        return found, "must be text of one line, no control characters"
+        fault = f"{quoted(name)} holds the character U+{ord(unseen[0]):04X}"
+        return fault, "must be text of one line, no control characters"
     if _is_formula(name):
-        found = f"{quoted(name)} would be computed as a formula by a spreadsheet"
-        return found, "must not begin with =, @, or with + or - unless it is a number"
+        fault = f"{quoted(name)} would be computed as a formula by a spreadsheet"
+        return fault, "must not begin with =, @, or with + or - unless it is a number"
     return None
 
 
@@ -240,8 +240,8 @@ def faulty(names: Collection[str]) -> dict[str, tuple[str, str]]:
     )
     if clean:
         return {}
-    found = ((name, name_fault(name)) for name in names if name)
-    return {name: fault for name, fault in found if fault}
+    faults = ((name, name_fault(name)) for name in names if name)
+    return {name: fault for name, fault in faults if fault}
 
 
 # --- Problems of the first line of a table: the names of its columns
@@ -268,7 +268,7 @@ _OF_NUMBERS = b"0123456789+-.eE, \t\n\r\f\v"
 
 
 def numbers_of(cells: Sequence[str]) -> Array:
-    """Return the cells as numbers, NaN where a cell is none."""
+    """Return the cells as numbers, NaN where a cell is no number."""
     if not ",".join(cells).encode().translate(None, _OF_NUMBERS):
         try:
             return np.fromiter(map(float, cells), dtype=float, count=len(cells))
@@ -347,14 +347,16 @@ class Rows:
                 break
         self.lines.extend(lines)
         for name, k in self.wanted.items():
-            own = columns[k] if columns else ()
+            cells = columns[k] if columns else ()
             alike = self.alike.get(name)
-            self.columns[name].extend(own if alike is None else map(alike.setdefault, own, own))
+            self.columns[name].extend(
+                cells if alike is None else map(alike.setdefault, cells, cells)
+            )
 
     def _even(
         self, lines: Sequence[int], rows: list[list[str]]
     ) -> tuple[Sequence[int], list[list[str]]]:
-        """Return the rows, not blank and as wide as the header; remember what was changed."""
+        """Return the rows without blank ones, all as wide as the header; note the changes."""
         kept_lines, kept = [], []
         for line, row in zip(lines, rows, strict=True):
             n = len(row)
@@ -439,7 +441,7 @@ def read_rows(
 
 
 def _plain_parts(text: str, width: int) -> list[str] | None:
-    """Return the lines under the header in parts; None unless commas alone cut all into cells.
+    """Return the text under the header in parts; None if commas alone do not cut it into cells.
 
     No cell of these is longer than the module csv allows.
     """
@@ -489,8 +491,8 @@ class _Numbered:
 
 def _unreadable(file: str, line: int, error: csv.Error) -> Problem:
     if "field larger" in str(error):
-        found, expected = "a cell is too long", f"must have at most {csv.field_size_limit()} bytes"
-        return Problem(file=file, line=line, column="row", found=found, expected=expected)
+        fault, expected = "a cell is too long", f"must have at most {csv.field_size_limit()} bytes"
+        return Problem(file=file, line=line, column="row", found=fault, expected=expected)
     return Problem(
         file=file,
         line=line,

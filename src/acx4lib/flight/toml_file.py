@@ -1,4 +1,4 @@
-"""A TOML document with the lines of its keys, and what its tables may hold."""
+"""A TOML document with the lines of its keys, and the allowed content of its tables."""
 
 from __future__ import annotations
 
@@ -75,14 +75,14 @@ class Toml:
 
 
 def _shown(key: str) -> str:
-    """Return a key as it is written in flight.toml; of a long one the beginning."""
+    """Return a key as written in flight.toml, shortened if it is long."""
     if len(key) > QUOTED:
         key = f"{key[:QUOTED]}…"
     return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key, ensure_ascii=False)
 
 
 def read_toml(path: Path, *, needed_by: str = "a flight") -> Toml:
-    """Return a TOML file, such as a flight.toml; what is wrong is in its `problems`."""
+    """Read a TOML file, such as flight.toml; its `problems` list the errors."""
     text, sha256, problems = read_text(path, str(path), needed_by=needed_by, most=MOST_BYTES)
     toml = Toml(folder=path.parent, file=str(path), sha256=sha256, problems=problems)
     if problems:
@@ -94,12 +94,12 @@ def read_toml(path: Path, *, needed_by: str = "a flight") -> Toml:
     try:
         values = tomllib.loads(text)
     except ValueError as error:
-        at = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
-        line = int(at[1]) if at else text.count("\n") + 1
+        position = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        line = int(position[1]) if position else text.count("\n") + 1
         problem = Problem(
             file=str(path),
             line=line,
-            column=f"character {at[2]}" if at else "end",
+            column=f"character {position[2]}" if position else "end",
             found=re.sub(r" \(at .*\)$", "", str(error)).replace("\n", " "),
             expected="must be valid TOML",
         )
@@ -107,7 +107,7 @@ def read_toml(path: Path, *, needed_by: str = "a flight") -> Toml:
     return replace(toml, values=values, lines=_key_lines(text))
 
 
-# --- Line numbers of the keys of a TOML document, and what in it would take too long to read
+# --- Line numbers of the keys of a TOML document, and limits of its length and depth
 #
 # A document is split into words, strings and brackets once. Time and memory are proportional to
 # its length, whatever it contains. A TOML reader checks whether it is valid.
@@ -145,25 +145,25 @@ class _Place:
 
 
 def _too_much(text: str, file: str) -> Problem | None:
-    r"""Return the problem of a document that is too long or too deeply nested, else None."""
+    r"""Return the problem of a document too long or too deeply nested, else None."""
     for token, kind, place in _tokens(text):
         if kind == "word" and len(token) > LONGEST_WORD:
-            what = "a number" if token[0] in "+-0123456789" else "a word"
-            found = f"{what} of {len(token)} characters"
+            noun = "a number" if token[0] in "+-0123456789" else "a word"
+            fault = f"{noun} of {len(token)} characters"
             expected = f"must have at most {LONGEST_WORD}"
         elif place.dots >= DEEPEST:
-            found, expected = f"{DEEPEST + 1} keys joined by dots", f"must be at most {DEEPEST}"
+            fault, expected = f"{DEEPEST + 1} keys joined by dots", f"must be at most {DEEPEST}"
         elif place.brackets > DEEPEST:
-            found = f"{DEEPEST + 1} brackets inside each other"
+            fault = f"{DEEPEST + 1} brackets inside each other"
             expected = f"must be at most {DEEPEST}"
         else:
             continue
-        return Problem(file=file, line=place.line, column="file", found=found, expected=expected)
+        return Problem(file=file, line=place.line, column="file", found=fault, expected=expected)
     return None
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str | None, _Place]]:
-    """Yield words, strings and marks; the place is always the same object, which changes."""
+    """Yield words, strings and marks with their place, one object that is updated."""
     place, after_dot = _Place(), False
     for match in _TOKEN.finditer(text):
         token, kind = match[0], match.lastgroup
@@ -205,20 +205,20 @@ def _key_lines(text: str) -> dict[tuple[str, ...], int]:
 
 
 def _statements(text: str) -> Iterator[_Statement]:
-    now: _Statement | None = _Statement(line=1)  # None after the equals sign
+    statement: _Statement | None = _Statement(line=1)  # None after the equals sign
     for token, kind, place in _tokens(text):
         if token == "\n":
             if place.brackets == 0:
-                now = _Statement(line=place.line + 1)
-        elif now is None:
+                statement = _Statement(line=place.line + 1)
+        elif statement is None:
             continue
         elif kind in ("word", "text"):
-            now.keys.append(_unquoted(token))
+            statement.keys.append(_unquoted(token))
         elif token == "[":
-            now.is_table = True
+            statement.is_table = True
         elif token in ("=", "]"):
-            yield now
-            now = None
+            yield statement
+            statement = None
 
 
 def _unquoted(token: str) -> str:
@@ -239,7 +239,7 @@ def _unquoted(token: str) -> str:
 
 Keys = tuple[str, ...]
 Rule = Callable[[Toml, Keys], Iterable[Problem]]
-"""Yields what is wrong at a place of a document."""
+"""Yields the problems at a place of a document."""
 
 
 def no_problems(_toml: Toml, _keys: Keys) -> Iterable[Problem]:
@@ -251,21 +251,21 @@ NAME = "NAME"
 """In the dotted keys of `rows` the name of a camera, or of a strip."""
 
 MOST_NAMES = 1000
-"""Number of names of a list that are looked at."""
+"""Number of names of a list that are checked."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """What may stand at a key.
+    """Allowed values of a key.
 
     Attributes
     ----------
     says : str
-        What it must be, as Markdown.
+        The requirement, as Markdown.
     problems : Rule
-        Of the value that stands there.
+        Yields the problems of the value in a document.
     choices : tuple of str
-        The only texts that it may be or have, if there are such.
+        The only texts allowed; empty if there is no such list.
     """
 
     says: str
@@ -274,7 +274,7 @@ class Value:
 
 
 def number(allowed: Range) -> Value:
-    """Return a number in a range."""
+    """Describe a number in a range."""
 
     def problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
         value = toml.get(*keys)
@@ -288,14 +288,14 @@ def number(allowed: Range) -> Value:
 
 
 def numbers(n: int, allowed: Range, expected: str = "", *, alone: bool = False) -> Value:
-    """Return a list of so many numbers in a range; one stands for all if `alone`."""
+    """Describe a list of n numbers in a range; with `alone` also one number for all."""
 
     def problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
         value = toml.get(*keys)
-        each = value if isinstance(value, list) else [value] * n if alone else []
-        if len(each) != n or not all(map(is_number, each)):
+        entries = value if isinstance(value, list) else [value] * n if alone else []
+        if len(entries) != n or not all(map(is_number, entries)):
             yield toml.problem(keys, quoted(value), expected or f"must be a list of {n} numbers")
-        elif not all(one in allowed for one in each):
+        elif not all(entry in allowed for entry in entries):
             yield toml.problem(keys, quoted(value), str(allowed))
 
     listed = f"list of {n} numbers, each {number(allowed).says}"
@@ -303,7 +303,7 @@ def numbers(n: int, allowed: Range, expected: str = "", *, alone: bool = False) 
 
 
 def text(expected: str = "must be text") -> Value:
-    """Return text of the characters that names may have."""
+    """Describe text of the characters allowed in names."""
 
     def problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
         value = toml.get(*keys)
@@ -316,7 +316,7 @@ def text(expected: str = "must be text") -> Value:
 
 
 def choice(values: tuple[str, ...], expected: str = "") -> Value:
-    """Return one of a few texts."""
+    """Describe one of a few texts."""
 
     def problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
         value = toml.get(*keys)
@@ -328,17 +328,19 @@ def choice(values: tuple[str, ...], expected: str = "") -> Value:
 
 
 def choices(values: tuple[str, ...]) -> Value:
-    """Return a list of texts, each once and of a few."""
+    """Describe a list of a few allowed texts, each at most once."""
 
     def problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-        names, of = toml.get(*keys), ", ".join(values)
+        names, listed = toml.get(*keys), ", ".join(values)
         if not isinstance(names, list):
-            yield toml.problem(keys, quoted(names), f"must be a list of {of}")
+            yield toml.problem(keys, quoted(names), f"must be a list of {listed}")
             return
         seen = set()
         for name in names[:MOST_NAMES]:
             if not isinstance(name, str) or name not in values:
-                yield toml.problem(keys, f"{quoted(name)}{_hint(name, values)}", f"must be of {of}")
+                yield toml.problem(
+                    keys, f"{quoted(name)}{_hint(name, values)}", f"must be of {listed}"
+                )
             elif name in seen:
                 yield toml.problem(keys, f"{name!r} again", "every name once")
             else:
@@ -348,7 +350,7 @@ def choices(values: tuple[str, ...]) -> Value:
 
 
 def date(*, timed: bool = False) -> Value:
-    """Return a date; one with a time of day only if `timed`."""
+    """Describe a date; with a time of day only if `timed`."""
     says = "date without quotes, as 2026-05-02"
 
     def problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
@@ -369,11 +371,11 @@ class Table:
     required : collection of str
         Keys that must be there.
     default : mapping of str to object
-        What stands for a key that is not there.
+        Values of missing keys.
     rules : sequence of Rule
-        Of several keys together.
+        Checks of several keys together.
     sound : sequence of Rule
-        Likewise, but asked only where nothing else of the table is wrong.
+        Likewise, but only for a table without other problems.
     example : str
         A table in one line.
     """
@@ -386,7 +388,7 @@ class Table:
     example: str = ""
 
     def problems(self, toml: Toml, keys: Keys = ()) -> Iterator[Problem]:
-        """Yield unknown and missing keys, and everything that is wrong with values."""
+        """Yield unknown and missing keys, and the problems of all values."""
         table = toml.get(*keys)
         if not isinstance(table, dict):
             example = f", as {self.example}" if self.example else ""
@@ -407,9 +409,9 @@ class Tables:
     ----------
     of : Table
     whole : Rule
-        What is wrong with all of them together; where anything is, they are not looked at.
+        Yields the problems of all together; if there are any, single tables are not checked.
     named : Rule
-        What is wrong with the name of one.
+        Yields the problems of the name of a table.
     """
 
     of: Table
@@ -417,7 +419,7 @@ class Tables:
     named: Rule = no_problems
 
     def problems(self, toml: Toml, keys: Keys) -> Iterator[Problem]:
-        """Yield what is wrong with the tables, their names and their values."""
+        """Yield the problems of the tables, their names and their values."""
         wrong = [*self.whole(toml, keys)]
         if not wrong and not isinstance(toml.get(*keys), dict):
             wrong = [toml.problem(keys, quoted(toml.get(*keys)), "must be a table")]
@@ -428,28 +430,28 @@ class Tables:
 
 
 Entries = dict[str, Value | Table | Tables]
-"""The keys of a table, and what may stand there."""
+"""The keys of a table, and their allowed values."""
 
 
 def rows(table: Table, keys: Keys = ()) -> Iterator[tuple[Keys, Value, str]]:
-    """Yield every key of a table and of those in it, its value, and what that must be.
+    """Yield every key of a table and its subtables, its value, and its requirement.
 
-    The last is Markdown: the range or the choices, and whether it is required or what its default
-    is. Keys are dotted; `NAME` stands for a name that the user gives.
+    The requirement is Markdown: the range or the choices, then "required" or the default. Keys are
+    dotted; `NAME` stands for a name that the user gives.
     """
     for key, value in table.keys.items():
-        own = (*keys, key)
+        key_path = (*keys, key)
         if isinstance(value, Tables):
-            yield from rows(value.of, (*own, NAME))
+            yield from rows(value.of, (*key_path, NAME))
         elif isinstance(value, Table):
-            yield from rows(value, own)
+            yield from rows(value, key_path)
         else:
             required = ["required"] if key in table.required else []
             default = table.default.get(key)
             default = (
                 [f"default {_written(table.default[key])}"] if default not in (None, ()) else []
             )
-            yield own, value, "; ".join([value.says, *required, *default])
+            yield key_path, value, "; ".join([value.says, *required, *default])
 
 
 def _written(value: object) -> str:
@@ -460,11 +462,11 @@ def _written(value: object) -> str:
 
 def defaults(of: type) -> dict[str, object]:
     """Return the defaults of a dataclass whose fields are the keys of a table."""
-    return {one.name: one.default for one in fields(of) if one.default is not MISSING}
+    return {entry.name: entry.default for entry in fields(of) if entry.default is not MISSING}
 
 
 def is_number(value: object) -> bool:
-    """Tell whether a value of a document is a number; true and false are none."""
+    """Tell whether a value of a document is a number; true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -474,7 +476,7 @@ def is_text(value: object) -> bool:
 
 
 def name_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield what is wrong with the name of a table."""
+    """Yield the problem of the name of a table."""
     if fault := name_fault(keys[-1]) if keys[-1].strip() else ("is empty", "must be a name"):
         yield toml.problem(keys, *fault)
 
@@ -486,10 +488,10 @@ def _key_problems(
     table, known = toml.table(*keys), tuple(known)
     unknown = [key for key in table if key not in known]
     for n, key in enumerate(unknown[: SHOWN + 1]):
-        found = f"unknown key{did_you_mean(key, known)}"
+        fault = f"unknown key{did_you_mean(key, known)}"
         if n == SHOWN:
-            found = f"unknown key, as {len(unknown) - n - 1} more"
-        yield toml.problem((*keys, key), found, f"must be one of {', '.join(known)}")
+            fault = f"unknown key, as {len(unknown) - n - 1} more"
+        yield toml.problem((*keys, key), fault, f"must be one of {', '.join(known)}")
     for key in required:
         if key not in table:
             yield toml.problem((*keys, key), "missing", "required")
