@@ -112,7 +112,7 @@ def write(
     calibration: Mapping[str, object] | None = None,
     methods: Sequence[str] = (),
 ) -> None:
-    """Write a stage's records, and remove what the folder had of this stage.
+    """Write the records of a stage in place of its old results.
 
     Parameters
     ----------
@@ -121,13 +121,13 @@ def write(
         All its old rows are removed, even those of methods without a new record.
     records : iterable of Record
     flight : Flight, optional
-        Of which they are; every object of the summary names it, by its content. The folder then
-        becomes, or must be, that of its results, as `provenance.written` has it; without a flight
-        only the tables are replaced.
+        Flight of the records; the summary names it by its checksum. The folder then becomes, or
+        must be, the folder of its results, see `provenance.written`. Without a flight only the
+        tables are replaced.
     calibration : mapping, optional
-        That of an earlier flight which is validated, as `provenance.written` takes it.
+        Origin of the validated calibration of an earlier flight, as `provenance.written` takes it.
     methods : sequence of str
-        Of the stage, those that are replaced; by default all.
+        Methods of the stage that are replaced; by default all.
 
     Raises
     ------
@@ -138,13 +138,13 @@ def write(
     named = {} if flight is None else {"flight": provenance.identity(flight)}
     names = {name for record in records for name in record.tables}
     tables = {name: [r.tables[name] for r in records if name in r.tables] for name in names}
-    summary = {key: {**said, **named} for r in records for key, said in r.summary.items()}
+    summary = {key: {**entry, **named} for r in records for key, entry in r.summary.items()}
     if flight is None:
         results.replace(folder, [stage], tables=tables, summary=summary)
         return
     old = [f"{stage}/{method}" for method in methods] or [stage]
-    with provenance.written(folder, stage, flight, calibration=calibration) as at:
-        results.replace(at, old, tables=tables, summary=summary)
+    with provenance.written(folder, stage, flight, calibration=calibration) as target:
+        results.replace(target, old, tables=tables, summary=summary)
 
 
 # --- bundles ---------------------------------------------------------------------------------
@@ -173,21 +173,21 @@ def of_bundle(
     applied : mapping of str to float, optional
         Factors that were applied to the sigma of every group.
     over_ground : bool
-        Whether to ask what every parameter has of the variance of the ground under the format's
-        corners, where no check points will tell.
+        Whether to find every parameter's share of the variance of the ground under the format's
+        corners, for a flight without check points.
     """
-    said = calibration or from_bundle(bundle)
+    calibrated = calibration or from_bundle(bundle)
     solution = bundle.solution
     key = summary_key or f"{stage}/{method}"
     open_lines = [
-        *not_determined(said, features(bundle.network.block)),
+        *not_determined(calibrated, features(bundle.network.block)),
         *trajectory_errors.not_determined(bundle),
     ]
     # where a group contradicts the others, sigma0 and so all sigma are large for this reason
     unknown = [] if bundle.stopped else [f"{key}: {line}" for line in open_lines]
-    found = components(bundle, applied=applied)
+    sigma_components = components(bundle, applied=applied)
     # a held lever arm, or a group that contradicts the others, makes right sigma look wrong
-    judged = () if method in TWO_STEP or bundle.stopped else found
+    judged = () if method in TWO_STEP or bundle.stopped else sigma_components
     entry: dict[str, object] = {
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
@@ -202,52 +202,54 @@ def of_bundle(
         **_exchanged_entries(key, bundle.exchanged),
         "n_left_out": sum(bundle.network.left_out.values()),
         "left_out_points": dict(bundle.network.left_out),
-        **determination.as_json(bundle, said),
+        **determination.as_json(bundle, calibrated),
         **_declared_entries(key, method, bundle),
-        **_turns_entry(said.turns),
+        **_turns_entry(calibrated.turns),
         "boresight_stability": {} if bundle.stopped else stability.as_json(bundle),
         **_weak_entries(key, method, bundle, over_ground=over_ground),
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
-        "sigma_factors": as_json(found),
+        "sigma_factors": as_json(sigma_components),
         "sigma_tests": _tests_as_json(sigma_tests(bundle)),
         "sigma_beyond": [f"{key}: {line}" for line in _beyond(judged)],
         "height_scale_error": _height_scale(bundle) - 1,
-        "height_scale_sigma": _focal_sigma(said),
-        "notes": [f"{key}: {line}" for line in (*_notes(method, bundle, said), *sentences(judged))],
+        "height_scale_sigma": _focal_sigma(calibrated),
+        "notes": [
+            f"{key}: {line}" for line in (*_notes(method, bundle, calibrated), *sentences(judged))
+        ],
     }
     return Record(
         stage=stage,
         method=method,
-        tables=bundle_tables(stage, method, bundle, said),
+        tables=bundle_tables(stage, method, bundle, calibrated),
         summary={key: entry},
     )
 
 
 def _turns_entry(turns: Array | None) -> dict[str, object]:
-    """Return the entry of summary.json on turns of pictures; none where there are none."""
+    """Return the entry of summary.json on picture turns; empty without any."""
     return {} if turns is None else {"picture_turns_deg": np.degrees(turns).tolist()}
 
 
-def _tests_as_json(found: Sequence[SigmaTest]) -> dict[str, dict[str, float]]:
+def _tests_as_json(tests: Sequence[SigmaTest]) -> dict[str, dict[str, float]]:
     """Return the tests by group, as values for JSON."""
-    return {test.group: {k: v for k, v in asdict(test).items() if k != "group"} for test in found}
+    return {test.group: {k: v for k, v in asdict(test).items() if k != "group"} for test in tests}
 
 
-def _beyond(found: Sequence[Component]) -> list[str]:
-    """Return one sentence for each group whose estimated sigma hide a mistake, rather than fit."""
+def _beyond(sigma_components: Sequence[Component]) -> list[str]:
+    """Return a sentence for each group whose sigma factor is too large or small to be plausible."""
     least, most = BOUNDS
     return [
         f"the sigma of {c.group} were multiplied by {c.applied:.3g}, outside {least:.2g} to "
         f"{most:g}: rather a mistake, in these observations or others, than another sigma; look "
         'at the residuals with weights = "given", or state the sigma that you can justify'
-        for c in found
+        for c in sigma_components
         if c.is_beyond
     ]
 
 
 def _stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
-    """Return the entries of summary.json on groups of which nothing was rejected."""
+    """Return the entries of summary.json on groups with too many rejections, so none made."""
     return {
         "stopped": [f"{key}: {sentence(stopped)}"] if stopped else [],
         "stopped_groups": [[group.group, group.n_rejected, group.n] for group in stopped],
@@ -255,10 +257,10 @@ def _stopped_entries(key: str, stopped: Sequence[Stopped]) -> dict[str, object]:
 
 
 def _exchanged_entries(key: str, exchanged: Sequence[Exchange]) -> dict[str, object]:
-    """Return the entries of summary.json on exposures and surveyed points that were exchanged."""
+    """Return the entries of summary.json on exchanged exposures and surveyed points."""
     return {
-        "exchanged": [f"{key}: {one.sentence}" for one in exchanged],
-        "exchanged_names": [[one.kind, *one.names] for one in exchanged],
+        "exchanged": [f"{key}: {exchange.sentence}" for exchange in exchanged],
+        "exchanged_names": [[exchange.kind, *exchange.names] for exchange in exchanged],
     }
 
 
@@ -267,7 +269,7 @@ def _declared_entries(key: str, method: str, bundle: Bundle) -> dict[str, object
 
     None for two steps, whose bundle has no mountings, nor where the data contradict each other.
     """
-    found = [] if bundle.stopped or method in TWO_STEP else confirmations(bundle)
+    declared = [] if bundle.stopped or method in TWO_STEP else confirmations(bundle)
     return {
         "declared": {
             f"{c.camera}/{c.part.replace(' ', '_')}": {
@@ -277,10 +279,10 @@ def _declared_entries(key: str, method: str, bundle: Bundle) -> dict[str, object
                 "told": c.told,
                 "mistake": c.mistake,
             }
-            for c in found
+            for c in declared
         },
-        "not_confirmed": [f"{key}: {c.sentence}" for c in found if c.objection],
-        "approximations": [f"{key}: {c.remark}" for c in found if c.remark],
+        "not_confirmed": [f"{key}: {c.sentence}" for c in declared if c.objection],
+        "approximations": [f"{key}: {c.remark}" for c in declared if c.remark],
     }
 
 
@@ -293,33 +295,37 @@ def _weak_entries(key: str, method: str, bundle: Bundle, *, over_ground: bool) -
     if bundle.stopped or method not in ("single_step", *RIGS):
         return {}
     calibration, block = from_bundle(bundle), bundle.network.block
-    found = weak.of_bundle(bundle)
+    weak_parameters = weak.of_bundle(bundle)
     if over_ground:
         shares = weak.shares_at_corners(calibration, block)
-        found += weak.of_calibration(calibration, shares, of=weak.CORNERS)
+        weak_parameters += weak.of_calibration(calibration, shares, of=weak.CORNERS)
     late = bool(bundle.network.layout.delay[0] >= 0)
-    return _entries_of_weak(key, weak.together(found), features(block), late=late)
+    return _entries_of_weak(key, weak.together(weak_parameters), features(block), late=late)
 
 
 def _entries_of_weak(
-    key: str, found: Sequence[Weak], has: frozenset[str] = frozenset(), *, late: bool = False
+    key: str,
+    weak_parameters: Sequence[Weak],
+    has: frozenset[str] = frozenset(),
+    *,
+    late: bool = False,
 ) -> dict[str, object]:
     """Return the entries of summary.json on weak parameters."""
     return {
-        "weak": [f"{key}: {line}" for line in weak.sentences(found, has, late=late)],
+        "weak": [f"{key}: {line}" for line in weak.sentences(weak_parameters, has, late=late)],
         "weak_parameters": {
-            one.parameter.full_name: {
-                "sigma": one.parameter.sigma,
-                "share": one.share,
-                "calm_ratio": one.calm,
+            entry.parameter.full_name: {
+                "sigma": entry.parameter.sigma,
+                "share": entry.share,
+                "calm_ratio": entry.calm,
             }
-            for one in found
+            for entry in weak_parameters
         },
     }
 
 
 def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
-    """Return sentences on what a user should know of an adjustment."""
+    """Return warnings and remarks on an adjustment, one sentence each."""
     left_out = bundle.network.left_out.items()
     notes = [f"{n} tie point{'s' * (n > 1)} {why} left out" for why, n in left_out]
     of_sigma = (
@@ -330,7 +336,7 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     notes += filter(None, (determination.beyond_precision(bundle), *of_sigma))
     n_measured = len(bundle.network.block.image_points)
     n_rejected = sum(r.kind == "image_point" for r in bundle.rejected)
-    # the two-step methods take over what the single step rejected, and this was said of it
+    # the two-step methods take over the rejections of the single step, which has the note
     if n_rejected > MANY_REJECTED * n_measured and method not in TWO_STEP:
         notes.append(f"{n_rejected} of {n_measured} image points rejected: see rejected.csv")
     scale = _height_scale(bundle)
@@ -346,7 +352,7 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
 
 
 def _focal_sigma(calibration: Calibration) -> float:
-    """Return the standard deviation of the first camera's focal length, over that; 0 if held."""
+    """Return the relative standard deviation of the first camera's focal length; 0 if held."""
     first = calibration.cameras[0]
     of_f = (p.sigma for p in parameters(calibration) if (p.camera, p.key) == (first.name, "f"))
     sigma = next(of_f, 0.0) / first.interior.f
@@ -354,7 +360,7 @@ def _focal_sigma(calibration: Calibration) -> float:
 
 
 def _height_scale(bundle: Bundle) -> float:
-    """Return the ratio of flying heights over control: from the bundle, over the trajectory's.
+    """Return the ratio of the bundle's flying height over control to the trajectory's.
 
     One where control or trajectory give no height. The estimated focal length is part of the
     ratio: a wrong one changes free orientations, and observed orientations change it.
@@ -425,14 +431,14 @@ def of_failure(stage: str, method: str, reason: str, *, summary_key: str) -> Rec
 
 
 def of_relative_orientation(
-    stage: str, method: str, orientation: RelativeOrientation, **said: object
+    stage: str, method: str, orientation: RelativeOrientation, **entries: object
 ) -> Record:
     """Return the record of heads oriented in the synthetic frame.
 
     Other keyword arguments become entries of the summary.
     """
     known = {"n_exposures": orientation.n_exposures, **_turns_entry(orientation.turns)}
-    entry = {**NO_ADJUSTMENT, "converged": True, **known, **said}
+    entry = {**NO_ADJUSTMENT, "converged": True, **known, **entries}
     return Record(
         stage=stage,
         method=method,
@@ -461,10 +467,10 @@ def of_validations(
     ----------
     validations : sequence of Validation
     calibrations : mapping of str to Calibration, optional
-        What was validated, by method: of the single step and of rigs it is said which parameters
-        have too much of the variance of check points.
+        The validated calibrations, by method. For the single step and rigs the record names
+        parameters with too large a share of the variance of check points.
     features : frozenset of str
-        What the calibration's flight has, as `estimates.features` returns it.
+        Features of the calibration's flight, as `estimates.features` returns them.
     late : bool
         Whether a delay of the positions was estimated with the calibration.
     """
@@ -491,11 +497,11 @@ def _weak_entries_of_validation(
     if calibration is None or validation.stopped:
         return {}
     shares = weak.shares(validation.points.sources, calibration)
-    found = weak.of_calibration(calibration, shares)
-    return _entries_of_weak(f"validation/{validation.method}", found, features, late=late)
+    weak_parameters = weak.of_calibration(calibration, shares)
+    return _entries_of_weak(f"validation/{validation.method}", weak_parameters, features, late=late)
 
 
-def _of_validation(validation: Validation, **said: object) -> Record:
+def _of_validation(validation: Validation, **entries: object) -> Record:
     """Return the record of one method's validation; keywords become entries of the summary."""
     method, block = validation.method, validation.block
     points = validation.points
@@ -525,12 +531,12 @@ def _of_validation(validation: Validation, **said: object) -> Record:
         stage="validation",
         method=method,
         tables=tables,
-        summary={f"validation/{method}": {**_validation_summary(validation), **said}},
+        summary={f"validation/{method}": {**_validation_summary(validation), **entries}},
     )
 
 
 def with_prediction(record: Record, found: Prediction | Failed) -> Record:
-    """Return a validation's record with how its exposures are predicted, in place of check points.
+    """Add the prediction of exposures to a validation's record without check points.
 
     Parameters
     ----------
@@ -539,13 +545,13 @@ def with_prediction(record: Record, found: Prediction | Failed) -> Record:
     found : Prediction or Failed
     """
     ((key, entry),) = record.summary.items()
-    said: dict[str, object] = {}
+    entries: dict[str, object] = {}
     if isinstance(found, Prediction):
-        said, line = _prediction_summary(found), found.sentence
+        entries, line = _prediction_summary(found), found.sentence
     else:
         line = f"exposures are not predicted: {found.reason}"
     notes = [*_lines(entry), f"{key}: {line}"]
-    return replace(record, summary={key: {**entry, **said, "notes": notes}})
+    return replace(record, summary={key: {**entry, **entries, "notes": notes}})
 
 
 def _lines(entry: Mapping[str, object]) -> list[object]:
@@ -553,18 +559,18 @@ def _lines(entry: Mapping[str, object]) -> list[object]:
     return notes if isinstance(notes, list) else []
 
 
-def _prediction_summary(found: Prediction) -> dict[str, object]:
-    solution = found.bundle.solution
+def _prediction_summary(prediction: Prediction) -> dict[str, object]:
+    solution = prediction.bundle.solution
     return {
-        "rays_rms_px": found.rays_rms_px,
-        "position_rms_m": list(found.position_rms_m),
-        "n_exposures": len(found.bundle.network.block.trajectory),
+        "rays_rms_px": prediction.rays_rms_px,
+        "position_rms_m": list(prediction.position_rms_m),
+        "n_exposures": len(prediction.bundle.network.block.trajectory),
         "n_observations": solution.n_observations,
         "n_unknowns": solution.n_unknowns,
         "redundancy": solution.redundancy,
-        "sigma0_squared": found.sigma0_sq,
-        "chi_square_p": found.chi_square_p,
-        "n_rejected": len(found.bundle.rejected),
+        "sigma0_squared": prediction.sigma0_sq,
+        "chi_square_p": prediction.chi_square_p,
+        "n_rejected": len(prediction.bundle.rejected),
     }
 
 
@@ -622,13 +628,13 @@ def _validation_summary(validation: Validation) -> dict[str, object]:
 
 
 def _expected_rejections(validation: Validation) -> float:
-    """Return how many measurements chance rejects: two components of rays of three or more."""
+    """Return the expected number of chance rejections: two components of rays, three or more."""
     n_images = validation.points.n_images
     return 2 * int(n_images[n_images > 2].sum()) * 2 * statistics.norm_sf(CRITICAL)
 
 
 def _notes_of_validation(validation: Validation) -> Iterator[str]:
-    """Yield warnings for the user: many rejections have a cause that affects all points."""
+    """Yield warnings on many rejections and on a height offset of all check points."""
     n_rejected = sum(r.kind == "image_point" for r in validation.rejected)
     n_measured = n_rejected + validation.n_observations // 2
     if n_rejected > MANY * n_measured:
@@ -636,10 +642,10 @@ def _notes_of_validation(validation: Validation) -> Iterator[str]:
             f"{n_rejected} of {n_measured} measurements of check points do not fit the others: "
             "rather a wrong calibration or trajectory than so many gross errors"
         )
-    off, share = _height_offset(validation)
+    offset, share = _height_offset(validation)
     if abs(share) > LIMIT_SCALE:
         yield (
-            f"the check points come out {abs(off):.1f} m too {'high' if off > 0 else 'low'}, "
+            f"the check points come out {abs(offset):.1f} m too {'high' if offset > 0 else 'low'}, "
             f"{100 * abs(share):.1f} % of the flying height: the height system of check "
             "points or trajectory, or the focal length, is wrong"
         )
@@ -650,24 +656,24 @@ def _height_offset(validation: Validation) -> tuple[float, float]:
     if not len(validation.points):
         return 0.0, 0.0
     above = np.median(validation.georeferenced.T_m_c.r[:, 2]) - validation.block.check.x_m[:, 2]
-    off = float(np.median(validation.points.d[:, 2]))
-    return off, off / float(np.median(above))
+    offset = float(np.median(validation.points.d[:, 2]))
+    return offset, offset / float(np.median(above))
 
 
 def _spread(validation: Validation) -> dict[str, object]:
-    """Return the RMS of the differences over their sigma, and how many it is as sure as."""
+    """Return the RMS of the normalised differences, and the effective number of points, by axis."""
     points = validation.points
     if not len(points):
         return {"normalised_rms": [np.nan] * 3, "effective_number": [np.nan] * 3}
-    among = error_sources.axis_covariances(points.sources)
+    cov_axes = error_sources.axis_covariances(points.sources)
     return {
         "normalised_rms": list(np.sqrt(np.mean((points.d / points.sigma) ** 2, axis=0))),
-        "effective_number": [accuracy.effective_number(correlation(cov)) for cov in among],
+        "effective_number": [accuracy.effective_number(correlation(cov)) for cov in cov_axes],
     }
 
 
-def _statistics(said: accuracy.Accuracy) -> dict[str, object]:
-    return {"mean": list(said.mean), "std": list(said.std), "rms": list(said.rms)}
+def _statistics(measures: accuracy.Accuracy) -> dict[str, object]:
+    return {"mean": list(measures.mean), "std": list(measures.std), "rms": list(measures.rms)}
 
 
 def _test(test: accuracy.AxisTest) -> dict[str, object]:
@@ -678,18 +684,18 @@ def _test(test: accuracy.AxisTest) -> dict[str, object]:
     }
 
 
-# --- The table of points carried into synthetic images, and the blocks that it makes
+# --- The table of points transferred into synthetic images, and the blocks made from it
 
 
 METHOD = "synthetic/points"
-"""The carried points among the results."""
+"""Key of the transferred points in the results."""
 
 MEASURED = ("images.csv", "image_points.csv")
-"""Tables of a block that the carried points depend on."""
+"""Tables of a block on which the transferred points depend."""
 
 
 def of_carried(flight: Flight, carried: Mapping[str, CarriedPoints]) -> Record:
-    """Return the record of the points of all blocks that were carried.
+    """Return the record of the transferred points of all blocks.
 
     Parameters
     ----------
@@ -734,7 +740,7 @@ def _table(block: Block, carried: CarriedPoints) -> pd.DataFrame:
 
 
 def mounted_block(flight: Flight, name: str, found: results.Results) -> Block:
-    """Return a block with the camera that is mounted: carried, where it is measured in heads.
+    """Return a block of the mounted camera: synthetic images, if it is measured in heads.
 
     Parameters
     ----------
@@ -742,13 +748,13 @@ def mounted_block(flight: Flight, name: str, found: results.Results) -> Block:
     name : str
         ``calibration`` or ``validation``.
     found : Results
-        Only looked at where the block is measured in heads.
+        Only used if the block is measured in heads.
 
     Raises
     ------
     FlightError
-        Where the block is not in the flight, stage synthetic has not carried its points, or they
-        were measured anew since.
+        Where the block is not in the flight, stage synthetic has not transferred its points, or
+        they were measured again later.
     """
     block, synthetic = flight.block(name), flight.synthetic_camera
     if name not in flight.carried or synthetic is None:
@@ -757,7 +763,7 @@ def mounted_block(flight: Flight, name: str, found: results.Results) -> Block:
 
 
 def read_carried(flight: Flight, block: Block, found: results.Results) -> CarriedPoints:
-    """Return the points of a block that stage synthetic carried.
+    """Read the transferred points of a block from the results of stage synthetic.
 
     Parameters
     ----------
@@ -773,7 +779,7 @@ def read_carried(flight: Flight, block: Block, found: results.Results) -> Carrie
     """
     table = results.rows(found, "synthetic_points", METHOD)
     table = table[table["block"] == block.name]
-    said = found.summary.get(METHOD, {}).get("measured", {})
+    checksums = found.summary.get(METHOD, {}).get("measured", {})
     carried = CarriedPoints(
         exposure_idx=index_of(table["image"], block.trajectory.exposures),
         point_idx=index_of(table["point"], block.points),
@@ -783,7 +789,7 @@ def read_carried(flight: Flight, block: Block, found: results.Results) -> Carrie
     )
     known = np.stack([carried.exposure_idx, carried.point_idx, carried.camera_idx])
     now = {file: flight.sha256[file] for file in _files(block.name)}
-    if not isinstance(said, dict) or not now.items() <= said.items() or np.any(known < 0):
+    if not isinstance(checksums, dict) or not now.items() <= checksums.items() or np.any(known < 0):
         problem = (
             f"{found.folder}: block {block.name} is not the one whose points were carried into the "
             "synthetic image; run stage synthetic again"

@@ -1,4 +1,4 @@
-"""Whether the results of a run agree with each other and with the flight that they are of.
+"""Checks that the results of a run agree with each other and with their flight.
 
 Every table is read and checked by itself in `folder`. Here parameters are compared with their
 covariance, all tables with summary.json, and names of cameras, images and points with the flight.
@@ -22,53 +22,53 @@ from acx4lib.results.summary_entries import problem_of
 from acx4lib.results.table_files import FIRST, OF_TRAJECTORY, STAGES, UNITS, wrong_rows
 
 SAME = 1e-6
-"""Share by which numbers that are written twice may differ."""
+"""Relative difference allowed between two copies of a number."""
 
 LARGEST = 2000
-"""Number of parameters of a method up to which its covariance is tested for being one."""
+"""Largest number of parameters of a method for which the eigenvalues are tested."""
 
 
 def read(folder: str | Path, flight: Flight) -> results.Results:
-    """Read the results of a flight, and check that all of them belong together.
+    """Read the results of a flight, and check that all of them agree.
 
     Raises
     ------
     FlightError
-        With a line for each thing that is wrong.
+        With one line per problem.
     """
-    found = results.read(folder)
-    check(found, flight)
-    return found
+    run_results = results.read(folder)
+    check(run_results, flight)
+    return run_results
 
 
 def check(found: results.Results, flight: Flight, *, stages: Sequence[str] = STAGES) -> None:
-    """Check that the results of some stages belong together, and to their flight.
+    """Check that the results of some stages agree with each other and with their flight.
 
     Parameters
     ----------
     found : Results
     flight : Flight
     stages : sequence of str
-        Whose results are used; others may be of the flight as it was before.
+        Stages whose results are used; others may be of an earlier state of the flight.
 
     Raises
     ------
     FlightError
         With a line for each contradiction.
     """
-    own = _of_stages(found, stages)
+    used = _of_stages(found, stages)
     problems = [
-        *_parameters(own, flight),
-        *_covariances(own),
-        *_entries(own),
-        *_names(own, flight),
+        *_parameters(used, flight),
+        *_covariances(used),
+        *_entries(used),
+        *_names(used, flight),
     ]
     if problems:
         raise FlightError(lines_of(problems))
 
 
 def _of_stages(found: results.Results, stages: Sequence[str]) -> results.Results:
-    """Return the results of some stages, in rows that keep their numbers in the files."""
+    """Select the results of some stages; rows keep their numbers in the files."""
     tables: dict[str, pd.DataFrame] = {}
     for name in results.SHORT:
         whole = getattr(found, name)
@@ -80,15 +80,15 @@ def _of_stages(found: results.Results, stages: Sequence[str]) -> results.Results
 
 
 def _wrong_cells(
-    found: results.Results, table: str, column: str, rows: Mask, expected: str, said: str = ""
+    found: results.Results, table: str, column: str, rows: Mask, expected: str, remark: str = ""
 ) -> Iterator[Problem]:
-    """Yield the problems of some rows of a table, with what stands in a column."""
+    """Yield a problem for each of some rows of a table, with its cell in a column."""
     cells = getattr(found, table)[column]
 
     def there(row: int) -> str:
         cell = cells[row]
         text = quoted(cell) if isinstance(cell, str) else f"{cell:.6g}"
-        return ("is empty" if pd.isna(cell) else text) + said
+        return ("is empty" if pd.isna(cell) else text) + remark
 
     yield from wrong_rows(
         _file(found, table), column, cells.index.to_numpy()[rows], there, expected
@@ -103,7 +103,7 @@ def _file(found: results.Results, table: str) -> str:
 
 
 def _parameters(found: results.Results, flight: Flight) -> Iterator[Problem]:
-    """Yield unknown parameters, units and cameras, and numbers that no parameter has."""
+    """Yield unknown parameters, units and cameras, empty sigma, and impossible focal lengths."""
     table = found.parameters
     allowed = {name: _units(name) for name in table["parameter"].unique()}
     known = table["parameter"].isin([n for n, units in allowed.items() if units]).to_numpy()
@@ -111,25 +111,27 @@ def _parameters(found: results.Results, flight: Flight) -> Iterator[Problem]:
         found, "parameters", "parameter", ~known, "must be a parameter of a run", " is unknown"
     )
     for units in sorted({units for units in allowed.values() if units}):
-        own = table["parameter"].isin([n for n, some in allowed.items() if some == units])
-        other = (own & ~table["unit"].isin(units)).to_numpy()
+        of_unit = table["parameter"].isin(
+            [n for n, known_units in allowed.items() if known_units == units]
+        )
+        other = (of_unit & ~table["unit"].isin(units)).to_numpy()
         yield from _wrong_cells(found, "parameters", "unit", other, f"must be {' or '.join(units)}")
     mounted = table["parameter"].isin(UNITS).to_numpy()
     stranger = mounted & ~table["camera"].isin(flight.cameras).to_numpy()
     yield from _wrong_cells(
         found, "parameters", "camera", stranger, "must be a camera of flight.toml", " is unknown"
     )
-    alone = known & ~mounted & (table["camera"] != "").to_numpy()
+    with_camera = known & ~mounted & (table["camera"] != "").to_numpy()
     expected = "must be empty for a parameter of the trajectory"
-    yield from _wrong_cells(found, "parameters", "camera", alone, expected)
+    yield from _wrong_cells(found, "parameters", "camera", with_camera, expected)
     empty = table["sigma"].isna().to_numpy()
     yield from _wrong_cells(found, "parameters", "sigma", empty, "must be a finite number")
-    short = ((table["parameter"] == "f_mm") & ~(table["value"] > 0)).to_numpy()
-    yield from _wrong_cells(found, "parameters", "value", short, "must be positive")
+    not_positive = ((table["parameter"] == "f_mm") & ~(table["value"] > 0)).to_numpy()
+    yield from _wrong_cells(found, "parameters", "value", not_positive, "must be positive")
 
 
 def _units(parameter: str) -> tuple[str, ...]:
-    """Return the units that a parameter of results may have; none of an unknown one."""
+    """Return the allowed units of a parameter; empty for an unknown parameter."""
     of_trajectory = (u for begin, u in OF_TRAJECTORY.items() if parameter.startswith(begin))
     return UNITS.get(parameter) or next(of_trajectory, ())
 
@@ -138,7 +140,7 @@ def _units(parameter: str) -> tuple[str, ...]:
 
 
 def _covariances(found: results.Results) -> Iterator[Problem]:
-    """Yield what is wrong with the covariance of every method."""
+    """Yield the problems of the covariance of every method."""
     table, parameters = found.covariance, found.parameters
     for method in dict.fromkeys([*_methods(table), *_methods(parameters)]):
         long = table[_of(table, method)]
@@ -157,19 +159,19 @@ def _of(table: pd.DataFrame, method: tuple[str, str]) -> Mask:
 def _square(
     found: results.Results, method: tuple[str, str], long: pd.DataFrame
 ) -> Iterator[Problem]:
-    """Yield rows of a method that make no symmetric, positive matrix."""
+    """Yield the problems of a covariance that is not square, symmetric or positive."""
     row, names = pd.factorize(long["row"])
     column = pd.Index(names).get_indexer(pd.Index(long["column"]))
     if (column < 0).any():
         lines = long.index.to_numpy()[column < 0]
         yield from _of_lines(found, lines, "column", long, "must stand in column row, too")
         return
-    at = np.full((len(names), len(names)), -1)
-    at[row, column] = np.arange(len(long))
-    alone = np.flatnonzero(at[column, row] < 0)
+    places = np.full((len(names), len(names)), -1)
+    places[row, column] = np.arange(len(long))
+    alone = np.flatnonzero(places[column, row] < 0)
     expected = "must have a row with row and column exchanged"
     yield from _of_lines(found, long.index.to_numpy()[alone], "row", long, expected)
-    lacking = _lacking(at, names, method)
+    lacking = _lacking(places, names, method)
     if len(lacking):
         i, j = lacking[0]
         pair = f"{quoted(names[i])} with {quoted(names[j])}"
@@ -181,15 +183,15 @@ def _square(
             expected="must have a row for every pair of its parameters",
         )
     elif not len(alone):
-        values = np.where(at < 0, 0.0, long["value"].fillna(0.0).to_numpy()[at])
-        yield from _positive(found, long, at, values)
+        values = np.where(places < 0, 0.0, long["value"].fillna(0.0).to_numpy()[places])
+        yield from _positive(found, long, places, values)
 
 
-def _lacking(at: Index, names: Collection[str], method: tuple[str, str]) -> Index:
-    """Return the pairs without a row; heads that are adjusted by themselves share none."""
+def _lacking(places: Index, names: Collection[str], method: tuple[str, str]) -> Index:
+    """Return the pairs of parameters without a row; separately adjusted heads share none."""
     camera = np.array([str(name).rpartition("/")[0] for name in names], dtype=object)
     needed = (method != ("heads", "bundle")) | (camera[:, None] == camera)
-    return np.argwhere((at < 0) & (at.T < 0) & needed)
+    return np.argwhere((places < 0) & (places.T < 0) & needed)
 
 
 def _of_lines(
@@ -202,39 +204,39 @@ def _of_lines(
 
 
 def _positive(
-    found: results.Results, long: pd.DataFrame, at: Index, values: Array
+    found: results.Results, long: pd.DataFrame, places: Index, values: Array
 ) -> Iterator[Problem]:
-    """Yield variances that are negative, pairs that differ, and a matrix that is no covariance."""
+    """Yield negative variances, unequal pairs, correlations above 1, negative eigenvalues."""
     lines, file = long.index.to_numpy(), _file(found, "covariance")
 
     def there(line: int) -> str:
         return f"{long['value'][line]:.6g}"
 
     variance = np.diag(values)
-    bad = lines[np.diag(at)[variance < 0]]
+    bad = lines[np.diag(places)[variance < 0]]
     yield from wrong_rows(file, "value", bad, there, "a variance must be zero or positive")
     if len(bad):
         return
     scale = np.sqrt(variance)[:, None] * np.sqrt(variance)
     i, j = np.nonzero(np.abs(values - values.T) > SAME * scale)
     yield from wrong_rows(
-        file, "value", np.sort(lines[at[i, j]]), there, "must equal its counterpart"
+        file, "value", np.sort(lines[places[i, j]]), there, "must equal its counterpart"
     )
     i, j = np.nonzero(np.abs(values) > (1 + SAME) * scale)
-    beyond = np.sort(lines[at[i, j]])
+    beyond = np.sort(lines[places[i, j]])
     expected = "must be at most the product of both standard deviations"
     yield from wrong_rows(file, "value", beyond, there, expected)
     known = np.flatnonzero(variance > 0)
     if len(i) or not 0 < len(known) <= LARGEST:
         return
-    related = values[np.ix_(known, known)] / scale[np.ix_(known, known)]
-    least = float(np.linalg.eigvalsh((related + related.T) / 2)[0])
-    if least < -SAME * len(known):
+    correlations = values[np.ix_(known, known)] / scale[np.ix_(known, known)]
+    smallest = float(np.linalg.eigvalsh((correlations + correlations.T) / 2)[0])
+    if smallest < -SAME * len(known):
         yield Problem(
             file=file,
             line=int(lines[0]) + FIRST,
             column="value",
-            found=f"no covariance: its correlations have the eigenvalue {least:.3g}",
+            found=f"no covariance: its correlations have the eigenvalue {smallest:.3g}",
             expected="must have none that is negative",
         )
 
@@ -242,14 +244,14 @@ def _positive(
 def _beside(
     found: results.Results, method: tuple[str, str], long: pd.DataFrame, listed: pd.DataFrame
 ) -> Iterator[Problem]:
-    """Yield parameters of a method whose sigma is not that of the covariance."""
-    own = long[long["row"] == long["column"]].set_index("row")["value"]
+    """Yield parameters whose sigma differs from the covariance of the method."""
+    variances = long[long["row"] == long["column"]].set_index("row")["value"]
     camera, name = listed["camera"], listed["parameter"]
     label = name.where(camera == "", camera + "/" + name)
-    variance = label.map(own).to_numpy(dtype=float)
+    variance = label.map(variances).to_numpy(dtype=float)
     squared = listed["sigma"].to_numpy() ** 2
     lines, file = listed.index.to_numpy(), _file(found, "parameters")
-    missing = ~label.isin(own.index).to_numpy()
+    missing = ~label.isin(variances.index).to_numpy()
     yield from wrong_rows(
         file,
         "parameter",
@@ -273,17 +275,17 @@ def _beside(
 
 
 def _entries(found: results.Results) -> Iterator[Problem]:
-    """Yield validations that count other pairs than there are rows of them."""
+    """Yield validations whose number of pairs differs from the rows of validation.csv."""
     rows = found.validation["method"].value_counts()
     for name, entry in found.summary.items():
         stage, _, method = name.partition("/")
-        said, there = entry.get("n_pairs"), int(rows.get(method, 0))
-        if stage == "validation" and said is not None and said != there:
+        stated, n_rows = entry.get("n_pairs"), int(rows.get(method, 0))
+        if stage == "validation" and stated is not None and stated != n_rows:
             yield problem_of(
                 found.folder / "summary.json",
                 (name, "n_pairs"),
-                str(said),
-                f"validation.csv has {there} rows of {name}",
+                str(stated),
+                f"validation.csv has {n_rows} rows of {name}",
             )
 
 
@@ -296,12 +298,12 @@ def _names(found: results.Results, flight: Flight) -> Iterator[Problem]:
     images = {name for block in blocks for name in block.images.names}
     images |= {name for block in blocks for name in block.trajectory.exposures}
     points = {name for block in blocks for name in block.points}
-    for table, column, known, what in (
+    for table, column, known, noun in (
         ("exterior_orientation", "image", images, "an image"),
         ("validation", "image_a", images, "an image"),
         ("validation", "image_b", images, "an image"),
         ("validation", "point", points, "a point"),
     ):
         unknown = ~getattr(found, table)[column].isin(known).to_numpy()
-        expected = f"must be {what} of the flight"
+        expected = f"must be {noun} of the flight"
         yield from _wrong_cells(found, table, column, unknown, expected, " is unknown")

@@ -1,4 +1,4 @@
-"""The calibration of an earlier flight, asked for by name to be validated on a later one."""
+"""The calibration of an earlier flight, read for its validation on a later flight."""
 
 from __future__ import annotations
 
@@ -42,32 +42,36 @@ class Earlier:
 
     @property
     def told(self) -> dict[str, object]:
-        """What results say of it: its flight, when this was flown and computed, its content."""
-        flight, at = self.run.flight, self.run.folder
-        computed = dt.datetime.fromtimestamp((at / "summary.json").stat().st_mtime, tz=dt.UTC)
+        """Origin of the calibration as results record it: flight, dates and checksums."""
+        flight, results_path = self.run.flight, self.run.folder
+        computed = dt.datetime.fromtimestamp(
+            (results_path / "summary.json").stat().st_mtime, tz=dt.UTC
+        )
         return {
             "flight": {"name": flight.name, "sha256": self.run.provenance.digest},
-            "results": at.resolve().name,
-            "sha256": provenance.digest({n: written(at / n).sha256 or "" for n in TABLES}),
+            "results": results_path.resolve().name,
+            "sha256": provenance.digest(
+                {n: written(results_path / n).sha256 or "" for n in TABLES}
+            ),
             "flown": None if flight.session.date is None else flight.session.date.isoformat(),
             "computed": computed.date().isoformat(),
         }
 
     @property
     def sentence(self) -> str:
-        """Whose calibration was validated."""
-        flight, told = self.run.flight, self.told
-        flown = f", flown {told['flown']}" if told["flown"] else ""
+        """Sentence on the origin of the validated calibration."""
+        flight, origin = self.run.flight, self.told
+        flown = f", flown {origin['flown']}" if origin["flown"] else ""
         return (
             f"the calibration is that of an earlier flight, {flight.name!r} "
-            f"(SHA-256 {self.run.provenance.digest[:12]}{flown}, computed {told['computed']}, "
-            f"results {told['results']!r} with SHA-256 {str(told['sha256'])[:12]})"
+            f"(SHA-256 {self.run.provenance.digest[:12]}{flown}, computed {origin['computed']}, "
+            f"results {origin['results']!r} with SHA-256 {str(origin['sha256'])[:12]})"
         )
 
     def block(self, flight: Flight) -> Block:
         """Return the validation block of a flight with the mounted camera of the earlier one.
 
-        Where it is measured in heads, the earlier flight's heads carry its points.
+        If it is measured in heads, the earlier flight's heads transfer its points.
         """
         block, synthetic = flight.block("validation"), self.run.flight.synthetic_camera
         if "validation" not in flight.carried or synthetic is None:
@@ -95,10 +99,10 @@ class Earlier:
         return [self.run.flight.cameras[camera.name] for camera in block.cameras]
 
     def _heads(self) -> RelativeOrientation:
-        found = self.run.found
-        source = next(s for s in ORIENTED if _is_oriented(found, s))
-        with refused(found):
-            return read_relative_orientation(found, source, self.run.flight.cameras)
+        run_results = self.run.found
+        source = next(s for s in ORIENTED if _is_oriented(run_results, s))
+        with refused(run_results):
+            return read_relative_orientation(run_results, source, self.run.flight.cameras)
 
 
 def read(results_path: str | Path, flight: Flight) -> Earlier:
@@ -127,12 +131,12 @@ def read(results_path: str | Path, flight: Flight) -> Earlier:
 
 
 def _differences(earlier: Earlier, flight: Flight) -> Iterator[str]:
-    """Yield what stands against validating a flight with a calibration, a sentence each."""
-    found, before = earlier.run.found, earlier.run.flight
-    methods = calibrated_methods(found)
+    """Yield reasons why a flight cannot validate a calibration, one sentence each."""
+    run_results, before = earlier.run.found, earlier.run.flight
+    methods = calibrated_methods(run_results)
     if not methods:
         yield "no calibration whose parameters are all determined; acx4 run makes one"
-    calibrated = {name for m in methods for name in folder.cameras(found, f"mounting/{m}")}
+    calibrated = {name for m in methods for name in folder.cameras(run_results, f"mounting/{m}")}
     for camera in flight.mounted("validation").cameras:
         if methods and camera.name not in calibrated:
             names = ", ".join(sorted(calibrated))
@@ -146,7 +150,7 @@ def _differences(earlier: Earlier, flight: Flight) -> Iterator[str]:
 
 
 def _other_camera(before: Camera, camera: Camera) -> Iterator[str]:
-    """Yield in what two cameras of one name differ that no calibration estimates."""
+    """Yield the difference if two cameras of one name have other sensor or pixel sizes."""
     mine, theirs = _sensor(camera), _sensor(before)
     if mine != theirs:
         yield f"camera {camera.name} has {theirs}, in the flight to be validated {mine}"
@@ -157,9 +161,9 @@ def _sensor(camera: Camera) -> str:
 
 
 def _other_heads(earlier: Earlier, flight: Flight) -> Iterator[str]:
-    """Yield why the points of a flight's heads cannot be carried by an earlier one's heads."""
-    before, found = earlier.run.flight, earlier.run.found
-    source = next((s for s in ORIENTED if _is_oriented(found, s)), "")
+    """Yield reasons why an earlier flight's heads cannot transfer a flight's points."""
+    before, run_results = earlier.run.flight, earlier.run.found
+    source = next((s for s in ORIENTED if _is_oriented(run_results, s)), "")
     mine, theirs = flight.synthetic_camera, before.synthetic_camera
     if not source or mine is None or theirs is None:
         yield "no orientation of the heads, by which points measured in heads are carried"
@@ -167,7 +171,7 @@ def _other_heads(earlier: Earlier, flight: Flight) -> Iterator[str]:
     frame, other = (np.degrees(camera.T_b_c.opk) for camera in (mine, theirs))
     if not np.allclose(frame, other, rtol=0, atol=1e-9):
         yield "the mount angles of the synthetic camera define another frame"
-    oriented = folder.cameras(found, source)
+    oriented = folder.cameras(run_results, source)
     for camera in flight.block("validation").cameras:
         if camera.name not in oriented:
             yield f"camera {camera.name} of {flight.path} is no head; {', '.join(oriented)} are"

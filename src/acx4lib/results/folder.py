@@ -41,7 +41,7 @@ FILES = (*(f"{name}.csv" for name in COLUMNS), "summary.json")
 """Every file of a results folder."""
 
 EARLIEST = tuple(file for file in FILES if file != "synthetic_points.csv")
-"""Those that results of every version have."""
+"""Files that results of every version have."""
 
 
 Rows = pd.DataFrame | Sequence[pd.DataFrame]
@@ -52,8 +52,8 @@ Rows = pd.DataFrame | Sequence[pd.DataFrame]
 class Results:
     """The content of a results folder.
 
-    Two tables, which are long in a large flight, are read when they are first asked for; they raise
-    a FlightError where their file does not have the format of `replace`.
+    Two tables, which are long in a large flight, are read at the first access; this raises a
+    FlightError where their file does not have the format of `replace`.
 
     Attributes
     ----------
@@ -76,17 +76,17 @@ class Results:
 
     @cached_property
     def residuals(self) -> pd.DataFrame:
-        """Of all observations."""
+        """Residuals of all observations."""
         return table_files.read(self.folder / "residuals.csv", _cell_problems)
 
     @cached_property
     def synthetic_points(self) -> pd.DataFrame:
-        """Of all blocks that are measured in heads."""
+        """Transferred points of all blocks that are measured in heads."""
         return table_files.read(self.folder / "synthetic_points.csv", _cell_problems)
 
 
 def _cell_problems(file: str, frame: pd.DataFrame) -> Iterator[Problem]:
-    """Yield what is wrong with the cells of a table, row by row."""
+    """Yield the problems of the cells of a table, column by column."""
     schema = SCHEMAS[Path(file).stem]
     for name, allowed in schema.ranges.items():
         yield from _numbers(file, frame[name], allowed, needed=name in schema.needed)
@@ -104,60 +104,60 @@ def _numbers(file: str, column: pd.Series, allowed: Range, *, needed: bool) -> I
     if not needed:
         bad &= ~np.isnan(values)
 
-    def found(row: int) -> str:
+    def fault(row: int) -> str:
         return "is empty" if np.isnan(values[row]) else repr(float(values[row]))
 
-    yield from wrong_rows(file, str(column.name), bad, found, str(allowed))
+    yield from wrong_rows(file, str(column.name), bad, fault, str(allowed))
 
 
 def _words(file: str, column: pd.Series, words: tuple[str, ...]) -> Iterator[Problem]:
-    """Yield cells with none of the known words."""
+    """Yield cells without a known word."""
     bad = ~column.isin(words).to_numpy()
 
-    def found(row: int) -> str:
+    def fault(row: int) -> str:
         cell = str(column.iloc[row])
         return f"{quoted(cell)} is unknown{did_you_mean(cell, words)}"
 
-    yield from wrong_rows(file, str(column.name), bad, found, f"must be one of {', '.join(words)}")
+    yield from wrong_rows(file, str(column.name), bad, fault, f"must be one of {', '.join(words)}")
 
 
 def _repeated(file: str, frame: pd.DataFrame, schema: Schema) -> Iterator[Problem]:
-    """Yield rows that stand above already."""
+    """Yield rows with the key of an earlier row."""
     cells = frame[list(schema.key)]
     again = np.array(cells.duplicated())
     if again.any():
         again &= ~_often(frame, schema)
 
-    def found(row: int) -> str:
+    def fault(row: int) -> str:
         alike = (cells == cells.iloc[row]).all(axis=1)
         first = int(np.flatnonzero(alike)[0])
         names = ", ".join(quoted(str(cell)) for cell in cells.iloc[row])
         return f"{names} stands in line {first + FIRST} already"
 
-    yield from wrong_rows(file, "row", again, found, f"every {', '.join(schema.key)} once")
+    yield from wrong_rows(file, "row", again, fault, f"every {', '.join(schema.key)} once")
 
 
 def _often(frame: pd.DataFrame, schema: Schema) -> Mask:
-    """Tell which rows may repeat others."""
+    """Return the mask of the rows that may repeat a key, shape (n,)."""
     out = np.zeros(len(frame), dtype=bool)
     for words in schema.often:
-        own = np.ones(len(frame), dtype=bool)
-        for name, some in words.items():
-            own &= frame[name].isin(some).to_numpy()
-        out |= own
+        matches = np.ones(len(frame), dtype=bool)
+        for name, allowed in words.items():
+            matches &= frame[name].isin(allowed).to_numpy()
+        out |= matches
     return out
 
 
 SHORT = tuple(name for name in COLUMNS if name in Results.__annotations__)
-"""The tables that are read at once."""
+"""The tables that are read immediately."""
 
 
 def of_run(folder: str | Path) -> Path:
-    """Return a folder in which a run left results; FlightError where there are none."""
-    at = expected.folder("folder", folder, "the results of a run")
-    if not any((at / name).is_file() for name in FILES):
-        raise FlightError([f"{at}: no results of a run; acx4 run FLIGHT --results makes them"])
-    return at
+    """Return the path of a folder with results of a run; FlightError without any."""
+    path = expected.folder("folder", folder, "the results of a run")
+    if not any((path / name).is_file() for name in FILES):
+        raise FlightError([f"{path}: no results of a run; acx4 run FLIGHT --results makes them"])
+    return path
 
 
 def read(folder: str | Path) -> Results:
@@ -168,27 +168,27 @@ def read(folder: str | Path) -> Results:
     FlightError
         Where there is no such folder, or a file does not have the format of `replace`.
     """
-    at = expected.folder("folder", folder, "the results of a run")
+    path = expected.folder("folder", folder, "the results of a run")
     problems: list[str] = []
     tables: dict[str, pd.DataFrame] = {}
     for name in SHORT:
         try:
-            tables[name] = table_files.read(at / f"{name}.csv", _cell_problems)
+            tables[name] = table_files.read(path / f"{name}.csv", _cell_problems)
         except FlightError as error:
             problems += error.problems
-    found = read_summary(at / "summary.json", problems)
+    summary = read_summary(path / "summary.json", problems)
     if problems:
         raise FlightError(problems)
-    return Results(folder=at, summary=found, **tables)
+    return Results(folder=path, summary=summary, **tables)
 
 
 def entries(folder: Path) -> dict[str, dict[str, object]]:
-    """Return the objects of summary.json, without the tables; FlightError where it has none."""
+    """Return the objects of summary.json, without the tables; FlightError if it is invalid."""
     problems: list[str] = []
-    found = read_summary(folder / "summary.json", problems)
+    summary = read_summary(folder / "summary.json", problems)
     if problems:
         raise FlightError(problems)
-    return found
+    return summary
 
 
 def replace(
@@ -222,18 +222,18 @@ def replace(
     FlightError
         Where the files in the folder cannot be read.
     """
-    at = expected.path("folder", folder)
+    path = expected.path("folder", folder)
     parts = {name: [new] if isinstance(new, pd.DataFrame) else new for name, new in tables.items()}
     _check_names(stage_methods, parts)
-    kept = {key: v for key, v in entries(at).items() if not _belongs(key, stage_methods)}
+    kept = {key: v for key, v in entries(path).items() if not _belongs(key, stage_methods)}
     strangers = [key for key in summary if not _belongs(key, stage_methods)]
     if strangers:
         raise ValueError(f"summary of {', '.join(strangers)} is not of {', '.join(stage_methods)}")
-    at.mkdir(parents=True, exist_ok=True)
+    path.mkdir(parents=True, exist_ok=True)
     with together() as new:
         for name in COLUMNS:
-            _write(name, at, new, parts.get(name, ()), stage_methods)
-        with new.open(at / "summary.json") as file:
+            _write(name, path, new, parts.get(name, ()), stage_methods)
+        with new.open(path / "summary.json") as file:
             file.write(_summary_text({**kept, **summary}).encode())
 
 
@@ -264,7 +264,7 @@ def has(results: Results, stage_method: str) -> bool:
 
 
 def rows(results: Results, table: str, stage_method: str) -> pd.DataFrame:
-    """Return the rows that a stage or a ``stage/method`` has in a table, numbered from 0.
+    """Return the rows of a stage or a ``stage/method`` in a table, numbered from 0.
 
     Parameters
     ----------
@@ -286,18 +286,18 @@ def rows(results: Results, table: str, stage_method: str) -> pd.DataFrame:
         problem = f"{results.folder}: no results of {stage_method}; run stage {stage} first"
         raise FlightError([problem])
     frame = _with(results, table, stage_method)
-    found = frame[_mask(table, frame, [stage_method])].reset_index(drop=True)
+    selected = frame[_mask(table, frame, [stage_method])].reset_index(drop=True)
     if table == "residuals":
-        _check_count(results, stage_method, len(found))
-    return found
+        _check_count(results, stage_method, len(selected))
+    return selected
 
 
 def _check_count(results: Results, stage_method: str, n: int) -> None:
-    """Refuse residuals that are not as many as the adjustments had observations."""
-    own = [v for k, v in results.summary.items() if _belongs(k, [stage_method])]
-    said = [entry.get("n_observations") for entry in own]
-    counted = sum(one for one in said if isinstance(one, int))
-    if counted != n and any(one is not None for one in said):
+    """Check the number of residuals against the observations counted in summary.json."""
+    adjusted = [v for k, v in results.summary.items() if _belongs(k, [stage_method])]
+    counts = [entry.get("n_observations") for entry in adjusted]
+    counted = sum(count for count in counts if isinstance(count, int))
+    if counted != n and any(count is not None for count in counts):
         problem = Problem(
             file=str(results.folder / "residuals.csv"),
             line=1,
@@ -309,7 +309,7 @@ def _check_count(results: Results, stage_method: str, n: int) -> None:
 
 
 def _with(results: Results, table: str, stage_method: str) -> pd.DataFrame:
-    """Return a table, of a long one that nobody asked for yet only a part with the rows."""
+    """Return a table; of a large one that is not loaded, only the rows of the stage."""
     if table in vars(results):
         return getattr(results, table)
     begin = table_files.begins(table, [stage_method])
@@ -330,9 +330,9 @@ def parameters(results: Results, stage_method: str, camera: str) -> pd.DataFrame
     FlightError
         Where the stage has not been run, or the method has no parameters of this camera.
     """
-    found = rows(results, "parameters", stage_method)
-    found = found[found["camera"] == camera].set_index("parameter")
-    if found.empty:
+    listed = rows(results, "parameters", stage_method)
+    listed = listed[listed["camera"] == camera].set_index("parameter")
+    if listed.empty:
         reasons = [
             reason
             for key, entry in results.summary.items()
@@ -341,7 +341,7 @@ def parameters(results: Results, stage_method: str, camera: str) -> pd.DataFrame
         ]
         problem = f"{results.folder}: no parameters of {stage_method} for camera {camera}"
         raise FlightError(["; ".join([problem, *reasons])])
-    return found[["value", "sigma", "unit"]]
+    return listed[["value", "sigma", "unit"]]
 
 
 def covariance(results: Results, stage_method: str) -> pd.DataFrame:
@@ -366,8 +366,8 @@ def covariance(results: Results, stage_method: str) -> pd.DataFrame:
 
 def messages(entry: Mapping[str, object], key: str) -> list[str]:
     """Return the sentences under a key of an object of summary.json; empty without any."""
-    found = entry.get(key, [])
-    return [str(line) for line in found] if isinstance(found, list) else []
+    sentences = entry.get(key, [])
+    return [str(line) for line in sentences] if isinstance(sentences, list) else []
 
 
 def _belongs(key: str, stage_methods: Sequence[str]) -> bool:
@@ -375,7 +375,7 @@ def _belongs(key: str, stage_methods: Sequence[str]) -> bool:
 
 
 def _mask(table: str, frame: pd.DataFrame, stage_methods: Sequence[str]) -> Mask:
-    """Tell which rows belong to the given stages and methods."""
+    """Return the mask of the rows of the given stages and methods, shape (n,)."""
     code, keys = table_files.keys(table, frame)
     return np.array([_belongs(key, stage_methods) for key in keys], dtype=bool)[code]
 
@@ -383,7 +383,7 @@ def _mask(table: str, frame: pd.DataFrame, stage_methods: Sequence[str]) -> Mask
 def _check_names(
     stage_methods: Sequence[str], tables: Mapping[str, Sequence[pd.DataFrame]]
 ) -> None:
-    """Check that new rows have the columns of known tables, and belong to what is replaced."""
+    """Check that new tables have known columns, and only rows of the replaced results."""
     expected.names("stage_methods", stage_methods)
     unknown = {name.partition("/")[0] for name in stage_methods} - set(STAGES)
     unknown |= tables.keys() - COLUMNS.keys()
@@ -412,7 +412,7 @@ def _write(
     frames: Sequence[pd.DataFrame],
     stage_methods: Sequence[str],
 ) -> None:
-    """Write a table anew with its old rows that stay, unless nothing changes."""
+    """Write a table with its remaining and its new rows, unless nothing changes."""
     old, gone = folder / f"{name}.csv", table_files.begins(name, stage_methods)
     if not frames and is_there(old) and not table_files.holds(old, gone):
         return
@@ -423,18 +423,18 @@ def _write(
 
 
 def _old(path: Path, gone: tuple[bytes, ...]) -> Iterator[tuple[int, bytes]]:
-    """Yield the lines of a file that stay, with the places of their stages."""
+    """Yield the remaining lines of a file, with the positions of their stages."""
     if is_there(path):
         for stage, lines in table_files.others(path, gone):
             yield _PLACES.get(stage, 0), lines
 
 
 def _new(name: str, frames: Sequence[pd.DataFrame]) -> Iterator[tuple[int, bytes]]:
-    """Yield new rows in the order of the stages, with the places of these."""
+    """Yield new rows in the order of the stages, with the positions of these stages."""
     known = [(frame, *table_files.keys(name, frame)) for frame in frames]
     for stage, place in _PLACES.items():
         for frame, code, keys in known:
             mine = np.array([_belongs(key, [stage]) for key in keys], dtype=bool)
             if mine.any():
-                some = frame if mine.all() else frame[mine[code]]
-                yield from ((place, rows) for rows in table_files.lines(name, some))
+                part = frame if mine.all() else frame[mine[code]]
+                yield from ((place, rows) for rows in table_files.lines(name, part))

@@ -1,7 +1,7 @@
-"""Folders that a command may write to: its own, one process at a time, every file listed.
+"""Folders owned by a command: one process writes at a time, and every file is listed.
 
-A folder is claimed, what was written is listed with its checksum, a lock says who is writing, and
-there are places where nobody may.
+A command claims a folder, lists the checksum of every written file, and holds a lock meanwhile. In
+some places no command may write.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ OF_A_FILE = b'"made_by": "acx4 '
 
 @dataclass(kw_only=True)
 class OwnFolder:
-    """A folder that a command may write into, for as long as it is claimed.
+    """A folder that a command may write into while it is claimed.
 
     Attributes
     ----------
     path : Path
     command : str
-        Whose it is, such as ``acx4 run``.
+        Owner of the folder, such as ``acx4 run``.
     files : dict of str to Written
-        What the command wrote or is about to write, by names below the folder.
+        Files that the command wrote or will write, by their names below the folder.
     """
 
     path: Path
@@ -55,7 +55,7 @@ class OwnFolder:
     _sealed: dict[str, tuple[tuple[int, int, int], Written]] = field(default_factory=dict)
 
     def expect(self, names: Iterable[str]) -> None:
-        """Say which files will be written; they are listed before they are there.
+        """List files that will be written, before they exist.
 
         Raises
         ------
@@ -71,12 +71,12 @@ class OwnFolder:
         _write_mark(self.path, self.command, self.files)
 
     def seal(self) -> None:
-        """Note the checksums of all files that are there; those that are not stay expected."""
+        """Record the checksums of all existing files; missing files stay expected."""
         self.files = {name: self._written(name) for name in self.files}
         _write_mark(self.path, self.command, self.files)
 
     def remove(self, names: Iterable[str]) -> None:
-        """Remove files that the command wrote, and folders that are then empty."""
+        """Remove files that the command wrote, and folders left empty."""
         for name in [name for name in names if name in self.files]:
             self._check_links(name)
             (self.path / name).unlink(missing_ok=True)
@@ -84,17 +84,17 @@ class OwnFolder:
             self.files[name] = Written()
 
     def _written(self, name: str) -> Written:
-        """Return size and checksum of a file; it is read anew only where it was replaced since."""
+        """Return size and checksum of a file; a file not replaced since is not read again."""
         path = self.path / name
         if not path.is_file():
             return Written()
         status = path.stat()
         version = (status.st_ino, status.st_mtime_ns, status.st_size)
-        before, found = self._sealed.get(name, ((0, 0, 0), Written()))
+        before, entry = self._sealed.get(name, ((0, 0, 0), Written()))
         if before != version:
-            found = written(path)
-            self._sealed[name] = version, found
-        return found
+            entry = written(path)
+            self._sealed[name] = version, entry
+        return entry
 
     def _check_links(self, name: str) -> None:
         """Refuse to write through a link."""
@@ -104,10 +104,10 @@ class OwnFolder:
                 raise OutputError(msg)
 
     def _end(self) -> None:
-        """List what is there, and what was and is gone."""
+        """List existing files, and sealed files that are gone; forget all others."""
         listed = self.files
         self.files = {n: w for n, w in listed.items() if w.sha256 or (self.path / n).is_file()}
-        for name in listed.keys() - self.files.keys():  # what was to hold it may be there, empty
+        for name in listed.keys() - self.files.keys():  # its folder may be there, empty
             with contextlib.suppress(OutputError):  # through a link nothing is removed
                 self._check_links(name)
                 _prune((self.path / name).parent, self.path)
@@ -125,7 +125,7 @@ def claim(
     away_from: Sequence[Path] = (),
     becomes_flight: bool = False,
 ) -> Iterator[OwnFolder]:
-    """Claim a folder for a command; while it lasts no other command writes there.
+    """Claim a folder for a command; no other command can write there meanwhile.
 
     Parameters
     ----------
@@ -146,36 +146,36 @@ def claim(
     """
     path = Path(folder)
     check_place(path, away_from=away_from, becomes_flight=becomes_flight)
-    made = _made(path)
+    new_folders = _made(path)
     try:
         with _locked(path):
-            own = OwnFolder(path=path, command=command, files=_listed(path, command))
+            claimed = OwnFolder(path=path, command=command, files=_listed(path, command))
             _tidy(path)
             try:
-                yield own
+                yield claimed
             except BaseException:
-                with contextlib.suppress(OSError, OutputError):  # the first error is told
+                with contextlib.suppress(OSError, OutputError):  # the first error is reported
                     _tidy(path)
-                    own._end()
+                    claimed._end()
                 raise
-            own._end()
+            claimed._end()
     finally:
-        _remove_empty(made)
+        _remove_empty(new_folders)
 
 
 @contextlib.contextmanager
 def placed(folder: str | Path, *, command: str) -> Iterator[Path]:
-    """Yield the name of a folder to be made elsewhere; it takes its place whole, marked, or never.
+    """Yield a temporary path for a new folder, which takes its place complete and marked, or never.
 
     Parameters
     ----------
     folder : path
-        New or empty. What is made beside the other folder comes to stand beside this one.
+        New or empty. Files made beside the temporary folder are moved beside this one.
     command : str
-        Whose it is.
+        Owner of the folder.
     """
     path = Path(folder).resolve()
-    made = _made(path.parent)
+    new_folders = _made(path.parent)
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=SCRATCH) as temporary:
             draft = Path(temporary) / path.name
@@ -185,28 +185,28 @@ def placed(folder: str | Path, *, command: str) -> Iterator[Path]:
             beside = [other for other in draft.parent.iterdir() if other != draft]
             if path.exists():
                 path.rmdir()
-            for one in (*beside, draft):
-                one.replace(path.with_name(one.name))
+            for child in (*beside, draft):
+                child.replace(path.with_name(child.name))
     finally:
-        _remove_empty(made)
+        _remove_empty(new_folders)
 
 
 def verify(folder: Path, names: Iterable[str] | None = None, *, cure: str) -> None:
-    """Check that the files of a folder are what its command wrote.
+    """Check that the files of a folder are as its command wrote them.
 
     Parameters
     ----------
     folder : Path
-        Of one without a mark nothing is known.
+        Without a mark it is not checked.
     names : iterable of str, optional
-        Look at these only.
+        Check these only.
     cure : str
-        What to do otherwise.
+        Cure for the messages.
 
     Raises
     ------
     FlightError
-        A line for each file that was changed, cut or removed, or for who is writing there.
+        A line for each file that was changed, cut or removed, or for the process writing there.
     """
     busy = _writer(folder)
     lines = [busy] if busy else [f"{line}; {cure}" for line in changes(folder, names)]
@@ -215,7 +215,7 @@ def verify(folder: Path, names: Iterable[str] | None = None, *, cure: str) -> No
 
 
 def clear(path: Path) -> None:
-    """Remove what commands wrote: the files that a folder's mark lists, or a truth beside it.
+    """Remove the files listed in a folder's mark and then the folder, or one marked file.
 
     Raises
     ------
@@ -225,15 +225,15 @@ def clear(path: Path) -> None:
     if path.is_file() and not path.is_symlink() and _bears(path, OF_A_FILE):
         path.unlink()
         return
-    whose, files = read_mark(path)
-    if not whose:
+    owner, files = read_mark(path)
+    if not owner:
         raise OutputError(f"{path}: bears no mark of acx4; remove it yourself if it is not needed")
     with _locked(path):
         changed = changes(path, [name for name in files if (path / name).exists()])
         if changed:
             raise OutputError(f"{changed[0]}; move it away, or remove it yourself")
-        own = OwnFolder(path=path, command=whose, files=_listed(path, whose))
-        own.remove(list(own.files))
+        claimed = OwnFolder(path=path, command=owner, files=_listed(path, owner))
+        claimed.remove(list(claimed.files))
         _tidy(path)
         (path / MARK).unlink()
     with contextlib.suppress(OSError):
@@ -241,7 +241,7 @@ def clear(path: Path) -> None:
 
 
 def _made(path: Path) -> list[Path]:
-    """Make a folder with those above it; return the ones that were not there."""
+    """Make a folder and its parents; return the new ones."""
     missing: list[Path] = []
     for folder in (path, *path.parents):
         if folder.exists():
@@ -258,15 +258,15 @@ def _remove_empty(folders: Sequence[Path]) -> None:
 
 
 def _listed(path: Path, command: str) -> dict[str, Written]:
-    """Return what a command wrote into a folder before; nothing into an empty one."""
+    """Return the files that a command wrote into a folder before; OutputError if not its own."""
     others = [p.name for p in path.iterdir() if p.name != LOCK and not p.name.startswith(SCRATCH)]
-    whose, files = read_mark(path)
-    if others and not whose:
+    owner, files = read_mark(path)
+    if others and not owner:
         shown = ", ".join(sorted(others)[:3]) + (", …" if len(others) > 3 else "")
         msg = f"{path}: holds what {command} did not write ({shown}); choose a new or empty folder"
         raise OutputError(msg)
-    if whose and whose != command:
-        raise OutputError(f"{path}: is a folder of {whose}; choose another for {command}")
+    if owner and owner != command:
+        raise OutputError(f"{path}: is a folder of {owner}; choose another for {command}")
     return files
 
 
@@ -280,7 +280,7 @@ def _tidy(path: Path) -> None:
 
 
 def _prune(folder: Path, top: Path) -> None:
-    """Remove a folder and those above it, below another one, as far as they are empty."""
+    """Remove a folder and its parents below `top`, as far as they are empty."""
     while folder != top:
         try:
             folder.rmdir()
@@ -292,29 +292,28 @@ def _prune(folder: Path, top: Path) -> None:
 
 
 def main(paths: Sequence[str]) -> int:
-    """Clear folders for make, and say which were left; returns an exit status."""
-    left = []
+    """Clear folders for make, report the folders not cleared, and return an exit status."""
+    messages = []
     for path in map(Path, paths):
         try:
             if path.exists():
                 clear(path)
         except OutputError as error:
-            left.append(str(error))
-    sys.stderr.write("".join(f"{line}\n" for line in left))
-    return 2 if left else 0
+            messages.append(str(error))
+    sys.stderr.write("".join(f"{line}\n" for line in messages))
+    return 2 if messages else 0
 
 
 # --- The mark of a folder: which command filled it, and with which files
 #
-# Every file is listed with its size and checksum, so that what was changed or cut later can be
-# named.
+# Every file is listed with its size and checksum, so that a file changed or cut later can be named.
 
 
 MARK = ".acx4.json"
 """The file of the mark."""
 
 FORMAT = 1
-"""Of the mark, and so of what commands leave in a folder."""
+"""Version of the mark, and so of the files that commands leave in a folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -326,7 +325,7 @@ class Written:
     size : int or None
         Bytes.
     sha256 : str or None
-        None where it may change, or is not looked at.
+        None for a file that may change or is not checked.
     """
 
     size: int | None = None
@@ -344,7 +343,7 @@ def written(path: Path) -> Written:
 
 
 def read_mark(folder: Path) -> tuple[str, dict[str, Written]]:
-    """Return whose a folder is, empty where nobody's, and what was written there.
+    """Return the owner of a folder and its listed files; both empty without a mark.
 
     Raises
     ------
@@ -355,51 +354,51 @@ def read_mark(folder: Path) -> tuple[str, dict[str, Written]]:
     if path.is_symlink() or not path.is_file():
         return "", {}
     try:
-        said = json.loads(text_of(path))
-        files = {str(name): _entry(entry) for name, entry in dict(said["files"]).items()}
-        whose, form = said["made_by"], said.get("format")
+        mark = json.loads(text_of(path))
+        files = {str(name): _entry(entry) for name, entry in dict(mark["files"]).items()}
+        owner, mark_format = mark["made_by"], mark.get("format")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        whose, form, files = None, None, {}
-    if not isinstance(whose, str) or not all(map(is_below, files)):
+        owner, mark_format, files = None, None, {}
+    if not isinstance(owner, str) or not all(map(is_below, files)):
         msg = f"{path}: is damaged; remove it to read what is there, or choose another folder"
         raise OutputError(msg)
-    if form != FORMAT:
-        msg = f"{path}: has format {form!r}, not {FORMAT}; it is of another version of acx4"
+    if mark_format != FORMAT:
+        msg = f"{path}: has format {mark_format!r}, not {FORMAT}; it is of another version of acx4"
         raise OutputError(msg)
-    return whose, files
+    return owner, files
 
 
 def _write_mark(folder: Path, command: str, files: Mapping[str, Written]) -> None:
-    """Mark a folder, whole or not at all."""
+    """Write the mark of a folder, whole or not at all."""
     listed = {
         name: {"bytes": files[name].size, "sha256": files[name].sha256} for name in sorted(files)
     }
-    said = {"made_by": command, "format": FORMAT, "files": listed}
-    text = json.dumps(said, indent=1, ensure_ascii=False) + "\n"
+    mark = {"made_by": command, "format": FORMAT, "files": listed}
+    text = json.dumps(mark, indent=1, ensure_ascii=False) + "\n"
     write(folder / MARK, text.encode("utf-8", "surrogateescape"))
 
 
 def mark_all(folder: Path, command: str) -> None:
-    """Mark a folder all of whose files were written by one command."""
+    """Mark a folder whose files were all written by a single command."""
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
     listed = {path.relative_to(folder).as_posix(): written(path) for path in paths}
-    _write_mark(folder, command, {name: one for name, one in listed.items() if name != MARK})
+    _write_mark(folder, command, {name: entry for name, entry in listed.items() if name != MARK})
 
 
 def changes(folder: Path, names: Iterable[str] | None = None) -> list[str]:
-    """Return what differs from what a command wrote into a folder, a line for each file.
+    """Return a line for each file that was changed since its command wrote it.
 
     Parameters
     ----------
     folder : Path
-        Where it bears no mark nothing is known, and nothing said.
+        Without a mark there are no lines.
     names : iterable of str, optional
-        Look at these only.
+        Check these only.
     """
-    whose, files = read_mark(folder)
-    looked_at = files.keys() if names is None else [name for name in names if name in files]
-    said = ((folder / name, _difference(folder / name, files[name])) for name in looked_at)
-    return [f"{path}: {says.format(whose)}" for path, says in said if says]
+    owner, files = read_mark(folder)
+    checked = files.keys() if names is None else [name for name in names if name in files]
+    differences = ((folder / name, _difference(folder / name, files[name])) for name in checked)
+    return [f"{path}: {difference.format(owner)}" for path, difference in differences if difference]
 
 
 def _bears(path: Path, mark: bytes) -> bool:
@@ -438,10 +437,10 @@ def is_below(name: str) -> bool:
 
 
 _UNLINKED = system.flags("O_NOFOLLOW", "O_CLOEXEC")
-"""How a file is opened that must be no link."""
+"""Flags to open a file that must not be a link."""
 
 LOCK = ".acx4.lock"
-"""Says which process on which machine is writing into a folder; gone when it is done."""
+"""Names the process and the machine writing into a folder; removed at the end."""
 
 
 @contextlib.contextmanager
@@ -449,19 +448,19 @@ def _locked(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder."""
     path = folder / LOCK
     with contextlib.closing(_taken(path)) as file:
-        said = json.dumps({"process": os.getpid(), "host": socket.gethostname()}).encode()
+        owner = json.dumps({"process": os.getpid(), "host": socket.gethostname()}).encode()
         try:
-            with naming(path, size=len(said)):
+            with naming(path, size=len(owner)):
                 os.ftruncate(file.fileno(), 0)
                 os.lseek(file.fileno(), 0, os.SEEK_SET)
-                os.write(file.fileno(), said)
+                os.write(file.fileno(), owner)
             yield
         finally:
             _remove(path, file)
 
 
 def _remove(path: Path, file: TextIO) -> None:
-    """Remove a lock's file, which some systems do only when it is closed."""
+    """Remove a lock's file; some systems require it to be closed first."""
     try:
         path.unlink(missing_ok=True)
     except PermissionError:
@@ -470,7 +469,7 @@ def _remove(path: Path, file: TextIO) -> None:
 
 
 def _writer(folder: Path) -> str:
-    """Return who is writing into a folder, as a sentence; empty where nobody is."""
+    """Return the message on the process writing into a folder; empty without any."""
     path = folder / LOCK
     if path.is_symlink() or not path.is_file():
         return ""
@@ -479,7 +478,7 @@ def _writer(folder: Path) -> str:
 
 
 def _taken(path: Path) -> TextIO:
-    """Return the open and locked file of a lock."""
+    """Open and lock the file of a lock; OutputError if another process holds it."""
     while True:
         number = os.open(path, os.O_RDWR | os.O_CREAT | _UNLINKED, 0o644)
         if not stat.S_ISREG(os.fstat(number).st_mode):
@@ -497,26 +496,26 @@ def _taken(path: Path) -> TextIO:
 
 
 def _busy(file: TextIO, path: Path) -> str:
-    """Try to take a lock; return who has it, as a sentence, and empty where nobody has."""
+    """Try to take a lock; return the message on its holder, empty on success."""
     owner = _owner(file.read())
-    who = f"process {owner[0]} on {owner[1]}" if owner else "another process"
-    says = f"{path.parent}: {who} is writing there; wait for it, or choose another folder"
+    holder = f"process {owner[0]} on {owner[1]}" if owner else "another process"
+    message = f"{path.parent}: {holder} is writing there; wait for it, or choose another folder"
     try:
         system.lock(file)
     except BlockingIOError:
-        return says
-    except OSError:  # a file system without locks: what the file says has to do
+        return message
+    except OSError:  # a file system without locks: the content of the file decides
         if owner and owner[1] == socket.gethostname() and system.is_alive(owner[0]):
-            return says
+            return message
     if owner and owner[1] != socket.gethostname():
-        return f"{says}; if it is gone, remove {path}"
+        return f"{message}; if it is gone, remove {path}"
     return ""
 
 
 def _owner(text: str) -> tuple[int, str] | None:
     try:
-        said = json.loads(text)
-        return int(said["process"]), str(said["host"])
+        owner = json.loads(text)
+        return int(owner["process"]), str(owner["host"])
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
 
@@ -531,11 +530,11 @@ PACKAGES = ("acx4lib", "acx4tools", "acx4sim", "acx4book")
 """Folders of an installed library that are not to be written into."""
 
 FREE = ("data/flights", "data/reference/files")
-"""Folders below which make puts what it makes."""
+"""Folders for the output of make."""
 
 
 def check_new(folder: str | Path) -> None:
-    """Check that a folder may be made: it is not there or empty, and in nobody's way.
+    """Check that a new folder may be made: its path is free or empty, and allowed.
 
     Raises
     ------
@@ -550,7 +549,7 @@ def check_new(folder: str | Path) -> None:
 def check_place(
     path: Path, *, away_from: Sequence[Path] = (), becomes_flight: bool = False
 ) -> None:
-    """Check that a folder may be written at a place, whatever is in it.
+    """Check that a folder may be written at a path, whatever its content.
 
     Parameters
     ----------
@@ -583,7 +582,7 @@ def check_place(
 
 
 def check_file(file: str | Path, *, mark: bytes, what: str) -> None:
-    """Check that a single file may be written: it is new, or bears the mark of its command.
+    """Check that a single file may be written: it is new, or marked by its command.
 
     Parameters
     ----------
@@ -599,32 +598,32 @@ def check_file(file: str | Path, *, mark: bytes, what: str) -> None:
     """
     path = Path(file)
     flight = _flight_around(path.resolve())
-    says = ""
+    fault = ""
     if path.is_symlink():
-        says = "is a link; name the file itself"
+        fault = "is a link; name the file itself"
     elif path.is_dir():
-        says = "is a folder, not a file"
+        fault = "is a folder, not a file"
     elif path.exists() and not (path.is_file() and _bears(path, mark)):
-        says = f"is there and is not {what}; choose another name"
+        fault = f"is there and is not {what}; choose another name"
     elif flight is not None:
-        says = f"lies in the flight {flight}; choose a place outside"
-    if says:
-        raise OutputError(f"{path}: {says}")
+        fault = f"lies in the flight {flight}; choose a place outside"
+    if fault:
+        raise OutputError(f"{path}: {fault}")
 
 
 def working_copy() -> Path | None:
-    """Return the top of the working copy that this module lies in; None where it is installed."""
+    """Return the root of the working copy with this module; None if it is installed."""
     root = Path(__file__).resolve().parents[3]
     return root if (root / "pyproject.toml").is_file() else None
 
 
 def _flight_around(whole: Path) -> Path | None:
-    """Return the flight that a place is or lies in."""
+    """Return the folder of the flight at or above a path; None outside of flights."""
     return next((p for p in (whole, *whole.parents) if (p / "flight.toml").is_file()), None)
 
 
 def _source(whole: Path) -> Path | None:
-    """Return the part of the working copy or of the installed library that a place lies in."""
+    """Return the part of the working copy or the installed library around a path, or None."""
     root = working_copy()
     if root is None:
         installed = [Path(__file__).resolve().parents[2] / name for name in PACKAGES]

@@ -1,4 +1,4 @@
-"""What a run was made from: its flight's tables, kept in the results, and the software.
+"""The origin of results: the flight's tables, kept with them, and the software.
 
 A results folder has a copy of every table that was read, in ``flight/``, and provenance.json. This
 file has the SHA-256 of every table and, for every stage, the versions of the software and the
@@ -35,7 +35,7 @@ KEPT = "flight"
 FILE = "provenance.json"
 
 AGAIN = "run all stages again"
-"""What helps where the origin of results is not known."""
+"""Cure for results of unknown origin."""
 
 PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")
 """Packages on whose versions the numbers depend."""
@@ -50,8 +50,8 @@ class Provenance:
     files : dict of str to str
         SHA-256 of every table of the flight, by its path below the flight's folder.
     stages : dict of str to dict
-        For every stage that was run: ``flight``, the digest of the tables that it used,
-        ``versions`` by package, and ``calibration`` where it validated that of an earlier flight.
+        For every stage that was run: ``flight``, the digest of its tables, ``versions`` by
+        package, and ``calibration`` if the calibration of an earlier flight was validated.
     """
 
     files: Mapping[str, str]
@@ -65,7 +65,7 @@ class Provenance:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """What a run left.
+    """The results of a run, with their flight and their origin.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Run:
 
 
 def read_run(folder: str | Path) -> Run:
-    """Read what a run left, if nobody changed it.
+    """Read the results of a run, and check that nobody changed them.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def read_run(folder: str | Path) -> Run:
 
 
 def _read_flight(folder: Path, origin: Provenance) -> Flight:
-    """Read the flight that is kept in a results folder."""
+    """Read the flight kept in a results folder."""
     flight = read_kept(folder / KEPT)
     problems = [
         problem_of(folder / FILE, ("files",), f"without {name}", f"it stands in {KEPT}; {AGAIN}")
@@ -120,7 +120,7 @@ def digest(files: Mapping[str, str]) -> str:
 
 
 def checksums(flight: Flight) -> dict[str, str]:
-    """Return the SHA-256 of all tables of a flight, of a geoid too, by their paths below it."""
+    """Return the SHA-256 of a flight's tables and geoid, by their paths below its folder."""
     names = [name.as_posix() for name in table_files(flight)] or [*flight.sha256]
     read = flight.sha256
     return {
@@ -129,12 +129,12 @@ def checksums(flight: Flight) -> dict[str, str]:
 
 
 def identity(flight: Flight) -> dict[str, str]:
-    """Return by what results name a flight: its name, and the digest of its tables."""
+    """Return the name of a flight and the digest of its tables, its identity in results."""
     return {"name": flight.name, "sha256": digest(checksums(flight))}
 
 
 def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) -> results.Results:
-    """Read the results of earlier stages that a stage of a flight needs, if they are of the flight.
+    """Read the results of earlier stages for a stage of a flight, and check their flight.
 
     Results that do not name their flight, of an earlier version, are taken as they are.
 
@@ -148,32 +148,32 @@ def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) ->
     Raises
     ------
     FlightError
-        Where the results of a stage are not there, with what is to be run first, or the folder has
+        Where results of a stage are missing, with the stage to run first, or the folder has
         results of another flight, with both flights.
     """
-    at = Path(folder)
+    path = Path(folder)
     if not stages:
-        at.mkdir(parents=True, exist_ok=True)
-    elif not at.is_dir():
-        raise FlightError([_not_run(at, stages, flight)])
-    found, mine = results.read(at), identity(flight)
-    lacking = [stage for stage in stages if not results.has(found, stage)]
+        path.mkdir(parents=True, exist_ok=True)
+    elif not path.is_dir():
+        raise FlightError([_not_run(path, stages, flight)])
+    run_results, mine = results.read(path), identity(flight)
+    lacking = [stage for stage in stages if not results.has(run_results, stage)]
     if lacking:
-        raise FlightError([_not_run(at, lacking, flight)])
+        raise FlightError([_not_run(path, lacking, flight)])
     last = max(map(STAGES.index, stages), default=len(STAGES) - 2)
     for stage in STAGES[: last + 1]:  # a run of all stages has not yet replaced those after it
-        other = _named(found.summary, stage, of=mine)
+        other = _named(run_results.summary, stage, of=mine)
         if other:
             cure = f"run stage {stage} of this flight first"
             if stage == "mounting":
                 cure += ", or name the calibration of an earlier flight by calibration_path"
-            raise FlightError([_of_another(at, [stage], other, flight, cure=cure)])
-    agreement.check(found, flight, stages=stages)
-    return found
+            raise FlightError([_of_another(path, [stage], other, flight, cure=cure)])
+    agreement.check(run_results, flight, stages=stages)
+    return run_results
 
 
 def _not_run(folder: Path, stages: Sequence[str], flight: Flight) -> str:
-    """Return a line on stages without results, with the notebooks or the command to run first."""
+    """Return the message on stages without results, with the notebooks or command to run."""
     notebooks = " and ".join(NOTEBOOKS[stage] for stage in stages)
     command = f"acx4 run {flight.pictures} --results {folder} --stages {','.join(stages)}"
     return (
@@ -183,7 +183,7 @@ def _not_run(folder: Path, stages: Sequence[str], flight: Flight) -> str:
 
 
 def check_kept(run: Run, stage: str) -> None:
-    """Check that a stage was run with the flight that is kept beside its results.
+    """Check that a stage was run with the flight kept beside its results.
 
     Raises
     ------
@@ -191,34 +191,34 @@ def check_kept(run: Run, stage: str) -> None:
         With both flights.
     """
     mine = {"name": run.flight.name, "sha256": run.provenance.digest}
-    said = _named(run.found.summary, stage, of=mine)
+    other = _named(run.found.summary, stage, of=mine)
     stamped = str(run.provenance.stages.get(stage, {}).get("flight", mine["sha256"]))
-    if not said and stamped != mine["sha256"]:
-        said = {"name": "", "sha256": stamped}
-    if said:
+    if not other and stamped != mine["sha256"]:
+        other = {"name": "", "sha256": stamped}
+    if other:
         cure = "run all stages of one flight again"
-        raise FlightError([_of_another(run.folder, [stage], said, run.flight, cure=cure)])
+        raise FlightError([_of_another(run.folder, [stage], other, run.flight, cure=cure)])
 
 
 def _named(
     summary: Mapping[str, Mapping[str, object]], stage: str, *, of: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return by what a stage's results name another flight; empty where they name none."""
+    """Return the identity of another flight in a stage's results; empty without any."""
     for name, entry in summary.items():
-        said = entry.get("flight")
+        named = entry.get("flight")
         if (
             name.startswith(f"{stage}/")
-            and isinstance(said, dict)
-            and said["sha256"] != of["sha256"]
+            and isinstance(named, dict)
+            and named["sha256"] != of["sha256"]
         ):
-            return said
+            return named
     return {}
 
 
 def _stamped(
     folder: Path, kept: Provenance, stage: str, *, of: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return what provenance.json says of another flight of a stage; empty where it is this one."""
+    """Return the identity of another flight of a stage in provenance.json; empty without any."""
     sha256 = str(kept.stages.get(stage, {}).get("flight", of["sha256"]))
     if sha256 == of["sha256"]:
         return {}
@@ -228,7 +228,7 @@ def _stamped(
 
 
 def _differing(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Return which tables differ, as a remark; empty where nothing is known of those before."""
+    """Return a remark on the tables that differ; empty if none, or nothing is known."""
     names = sorted(n for n in before.keys() | now.keys() if before.get(n) != now.get(n))
     if not names or not before:
         return ""
@@ -245,15 +245,16 @@ def _of_another(
     cure: str,
     differ: str = "",
 ) -> str:
-    """Return a line on results of another flight, with the name and the content of both."""
+    """Return the message on results of another flight, with the identities of both."""
     mine = identity(flight)
-    what = f"stage{'s' if len(stages) > 1 else ''} {', '.join(stages)}"
+    stage_names = f"stage{'s' if len(stages) > 1 else ''} {', '.join(stages)}"
     theirs = f"{other['name']!r} (SHA-256 {other['sha256'][:12]})"
     if not other["name"]:
         theirs = f"another one (SHA-256 {other['sha256'][:12]})"
     this = f"{mine['name']!r} (SHA-256 {mine['sha256'][:12]}, {flight.path})"
     return (
-        f"{folder}: the results of {what} are of the flight {theirs}, not of {this}{differ}; {cure}"
+        f"{folder}: the results of {stage_names} are of the flight {theirs}, not of "
+        f"{this}{differ}; {cure}"
     )
 
 
@@ -269,12 +270,12 @@ def versions() -> dict[str, str]:
 
 
 def verify(folder: Path) -> None:
-    """Check that the tables of a results folder are what its run left.
+    """Check that the tables of a results folder are as its run left them.
 
     Raises
     ------
     FlightError
-        A line for each that was changed, cut or removed, or for who is writing there.
+        A line for each file that was changed, cut or removed, or for the process writing there.
     """
     is_there(folder / MARK)
     own_folder.verify(folder, [*results.FILES, FILE], cure=AGAIN)
@@ -288,38 +289,38 @@ def read(folder: Path) -> Provenance:
     FlightError
         Where the folder was made by an earlier version, or a kept table was changed.
     """
-    found = _read(folder)
-    if not found.files:
+    provenance = _read(folder)
+    if not provenance.files:
         nothing = problem_of(folder / FILE, (), "says nothing of the flight", AGAIN)
         raise FlightError([str(nothing)])
-    paths = {name: folder / KEPT / name for name in found.files}
+    paths = {name: folder / KEPT / name for name in provenance.files}
     changed = [
         name
         for name, path in paths.items()
-        if not is_there(path, folder) or own_folder.written(path).sha256 != found.files[name]
+        if not is_there(path, folder) or own_folder.written(path).sha256 != provenance.files[name]
     ]
     if changed:
         problem = (
             f"{folder / KEPT}: {', '.join(changed)} changed since the run; run all stages again"
         )
         raise FlightError([problem])
-    return found
+    return provenance
 
 
 def _read(folder: Path) -> Provenance:
     path = folder / FILE
     if not is_there(path):
         return Provenance(files={}, stages={})
-    said = read_object(path, "what a run wrote")
-    if problems := [problem_of(path, *one) for one in _wrong(said)]:
+    content = read_object(path, "what a run wrote")
+    if problems := [problem_of(path, *fault) for fault in _wrong(content)]:
         raise FlightError(lines_of(problems))
-    return Provenance(files=said["files"], stages=said["stages"])
+    return Provenance(files=content["files"], stages=content["stages"])
 
 
-def _wrong(said: Mapping[str, object]) -> Iterator[Wrong]:
-    """Yield what is wrong in a provenance."""
+def _wrong(content: Mapping[str, object]) -> Iterator[Wrong]:
+    """Yield the problems of the content of provenance.json."""
     for key, test in (("files", _wrong_file), ("stages", _wrong_stage)):
-        values = said.get(key)
+        values = content.get(key)
         if isinstance(values, dict):
             for name, value in values.items():
                 if fault := test(name, value):
@@ -345,8 +346,8 @@ def _wrong_stage(name: str, stage: object) -> tuple[str, str] | None:
 
 
 def _write(folder: Path, provenance: Provenance) -> None:
-    said = {"files": dict(provenance.files), "stages": dict(provenance.stages)}
-    text = json.dumps(said, indent=2, sort_keys=True, ensure_ascii=False) + "\n"
+    content = {"files": dict(provenance.files), "stages": dict(provenance.stages)}
+    text = json.dumps(content, indent=2, sort_keys=True, ensure_ascii=False) + "\n"
     write(folder / FILE, text)
 
 
@@ -354,8 +355,8 @@ def _write(folder: Path, provenance: Provenance) -> None:
 #
 # A run claims the folder for all its stages; a notebook by itself, or a function of
 # `acx4lib.stages`, claims it when it writes its own. The folder is prepared for the flight, whose
-# tables it keeps. Every stage writes into a copy of the results, which takes the place of the old
-# ones when the stage has come to its end, and provenance.json says with what they were made.
+# tables it keeps. Every stage writes into a copy of the results, which replaces the old ones when
+# the stage has ended, and provenance.json records their origin.
 
 
 COMMAND = "acx4 run"
@@ -365,7 +366,7 @@ EXECUTED, FAILED = "notebooks", "failed"
 """Folders of the executed notebooks, and of those that failed."""
 
 COPY = ".acx4.copy"
-"""The file that says of a folder that it is the copy in which a stage of a run works."""
+"""File that marks a folder as the copy in which a stage of a run works."""
 
 
 @contextmanager
@@ -378,8 +379,8 @@ def written(
 ) -> Iterator[Path]:
     """Yield the folder in which the results of a stage are replaced.
 
-    In a stage of a run it is the copy that the run has prepared, and of a flight that has no files
-    the folder itself. Otherwise it is a copy of the results, which takes their place.
+    In a stage of a run this is the copy prepared by the run, and for a flight without files the
+    folder itself. Otherwise it is a copy of the results, which then replaces them.
 
     Parameters
     ----------
@@ -388,7 +389,7 @@ def written(
         ``mounting``, or ``mounting/rig`` for a part that leaves the others.
     flight : Flight
     calibration : mapping, optional
-        That of an earlier flight which the stage validated, as `earlier.Earlier.told` has it.
+        Origin of the validated calibration of an earlier flight, `earlier.Earlier.told`.
 
     Raises
     ------
@@ -397,22 +398,22 @@ def written(
     OutputError
         The folder must not be used for results, or another process is writing there.
     """
-    at = Path(folder)
-    if (at / COPY).is_file() or flight.path == PLACE:
-        yield at
+    path = Path(folder)
+    if (path / COPY).is_file() or flight.path == PLACE:
+        yield path
         return
     whole, _, part = stage.partition("/")
-    with own_folder.claim(at, command=COMMAND, away_from=[flight.path]) as own:
-        check_calibration(at, [whole], calibration)
-        prepare(own, flight, [] if part else [whole])
-        with replaced(own, "rig" if part else whole, calibration=calibration) as copied:
+    with own_folder.claim(path, command=COMMAND, away_from=[flight.path]) as claimed:
+        check_calibration(path, [whole], calibration)
+        prepare(claimed, flight, [] if part else [whole])
+        with replaced(claimed, "rig" if part else whole, calibration=calibration) as copied:
             yield copied
 
 
 def prepare(
     own: OwnFolder, flight: Flight, stages: Sequence[str], *, skipped: Iterable[str] = ()
 ) -> None:
-    """Prepare a folder for stages: keep the flight, remove results of blocks that it lacks.
+    """Prepare a results folder: keep the flight's tables, remove the results of skipped stages.
 
     Parameters
     ----------
@@ -428,7 +429,7 @@ def prepare(
     FlightError
         Files were changed or other stages are of another flight, unless all will be replaced.
     OutputError
-        What will be written is there and is not the command's.
+        A file to be written exists and is not the command's.
     """
     own.expect(
         [
@@ -454,26 +455,28 @@ def prepare(
 
 
 def _check_left(folder: Path, flight: Flight, stages: Sequence[str]) -> None:
-    """Check that the results that a run leaves are of its flight, before its tables are kept."""
+    """Check that the results of stages not run again are of the same flight."""
     kept, summary, mine = _read(folder), results.entries(folder), identity(flight)
     others = {
         stage: _named(summary, stage, of=mine) or _stamped(folder, kept, stage, of=mine)
         for stage in results.STAGES
         if stage not in stages
     }
-    found = {stage: other for stage, other in others.items() if other}
-    if found:
+    foreign = {stage: other for stage, other in others.items() if other}
+    if foreign:
         cure = (
             "run all stages, or choose another folder; the calibration of an earlier flight is "
             "validated by --calibration"
         )
-        other = next(iter(found.values()))
+        other = next(iter(foreign.values()))
         differ = _differing(kept.files, checksums(flight))
-        raise FlightError([_of_another(folder, [*found], other, flight, differ=differ, cure=cure)])
+        raise FlightError(
+            [_of_another(folder, [*foreign], other, flight, differ=differ, cure=cure)]
+        )
 
 
 def _keep(own: OwnFolder, flight: Flight) -> None:
-    """Copy the tables of a flight as it was read into the results, instead of those before."""
+    """Copy the tables of a flight into the results, in place of earlier ones."""
     names = [name.as_posix() for name in table_files(flight)]
     before = _read(own.path)
     with tempfile.TemporaryDirectory(dir=own.path, prefix=SCRATCH) as temporary:
@@ -495,16 +498,16 @@ def _keep(own: OwnFolder, flight: Flight) -> None:
 
 
 def _forget(folder: Path, stages: Sequence[str]) -> None:
-    """Remove stages whose results are removed."""
+    """Remove stages from provenance.json."""
     before = _read(folder)
-    left = {stage: entry for stage, entry in before.stages.items() if stage not in stages}
-    _write(folder, Provenance(files=before.files, stages=left))
+    kept = {stage: entry for stage, entry in before.stages.items() if stage not in stages}
+    _write(folder, Provenance(files=before.files, stages=kept))
 
 
 def check_calibration(
     folder: Path, stages: Sequence[str], told: Mapping[str, object] | None
 ) -> None:
-    """Check that a folder has one calibration after a run: this flight's, or an earlier one's.
+    """Check that a run leaves only one calibration: the flight's own, or an earlier flight's.
 
     Parameters
     ----------
@@ -512,15 +515,15 @@ def check_calibration(
     stages : sequence of str
         Of `folder.STAGES`, those that will be replaced.
     told : mapping or None
-        What is said of the earlier one that will be validated.
+        Origin of the calibration to be validated, if it is that of an earlier flight.
 
     Raises
     ------
     FlightError
     """
-    left = {s: e for s, e in _read(folder).stages.items() if s not in stages}
-    own = "mounting" in (left if told else stages)
-    if own and (told or "calibration" in left.get("validation", {})):
+    kept = {s: e for s, e in _read(folder).stages.items() if s not in stages}
+    has_own = "mounting" in (kept if told else stages)
+    if has_own and (told or "calibration" in kept.get("validation", {})):
         problem = (
             f"{folder}: has the flight's own calibration beside a validation of an earlier one's; "
             "choose another folder for one of them"
@@ -529,10 +532,9 @@ def check_calibration(
 
 
 def beside(stage: str) -> tuple[str, str]:
-    """Return the files that a stage may leave beside the tables: its notebook, and one that failed.
+    """Return the paths of a stage's executed and failed notebooks below a results folder.
 
-    Names are those below the results folder, and below a copy of it; the stage is one of
-    `table_files.NOTEBOOKS`.
+    The paths hold for a copy of the folder as well; the stage is one of `table_files.NOTEBOOKS`.
     """
     name = f"{NOTEBOOKS[stage]}.ipynb"
     return f"{EXECUTED}/{name}", f"{FAILED}/{name}"
@@ -544,7 +546,7 @@ def replaced(
 ) -> Iterator[Path]:
     """Yield a copy of the results for a stage, which replaces them if the stage succeeds.
 
-    Of one that fails, only the notebook is kept.
+    If the stage fails, only its notebook is kept.
 
     Parameters
     ----------
@@ -553,7 +555,7 @@ def replaced(
     stage : str
         Of `table_files.NOTEBOOKS`.
     calibration : mapping, optional
-        That of an earlier flight which the stage validated, as `earlier.Earlier.told` has it.
+        Origin of the validated calibration of an earlier flight, `earlier.Earlier.told`.
     """
     folder = own.path
     with tempfile.TemporaryDirectory(dir=folder, prefix=whole_files.SCRATCH) as temporary:
@@ -565,17 +567,17 @@ def replaced(
             yield copied
         except Acx4Error as error:
             _move(copied, folder, [name for name in beside(stage) if (copied / name).is_file()])
-            with suppress(OutputError):  # the first error is told
+            with suppress(OutputError):  # the first error is reported
                 own.seal()
             if isinstance(error, FlightError | OutputError):  # its paths are those of the copy
-                said = str(error).replace(f"/{copied.name}", "")
+                message = str(error).replace(f"/{copied.name}", "")
                 if isinstance(error, OutputError):
-                    raise OutputError(said) from None
-                raise FlightError(said.splitlines()) from None
+                    raise OutputError(message) from None
+                raise FlightError(message.splitlines()) from None
             raise
-        left = [name for name in beside(stage) if (copied / name).is_file()]
-        own.remove([name for name in beside(stage) if name not in left])
-        _move(copied, folder, [*results.FILES, *left])
+        notebooks = [name for name in beside(stage) if (copied / name).is_file()]
+        own.remove([name for name in beside(stage) if name not in notebooks])
+        _move(copied, folder, [*results.FILES, *notebooks])
     of_folder = PART_OF.get(stage, stage)
     if of_folder in results.STAGES:
         _stamp(folder, of_folder, calibration)

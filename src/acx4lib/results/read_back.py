@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def refused(found: folder.Results) -> Iterator[None]:
-    """Say of tables that were changed by hand and hold no calibration that they do not.
+    """Report tables without a usable calibration, as after changes by hand, by a FlightError.
 
     Raises
     ------
@@ -44,15 +44,17 @@ def refused(found: folder.Results) -> Iterator[None]:
         with np.errstate(all="ignore"):  # what is not finite is refused
             yield
     except (KeyError, ValueError) as error:
-        said = " ".join(str(error).split())
-        problem = f"{found.folder}: parameters.csv and covariance.csv hold no calibration ({said})"
+        reason = " ".join(str(error).split())
+        problem = (
+            f"{found.folder}: parameters.csv and covariance.csv hold no calibration ({reason})"
+        )
         raise FlightError([f"{problem}; run all stages again"]) from None
 
 
 def read_relative_orientation(
     found: folder.Results, stage_method: str, cameras: Mapping[str, Camera]
 ) -> RelativeOrientation:
-    """Return the relative orientation of the heads in a results folder.
+    """Read the relative orientation of the heads from a results folder.
 
     Heads that were not calibrated have the interior orientation that the flight declares.
 
@@ -82,7 +84,9 @@ def read_relative_orientation(
     joint = cov.reindex(index=labels, columns=labels, fill_value=0.0).to_numpy()
     entry = found.summary.get(stage_method, {})
     heads = [cameras[name] for name in names]
-    calibrated = next((of for of in ("heads/bundle", "mounting/rig") if folder.has(found, of)), "")
+    calibrated = next(
+        (source for source in ("heads/bundle", "mounting/rig") if folder.has(found, source)), ""
+    )
     if calibrated == "heads/bundle" or folder.has(found, "heads"):  # a rig that left the heads
         heads = [_estimated(found, calibrated, head) for head in heads]
     return RelativeOrientation(
@@ -96,7 +100,7 @@ def read_relative_orientation(
 
 
 def _turns(entry: Mapping[str, object]) -> Array | None:
-    """Return the standard deviation of turns of pictures, radians; None where there is none."""
+    """Return the standard deviations of picture turns, radians; None without any."""
     turns = entry.get("picture_turns_deg")
     return np.radians(turns) if isinstance(turns, list) else None
 
@@ -111,7 +115,7 @@ def _estimated(found: folder.Results, stage_method: str, camera: Camera) -> Came
 def read_calibration(
     found: folder.Results, stage_method: str, cameras: Sequence[Camera]
 ) -> Calibration:
-    """Return a calibration from a results folder.
+    """Read a calibration from a results folder.
 
     The inverse of `rows.calibration_tables`.
 
@@ -188,7 +192,7 @@ def calibrations_for(
 
 
 def rigs_for(found: folder.Results, cameras: Sequence[Camera]) -> dict[str, Calibration]:
-    """Return the rigs with all these heads for a validation in the heads' images, by method.
+    """Return the rigs with all these heads, for a validation in head images, by method.
 
     Parameters
     ----------
@@ -207,12 +211,12 @@ def rigs_for(found: folder.Results, cameras: Sequence[Camera]) -> dict[str, Cali
 def calibrated_methods(found: folder.Results, methods: Sequence[str] = METHODS) -> tuple[str, ...]:
     """Return the methods of the mounting stage that determined all their parameters.
 
-    Not those of which too much would have been rejected: their data contradict each other.
+    A method with too many rejections is left out: its data contradict each other.
     """
-    said = {method: found.summary.get(f"mounting/{method}", {}) for method in methods}
+    entries = {method: found.summary.get(f"mounting/{method}", {}) for method in methods}
     return tuple(
         method
-        for method, entry in said.items()
+        for method, entry in entries.items()
         if entry.get("converged")
         and not folder.messages(entry, "not_determined")
         and not folder.messages(entry, "stopped")

@@ -32,7 +32,7 @@ from acx4lib.results.table_files import COLUMNS, COMPONENTS, RELATIVE
 
 
 def unit_of(kind: str, component: int = 0) -> float:
-    """Return by what a component of residuals is multiplied for results: radians are degrees."""
+    """Return the factor of a residual component in results: radians to degrees, otherwise 1."""
     return float(np.degrees(1.0)) if COMPONENTS[kind][component].endswith("_deg") else 1.0
 
 
@@ -80,10 +80,12 @@ def calibration_tables(
 def _with_gnss(
     stage: str, method: str, bundle: Bundle, calibration: Calibration
 ) -> dict[str, pd.DataFrame]:
-    """Return the same tables with the shift and the drifts of GNSS positions."""
-    told = np.concatenate([is_determined(calibration), trajectory_errors.is_determined(bundle)])
+    """Return the parameter tables extended by the estimated errors of the trajectory."""
+    determined = np.concatenate(
+        [is_determined(calibration), trajectory_errors.is_determined(bundle)]
+    )
     everything = [*parameters(calibration), *trajectory_errors.parameters(bundle)]
-    keep = np.flatnonzero(told)
+    keep = np.flatnonzero(determined)
     cov = trajectory_errors.reported_covariance(bundle)
     if max(calibration.enlarged) > 1:
         n = calibration.n_columns
@@ -95,7 +97,7 @@ def _with_gnss(
 def parameter_tables(
     stage: str, method: str, listed: Sequence[Parameter], cov: Array
 ) -> dict[str, pd.DataFrame]:
-    """Return the tables of parameters with this covariance, and of the covariance."""
+    """Return the table of parameters and the table of their covariance."""
     rows = [(stage, method, p.camera, p.name, p.value, p.sigma, p.unit) for p in listed]
     names = [p.full_name for p in listed]
     return {
@@ -105,7 +107,7 @@ def parameter_tables(
 
 
 def of_method(stage: str, method: str, frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with the stage and the method that its rows are of as first columns."""
+    """Put the stage and the method of all rows before the columns of a table."""
     return pd.DataFrame({"stage": stage, "method": method, **dict(frame.items())})
 
 
@@ -171,7 +173,7 @@ def exterior_table(block: Block, names: Sequence[str], *, T_m_c: Pose, cov: Arra
 
 
 def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
-    """Return the residuals of all observations that were used, with their names as categories."""
+    """Return the residuals of all used observations, with their names as categories."""
     groups = [group for group in bundle.solution.groups if group.kind in COMPONENTS]
     used = [group.used for group in groups]
     where, points, components, units = [], [], [], []
@@ -205,25 +207,25 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
 
 
 Named = tuple[Sequence[str], Index]
-"""Some names, and which of them each row has."""
+"""Names, and the index of every row's name."""
 
 
 def _named(parts: Sequence[Named]) -> pd.Categorical:
-    """Return a column of text from the rows of several parts."""
+    """Return a categorical column of text from the rows of several parts."""
     lists = {id(names): names for names, _ in parts}  # points stand in several parts
     first = dict(zip(lists, np.cumsum([0, *map(len, lists.values())]), strict=False))
     code = np.concatenate([first[id(names)] + idx for names, idx in parts])
-    names = np.array([name for own in lists.values() for name in own], dtype=object)
+    names = np.array([name for part in lists.values() for name in part], dtype=object)
     alike, known = pd.factorize(names)  # an exposure may have the name of an image
     return pd.Categorical.from_codes(alike[code], pd.Index(known))
 
 
 def _observed_at(network: Network, kind: str) -> tuple[Named, Named]:
-    """Return of every row of a group its image, exposure or camera, and its point."""
+    """Return the image, exposure or camera, and the point, of every row of a group."""
     block = network.block
     if kind == "image_point":
-        seen = network.image_points
-        return (block.images.names, seen.image_idx), (block.points, seen.point_idx)
+        image_points = network.image_points
+        return (block.images.names, image_points.image_idx), (block.points, image_points.point_idx)
     if kind == "control_point":
         point_idx = network.control.point_idx[~network.held_control]
         return _alike(len(point_idx)), (block.points, point_idx)
@@ -249,23 +251,23 @@ def rejected_table(
     *,
     pose_names: Sequence[str],
 ) -> pd.DataFrame:
-    """Return a row for every observation that was rejected as a gross error."""
+    """Return the table of the observations rejected as gross errors."""
     rows = []
     for r in rejected:
-        where, point, what = "", "", "measurement"
+        where, point, quantity = "", "", "measurement"
         if r.kind == "image_point":
             where = block.images.names[block.image_points.image_idx[r.row]]
             point = block.points[block.image_points.point_idx[r.row]]
         elif r.kind == "control_point":
             point = block.points[block.control.point_idx[r.row]]
-            what = (*COMPONENTS["control_point"], "position")[r.component]  # -1: position
+            quantity = (*COMPONENTS["control_point"], "position")[r.component]  # -1: position
         elif r.kind == "distance":
             ends = block.distances.point_idx[r.row]
-            point, where, what = block.points[ends[0]], block.points[ends[1]], "distance"
+            point, where, quantity = block.points[ends[0]], block.points[ends[1]], "distance"
         else:
             where = pose_names[r.row]
-            what = "position" if r.kind == "gnss" else "attitude"
-        reason = f"{what}: w = {r.statistic:.1f} exceeds {r.limit:.3g}"
+            quantity = "position" if r.kind == "gnss" else "attitude"
+        reason = f"{quantity}: w = {r.statistic:.1f} exceeds {r.limit:.3g}"
         rows.append((stage, method, r.kind, where, point, r.statistic, reason))
     return _frame("rejected", rows)
 
@@ -274,11 +276,11 @@ def _check_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
     """Return the differences at check points that the bundle estimated as tie points."""
     network = bundle.network
     block = network.block
-    seen = np.bincount(network.image_points.point_idx, minlength=network.n_points)
-    check = np.flatnonzero(seen[block.check.point_idx] >= 2)
+    n_images = np.bincount(network.image_points.point_idx, minlength=network.n_points)
+    check = np.flatnonzero(n_images[block.check.point_idx] >= 2)
     idx = block.check.point_idx[check]
     d, sigma = compare(block, bundle.state.x_m[idx], bundle.solution.cov_points[idx], check)
-    return point_table(stage, method, [block.points[i] for i in idx], seen[idx], d, sigma)
+    return point_table(stage, method, [block.points[i] for i in idx], n_images[idx], d, sigma)
 
 
 def point_table(

@@ -1,4 +1,4 @@
-"""The entries of summary.json: as they are written, and checked when they are read."""
+"""The entries of summary.json, and their checks when the file is read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acx4lib.results.table_files import MOST_BYTES, STAGES, is_there
 Test = Callable[[Any], bool]
 
 Wrong = tuple[tuple[str, ...], str, str]
-"""Keys in a JSON file, what is there, and what should be."""
+"""Keys in a JSON file, content, and expected content."""
 
 
 def _number(value: object) -> bool:
@@ -49,23 +49,23 @@ def _three(value: object) -> bool:
 
 def _pairs(value: object) -> bool:
     return isinstance(value, list) and all(
-        isinstance(one, list) and len(one) == 3 and _sentences(one[:2]) and _number(one[2])
-        for one in value
+        isinstance(pair, list) and len(pair) == 3 and _sentences(pair[:2]) and _number(pair[2])
+        for pair in value
     )
 
 
 def _groups(value: object) -> bool:
     return isinstance(value, list) and all(
-        isinstance(one, list)
-        and len(one) == 3
-        and isinstance(one[0], str)
-        and all(map(_number, one[1:]))
-        for one in value
+        isinstance(group, list)
+        and len(group) == 3
+        and isinstance(group[0], str)
+        and all(map(_number, group[1:]))
+        for group in value
     )
 
 
 def _named_pairs(value: Any) -> bool:
-    return isinstance(value, list) and all(_sentences(one) and len(one) == 3 for one in value)
+    return isinstance(value, list) and all(_sentences(pair) and len(pair) == 3 for pair in value)
 
 
 def _is_condition(value: object) -> bool:
@@ -88,7 +88,7 @@ def _classes(value: Any) -> bool:
     if not _by_name(_is_object)(value):
         return False
     of_scales = value.get("pec_pcd", {}).values()
-    return all(_has_words(one, ("plan", "height")) for one in of_scales) and all(
+    return all(_has_words(classes, ("plan", "height")) for classes in of_scales) and all(
         _has_words(value[name], keys) for name, keys in _WORDS.items() if name in value
     )
 
@@ -145,7 +145,7 @@ def _points(value: object) -> bool:
 
 
 def _checksums(value: object) -> bool:
-    return isinstance(value, dict) and all(isinstance(one, str) for one in value.values())
+    return isinstance(value, dict) and all(isinstance(checksum, str) for checksum in value.values())
 
 
 def _is_named(value: Any) -> bool:
@@ -154,7 +154,7 @@ def _is_named(value: Any) -> bool:
 
 
 def _is_earlier(value: Any) -> bool:
-    """Tell whether the calibration of an earlier flight has what names it."""
+    """Tell whether the calibration of an earlier flight is fully identified."""
     texts = ("results", "sha256", "computed", "method")
     return _has_words(value, texts) and _is_named(value.get("flight"))
 
@@ -209,7 +209,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     "calibration": (_is_earlier, "what names the calibration of an earlier flight"),
     "measured": (_checksums, "checksums by file"),
 }
-"""Tests of the known entries by name, each with what it expects; others are not read."""
+"""Tests of the known entries by name, each with the expected content; others are not read."""
 
 _ADJUSTED = ("n_observations", "n_unknowns", "redundancy", "n_rejected", "chi_square_p")
 _VALIDATED = (*_OF_PAIRS, "mean", "std", "rms", "points")
@@ -222,27 +222,27 @@ def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]
     ----------
     path : Path
     problems : list of str
-        A line for each thing that is wrong is added to it.
+        One line per problem is added to it.
     """
     try:
         summary = read_object(path, "one object per stage/method") if is_there(path) else {}
     except FlightError as error:
         problems += error.problems
         return {}
-    wrong = list(_wrong_entries(summary))
-    problems += lines_of(problem_of(path, *one) for one in wrong)
-    return {} if wrong else summary
+    faults = list(_wrong_entries(summary))
+    problems += lines_of(problem_of(path, *fault) for fault in faults)
+    return {} if faults else summary
 
 
 def read_object(path: Path, what: str) -> dict[str, Any]:
-    """Return the object that a JSON file holds, every key once.
+    """Return the object in a JSON file; a repeated key is refused.
 
     Parameters
     ----------
     path : Path
-        Of a file that is there.
+        An existing file.
     what : str
-        What should be in it.
+        Expected content, for messages.
 
     Raises
     ------
@@ -250,24 +250,24 @@ def read_object(path: Path, what: str) -> dict[str, Any]:
     """
     text = _text_of(path)
 
-    def wrong(line: int, found: str) -> FlightError:
+    def wrong(line: int, fault: str) -> FlightError:
         expected = f"must be {what}; remove it and run again"
-        problem = Problem(file=str(path), line=line, column="file", found=found, expected=expected)
+        problem = Problem(file=str(path), line=line, column="file", found=fault, expected=expected)
         return FlightError([str(problem)])
 
     try:
-        found = json.loads(text, object_pairs_hook=_once)
+        content = json.loads(text, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
         raise wrong(error.lineno, f"not JSON ({error.msg}, character {error.colno})") from None
     except (ValueError, RecursionError) as error:
         raise wrong(1, f"not JSON ({' '.join(str(error).split())})") from None
-    if not isinstance(found, dict):
-        raise wrong(1, _quoted(found))
-    return found
+    if not isinstance(content, dict):
+        raise wrong(1, _quoted(content))
+    return content
 
 
 def _text_of(path: Path) -> str:
-    """Return the text of a file that is there."""
+    """Return the text of a file; FlightError if it cannot be read."""
     text, _, problems = read_text(path, str(path), needed_by="a report", most=MOST_BYTES)
     if problems:
         raise FlightError([f"{problem}; remove it and run again" for problem in problems])
@@ -275,26 +275,26 @@ def _text_of(path: Path) -> str:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    entries = dict(pairs)
+    if len(entries) < len(pairs):
         again = next(key for k, (key, _) in enumerate(pairs) if key in dict(pairs[:k]))
         raise ValueError(f"{_quoted(again)} stands twice in one object")
-    return found
+    return entries
 
 
 def problem_of(path: Path, keys: Sequence[str], found: str, expected: str) -> Problem:
-    """Return a problem of a key in a JSON file, with its line as far as it is found there."""
-    text, at = _text_of(path) if path.is_file() else "", 0
+    """Return a problem of a key in a JSON file, with the line of the key if it is found."""
+    text, offset = _text_of(path) if path.is_file() else "", 0
     for key in keys:
-        place = text.find(f"{json.dumps(key, ensure_ascii=False)}:", at)
-        at = place if place >= 0 else at
-    line = text.count("\n", 0, at) + 1
+        position = text.find(f"{json.dumps(key, ensure_ascii=False)}:", offset)
+        offset = position if position >= 0 else offset
+    line = text.count("\n", 0, offset) + 1
     name = ": ".join(keys) or "file"
     return Problem(file=str(path), line=line, column=name, found=found, expected=expected)
 
 
 def _wrong_entries(summary: Mapping[str, object]) -> Iterator[Wrong]:
-    """Yield the keys of each thing that is wrong with the objects of a summary, and what is."""
+    """Yield keys, content and expected content of each problem in a summary."""
     for name, entry in summary.items():
         if name.partition("/")[0] not in STAGES or "/" not in name:
             yield (name,), "is unknown", f"must be of a stage: {', '.join(STAGES)}"

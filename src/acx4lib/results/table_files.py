@@ -31,16 +31,15 @@ from acx4lib.opening import opened
 
 
 SAID = 300
-"""Characters of pandas' words that are repeated; they quote what was found in full length."""
+"""Largest number of characters of an error of pandas in a message; it quotes cells in full."""
 
 LONGEST = 10_000
-"""Bytes of the longest header that is looked at."""
+"""Largest number of bytes that are read of a header."""
 
 _METHOD = ("stage", "method")
 
 
-# --- What the tables of a results folder hold: columns, ranges of numbers, words, and what
-# is once
+# --- Content of the tables of a results folder: columns, ranges of numbers, words, unique keys
 
 
 STAGES = ("heads", "synthetic", "mounting", "validation")
@@ -76,12 +75,12 @@ class Schema:
     needed : tuple of str
         Columns of numbers without empty cells.
     words : mapping
-        What alone may stand in some columns of text.
+        Allowed texts of some columns.
     key : tuple of str
-        No two rows have the same cells in all these columns; none where rows are too many to be
-        compared, and only counted. Excepted are
+        Columns whose cells together are unique; empty for a table with too many rows to compare,
+        which are only counted.
     often : tuple of mapping
-        rows with such words: heads, each adjusted by itself, share points and exposures.
+        Words of rows that may repeat a key: separately adjusted heads share points and exposures.
     """
 
     columns: tuple[str, ...]
@@ -177,30 +176,30 @@ SCHEMAS: Mapping[str, Schema] = {
 }
 """By the name of the table; its file is this name with ``.csv``."""
 
-COLUMNS: Mapping[str, tuple[str, ...]] = {name: one.columns for name, one in SCHEMAS.items()}
+COLUMNS: Mapping[str, tuple[str, ...]] = {name: schema.columns for name, schema in SCHEMAS.items()}
 """Columns of every table, in order; a table's file is its name with ``.csv``."""
 
 CURE = "remove it and run again"
-"""What helps where a file is no table of results."""
+"""Cure for a file that is no table of results."""
 
 Check = Callable[[str, pd.DataFrame], Iterable[Problem]]
-"""It yields what is wrong with the rows of a file."""
+"""Yields the problems of the rows of a file."""
 
 _OF = {"validation": "validation/", "synthetic_points": "synthetic/points/"}
-"""What all rows of a table are of, as far as it has no columns for that."""
+"""Stage and method of all rows of a table, as far as it has no columns for them."""
 
 _COUNT = {"n_images"}
 """Columns of counts."""
 
 _ALWAYS_EXACT = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
 _EXACT: dict[str, Any] = {} if _ALWAYS_EXACT else {"float_precision": "round_trip"}
-"""What makes pandas read numbers to the last bit; new versions always do, and warn of it."""
+"""Option of pandas to read numbers to the last bit; new versions always do, and warn of it."""
 
 ROWS = 50_000
 """Number of rows that one processor makes at a time."""
 
 TOGETHER = 8
-"""How often that is done before the rows are written: they wait in memory."""
+"""Number of such parts that wait in memory before they are written."""
 
 _SPECIAL = ',"\n\r'
 """Characters for which a cell is quoted."""
@@ -210,7 +209,7 @@ BYTES = 4_000_000
 
 
 def keys(name: str, frame: pd.DataFrame) -> tuple[Index, list[str]]:
-    """Return which ``stage/method`` every row is of, as an index, and those that occur.
+    """Return the index of every row's ``stage/method``, and the names that occur.
 
     Parameters
     ----------
@@ -221,15 +220,15 @@ def keys(name: str, frame: pd.DataFrame) -> tuple[Index, list[str]]:
     """
     code, known = np.zeros(len(frame), dtype=np.intp), [_OF.get(name, "")]
     for column in [column for column in _METHOD if column in COLUMNS[name]]:
-        own, texts = _coded(frame[column])
-        code = code * len(texts) + own
+        column_code, texts = _coded(frame[column])
+        code = code * len(texts) + column_code
         known = [f"{before}{text}/" for before in known for text in texts]
     occurs = np.bincount(code, minlength=len(known)) > 0
     return (np.cumsum(occurs) - 1)[code], [known[k][:-1] for k in np.flatnonzero(occurs)]
 
 
 def _coded(values: pd.Series) -> tuple[Index, list[str]]:
-    """Return which text every cell has, and all texts; the last one is empty, for no value."""
+    """Return the code of every cell, and all texts; the last text is empty, for no value."""
     if isinstance(values.dtype, pd.CategoricalDtype):
         code, known = values.cat.codes.to_numpy(dtype=np.intp), values.cat.categories
     else:
@@ -241,14 +240,14 @@ def _coded(values: pd.Series) -> tuple[Index, list[str]]:
 
 
 def read(path: Path, check: Check | None = None) -> pd.DataFrame:
-    """Return a table; a missing file counts as one without rows.
+    """Read a table; a missing file counts as a table without rows.
 
     Parameters
     ----------
     path : Path
         Its name is one of `COLUMNS` with ``.csv``.
     check : callable, optional
-        Looks for what is wrong with the cells.
+        Yields the problems of the cells.
 
     Returns
     -------
@@ -258,7 +257,7 @@ def read(path: Path, check: Check | None = None) -> pd.DataFrame:
     Raises
     ------
     FlightError
-        With a line for each thing that is wrong.
+        With one line per problem.
     """
     if not is_there(path):
         return _parsed(path, io.BytesIO(header(path.stem)), None)
@@ -267,7 +266,7 @@ def read(path: Path, check: Check | None = None) -> pd.DataFrame:
 
 
 def read_some(path: Path, begin: tuple[bytes, ...], check: Check | None = None) -> pd.DataFrame:
-    """Return the rows from the first to the last that begins so, where their rows are together.
+    """Read the rows from the first to the last with given beginnings, if these are together.
 
     Parameters
     ----------
@@ -289,14 +288,14 @@ def read_some(path: Path, begin: tuple[bytes, ...], check: Check | None = None) 
     if not is_there(path):
         return read(path)
     with _opened(path) as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-        firsts = [content.find(b"\n" + one) for one in begin]
+        firsts = [content.find(b"\n" + prefix) for prefix in begin]
         if -1 in firsts or not firsts:
             return read(path, check)
-        last = max(content.rfind(b"\n" + one, 0, len(content) - 1) for one in begin)
+        last = max(content.rfind(b"\n" + prefix, 0, len(content) - 1) for prefix in begin)
         end = content.find(b"\n", last + 1)
-        some = content[min(firsts) + 1 : end + 1 if end >= 0 else None]
+        part = content[min(firsts) + 1 : end + 1 if end >= 0 else None]
     try:
-        return _parsed(path, io.BytesIO(header(path.stem) + some), check)
+        return _parsed(path, io.BytesIO(header(path.stem) + part), check)
     except FlightError:  # the whole file has the numbers of the lines
         return read(path, check)
 
@@ -322,15 +321,15 @@ def _parsed(path: Path, file: BinaryIO, check: Check | None) -> pd.DataFrame:
 
 
 def _is_even(file: BinaryIO, width: int) -> bool:
-    """Tell whether rows together have the cells that they should, and the last one ends.
+    """Tell whether the number of cells fits the header, and the last row has a line end.
 
-    A row that is too wide is refused by pandas, so that none can make up for one that is cut.
+    Pandas refuses a row that is too wide, so none can compensate for a cut row.
     """
     file.seek(0)
     commas, lines, last, quotes = 0, 0, b"", False
-    while some := file.read(BYTES):
-        commas, lines = commas + some.count(b","), lines + some.count(b"\n")
-        last, quotes = some[-1:], quotes or b'"' in some
+    while chunk := file.read(BYTES):
+        commas, lines = commas + chunk.count(b","), lines + chunk.count(b"\n")
+        last, quotes = chunk[-1:], quotes or b'"' in chunk
     if quotes:
         file.seek(0)
         bare = re.sub(rb'"[^"]*"', b"", file.read())
@@ -341,11 +340,11 @@ def _is_even(file: BinaryIO, width: int) -> bool:
 def _check_header(path: Path, order: Callable[[Iterable[str]], list[str]], first: bytes) -> None:
     """Refuse a file that does not begin with the columns of its table."""
     columns = COLUMNS[path.stem]
-    found = _cells_of(first)
-    if order(found) != order(columns):
-        said = quoted(",".join(found)) if any(found) else "is empty"
+    cells = _cells_of(first)
+    if order(cells) != order(columns):
+        fault = quoted(",".join(cells)) if any(cells) else "is empty"
         expected = f"must be {','.join(columns)}; {CURE}"
-        problem = Problem(file=str(path), line=1, column="header", found=said, expected=expected)
+        problem = Problem(file=str(path), line=1, column="header", found=fault, expected=expected)
         raise FlightError([str(problem)])
 
 
@@ -354,7 +353,7 @@ def _cells_of(header: bytes) -> list[str]:
 
 
 def _typed(file: BinaryIO, schema: Schema) -> pd.DataFrame:
-    """Return a table; its rows are lines as long as no cell has two."""
+    """Read a table with typed columns, one row per line unless a cell has several lines."""
     numbers = list(schema.ranges)
     return pd.read_csv(
         file,
@@ -371,36 +370,38 @@ def _typed(file: BinaryIO, schema: Schema) -> pd.DataFrame:
 
 
 def _broken(path: Path, file: BinaryIO, reason: str) -> FlightError:
-    """Return where a file is no table: no text, rows of another width, no numbers, no end."""
+    """Return the error of a broken table: no text, wrong widths, no numbers, no line end."""
     file.seek(0)
     data = file.read()
-    found = [*_no_text(data)] or [*_no_cells(data, SCHEMAS[path.stem])]
-    found = found or [(1, "file", " ".join(reason.split())[:SAID], "must be a table of results")]
+    faults = [*_no_text(data)] or [*_no_cells(data, SCHEMAS[path.stem])]
+    faults = faults or [(1, "file", " ".join(reason.split())[:SAID], "must be a table of results")]
     problems = (
-        Problem(file=str(path), line=line, column=column, found=said, expected=f"{must}; {CURE}")
-        for line, column, said, must in found
+        Problem(
+            file=str(path), line=line, column=column, found=fault, expected=f"{expected}; {CURE}"
+        )
+        for line, column, fault, expected in faults
     )
     return FlightError(lines_of(problems))
 
 
 Wrong = tuple[int, str, str, str]
-"""Line, column, what is there, and what should be."""
+"""Line, column, content and expected content."""
 
 
 def _no_text(data: bytes) -> Iterator[Wrong]:
     """Yield the first byte that is no text."""
     try:
-        at, said = data.decode().find("\0"), "holds a null character"
+        offset, fault = data.decode().find("\0"), "holds a null character"
     except UnicodeDecodeError as error:
-        at, said = error.start, f"byte 0x{data[error.start]:02x} is not UTF-8"
+        offset, fault = error.start, f"byte 0x{data[error.start]:02x} is not UTF-8"
     else:
-        at = data.find(b"\0") if at >= 0 else at
-    if at >= 0:
-        yield data.count(b"\n", 0, at) + 1, "file", said, "must be UTF-8 text"
+        offset = data.find(b"\0") if offset >= 0 else offset
+    if offset >= 0:
+        yield data.count(b"\n", 0, offset) + 1, "file", fault, "must be UTF-8 text"
 
 
 def _no_cells(data: bytes, schema: Schema) -> Iterator[Wrong]:
-    """Yield rows that are cut or too wide, and cells that should be numbers."""
+    """Yield rows that are cut or too wide, and cells that are no numbers."""
     reader = csv.reader(io.StringIO(data.decode(), newline=""))
     names = _cells_of(data.partition(b"\n")[0])
     numbers = [names.index(name) for name in schema.ranges]
@@ -417,8 +418,8 @@ def _no_cells(data: bytes, schema: Schema) -> Iterator[Wrong]:
     except csv.Error as error:
         yield reader.line_num, "row", str(error), "must be one row"
     if not data.endswith(b"\n"):
-        found = "has no line end; was the file cut off?"
-        yield reader.line_num, "row", found, "every row must have one"
+        fault = "has no line end; was the file cut off?"
+        yield reader.line_num, "row", fault, "every row must have one"
 
 
 def _is_number(cell: str) -> bool:
@@ -464,16 +465,20 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
     coded = [_coded(frame[column]) for column in texts]
     values = [frame[column].to_numpy(dtype=float) for column in numbers]
     cells = [_cells(known) for _, known in coded]
-    lengths = [length for _, own in cells for length in own]
-    longest = sum(max(own) for _, own in cells) + lines_LONGEST * len(numbers) + len(order)
-    first = np.cumsum([0, *(len(own) for _, own in cells)])
+    lengths = [length for _, cell_lengths in cells for length in cell_lengths]
+    longest = (
+        sum(max(cell_lengths) for _, cell_lengths in cells)
+        + lines_LONGEST * len(numbers)
+        + len(order)
+    )
+    first = np.cumsum([0, *(len(cell_lengths) for _, cell_lengths in cells)])
     starts = np.cumsum([0, *lengths])
     content = np.frombuffer(b"".join(text for text, _ in cells), dtype=np.uint8)
 
     def text(begin: int) -> bytes:
-        some = slice(begin, begin + ROWS)
-        codes = np.array([k + code[some] for k, (code, _) in zip(first, coded, strict=False)])
-        bits = np.array([column[some] for column in values]).view(np.uint64)
+        part = slice(begin, begin + ROWS)
+        codes = np.array([k + code[part] for k, (code, _) in zip(first, coded, strict=False)])
+        bits = np.array([column[part] for column in values]).view(np.uint64)
         out = np.empty(codes.shape[1] * longest, dtype=np.uint8)
         return out[: put_lines(out, np.array(order), codes, content, starts, bits)].tobytes()
 
@@ -483,7 +488,7 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
 
 
 def _cells(texts: list[str]) -> tuple[bytes, list[int]]:
-    """Return texts as they stand in a file, one behind the other, and the length of each."""
+    """Return texts as cells of a file, joined, and the length of each, bytes."""
     joined = "".join(texts)
     if joined.isascii() and not any(special in joined for special in _SPECIAL):
         return joined.encode(), list(map(len, texts))
@@ -501,22 +506,28 @@ def _cell(text: str) -> bytes:
 
 
 def begins(name: str, stage_methods: Sequence[str]) -> tuple[bytes, ...]:
-    """Return what the rows of some stages, or ``stage/method``, begin with in a table's file."""
-    of = _OF.get(name, "")
-    asked = [f"{one}/" for one in stage_methods if one.count("/") < 2]
-    found = [one.removeprefix(of) for one in asked if one.startswith(of)]
-    found += ["" for one in asked if of.startswith(one) and one != of]  # any row
-    return tuple(one.replace("/", ",").encode() for one in found)
+    """Return the beginnings of the rows of some stages, or ``stage/method``, in a table's file."""
+    parent = _OF.get(name, "")
+    asked = [f"{stage_method}/" for stage_method in stage_methods if stage_method.count("/") < 2]
+    beginnings = [
+        stage_method.removeprefix(parent)
+        for stage_method in asked
+        if stage_method.startswith(parent)
+    ]
+    beginnings += [
+        "" for stage_method in asked if parent.startswith(stage_method) and stage_method != parent
+    ]  # any row
+    return tuple(stage_method.replace("/", ",").encode() for stage_method in beginnings)
 
 
 def holds(path: Path, begin: tuple[bytes, ...]) -> bool:
-    """Tell whether a table may have rows that begin so; FlightError as `others`."""
+    """Tell whether a table may have rows with these beginnings; FlightError as `others`."""
     with _opened(path) as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-        return any(content.find(b"\n" + one, 0, len(content) - 1) >= 0 for one in begin)
+        return any(content.find(b"\n" + prefix, 0, len(content) - 1) >= 0 for prefix in begin)
 
 
 def others(path: Path, begin: tuple[bytes, ...]) -> Iterator[tuple[str, bytes]]:
-    """Yield the rows that do not begin so, many at a time, with their first cell.
+    """Yield the rows without these beginnings, many at a time, with their first cell.
 
     Raises
     ------
@@ -524,8 +535,8 @@ def others(path: Path, begin: tuple[bytes, ...]) -> Iterator[tuple[str, bytes]]:
         Where the file does not begin with the header of such a table.
     """
     with _opened(path) as file:
-        while some := _rows(file):
-            kept = [row for row in some if not row.startswith(begin)]
+        while chunk := _rows(file):
+            kept = [row for row in chunk if not row.startswith(begin)]
             for cell, alike in groupby(kept, lambda row: row.partition(b",")[0]):
                 yield cell.decode(), b"".join(alike)
 
@@ -540,14 +551,14 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
 
 
 def _rows(file: BinaryIO) -> list[bytes]:
-    """Return the next rows; lines with an odd number of quotes end or begin inside of a cell."""
-    found = file.readlines(BYTES)
-    if not any(b'"' in line for line in found):
-        return found
+    """Return the next rows; a line with an odd number of quotes ends or begins inside a cell."""
+    file_lines = file.readlines(BYTES)
+    if not any(b'"' in line for line in file_lines):
+        return file_lines
     rows: list[bytes] = []
     row: list[bytes] = []
     is_open = False
-    for line in found:
+    for line in file_lines:
         row.append(line)
         is_open ^= line.count(b'"') % 2 == 1
         if not is_open:
@@ -560,7 +571,7 @@ def _rows(file: BinaryIO) -> list[bytes]:
 
 
 PART_OF: Mapping[str, str] = {"rig": "mounting"}
-"""The stage of the results folder that a stage belongs to, where it is not one of its own."""
+"""The stage of the results folder for a stage that has none of its own."""
 
 NOTEBOOKS: Mapping[str, str] = {
     "flight": "00-flight",
@@ -592,7 +603,7 @@ OF_TRAJECTORY = {
 """Units of the parameters of a trajectory, which belong to no camera, by their first letters."""
 
 
-# --- What is wrong with the cells of a results table, column by column
+# --- Problems of the cells of a results table, column by column
 
 
 FIRST = 2
@@ -602,15 +613,15 @@ FIRST = 2
 def wrong_rows(
     file: str, column: str, rows: Mask | Index, found: Callable[[int], str], expected: str
 ) -> Iterator[Problem]:
-    """Yield the problems of some rows of a table that was read without any problem of its cells.
+    """Yield a problem for each wrong row of a table whose cells could be read.
 
     Parameters
     ----------
     file, column : str
     rows : ndarray
-        Which rows, or of all of them whether they are wrong.
+        Indices of the wrong rows, or a mask of all rows.
     found : callable
-        What is there in a row.
+        Returns the content of a row.
     expected : str
     """
     idx: Index = np.flatnonzero(rows) if rows.dtype == bool else rows.astype(np.intp)
@@ -631,32 +642,32 @@ MOST_BYTES = 200_000_000
 
 
 def is_there(path: Path, folder: Path | None = None) -> bool:
-    """Tell whether a file of results is there.
+    """Tell whether a file of results exists.
 
     Parameters
     ----------
     path : Path
     folder : Path, optional
-        That of the results; by default the one that the path names.
+        Folder of the results; by default the parent of `path`.
 
     Raises
     ------
     FlightError
         Where something else is in its place, or it is a link that leads out of the folder.
     """
-    # the end of a link is looked at by name before anything is opened there
+    # the target of a link is checked by name before anything is opened
     if not _is_inside(path, folder or path.parent):
         raise FlightError([_wrong(path, "is a link that leads out of the results")])
     if path.is_file():
         return True
     if os.path.lexists(path):  # reading a pipe would wait without end
-        found = "is a link to nothing" if path.is_symlink() else "is no regular file"
-        raise FlightError([_wrong(path, found)])
+        fault = "is a link to nothing" if path.is_symlink() else "is no regular file"
+        raise FlightError([_wrong(path, fault)])
     return False
 
 
 def _is_inside(path: Path, folder: Path) -> bool:
-    """Tell whether a path leads to a place below a folder, whatever links are on the way."""
+    """Tell whether a path, links resolved, lies below a folder."""
     return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
 
 

@@ -1,4 +1,4 @@
-"""Results as tables for programs: estimates with their sigma, covariances, points of pixels."""
+"""Results as tables for programs: estimates with their sigma, covariances, ground points."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PIXELS = Schema(
     optional=("sigma_px", "sigma_height_m"),
     keys=(),
 )
-"""Columns of pixels that are to be found on the ground."""
+"""Columns of a table of pixels to be located on the ground."""
 
 
 def parameters(calibration: Calibration) -> pd.DataFrame:
@@ -64,7 +64,7 @@ def covariance(calibration: Calibration) -> pd.DataFrame:
 def ground_points(
     block: Block, georeferenced: Georeferenced, pixels: Columns, *, refraction: str = "none"
 ) -> pd.DataFrame:
-    """Return where pixels lie on the ground, at heights that are given.
+    """Locate pixels on the ground at given heights.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def ground_points(
     Raises
     ------
     FlightError
-        With all that is wrong with the table, by row from 0 and column.
+        With all problems of the table, by row from 0 and column.
     """
     table = table_in_memory(pixels, "pixels", PIXELS)
     names = table.text.get("image", ())
@@ -111,7 +111,7 @@ def ground_points(
         colrow=np.column_stack([table.numbers[name] for name in ("col_px", "row_px")]),
         sigma_px=table.numbers.get("sigma_px", np.full(n, Apriori().image_point_px)),
     )
-    found = direct.ground_points(
+    ground = direct.ground_points(
         block,
         georeferenced,
         rays,
@@ -122,6 +122,6 @@ def ground_points(
     out = pd.DataFrame(
         {"image": list(names), "col_px": rays.colrow[:, 0], "row_px": rays.colrow[:, 1]}
     )
-    out[[f"{axis}_m" for axis in AXES]] = found.enh
-    out[list(SIGMA_POSITION)] = sigmas(found.cov)
+    out[[f"{axis}_m" for axis in AXES]] = ground.enh
+    out[list(SIGMA_POSITION)] = sigmas(ground.cov)
     return out

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and the names that they may have."""
+"""Files written whole or not at all, and allowed file names."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from acx4lib import system
 from acx4lib.errors import OutputError
 from acx4lib.opening import opened
 
-# --- Files that appear whole or not at all: the one place where anything is written that is left
+# --- Files that appear whole or not at all; all lasting output is written here
 #
 # A file is written beside its place under another name, and takes the place when it is complete.
-# If that fails, the place has what it had before.
+# If this fails, the old file stays.
 
 
 SCRATCH = ".acx4-new-"
-"""What names of unfinished files begin with; a command that was killed leaves them behind."""
+"""Beginning of the names of unfinished files; a killed command leaves such files behind."""
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a full disk, of a quota that is used up, and of the largest size of a file."""
 
 _SUFFIX = 16
-"""Longest ending of a name that its draft gets as well, for those who look at it."""
+"""Longest suffix of a file that its draft keeps, for code that depends on the suffix."""
 
 
 class Drafts:
-    """Files that are being written; each has a place that it will take."""
+    """Unfinished files, each with the path that it will take."""
 
     def __init__(self) -> None:
         self._at: dict[Path, Path] = {}
 
     @contextlib.contextmanager
     def path(self, place: Path) -> Iterator[Path]:
-        """Yield the path of a new empty file to be written instead of a file.
+        """Yield the path of a new empty file that will replace a file.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class Drafts:
 
     @contextlib.contextmanager
     def open(self, place: Path, *, size: int | None = None) -> Iterator[BinaryIO]:
-        """Yield an open file to be written instead of a file.
+        """Yield an open new file that will replace a file.
 
         Parameters
         ----------
@@ -75,21 +75,21 @@ class Drafts:
             yield file
 
     def place(self) -> None:
-        """Put all files in their places."""
+        """Move all files to their final paths."""
         for draft, place in list(self._at.items()):
             with naming(place, draft):
                 draft.replace(place)
             del self._at[draft]
 
     def remove(self) -> None:
-        """Remove what has not taken its place."""
+        """Remove the files not yet moved to their final paths."""
         for draft in self._at:
             draft.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
 def together() -> Iterator[Drafts]:
-    """Yield drafts that take their places together, if all goes well."""
+    """Yield drafts that are moved to their final paths together if no error occurs."""
     drafts = Drafts()
     try:
         yield drafts
@@ -100,7 +100,7 @@ def together() -> Iterator[Drafts]:
 
 @contextlib.contextmanager
 def appearing(place: Path) -> Iterator[Path]:
-    """Yield the path of a new file to be written, which takes its place if all goes well.
+    """Yield the path of a new file, which is moved to its place if no error occurs.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def appearing(place: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def opened_new(place: Path) -> Iterator[BinaryIO]:
-    """Yield an open file to be written, which takes its place if all goes well."""
+    """Yield an open new file, which is moved to its place if no error occurs."""
     with together() as drafts, drafts.open(place) as file:
         yield file
 
@@ -166,7 +166,7 @@ def link(source: Path, place: Path) -> None:
 
 @contextlib.contextmanager
 def naming(place: Path, draft: Path | None = None, *, size: int | None = None) -> Iterator[None]:
-    """Name a file instead of its draft, and the space that it needs where there is none.
+    """Name the final file, not its draft, in errors, and the space needed on a full disk.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def naming(place: Path, draft: Path | None = None, *, size: int | None = None) -
 
 
 def _reason(draft: Path) -> int | None:
-    """Return the number of the error where no more can be written; numpy does not tell it."""
+    """Return the error number of a failed write; numpy does not report it."""
     try:
         with draft.open("ab") as file:
             file.write(bytes(2**16))
@@ -203,31 +203,31 @@ def _reason(draft: Path) -> int | None:
 
 
 def _no_space(number: int, place: Path, draft: Path | None, size: int | None) -> str:
-    """Return the sentence on a file for which there is no space."""
-    had = _size(draft) if draft else 0
-    needs = f"more than {_bytes(had)}" if size is None else _bytes(size)
+    """Return the message on a file without enough space on the disk."""
+    written = _size(draft) if draft else 0
+    needs = f"more than {_bytes(written)}" if size is None else _bytes(size)
     free = ""
     if number == errno.ENOSPC:
         with contextlib.suppress(OSError):
-            left = shutil.disk_usage(place.parent).free
-            free = f", {_bytes(had + left)} are free"
+            free_bytes = shutil.disk_usage(place.parent).free
+            free = f", {_bytes(written + free_bytes)} are free"
     return f"{place}: {os.strerror(number)}; it needs {needs}{free}"
 
 
 def _size(path: Path) -> int:
-    """Return the bytes of a file, or of all files in a folder; 0 where there is none."""
+    """Return the size of a file, or of all files in a folder, bytes; 0 if missing."""
     try:
         if path.is_dir():
-            return sum(one.lstat().st_size for one in path.rglob("*"))
+            return sum(file.lstat().st_size for file in path.rglob("*"))
         return path.stat().st_size
     except OSError:
         return 0
 
 
 def _bytes(n: int) -> str:
-    for unit, one in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if n >= one:
-            return f"{n / one:.3g} {unit}"
+    for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if n >= factor:
+            return f"{n / factor:.3g} {unit}"
     return f"{n} bytes"
 
 
@@ -237,7 +237,7 @@ def _name(place: Path) -> str:
 
 
 def _empty(place: Path) -> Path:
-    """Make a new empty file beside a file, with its permissions if it is there."""
+    """Make a new empty file beside a file, with the permissions of an existing file."""
     draft = place.with_name(_name(place))
     with naming(place, draft):
         number = os.open(
@@ -266,8 +266,8 @@ LONGEST_FILE = 200
 def file_stem(name: str) -> str:
     """Return the stem of a file name for a name; different names have different stems."""
 
-    def quoted(found: re.Match[str]) -> str:
-        return "".join(f"%{byte:02X}" for byte in found[0].encode())
+    def quoted(match: re.Match[str]) -> str:
+        return "".join(f"%{byte:02X}" for byte in match[0].encode())
 
     stem = FORBIDDEN.sub(quoted, name)
     if len(stem.encode()) <= LONGEST_FILE:
