@@ -69,7 +69,7 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class RenderOptions:
-    """How synthetic images are made.
+    """Options for the rendering of synthetic images.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class RenderOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderJob:
-    """Everything that is needed to make one synthetic image.
+    """Input, options and output files of one synthetic image.
 
     Attributes
     ----------
@@ -164,12 +164,12 @@ class Outcome:
 
 
 def render_exposure(job: RenderJob, tell: TellRows) -> Outcome:
-    """Render one exposure to its file, and its preview beside it.
+    """Render one exposure and its preview to their files.
 
     Returns
     -------
     Outcome
-        If its files, its pixels or the disk have problems, it has these, and nothing is written.
+        With the problems of files, pixels or disk; if there are any, nothing is written.
     """
     try:
         heads = read_heads(job.files, job.orientation.heads)
@@ -230,7 +230,7 @@ def _size_note(job: RenderJob, heads: HeadImages) -> Iterator[str]:
 
 
 def _refined(job: RenderJob, heads: HeadImages) -> tuple[RenderJob, tuple[str, ...]]:
-    """Return the job, with the heads refined by this image's tie points if that is wanted."""
+    """Return the job, its heads refined by this image's tie points if this is requested."""
     if job.options.refine == "flight":
         return job, ()
     ties = find_ties(heads.images, job.orientation, job.synthetic)
@@ -246,7 +246,7 @@ def _refined(job: RenderJob, heads: HeadImages) -> tuple[RenderJob, tuple[str, .
 
 
 def _response(job: RenderJob, heads: HeadImages) -> Response | None:
-    """Return the flight's response if it has the same bands, or else this image's own."""
+    """Return the flight's response if it has the same bands, otherwise this image's own."""
     if job.options.equalise == "none":
         return None
     bands = heads.images[0].shape[2]
@@ -337,9 +337,9 @@ def _about_head(job: RenderJob, k: int) -> dict[str, Any]:
 
 
 def _reach(response: Response, k: int) -> list[float | None]:
-    """Return the limits of q of a head; None where there is none, as JSON has no infinity."""
+    """Return the valid range of q of a head; None for infinity, which JSON lacks."""
     limits = [] if response.reach is None else response.reach[k].tolist()
-    return [one if np.isfinite(one) else None for one in limits]
+    return [limit if np.isfinite(limit) else None for limit in limits]
 
 
 # --- A synthetic image in stripes, from top to bottom: heads blended, or stacked as its bands
@@ -349,23 +349,23 @@ TellRows = Callable[[str, int, int], None]
 """It is called with the exposure, the number of finished rows and the number of all rows."""
 
 Fill = Callable[[Raster, int], Any]
-"""Fills an array with the rows of the image from one on."""
+"""Fills an array with rows of the image from a given row on."""
 
 
 def blended(plan: RenderPlan, images: Sequence[Raster], threads: int | None) -> Fill:
-    """Return what fills stripes with one image of all heads."""
+    """Return a function that fills stripes with the blended image of all heads."""
     return lambda out, start: render_into(out, plan, images, start, threads)
 
 
 def stacked(plan: RenderPlan, images: Sequence[Raster], threads: int | None) -> Fill:
-    """Return what fills stripes with the bands of all heads, head after head, side by side."""
-    alone = [replace(plan, maps=(head,), feather_px=0.0) for head in plan.maps]
+    """Return a function that fills stripes with the bands of all heads, head after head."""
+    head_plans = [replace(plan, maps=(head,), feather_px=0.0) for head in plan.maps]
 
     def fill(out: Raster, start: int) -> None:
         stop = start + len(out)
         parts = (
-            render_rows(one, [image], start, stop, threads=threads)
-            for one, image in zip(alone, images, strict=True)
+            render_rows(head_plan, [image], start, stop, threads=threads)
+            for head_plan, image in zip(head_plans, images, strict=True)
         )
         np.concatenate(list(parts), axis=2, out=out)
 
@@ -375,7 +375,7 @@ def stacked(plan: RenderPlan, images: Sequence[Raster], threads: int | None) -> 
 def stripes(
     fill: Fill, shape: tuple[int, int, int], dtype: np.dtype, tell: Callable[[int, int], None]
 ) -> Iterator[Raster]:
-    """Yield the image from top to bottom; the next stripe is made while one is written.
+    """Yield the image in stripes from the top; the next is rendered while one is written.
 
     A stripe is overwritten after the next one. Rendering runs in a thread of its own, which
     signals do not interrupt.
@@ -445,8 +445,8 @@ class FlightResponse:
 
 def spread(files: Sequence[HeadFiles]) -> list[HeadFiles]:
     """Return up to `EXPOSURES` of a flight's exposures, evenly spread from first to last."""
-    at = np.linspace(0, len(files) - 1, min(len(files), EXPOSURES)).round().astype(int)
-    return [files[i] for i in at]
+    indices = np.linspace(0, len(files) - 1, min(len(files), EXPOSURES)).round().astype(int)
+    return [files[i] for i in indices]
 
 
 def estimate_flight_response(
@@ -472,12 +472,12 @@ def estimate_flight_response(
     samples: list[Samples] = []
     used: list[str] = []
     n_bands = 0
-    for one in files:
-        found = _samples(one, orientation, synthetic, rng)
-        bands = found[0].log_ratio.shape[1] if found else 0
-        if found and bands == (n_bands or bands):
-            samples += found
-            used.append(one.exposure)
+    for exposure in files:
+        exposure_samples = _samples(exposure, orientation, synthetic, rng)
+        bands = exposure_samples[0].log_ratio.shape[1] if exposure_samples else 0
+        if exposure_samples and bands == (n_bands or bands):
+            samples += exposure_samples
+            used.append(exposure.exposure)
             n_bands = bands
     if not samples:
         return None

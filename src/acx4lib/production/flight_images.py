@@ -62,7 +62,7 @@ class SyntheticRig:
     orientation : RelativeOrientation
     synthetic : Camera
     source : str
-        The one of `ORIENTED` that has the orientation.
+        Entry of `ORIENTED` with the orientation.
     tables : str
         Checksum of the flight's tables from which the orientation was computed.
     """
@@ -140,23 +140,23 @@ def render_flight(  # noqa: PLR0913 what, how and where
     complete, incomplete = files.complete, files.incomplete
     chosen = files.chosen(exposures)
     sources = spread(list(complete.values())) if options.equalise == "flight" else []
-    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as own:
+    with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as claimed:
         jobs = _jobs(rig, [complete[n] for n in chosen if n in complete], folder, options, sources)
-        own.expect([IMAGES, *(path.name for job in jobs for path in (job.path, job.preview))])
+        claimed.expect([IMAGES, *(path.name for job in jobs for path in (job.path, job.preview))])
         kept = {job.exposure for job in jobs if _is_made(job)}
-        left = [job for job in jobs if job.exposure not in kept]
+        remaining = [job for job in jobs if job.exposure not in kept]
         response = (
-            estimate_flight_response(sources, rig.orientation, rig.synthetic) if left else None
+            estimate_flight_response(sources, rig.orientation, rig.synthetic) if remaining else None
         )
-        left = [replace(_with_response(job, response), threads=threads) for job in left]
-        outcomes = [*_missing(chosen, incomplete), *_rendered(left, rig, executor, tell)]
+        remaining = [replace(_with_response(job, response), threads=threads) for job in remaining]
+        outcomes = [*_missing(chosen, incomplete), *_rendered(remaining, rig, executor, tell)]
         if kept:
             _list(folder, rig, [job for job in jobs if job.exposure in kept])
     outcomes.sort(key=lambda o: chosen.index(o.exposure))
     left_out = incomplete if exposures is None else {}
     failed = {outcome.exposure for outcome in outcomes if outcome.problems}
     return Rendered(
-        rendered=tuple(job.exposure for job in left if job.exposure not in failed),
+        rendered=tuple(job.exposure for job in remaining if job.exposure not in failed),
         kept=tuple(job.exposure for job in jobs if job.exposure in kept),
         problems=tuple(f"{o.exposure}: {p}" for o in outcomes for p in o.problems),
         notes=tuple(_notes(results_path, rig, left_out, response, outcomes)),
@@ -166,7 +166,7 @@ def render_flight(  # noqa: PLR0913 what, how and where
 def _rendered(
     jobs: Sequence[RenderJob], rig: SyntheticRig, executor: Executor | None, tell: TellRows
 ) -> list[Outcome]:
-    """Render images, and add each to the folder's table as soon as it is there."""
+    """Render images, and add each to the folder's table as soon as it is complete."""
     outcomes = []
     for job in jobs:
         tell(job.exposure, 0, job.synthetic.height_px)
@@ -183,7 +183,7 @@ def _rendered(
 
 
 def read_rig(flight: Flight, results_path: Path) -> SyntheticRig:
-    """Return the orientation of the heads in the results, the refined one if it exists.
+    """Read the orientation of the heads from the results, refined if available.
 
     Raises
     ------
@@ -217,14 +217,14 @@ def _read_orientation(flight: Flight, results_path: Path) -> tuple[str, Relative
     heads = flight.blocks.get("heads")
     is_measured = heads is None or not not_calibrated(heads)
     before = ["heads"] if is_measured else ["synthetic"]  # heads as declared have no stage heads
-    found = provenance.results_before(results_path, before, flight)
-    if is_measured and results.has(found, "synthetic"):
-        found = provenance.results_before(results_path, ["heads", "synthetic"], flight)
+    run_results = provenance.results_before(results_path, before, flight)
+    if is_measured and results.has(run_results, "synthetic"):
+        run_results = provenance.results_before(results_path, ["heads", "synthetic"], flight)
     reasons: list[str] = []
     for source in ORIENTED:
-        reasons = results.messages(found.summary.get(source, {}), "left_out")
-        if results.has(found, source) and not reasons:
-            return source, read_relative_orientation(found, source, flight.cameras)
+        reasons = results.messages(run_results.summary.get(source, {}), "left_out")
+        if results.has(run_results, source) and not reasons:
+            return source, read_relative_orientation(run_results, source, flight.cameras)
     if reasons:
         raise AdjustmentError("; ".join(reasons))
     raise FlightError([f"{results_path}: has no orientation of the heads; run stage heads first"])
@@ -267,23 +267,23 @@ def _jobs(
         "flight": rig.flight.name,
         "orientation": rig.source,
         "tables": rig.tables,
-        "response_from": [one.exposure for one in sources],
+        "response_from": [files.exposure for files in sources],
         "software": f"acx4lib {_version()}",
     }
-    depends = [about, asdict(options), *_numbers(rig), *(_files(one) for one in sources)]
+    depends = [about, asdict(options), *_numbers(rig), *(_files(files) for files in sources)]
     return [
         RenderJob(
-            exposure=one.exposure,
-            files=one.paths,
+            exposure=files.exposure,
+            files=files.paths,
             orientation=rig.orientation,
             synthetic=rig.synthetic,
             options=options,
             response=None,
-            path=folder / f"{file_stem(one.exposure)}.tif",
-            preview=folder / f"{file_stem(one.exposure)}_preview.jpg",
-            about={**about, "input": _checksum([*depends, _files(one)])},
+            path=folder / f"{file_stem(files.exposure)}.tif",
+            preview=folder / f"{file_stem(files.exposure)}_preview.jpg",
+            about={**about, "input": _checksum([*depends, _files(files)])},
         )
-        for one in exposures
+        for files in exposures
     ]
 
 
@@ -303,8 +303,8 @@ def _numbers(rig: SyntheticRig) -> list[object]:
     return [cameras, rig.orientation.xyz_mm.tolist(), rig.orientation.opk.tolist()]
 
 
-def _files(one: HeadFiles) -> list[str]:
-    return [one.exposure, *(fingerprint(path) for path in one.paths)]
+def _files(files: HeadFiles) -> list[str]:
+    return [files.exposure, *(fingerprint(path) for path in files.paths)]
 
 
 def _checksum(depends: Sequence[object]) -> str:
@@ -312,8 +312,8 @@ def _checksum(depends: Sequence[object]) -> str:
 
 
 def _is_made(job: RenderJob) -> bool:
-    there = job.path.is_file() and job.preview.is_file()
-    return there and read_about(job.path).get("input") == job.about["input"]
+    exists = job.path.is_file() and job.preview.is_file()
+    return exists and read_about(job.path).get("input") == job.about["input"]
 
 
 # --- notes and table -------------------------------------------------------------------------
@@ -326,7 +326,7 @@ def _notes(
     response: FlightResponse | None,
     outcomes: Sequence[Outcome],
 ) -> Iterator[str]:
-    """Yield what holds of all images, then each note of some once, with the names of these."""
+    """Yield the notes on all images, then each note on single exposures, with their names."""
     yield f"heads as {results_path} has them, {rig.source}"
     yield from _other_constant(rig)
     if left_out:
@@ -361,7 +361,7 @@ def _list(folder: Path, rig: SyntheticRig, jobs: Sequence[RenderJob]) -> None:
 def _outcomes(
     jobs: Sequence[RenderJob], executor: Executor | None, tell: TellRows
 ) -> Iterator[tuple[RenderJob, Outcome]]:
-    """Yield every image with its outcome, as they are finished."""
+    """Yield each job with its outcome as soon as it is finished."""
     if executor is None:
         yield from ((job, render_exposure(job, tell)) for job in jobs)
         return
@@ -381,7 +381,7 @@ def _absolute(job: RenderJob) -> RenderJob:
 
 
 def _outcome(job: RenderJob, call: Future[Outcome]) -> Outcome:
-    """Return what a call returned; where it was lost with its worker, the image has a problem."""
+    """Return the outcome of a call; an image lost with its worker has a problem."""
     try:
         return call.result()
     except FileNotFoundError as error:

@@ -1,4 +1,4 @@
-"""The pixels of a flight's heads: which exposures have them, and their files, read and checked.
+"""The images of a flight's heads: complete exposures, and their files, read and checked.
 
 An image that is stored in its file as in memory is mapped, not read. Then pixels that are not
 used take no time, and the memory of used ones can be given back.
@@ -52,7 +52,7 @@ class FlightFiles:
     meant : dict of str to tuple of str
         By a plain name or ``block/name``, the exposures that it may mean.
     tables : tuple of Path
-        Where the files are named.
+        Tables with the names of the files.
     """
 
     complete: dict[str, HeadFiles]
@@ -61,12 +61,12 @@ class FlightFiles:
     tables: tuple[Path, ...]
 
     def chosen(self, names: Sequence[str] | None) -> list[str]:
-        """Return the named exposures; by default all that are complete.
+        """Return the names of the chosen exposures; by default of all complete ones.
 
         Raises
         ------
         FlightError
-            Where there is none, or a name means none or several of them.
+            Where there is none, or a name matches none or several exposures.
         """
         if names is None:
             if not self.complete:
@@ -108,13 +108,13 @@ class HeadImages:
     reduction: int
 
     def forget(self) -> None:
-        """Give back the memory of mapped pixels; they are read again when they are needed."""
+        """Release the memory of mapped pixels; they are read again when needed."""
         for image in self.images:
             forget(image)
 
 
 def flight_files(flight: Flight, heads: Sequence[str]) -> FlightFiles:
-    """Return the image files of the block heads and of others that are measured in heads.
+    """Return the image files of block heads and of the blocks measured in heads.
 
     Parameters
     ----------
@@ -128,31 +128,38 @@ def flight_files(flight: Flight, heads: Sequence[str]) -> FlightFiles:
         Where no image of a head has a file.
     """
     blocks = [name for name in ("heads", *flight.carried) if any(flight.image_files.get(name, ()))]
-    found = {name: head_files(flight, heads, block=name) for name in blocks or ("heads",)}
-    places = [(name, one) for name, parts in found.items() for part in parts for one in part]
-    full = {f"{name}/{one}" for name, one in places}
-    times = Counter(one for _, one in places)
+    files_of_block = {name: head_files(flight, heads, block=name) for name in blocks or ("heads",)}
+    places = [
+        (name, exposure)
+        for name, parts in files_of_block.items()
+        for part in parts
+        for exposure in part
+    ]
+    full = {f"{name}/{exposure}" for name, exposure in places}
+    times = Counter(exposure for _, exposure in places)
     label = {
-        (name, one): one if times[one] == 1 and one not in full else f"{name}/{one}"
-        for name, one in places
+        (name, exposure): exposure
+        if times[exposure] == 1 and exposure not in full
+        else f"{name}/{exposure}"
+        for name, exposure in places
     }
     meant: dict[str, tuple[str, ...]] = {}
-    for (name, one), said in label.items():
-        for way in dict.fromkeys((one, f"{name}/{one}", said)):
-            meant[way] = (*meant.get(way, ()), said)
+    for (name, exposure), unique in label.items():
+        for alias in dict.fromkeys((exposure, f"{name}/{exposure}", unique)):
+            meant[alias] = (*meant.get(alias, ()), unique)
     return FlightFiles(
         complete={
-            label[name, one]: replace(files, exposure=label[name, one])
-            for name, (complete, _) in found.items()
-            for one, files in complete.items()
+            label[name, exposure]: replace(files, exposure=label[name, exposure])
+            for name, (complete, _) in files_of_block.items()
+            for exposure, files in complete.items()
         },
         incomplete={
-            label[name, one]: says
-            for name, (_, incomplete) in found.items()
-            for one, says in incomplete.items()
+            label[name, exposure]: reason
+            for name, (_, incomplete) in files_of_block.items()
+            for exposure, reason in incomplete.items()
         },
         meant=meant,
-        tables=tuple(_table(flight, name) for name in found),
+        tables=tuple(_table(flight, name) for name in files_of_block),
     )
 
 
@@ -186,11 +193,11 @@ def head_files(
         Where no image of a head has a file.
     """
     table = _table(flight, block)
-    found = _files_by_exposure(flight, heads, block)
-    if not found:
+    by_exposure = _files_by_exposure(flight, heads, block)
+    if not by_exposure:
         raise FlightError([f"{table}: names no files of head images; {MAKE_FILES}"])
     complete, incomplete = {}, {}
-    for exposure, files in found.items():
+    for exposure, files in by_exposure.items():
         missing = [name for name in heads if name not in files]
         if missing:
             incomplete[exposure] = (
@@ -207,17 +214,19 @@ def _files_by_exposure(
     flight: Flight, heads: Sequence[str], name: str
 ) -> dict[str, dict[str, Path]]:
     """Return the existing files of heads by exposure and camera."""
-    found: dict[str, dict[str, Path]] = {}
+    by_exposure: dict[str, dict[str, Path]] = {}
     if name not in flight.blocks:
-        return found
+        return by_exposure
     block, inside = flight.blocks[name], flight.pictures.resolve()
     images = block.images
     for i, path in enumerate(flight.image_files[name]):
         camera = block.cameras[images.camera_idx[i]].name
         if path is not None and camera in heads:
             exposure = block.trajectory.exposures[images.exposure_idx[i]]
-            found.setdefault(exposure, {})[camera] = flight.pictures / path.relative_to(inside)
-    return found
+            by_exposure.setdefault(exposure, {})[camera] = flight.pictures / path.relative_to(
+                inside
+            )
+    return by_exposure
 
 
 def read_heads(paths: Sequence[Path], cameras: Sequence[Camera]) -> HeadImages:
@@ -245,7 +254,7 @@ def read_heads(paths: Sequence[Path], cameras: Sequence[Camera]) -> HeadImages:
     if problems:
         raise FlightError(problems)
     return HeadImages(
-        images=tuple(one.image for one in pixels),
+        images=tuple(file.image for file in pixels),
         reduction=pixels[0].reduction,
     )
 
@@ -253,9 +262,9 @@ def read_heads(paths: Sequence[Path], cameras: Sequence[Camera]) -> HeadImages:
 def _unlike(paths: Sequence[Path], pixels: Sequence[ImageFile]) -> list[str]:
     """Return sentences on files that differ from most of the others."""
     kinds = {
-        "has pixels of {} bit": [f"{8 * one.image.dtype.itemsize}" for one in pixels],
-        "has {} bands": [f"{one.image.shape[2]}" for one in pixels],
-        "is at {} of the size": [f"1/{one.reduction}" for one in pixels],
+        "has pixels of {} bit": [f"{8 * file.image.dtype.itemsize}" for file in pixels],
+        "has {} bands": [f"{file.image.shape[2]}" for file in pixels],
+        "is at {} of the size": [f"1/{file.reduction}" for file in pixels],
     }
     problems = []
     for says, values in kinds.items():

@@ -1,4 +1,4 @@
-"""One aerial image from its TIFF: its header is checked, its pixels are mapped where possible."""
+"""Read an aerial image from a TIFF: check its header, map its pixels where possible."""
 
 from __future__ import annotations
 
@@ -149,8 +149,8 @@ def fingerprint(path: Path) -> str:
     size = path.stat().st_size
     checksum = hashlib.sha256(str(size).encode())
     with opened(path) as file:
-        for at in np.linspace(0, max(size - _AT_A_TIME, 0), _SAMPLED, dtype=np.int64):
-            file.seek(int(at))
+        for offset in np.linspace(0, max(size - _AT_A_TIME, 0), _SAMPLED, dtype=np.int64):
+            file.seek(int(offset))
             checksum.update(file.read(_AT_A_TIME))
     return checksum.hexdigest()
 
@@ -184,7 +184,7 @@ def _captured_log() -> Iterator[list[str]]:
 @contextmanager
 def _readable(path: Path) -> Iterator[None]:
     """Replace errors and messages of the TIFF reader by one sentence."""
-    with _captured_log() as said, np.errstate(divide="raise", invalid="raise"):
+    with _captured_log() as log, np.errstate(divide="raise", invalid="raise"):
         try:
             if path.exists() and not (
                 path.is_file() or path.is_dir()
@@ -196,14 +196,14 @@ def _readable(path: Path) -> Iterator[None]:
         except tifffile.TiffFileError:
             raise FlightError([f"{path}: {_not_tiff(path)}"]) from None
         except _BROKEN as error:
-            reason = _reason(error, said)
+            reason = _reason(error, log)
             problem = f"{path}: is damaged, its pixels cannot be decoded ({reason}); copy it again"
             raise FlightError([problem]) from None
 
 
-def _reason(error: Exception, said: Sequence[str]) -> str:
-    """Return the reader's reason why a file is wrong, in words."""
-    words = [re.sub(r"<[^<>]*+>", "", line) for line in said]
+def _reason(error: Exception, log: Sequence[str]) -> str:
+    """Return the TIFF reader's reason for an error, at most 200 characters."""
+    words = [re.sub(r"<[^<>]*+>", "", line) for line in log]
     if isinstance(error, (RuntimeError, ValueError)):
         words.append(str(error))
     return " ".join((words or ["its header is not consistent"])[0].split())[:200]
@@ -214,13 +214,13 @@ def _not_tiff(path: Path) -> str:
         start = file.read(12)
     if not start:
         return "is empty; a head image is a TIFF"
-    known = (what for magic, what in _OTHERS.items() if start.startswith(magic))
-    what = next(known, "no TIFF, or its header is damaged")
-    return f"is {what}; head images are read from TIFF (16 or 8 bit)"
+    known = (kind for magic, kind in _OTHERS.items() if start.startswith(magic))
+    kind = next(known, "no TIFF, or its header is damaged")
+    return f"is {kind}; head images are read from TIFF (16 or 8 bit)"
 
 
 def _header(tiff: tifffile.TiffFile) -> _Header:
-    """Return the properties of a file's first image; overviews and masks do not count as others."""
+    """Return the properties of a file's first image; overviews and masks are not counted."""
     page = tiff.pages.first
     others = [p for p in _further_pages(tiff) if isinstance(p, tifffile.TiffPage)]
     n_alike = sum(
@@ -262,7 +262,7 @@ def _further_pages(tiff: tifffile.TiffFile) -> Iterator[object]:
 
 
 def _kind_problem(header: _Header) -> str | None:
-    """Return why pixels of this kind are not read; None if they are."""
+    """Return the problem of pixels of a kind that is not read; None otherwise."""
     as_rgb = header.photometric == _YCBCR and header.compression in _JPEG  # converted in decoding
     colours = "" if as_rgb else _COLOURS.get(header.photometric, "an unusual colour space")
     turned = f"is to be shown turned (orientation {header.turned}); store the pixels as shown"
@@ -280,7 +280,7 @@ def _kind_problem(header: _Header) -> str | None:
         f"holds {header.n_images} images; all bands must be in one": header.n_images > 1,
         "has a third dimension; one image is read": header.depth != 1,
     }
-    return next((says for says, wrong in problems.items() if wrong), None)
+    return next((problem for problem, wrong in problems.items() if wrong), None)
 
 
 def _reduction(header: _Header, camera: Camera) -> int:
@@ -311,36 +311,36 @@ def _extent_problem(header: _Header, size: int) -> str | None:
 
 
 def _memory_problem(header: _Header, size: int) -> str | None:
-    """Return why the pixels must not be unpacked: too many for the file, or for the memory."""
+    """Return the problem of pixels too many for the file or the memory; None otherwise."""
     if header.as_in_memory:
         return None
     whole, part = (n * header.pixel_bytes for n in (header.width * header.height, header.part_px))
-    # A part is there as it is unpacked, as it is put together, and as it is in the picture.
+    # A part is in memory as unpacked, as put together, and in the picture.
     return fault(max(whole, part), size, 2 * whole + 2 * part) or None
 
 
 def _part_problem(path: Path, header: _Header) -> str | None:
-    """Return a problem if parts say themselves what size they have, and it is another one."""
+    """Return a problem of parts packed in an unknown way, or of JPEG parts too large."""
     if header.compression in _BOUNDED:
         return None
     if header.compression not in _JPEG:
         return f"is packed in the way {header.compression}; give it as deflate, LZW, zstd or JPEG"
     with opened(path) as file:
-        for at, count in zip(header.offsets, header.counts, strict=False):
-            file.seek(at)
-            found = size_of(file.read(min(count, _HEADER_OF_PART)))
-            if found is None or found[0] * found[1] > header.part_px:
+        for offset, count in zip(header.offsets, header.counts, strict=False):
+            file.seek(offset)
+            size = size_of(file.read(min(count, _HEADER_OF_PART)))
+            if size is None or size[0] * size[1] > header.part_px:
                 return "has parts of JPEG that are larger than the picture says, or say no size"
     return None
 
 
 def _mapped(path: Path, header: _Header) -> Raster:
-    """Return the image mapped from its file, in which it is stored as in memory."""
+    """Map an image that is stored in its file as in memory."""
     with opened(path) as file:
         mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     shape = (header.height, header.width, header.bands)
-    count, at = int(np.prod(shape)), header.offsets[0]
-    return np.frombuffer(mapped, header.dtype, count, at).reshape(shape)
+    count, offset = int(np.prod(shape)), header.offsets[0]
+    return np.frombuffer(mapped, header.dtype, count, offset).reshape(shape)
 
 
 def _decoded(path: Path, header: _Header) -> Raster:
@@ -356,10 +356,10 @@ def _decoded(path: Path, header: _Header) -> Raster:
 
 
 LARGEST_RATIO = 200
-"""Of a picture's bytes to those of its file; pictures of the ground have 2 to 50."""
+"""Largest ratio of a picture's bytes to its file's; pictures of the ground have 2 to 50."""
 
 SMALL = 100_000_000
-"""Bytes of a picture that are unpacked whatever this ratio is: it may be empty."""
+"""Bytes of a picture that is unpacked at any ratio: it may be empty."""
 
 SCAN, END = 0xDA, 0xD9
 FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
@@ -376,18 +376,18 @@ _PICTURE_SIZES_JPEG, _PNG = b"\xff\xd8", b"\x89PNG\r\n\x1a\n"
 
 def segments(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield markers and contents of a JPEG's segments up to its pixels."""
-    at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
+    offset = 2
+    while offset + 4 <= len(data) and data[offset] == 0xFF:
+        marker = data[offset + 1]
         if marker in (SCAN, END):
             return
-        (length,) = struct.unpack(">H", data[at + 2 : at + 4])
-        yield marker, data[at + 4 : at + 2 + length]
-        at += 2 + length
+        (length,) = struct.unpack(">H", data[offset + 2 : offset + 4])
+        yield marker, data[offset + 4 : offset + 2 + length]
+        offset += 2 + length
 
 
 def is_whole(data: bytes) -> bool:
-    """Tell whether a JPEG or a PNG has its end; one that was cut off is decoded with grey there."""
+    """Tell whether a JPEG or a PNG has its end; a cut file would be decoded with grey pixels."""
     if data[:8] == _PNG:
         return b"IEND" in data[-LAST:]
     start = 2 + sum(4 + len(part) for _, part in segments(data))
@@ -397,7 +397,7 @@ def is_whole(data: bytes) -> bool:
 def is_cut_off(path: Path) -> bool:
     """Tell whether a file is a JPEG, a PNG or a TIFF without its end.
 
-    A large JPEG that has one among its last bytes is not read to find it.
+    A large JPEG with an end marker in its last bytes is not read in full.
     """
     kind = path.suffix.lower()
     if kind not in (".jpg", ".jpeg", ".png", ".tif", ".tiff"):
@@ -415,7 +415,7 @@ def is_cut_off(path: Path) -> bool:
 
 
 def size_of(data: bytes) -> tuple[int, int] | None:
-    """Return width and height of a JPEG or a PNG, px; None where its header does not say them."""
+    """Return width and height of a JPEG or a PNG, px; None if its header lacks them."""
     if data[:8] == _PNG and data[12:16] == b"IHDR" and len(data) >= 24:
         width, height = struct.unpack(">II", data[16:24])
         return width, height
@@ -428,16 +428,16 @@ def size_of(data: bytes) -> tuple[int, int] | None:
 
 
 def fault(n_bytes: int, size: int, needed: int | None = None) -> str:
-    """Return why a picture must not be unpacked; empty where it may be.
+    """Return the reason not to unpack a picture; empty without any.
 
     Parameters
     ----------
     n_bytes : int
-        Of its pixels.
+        Bytes of its pixels.
     size : int
-        Of its file, bytes.
+        Bytes of its file.
     needed : int, optional
-        Bytes of memory while it is unpacked; by default those of its pixels.
+        Bytes of memory for unpacking; by default those of its pixels.
     """
     if n_bytes > SMALL and n_bytes > LARGEST_RATIO * size:
         return f"has {n_bytes} bytes of pixels in {size}; {LARGEST_RATIO} times as many at most"

@@ -1,4 +1,4 @@
-"""What the tags of a TIFF would take in memory, found before anything reads them.
+"""TIFF files: the memory of tags checked before reading, and large images written.
 
 A tag says where its values lie. Thousands of tags may name the same megabyte of a small file, and
 a reader makes a copy for each of them.
@@ -47,14 +47,14 @@ BELOW = (EXIF, GPS)
 """Tags that name a directory of others."""
 
 UNREAD = {37724, 34377, 34675}
-"""Layers and colour profiles of large size, which nothing here looks at."""
+"""Tags of layers and colour profiles, which are large and not used here."""
 
 _BROKEN = (struct.error, OSError, ValueError, OverflowError)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Kind:
-    """How numbers stand in a file: byte order, and width of places."""
+    """Encoding of numbers in a file: byte order, and width of offsets."""
 
     order: str
     big: bool
@@ -73,19 +73,19 @@ class _Kind:
 
 
 def opened(source: Path | BinaryIO) -> tifffile.TiffFile:
-    """Return a TIFF that is open; formats of microscopes, which are read without a limit, are not.
+    """Open a TIFF, but never as a microscope format, which is read without a limit.
 
     Parameters
     ----------
     source : Path or binary file
-        One in whose tags `fault` finds nothing.
+        A file whose tags have no `fault`.
     """
     return tifffile.TiffFile(source, is_lsm=False, is_ndpi=False, is_scanimage=False, is_stk=False)
 
 
 @contextmanager
 def in_silence() -> Iterator[None]:
-    """Keep the TIFF reader from remarking on what is told otherwise."""
+    """Suppress messages of the TIFF reader about problems reported elsewhere."""
     logger = logging.getLogger("tifffile")
     before, logger.disabled = logger.disabled, True
     try:
@@ -95,10 +95,10 @@ def in_silence() -> Iterator[None]:
 
 
 def end_of_pixels(tiff: tifffile.TiffFile) -> int:
-    """Return the bytes that a TIFF must have for the parts of its first image, as its tags say."""
+    """Return the size that a TIFF needs for the parts of its first image, bytes, by its tags."""
     page = tiff.pages.first
     places = zip(page.dataoffsets, page.databytecounts, strict=False)
-    return max((int(at) + int(n) for at, n in places), default=0)
+    return max((int(offset) + int(n) for offset, n in places), default=0)
 
 
 def is_cut_off(file: BinaryIO, size: int) -> bool:
@@ -116,7 +116,7 @@ def is_cut_off(file: BinaryIO, size: int) -> bool:
             return True
         file.seek(0)
         if fault(file, size):
-            return False  # which is told where it is read
+            return False  # reported where the file is read
         file.seek(0)
         with in_silence():
             return end_of_pixels(opened(file)) > size
@@ -125,31 +125,31 @@ def is_cut_off(file: BinaryIO, size: int) -> bool:
 
 
 def _end_of_tags(file: BinaryIO) -> int:
-    """Return where the first directory of a TIFF ends; 0 where it is none."""
-    found = _begin(file)
-    if found is None:
+    """Return the end of the first directory of a TIFF, bytes; 0 for other files."""
+    start = _begin(file)
+    if start is None:
         return 0
-    kind, at = found
-    file.seek(at)
+    kind, offset = start
+    file.seek(offset)
     number = file.read(kind.number.size)
     n = kind.number.unpack(number)[0] if len(number) == kind.number.size else 0
-    return at + kind.number.size + n * kind.tag.size + kind.place.size
+    return offset + kind.number.size + n * kind.tag.size + kind.place.size
 
 
 def _begin(file: BinaryIO) -> tuple[_Kind, int] | None:
-    """Return how numbers stand in a TIFF, and where its first directory is; None for others."""
+    """Return the encoding of a TIFF, and the offset of its first directory; None for others."""
     start = file.read(16)
     order = {b"II": "<", b"EP": "<", b"MM": ">"}.get(start[:2], "")
     if not order or len(start) < 8:
         return None
     (version,) = struct.unpack(order + "H", start[2:4])
     kind = _Kind(order=order, big=version == 43)
-    (at,) = kind.place.unpack_from(start, 8 if kind.big else 4)
-    return kind, at
+    (offset,) = kind.place.unpack_from(start, 8 if kind.big else 4)
+    return kind, offset
 
 
 def fault(file: BinaryIO, size: int, *, pages: int = 1, below: bool = False) -> str:
-    """Return why the tags of a TIFF must not be read; empty where they may be, or it is no TIFF.
+    """Return the reason not to read the tags of a TIFF; empty without any, or for other files.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def fault(file: BinaryIO, size: int, *, pages: int = 1, below: bool = False) -> 
     pages : int
         Directories of images that are read.
     below : bool
-        Whether those of EXIF and GPS are, too.
+        Whether the directories of EXIF and GPS are read as well.
     """
     total = 0
     most = min(size, MOST_BYTES)
@@ -176,33 +176,33 @@ def fault(file: BinaryIO, size: int, *, pages: int = 1, below: bool = False) -> 
 
 def _values(file: BinaryIO, pages: int, *, below: bool) -> Iterator[tuple[int, int]]:
     """Yield tags and the bytes of their values, directory after directory."""
-    found = _begin(file)
-    if found is None:
+    start = _begin(file)
+    if start is None:
         return
-    kind, at = found
+    kind, offset = start
     for _ in range(pages):
-        if at == 0:
+        if offset == 0:
             return
         others = []
-        for code, n_bytes, value in _directory(file, kind, at):
+        for code, n_bytes, value in _directory(file, kind, offset):
             yield code, n_bytes
             if below and code in BELOW:
                 others.append(value)
-        at = kind.place.unpack(file.read(kind.place.size))[0]
-        for place in others:
-            yield from ((code, n_bytes) for code, n_bytes, _ in _directory(file, kind, place))
+        offset = kind.place.unpack(file.read(kind.place.size))[0]
+        for directory in others:
+            yield from ((code, n_bytes) for code, n_bytes, _ in _directory(file, kind, directory))
 
 
-def _directory(file: BinaryIO, kind: _Kind, at: int) -> Iterator[tuple[int, int, int]]:
-    """Yield tag, bytes and place of its values; the file is then behind the directory."""
-    file.seek(at)
+def _directory(file: BinaryIO, kind: _Kind, offset: int) -> Iterator[tuple[int, int, int]]:
+    """Yield tag, bytes and offset of its values; then the file is behind the directory."""
+    file.seek(offset)
     (n,) = kind.number.unpack(file.read(kind.number.size))
     if n > MOST_TAGS:
         return
     data = file.read(n * kind.tag.size)
     whole = len(data) // kind.tag.size * kind.tag.size
-    for code, of, count, value in kind.tag.iter_unpack(data[:whole]):
-        yield code, count * SIZES.get(of, 8), value
+    for code, tag_type, count, value in kind.tag.iter_unpack(data[:whole]):
+        yield code, count * SIZES.get(tag_type, 8), value
 
 
 # --- Images too large for the memory, written as a tiled BigTIFF with overviews
@@ -291,8 +291,8 @@ def write(
     path : Path
         An earlier file of this name is replaced.
     stripes : iterable of ndarray, shape (rows, width, bands)
-        From top to bottom, with any number of rows each. Those of `TILE` rows are used no more when
-        the next is asked for.
+        From top to bottom, with any number of rows each. A stripe of `TILE` rows may be overwritten
+        when the next is requested.
     form : Format
     about : mapping
         Written as JSON into the ImageDescription.
@@ -373,8 +373,8 @@ def _stretched(image: Raster) -> NDArray[np.uint8]:
 
     Numbers of 16 bit are proportional to light, those of a screen are not.
     """
-    seen = image[image > 0]
-    low, high = np.percentile(seen, [0.5, 99.5]) if len(seen) else (0.0, 1.0)
+    values = image[image > 0]
+    low, high = np.percentile(values, [0.5, 99.5]) if len(values) else (0.0, 1.0)
     scaled = np.clip((image - np.float32(low)) / np.float32(max(high - low, 1.0)), 0, 1)
     shown = scaled ** np.float32(1 / GAMMA if image.dtype == np.uint16 else 1)
     return np.where(image > 0, np.rint(255 * shown), 0).astype(np.uint8)
@@ -547,7 +547,7 @@ class _Pyramid:
         self._file: IO[bytes] = TemporaryFile(dir=folder)  # noqa: SIM115 closed with this
 
     def __enter__(self) -> Self:
-        """Open it; its file is removed when it closes or the process ends."""
+        """Return the pyramid; its file is removed when it closes or the process ends."""
         return self
 
     def __exit__(
@@ -556,7 +556,7 @@ class _Pyramid:
         error: BaseException | None,
         at: TracebackType | None,
     ) -> None:
-        """Close the file, which removes it."""
+        """Close the file, and so remove it."""
         self._file.close()
 
     def _row_bytes(self, level: int) -> int:
