@@ -1,8 +1,8 @@
-"""What a stage of the paper computes from a flight, and what it leaves in the results folder.
+"""The stages of the paper: computed from a flight, and written to the results folder.
 
 `heads` calibrates and orients the heads (sections 2.1 and 4.1, Table 1); `synthetic` refines them
 for the synthetic image (2.1, Table 2, Figure 1), from their `pictures` where there are any, and
-carries points into it that were measured in heads;
+transfers points measured in heads into it;
 `mounting` estimates interior orientation, boresight and lever arm (2.2 and 4.2, Table 3), `rig`
 those of all heads together; `validation` tests direct georeferencing (4.3, Table 4). Each has
 small functions, for what it reads and what it writes, which a notebook calls with the methods of

@@ -41,7 +41,7 @@ class HeadsStage:
     left_out: str = ""
 
     def __repr__(self) -> str:
-        """Say in a line what there is."""
+        """Summarize the stage in one line."""
         oriented = "" if self.orientation is None else "oriented to each other"
         return shown.line("HeadsStage", shown.names(list(self.heads.bundles)), oriented)
 
@@ -66,7 +66,7 @@ def run(flight: Flight, results_path: str | Path) -> HeadsStage:
 
 
 def calibrate(flight: Flight) -> HeadsStage:
-    """Adjust every head of a flight by itself, and orient them where that is possible.
+    """Adjust every head separately, and orient the heads to each other if possible.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def calibrate(flight: Flight) -> HeadsStage:
 
 
 def _gathered(heads: Heads, orientation: RelativeOrientation | Failed) -> HeadsStage:
-    """Return the heads and their orientation as one value."""
+    """Collect the heads and their orientation in one value."""
     if isinstance(orientation, Failed):
         return HeadsStage(heads=heads, orientation=None, left_out=orientation.reason)
     return HeadsStage(heads=heads, orientation=orientation)
@@ -95,18 +95,18 @@ def write(
     heads: Heads,
     orientation: RelativeOrientation | Failed,
 ) -> None:
-    """Write the results of the heads, with an explanation of those that failed."""
+    """Write the results of the heads, with explanations of failures."""
     _write(flight, results_path, _gathered(heads, orientation))
 
 
 def _write(flight: Flight, results_path: str | Path, stage: HeadsStage) -> None:
     with solving(flight, "heads"):
-        said = explained(_records(stage), flight, "heads")
-    adjustments.write(results_path, "heads", said, flight=flight)
+        records = explained(_records(stage), flight, "heads")
+    adjustments.write(results_path, "heads", records, flight=flight)
 
 
 def _records(stage: HeadsStage) -> list[adjustments.Record]:
-    """Return what the stage leaves in a results folder, failures included."""
+    """Return the records of the heads for a results folder, failures included."""
     out = [_record(name, fit) for name, fit in stage.heads.bundles.items()]
     for name, reason in stage.heads.failures.items():
         key = f"heads/bundle/{name}"

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Settings(TypedDict):
-    """What flight.toml says of the adjustments, as the functions of `calibration` take it."""
+    """Settings of the adjustments in flight.toml, as keywords of the functions of `calibration`."""
 
     free: tuple[str, ...]
     fix: tuple[str, ...]
@@ -46,8 +46,8 @@ class MountingStage:
     block : Block
         With the standard deviations that the flight asks for.
     sigma_factors : mapping of str to float
-        By what the given standard deviations were multiplied, by group of observations; empty
-        where they are taken as given.
+        Factors of the given standard deviations, by group of observations; empty where these are
+        used unchanged.
     settings : Settings
     mountings : Mountings
     """
@@ -58,7 +58,7 @@ class MountingStage:
     mountings: Mountings
 
     def __repr__(self) -> str:
-        """Say in a line which methods have an outcome."""
+        """Name the methods with an outcome in one line."""
         return shown.line("MountingStage", self.block.name, *self.mountings.methods)
 
     def table(self) -> pd.DataFrame:
@@ -72,7 +72,7 @@ class MountingStage:
 
 
 def run(flight: Flight, results_path: str | Path) -> MountingStage:
-    """Return what `calibrate` does, and write it to the results.
+    """Calibrate the mounting as `calibrate` does, and write the results.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
     flight : Flight
     block : Block, optional
         The calibration block, by default as the flight has it; where it is measured in heads, its
-        points must have been carried into synthetic images.
+        points must have been transferred into synthetic images.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def _as_measured(flight: Flight) -> Block:
 
 
 def measured(flight: Flight, results_path: str | Path) -> Block:
-    """Return the calibration block, its points carried where it is measured in heads.
+    """Return the calibration block; points measured in heads are transferred.
 
     Parameters
     ----------
@@ -155,8 +155,8 @@ def measured(flight: Flight, results_path: str | Path) -> Block:
     """
     if "calibration" not in flight.carried:
         return flight.block("calibration")
-    found = provenance.results_before(results_path, ["synthetic"], flight)
-    return mounted_block(flight, "calibration", found)
+    run_results = provenance.results_before(results_path, ["synthetic"], flight)
+    return mounted_block(flight, "calibration", run_results)
 
 
 def weighted(
@@ -169,7 +169,7 @@ def weighted(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> tuple[Block, dict[str, float]]:
-    """Return what `calibration.weights.weighted` does; the reading that fits explains a failure.
+    """Call `calibration.weights.weighted`; explain a failure by a fitting interpretation.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def weighted(
 
 
 def gathered(flight: Flight, outcomes: Sequence[Mounting | Failed]) -> Mountings:
-    """Return the outcomes of all methods as one value.
+    """Collect the outcomes of all methods in one value.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def gathered(flight: Flight, outcomes: Sequence[Mounting | Failed]) -> Mountings
     Raises
     ------
     AdjustmentError
-        Where no method has an outcome, with the reading of the flight that would explain it.
+        Where no method has an outcome, with the interpretation of the flight that explains it.
     """
     with solving(flight, "calibration"), explaining(flight, "calibration"):
         return mounting.together(outcomes)
@@ -213,7 +213,7 @@ def write(
     mountings: Mountings,
     factors: Mapping[str, float],
 ) -> None:
-    """Write the results of all methods, with an explanation of those that failed.
+    """Write the results of all methods, with explanations of failures.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def write(
     results_path : path
     mountings : Mountings
     factors : mapping of str to float
-        By what the given standard deviations were multiplied, by group of observations.
+        Factors of the given standard deviations, by group of observations.
     """
     with solving(flight, "calibration"):
         records = adjustments.of_mountings(
@@ -230,27 +230,29 @@ def write(
         records = explained(records, flight, "calibration")
         single = mountings.methods.get("single_step")
         if single is not None and "calibration" in flight.carried:
-            told = {"sigma_of_heads": _sigma_of_heads(flight, results_path, single.bundle)}
-            records = [_with(record, "mounting/single_step", told) for record in records]
+            entries = {"sigma_of_heads": _sigma_of_heads(flight, results_path, single.bundle)}
+            records = [_with(record, "mounting/single_step", entries) for record in records]
     methods = METHODS if rig_leads(flight) else ()  # the rig has been written before
     adjustments.write(results_path, "mounting", records, flight=flight, methods=methods)
 
 
-def _with(record: adjustments.Record, key: str, told: Mapping[str, object]) -> adjustments.Record:
-    """Return a record with more entries of the summary, where it has this one."""
+def _with(
+    record: adjustments.Record, key: str, entries: Mapping[str, object]
+) -> adjustments.Record:
+    """Add entries to an object of a record's summary, if the record has it."""
     if key not in record.summary:
         return record
-    return replace(record, summary={**record.summary, key: {**record.summary[key], **told}})
+    return replace(record, summary={**record.summary, key: {**record.summary[key], **entries}})
 
 
 def _sigma_of_heads(flight: Flight, results_path: str | Path, bundle: Bundle) -> dict[str, float]:
-    """Return the standard deviations that errors of the heads' calibration add, by parameter."""
-    found = provenance.results_before(results_path, ["synthetic"], flight)
-    source = next((name for name in ORIENTED if folder.has(found, name)), "")
+    """Return the standard deviations caused by the heads' calibration, by parameter."""
+    run_results = provenance.results_before(results_path, ["synthetic"], flight)
+    source = next((name for name in ORIENTED if folder.has(run_results, name)), "")
     if not source:  # heads as declared, which have no covariance
         return {}
-    heads = read_relative_orientation(found, source, flight.cameras)
+    heads = read_relative_orientation(run_results, source, flight.cameras)
     block = flight.block("calibration")
-    cov = parameter_covariance(bundle, block, read_carried(flight, block, found), heads)
+    cov = parameter_covariance(bundle, block, read_carried(flight, block, run_results), heads)
     names = [p.full_name for p in parameters(from_bundle(bundle))]
     return dict(zip(names, sigmas(cov).tolist(), strict=True))

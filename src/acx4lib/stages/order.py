@@ -1,4 +1,4 @@
-"""What the stages of a run need of a flight, and which of their results a run needs."""
+"""The data that each stage needs, the order of the stages, and explanations of failures."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ DECISIVE = ("heads/bundle", "mounting/single_step")
 """Methods that must be determined; the others are left out where they are not."""
 
 CONSISTENT = (*DECISIVE, "mounting/rig", "validation/single_step", "validation/given")
-"""Methods of which data snooping must not want to reject a large part of a group."""
+"""Methods in which data snooping must not reject a large part of a group."""
 
 NO_RIG = "there are no heads"
-"""Why a flight has no rig that nobody expects: the stage heads says so already."""
+"""Reason for no rig in a flight without heads; stage heads reports it already."""
 
 
 def is_end(flight: Flight, stage: str) -> bool:
-    """Tell whether a run goes on where a stage is not determined: no later one needs its results.
+    """Tell whether a run can go on after an undetermined stage: no later stage needs it.
 
-    Points that were measured in heads are carried by stage synthetic for all later ones.
+    Points measured in heads are transferred by stage synthetic for all later stages.
     """
     return stage == "synthetic" and not flight.carried
 
 
 def ordered(flight: Flight, parts: Sequence[str]) -> tuple[str, ...]:
-    """Return what is run of a flight in its order: the rig first where its lenses carry the points.
+    """Return the stages in running order: the rig first if its heads transfer the points.
 
     Parameters
     ----------
@@ -47,12 +47,12 @@ def ordered(flight: Flight, parts: Sequence[str]) -> tuple[str, ...]:
     if "rig" not in parts or "synthetic" not in parts or not rig_leads(flight):
         return tuple(parts)
     rest = [part for part in parts if part != "rig"]
-    at = rest.index("synthetic")
-    return (*rest[:at], "rig", *rest[at:])
+    place = rest.index("synthetic")
+    return (*rest[:place], "rig", *rest[place:])
 
 
 def rig_leads(flight: Flight) -> bool:
-    """Tell whether the heads of a flight, which none calibrates by itself, are those of the rig."""
+    """Tell whether the rig orients the heads, since none can be calibrated separately."""
     block = flight.blocks.get("heads")
     return (
         block is not None
@@ -63,7 +63,7 @@ def rig_leads(flight: Flight) -> bool:
 
 
 def missing(flight: Flight, stage: str) -> str:
-    """Return why a stage cannot run on a flight; empty where it can."""
+    """Return the reason why a stage cannot run on a flight; empty if it can."""
     block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
     if block not in flight.blocks:
         return NO_RIG if stage == "rig" else f"the flight has no block {block}"
@@ -77,7 +77,7 @@ def missing(flight: Flight, stage: str) -> str:
 
 
 def _unmeasured(flight: Flight, stage: str, block: str) -> str:
-    """Return which measurements a stage lacks in its block; empty where it lacks none."""
+    """Return a message on measurements that a stage lacks in its block; empty without any."""
     of_heads = not_calibrated(flight.blocks[block]) if stage == "heads" else ""
     if of_heads or not len(flight.blocks[block].image_points):
         reason = of_heads or f"nothing is measured in block {block}"
@@ -96,42 +96,45 @@ def _unmeasured(flight: Flight, stage: str, block: str) -> str:
     return ""
 
 
-# --- Where observations contradict each other: the reading of the flight that would explain it
+# --- Where observations contradict each other: the interpretation of the flight that explains it
 
 
 def _reading(flight: Flight, block_name: str) -> str:
-    """Return a sentence on the reading of a block that fits much better; empty for none."""
-    found = conventions.best_reading(flight, block_name)
-    return found.sentence if found else ""
+    """Return a sentence on an interpretation that fits a block much better; empty without any."""
+    reading = conventions.best_reading(flight, block_name)
+    return reading.sentence if reading else ""
 
 
 def explained(records: Sequence[Record], flight: Flight, block_name: str) -> list[Record]:
-    """Return the records; the reading that fits explains what stopped data snooping or failed.
+    """Explain stopped data snooping and failures in records by a fitting interpretation.
 
     Parameters
     ----------
     records : sequence of Record
     flight : Flight
     block_name : str
-        The block that the records are of.
+        Block of the records.
     """
     if not any(_unexplained(entry) for record in records for entry in record.summary.values()):
         return list(records)
-    said = _reading(flight, block_name)
-    return [_with(record, said) for record in records] if said else list(records)
+    explanation = _reading(flight, block_name)
+    return [_with(record, explanation) for record in records] if explanation else list(records)
 
 
 def _unexplained(entry: Mapping[str, object]) -> dict[str, list[str]]:
-    """Return the sentences of a summary's entry that a reading may explain, by their key."""
+    """Return the sentences on stops and failures in an entry of a summary, by their key."""
     keys = ["stopped", *([] if entry.get("converged") else ["not_determined"])]
     return {key: lines for key in keys if (lines := messages(entry, key))}
 
 
-def _with(record: Record, said: str) -> Record:
-    """Return a record whose unexplained sentences end with another."""
+def _with(record: Record, explanation: str) -> Record:
+    """Append an explanation to the unexplained sentences of a record."""
     entries = {
         name: entry
-        | {key: [f"{line}; {said}" for line in lines] for key, lines in _unexplained(entry).items()}
+        | {
+            key: [f"{line}; {explanation}" for line in lines]
+            for key, lines in _unexplained(entry).items()
+        }
         for name, entry in record.summary.items()
     }
     return replace(record, summary=entries)
@@ -139,7 +142,7 @@ def _with(record: Record, said: str) -> Record:
 
 @contextmanager
 def explaining(flight: Flight, block_name: str) -> Iterator[None]:
-    """Add the reading that fits to the message of an adjustment that fails altogether.
+    """Add a fitting interpretation to the message of an adjustment that fails.
 
     Parameters
     ----------
@@ -150,21 +153,21 @@ def explaining(flight: Flight, block_name: str) -> Iterator[None]:
     try:
         yield
     except AdjustmentError as error:
-        said = _reading(flight, block_name)
-        if not said:
+        explanation = _reading(flight, block_name)
+        if not explanation:
             raise
-        raise AdjustmentError(f"{error}; {said}") from error
+        raise AdjustmentError(f"{error}; {explanation}") from error
 
 
 @contextmanager
 def solving(flight: Flight, block_name: str) -> Iterator[None]:
-    """Raise an AdjustmentError, with what to look at, in the place of a LinAlgError.
+    """Replace a LinAlgError by an AdjustmentError, with exposures and points to check.
 
     Parameters
     ----------
     flight : Flight
     block_name : str
-        The block whose numbers are computed with.
+        Block of the equations.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""The heads' pictures in stage synthetic, and the tie points that are found in them (2.1)."""
+"""The heads' pictures in stage synthetic, and the tie points found in them (2.1)."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ class Exposed:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pictures:
-    """What is looked at of a flight's pixels, and the cameras that fit their size.
+    """The pictures of some exposures of a flight, and the synthetic camera at their size.
 
     Attributes
     ----------
     exposed : tuple of Exposed
         At least one.
     reduction : int
-        Pixels are so many times as large as those of the cameras.
+        Size of a pixel over that of the cameras.
     synthetic : Camera
-        With pixels as much larger.
+        With pixels larger by this factor.
     n_complete : int
         Exposures of the flight with files of all heads.
     """
@@ -65,18 +65,22 @@ class Pictures:
     n_complete: int
 
     def __repr__(self) -> str:
-        """Say in a line what is looked at."""
-        at = shown.names([one.exposure for one in self.exposed])
+        """Summarize the pictures in one line."""
+        names = shown.names([exposed.exposure for exposed in self.exposed])
         smaller = f"pixels {self.reduction} times as large" if self.reduction > 1 else ""
         n = shown.count(self.n_complete, "exposure")
-        return shown.line("Pictures", f"{at} of {n}", smaller)
+        return shown.line("Pictures", f"{names} of {n}", smaller)
 
     def table(self) -> pd.DataFrame:
         """Return the size of the pictures at every exposure."""
         rows = {}
-        for one in self.exposed:
-            rows_px, cols_px = one.images[0].shape[:2]
-            rows[one.exposure] = {"pictures": len(one.images), "cols": cols_px, "rows": rows_px}
+        for exposed in self.exposed:
+            rows_px, cols_px = exposed.images[0].shape[:2]
+            rows[exposed.exposure] = {
+                "pictures": len(exposed.images),
+                "cols": cols_px,
+                "rows": rows_px,
+            }
         return shown.row_table("exposure", rows)
 
     @property
@@ -94,9 +98,9 @@ class FoundTies:
     ties : TiePoints
         In pixels of the full-size heads.
     overlaps : tuple of OverlapTies
-        What became of each overlap's corners, exposure by exposure.
+        Outcome of the search in each overlap, exposure by exposure.
     exposures : tuple of str
-        Of each of `overlaps`.
+        Exposure of each of `overlaps`.
     """
 
     ties: TiePoints
@@ -104,20 +108,22 @@ class FoundTies:
     exposures: tuple[str, ...]
 
     def __repr__(self) -> str:
-        """Say in a line how many tie points were found."""
+        """Summarize the tie points in one line."""
         n = shown.count(len(self.overlaps), "overlap")
         return shown.line("FoundTies", f"{shown.count(len(self.ties), 'tie point')} in {n}")
 
     @property
     def warnings(self) -> list[str]:
-        """What is wrong with overlaps, each with its exposure."""
-        found = zip(self.exposures, self.overlaps, strict=True)
-        return [f"{exposure}, {one.sentence}" for exposure, one in found if one.sentence]
+        """Problems of overlaps, each with its exposure."""
+        pairs = zip(self.exposures, self.overlaps, strict=True)
+        return [
+            f"{exposure}, {overlap.sentence}" for exposure, overlap in pairs if overlap.sentence
+        ]
 
     def table(self) -> pd.DataFrame:
-        """Return what became of every overlap's cells, exposure by exposure."""
-        found = zip(self.exposures, self.overlaps, strict=True)
-        rows = {(exposure, *one.names): one.row for exposure, one in found}
+        """Return the outcome of the search in every overlap, exposure by exposure."""
+        pairs = zip(self.exposures, self.overlaps, strict=True)
+        rows = {(exposure, *overlap.names): overlap.row for exposure, overlap in pairs}
         return shown.row_table(("exposure", "head a", "head b"), rows)
 
 
@@ -131,7 +137,7 @@ def read_pictures(
     flight : Flight
     orientation : RelativeOrientation
     reduce : int
-        So many pixels in each direction are averaged first.
+        Number of pixels in each direction that are averaged first.
 
     Raises
     ------
@@ -148,16 +154,16 @@ def read_pictures(
     if not complete:
         raise FlightError(list(incomplete.values()))
     chosen = spread(list(complete.values()))
-    read = [read_heads(one.paths, cameras) for one in chosen]
-    first = read[0].reduction
+    head_images = [read_heads(heads.paths, cameras) for heads in chosen]
+    first = head_images[0].reduction
     exposed = tuple(
         Exposed(
             exposure=files.exposure,
             exposure_idx=flight.heads.trajectory.exposures.index(files.exposure),
-            images=tuple(_averaged(image, reduce) for image in one.images),
+            images=tuple(_averaged(image, reduce) for image in heads.images),
         )
-        for files, one in zip(chosen, read, strict=True)
-        if one.reduction == first
+        for files, heads in zip(chosen, head_images, strict=True)
+        if heads.reduction == first
     )
     pictures = Pictures(
         exposed=exposed,
@@ -181,12 +187,12 @@ def _averaged(image: Raster, k: int) -> Raster:
 
 
 def _check(pictures: Pictures, orientation: RelativeOrientation) -> None:
-    """Raise where a picture cannot be that of its head."""
+    """Raise a FlightError where a picture does not belong to its head."""
     heads = reduced_heads(orientation, pictures.reduction)
     problems = [
-        f"exposure {one.exposure}: {sentence}"
-        for one in pictures.exposed
-        for sentence in check_overlaps(one.images, heads, pictures.synthetic)
+        f"exposure {exposed.exposure}: {sentence}"
+        for exposed in pictures.exposed
+        for sentence in check_overlaps(exposed.images, heads, pictures.synthetic)
     ]
     if problems:
         raise FlightError(problems)
@@ -202,24 +208,26 @@ def find(pictures: Pictures, orientation: RelativeOrientation) -> FoundTies:
         Of the full-size heads.
     """
     heads = reduced_heads(orientation, pictures.reduction)
-    found = [
-        find_ties(one.images, heads, pictures.synthetic, exposure=one.exposure_idx)
-        for one in pictures.exposed
+    ties_by_exposure = [
+        find_ties(exposed.images, heads, pictures.synthetic, exposure=exposed.exposure_idx)
+        for exposed in pictures.exposed
     ]
     return FoundTies(
-        ties=_joined(found, orientation, pictures.reduction),
-        overlaps=tuple(overlap for one in found for overlap in one.overlaps),
+        ties=_joined(ties_by_exposure, orientation, pictures.reduction),
+        overlaps=tuple(
+            overlap for image_ties in ties_by_exposure for overlap in image_ties.overlaps
+        ),
         exposures=tuple(
-            taken.exposure
-            for taken, one in zip(pictures.exposed, found, strict=True)
-            for _ in one.overlaps
+            exposed.exposure
+            for exposed, image_ties in zip(pictures.exposed, ties_by_exposure, strict=True)
+            for _ in image_ties.overlaps
         ),
     )
 
 
-def _joined(found: Sequence[ImageTies], orientation: RelativeOrientation, k: int) -> TiePoints:
+def _joined(image_ties: Sequence[ImageTies], orientation: RelativeOrientation, k: int) -> TiePoints:
     """Return the tie points of all exposures, in pixels of the full-size heads."""
-    parts = [one.ties for one in found]
+    parts = [image.ties for image in image_ties]
     names = ("head_a", "head_b", "exposure_idx", "colrow_a", "colrow_b", "sigma_px")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     joined["point_idx"] = np.arange(len(joined["head_a"]))
@@ -248,14 +256,14 @@ def find_response(
     rng = np.random.default_rng(seed)
     samples = [
         part
-        for one in pictures.exposed
-        for part in overlap_samples(one.images, heads, pictures.synthetic, rng=rng)
+        for exposed in pictures.exposed
+        for part in overlap_samples(exposed.images, heads, pictures.synthetic, rng=rng)
     ]
     bands = pictures.exposed[0].images[0].shape[2]
     return fit_response(samples, n_heads=len(heads.heads), n_bands=bands)
 
 
 def full_size(colrow: Array, head: Array, orientation: RelativeOrientation, k: int) -> Array:
-    """Return full-size pixels of those of images at 1/k of the size, shape (n, 2)."""
+    """Convert pixels of images at 1/k of the size to full-size pixels, shape (n, 2)."""
     size = np.array([[h.width_px, h.height_px] for h in orientation.heads])
     return k * (colrow - 0.5 * (size // k - 1)[head]) + 0.5 * (size - 1)[head]

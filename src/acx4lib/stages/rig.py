@@ -51,12 +51,12 @@ class RigStage:
     method: str = "rig"
 
     def __repr__(self) -> str:
-        """Say in a line what was calibrated."""
-        of = shown.names([camera.name for camera in self.block.cameras])
-        return shown.line("RigStage", of, *(self.rig.bundle.said if self.rig else ["no rig"]))
+        """Summarize the rig in one line."""
+        cameras = shown.names([camera.name for camera in self.block.cameras])
+        return shown.line("RigStage", cameras, *(self.rig.bundle.said if self.rig else ["no rig"]))
 
     def table(self) -> pd.DataFrame:
-        """Return the parameters of all heads; of none, where there is no rig."""
+        """Return the parameters of all heads; an empty table without a rig."""
         return shown.parameter_table(()) if self.rig is None else self.rig.table()
 
 
@@ -83,7 +83,7 @@ def run(flight: Flight, results_path: str | Path) -> RigStage:
 
 
 def methods(flight: Flight) -> tuple[str, ...]:
-    """Return the rigs of a flight, of `estimates.RIGS`: one for each block of different pictures.
+    """Return the rigs of a flight, of `estimates.RIGS`: one per block with its own pictures.
 
     Parameters
     ----------
@@ -92,9 +92,9 @@ def methods(flight: Flight) -> tuple[str, ...]:
     """
     if "calibration" not in flight.carried:
         return RIGS[:1]
-    one, other = (flight.block(name) for name in ("heads", "calibration"))
-    same = one.images.names == other.images.names and np.array_equal(
-        one.image_points.colrow, other.image_points.colrow
+    heads, calibration = (flight.block(name) for name in ("heads", "calibration"))
+    same = heads.images.names == calibration.images.names and np.array_equal(
+        heads.image_points.colrow, calibration.image_points.colrow
     )
     return RIGS[:1] if same else RIGS
 
@@ -113,7 +113,7 @@ def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
     """
     block = measured(flight, method)
     with solving(flight, block.name):
-        found = attempt(
+        outcome = attempt(
             rig.calibrate,
             block,
             free=flight.estimate_heads,
@@ -121,11 +121,11 @@ def calibrate(flight: Flight, *, method: str = "rig") -> RigStage:
             refraction=flight.refraction,
             gnss=of_attitudes(flight.gnss),
         )
-        return gathered(block, found, method)
+        return gathered(block, outcome, method)
 
 
 def of_attitudes(gnss: Sequence[str]) -> tuple[str, ...]:
-    """Return which of these errors of a trajectory are those of attitudes, whatever the block."""
+    """Select the names of attitude errors from those of trajectory errors."""
     return tuple(name for name in gnss if name in ATTITUDE)
 
 
@@ -147,7 +147,7 @@ def measured(flight: Flight, method: str = "rig") -> Block:
 
 
 def gathered(block: Block, found: Mounting | Failed, method: str = "rig") -> RigStage:
-    """Return a block and the rig that was calibrated in it as one value.
+    """Collect a block and its calibrated rig in one value.
 
     Parameters
     ----------
@@ -178,12 +178,12 @@ def write(flight: Flight, results_path: str | Path, stages: Sequence[RigStage]) 
     stages : sequence of RigStage
         As `gathered` makes them.
     """
-    over_ground, found = "validation" not in flight.carried, []
+    over_ground, explained_records = "validation" not in flight.carried, []
     for stage in stages:
         with solving(flight, stage.block.name):
-            said = _records(stage, over_ground=over_ground)
-            found.append(explained(said, flight, stage.block.name))
-    for stage, rows in zip(stages, found, strict=True):
+            records = _records(stage, over_ground=over_ground)
+            explained_records.append(explained(records, flight, stage.block.name))
+    for stage, rows in zip(stages, explained_records, strict=True):
         adjustments.write(results_path, f"mounting/{stage.method}", rows, flight=flight)
     if rig_leads(flight):
         oriented = _oriented(flight, stages[0])
@@ -191,20 +191,20 @@ def write(flight: Flight, results_path: str | Path, stages: Sequence[RigStage]) 
 
 
 def _oriented(flight: Flight, stage: RigStage) -> list[Record]:
-    """Return the heads against each other, the first as declared, where the rig determines them."""
+    """Return the record of the rig's relative orientation, the first head as declared."""
     if stage.rig is None:
         return []
     with solving(flight, stage.block.name):
-        found = attempt(
+        orientation = attempt(
             rig.relative_orientation, stage.rig, flight.synthetic_camera, as_declared=True
         )
-    if isinstance(found, Failed):
-        return [of_left_out("heads", "relative_orientation", found.reason)]
-    return [of_relative_orientation("heads", "relative_orientation", found)]
+    if isinstance(orientation, Failed):
+        return [of_left_out("heads", "relative_orientation", orientation.reason)]
+    return [of_relative_orientation("heads", "relative_orientation", orientation)]
 
 
 def _records(stage: RigStage, *, over_ground: bool) -> list[Record]:
-    """Return what the rig leaves in a results folder, a failure included."""
+    """Return the records of a rig for a results folder, a failure included."""
     if stage.rig is None:
         return [of_left_out("mounting", stage.method, stage.left_out)]
     record = of_mounting(stage.rig, over_ground=over_ground)
@@ -218,7 +218,7 @@ def _list(value: object) -> list[object]:
 
 
 def _notes(stage: RigStage) -> list[str]:
-    """Return what a user should know of a rig, in sentences."""
+    """Return remarks on a rig for the user, one sentence each."""
     notes = []
     if stage.rig is not None:
         columns = stage.rig.calibration.layout

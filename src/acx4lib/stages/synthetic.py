@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ORIENTED = "heads/relative_orientation"
-"""Where the heads are read from."""
+"""Results with the orientation of the heads."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refinement:
-    """The heads before the refinement, and after it in every way.
+    """The heads before their refinement, and after it by every method.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Refinement:
     reasons: dict[str, str]
 
     def __repr__(self) -> str:
-        """Say in a line what was refined, and how."""
+        """Summarize the refinement in one line."""
         ways = [way for way in self.orientations if way != "before"]
         return shown.line("Refinement", shown.count(len(self.ties), "tie point"), *ways)
 
@@ -73,12 +73,12 @@ class Refinement:
 
     @property
     def before(self) -> RelativeOrientation:
-        """As the heads were calibrated."""
+        """Orientation of the heads before the refinement."""
         return self.orientations["before"]
 
     @property
     def orientation(self) -> RelativeOrientation:
-        """Refined by rotations, or as it was where tie points do not determine them."""
+        """Orientation refined by rotations; unrefined if tie points do not determine them."""
         return self.orientations.get("rotations", self.before)
 
     @property
@@ -88,11 +88,11 @@ class Refinement:
         return self.ties if fit is None else self.ties[~fit.rejected]
 
     def overlaps(self, way: str) -> list[Overlap]:
-        """Return the differences that a way leaves in all overlaps."""
+        """Return the remaining differences in all overlaps, after one of the methods."""
         return overlaps(self.kept, self.orientations[way])
 
     def each(self) -> list[tuple[RelativeOrientation, TiePoints]]:
-        """Return the heads refined by rotations at every exposure by itself, and its tie points.
+        """Refine the heads by rotations at each exposure separately; return them with their ties.
 
         Parallax of another flying height is then no error. Empty where the tie points of an
         exposure do not determine them, and where there is one exposure only.
@@ -134,7 +134,7 @@ class SyntheticStage:
     carried: dict[str, CarriedPoints]
 
     def __repr__(self) -> str:
-        """Say in a line what there is."""
+        """Summarize the stage in one line."""
         n = shown.count(len(self.refinement.ties), "tie point")
         carried = [f"{name} carried" for name in self.carried]
         return shown.line("SyntheticStage", self.synthetic.name, n, *carried)
@@ -147,7 +147,7 @@ class SyntheticStage:
 def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> SyntheticStage:
     """Find the tie points of the heads, refine the heads by them, and write the results.
 
-    Points that were measured in heads are carried into the synthetic image by the refined heads.
+    Points measured in heads are transferred into the synthetic image by the refined heads.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
     results_path : path
         With the results of stage heads.
     reduce : int
-        So many pixels of the pictures, in each direction, are averaged first.
+        Number of pixels of the pictures, in each direction, that are averaged first.
 
     Raises
     ------
@@ -173,8 +173,8 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
     orientation = read_heads(flight, results_path)
     pictures = read_pictures(flight, orientation, reduce=reduce)
     with solving(flight, "heads"):
-        found = find(pictures, orientation) if pictures else None
-        refinement = refine(flight, orientation, found)
+        pixel_ties = find(pictures, orientation) if pictures else None
+        refinement = refine(flight, orientation, pixel_ties)
         carried = {
             name: carry(flight.block(name), refinement.orientation, synthetic)
             for name in flight.carried
@@ -184,16 +184,16 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
         synthetic=synthetic,
         orientation=orientation,
         pictures=pictures,
-        found=found,
+        found=pixel_ties,
         refinement=refinement,
         carried=carried,
     )
 
 
 def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
-    """Return the oriented heads as stage heads left them, or the rig, or as they are declared.
+    """Read the oriented heads: from stage heads, from the rig, or as declared.
 
-    Where none can be calibrated by itself, they are those of the rig, if it has been adjusted.
+    If no head can be calibrated separately, they are the rig's, if it has been adjusted.
 
     Raises
     ------
@@ -203,15 +203,15 @@ def read_heads(flight: Flight, results_path: str | Path) -> RelativeOrientation:
         Where it could not orient the heads.
     """
     synthetic = flight.synthetic_camera
-    alone = not not_calibrated(flight.block("heads"))
-    left = folder.entries(Path(results_path)).get(ORIENTED, {})
-    reasons = folder.messages(left, "left_out")
-    if synthetic is not None and not alone and (reasons or not left):
+    calibrated = not not_calibrated(flight.block("heads"))
+    entry = folder.entries(Path(results_path)).get(ORIENTED, {})
+    reasons = folder.messages(entry, "left_out")
+    if synthetic is not None and not calibrated and (reasons or not entry):
         return declared_orientation([flight.cameras[n] for n in flight.head_names], synthetic)
-    found = provenance.results_before(results_path, ["heads"], flight)
+    run_results = provenance.results_before(results_path, ["heads"], flight)
     if reasons:
         raise AdjustmentError("; ".join(reasons))
-    return read_relative_orientation(found, ORIENTED, flight.cameras)
+    return read_relative_orientation(run_results, ORIENTED, flight.cameras)
 
 
 def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | None) -> Refinement:
@@ -231,7 +231,7 @@ def refine(flight: Flight, orientation: RelativeOrientation, found: FoundTies | 
 
 
 def kept(ties: TiePoints, fit: Refined | Failed) -> TiePoints:
-    """Return the tie points that a refinement did not reject; all, where it failed."""
+    """Remove the tie points rejected by a refinement; keep all if it failed."""
     return ties[~fit.rejected] if isinstance(fit, Refined) else ties
 
 
@@ -242,7 +242,7 @@ def gathered(
     shifted: RelativeOrientation,
     found: FoundTies | None = None,
 ) -> Refinement:
-    """Return the refinements of the heads as one value.
+    """Collect the refinements of the heads in one value.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def gathered(
     shifted : RelativeOrientation
         By mean differences; not taken where there are no tie points.
     found : FoundTies, optional
-        Where the tie points are from pixels; what is wrong with overlaps is said with a failure.
+        Where the tie points are from pixels; problems of overlaps are added to a failure.
     """
     for failure in fits.values():
         if isinstance(failure, Failed) and isinstance(failure.error, np.linalg.LinAlgError):
@@ -280,7 +280,7 @@ def write(
     refinement: Refinement,
     carried: Mapping[str, CarriedPoints],
 ) -> None:
-    """Write the refined heads, and the points that they carried into the synthetic image.
+    """Write the refined heads, and the points transferred into the synthetic image.
 
     Parameters
     ----------
@@ -296,14 +296,14 @@ def write(
 
 
 def _records(refinement: Refinement) -> list[Record]:
-    """Return what the stage leaves in a results folder."""
+    """Return the records of the stage for a results folder."""
     reason = refinement.reasons.get("rotations")
     if reason is not None:
         return [of_left_out("synthetic", "refined", reason)]
     fit = refinement.fits["rotations"]
     n_turned = len(refinement.orientation.heads) - 1 - len(fit.unreached)
     n_observations, n_unknowns = 2 * len(refinement.kept), 3 * n_turned
-    said = {
+    entries = {
         "n_observations": n_observations,
         "n_unknowns": n_unknowns,
         "redundancy": n_observations - n_unknowns,
@@ -311,4 +311,4 @@ def _records(refinement: Refinement) -> list[Record]:
         "n_rejected": int(fit.rejected.sum()),
         **({"notes": [f"synthetic/refined: {fit.sentence}"]} if fit.sentence else {}),
     }
-    return [of_relative_orientation("synthetic", "refined", refinement.orientation, **said)]
+    return [of_relative_orientation("synthetic", "refined", refinement.orientation, **entries)]

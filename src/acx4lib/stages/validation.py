@@ -31,7 +31,7 @@ class ValidationStage:
     Attributes
     ----------
     block : Block
-        Carried into the synthetic image where it is measured in heads.
+        Transferred into the synthetic image where it is measured in heads.
     calibrations : dict of str to Calibration
         By method, those whose parameters are all determined.
     validations : list of Validation
@@ -41,7 +41,7 @@ class ValidationStage:
     in_heads : list of Validation
         One for each of them, in the images of the heads.
     earlier : str
-        Whose calibrations they are, in a sentence, where they are those of an earlier flight.
+        Sentence on the origin of the calibrations of an earlier flight; empty for this flight's.
     """
 
     block: Block
@@ -52,19 +52,21 @@ class ValidationStage:
     earlier: str = ""
 
     def __repr__(self) -> str:
-        """Say in a line what was validated."""
-        methods = [one.method for one in (*self.validations, *self.in_heads)]
+        """Summarize the validations in one line."""
+        methods = [validation.method for validation in (*self.validations, *self.in_heads)]
         points = shown.count(len(self.block.check), "check point")
         return shown.line("ValidationStage", points, *methods)
 
     def table(self) -> pd.DataFrame:
         """Return the differences of all methods."""
-        found = {one.method: one for one in (*self.validations, *self.in_heads)}
-        return _below_each_other("method", found)
+        by_method = {
+            validation.method: validation for validation in (*self.validations, *self.in_heads)
+        }
+        return _below_each_other("method", by_method)
 
 
 def _below_each_other(name: str, values: Mapping[str, Tabled]) -> pd.DataFrame:
-    """Return the tables of values below each other."""
+    """Concatenate the tables of values, one below the other."""
     import pandas as pd  # noqa: PLC0415 it loads long, and few programs show tables
 
     tables = {key: value.table() for key, value in values.items()}
@@ -104,8 +106,8 @@ def run(
         in_heads=_validations(flight, flight.block("validation"), rigs),
         earlier=before.sentence if isinstance(before, Earlier) else "",
     )
-    found = [*stage.validations, *stage.in_heads]
-    _write(flight, results_path, _records(flight, found, {**methods, **rigs}), before)
+    validations = [*stage.validations, *stage.in_heads]
+    _write(flight, results_path, _records(flight, validations, {**methods, **rigs}), before)
     return stage
 
 
@@ -113,7 +115,7 @@ def run(
 
 
 def measured(flight: Flight, results_path: str | Path, calibration_path: str | Path = "") -> Block:
-    """Return the validation block, its points carried where it is measured in heads.
+    """Return the validation block; points measured in heads are transferred.
 
     Parameters
     ----------
@@ -140,7 +142,7 @@ def calibrations(
 def calibrated_rigs(
     flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
 ) -> ByName[Calibration]:
-    """Return calibrations of the heads, by method, where the block is measured in these.
+    """Return the calibrations of the heads, by method, if the block is measured in them.
 
     Parameters
     ----------
@@ -158,7 +160,7 @@ def whose(flight: Flight, calibration_path: str | Path) -> str:
 def _before(
     flight: Flight, results_path: str | Path, calibration_path: str | Path
 ) -> Earlier | folder.Results:
-    """Return the results of the stages before, or those of the earlier flight."""
+    """Read the results of the previous stages, or those of an earlier flight."""
     if str(calibration_path):
         return earlier.read(calibration_path, flight)
     needed = {"synthetic": "validation" in flight.carried, "mounting": bool(flight.calibration)}
@@ -227,40 +229,40 @@ def write(
 
 
 def _records(
-    flight: Flight, found: Sequence[Validation], calibrations: Mapping[str, Calibration]
+    flight: Flight, validations: Sequence[Validation], calibrations: Mapping[str, Calibration]
 ) -> list[adjustments.Record]:
     flown = flight.blocks.get("calibration")
     with solving(flight, "validation"):
         records = of_validations(
-            found,
+            validations,
             calibrations,
             frozenset() if flown is None else features(flown),
             late="delay" in flight.gnss,
         )
-        if found:
-            told = zip(records, found, strict=True)
+        if validations:
+            pairs = zip(records, validations, strict=True)
             records = [
-                _with_prediction(flight, record, one, calibrations[one.method])
-                for record, one in told
+                _with_prediction(flight, record, validation, calibrations[validation.method])
+                for record, validation in pairs
             ]
         return explained(records, flight, "validation")
 
 
 def _with_prediction(
-    flight: Flight, record: adjustments.Record, found: Validation, calibration: Calibration
+    flight: Flight, record: adjustments.Record, validation: Validation, calibration: Calibration
 ) -> adjustments.Record:
-    """Return the record with how well the exposures of a block without check points fit."""
-    if len(found.block.check) or not len(found.block.image_points):
+    """Add to a record how well exposures are predicted, for a block without check points."""
+    if len(validation.block.check) or not len(validation.block.image_points):
         return record
-    told = attempt(
+    prediction = attempt(
         predict,
-        found.block,
+        validation.block,
         calibration,
-        method=found.method,
+        method=validation.method,
         refraction=flight.refraction,
         gnss=of_attitudes(flight.gnss),
     )
-    return adjustments.with_prediction(record, told)
+    return adjustments.with_prediction(record, prediction)
 
 
 def _write(
@@ -269,23 +271,23 @@ def _write(
     records: Sequence[adjustments.Record],
     before: Earlier | folder.Results | None,
 ) -> None:
-    """Write the records; the first one says whose calibrations they are."""
-    told = None
+    """Write the records; the first has a note on the origin of the calibrations."""
+    origin = None
     if isinstance(before, Earlier):
-        told = before.told
+        origin = before.told
         first, *others = records
         notes = [f"validation: {before.sentence}"]
         records = [_named(first, before, notes=notes)]
         records += [_named(record, before) for record in others]
-    adjustments.write(results_path, "validation", records, flight=flight, calibration=told)
+    adjustments.write(results_path, "validation", records, flight=flight, calibration=origin)
 
 
 def _named(record: Record, earlier: Earlier, *, notes: Sequence[str] = ()) -> Record:
-    """Return the record of a validation that names the calibration of an earlier flight."""
+    """Add the origin of an earlier flight's calibration to the record of a validation."""
     entries = {}
     for key, entry in record.summary.items():
         method = key.rpartition("/")[2]
-        said: dict[str, object] = {**earlier.told, "method": f"mounting/{method}"}
+        origin: dict[str, object] = {**earlier.told, "method": f"mounting/{method}"}
         all_notes = [*folder.messages(entry, "notes"), *notes]
-        entries[key] = {**entry, "calibration": said, "notes": all_notes}
+        entries[key] = {**entry, "calibration": origin, "notes": all_notes}
     return Record(stage=record.stage, method=record.method, tables=record.tables, summary=entries)
