@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 @shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coverage:
-    """Which heads see which part of the synthetic image.
+    """Visibility of the synthetic image in the heads.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Coverage:
         Nodes over the synthetic image, mm.
     seen : ndarray, shape (n_heads, rows, cols)
     count : ndarray of int, shape (rows - 1, cols - 1)
-        By how many heads the middle of each mesh between the nodes is seen.
+        Number of heads that see the middle of each mesh between the nodes.
     share : ndarray, shape (n_heads + 1,)
         Share of the image that is seen by 0, 1, ... heads: of the meshes, by their middles.
     """
@@ -58,7 +58,7 @@ class Coverage:
 
     @property
     def coincides(self) -> bool:
-        """Whether all heads see most of what any of them sees, as those of several bands do.
+        """Whether all heads see mostly the same area, as heads of different bands do.
 
         Then their images are bands of one image, not parts of it.
         """
@@ -151,7 +151,7 @@ def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) ->
 def coverage(
     orientation: RelativeOrientation, synthetic: Camera, *, spacing_px: int = 60
 ) -> Coverage:
-    """Return which heads see what of the synthetic image, by a grid from border to border."""
+    """Return the visibility of the synthetic image in the heads, on a grid over all of it."""
     expected.whole("spacing_px", spacing_px)
     w, h = synthetic.width_px, synthetic.height_px
     cols = np.linspace(0, w - 1, max(w // spacing_px, 1) + 1)
@@ -211,8 +211,8 @@ def reduced_heads(orientation: RelativeOrientation, k: int) -> RelativeOrientati
 # --- What the distance between the heads' lenses does to the synthetic image
 #
 # Two heads a base B apart see ground at the distance H from places f B / H apart in the image.
-# Over flat ground that is one shift, which refining the heads at this height takes up; ground that
-# is higher by dh is shifted by f B dh / (H (H - dh)) more, and nothing takes that up.
+# Over flat ground this is one shift, which the refinement of the heads at this height absorbs.
+# Ground higher by dh is shifted by f B dh / (H (H - dh)) more, which nothing absorbs.
 
 
 TYPICAL_BASES_M = (0.1, 0.3)
@@ -227,7 +227,7 @@ class Parallax:
     ----------
     base_m, height_m : ndarray, shape (n,)
     relief_m : ndarray, shape (m,)
-        Of ground above that for which the heads were refined; negative below.
+        Height of ground above the level for which the heads were refined; negative below.
     shift_px : ndarray, shape (n,)
         Over flat ground.
     change_px : ndarray, shape (n, m)
@@ -248,14 +248,14 @@ class FlightParallax:
     Attributes
     ----------
     labels : tuple of str
-        What the rows stand for: pairs of heads, or typical bases.
+        Names of the rows: pairs of heads, or typical bases.
     declared : bool
         Whether the bases are those of the heads' lever arms.
     base_m : ndarray, shape (n,)
     height_m : ndarray, shape (n_exposures,)
         Over the mean ground.
     relief_m : float
-        How far the highest ground stands above its mean.
+        Height of the highest ground above its mean.
     shift_px, change_px : ndarray, shape (n, n_exposures)
         Over flat ground, and of its highest points.
     """
@@ -269,7 +269,7 @@ class FlightParallax:
     change_px: Array
 
     def __repr__(self) -> str:
-        """Say between what, and by how much at most."""
+        """Summarize bases, exposures and the largest shift in one line."""
         most = f"{np.nanmax(self.shift_px, initial=0.0):.2f} px"
         return f"parallax of {len(self.labels)} bases at {len(self.height_m)} exposures: to {most}"
 
@@ -290,7 +290,7 @@ class FlightParallax:
 
 
 def parallax(synthetic: Camera, base_m: Array, height_m: Array, relief_m: Array) -> Parallax:
-    """Return the shifts of bases at flying heights, and what relief changes in them.
+    """Return the shifts of bases at flying heights, and their changes by relief.
 
     Parameters
     ----------
@@ -329,7 +329,7 @@ def parallax(synthetic: Camera, base_m: Array, height_m: Array, relief_m: Array)
 def bases(heads: Sequence[Camera]) -> Array:
     """Return the distances of the lenses for all pairs of heads, shape (n_pairs,), m.
 
-    From the lever arms; pairs as `itertools.combinations` has them.
+    From the lever arms; pairs in the order of `itertools.combinations`.
     """
     r_b_h = [head.T_b_c.r for head in heads]
     return np.array([np.linalg.norm(a - b) for a, b in combinations(r_b_h, 2)])
@@ -343,10 +343,10 @@ def flight_parallax(
     Parameters
     ----------
     block : Block
-        Its trajectory says how high the exposures are.
+        Its trajectory has the heights of the exposures.
     heads : sequence of Camera
-        With lever arms as declared or as a rig's adjustment has them. Where they are all alike
-        nothing is known of them, and `TYPICAL_BASES_M` are taken.
+        With lever arms as declared or as a rig's adjustment has them. Equal lever arms mean
+        unknown bases; then `TYPICAL_BASES_M` are used.
     synthetic : Camera
     ground_m : ndarray, shape (n,), optional
         Heights of ground points in the mapping frame; by default the control points.

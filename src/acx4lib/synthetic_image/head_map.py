@@ -19,7 +19,7 @@ TOLERANCE = 0.0006
 """Largest allowed error of a position between nodes, px: less than rounding to 16 bits."""
 
 STEPS = (16, 8, 4, 2)
-"""Distances of the nodes, px, that are tried for it."""
+"""Distances of the nodes, px, that are tried to reach `TOLERANCE`."""
 
 DEGREE = 16
 """Degree of the polynomial through positions; aerial lenses need less."""
@@ -81,13 +81,13 @@ def _largest_error(orientation: RelativeOrientation, synthetic: Camera, step: in
     size = np.array([synthetic.width_px, synthetic.height_px])
     corners = [np.unique(np.linspace(0, n, 40).astype(int) // step * step) for n in size]
     first = np.stack(np.meshgrid(*corners), axis=-1).reshape(-1, 2)
-    ways = step * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.5, 0.5]])
-    xy = xy_from_colrow(synthetic, first[:, None, :] + ways)
+    offsets = step * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.5, 0.5]])
+    xy = xy_from_colrow(synthetic, first[:, None, :] + offsets)
     error = 0.0
     for k, camera in enumerate(orientation.heads):
-        at = head_from_synthetic(orientation, k, xy.reshape(-1, 2)).reshape(xy.shape)
-        at = at[inside(camera, at).any(axis=1)]
-        misfits = np.linalg.norm(at[:, :4].mean(axis=1) - at[:, 4], axis=-1)
+        colrow = head_from_synthetic(orientation, k, xy.reshape(-1, 2)).reshape(xy.shape)
+        colrow = colrow[inside(camera, colrow).any(axis=1)]
+        misfits = np.linalg.norm(colrow[:, :4].mean(axis=1) - colrow[:, 4], axis=-1)
         error = max(error, float(np.nanmax(misfits, initial=0.0)))
     return error
 
@@ -167,18 +167,18 @@ def _positions(orientation: RelativeOrientation, k: int, x: Array, y: Array, wan
     """
     if wanted.sum() > 4 * DEGREE**2:
         (points_x, by_x), (points_y, by_y) = _through_points(x), _through_points(y)
-        at = _exact(orientation, k, *np.meshgrid(points_x, points_y))
-        found = np.stack([by_y @ at[..., i] @ by_x.T for i in (0, 1)], axis=-1)
+        exact = _exact(orientation, k, *np.meshgrid(points_x, points_y))
+        positions = np.stack([by_y @ exact[..., i] @ by_x.T for i in (0, 1)], axis=-1)
         rows, cols = np.nonzero(wanted)
-        some = np.linspace(0, len(rows) - 1, DEGREE**2).astype(int)
-        rows, cols = rows[some], cols[some]
-        error = np.abs(found[rows, cols] - _exact(orientation, k, x[cols], y[rows]))
+        checked = np.linspace(0, len(rows) - 1, DEGREE**2).astype(int)
+        rows, cols = rows[checked], cols[checked]
+        error = np.abs(positions[rows, cols] - _exact(orientation, k, x[cols], y[rows]))
         if error.max() < EXACT:  # False for NaN
-            return found
-    found = np.full((len(y), len(x), 2), np.nan)
+            return positions
+    positions = np.full((len(y), len(x), 2), np.nan)
     rows, cols = np.nonzero(wanted)
-    found[rows, cols] = _exact(orientation, k, x[cols], y[rows])
-    return found
+    positions[rows, cols] = _exact(orientation, k, x[cols], y[rows])
+    return positions
 
 
 def _exact(orientation: RelativeOrientation, k: int, x: Array, y: Array) -> Array:
@@ -187,17 +187,17 @@ def _exact(orientation: RelativeOrientation, k: int, x: Array, y: Array) -> Arra
     return head_from_synthetic(orientation, k, xy.reshape(-1, 2)).reshape(xy.shape)
 
 
-def _through_points(at: Array) -> tuple[Array, Array]:
+def _through_points(positions: Array) -> tuple[Array, Array]:
     """Return the points of an interpolating polynomial, and their weights at given positions."""
     unit = chebpts1(DEGREE + 1)
-    middle, half = (at[0] + at[-1]) / 2, (at[-1] - at[0]) / 2
+    middle, half = (positions[0] + positions[-1]) / 2, (positions[-1] - positions[0]) / 2
     from_values = chebvander(unit, DEGREE).T * (2 / (DEGREE + 1))
     from_values[0] /= 2
-    return middle + half * unit, chebvander((at - middle) / half, DEGREE) @ from_values
+    return middle + half * unit, chebvander((positions - middle) / half, DEGREE) @ from_values
 
 
 def _near_sensor(orientation: RelativeOrientation, k: int, x: Array, y: Array) -> Mask:
-    """Tell which nodes a head may see, and which belong to a cell that it may see in part."""
+    """Return the mask of nodes of coarse cells that a head may see, at least in part."""
     camera = orientation.heads[k]
     rows, cols = (np.unique(np.r_[0:n:COARSE, n - 1]) for n in (len(y), len(x)))
     colrow = _exact(orientation, k, *np.meshgrid(x[cols], y[rows]))
@@ -212,7 +212,7 @@ def _near_sensor(orientation: RelativeOrientation, k: int, x: Array, y: Array) -
 
 
 def levelled(head: HeadMap) -> HeadMap:
-    """Return a map that is right on the average of each cell instead of at its nodes.
+    """Return a map correct on the average of each cell instead of at its nodes.
 
     Between exact nodes, bilinear positions all have an error to the same side, on average
     h^2 / 12 times the second derivatives. Moving the nodes by it reduces the RMS error to less
@@ -226,19 +226,19 @@ def levelled(head: HeadMap) -> HeadMap:
     moved = head.nodes.copy()
     box = _around_seen(moved)
     for axis in (0, 1):
-        nodes, to = (np.moveaxis(part[box], axis, 0) for part in (head.nodes, moved))
+        nodes, target = (np.moveaxis(part[box], axis, 0) for part in (head.nodes, moved))
         if len(nodes) > 2:
             bend = np.nan_to_num(np.diff(nodes, n=2, axis=0) / 12, copy=False)
-            to[1:-1] -= bend
-            to[[0, -1]] -= bend[[0, -1]]  # as at their neighbours
+            target[1:-1] -= bend
+            target[[0, -1]] -= bend[[0, -1]]  # as at their neighbours
     return replace(head, nodes=moved)
 
 
 def _around_seen(nodes: Array) -> tuple[slice, slice]:
-    """Return the rows and columns of nodes that are not NaN, and one more on each side."""
+    """Return the slices of rows and columns with visible nodes, and one more on each side."""
     seen = np.isfinite(nodes[..., 0])
-    found = [np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0)]
-    first, last = zip(*((f[0], f[-1]) if len(f) else (0, 0) for f in found), strict=True)
+    indices = [np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0)]
+    first, last = zip(*((f[0], f[-1]) if len(f) else (0, 0) for f in indices), strict=True)
     rows, cols = (slice(max(a - 1, 0), b + 2) for a, b in zip(first, last, strict=True))
     return rows, cols
 
@@ -270,10 +270,10 @@ def between_nodes(head: HeadMap, rows: Array, cols: Array) -> Array:
     return (1 - t) * upper + t * lower
 
 
-def _cell(at: Array, step_px: int, n: int) -> tuple[np.ndarray, Array]:
+def _cell(position: Array, step_px: int, n: int) -> tuple[np.ndarray, Array]:
     """Return the node before each position, and the fraction of the way to the next node."""
-    before = np.clip(at // step_px, 0, n - 2).astype(np.intp)
-    return before, at / step_px - before
+    before = np.clip(position // step_px, 0, n - 2).astype(np.intp)
+    return before, position / step_px - before
 
 
 # --- Images mapped from their files: memory of pixels that were read can be given back
@@ -288,7 +288,7 @@ def mapped_file(image: np.ndarray) -> mmap.mmap | None:
 
 
 def forget(image: np.ndarray) -> None:
-    """Give back the memory of mapped pixels; they are read again when they are needed.
+    """Release the memory of mapped pixels; they are read again when needed.
 
     An image in memory is not changed. The images of four aerial heads are too large to be held in
     memory during rendering.

@@ -181,7 +181,7 @@ def render_into(
 ) -> None:
     """Fill `out`, shape (rows, width, bands), with the rows of the image from `start` on.
 
-    For stripe after stripe in the same memory; a ValueError says what is not as in `render_rows`.
+    Used for stripe after stripe in the same memory; raises a ValueError as `render_rows`.
     """
     expected.whole("threads", 1 if threads is None else threads)
     _require_images(plan, images)

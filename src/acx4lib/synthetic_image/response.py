@@ -62,9 +62,9 @@ class Response:
     coefficients : ndarray, shape (n_heads, n_bands, 3)
         g, a, b. The mean of g over the heads is zero in each band.
     reach : ndarray, shape (n_heads, 2), optional
-        Smallest and largest q for which this holds; beyond, the response is that at the limit. It
-        is one for all bands, so that what is not known does not change colours. By default, the
-        response holds everywhere.
+        Smallest and largest valid q; beyond, the response at the limit is used. The range is the
+        same for all bands, so that colours do not change beyond it. By default, the response is
+        valid everywhere.
     """
 
     coefficients: Array
@@ -76,7 +76,7 @@ class Response:
             expected.shape("reach", self.reach, (len(self.coefficients), 2))
 
     def within(self, k: int, q: NDArray[Q]) -> NDArray[Q]:
-        """Return q of a head, moved to the limits of its reach."""
+        """Clip q of a head to the valid range of its response."""
         if self.reach is None:
             return q
         return np.clip(q, *self.reach[k].astype(q.dtype))
@@ -215,14 +215,14 @@ def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> R
 
 
 def _reach(samples: Sequence[Samples], n_heads: int) -> Array:
-    """Return the limits of q to which samples of any band tell the response, (n_heads, 2)."""
+    """Return the range of q covered by samples of any band, shape (n_heads, 2)."""
     out = np.tile([-np.inf, np.inf], (n_heads, 1))
     for k in range(n_heads):
         sides = [(s.head_a, s.q_a, s) for s in samples] + [(s.head_b, s.q_b, s) for s in samples]
-        own = [q[np.isfinite(s.log_ratio).any(axis=1)] for head, q, s in sides if head == k]
-        seen = np.sort(np.concatenate([*own, []]))
-        if len(seen) >= 2 * PER_CELL:
-            out[k] = seen[PER_CELL - 1] - BEYOND, seen[-PER_CELL] + BEYOND
+        parts = [q[np.isfinite(s.log_ratio).any(axis=1)] for head, q, s in sides if head == k]
+        q_sorted = np.sort(np.concatenate([*parts, []]))
+        if len(q_sorted) >= 2 * PER_CELL:
+            out[k] = q_sorted[PER_CELL - 1] - BEYOND, q_sorted[-PER_CELL] + BEYOND
     # no limit where only the image ends, so that nothing is cut at its outermost pixels
     return np.where([out[:, 0] > 0, out[:, 1] < 1], out.T, [[-np.inf], [np.inf]]).T
 
@@ -277,10 +277,10 @@ def _zero_mean_gain(n_heads: int) -> Array:
 def _disagreement(
     samples: Sequence[Samples], pair: tuple[int, int], response: Response
 ) -> OverlapResponse:
-    own = [s for s in samples if (s.head_a, s.head_b) == pair]
-    y = np.concatenate([s.log_ratio for s in own])
-    residuals = [s.log_ratio - _modelled(s, response) for s in own]
-    rough = np.concatenate([_rough(s, v) for s, v in zip(own, residuals, strict=True)])
+    pair_samples = [s for s in samples if (s.head_a, s.head_b) == pair]
+    y = np.concatenate([s.log_ratio for s in pair_samples])
+    residuals = [s.log_ratio - _modelled(s, response) for s in pair_samples]
+    rough = np.concatenate([_rough(s, v) for s, v in zip(pair_samples, residuals, strict=True)])
     good = np.isfinite(y)
 
     def by_band(values: Array) -> Array:
@@ -294,8 +294,8 @@ def _disagreement(
         after=by_band(np.concatenate(residuals)),
         floor=by_band(rough),
         n_used=good.sum(axis=0),
-        n_saturated=np.sum([s.saturated.sum(axis=0) for s in own], axis=0),
-        n_dark=np.sum([s.dark.sum(axis=0) for s in own], axis=0),
+        n_saturated=np.sum([s.saturated.sum(axis=0) for s in pair_samples], axis=0),
+        n_dark=np.sum([s.dark.sum(axis=0) for s in pair_samples], axis=0),
     )
 
 
@@ -305,27 +305,27 @@ def _modelled(s: Samples, response: Response) -> Array:
     return _powers(q_a) @ a.T - _powers(q_b) @ b.T
 
 
-def _rough(samples: Samples, left: Array) -> Array:
+def _rough(samples: Samples, residuals: Array) -> Array:
     """Return log ratios minus the medians of their cells, of some twenty samples each."""
-    per_side = max(1, int(np.sqrt(len(left) / PER_CELL)))
+    per_side = max(1, int(np.sqrt(len(residuals) / PER_CELL)))
     low, high = samples.xy.min(axis=0), samples.xy.max(axis=0)
     place = (per_side * (samples.xy - low) / np.maximum(high - low, 1e-12)).astype(int)
     cell = np.minimum(place, per_side - 1) @ [1, per_side]
-    out = np.full(left.shape, np.nan)
-    for band, values in enumerate(left.T):
+    out = np.full(residuals.shape, np.nan)
+    for band, values in enumerate(residuals.T):
         good = np.isfinite(values)
         if not good.any():
             continue
-        own = cell[good]
-        count = np.bincount(own, minlength=per_side**2)
-        medians = ndimage.median(values[good], own, np.arange(per_side**2))
-        enough = count[own] > PER_CELL // 4
-        out[np.flatnonzero(good)[enough], band] = (values[good] - medians[own])[enough]
+        good_cell = cell[good]
+        count = np.bincount(good_cell, minlength=per_side**2)
+        medians = ndimage.median(values[good], good_cell, np.arange(per_side**2))
+        enough = count[good_cell] > PER_CELL // 4
+        out[np.flatnonzero(good)[enough], band] = (values[good] - medians[good_cell])[enough]
     return out
 
 
 def poor_overlaps(fit: ResponseFit, names: Sequence[str]) -> list[str]:
-    """Return sentences on overlaps and heads with too few samples, where the a priori decides.
+    """Return sentences on overlaps and heads with too few samples, left to the a priori values.
 
     Parameters
     ----------
@@ -343,9 +343,9 @@ def poor_overlaps(fit: ResponseFit, names: Sequence[str]) -> list[str]:
             )
         else:
             met |= {o.head_a, o.head_b}
-    alone = [name for k, name in enumerate(names) if k not in met]
-    if alone:
-        out.append(f"{', '.join(alone)}: no overlap tells the response; it is held near one")
+    unconnected = [name for k, name in enumerate(names) if k not in met]
+    if unconnected:
+        out.append(f"{', '.join(unconnected)}: no overlap tells the response; it is held near one")
     return out
 
 
@@ -432,15 +432,15 @@ def overlap_samples(
         xy = _points(orientation, pair, synthetic, rng=rng, n_points=n_points, patch=patch)
         pairs += [(pair, xy)] if len(xy) else []
 
-    def sampled(one: tuple[tuple[int, int], Array]) -> Samples:
-        pair, xy = one
+    def sampled(pair_and_points: tuple[tuple[int, int], Array]) -> Samples:
+        pair, xy = pair_and_points
         both = [_patches(images[k], orientation, k, xy, synthetic, patch) for k in pair]
         return _samples(orientation, pair, xy, both)
 
-    found = processors.in_order(sampled, pairs)
+    samples = processors.in_order(sampled, pairs)
     for image in images:
         forget(image)
-    return found
+    return samples
 
 
 def _check_images(images: Sequence[Image], orientation: RelativeOrientation) -> None:
@@ -463,7 +463,7 @@ def _points(
     n_points: int,
     patch: int,
 ) -> Array:
-    """Return points whose whole patches are seen by both heads, shape (n, 2), mm."""
+    """Draw points whose whole patches are seen by both heads, shape (n, 2), mm."""
     half = 0.5 * synthetic.pixel_mm * np.array([synthetic.width_px, synthetic.height_px])
     outlines = [footprint(orientation, k, per_side=8) for k in pair]
     low = np.max([-half, *(outline.min(axis=0) for outline in outlines)], axis=0)
@@ -483,7 +483,7 @@ def _points(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Patches:
-    """Grey values of one head's patches: their mean, and which are saturated, (n, n_bands)."""
+    """Mean grey values and saturation of one head's patches, shape (n, n_bands)."""
 
     colrow: Array
     mean: Array
@@ -498,32 +498,32 @@ def _patches(
     synthetic: Camera,
     patch: int,
 ) -> _Patches:
-    """Return means over patch x patch synthetic pixels, which show both heads' same ground."""
+    """Return means over patch x patch synthetic pixels, the same ground in both heads."""
     step = synthetic.pixel_mm * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     here, right, up = (head_from_synthetic(orientation, k, xy + s) for s in step)
     offset = np.arange(patch) - (patch - 1) / 2
     i, j = (o.ravel()[:, None] for o in np.meshgrid(offset, offset))
-    at = here[:, None] + i * (right - here)[:, None] + j * (up - here)[:, None]
+    positions = here[:, None] + i * (right - here)[:, None] + j * (up - here)[:, None]
     n, bands = len(xy), image.shape[2]
     mean, peak = np.zeros((n, bands)), np.zeros((n, bands), image.dtype)
-    often = np.zeros((bands, np.iinfo(image.dtype).max + 1), np.int64)
-    patch_means(image, at, mean, peak, often)
-    return _Patches(colrow=here, mean=mean, saturated=peak >= _saturation(often))
+    histogram = np.zeros((bands, np.iinfo(image.dtype).max + 1), np.int64)
+    patch_means(image, positions, mean, peak, histogram)
+    return _Patches(colrow=here, mean=mean, saturated=peak >= _saturation(histogram))
 
 
-def _saturation(often: Index) -> Array:
+def _saturation(histogram: Index) -> Array:
     """Return the grey value from which pixels are saturated, shape (n_bands,).
 
     It is the largest value of the data type, or the largest value found if it is unusually
     frequent, as some heads clip at a smaller value.
     """
-    levels = np.full(len(often), often.shape[1] - 1.0)
+    levels = np.full(len(histogram), histogram.shape[1] - 1.0)
     for band, level in enumerate(levels):
-        found = np.flatnonzero(often[band])
-        count = often[band, found]
-        below = count[:-1][found[:-1] >= found[-1] - 0.01 * level].max(initial=0)
+        values = np.flatnonzero(histogram[band])
+        count = histogram[band, values]
+        below = count[:-1][values[:-1] >= values[-1] - 0.01 * level].max(initial=0)
         if 20 <= count[-1] < 0.5 * count.sum() and count[-1] > 3 * below:
-            levels[band] = found[-1]
+            levels[band] = values[-1]
     return levels
 
 

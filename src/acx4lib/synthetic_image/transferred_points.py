@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# --- Measurements of the heads, carried into the synthetic images of their exposures
+# --- Measurements of the heads, transferred into the synthetic images of their exposures
 # (section 2.1)
 #
 # A measured point is corrected for its head's distortion, and its ray is intersected with the
@@ -44,12 +44,12 @@ class CarriedPoints:
     ----------
     exposure_idx, point_idx, camera_idx : ndarray, shape (n,)
         Indices of the block's exposures, points and cameras; the camera is the head from which
-        the measurement was carried.
+        the measurement was transferred.
     colrow : ndarray, shape (n, 2)
         Pixels of the synthetic image.
     sigma_px : ndarray, shape (n, 2)
-        Of col and row: the measurement's, and that of heads which turn at single exposures, not
-        that of their calibration.
+        Of col and row: from the measurement and from turns of the heads at single exposures, not
+        from their calibration.
     n_left_out : int
         Points of exposures that lie outside the synthetic image.
     """
@@ -72,22 +72,22 @@ class CarriedPoints:
         expected.positive("sigma_px", self.sigma_px)
 
     def __repr__(self) -> str:
-        """Say in a line how many they are."""
+        """Summarize the points in one line."""
         exposures = shown.count(len(np.unique(self.exposure_idx)), "exposure")
         left_out = f"{self.n_left_out} left out" if self.n_left_out else ""
         return shown.line("CarriedPoints", f"{len(self)} of {exposures}", left_out)
 
     def table(self) -> pd.DataFrame:
-        """Return how many come from every head, and the median of their sigma.
+        """Return the number of measurements of every head, and their median sigma.
 
         Heads are counted from zero, in the order of the block's cameras.
         """
         rows = {}
         for k in np.unique(self.camera_idx).tolist():
-            own = self.camera_idx == k
-            col, row = np.median(self.sigma_px[own], axis=0).tolist()
+            of_head = self.camera_idx == k
+            col, row = np.median(self.sigma_px[of_head], axis=0).tolist()
             rows[k] = {
-                "measurements": int(own.sum()),
+                "measurements": int(of_head.sum()),
                 "median sigma col (px)": col,
                 "median sigma row (px)": row,
             }
@@ -99,7 +99,7 @@ class CarriedPoints:
 
 
 def carry(block: Block, orientation: RelativeOrientation, synthetic: Camera) -> CarriedPoints:
-    """Carry the measurements of a block's heads into their synthetic images.
+    """Transfer the measurements of a block's heads into their synthetic images.
 
     Valid as far as all heads look from one place: relief and flying height move nothing.
 
@@ -128,11 +128,13 @@ def carry(block: Block, orientation: RelativeOrientation, synthetic: Camera) -> 
     camera_idx = block.images.camera_idx[points.image_idx]
     colrow, sigma = np.full((len(rows), 2), np.nan), np.full((len(rows), 2), np.nan)
     for k in np.unique(heads):
-        own = np.flatnonzero(heads[camera_idx] == k)
-        xy = synthetic_from_head(orientation, int(k), points.colrow[own])
-        colrow[own] = colrow_from_xy(synthetic, xy)
-        J = synthetic_from_head_jacobian(orientation, int(k), points.colrow[own])
-        sigma[own] = np.linalg.norm(J, axis=2) * points.sigma_px[own, None] / synthetic.pixel_mm
+        of_head = np.flatnonzero(heads[camera_idx] == k)
+        xy = synthetic_from_head(orientation, int(k), points.colrow[of_head])
+        colrow[of_head] = colrow_from_xy(synthetic, xy)
+        J = synthetic_from_head_jacobian(orientation, int(k), points.colrow[of_head])
+        sigma[of_head] = (
+            np.linalg.norm(J, axis=2) * points.sigma_px[of_head, None] / synthetic.pixel_mm
+        )
     if orientation.turns is not None:
         sigma = np.hypot(sigma, _by_turns(synthetic, colrow, orientation.turns))
     kept = np.flatnonzero(inside(synthetic, colrow))
@@ -147,7 +149,7 @@ def carry(block: Block, orientation: RelativeOrientation, synthetic: Camera) -> 
 
 
 def _by_turns(synthetic: Camera, colrow: Array, turns: Array) -> Array:
-    """Return the standard deviations of col and row, px, by turns of a head, (n, 2)."""
+    """Return the standard deviations of col and row due to turns of a head, px, (n, 2)."""
     (x, y), f = xy_from_colrow(synthetic, colrow).T, synthetic.interior.f
     J = np.array([[x * y / f, f + x**2 / f, y], [f + y**2 / f, x * y / f, x]])  # signs apart
     return np.sqrt(np.square(J).transpose(2, 0, 1) @ turns**2) / synthetic.pixel_mm
@@ -163,9 +165,9 @@ def _numbers_of_heads(block: Block, orientation: RelativeOrientation) -> Index:
 
 
 def _nearest_to_the_middle(block: Block, heads: Index, cameras: Sequence[Camera]) -> Index:
-    """Return one measurement of each point at an exposure: the farthest from its head's border.
+    """Select a measurement per point and exposure: the farthest from its head's border.
 
-    Of several that are as far, the first head's, as a seam has it.
+    At equal distances it is the first head's, as at a seam.
     """
     points = block.image_points
     head = heads[block.images.camera_idx[points.image_idx]]
@@ -176,12 +178,12 @@ def _nearest_to_the_middle(block: Block, heads: Index, cameras: Sequence[Camera]
     order = np.lexsort((head, -far, points.point_idx, exposure))
     together = exposure[order] * len(block.points) + points.point_idx[order]
     chosen = np.sort(order[np.unique(together, return_index=True)[1]])
-    at = first_images(block)[exposure[chosen]]
-    return chosen[np.argsort(at, kind="stable")]
+    first = first_images(block)[exposure[chosen]]
+    return chosen[np.argsort(first, kind="stable")]
 
 
 def synthetic_block(block: Block, carried: CarriedPoints, synthetic: Camera) -> Block:
-    """Return a block's synthetic images with the measurements that were carried into them.
+    """Return a block's synthetic images with the transferred measurements.
 
     Parameters
     ----------
@@ -196,12 +198,12 @@ def synthetic_block(block: Block, carried: CarriedPoints, synthetic: Camera) -> 
         As `synthetic_images` has it. A measurement's sigma is the root mean square of its two.
     """
     images = synthetic_images(block, synthetic)
-    place = np.full(len(block.trajectory), -1)
-    place[images.images.exposure_idx] = np.arange(len(images.images))
+    image_of_exposure = np.full(len(block.trajectory), -1)
+    image_of_exposure[images.images.exposure_idx] = np.arange(len(images.images))
     return replace(
         images,
         image_points=ImagePoints(
-            image_idx=place[carried.exposure_idx],
+            image_idx=image_of_exposure[carried.exposure_idx],
             point_idx=carried.point_idx,
             colrow=carried.colrow,
             sigma_px=np.sqrt(np.mean(carried.sigma_px**2, axis=1)),
@@ -209,20 +211,20 @@ def synthetic_block(block: Block, carried: CarriedPoints, synthetic: Camera) -> 
     )
 
 
-# --- What the errors of the heads' calibration do to a camera calibrated in the synthetic image
+# --- Effect of errors of the heads' calibration on a camera calibrated in the synthetic image
 #
-# A head that is off moves all points that it measured, at every exposure, together. So this is no
+# An error of a head moves all points measured in it, at every exposure, together. So this is no
 # standard deviation of single points: the adjustment does not average it, and does not see it.
 
 
 def parameter_covariance(
     bundle: Bundle, block: Block, carried: CarriedPoints, orientation: RelativeOrientation
 ) -> Array:
-    """Return the covariance of a synthetic camera's parameters that its heads' calibration causes.
+    """Return the covariance of a synthetic camera's parameters due to its heads' calibration.
 
-    Valid for the calibration of heads that carried the points, and for what the noise of its
-    measurements does. What a focal length that is held wrongly does to a head is no part of it.
-    Other flights that are carried by the same one share this error.
+    Valid for the noise of the measurements in the calibration of the heads that transferred the
+    points. The effect of a wrong focal length, held in the calibration of a head, is not included.
+    Flights whose points are transferred by the same calibration share this error.
 
     Parameters
     ----------
@@ -233,7 +235,7 @@ def parameter_covariance(
     carried : CarriedPoints
         All points of the bundle's block, in its order.
     orientation : RelativeOrientation
-        The heads by which they were carried.
+        The heads by which they were transferred.
 
     Returns
     -------
@@ -253,8 +255,10 @@ def parameter_covariance(
     columns = np.arange(calibration.n_columns)
     network, solution = bundle.network, bundle.solution
     equations = network.equations(bundle.state)
-    found = gains(equations, solution.inverse, network.free_points, columns)
-    by_points = next(g for e, g in zip(equations, found, strict=True) if e.kind == "image_point")
+    gain_matrices = gains(equations, solution.inverse, network.free_points, columns)
+    by_points = next(
+        g for e, g in zip(equations, gain_matrices, strict=True) if e.kind == "image_point"
+    )
     (camera,) = network.block.cameras
     moved = _moved(block, carried, orientation, camera)[network.rows]
     J = to_reported(calibration) @ np.einsum("mdc,mdk->ck", by_points, moved)
@@ -274,13 +278,13 @@ def _moved(
     xy = xy_from_colrow(camera, carried.colrow)
     out = np.zeros((len(carried), 2, len(known)))
     n = len(names)
-    for place, i in enumerate(known.tolist()):
+    for column, i in enumerate(known.tolist()):
         k = i // 6 if i < 6 * n else (i - 6 * n) // ((len(sigma) - 6 * n) // n)
-        own = np.flatnonzero(heads == k)
-        colrow = head_from_synthetic(orientation, k, xy[own])
+        of_head = np.flatnonzero(heads == k)
+        colrow = head_from_synthetic(orientation, k, xy[of_head])
         ahead, behind = (
             synthetic_from_head(varied(orientation, i, step), k, colrow)
             for step in (sigma[i], -sigma[i])
         )
-        out[own, :, place] = (ahead - behind) / (2 * sigma[i] * camera.pixel_mm) * [1.0, -1.0]
+        out[of_head, :, column] = (ahead - behind) / (2 * sigma[i] * camera.pixel_mm) * [1.0, -1.0]
     return out
