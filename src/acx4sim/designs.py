@@ -185,7 +185,7 @@ def _mounted(name: str, mount_deg: tuple[float, float, float]) -> Camera:
 
 
 def _mount(angles_deg: tuple[float, float, float], decimals: int = 9) -> dict[str, float]:
-    """Return a boresight as flight.toml has it."""
+    """Return a boresight as keys of flight.toml."""
     names = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
     return {name: round(angle, decimals) for name, angle in zip(names, angles_deg, strict=True)}
 
@@ -323,7 +323,7 @@ def simulate(
     ValueError
         For another name.
     FileExistsError
-        Where something is there already.
+        Where a flight is there already.
     """
     if name not in DESIGNS:
         msg = f"name must be one of {', '.join(DESIGNS)}, got {name!r}"

@@ -80,8 +80,8 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
         points.update(zip(names, x_g, strict=True))
         if path not in files:
             rng = stream(seed, plan.draws, path)
-            own = len(plan.blocks[name].targets) > 0
-            sigma_m = block.target_m if own else plan.noise.control_m
+            has_targets = len(plan.blocks[name].targets) > 0
+            sigma_m = block.target_m if has_targets else plan.noise.control_m
             files[path] = _control_points(sigma_m, names, x_g, options, rng)
         recorded[name] = record(
             tracks[name],
@@ -92,15 +92,15 @@ def simulate_plan(plan: Plan, seed: int, options: Options) -> SimulatedFlight:
         )
         files.update(_block_tables(plan, name, tracks[name], seed, options))
         files[f"{name}/trajectory.csv"] = _trajectory(plan, recorded[name])
-    told = _truth(plan, seed, options, tracks, points)
+    truth = _truth(plan, seed, options, tracks, points)
     if options.gross_errors is not None:
         spoiled = _spoil(plan, files, recorded, options.gross_errors, seed)
-        files, told["gross_errors"] = dict(spoiled.tables), spoiled.mistakes
+        files, truth["gross_errors"] = dict(spoiled.tables), spoiled.mistakes
     return SimulatedFlight(
         name=plan.name,
         toml=_flight_toml(plan, options),
         tables=files,
-        truth=told,
+        truth=truth,
         plan=plan,
         seed=seed,
     )
@@ -156,11 +156,11 @@ def _with_files(
     tables: Mapping[str, pd.DataFrame], ordered: Photography
 ) -> dict[str, pd.DataFrame]:
     tables = dict(tables)
-    for block in {at.block for at in ordered.stations}:
+    for block in {station.block for station in ordered.stations}:
         files = {
             Path(path).stem: path.removeprefix(f"{block}/")
-            for path, at, _ in ordered.orders()
-            if at.block == block
+            for path, station, _ in ordered.orders()
+            if station.block == block
         }
         images = tables[f"{block}/images.csv"]
         tables[f"{block}/images.csv"] = images.assign(file=images["image"].map(files).fillna(""))
@@ -238,7 +238,7 @@ def _pointing(
 
 
 MADE_BY = "acx4 simulate"
-"""The maker of a truth; the command looks for it before it replaces one."""
+"""The maker named in a truth; the command checks it before it replaces a truth."""
 
 NOTE = (
     "True values. Cameras: boresight is omega, phi, kappa of eq. (6), camera to body; the lever "
@@ -312,7 +312,7 @@ def _truth(
     points: Mapping[str, Array],
 ) -> dict[str, Any]:
     """Return the true values, for JSON."""
-    result: dict[str, Any] = {
+    truth: dict[str, Any] = {
         "made_by": MADE_BY,
         "name": plan.name,
         "seed": seed,
@@ -321,19 +321,19 @@ def _truth(
         "cameras": {name: _camera_truth(plan, name) for name in _real_cameras(plan)},
     }
     if plan.heads:
-        result["heads_in_synthetic_frame"] = {
+        truth["heads_in_synthetic_frame"] = {
             name: dict(zip(("omega_deg", "phi_deg", "kappa_deg"), angles, strict=True))
             for name, angles in plan.head_angles_deg.items()
         }
         mount = plan.approximate[plan.synthetic]
-        result["rendered_boresight"] = {
+        truth["rendered_boresight"] = {
             f"boresight_{angle}_deg": mount.get(f"mount_{angle}_deg", 0.0)
             for angle in ("omega", "phi", "kappa")
         }
-        result["rendered_f_mm"] = plan.cameras[plan.heads[0]].f_mm
-    result["exposures"] = {name: _exposure_truth(plan, track) for name, track in tracks.items()}
-    result["control_points"] = {name: _plain(x, 6) for name, x in points.items()}
-    return result
+        truth["rendered_f_mm"] = plan.cameras[plan.heads[0]].f_mm
+    truth["exposures"] = {name: _exposure_truth(plan, track) for name, track in tracks.items()}
+    truth["control_points"] = {name: _plain(x, 6) for name, x in points.items()}
+    return truth
 
 
 def _note(plan: Plan) -> str:
@@ -345,7 +345,7 @@ def _note(plan: Plan) -> str:
 
 
 def _real_cameras(plan: Plan) -> list[str]:
-    """Return the cameras with true parameters: not the one that is made of the heads."""
+    """Return the names of the cameras with true parameters, without a camera made of heads."""
     made = plan.synthetic if plan.measured_in_heads else ""
     return [name for name in plan.cameras if name != made]
 
@@ -447,7 +447,7 @@ _LAT_LON_DECIMALS = 12
 
 
 def _rounded(table: pd.DataFrame) -> pd.DataFrame:
-    """Round every column according to the unit that its name ends with."""
+    """Round every column by the unit at the end of its name."""
     decimals = {
         name: DECIMALS[name.rsplit("_", 1)[-1]]
         for name in table.columns
@@ -478,7 +478,7 @@ def _grid_attitude_deg(plan: Plan, track: Track) -> Array:
 
 
 def _trajectory(plan: Plan, track: Track) -> pd.DataFrame:
-    """Tabulate a trajectory in the form that the plan has."""
+    """Tabulate a trajectory in the form of the plan."""
     if plan.angles == "grid":
         names = "east_m north_m height_m omega_deg phi_deg kappa_deg"
         values = np.column_stack([track.x_g, _grid_attitude_deg(plan, track)])

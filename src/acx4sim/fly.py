@@ -1,4 +1,4 @@
-"""The true poses of the aircraft at the exposures, and those that its GNSS/INS records."""
+"""The true poses of the aircraft at the exposures, and the poses recorded by its GNSS/INS."""
 
 from dataclasses import dataclass, replace
 
@@ -40,7 +40,7 @@ class Track:
 
 
 def stream(seed: int, *purpose: str) -> np.random.Generator:
-    """Return random numbers for one purpose, independent of what else is drawn."""
+    """Return a generator of random numbers for one purpose, independent of all others."""
     return np.random.default_rng([seed, *"/".join(purpose).encode()])
 
 
@@ -75,9 +75,9 @@ def fly(plan: Plan, block: BlockPlan, rng: np.random.Generator) -> Track:
 
 
 def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Return positions (forward, left, up), roll, pitch, azimuth (deg), and how late exposures are.
+    """Return positions (forward, left, up, m), roll, pitch, azimuth (deg), delays of exposures (s).
 
-    They are in the block's axes, and s. Exposures are in turn, however short the base.
+    Positions are in the block's axes. Exposures keep their order, however short the base.
     """
     turn = np.radians(strip.turn_deg)
     ahead, aside = np.array([np.cos(turn), -np.sin(turn)]), np.array([np.sin(turn), np.cos(turn)])
@@ -124,19 +124,21 @@ def record(
     n, time_s = len(track.time_s), track.time_s
     random_m, random_deg = white.standard_normal((n, 3)), white.standard_normal((n, 3))
     if options.slow_errors is not None:
-        of = options.slow_errors
-        constants = np.repeat([of.gnss_constant_s, of.attitude_constant_s], 3)
+        slow_errors = options.slow_errors
+        constants = np.repeat([slow_errors.gnss_constant_s, slow_errors.attitude_constant_s], 3)
         walks = gauss_markov(time_s, constants, slow)
-        random_m = of.gnss * walks[:, :3] + np.sqrt(1 - of.gnss**2) * random_m
-        random_deg = of.attitude * walks[:, 3:] + np.sqrt(1 - of.attitude**2) * random_deg
+        random_m = slow_errors.gnss * walks[:, :3] + np.sqrt(1 - slow_errors.gnss**2) * random_m
+        random_deg = (
+            slow_errors.attitude * walks[:, 3:] + np.sqrt(1 - slow_errors.attitude**2) * random_deg
+        )
     minutes = (time_s - time_s[0])[:, None] / 60
     error = sigma_m * random_m + options.gnss_shift_m + minutes * options.gnss_drift_m_per_min
     if any(options.gnss_strip_drift_m_per_min):
         error += _strip_drift(track, np.array(options.gnss_strip_drift_m_per_min), slow)
     turn = Rotation.from_rotvec(sigma_deg * random_deg, degrees=True)
-    there = _later(track, options.gnss_delay_s, options.attitude_delay_s)
-    shown = _by_compass(there.R_enu_b, options.compass_deg)
-    return replace(track, x_g=there.x_g + error, R_enu_b=shown * turn)
+    delayed = _later(track, options.gnss_delay_s, options.attitude_delay_s)
+    shown = _by_compass(delayed.R_enu_b, options.compass_deg)
+    return replace(track, x_g=delayed.x_g + error, R_enu_b=shown * turn)
 
 
 def _by_compass(R_enu_b: Rotation, compass_deg: tuple[float, float]) -> Rotation:
@@ -153,7 +155,7 @@ def _by_compass(R_enu_b: Rotation, compass_deg: tuple[float, float]) -> Rotation
 
 
 def _later(track: Track, position_s: float, attitude_s: float) -> Track:
-    """Return a track whose positions and attitudes are of later times than its exposures.
+    """Return a track with positions and attitudes of later times than its exposures.
 
     Between three exposures of a strip the aircraft is on the parabola through them, at either end
     on the line through two.
@@ -171,10 +173,10 @@ def _later(track: Track, position_s: float, attitude_s: float) -> Track:
     return replace(track, x_g=x_g, R_enu_b=track.R_enu_b * Rotation.from_rotvec(turns))
 
 
-def _through(times: Array, at: float) -> Array:
-    """Return Lagrange's weights of the values at some times for the value at another."""
+def _through(times: Array, time: float) -> Array:
+    """Return Lagrange's weights that interpolate values at some times to another time."""
     others = [np.delete(times, k) for k in range(len(times))]
-    return np.array([np.prod((at - o) / (t - o)) for t, o in zip(times, others, strict=True)])
+    return np.array([np.prod((time - o) / (t - o)) for t, o in zip(times, others, strict=True)])
 
 
 def gauss_markov(time_s: Array, time_constant_s: Array, rng: np.random.Generator) -> Array:

@@ -1,4 +1,4 @@
-"""Points that every camera sees, their exact image coordinates, and the tie points measured."""
+"""Exact image coordinates of points, their visibility, and the measured tie points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -54,8 +54,8 @@ def _look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Sight
         camera = plan.cameras[name]
         r_e_c, R_e_c = poses_in_ecef(grid, track, camera.boresight_deg, np.array(camera.lever_m))
         ray = x_e - r_e_c[:, None]
-        seen_along = bent(ray, up, x_g[:, 2]) if plan.refraction == "standard" else ray
-        colrow[i] = project(camera, seen_along @ R_e_c)
+        apparent_ray = bent(ray, up, x_g[:, 2]) if plan.refraction == "standard" else ray
+        colrow[i] = project(camera, apparent_ray @ R_e_c)
         above = np.einsum("tpk,pk->tp", ray, up) < 0
         seen[i] = _inside(camera, colrow[i], _MARGIN_PX) & above
     return Sight(colrow=colrow, seen=seen)
@@ -72,10 +72,10 @@ def _inside(camera: Camera, colrow: Array, margin_px: float) -> BoolArray:
 def measure(
     plan: Plan, block: BlockPlan, track: Track, surveyed_g: Array, rng: np.random.Generator
 ) -> Sight:
-    """Return where the cameras of a block measure its surveyed points, then its tie points.
+    """Measure the surveyed points of a block, then its tie points, in its cameras.
 
-    Where the block has a frame, its cameras measure what lies in the frame's image, and all of them
-    that see it.
+    Where the block has a frame, every camera measures the points that it sees and that lie in the
+    frame's image.
     """
     deciding = (block.frame,) if block.frame else block.cameras
     surveyed = _look(plan, deciding, track, surveyed_g)
@@ -93,7 +93,7 @@ def measure(
 def _placed_tie_points(
     plan: Plan, block: BlockPlan, places: Array, cameras: Sequence[str], track: Track
 ) -> tuple[Array, Sight]:
-    """Measure tie points at given places in every image; those with less than three rays are none.
+    """Measure tie points at given places in every image; drop those with fewer than three rays.
 
     Returns as `_strew_tie_points`.
     """

@@ -1,4 +1,4 @@
-"""How light goes.
+"""The optics of the simulator: lens, refraction and true heads.
 
 The lens with its own distortion solver, Snell's law in layers of air, heads of the paper's Table
 1.
@@ -177,12 +177,12 @@ _HEAD = Camera(width_px=8984, height_px=6732, pixel_um=6.0, f_mm=74.0)
 # is, and a wrong f in an oblique head shifts its x_p and y_p (by up to 0.13 mm here) and turns it
 # (by up to 0.1 deg). With these constants an adjustment of exact data of seed 1 gives omega, phi,
 # kappa, x_p, y_p, k1, p1, p2 and Zc of Table 1. Zc gives the ratios of the focal lengths. Their
-# size follows from Table 3: the calibration block, measured in these heads, carried into the
+# size follows from Table 3: the calibration block, measured in these heads, transferred into the
 # synthetic image and adjusted in a single step, gives the f that is printed there.
-# tests/benchmarks/chain/find_head_truth.py found the constants. The lens centres form a square of
-# 16 cm, which looks outward, around Table 3's lever arm: that is chosen. What the synthetic camera
-# has in k1, k2, k3 comes from it, and so does the lever arm's z that is estimated: the rays of the
-# four heads meet above them.
+# tests/benchmarks/chain/find_head_truth.py found the constants. The lens centres are chosen: a
+# square of 16 cm around Table 3's lever arm, looking outward. It causes the k1, k2, k3 of the
+# synthetic camera and the z of its estimated lever arm: the rays of the four heads meet above the
+# lenses.
 HEADS: Mapping[str, Camera] = MappingProxyType(
     {
         "CAM1": replace(
@@ -255,7 +255,7 @@ def _refractivity(height_m: Array) -> Array:
 
 
 def bent(ray: Array, up: Array, ground_m: Array) -> Array:
-    """Return the directions from which the light of points comes, given straight rays to them.
+    """Return the apparent directions of points under refraction, given straight rays to them.
 
     n sin(angle from the vertical) is constant along a ray. The angle at the camera is found such
     that the path, integrated through the layers, ends at the point. Valid up to 84 degrees from

@@ -103,7 +103,7 @@ class Options:
         Standard deviations of an error that grows along every strip, at a different rate in each;
         it is zero in the middle of the strip.
     gnss_delay_s, attitude_delay_s : float
-        By how much later than the exposure the position and the attitude of its row are.
+        Delay of the position and of the attitude in a row of the trajectory after its exposure.
     compass_deg : tuple of float
         Coefficients B and C of a compass: it shows more than the true heading by B times the sine
         and C times the cosine of what it shows.
@@ -169,7 +169,7 @@ def _check_number(name: str, factor: object) -> None:
 
 
 def _check_numbers(name: str, values: object, n: int) -> None:
-    """Raise a ValueError where values are not so many finite numbers."""
+    """Raise a ValueError where values are not n finite numbers."""
     if np.shape(values) != (n,) or not np.all(np.isfinite(values)):  # type: ignore[call-overload]
         msg = f"{name} must be {['two', 'three'][n - 2]} numbers, got {values!r}"
         raise ValueError(msg)
@@ -218,8 +218,8 @@ class BlockPlan:
     cameras : tuple of str
         Cameras that expose together.
     frame : str
-        Camera whose image decides what is measured at an exposure, in whatever cameras of the
-        block see it; empty where every camera decides for itself.
+        Camera whose image must show a point at an exposure; then all cameras of the block that see
+        the point measure it. Empty where every camera measures what it sees.
     centre_m : tuple of float
         East and north of the middle.
     azimuth_deg : float
@@ -240,8 +240,8 @@ class BlockPlan:
     target_px : tuple of float
         Smallest and largest standard deviation of measuring one of them.
     tie_places : ndarray, shape (n, 2), optional
-        Where tie points lie, forward and left, in the place of a number of random ones: every
-        image that shows one measures it.
+        Positions of tie points, forward and left, instead of random ones; every image that shows
+        such a point measures it.
     """
 
     letter: str
@@ -326,7 +326,7 @@ class Plan:
 
     @property
     def measured_in_heads(self) -> bool:
-        """Whether the heads measure what is to be carried into the synthetic image."""
+        """Whether the heads measure the points to be transferred into the synthetic image."""
         return any(block.frame for block in self.blocks.values())
 
 
