@@ -44,7 +44,8 @@ BIN       := .venv/bin
 RESULTS   := build/results/$(shell (cd -- '$(FLIGHT)' 2>/dev/null && pwd || printf '%s\n' '$(FLIGHT)') \
                | sed "s|^$$PWD/||; s|/|-|g")
 RAN       := build/stamps/$(notdir $(RESULTS))
-PIP       := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c environment.lock
+# Python compiles what is imported; most of what is installed never is.
+PIP       := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c environment.lock
 NOTEBOOKS := $(wildcard notebooks/*.ipynb)
 SOURCES   := $(shell find src -name '*.py' 2>/dev/null)
 
