@@ -14,7 +14,7 @@ from support.helpers import repeats
 
 READ = "orientation = synthetic.read_heads(flight, results_path)"
 TIED = "ties = found.ties if found else shared_points(flight.heads, orientation)"
-FOUND = "found = find(pictures, orientation) if pictures else None"
+MATCHED = "matched = find(pictures, orientation) if pictures else None"
 TURNED = (
     "orientation = replace(orientation, opk=orientation.opk"
     " + np.radians(0.01) * np.eye(len(orientation.opk), 3, -1))"
@@ -67,8 +67,8 @@ def test_tie_points_that_are_believed_less_halve_sigma0(unchanged, run):
 
 
 def test_points_that_were_measured_are_fewer_than_those_of_the_pictures(unchanged, run):
-    other = run({FOUND: "found = None"})
-    assert other["said"]["n"] < unchanged["said"]["n"]
+    other = run({MATCHED: "matched = None"})
+    assert other["numbers"]["n"] < unchanged["numbers"]["n"]
     assert other["left"][tables.RMS]["three rotations"] < 0.001  # they are exact in this flight
     assert tables.EACH in unchanged["left"].index
     assert tables.EACH not in other["left"].index
@@ -106,9 +106,9 @@ def test_flights_that_lack_something_go_through(other, tmp_path, lacking):
     results = shutil.copytree(other[1], tmp_path / "results")
     change = {FLIGHT: BLOCK % LACKING[lacking]}
     found = changed("02", change, flight_path=other[0], results_path=results)
-    assert (found["said"]["n"] > 0) == (lacking == "no control")
+    assert (found["numbers"]["n"] > 0) == (lacking == "no control")
     assert bool(found["apart"]) == (lacking != "no control")  # heights over control points
     assert "ended" not in found
-    for table in (found["left"], (found["found"] or found["ties"]).table()):
-        assert len(table) > 0 or found["said"]["n"] == 0
+    for table in (found["left"], (found["matched"] or found["ties"]).table()):
+        assert len(table) > 0 or found["numbers"]["n"] == 0
         assert markdown(table).startswith("|") or not len(table)

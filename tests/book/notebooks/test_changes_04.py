@@ -41,7 +41,7 @@ def as_it_is(run):
 
 def of(names, rays):
     """Return the table of the last method's differences, without its unit."""
-    return names["found"].table().droplevel("unit").loc[rays]
+    return names["validated"].table().droplevel("unit").loc[rays]
 
 
 def test_the_intersection_by_hand_is_the_librarys(as_it_is):
@@ -52,12 +52,12 @@ def test_the_intersection_by_hand_is_the_librarys(as_it_is):
 
 def test_chi_square_by_hand_is_the_librarys(as_it_is):
     d, C = as_it_is["d"], as_it_is["C"]
-    assert d @ np.linalg.solve(C, d) == pytest.approx(as_it_is["found"].joint_chi_square)
+    assert d @ np.linalg.solve(C, d) == pytest.approx(as_it_is["validated"].joint_chi_square)
 
 
 def test_wider_angles_leave_fewer_and_better_pairs_and_the_same_points(run, as_it_is):
     wide = run({CHOICES: "refraction, smallest_angle = flight.refraction, np.radians(30)"})
-    assert wide["found"].n_failed > as_it_is["found"].n_failed
+    assert wide["validated"].n_failed > as_it_is["validated"].n_failed
     assert of(wide, "pairs")["RMS"]["height"] < 0.6 * of(as_it_is, "pairs")["RMS"]["height"]
     assert of(wide, "points").equals(of(as_it_is, "points"))
 
@@ -67,13 +67,14 @@ def test_a_trajectory_that_is_mistrusted_is_predicted_too_poor(run, as_it_is):
     before, after = of(as_it_is, "pairs"), of(doubted, "pairs")
     assert np.all(after["expected RMS"] > 1.3 * before["expected RMS"])
     np.testing.assert_allclose(after["RMS"], before["RMS"])
-    assert doubted["found"].joint_chi_square < 0.5 * as_it_is["found"].joint_chi_square
-    assert doubted["found"].joint_chi_square_p < 0.001
+    assert doubted["validated"].joint_chi_square < 0.5 * as_it_is["validated"].joint_chi_square
+    assert doubted["validated"].joint_chi_square_p < 0.001
     assert not any(doubted["honest"]["Single-step"].accepted)
 
 
 def test_a_forgotten_lever_arm_is_seen_in_heights(run, as_it_is):
-    line = "calibrations = {k: forgotten.lever_arm(one) for k, one in calibrations.items()}\n"
+    line = "calibrations = {k: forgotten.lever_arm(camera) for k, camera in calibrations.items()}\n"
     without = run({READ: f"{READ}{line}"})
     assert of(without, "points")["RMS"]["height"] > of(as_it_is, "points")["RMS"]["height"]
-    assert without["found"].joint_chi_square_p < 0.001 < as_it_is["found"].joint_chi_square_p
+    p = [names["validated"].joint_chi_square_p for names in (without, as_it_is)]
+    assert p[0] < 0.001 < p[1]

@@ -165,7 +165,7 @@ def rms(names, way):
 
 
 def test_the_one_flight_is_the_first_of_the_stored_ones(as_it_is_12):
-    stored = as_it_is_12["found"]
+    stored = as_it_is_12["study"]
     own = stored.parameters.query("seed == 1 and way == 'synthetic'").set_index("parameter")
     f = as_it_is_12["single"].table().droplevel("unit").loc["f"]
     assert f["value"] == pytest.approx(own["value"]["f_mm"], abs=1e-5)
@@ -215,7 +215,7 @@ def as_it_is_14():
 
 @pytest.fixture(scope="module")
 def found(as_it_is_14):
-    return as_it_is_14["found"]
+    return as_it_is_14["examined"]
 
 
 def test_without_a_mistake_nothing_is_said_and_residuals_are_as_large_as_sigma(found):
@@ -263,7 +263,7 @@ def test_a_constant_mistake_goes_into_a_parameter_that_claims_to_be_certain(
 
 
 def test_one_direction_leaves_no_residual_and_large_sigmas(as_it_is_14):
-    assert standardised(as_it_is_14["found"]["one direction"]).max() < 1.5
+    assert standardised(as_it_is_14["examined"]["one direction"]).max() < 1.5
     assert as_it_is_14["ratio"].min() > 1
     assert as_it_is_14["ratio"]["f_mm"] > 10
 
@@ -296,7 +296,7 @@ def test_every_mistake_has_a_row(found):
 def test_gross_errors_are_counted_against_those_that_were_planted(as_it_is_14):
     planted = {
         (e["kind"], e["image_or_exposure"], e.get("point", ""))
-        for e in as_it_is_14["found"]["gross errors"].planted
+        for e in as_it_is_14["examined"]["gross errors"].planted
     }
     assert len(as_it_is_14["gross"]) == len(planted)
     assert len(as_it_is_14["both"]) > 0.9 * len(planted)
@@ -306,14 +306,14 @@ def test_the_answer_sorts_the_mistakes_by_how_they_are_found(as_it_is_14):
     assert as_it_is_14["refused"] == ["coordinates exchanged"]
     assert as_it_is_14["cleaned"] == ["gross errors"]
     planned = ["wrong sign", "angles exchanged", "convergence", "geoid", "delay"]
-    assert as_it_is_14["seen"] == planned
+    assert as_it_is_14["visible"] == planned
     assert sum(one.named for one in as_it_is_14["wrong_ones"].values()) == 7
 
 
 def test_residuals_of_a_wrong_sign_are_those_of_the_library_and_twice_the_angle(as_it_is_14):
     np.testing.assert_allclose(as_it_is_14["by_hand"], as_it_is_14["library"], rtol=1e-9)
     both = np.sqrt(np.mean(as_it_is_14["library"][:2] ** 2))
-    rms = standardised(as_it_is_14["found"]["wrong sign"])
+    rms = standardised(as_it_is_14["examined"]["wrong sign"])
     assert both == pytest.approx(rms["roll, pitch"], rel=1e-6)
     assert np.corrcoef(as_it_is_14["twice"], as_it_is_14["pitch"])[0, 1] > 0.99
     assert as_it_is_14["reading"].name == "pitch of opposite sign"
@@ -322,7 +322,7 @@ def test_residuals_of_a_wrong_sign_are_those_of_the_library_and_twice_the_angle(
 def test_a_mistake_of_a_reader_is_planted_in_the_same_way():
     """Heights that are 5 m wrong in place of 45 m move the lever arm by 5 m."""
     other = changed("14", {'control["height_m"] - 45.0': 'control["height_m"] - 5.0'})
-    assert worst(other["found"]["geoid"])["error"] == pytest.approx(-5.0, rel=0.05)
+    assert worst(other["examined"]["geoid"])["error"] == pytest.approx(-5.0, rel=0.05)
 
 
 # --- Chapter 15: what planned flights determine, what is computed by hand, and a plan of
@@ -378,7 +378,7 @@ def test_control_points_never_make_anything_worse(as_it_is_15):
 
 
 def test_sigma_by_the_sum_of_strips_is_the_library_s(as_it_is_15):
-    expected = as_it_is_15["found"].given((0, 1, 3))
+    expected = as_it_is_15["candidates"].given((0, 1, 3))
     np.testing.assert_allclose(as_it_is_15["by_sum"], expected, rtol=1e-5)
 
 
@@ -514,17 +514,17 @@ def as_it_is_18():
 
 def test_chi_square_by_hand_is_the_library_s(as_it_is_18):
     assert as_it_is_18["chi_square"] == pytest.approx(as_it_is_18["test"].chi_square, rel=1e-6)
-    assert as_it_is_18["by_hand"] == pytest.approx(as_it_is_18["one"].f, rel=1e-12)
+    assert as_it_is_18["by_hand"] == pytest.approx(as_it_is_18["turn_test"].f, rel=1e-12)
 
 
 def test_chi_squares_of_the_pair_and_of_the_others_add_up(as_it_is_18):
-    others = np.flatnonzero(~as_it_is_18["own"])
+    others = np.flatnonzero(~as_it_is_18["is_pair"])
     total = as_it_is_18["alone"].chi_square + as_it_is_18["later"].test(others).chi_square
     assert total == pytest.approx(as_it_is_18["later"].test().chi_square, rel=1e-6)
 
 
 def test_the_pair_is_in_micrometres_and_millimetres(as_it_is_18):
-    later, own = as_it_is_18["later"], as_it_is_18["own"]
+    later, own = as_it_is_18["later"], as_it_is_18["is_pair"]
     d, cov = as_it_is_18["pair"]
     np.testing.assert_allclose(d, 1e3 * later.d[own])
     np.testing.assert_allclose(np.sqrt(np.diag(cov)), 1e3 * later.sigma[own])
