@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 @cache
 def _parser() -> Callable[..., object]:
-    """Return what reads the arguments of all commands; made once, for that takes a while."""
+    """Return the parser of all commands; built once, since this takes a while."""
     return typer.main.get_command(app)
 
 
@@ -134,9 +134,9 @@ def check(flight: terminal.Flight) -> None:
 
     flown = read(flight)
     files = (path for paths in flown.image_files.values() for path in paths if path is not None)
-    if cut := [path for path in files if is_cut_off(path)]:
+    if truncated := [path for path in files if is_cut_off(path)]:
         says = "is cut off, its pixels have no end; copy it again"
-        raise FlightError([f"{path}: {says}" for path in cut])
+        raise FlightError([f"{path}: {says}" for path in truncated])
     terminal.show(summary(replace(flown, notes=(*flown.notes, *notes(flown)))))
 
 

@@ -89,12 +89,12 @@ def export(
     if flight is not None and not orientations:
         terminal.refuse("--flight needs --orientations BLOCK, a block of that flight")
     calibration = calibrated.read(results, method=method, heads=kind.heads)
-    made = _made(kind, calibration, orientations, flight)
-    made = taken.near(made, allow)
+    exported = _made(kind, calibration, orientations, flight)
+    exported = taken.near(exported, allow)
     title = f"{to}: {calibration.title}"
-    taken.write(made, out, title=title, origin=calibration.origin)
-    _show(title, calibration, made)
-    terminal.show(f"{out}: {', '.join([*made.files, taken.STATEMENT])}")
+    taken.write(exported, out, title=title, origin=calibration.origin)
+    _show(title, calibration, exported)
+    terminal.show(f"{out}: {', '.join([*exported.files, taken.STATEMENT])}")
 
 
 def _made(kind: Kind, calibration: Calibrated, block: str, flight: Path | None) -> Taken:

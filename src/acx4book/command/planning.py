@@ -104,14 +104,14 @@ def _write(design: Design, source: str, out: Path, chosen: Chosen | None = None)
     from acx4lib.results import own_folder, whole_files  # noqa: PLC0415 quick help
     from acx4tools.planning import choosing, tables  # noqa: PLC0415 quick help
 
-    made = (
+    design_tables = (
         tables.parameter_table(design),
         tables.covariance_table(design),
         tables.correlation_table(design),
         tables.reliability_table(design),
         tables.check_point_table(design),
     )
-    content = {f"{name}.csv": _csv(table) for name, table in zip(FILES, made, strict=True)}
+    content = {f"{name}.csv": _csv(table) for name, table in zip(FILES, design_tables, strict=True)}
     content["summary.json"] = json.dumps(tables.summary(design), indent=1) + "\n"
     drawing = vector(block_maps(*design.blocks.values()))
     content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"

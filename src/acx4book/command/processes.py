@@ -97,15 +97,15 @@ class _Process:
     """A process that serves calls one after another."""
 
     def __init__(self) -> None:
-        self._pipe, theirs = _SPAWN.Pipe()
-        self._process = _SPAWN.Process(target=_serve, args=(theirs,))
+        self._pipe, child_pipe = _SPAWN.Pipe()
+        self._process = _SPAWN.Process(target=_serve, args=(child_pipe,))
         resource_tracker.ensure_running()  # its start would unblock signals
         try:
             with system.uninterrupted():  # inherited by the process
                 self._process.start()
         except FileNotFoundError:
             raise FileNotFoundError(errno.ENOENT, "the current folder is no more") from None
-        theirs.close()  # so that the pipe ends when the process does
+        child_pipe.close()  # so that the pipe ends when the process does
 
     @property
     def is_dead(self) -> bool:

@@ -96,9 +96,9 @@ def of_flights(flights: Sequence[Path], folder: Path, settings: Settings) -> lis
         A flight is given twice, or its folder has a name that cannot be used.
     """
     paths = [absolute(flight) for flight in flights]
-    again = [path for path, times in Counter(paths).items() if times > 1]
-    if again:
-        msg = f"{again[0]}: is given twice"
+    repeated = [path for path, times in Counter(paths).items() if times > 1]
+    if repeated:
+        msg = f"{repeated[0]}: is given twice"
         raise ValueError(msg)
     return [
         Job(name=name, flight=path, results=absolute(folder) / name, settings=settings)
@@ -129,9 +129,9 @@ def of_seeds(
         for design in dict.fromkeys(designs)
         for seed in seeds
     ]
-    often = Counter(job.name for job in jobs)
+    counts = Counter(job.name for job in jobs)
     for job in jobs:
-        if fault := _fault(job.name, often, cure="rename the plan"):
+        if fault := _fault(job.name, counts, cure="rename the plan"):
             msg = f"{job.design}: {fault}"
             raise ValueError(msg)
     return jobs
@@ -170,9 +170,9 @@ def _told_apart(paths: Sequence[Path]) -> list[str]:
             _name(path, n) if name in alike else name
             for name, path in zip(names, paths, strict=True)
         ]
-    often = Counter(names)
+    counts = Counter(names)
     for name, path in zip(names, paths, strict=True):
-        if fault := _fault(name, often):
+        if fault := _fault(name, counts):
             msg = f"{path}: {fault}"
             raise ValueError(msg)
     return names

@@ -177,7 +177,7 @@ def _write_notebooks(
 ) -> None:
     """Write a page for every notebook: those of the run, and `OF_RESULTS`, executed here.
 
-    Where there is a run of an ideal camera, the pages of `OF_IDEAL` are its, and say so.
+    If there is a run of an ideal camera, the pages of `OF_IDEAL` show it, with a note.
     """
     simulated = SIMULATED if _run(results_path)[1].simulated else ""
     for stage, name in NOTEBOOKS.items():
@@ -266,17 +266,17 @@ def _end(notebook: nbformat.NotebookNode) -> int:
 def _with_content(cells: list[nbformat.NotebookNode]) -> list[nbformat.NotebookNode]:
     """Return the cells of a page without empty sections."""
     levels = [_level(cell) for cell in cells]
-    gone = set[int]()
+    removed = set[int]()
     for first, level in enumerate(levels):
         later = range(first + 1, len(cells))
         last = next((i for i in later if 0 < levels[i] <= level), len(cells))
         section = [cell for cell in cells[first:last] if cell.cell_type == "code"]
-        meant = [cell for cell in section if _is_meant_to_show(cell)]
-        if level > 1 and meant and not any(_shows(cell) for cell in section):
-            gone |= {*range(first, last)}
+        outputs_expected = [cell for cell in section if _is_meant_to_show(cell)]
+        if level > 1 and outputs_expected and not any(_shows(cell) for cell in section):
+            removed |= {*range(first, last)}
         elif INTRODUCES in cells[first].metadata.get("tags", []) and not _shows(cells[first + 1]):
-            gone.add(first)
-    return [cell for i, cell in enumerate(cells) if i not in gone]
+            removed.add(first)
+    return [cell for i, cell in enumerate(cells) if i not in removed]
 
 
 def _level(cell: nbformat.NotebookNode) -> int:
@@ -367,8 +367,8 @@ def _texts_of_front(
         answers = questions.answers(ideal_path / "notebooks")
         ideal = questions.Told(found=results.read(ideal_path), answers=answers)
     camera = flown.synthetic.camera if flown.synthetic else ""
-    ideally = "" if ideal is None else study.methods_page(ideal.found, camera, BENCHMARKS)
-    yield "methods.md", f"{ideally}\n"
+    methods = "" if ideal is None else study.methods_page(ideal.found, camera, BENCHMARKS)
+    yield "methods.md", f"{methods}\n"
     ideal_answers = None if ideal is None else ideal.answers
     yield "four-questions.md", questions.text(four.answers, ideal_answers, beside_print=applies)
     runs = {"this book" if ideal is None else "four heads": book_run}
@@ -469,7 +469,7 @@ ACX4 = (sys.executable, "-c", "from acx4book.command.acx4 import main; main()")
 """The command of this installation, whatever the path of programs has."""
 
 COLUMNS = "78"
-"""Width of the terminal on which a page shows commands, so that its lines fit on the page."""
+"""Width of the terminal for commands, so that their lines fit on the page."""
 
 
 def outputs(page: str) -> Iterator[str]:

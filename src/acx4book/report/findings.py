@@ -459,10 +459,10 @@ def _rejected(material: Material) -> tuple[float, int]:
     place = rejected["point"].where(
         rejected["point"].astype(str) != "", rejected["image_or_exposure"]
     )
-    hit = (
+    affected = (
         rejected["stage"].astype(str) + "/" + rejected["kind"].astype(str) + "/" + place.astype(str)
     )
-    return float(rejected["statistic"].abs().max()), int(hit.nunique())
+    return float(rejected["statistic"].abs().max()), int(affected.nunique())
 
 
 def _poisson_sf(n: int, chance: float) -> float:
@@ -473,8 +473,8 @@ def _poisson_sf(n: int, chance: float) -> float:
 def _largest_p(w: float, chance: float) -> float:
     """Return the probability of a residual of w or more among all that were tested."""
     n = chance / (2 * statistics.norm_sf(CRITICAL))
-    each = 2 * statistics.norm_sf(max(w, 0.0))
-    return float(-np.expm1(n * np.log1p(-each))) if each < 1 else 1.0
+    single_p = 2 * statistics.norm_sf(max(w, 0.0))
+    return float(-np.expm1(n * np.log1p(-single_p))) if single_p < 1 else 1.0
 
 
 def _controlled(material: Material) -> Iterator[Finding]:
@@ -643,12 +643,12 @@ def _heights(material: Material) -> Iterator[Finding]:
 
 def _predicted(entry: Mapping[str, Any]) -> str:
     """Return a sentence on the fit of exposures left out of the calibration."""
-    off = ", ".join(
+    rms = ", ".join(
         f"{v:.2f} m in {axis}" for v, axis in zip(entry["position_rms_m"], AXES, strict=True)
     )
     return (
         f"Of {plural(entry['n_exposures'], 'exposure')} that took no part in the calibration, rays "
-        f"meet within {entry['rays_rms_px']:.2f} px, and positions are off by {off} (RMS); the "
+        f"meet within {entry['rays_rms_px']:.2f} px, and positions are off by {rms} (RMS); the "
         f"variance of unit weight is {entry['sigma0_squared']:.3f}."
     )
 
@@ -836,12 +836,12 @@ def section(found: Sequence[Finding]) -> Text:
         verdict_table(found), "What holds and what does not", name="tab-report-verdict",
         obtained=OBTAINED,
     )  # fmt: skip
-    rest = "; ".join(NOT_EXAMINED)
+    not_examined = "; ".join(NOT_EXAMINED)
     return show(
         statement(found),
         answers,
         "**What was not examined.** A flight over control points shows the geometry of the images "
-        f"alone. This calibration says nothing of: {rest}.",
+        f"alone. This calibration says nothing of: {not_examined}.",
     )
 
 
@@ -861,10 +861,12 @@ def statement(found: Sequence[Finding]) -> str:
         )
     if not failed:
         return f"**The results hold.** {_level(found)}"
-    gravest, *rest = _by_gravity(failed)
+    gravest, *less_grave = _by_gravity(failed)
     means, cure = CONSEQUENCES.get(gravest, UNKNOWN)
     whole = f"**Not everything holds. “{gravest}” fails: {means}; {cure}.**"
-    others = "\n".join(f"- “{q}” fails, too: {CONSEQUENCES.get(q, UNKNOWN).cure}." for q in rest)
+    others = "\n".join(
+        f"- “{q}” fails, too: {CONSEQUENCES.get(q, UNKNOWN).cure}." for q in less_grave
+    )
     return "\n\n".join(part for part in (whole, others, _level(found)) if part)
 
 

@@ -200,8 +200,8 @@ def identity(material: Material) -> Text:
 def _identification(material: Material) -> pd.DataFrame:
     """Return the calibrated cameras, the date, and the software."""
     flight = material.flight
-    made = "Simulated: the measurements were computed" if flight.simulated else ""
-    rows = [("Flight", flight.name), *([("Measurements", made)] if made else [])]
+    simulated = "Simulated: the measurements were computed" if flight.simulated else ""
+    rows = [("Flight", flight.name), *([("Measurements", simulated)] if simulated else [])]
     rows += [(f"Camera {name}", text) for name, text in _cameras(material).items()]
     rows += [
         ("Coordinate system", f"{flight.grid.name} ({flight.grid.crs})"),

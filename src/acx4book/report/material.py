@@ -129,7 +129,7 @@ def checked_points(material: Material) -> pd.DataFrame:
 
 
 def block_of(material: Material, stage_method: str) -> Block:
-    """Return the block of an adjustment, carried into synthetic images where these are adjusted.
+    """Return the block of an adjustment, with points transferred to synthetic images if adjusted.
 
     Raises
     ------
@@ -157,8 +157,8 @@ def _of_camera(material: Material, adjustment: str, rows: pd.DataFrame) -> pd.Da
     idx = block.images.camera_idx
     camera_of = {image: names[k] for image, k in zip(block.images.names, idx, strict=True)}
     # the image points of a head come first; its control points, without an image, follow
-    mine = rows["image_or_exposure"].map(camera_of).ffill() == camera[0]
-    return rows[mine].reset_index(drop=True)
+    of_camera = rows["image_or_exposure"].map(camera_of).ffill() == camera[0]
+    return rows[of_camera].reset_index(drop=True)
 
 
 def image_residuals(material: Material, adjustment: str) -> pd.DataFrame:

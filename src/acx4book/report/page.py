@@ -358,8 +358,8 @@ def _rendered(part: Part, document: Document) -> str:
 
 # --- The parts of the report in their order: what ``report.md`` says, and what is computed for it
 #
-# A computed part stands in that file as a directive with the name that it has here, ``section``
-# with tables, or ``figure`` with a caption and the words in the figure's place.
+# In that file a computed part is a directive with its name from here: ``section`` with tables, or
+# ``figure`` with a caption and the alternative text.
 
 
 TEXT = resources.files("acx4book.report") / "report.md"

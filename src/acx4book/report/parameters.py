@@ -112,9 +112,9 @@ def _estimate(
     camera, name = str(row["camera"]), str(row["parameter"])
     value, sigma = float(row["value"]), float(row["sigma"])
     reference = _reference(material, camera, name)
-    off = value - reference
+    difference = value - reference
     if name in BORESIGHT_ANGLES:
-        off = (off + 180.0) % 360.0 - 180.0
+        difference = (difference + 180.0) % 360.0 - 180.0
     strongest, rho = _strongest(related, f"{camera}/{name}" if camera else name)
     return Estimate(
         camera=camera,
@@ -123,7 +123,7 @@ def _estimate(
         value=value,
         sigma=sigma,
         reference=reference,
-        t=off / sigma if sigma > 0 else np.nan,
+        t=difference / sigma if sigma > 0 else np.nan,
         critical=critical,
         strongest=strongest,
         rho=rho,
@@ -654,12 +654,12 @@ def _heads_sentence(material: Material) -> str:
     }
     if not ratios:
         return ""
-    most = max(ratios, key=lambda name: ratios[name])
+    largest = max(ratios, key=lambda name: ratios[name])
     return (
         "The points were carried into the synthetic image by calibrated heads. Errors of this "
         "calibration move all points of a head together, which is not in the σ above. They add "
-        f"{min(ratios.values()):.2g} to {ratios[most]:.2g} times these σ, most to "
-        f"{parameter_title(most.rpartition('/')[2])}; flights that are carried by the same "
+        f"{min(ratios.values()):.2g} to {ratios[largest]:.2g} times these σ, most to "
+        f"{parameter_title(largest.rpartition('/')[2])}; flights that are carried by the same "
         "heads share this error."
     )
 

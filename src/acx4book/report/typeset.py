@@ -134,7 +134,7 @@ def pdf(page: str) -> bytes:
     text = files.document(reader.open[0])
     whole = {"main.typ": text.encode(), "report.typ": STYLE.read_bytes(), **files.pictures}
     try:
-        made = typst.compile(
+        document = typst.compile(
             whole,
             format="pdf",
             font_paths=[str(Path(get_data_path(), "fonts", "ttf"))],
@@ -144,7 +144,7 @@ def pdf(page: str) -> bytes:
     except typst.TypstError as error:
         msg = f"the report was not typeset: {error.message.splitlines()[0]}"
         raise TypesetError(msg) from error
-    return bytes(made)
+    return bytes(document)
 
 
 @dataclass(kw_only=True)

@@ -108,8 +108,8 @@ def _not_graded(path: Path, error: Exception) -> str:
     if not isinstance(error, Acx4Error):
         return f"{path}: not graded: {' '.join(str(error).split())}"
     first, *more = str(error).splitlines()
-    also = f" (and {len(more)} more)" if more else ""
-    return f"{path}: not graded: {first.removeprefix(f'{path}: ')}{also}"
+    suffix = f" (and {len(more)} more)" if more else ""
+    return f"{path}: not graded: {first.removeprefix(f'{path}: ')}{suffix}"
 
 
 def _marked(
@@ -143,10 +143,10 @@ def total_lines(found: Class) -> Iterator[str]:
     if all(len(best) == 1 for best in totals.values()):
         return
     for name, best in totals.items():
-        points, most = (
+        points, possible = (
             sum(getattr(m, attribute) for m in best.values()) for attribute in ("points", "of")
         )
-        yield f"{name}  {len(best)} sheets  {points} of {most}"
+        yield f"{name}  {len(best)} sheets  {points} of {possible}"
 
 
 def totals_text(found: Class) -> str:
@@ -157,9 +157,9 @@ def totals_text(found: Class) -> str:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([TOTALS[0], *sheets, *TOTALS[1:]])
     for name, best in totals.items():
-        each = [best[sheet].points if sheet in best else "" for sheet in sheets]
+        points = [best[sheet].points if sheet in best else "" for sheet in sheets]
         sums = [sum(m.points for m in best.values()), sum(m.of for m in best.values())]
-        writer.writerow([name, *each, *sums])
+        writer.writerow([name, *points, *sums])
     return out.getvalue()
 
 

@@ -220,9 +220,9 @@ def _fit(wrong: Mapping[str, float], right: Rights, mistake: Mistake) -> dict[st
         gives = mistake.gives.get(name)
         if gives is None or apart(name, gives, right[name].truth) <= right[name].bound:
             continue  # its answer would count as right
-        off = apart(name, value, gives) / (right[name].bound * mistake.scale)
-        if off <= 1.0:
-            fits[name] = off
+        distance = apart(name, value, gives) / (right[name].bound * mistake.scale)
+        if distance <= 1.0:
+            fits[name] = distance
     return fits
 
 
@@ -241,9 +241,9 @@ def _explained_sigma(
     nearest = dict.fromkeys(wrong, ALIKE)
     for mistake in mistakes:
         for name in wrong.keys() & mistake.gives_sigma.keys():
-            off = _ratio(wrong[name], mistake.gives_sigma[name])
-            if off < nearest[name]:
-                nearest[name], reasons[name] = off, mistake.says
+            ratio = _ratio(wrong[name], mistake.gives_sigma[name])
+            if ratio < nearest[name]:
+                nearest[name], reasons[name] = ratio, mistake.says
     return reasons
 
 

@@ -283,8 +283,8 @@ def _mistakes(sheet: Sheet, right: Rights, mistakes: Sequence[Mistake]) -> pd.Da
             (apart(name, value, right[name].truth) / right[name].bound, name, value)
             for name, value in mistake.gives.items()
         ]
-        off, name, value = max(deviations, default=(0.0, "", 0.0))
-        if off > 1.0:
+        deviation, name, value = max(deviations, default=(0.0, "", 0.0))
+        if deviation > 1.0:
             q = next(q for q in sheet.questions if q.name == name)
             wrong = f"{value:.{q.digits}f}" if round(value, q.digits) else f"{value:.2g}"
             pair = (f"{right[name].value:.{q.digits}f}", wrong)

@@ -275,7 +275,7 @@ def _draw_points(fig: Figure, ax: Axes, title: str, block: Block) -> None:
 
 
 def _draw_names(ax: Axes, positions: Array, names: Sequence[str], area: Array) -> None:
-    """Write the name of every point below it, or where no other name is, or not at all."""
+    """Write the name of every point at a free place: below, above or beside it, else nowhere."""
     marks = (
         72 * ax.transData.transform(positions) / ax.figure.dpi
     )  # points, approximately: axes may still move

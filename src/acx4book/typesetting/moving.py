@@ -738,7 +738,7 @@ class Scene(_Shown):
         return middle
 
     def data(self) -> dict[str, Any]:
-        """Return what the page holds for the script."""
+        """Return the data for the script of the page."""
         middle, eye = self.middle, maps.view(FROM_DEG, ABOVE_DEG).inv().apply([0.0, 0.0, 1.0])
         return {
             "from": eye.round(4).tolist(),

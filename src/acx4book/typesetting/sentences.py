@@ -88,8 +88,8 @@ def _finalized(value: object) -> str:
 
 def _each(value: Any, spec: str) -> Markup:
     """Return a number in a format, or several with commas between them."""
-    each = value if isinstance(value, Iterable) else (value,)
-    return Markup(", ".join(format(float(x), spec) for x in each).replace("-", "\N{MINUS SIGN}"))
+    values = value if isinstance(value, Iterable) else (value,)
+    return Markup(", ".join(format(float(x), spec) for x in values).replace("-", "\N{MINUS SIGN}"))
 
 
 def _plural(number: Any, word: str, several: str = "") -> Markup:

@@ -1,6 +1,6 @@
 """The common style of all figures: palette, lines, type, and small shared parts.
 
-Every figure is made inside `applied`. It is none of pyplot, which would keep it, or open a window::
+Every figure is made inside `applied`, without pyplot, which would keep it or open a window::
 
     with applied():
         fig, axes = subplots(..., figsize=(WIDTH, 3.0))
@@ -47,7 +47,7 @@ In the dark a page has others in their place, as for all of `NAMES`; white and `
 """
 
 BLACK = "#161d24"
-"""Ink on what is light by day and by night: pictures, and the cells of a matrix."""
+"""Ink on backgrounds that are light by day and by night: pictures, cells of a matrix."""
 
 EDGE = "#a9b3bc"
 GRID = "#e3e8ec"
@@ -68,7 +68,7 @@ PALETTE = (BLUE, ORANGE, TEAL, PLUM, SKY, BRICK)
 """Colours in order; readers who do not see all colours can distinguish every pair."""
 
 WRITTEN = {TEAL: "#147a5d", ORANGE: "#955400"}
-"""Colours of words in place of those that are too light for letters on white."""
+"""Darker colours for text, in place of colours too light for letters on white."""
 
 NAMES = {
     INK: "ink",
@@ -107,7 +107,7 @@ SEQUENCE = ListedColormap(_LARGE, "acx4 sequence")
 """From small (light) to large (dark), for marks; a page in the dark turns it round."""
 
 SHADES = LinearSegmentedColormap.from_list("acx4 shades", ["#3f7dc400", "#3f7dc4"])
-"""From zero, where the ground shows, to large (blue): for fields, by day and by night."""
+"""From zero (transparent) to large (blue): for fields, by day and by night."""
 
 DIVERGING = LinearSegmentedColormap.from_list(
     "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
@@ -206,7 +206,7 @@ class Shown(Figure):
 def shown_part(fig: Figure, box: Bbox) -> Bbox:
     """Return the visible part of a figure, inches.
 
-    It is as wide as the figure, wider where something reaches out of it, and as high as the box.
+    It is as wide as the figure, or wider if a part extends beyond it, and as high as the box.
 
     Parameters
     ----------

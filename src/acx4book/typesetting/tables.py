@@ -65,7 +65,7 @@ def register(shell: Any) -> None:
 
 
 def markdown(table: pd.DataFrame) -> str:
-    """Return a table as one of Markdown, in the notation of MyST.
+    """Return a table as Markdown in the notation of MyST.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ from acx4lib.least_squares.statistics import holm
 
 # --- Whether standard deviations can be believed, as a page of the book
 #
-# The errors are those of ``make coverage``, which leaves them in ``data/benchmarks``.
+# The errors come from ``make coverage``, in ``data/benchmarks``.
 
 
 ALPHA = 0.01
@@ -181,8 +181,8 @@ def _verdict(errors: Errors) -> str:
             f"{worst['joint_p']:.2g} after Holm's adjustment"
         )
     else:
-        each = "; ".join(f"{row['test']} of {_label(row)}" for _, row in failed.iterrows())
-        sentence = f"{len(failed)} of the {len(tests)} tests fail: {each}"
+        failures = "; ".join(f"{row['test']} of {_label(row)}" for _, row in failed.iterrows())
+        sentence = f"{len(failed)} of the {len(tests)} tests fail: {failures}"
     return f"{sentence}. By chance any of them would fail in {100 * ALPHA:g} % of all repetitions."
 
 
@@ -333,11 +333,11 @@ def _share_table(errors: Errors) -> pd.DataFrame:
     expected = [_percent(float(special.erf(level / np.sqrt(2)))) for level in LEVELS]
     rows = [_row("normal distribution", expected)]
     for name, z in errors.normalised(MAIN).items():
-        each = [binomial(int(np.sum(np.abs(z) <= level)), len(z)) for level in LEVELS]
-        rows.append(_row(LABELS[str(name)], map(_with_interval, each)))
+        shares_of_levels = [binomial(int(np.sum(np.abs(z) <= level)), len(z)) for level in LEVELS]
+        rows.append(_row(LABELS[str(name)], map(_with_interval, shares_of_levels)))
     for label, grouped in _grouped(errors):
-        each = [_share_within_by_flights(grouped, level) for level in LEVELS]
-        rows.append(_row(label, map(_with_interval, each)))
+        shares_of_levels = [_share_within_by_flights(grouped, level) for level in LEVELS]
+        rows.append(_row(label, map(_with_interval, shares_of_levels)))
     return pd.DataFrame(rows)
 
 

@@ -240,9 +240,9 @@ def _beside_ceres(medians: pd.DataFrame) -> str:
     table = ours[[*SIZES]].astype(int).rename(columns=SIZES)
     table["CPU s"], table["s"], table["MB"] = ours["cpu_s"], ours["wall_s"], ours["peak_mb"]
     for kind, label in CERES.items():
-        theirs = _of(medians, f"ceres_{kind}_").reindex(ours.index)
-        table[f"{label}: CPU s"] = theirs["cpu_s"]
-        table[f"{label}: MB"] = theirs["peak_mb"]
+        ceres = _of(medians, f"ceres_{kind}_").reindex(ours.index)
+        table[f"{label}: CPU s"] = ceres["cpu_s"]
+        table[f"{label}: MB"] = ceres["peak_mb"]
     formats = {
         **dict.fromkeys(SIZES.values(), ",d"),
         **{name: ".3f" for name in map(str, table) if name.endswith("CPU s")},
@@ -312,7 +312,7 @@ def seconds_by_points(benchmark: Benchmark) -> Figure:
     if medians.empty:
         return style.nothing("No numbers of tie points were compared.")
     with style.applied():
-        fig, (total, each) = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
+        fig, (total, per_ray) = style.subplots(1, 2, figsize=(style.WIDTH, 2.9))
         for solver, (label, colour, line) in SOLVERS.items():
             rows = medians[medians["solver"] == solver].sort_values("points")
             points, seconds = rows["points"].to_numpy(), rows["cpu_s"].to_numpy()
@@ -320,13 +320,13 @@ def seconds_by_points(benchmark: Benchmark) -> Figure:
             if len(rows) > 1:
                 slope, start = np.polyfit(points, seconds, 1)
                 total.plot(points / 1000, start + slope * points, color=colour, lw=1.0)
-            each.plot(points / 1000, 1e6 * seconds / rows["image_points"], line, color=colour)
+            per_ray.plot(points / 1000, 1e6 * seconds / rows["image_points"], line, color=colour)
         total.set(xlabel="points (1000)", ylabel="CPU time (s)", ylim=(0, None), xlim=(0, None))
-        each.set(xscale="log", xlabel="points (1000)", ylim=(0, None))
-        each.set_ylabel("CPU time for an image point (\N{MICRO SIGN}s)")
+        per_ray.set(xscale="log", xlabel="points (1000)", ylim=(0, None))
+        per_ray.set_ylabel("CPU time for an image point (\N{MICRO SIGN}s)")
         ticks = np.unique(medians["points"]) / 1000
-        each.set_xticks(ticks, [f"{tick:.2g}" for tick in ticks])
-        each.set_xticks([], minor=True)
+        per_ray.set_xticks(ticks, [f"{tick:.2g}" for tick in ticks])
+        per_ray.set_xticks([], minor=True)
         style.legend_below(fig, total.get_legend_handles_labels()[0])
     return fig
 

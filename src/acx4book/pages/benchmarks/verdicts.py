@@ -21,7 +21,7 @@ from acx4lib.least_squares.statistics import holm
 # --- How often a report is wrong on good flights, and which faults it finds, as a part of
 # the page
 #
-# The reports are those of ``make coverage``, which leaves a row for every flight.
+# The reports come from ``make coverage``, a row for every flight.
 
 
 GOAL = 0.07
@@ -230,8 +230,10 @@ def _level_verdict(levels: pd.DataFrame) -> str:
     if many.empty:
         sentence = f"None of the {len(levels)} tests fails more often than chance lets it"
     else:
-        each = "; ".join(f"{row.test} ({row.k} of {row.n})" for row in many.itertuples())
-        sentence = f"{len(many)} of the {len(levels)} tests fail more often than they say: {each}"
+        failures = "; ".join(f"{row.test} ({row.k} of {row.n})" for row in many.itertuples())
+        sentence = (
+            f"{len(many)} of the {len(levels)} tests fail more often than they say: {failures}"
+        )
     return (
         f"{sentence}. By chance any of them would seem to in {100 * ALPHA:g} % of all repetitions "
         "(Holm). Tests that count rejected observations have few values, and fail more rarely."
@@ -332,16 +334,16 @@ def _spoilt_verdict(verdicts: Verdicts) -> str:
     """State how many fault sizes reach the predicted share of detections; name the others."""
     shares = _shares(verdicts)
     hidden, seen = shares[shares["is_hidden"]], shares[~shares["is_hidden"]]
-    off = seen[holm(seen["p"].to_numpy(dtype=float)) < ALPHA]
-    low, high = ("; ".join(_cases(part)) for part in (_under(off), _over(off)))
-    never = "; ".join(_cases(hidden))
+    deviating = seen[holm(seen["p"].to_numpy(dtype=float)) < ALPHA]
+    low, high = ("; ".join(_cases(part)) for part in (_under(deviating), _over(deviating)))
+    undetected = "; ".join(_cases(hidden))
     sentences = [
-        f"{len(seen) - len(_under(off))} of {len(seen)} predicted sizes were found in "
+        f"{len(seen) - len(_under(deviating))} of {len(seen)} predicted sizes were found in "
         f"{100 * FOUND:g} % of the flights or more, within the bounds of chance."
     ]
     sentences += [f"More rarely found: {low}."] if low else []
     sentences += [f"More often found: {high}."] if high else []
-    sentences += [f"Not found, since unknowns take it up: {never}."] if never else []
+    sentences += [f"Not found, since unknowns take it up: {undetected}."] if undetected else []
     return " ".join(sentences)
 
 

@@ -68,7 +68,7 @@ def _panels(names: Sequence[str], *, height: float, **shared: bool) -> tuple[Fig
 
 
 def _places(study: Study) -> tuple[Array, bool]:
-    """Return where campaigns stand on the axis: their dates, or their order."""
+    """Return the positions of the campaigns on the axis, by date or order."""
     dates = [c.session.date for c in study.comparison.campaigns]
     known = [date for date in dates if date is not None]
     if len(known) == len(dates) and len(set(known)) > 1:

@@ -66,7 +66,7 @@ def tests(study: Study) -> pd.DataFrame:
 def parts(study: Study, one: Difference) -> pd.DataFrame:
     """Return the joint tests of the parts of a difference, with their effects on the ground."""
     table = study.tables["tests"]
-    mine = table[(table["test"] == study.title(one)) & (table["part"] != "all")]
+    part_tests = table[(table["test"] == study.title(one)) & (table["part"] != "all")]
     several = _cameras_to_say(study.comparison.parameters)
     return pd.DataFrame(
         [
@@ -76,7 +76,7 @@ def parts(study: Study, one: Difference) -> pd.DataFrame:
                 "Ground (m)": f"{row.ground_rms_m:.3f}",
                 "by chance (m)": f"{row.ground_sigma_m:.3f}",
             }
-            for row in rows_of(mine)
+            for row in rows_of(part_tests)
         ]
     )
 
@@ -97,10 +97,10 @@ def _answer(rejected: bool) -> str:
 def singles(study: Study, one: Difference) -> pd.DataFrame:
     """Return the changes of single parameters between two campaigns."""
     table, names = study.tables["differences"], study.names(one)
-    mine = table[(table["later"] == names[0]) & (table["earlier"] == names[1])]
+    single_tests = table[(table["later"] == names[0]) & (table["earlier"] == names[1])]
     several = _cameras_to_say(study.comparison.parameters)
     rows = []
-    for row in rows_of(mine):
+    for row in rows_of(single_tests):
         factor, unit = _scale(row.unit)
         rows.append(
             {
@@ -341,8 +341,8 @@ def _where(study: Study) -> str:
     if changed.empty:
         return "No parameter by itself has changed at the joint level."
     several = _cameras_to_say(study.comparison.parameters)
-    most = changed.reindex(changed["t"].abs().sort_values(ascending=False).index)
-    changes = [_change(row, several) for row in rows_of(most.head(NAMED))]
+    by_size = changed.reindex(changed["t"].abs().sort_values(ascending=False).index)
+    changes = [_change(row, several) for row in rows_of(by_size.head(NAMED))]
     more = f", and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
     return f"Significant at the joint level {_are(len(changed))}: {listed(changes)}{more}."
 

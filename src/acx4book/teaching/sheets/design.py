@@ -64,8 +64,8 @@ def _given(case: Case) -> Sequence[str]:
 
 def _covariance(case: Case, strips: Sequence[str]) -> Array:
     """Return the covariance of `ASKED` from given strips alone, shape (3, 3)."""
-    keep = np.isin(case.block.images.strips, strips)
-    block = select_images(case.block, keep)
+    is_flown = np.isin(case.block.images.strips, strips)
+    block = select_images(case.block, is_flown)
     calibration = single_step(block, free=case.flight.estimate_mounting).calibration
     names = [f"CAM/{name}" for name in ASKED]
     return tables.covariance(calibration).loc[names, names].to_numpy()
