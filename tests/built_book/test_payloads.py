@@ -84,6 +84,14 @@ def test_all_pages_are_there(documents):
     assert {f"{Path(name).name}.html" for name in CHAPTERS} < set(documents)
 
 
+def test_chapters_end_with_their_answer_before_what_is_about_the_study(documents):
+    for name in ("16-error-budget", "09-weights"):
+        found = documents[f"{name}.html"]
+        headings = [h.text.rstrip("#") for h in found.select("h2")]
+        assert headings[-2:] == ["The answer", "Change it"]
+        assert "ends here" not in found.text
+
+
 def test_nothing_was_executed(made):
     folder = made.flight.path.parent
     assert list(folder.rglob("*PWNED*")) == []
