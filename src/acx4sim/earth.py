@@ -5,7 +5,7 @@ metres; attitudes are `scipy.spatial.transform.Rotation`.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +42,9 @@ class Grid:
 
     crs: str
 
-    @cached_property
+    @property
     def _projection(self) -> Transformer:
-        crs = CRS.from_user_input(self.crs)
-        return Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True)
+        return _projection(self.crs)
 
     @cached_property
     def _ellipsoid(self) -> tuple[float, float]:
@@ -99,6 +98,13 @@ class Grid:
         step = np.array([_NORTH_STEP, 0.0, 0.0])
         drawn = self.grid_from_geodetic(llh + step) - self.grid_from_geodetic(llh - step)
         return -np.arctan2(drawn[:, 0], drawn[:, 1])
+
+
+@cache
+def _projection(crs: str) -> Transformer:
+    """Make a projection, once: every step of a simulated flight has a grid of its own."""
+    grid = CRS.from_user_input(crs)
+    return Transformer.from_crs(grid.geodetic_crs, grid, always_xy=True)
 
 
 def axes_of_enu_in_ecef(llh: Array) -> Array:

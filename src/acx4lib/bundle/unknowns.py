@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -57,12 +58,12 @@ class Layout:
     deviation: Index = field(default_factory=lambda: np.full(2, -1))
     joint: Index = field(default_factory=lambda: np.full(0, -1))
 
-    @property
+    @cached_property
     def n_columns(self) -> int:
         """Number of unknowns that are not points."""
         errors = (self.shift, self.drift, self.delay, self.deviation)
         parts = (self.interior, self.mount, *errors, self.pose, self.joint)
-        return int(sum(np.sum(part >= 0) for part in parts))
+        return int(sum(np.count_nonzero(part >= 0) for part in parts))
 
 
 @shown.briefly

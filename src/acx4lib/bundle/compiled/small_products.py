@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -28,9 +29,9 @@ _FAST = ("reassoc", "contract", "nsz")
 
 def aligned(*shape: int) -> Array:
     """Return zeros from a line of the processor's cache on, so that no eight lie in two lines."""
-    n = int(np.prod(shape))
+    n = prod(shape)
     longer = np.zeros(n + LANES)
-    first = -(longer.ctypes.data // longer.itemsize) % LANES
+    first = -(longer.__array_interface__["data"][0] // longer.itemsize) % LANES
     return longer[first : first + n].reshape(shape)
 
 
