@@ -59,7 +59,7 @@ def attempt(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | 
     ----------
     function : callable
     *args, **kwargs
-        What it is called with.
+        Its arguments.
     """
     name = getattr(function, "__name__", type(function).__name__)
     try:

@@ -220,7 +220,7 @@ class _Files(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the cached code of a signature; None if missing or unusable."""
         # numba would first import its whole compiler, which takes longer than many an adjustment;
-        # # machine code needs only the runtime that counts references, if it does
+        # machine code needs only the runtime that counts references, if it does
         if self.counts:
             rtsys.initialize(target_context)
         try:

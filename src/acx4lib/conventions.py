@@ -421,18 +421,18 @@ def _right(quantity: str, units: dict[str, float], misfit: float, others: float)
             yield Unit(name=name, quantity=quantity, given=before, found=after)
 
 
-# --- The mountings of cameras adjusted on a trajectory that is taken as exact: eq. (14), robustly
+# --- Robust adjustment of the cameras' mountings on a trajectory assumed exact: eq. (14)
 #
 # The purpose is only to compare misfits, so errors of GNSS and INS remain in them. Mounting and
-# # interior orientation are free within plausible limits: they absorb the same errors as in a real
-# # adjustment.
+# interior orientation are free within plausible limits: they absorb the same errors as in a real
+# adjustment.
 
 
 WORST = 1 - 1 / 30
 """Share of the residuals below `Mounted.worst`."""
 
 QUANTILE, NORMAL = 0.75, 1.1503
-"""Share of the misfits that their size is taken at, and the normal distribution's value there."""
+"""Quantile of the misfits that defines their size, and its value in the normal distribution."""
 
 TURNS, STEPS = 8, 12
 """Largest numbers of closed-form turns, and of adjustment steps after them."""
@@ -507,7 +507,7 @@ def mounted(seen: Sightings, T_m_b: Pose, velocity: Array | None = None) -> Moun
 
 
 def _plausible(fit: Mounted, seen: Sightings) -> bool:
-    """Tell whether lever arms and focal lengths are anywhere near the declared ones."""
+    """Tell whether lever arms and focal lengths are plausible, near their declared values."""
     return all(
         np.linalg.norm(camera.T_b_c.r - declared.T_b_c.r) < FARTHEST_LEVER_M
         and abs(camera.interior.f / declared.interior.f - 1) < FARTHEST_F
@@ -760,7 +760,7 @@ def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
 # --- Readings of a block with an estimated number: a shift, a scale or a delay
 #
 # Each is a pattern in the residuals. Its size is estimated together with mounting and lens, which
-# # may absorb a part, and then removed from the measurements or from control.
+# may absorb a part, and then removed from the measurements or from control.
 
 
 ROUNDS = 2

@@ -48,7 +48,7 @@ class Bundle:
         Precision and residuals; covariances are a priori.
     rejected : tuple of Rejection
     stopped : tuple of Stopped
-        Groups of which too much would have been rejected, and so nothing was.
+        Groups with too many rejections, in which none was made.
     exchanged : tuple of Exchange
         Rejected pairs that fit where their names are exchanged.
     """
@@ -72,7 +72,7 @@ class Bundle:
         p = self.solution.chi_square_p
         probability = f"p {p:.3f}" if p >= 5e-4 else "p < 0.0005"
         fit = f"σ0² {self.solution.sigma0_sq:.3f} ({probability})"
-        n = self.solution.iterations  # none after the last observations were taken out
+        n = self.solution.iterations  # none after the last rejections
         steps = shown.count(n, "iteration") if n else ""
         return fit, steps, f"{len(self.rejected)} rejected" if self.rejected else ""
 

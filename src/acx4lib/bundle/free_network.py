@@ -75,7 +75,7 @@ def adjust_free(network: Network, points: Mask | None = None) -> FreeNetwork:
     Raises
     ------
     AdjustmentError
-        Where the network does not converge, or the points do not fix what is open.
+        Where the network does not converge, or the points do not fix the open motions.
     ValueError
         For another kind of network, or points that are no such mask.
 

@@ -115,8 +115,8 @@ def adjust_rejecting(
     it. A rejected observation returns, once at most, if its difference from the prediction by the
     others passes the same test; the variance is that of this difference. Where the spread of w
     shows that the a priori sigma of a kind is too small, w is divided by that spread, because a
-    wrong weight is no gross error. What exceeds the limits of `limits` is a systematic error:
-    nothing of that group is rejected, and `Bundle.stopped` names it.
+    wrong weight is no gross error. A group with more rejections than `within_limits` allows has a
+    systematic error: no observation of it is rejected, and `Bundle.stopped` names the group.
     """
     expected.instance("block", block, Block)
     expected.positive_number("critical", critical)
@@ -448,7 +448,7 @@ DOUBTFUL = 2 * ASTRAY
 """Median angle between a control point and its rays above which the point is examined."""
 
 BESIDE = np.radians(60.0)
-"""Angle that a wrong measurement, in an image that shows the point, cannot reach."""
+"""Angle that is too large for a wrong measurement in an image that shows the point."""
 
 THROUGH = ASTRAY / 10
 """A ray that misses a point by a smaller angle passes through it: heights may be a little wrong."""

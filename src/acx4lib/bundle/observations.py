@@ -1,7 +1,7 @@
-"""What a bundle observes besides image points.
+"""Observations of a bundle besides image points.
 
 Poses by GNSS and INS with the strips along which they drift, declared mountings, surveyed points
-and distances. How errors that change slowly weigh is in `least_squares.statistics`.
+and distances. `least_squares.statistics` has the weights of slowly changing errors.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Strips:
 
 
 ONE_PLACE_M = 1e-3
-"""Standard deviation of the place of every picture: so small that turns stand for shifts, too."""
+"""Standard deviation of the place of every picture: so small that turns also absorb shifts."""
 
 
 @shown.briefly
@@ -241,7 +241,7 @@ def observed_poses(
     strips: Strips,
     motion: Motion | None,
 ) -> PoseObservations:
-    """Return what a trajectory observes of poses.
+    """Return the observations of poses by a trajectory.
 
     Parameters
     ----------
@@ -249,8 +249,8 @@ def observed_poses(
     rows : ndarray, shape (n_poses,)
         The exposure of every pose.
     turns : ndarray, shape (3,), or None
-        Of pictures, which are the poses, as `Pictures` has it; None where exposures are. The first
-        picture of an exposure is what the trajectory observes.
+        Of pictures, as in `Pictures`, where each picture has a pose; None where each exposure has.
+        The trajectory observes the first picture of an exposure.
     strips : Strips
     motion : Motion or None
         Of the exposures, as `strips_of` and `motion_of` return them.
@@ -325,7 +325,7 @@ def position_equations(observed: PoseObservations, state: State, columns: Layout
 
 
 def deviating(observed: PoseObservations, state: State) -> Array:
-    """Return by what rotations about the mapping frame's z recorded headings are too large."""
+    """Return the deviations of recorded headings as rotations about the mapping frame's z."""
     larger = observed.by_heading @ state.deviation
     return exp(np.outer(larger, [0.0, 0.0, -1.0]))  # clockwise
 
@@ -333,9 +333,9 @@ def deviating(observed: PoseObservations, state: State) -> Array:
 def attitude_equations(observed: PoseObservations, state: State, columns: Layout) -> Equations:
     """Linearise observed attitudes, about the body's axes.
 
-    Observed is what the body has a delay later than at the exposure, as `position_errors` has it;
-    its heading, clockwise about the vertical, is larger by the deviation, which is the first
-    harmonic of the observed heading, B sin + C cos, as that of a compass [1]_.
+    The observed attitude is that of the body a delay after the exposure, as in `position_errors`.
+    Its heading, clockwise about the vertical, is larger by the deviation: the first harmonic of the
+    observed heading, B sin + C cos, like the deviation of a compass [1]_.
 
     References
     ----------
@@ -420,8 +420,8 @@ def motion_of(block: Block, *, delays: Sequence[str] = DELAYS) -> Motion:
     ----------
     block : Block
     delays : sequence of str
-        Those that are asked for, names of `parameters.DELAYS`: the velocity is zero without
-        ``"delay"``, the rate without ``"attitude_delay"``.
+        Names of `parameters.DELAYS`: the velocity is zero without ``"delay"``, the rate without
+        ``"attitude_delay"``.
 
     Raises
     ------
@@ -431,16 +431,16 @@ def motion_of(block: Block, *, delays: Sequence[str] = DELAYS) -> Motion:
 
     Notes
     -----
-    The velocity is the slope of the line that fits the recorded positions of a strip over time.
-    That of neighbours alone would be no observation without error: what wind, and the moment of
-    exposure, move one position against the next by is divided by a second or two. A delay would be
-    estimated from this, and come out too small where the aircraft flies more steadily.
+    The velocity is the slope of the line that fits the recorded positions of a strip over time. The
+    velocity between neighbours would have errors: wind and the moment of exposure move one position
+    against the next, within a second or two. These errors would make an estimated delay too small,
+    the more so the steadier the flight.
 
-    The rate is at t_i the slope of the parabola through an exposure and its two neighbours; at
-    either end of a strip, that of the line to the one neighbour. A steady turn comes out exactly.
-    Of an oscillation of period T, sampled at intervals h, the share sin(2 pi h / T) / (2 pi h / T)
-    is seen: 94 % at T = 10 h, 64 % at T = 4 h, nothing at T = 2 h. White errors sigma of the
-    recorded attitudes are errors sigma / (sqrt(2) h) of their slopes.
+    The rate at t_i is the slope of the parabola through an exposure and its two neighbours; at
+    either end of a strip, the slope of the line to its neighbour. It is exact for a steady turn.
+    For an oscillation of period T, sampled at intervals h, it has the share
+    sin(2 pi h / T) / (2 pi h / T): 94 % at T = 10 h, 64 % at T = 4 h, zero at T = 2 h. White errors
+    sigma of the recorded attitudes are errors sigma / (sqrt(2) h) of their slopes.
     """
     trajectory, strips = block.trajectory, strips_of(block)
     _require_neighbours(block, strips)
@@ -500,7 +500,7 @@ def _rates(R: Array, step: Array) -> Array:
     return np.concatenate([mean[:1], inside, mean[-1:]])
 
 
-# --- What the errors of different exposures of a trajectory have in common, if they change slowly
+# --- Slowly changing errors that different exposures of a trajectory have in common
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -619,7 +619,7 @@ def mounting_equations(
 
 
 def observed_mountings(cameras: Sequence[Camera], part: str, columns: Index) -> Index:
-    """Return the cameras of which a part of the mounting is estimated and declared with sigma.
+    """Return the cameras with a part of the mounting estimated and declared with sigma.
 
     Parameters
     ----------

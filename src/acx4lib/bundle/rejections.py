@@ -13,7 +13,7 @@ from acx4lib.expected import Index
 from acx4lib.flight.block import Block
 from acx4lib.least_squares import statistics
 
-# --- Observations taken out of a block as gross errors
+# --- Observations rejected as gross errors
 
 
 CRITICAL = 3.9
@@ -28,7 +28,7 @@ KINDS = ("image_point", "control_point", "gnss", "attitude", "distance")
 
 @dataclass(frozen=True, kw_only=True)
 class Rejection:
-    """One observation taken out as a gross error.
+    """An observation rejected as a gross error.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ def without(block: Block, rejected: Sequence[Rejection]) -> Block:
     Returns
     -------
     Block
-        What is taken out has an infinite sigma.
+        The rejected observations have an infinite sigma.
 
     Raises
     ------
@@ -166,10 +166,10 @@ def noncentrality(*, critical: float = CRITICAL, power: float = POWER) -> float:
     return critical + statistics.norm_ppf(power)
 
 
-# --- How much data snooping may take out: more is a systematic error or a wrong sigma
+# --- Limits of data snooping: more rejections mean a systematic error or a wrong sigma
 #
 # Data snooping finds single errors. If it rejected a large part of a group, the rest would agree
-# with itself and prove nothing. Then nothing of this group is rejected, and the group is named.
+# with itself and prove nothing. Then no observation of this group is rejected, and it is named.
 
 
 ROWS = (10, 3)
@@ -293,7 +293,7 @@ def _without_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> l
 
 
 def _is_of(block: Block, rejection: Rejection, group: Stopped, rayless: Set[int]) -> bool:
-    """Tell whether a rejection belongs to a group; rays of points without others to the points."""
+    """Tell whether a group contains a rejection; of control points, also rays of `rayless` ones."""
     if rejection.kind != "image_point":
         return rejection.kind == group.kind
     if group.kind == "control_point":

@@ -100,15 +100,15 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
     Returns
     -------
     list of ndarray, shape (m, d, c)
-        For each group, the effect of such an error in one component; infinite where nothing else
-        than the observation determines an unknown, apart from its own point.
+        For each group, the effect of such an error in one component; infinite where only this
+        observation determines an unknown, apart from its own point.
 
     Notes
     -----
-    The effect is delta_0 gamma / sqrt(r), with the gain gamma in sigmas. An error that the
-    observation's own point takes up makes both small: gamma by sqrt(r_p), and r by r_p, which is
-    the redundancy number where all but the point is known. So r_p cancels, and is divided out
-    where r is not above rounding.
+    The effect is delta_0 gamma / sqrt(r), with the gain gamma in sigmas. Where the observation's
+    own point absorbs the error, both are small: gamma by sqrt(r_p), and r by r_p, the redundancy
+    number with all unknowns except the point known. So r_p cancels, and is divided out where r is
+    not above rounding.
     """
     network, solution = bundle.network, bundle.solution
     require_own_datum(solution)

@@ -190,7 +190,7 @@ def layout(
         Axes of the GNSS shift to estimate, names of `AXES`.
     n_drifts : int
     recorded : sequence of str
-        Errors of what is recorded to estimate, names of `DELAYS` and `ATTITUDE`.
+        Errors of the recorded trajectory to estimate, names of `DELAYS` and `ATTITUDE`.
 
     Raises
     ------

@@ -46,7 +46,7 @@ TESTED: tuple[tuple[str, str, tuple[int, ...]], ...] = (
 LEAST_REDUNDANCY = 5.0
 """Effective redundancy below which a factor's standard deviation exceeds a third of it."""
 LEAST_TESTED = 1e-6
-"""Redundancy from which a group is tested: with less, residuals tell nothing."""
+"""Redundancy from which a group is tested: with less, residuals have no information."""
 LEAST_TO_ACCUSE = 2.0
 """Effective redundancy that is enough to call a sigma too small, where this is significant."""
 ALPHA = 0.001
@@ -54,13 +54,13 @@ ALPHA = 0.001
 WORTH_SAYING = 1.1
 """Smallest factor that is reported: a change of sigma by a tenth."""
 BOUNDS = (1 / 3, 1.5)
-"""Smallest and largest factor that is a better sigma. Above 1.5 the variance is more than twice the
-given one: more of it is unknown than known, and a systematic error would look the same. Sigma that
-are too large hide nothing, but residuals of a third of theirs are not those of these sigma."""
+"""Smallest and largest factor accepted as a correction of sigma. Above 1.5 the variance is more
+than twice the given variance: a systematic error may be the cause. Sigma that are too large hide no
+error, but residuals of a third of sigma contradict these sigma."""
 
 MOST_ROWS = 2000  # of groups whose covariances with all others are computed: see `_shares`
 AT_A_TIME = 256  # rows of the joint redundancy that are computed together
-MOST_EXACT = 500  # rows of a group of which the distribution is computed from all eigenvalues
+MOST_EXACT = 500  # rows of a group whose distribution is computed from all eigenvalues
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,8 +293,8 @@ def sigma_tests(bundle: Bundle) -> tuple[SigmaTest, ...]:
     tr(W_k) is the sum of the redundancy numbers, and the variance 2 tr(W_k^2) is smaller than that
     of a chi-square variable of so many degrees of freedom. The probability is exact for groups of
     up to `MOST_EXACT` observations. The others, and image points, have the chi-square distribution
-    of the same mean and variance [2]_; where tr(W_k^2) is not computed it is taken too large, by
-    what other large groups show of the errors.
+    of the same mean and variance [2]_; where tr(W_k^2) is not computed, an upper bound takes its
+    place, which neglects the terms with other large groups.
 
     References
     ----------

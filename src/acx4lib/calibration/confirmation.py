@@ -21,11 +21,11 @@ from acx4lib.least_squares.covariance import propagate, sigmas
 #
 # Unknowns absorb systematic errors without a trace in the residuals: a delay at one speed is a
 # lever arm, an undulation is one too, and true north in place of grid north is a boresight. Only
-# what was known before contradicts them.
+# declared values contradict them.
 
 
 FAR_M, FAR_DEG = 0.05, 3.0
-"""Differences from values without sigma that are said: more than what a survey is off by."""
+"""Differences from values without sigma that are reported: more than the errors of a survey."""
 
 LONGEST_M = 10.0
 """Lever arm, not declared, that is longer than inside an aircraft."""
@@ -34,28 +34,28 @@ ALPHA = 1e-4
 """Probability of not confirming right values with right sigma: that of data snooping."""
 
 NORTHS = 0.25
-"""Share of the meridian convergence within which an angle without sigma is one with it."""
+"""Share of the meridian convergence within which an angle without sigma equals it."""
 
 LEAST_CONVERGENCE = np.radians(0.1)
-"""Meridian convergence below which no angle without sigma is taken for it."""
+"""Least meridian convergence that may explain an angle without sigma."""
 
 SURVEYED_M = 0.03
-"""How far off a tape measure leaves a lever arm: within it, components agree."""
+"""Error of a lever arm measured by tape, m: within it, components agree."""
 
 TURNED = np.radians(5.0)
-"""Angle within which a boresight without sigma is off by 90 or 180 degrees."""
+"""Tolerance of boresight differences of 90 or 180 degrees, radians."""
 
 EXCHANGED_DEG = 0.5
-"""Difference below which no exchange of angles is taken for it."""
+"""Least difference that an exchange of angles may explain."""
 
 EXPLAINED = 0.12
-"""Share of a difference that an exchange of axes leaves where it explains the difference."""
+"""Largest remaining share of a difference that an exchange of axes explains."""
 
 BESIDE = 0.35
-"""Share of a difference beside an axis up to which it is along this axis, if it may be noise."""
+"""Largest share of a difference across an axis, within noise, to count as along this axis."""
 
 UNSEEN = 1e-4
-"""Share of a declared value's variance below which the other observations say nothing of it."""
+"""Share of a declared value's variance below which the other observations do not control it."""
 
 SIGMAS = 3.0
 """Multiple of a standard deviation within which an angle differs by the convergence."""
@@ -161,7 +161,7 @@ class _Difference:
     Attributes
     ----------
     d : ndarray, shape (3,)
-        As the other observations alone would have it.
+        From the other observations alone.
     p : float
         Probability of such differences or larger ones; NaN without sigma.
     declared : ndarray of bool, shape (3,)
@@ -177,7 +177,7 @@ class _Difference:
 
     @property
     def size(self) -> float:
-        """Length of the difference from what is declared, or of all if nothing is."""
+        """Length of the difference of the declared components, or of all if none is declared."""
         return float(np.linalg.norm(self.d[self.declared] if self.declared.any() else self.d))
 
     def significant(self, rough: float = 0.0) -> bool:
@@ -215,7 +215,7 @@ def _difference(d: Array, cov: Array, declared: Mask, sigma: Array) -> _Differen
     return _Difference(d=alone, p=p, declared=declared, sigma=sigma, sigma_estimated=sigmas(cov))
 
 
-# --- what differences look like --------------------------------------------------------------
+# --- causes of differences -------------------------------------------------------------------
 
 
 def _of_part(
@@ -276,7 +276,7 @@ LEVER_MISTAKES: tuple[tuple[str, Array], ...] = (
     ("y and z reversed", np.diag([1.0, -1.0, -1.0])),
     ("x and y exchanged and z reversed", np.diag([1.0, 1.0, -1.0]) @ np.eye(3)[[1, 0, 2]]),
 )
-"""Axes of other conventions, as what they make of a lever arm."""
+"""Axes of other conventions, by their effect on a lever arm."""
 
 
 def _exchanged_lever(declared: Array, d: Array) -> str:

@@ -85,8 +85,8 @@ class ByCourse:
 def by_course(bundle: Bundle) -> ByCourse | None:
     """Test whether errors of recorded headings depend on the course.
 
-    The scatter within the courses is the measure, whatever sigma the attitudes have; valid where
-    errors of different exposures are independent.
+    The difference is compared with the scatter within the courses, not with sigma of the attitudes;
+    valid where errors of different exposures are independent.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 from acx4lib.least_squares.dense import Inverse, held_at_zero
 
-# --- What an adjustment determines worst: condition, weakest combination, strong correlations
+# --- Weak directions of an adjustment: condition, weakest combination, strong correlations
 
 
 STRONG = 0.9
@@ -41,10 +41,10 @@ ALIKE = 0.8
 """Common share of the poses' part above which all poses are said to change alike."""
 
 CARRIED = float(1 / np.finfo(float).eps)
-"""Condition above which double precision has no digit left of the weakest direction, 4.5e15."""
+"""Condition above which the weakest direction has no correct digit in double precision, 4.5e15."""
 
 NAMED = 3
-"""Images that are named of those without a position and attitude."""
+"""Largest number of named images without a position and attitude."""
 
 POSES = dict(
     zip(
@@ -406,13 +406,13 @@ def _shared_columns(bundle: Bundle) -> Index:
 # --- The lever arm that an interior orientation took up: two-step against single step
 # (section 4.2)
 #
-# A bundle that observes positions and holds a lever arm must put what is wrong with it somewhere:
-# into f, x_p, y_p, into the tilts of the images, into the ground and the residuals of the
-# positions. Least squares says how much goes where, and so what the two methods must differ by.
+# A bundle that observes positions and holds a wrong lever arm distributes its error over f, x_p,
+# y_p, the tilts of the images, the ground and the residuals of the positions. Least squares gives
+# the share of each, and so the expected difference of the two methods.
 
 
 ABSORBING = ("f", "xp", "yp")
-"""The parameters of an interior orientation that take up a lever arm."""
+"""The parameters of an interior orientation that absorb a lever arm."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -425,12 +425,12 @@ class Absorption:
     ----------
     cameras : tuple of str
     by_lever : ndarray, shape (m, m)
-        d(f, x_p, y_p of every camera) / d(lever arm of every camera beyond what was held), along
+        d(f, x_p, y_p of every camera) / d(lever arm of every camera less the held lever arm), along
         the body's axes, mm per m.
     shift_mm : ndarray, shape (m,)
         Interior orientation of `two_step_gnss` less that of `single_step`.
     lever_m : ndarray, shape (m,)
-        Lever arm of `single_step` less what `two_step_gnss` held, body's axes.
+        Lever arm of `single_step` less the held lever arm of `two_step_gnss`, body's axes.
     cov_mm : ndarray, shape (m, m)
         A priori covariance of `shift_mm` - `by_lever` @ `lever_m`.
     """
@@ -455,17 +455,17 @@ class Absorption:
 def absorption(mountings: Mountings) -> Absorption | None:
     """Compare the two methods; None where they cannot be compared.
 
-    They can where both have an outcome and estimate f, x_p and y_p, and GNSS positions have no
-    unknown errors in the single step.
+    Both must have an outcome and estimate f, x_p and y_p, and the single step must have no
+    unknown errors of GNSS positions.
 
     Notes
     -----
-    By Gauss and Markov the single step, which uses the same observations and the attitudes
-    besides, is uncorrelated with what any other unbiased estimate differs from it by. So the
-    covariance of the difference is the difference of the covariances [1]_. Both methods share
-    nearly all of their errors, and it is far smaller than either. Both are therefore taken at one
-    state, that of the single step: at the two estimates they would differ by as
-    much from the derivatives alone.
+    By Gauss and Markov the single step, which uses the same observations and also the attitudes, is
+    uncorrelated with its difference from any other unbiased estimate. So the covariance of the
+    difference is the difference of the covariances [1]_. Both methods share nearly all of their
+    errors, so this difference is far smaller than either covariance. Both covariances are therefore
+    computed at the state of the single step: at different states, the derivatives alone would make
+    them differ by as much.
 
     References
     ----------

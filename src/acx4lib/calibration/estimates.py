@@ -1,4 +1,4 @@
-"""Outcome of a calibration: estimates, their covariance, and what the data do not determine."""
+"""Outcome of a calibration: estimates, their covariance, and undetermined parameters."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def from_bundle(bundle: Bundle) -> Calibration:
 def boresight_limit(block: Block) -> float:
     """Return the standard deviation above which a boresight is not determined, degrees.
 
-    A mean that is no better than one of its attitudes tells nothing.
+    A mean that is no better than a single attitude has no value.
     """
     sigma = block.trajectory.sigma_attitude
     known = sigma[np.isfinite(sigma)]
@@ -179,7 +179,7 @@ def boresight_limit(block: Block) -> float:
 
 
 def given(cameras: Sequence[Camera]) -> Calibration:
-    """Return a calibration of cameras taken as they are: nothing estimated, no covariance."""
+    """Return a calibration of cameras as given, without estimates and covariance."""
     expected.sequence("cameras", cameras, Camera)
     return Calibration(
         cameras=tuple(cameras),
@@ -471,7 +471,7 @@ def needed(key: str, features: frozenset[str] = frozenset()) -> str:
     key : str
         The library's name of the parameter.
     features : frozenset of str
-        What the flight has; by default, nothing.
+        Features of the flight; by default, none.
     """
     lacking = [need.text for need in NEEDS[key] if not features.intersection(need.features)]
     return ", and ".join(lacking) or ENOUGH

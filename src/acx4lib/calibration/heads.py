@@ -209,8 +209,8 @@ def calibrate_heads(
     refraction : str
         ``"none"`` or ``"standard"``.
     after : Heads, optional
-        Another calibration in the same block, of which the rejected gross errors are taken over;
-        none are searched for.
+        Another calibration in the same block. Its rejected gross errors are taken over; no others
+        are searched for.
 
     Returns
     -------
@@ -260,9 +260,9 @@ def above_gnss(fit: Bundle) -> float:
 def focal_lengths_by_gnss(tried: Sequence[Heads]) -> dict[str, float]:
     """Return the focal lengths with which the heads would stand at the trajectory's heights.
 
-    A wrong focal length lifts or lowers the cameras in proportion, so that a straight line
-    through the mean heights over the held focal lengths tells where they are right. A lever arm
-    is not taken off: 1 m of it is f over the flying height in m.
+    A wrong focal length lifts or lowers the cameras in proportion. A straight line through the
+    mean heights over the held focal lengths therefore gives the right focal length. A lever arm is
+    not subtracted: 1 m of it is f over the flying height in m.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def relative_orientation(
         Its declared mounting turns the body frame into the synthetic frame. A flight without a
         table [synthetic] has none.
     weak : bool
-        Whether interior orientations that the data do not determine are good enough.
+        Whether undetermined interior orientations are accepted.
 
     Raises
     ------
@@ -352,7 +352,7 @@ def relative_orientation(
 
 
 def not_calibrated(block: Block) -> str:
-    """Return why the heads of a block are taken as declared; empty where they are calibrated.
+    """Return a reason to use the declared heads of a block; empty where they can be calibrated.
 
     Parameters
     ----------
@@ -368,7 +368,7 @@ def not_calibrated(block: Block) -> str:
 
 
 def declared_orientation(heads: Sequence[Camera], synthetic: Camera) -> RelativeOrientation:
-    """Return the orientation of heads that no measurement has calibrated: as they are declared.
+    """Return the declared orientation of heads, for heads without a calibration.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
         moved, cov = _without_each(bundle, groups, calibration.layout, T[len(others) :])
         factors = _factors(moved, cov, len(lens))
         L = _root(propagate(T, calibration.cov))
-    except (AdjustmentError, np.linalg.LinAlgError):  # what is left does not determine everything
+    except (AdjustmentError, np.linalg.LinAlgError):  # the rest does not determine all unknowns
         return calibration
     more = np.repeat([0.0, *np.square(factors) - 1], [len(others), len(lens), len(between)])
     if not more.any():

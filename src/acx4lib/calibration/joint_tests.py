@@ -1,8 +1,8 @@
 """Joint tests of several parameters of a calibration, from their covariance.
 
-A single test asks whether a parameter differs from a value, whatever the others are. Where k1, k2
-and k3 correlate by -0.99, each of them may be near zero if the other two take over its part, so
-none seems significant although together they are. A joint test asks for all of them at once.
+A single test compares a parameter with a value while the others are free. Where k1, k2 and k3
+correlate by -0.99, each of them may be near zero if the other two take over its part. So none seems
+significant, although together they are. A joint test compares all of them at once.
 """
 
 from __future__ import annotations

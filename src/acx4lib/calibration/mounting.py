@@ -228,8 +228,8 @@ def single_step(
 
     Notes
     -----
-    Where nothing of the trajectory is observed and both parts of the mounting are held, the block
-    is a free network: `free_network.adjust_free_rejecting` says in which datum.
+    Where the trajectory is not observed and both parts of the mounting are held, the block is a
+    free network, in the datum of `free_network.adjust_free_rejecting`.
     """
     expected.instance("block", block, Block)
     expected.names_of("free", free, INTERIOR)
@@ -288,9 +288,9 @@ def two_step(
     free, fix, refraction
         As in `single_step`.
     after : Mounting, optional
-        Outcome of another method on the same block, of which the rejected gross errors are taken
-        over, since none are searched for here, and the estimates as start values. Of one that
-        failed nothing is.
+        Outcome of another method on the same block. Its rejected gross errors are taken over,
+        since this method searches for none, and its estimates are start values. A failed
+        outcome has no effect.
 
     Raises
     ------

@@ -130,7 +130,7 @@ def _sigma(loose: Bundle) -> Array | None:
     if not parts:
         return None
     camera, turns, noise = map(np.concatenate, zip(*parts, strict=True))
-    for k in np.unique(camera):  # what a camera has at all exposures is its boresight
+    for k in np.unique(camera):  # a turn common to all exposures of a camera is its boresight
         turns[camera == k] -= turns[camera == k].mean(axis=0)
     dof = len(camera) - len(parts) - (len(np.unique(camera)) - 1)
     if dof < 1:

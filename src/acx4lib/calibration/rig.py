@@ -56,11 +56,11 @@ def calibrate(
         A block with at least two heads.
     free : sequence of str
         Interior parameters of every head, names of `camera.INTERIOR`. The focal lengths are
-        estimated too, since GNSS observes the heights. If they are not named, some parameter is
-        not determined, and holding them determines all, they keep the cameras' values.
+        estimated too, since GNSS observes the heights. If not named, they are held at the cameras'
+        values where some parameter is not determined otherwise, and this determines all.
     fix : sequence of str
-        ``"lever_arm"``, ``"boresight"``: those named keep the values of the cameras, where some
-        parameter is not determined, or nothing converges, unless they do.
+        ``"lever_arm"``, ``"boresight"``: parts of the mounting that are held at the cameras'
+        values if otherwise some parameter is not determined, or no adjustment converges.
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
@@ -128,9 +128,9 @@ def one_exposure_points(block: Block) -> Index:
     """Return tie points that several heads measure at a single exposure.
 
     Their rays start decimetres apart and meet at a thousandth of a degree. Therefore an ordinary
-    bundle leaves them out. In a rig they determine the rotations between its heads, where control
-    points tell how high the ground is: without these, heights that one adjustment found would be
-    taken for observations in the next.
+    bundle leaves them out. In a rig they determine the rotations between its heads, if control
+    points fix the height of the ground. Without control points, estimated heights of an adjustment
+    would become observations of the next.
     """
     used = np.flatnonzero(np.isfinite(block.image_points.sigma_px))
     points = block.image_points[used]
@@ -230,10 +230,10 @@ def relative_orientation(
         Its declared mounting turns the body frame into the synthetic frame. A flight without a
         table [synthetic] has none.
     weak : bool
-        Whether parameters that the data do not determine are good enough.
+        Whether undetermined parameters are accepted.
     as_declared : bool
-        Whether the first head looks where its declared mounting has it: all heads are turned by
-        its boresight against this, which moves the synthetic frame with them.
+        Whether the first head keeps its declared attitude: all heads are turned back by its
+        change of boresight, which moves the synthetic frame with them.
 
     Returns
     -------

@@ -34,13 +34,13 @@ from acx4lib.least_squares.statistics import holm
 
 
 OPEN = 1e-3
-"""Share of a turn that shows in the residuals, below which it is a boresight or not determined."""
+"""Least share of a turn in the residuals; below, it is a boresight or not determined."""
 
 COMMON = 1e-5
-"""That share of a turn of all exposures, below which the boresight takes it up whole."""
+"""The same of a turn of all exposures; below, the boresight absorbs it completely."""
 
 LEAST_REDUNDANCY = 1.0
-"""Redundancy of the attitudes, beside the turns, from which their scatter is known at all."""
+"""Least redundancy of the attitudes, beside the turns, for an estimate of their scatter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,11 +50,11 @@ class Turns:
     Attributes
     ----------
     names : tuple of str
-        Strips; of a drift, one name: what is given is the change from the first exposure to the
+        Strips; a drift has one name, and its turn is the change from the first exposure to the
         last.
     turns, sigma : ndarray, shape (n, 3)
-        About the body's axes, less the mean of all exposures; radians, sigma from the attitudes'
-        residuals that are left. Infinite where a turn does not show in the residuals.
+        About the body's axes, less the mean of all exposures; radians, sigma from the remaining
+        residuals of the attitudes. Infinite where a turn has no effect on the residuals.
     f : float
         (T / dof) / s^2; T is the sum of squares that the turns explain, s^2 the variance factor of
         the attitudes beside them.
@@ -117,9 +117,9 @@ def between_strips(bundle: Bundle) -> Turns | None:
     -----
     With the residuals v = estimated - observed, their weights P and covariance Q_vv, and C the
     derivatives of the observed attitudes by the turns, the turns are M^+ C^T P v with
-    M = C^T P Q_vv P C, and the sum of squares falls by T = v^T P C M^+ C^T P v [1]_. That is what
-    the adjustment gives with the turns as unknowns, where it is linear in them. Turns that all
-    exposures share are no part of it.
+    M = C^T P Q_vv P C, and the sum of squares falls by T = v^T P C M^+ C^T P v [1]_. An adjustment
+    with the turns as unknowns gives the same, where it is linear in them. Turns that all exposures
+    share are excluded.
 
     References
     ----------
@@ -197,8 +197,8 @@ def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, reported: Arr
 def _beside(r: _Residuals, common: Index, each: Index) -> _Residuals:
     """Return the turns made independent of the turn that all exposures share.
 
-    A boresight without sigma takes up a turn of all exposures whole, a declared one nearly so:
-    neither is a step.
+    A boresight without sigma absorbs a turn of all exposures completely, a declared boresight
+    nearly so: neither is a step.
     """
     _, inverse, _ = _solved(r, common, COMMON)
     K = np.eye(len(r.right))
@@ -265,15 +265,15 @@ def _told(turns: Turns) -> dict[str, object]:
 #
 # In the rigid rig every head has one boresight at all exposures. In the free rig the heads turn at
 # an exposure, each by three small angles against the first head there. The free rig has smaller
-# residuals in any case; an F test says whether they are smaller than by chance. Positions are no
-# part of it: a lens that moves by a millimetre moves a point on the ground by as much.
+# residuals in any case; an F test compares them with chance. Positions are not tested: a lens that
+# moves by a millimetre moves a point on the ground by as much.
 
 
 MOST_COLUMNS = 10_000
 """Unknowns of the free rig without its points, whose normal matrix has 0.8 GB."""
 
 _OPEN = 1e-9
-"""Eigenvalue of the scaled normal matrix, as a share of the largest, of what is no deformation."""
+"""Eigenvalue of the scaled normal matrix, over the largest, below which there is no deformation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,7 +283,7 @@ class FTest:
     Attributes
     ----------
     explained : float
-        By how much the weighted sum of squared residuals is smaller with them.
+        Decrease of the weighted sum of squared residuals by them.
     left : float
         The weighted sum of squared residuals with them.
     dof : int
@@ -316,7 +316,7 @@ class Rigidity:
     ----------
     heads : tuple of str
     exposures : tuple of str
-        Those at which two or more heads have measurements.
+        Exposures at which two or more heads have measurements.
     turns, sigma : ndarray, shape (n_exposures, n_heads, 3)
         Rotation of every head against the first one that measured, about the head's axes, if the
         rig is rigid at all other exposures; radians, sigma a posteriori. Zero of the first head,
@@ -324,7 +324,7 @@ class Rigidity:
     tests : tuple of FTest
         One for each exposure.
     whole : FTest
-        Of all exposures at once, less what the boresights take up.
+        Of all exposures at once, without the part that the boresights absorb.
     """
 
     heads: tuple[str, ...]
@@ -477,18 +477,18 @@ def _by_head(network: Network, values: Array, exposures: Index) -> Array:
     return out[exposures]
 
 
-# --- What an estimate rests on: the strips that were planned, or the wind and the hills
+# --- Dependence of an estimate on wind and hills, beside the planned strips
 #
-# A flight is never level and straight, nor its ground flat, and this tells parameters apart that
-# the strips alone leave together. Nobody plans it: the next flight may have less of it. So sigma
-# is computed again, of the same strips in calm air over level ground.
+# A flight is never level and straight, nor its ground flat. This separates parameters that the
+# strips alone cannot separate. It is not planned: the next flight may have less of it. So sigma is
+# computed again for the same strips in calm air over level ground.
 
 
 LEFT = 0.05
 """Share of wind and hills that remains, so that parameters resting on them stay computable."""
 
 SAME_HEIGHT = 0.03
-"""Strips whose flying heights differ by less than this share are taken for planned at one."""
+"""Strips whose flying heights differ by less than this share count as planned at one height."""
 
 SAME_SPEED = 0.1
 """The same of ground speeds, which differ by head wind and tail wind."""
@@ -529,7 +529,7 @@ def calm_sigmas(bundle: Bundle) -> Array | None:
     calm = _calmed(replace(bundle, network=thin), strips)
     try:
         ratio: Array = _sigmas(J, *calm) / _sigmas(J, thin, bundle.state)
-    except AdjustmentError:  # singular, and too large to say which unknowns are
+    except AdjustmentError:  # singular, and too large to find the singular unknowns
         return None
     return ratio
 

@@ -39,7 +39,7 @@ DEVIATION = ("deviation_sin_deg", "deviation_cos_deg")
 
 
 LIMIT_DELAY_S = 1.0
-"""Standard deviation above which a delay counts as not determined, also where it does nothing."""
+"""Standard deviation above which a delay counts as not determined, even if it has no effect."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,9 +152,9 @@ def parameters(bundle: Bundle, cov: Array | None = None) -> list[Parameter]:
     """Return the estimated errors of the trajectory with a posteriori standard deviations.
 
     They belong to no camera, so their camera's name is empty. A drift is in m per minute, or per
-    exposure where the trajectory has no times; a delay in s, positive where what is recorded for
-    an exposure is of a later time; a deviation in degrees, positive where the recorded heading is
-    larger than the true one.
+    exposure where the trajectory has no times; a delay in s, positive where the values recorded for
+    an exposure are of a later time; a deviation in degrees, positive where the recorded heading is
+    larger than the true heading.
 
     Parameters
     ----------

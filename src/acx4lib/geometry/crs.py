@@ -11,7 +11,7 @@ from pyproj.exceptions import CRSError
 # --- Which texts are accepted as a CRS: none that makes PROJ open a file
 #
 # A PROJ string may name grids, initialisation files and whole pipelines, and WKT may carry such
-# strings. A flight is data; it does not say which files of the machine are opened.
+# strings. A flight is data; it must not choose which files of the machine are opened.
 
 
 LONGEST = 20_000

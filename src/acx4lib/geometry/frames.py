@@ -290,7 +290,7 @@ class Pose:
             raise ValueError(msg)
 
     def __repr__(self) -> str:
-        """Say in a line where one pose is, or how many they are."""
+        """Describe a pose by its position, or several by their number, in one line."""
         if self.r.ndim > 1:
             return shown.line("Pose", f"{len(self)} of them")
         r, opk = (", ".join(f"{x:.3f}" for x in v) for v in (self.r, np.degrees(self.opk)))

@@ -191,7 +191,7 @@ class Intersections:
     cov : ndarray, shape (n_groups, 3, 3)
         A priori, from image points, trajectory and calibration, m^2.
     sources : ErrorSources
-        The parts of `cov`, and what the points share.
+        The parts of `cov`, and the errors that points share.
     cov_v : ndarray, shape (n, 2, 2)
         Covariance of the misclosures of single rays, from image point and trajectory, px^2.
     by_point : ndarray, shape (n, 2, 3)
@@ -439,7 +439,7 @@ class GroundPoints:
     enh : ndarray, shape (n, 3)
         East, north, height, in the flight's system, m.
     sources : ErrorSources
-        A priori errors along east, north and height, by what they come from, in metres on the
+        A priori errors along east, north and height, by their sources, in metres on the
         ground.
     """
 
@@ -485,8 +485,8 @@ def ground_points(
     Returns
     -------
     GroundPoints
-        With the errors of pixel, height, interior orientation, mounting and trajectory. Those of
-        two points are correlated through what they share.
+        With the errors of pixel, height, interior orientation, mounting and trajectory. Common
+        sources make the errors of two points correlated.
 
     Raises
     ------

@@ -157,7 +157,7 @@ def chi_square(sources: ErrorSources, d: Array) -> float:
     trajectory's errors change slowly) and K, the part of the parameters, has few columns. Hence
     C^-1 = S^-1 - S^-1 K (I + K^T S^-1 K)^-1 K^T S^-1 (Woodbury).
     """
-    # predictions, which solve nothing, are made without what takes long to load
+    # predictions solve no equations and need not load this package, which takes long
     from scipy.sparse.linalg import splu  # noqa: PLC0415
 
     d = expected.numbers("d", d, (len(sources), 3)).ravel()

@@ -157,8 +157,8 @@ def validate(
 ) -> Validation:
     """Intersect every check point from pairs of rays and from all rays, and compare.
 
-    First, a measurement is rejected that does not fit the others of its point, of three or more.
-    Then a check point is, if it was surveyed far from where its rays meet, unlike the others.
+    First, measurements that do not fit the others of their point, of three or more, are rejected.
+    Check points surveyed far from the intersection of their rays, unlike the others, follow.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def validate(
     Raises
     ------
     AdjustmentError
-        Where nothing can be computed with the numbers of the block.
+        Where the numbers of the block make the computation fail.
     ValueError
         Where the calibration lacks a camera, or the name cannot stand in results.
     """
@@ -528,7 +528,7 @@ def rays_of_pairs(
 
 
 CONTROLLED = 1e-6
-"""A residual with a smaller share of its variance is not tested: nothing else checks it."""
+"""A residual with a smaller share of its variance is not tested: no other observation checks it."""
 
 
 def of(
@@ -537,7 +537,7 @@ def of(
     """Test rays against the others of their group, with weights that include the trajectory's.
 
     Exposures are independent, unless the trajectory's errors change slowly: then all rays of a
-    group have their joint covariance. What groups share plays no part.
+    group have their joint covariance. Errors common to several groups have no effect.
 
     Parameters
     ----------
@@ -550,7 +550,7 @@ def of(
     Returns
     -------
     w : ndarray, shape (n,)
-        The larger of the two normalised residuals of every ray; zero where nothing controls it.
+        The larger of the two normalised residuals of every ray; zero where not controlled.
 
     Notes
     -----

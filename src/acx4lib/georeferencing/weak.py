@@ -200,8 +200,8 @@ def shares(sources: ErrorSources, calibration: Calibration) -> Array | None:
     Notes
     -----
     A parameter with the variance c and the covariances C e with all of them has (J C e)^2 / c of
-    the variance of a point with the derivatives J: what is left is the variance given the
-    parameter. J_e^2 c would count what another parameter takes back.
+    the variance of a point with the derivatives J: the remainder is the variance given the
+    parameter. J_e^2 c would also count the part that another parameter compensates.
     """
     if len(sources) == 0:
         return None

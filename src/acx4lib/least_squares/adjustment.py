@@ -362,7 +362,7 @@ LEAST_SHRINKAGE = 1 / 3
 """Factor on the damping after a step that kept all of its promise."""
 
 NEGLIGIBLE, MOST = 1e-14, 1e20
-"""Damping below which steps are full, and above which there is nothing left to try."""
+"""Damping below which steps are full, and above which the iteration fails."""
 
 FULL_GAIN = 0.25
 """Gain of a full step below which a shorter one is tried."""

@@ -25,18 +25,18 @@ class Equations:
     kind : str
         Name for reports.
     v, sigma : ndarray, shape (m, d)
-        An infinite sigma takes a component out.
+        An infinite sigma excludes a component.
     A : ndarray, shape (m, d, k)
         dv / d(unknowns of the observation's unit); k may be zero.
     columns : ndarray, shape (n_units, k)
-        Where these unknowns stand in the reduced system; -1 for one that is held.
+        Places of these unknowns in the reduced system; -1 where held.
     unit : ndarray, shape (m,)
         Observations of one unit share their columns.
     B : ndarray, shape (m, d, 3), optional
         dv / d(point).
     point : ndarray, shape (m,), optional
     correlation : Correlation, optional
-        Of observations that are correlated: of columns alone, each its own unit, in order.
+        Of correlated observations: each must be a unit by itself, in order, without a point.
     """
 
     kind: str

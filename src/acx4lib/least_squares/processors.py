@@ -57,7 +57,7 @@ def in_order(function: Callable[[P], R], parts: Iterable[P]) -> list[R]:
     Parameters
     ----------
     function : callable
-        It must not change what the parts share.
+        It must not change data that the parts share.
     parts : iterable
     """
     listed = list(parts)
@@ -83,7 +83,7 @@ def as_finished(
     calls = {executor.submit(function, part): part for part in parts}
     given_up: list[P] = []
     for call in as_completed(list(calls)):
-        part = calls.pop(call)  # a cluster keeps a result only while somebody may want it
+        part = calls.pop(call)  # a cluster keeps a result only as long as it is referenced
         if type(call.exception()).__name__ == GIVEN_UP:
             given_up.append(part)
         else:

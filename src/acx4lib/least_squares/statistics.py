@@ -430,7 +430,7 @@ class SlowErrors:
         ----------
         sigma : ndarray, shape (m, d)
             Standard deviation of the whole error. Where it is larger than at first, white noise
-            was added; where it is infinite, an observation takes no part and tells nothing.
+            was added; where it is infinite, an observation takes no part.
 
         Raises
         ------
@@ -475,8 +475,8 @@ def _inverse(share: Array, together: Array) -> Array:
 class Correlation:
     """The inverse correlation matrix of every component of m observations, as pairs.
 
-    Errors far apart in a Gauss-Markov process tell nothing of each other once those between are
-    known, so most of the inverse is zero.
+    Errors far apart in a Gauss-Markov process are conditionally independent given the errors
+    between them, so most of the inverse is zero.
 
     Attributes
     ----------

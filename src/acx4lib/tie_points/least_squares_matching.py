@@ -160,9 +160,9 @@ def _sigmas(a: Array, at: Index, half: int, residuals: Array, moves: Array) -> A
 
     Compression and interpolation give neighbouring pixels the same noise, and most of it at edges,
     which decide the position. So the variance is the sum over the window of squared residuals
-    times squared derivatives of the position [1]_, times the factor by which the noise that
-    neighbours share increases such a sum. This factor comes from residuals of many windows,
-    mirrored, because these have the same noise and no relation to the texture.
+    times squared derivatives of the position [1]_, times a factor for the correlation of noise
+    between neighbours. This factor comes from residuals of many windows, mirrored, because these
+    have the same noise and no relation to the texture.
 
     References
     ----------
@@ -205,7 +205,7 @@ def _mirrored(windows: Array) -> Array:
 def _absorbed(moves: Array, columns: Array) -> float:
     """Return the part of the noise's effect that the adjustment absorbed.
 
-    It is the part of `moves`, mirrored, that the unknowns of other windows take up.
+    It is the part of `moves`, mirrored, that the unknowns of other windows absorb.
     """
     n, _, pixels = columns.shape
     basis = np.linalg.qr(columns.transpose(0, 2, 1).astype(float))[0]

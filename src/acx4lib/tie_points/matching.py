@@ -399,7 +399,7 @@ def noise_level(image: np.ndarray, *, rng: np.random.Generator) -> float:
     origins = rng.integers(0, [rows - side + 1, cols - side + 1], size=(_N_PATCHES, 2))
     patches = np.stack([image[row : row + side, col : col + side] for row, col in origins])
     patches = patches.mean(axis=3, dtype=np.float32)
-    # all below each other; what neighbours share is cut off
+    # all below each other; rows that mix neighbouring patches are cut off
     filtered = cv2.filter2D(patches.reshape(-1, side), -1, NOISE_MASK).reshape(patches.shape)
     squares = np.mean(filtered[:, 1:-1, 1:-1] ** 2, axis=(1, 2), dtype=float)
     rounding = 1 / (12 * image.shape[2])

@@ -174,8 +174,8 @@ BLOCKS = (4, 3)
 """Blocks along columns and rows of a frame, where there is one exposure."""
 
 MOST_TIMES = 10.0
-"""Sigma of an unknown from a block alone, over that from an even share of the tie points, above
-which it takes no part in the variance of blocks: heads that see other ground share only borders."""
+"""Largest ratio of the sigma of an unknown from a block alone to the sigma from an even share of
+all tie points, for a block in the variance: heads that see other ground share only borders."""
 
 STEPS, NEARLY_MM = 100, 5e-6
 """Largest number of steps with one loss, and a step in the image that ends it (1e-3 px)."""
@@ -322,7 +322,7 @@ def refine_by_rotations(
     u = _in_spreads(tie_differences(now, ties[used]), sigma[used])
     used[used] = u <= SUSPECT
     columns = _columns(orientation, ties[used], FREE[free])
-    with suppress(AdjustmentError):  # `_refined` says what tie points do not determine
+    with suppress(AdjustmentError):  # `_refined` names the undetermined heads
         now, _ = adjustment.solve(_Overlaps(ties[used], sigma[used], columns), now)
     refined = _refined(orientation, now, ties, sigma=sigma, used=used, columns=columns)
     return replace(refined, settled=settled)

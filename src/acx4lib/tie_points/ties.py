@@ -63,7 +63,7 @@ class TiePoints:
             raise ValueError(msg)
 
     def __repr__(self) -> str:
-        """Say in a line how many they are."""
+        """Return the number of tie points in one line."""
         return shown.line("TiePoints", f"{len(self)} of {shown.count(len(self._pairs), 'overlap')}")
 
     @property
