@@ -309,10 +309,10 @@ def _named(reading: Reading, fit: Mounted) -> Reading:
 def _found(reading: Reading, given: Mounted, fit: Mounted) -> Found:
     """Return a reading with its misfits, as errors of attitude, position or measurement."""
     seen, camera = reading.seen, fit.cameras[0]
-    away = fit.x_m[seen.point_idx] - reading.T_m_b.r[seen.exposure_idx]
+    rays_m = fit.x_m[seen.point_idx] - reading.T_m_b.r[seen.exposure_idx]
     scale, unit, quantity = {
         "attitude": (np.degrees(1.0), "°", "attitude"),
-        "position": (float(np.nanmedian(np.linalg.norm(away, axis=1))), "m", "position"),
+        "position": (float(np.nanmedian(np.linalg.norm(rays_m, axis=1))), "m", "position"),
         "image": (camera.interior.f / camera.pixel_mm, "px", "image measurements"),
     }[reading.quantity]
     return Found(
@@ -386,8 +386,8 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Unit | None:
     px = camera.pixel_mm / camera.interior.f
     measured = px * _usual(block.image_points.sigma_px)
     units = [("image measurements", {"mm": 1 / camera.pixel_mm}, noise / measured, 0.0)]
-    away = given.x_m[seen.point_idx] - T_m_b.r[seen.exposure_idx]
-    range_m = float(np.nanmedian(np.linalg.norm(away, axis=1)))
+    rays_m = given.x_m[seen.point_idx] - T_m_b.r[seen.exposure_idx]
+    range_m = float(np.nanmedian(np.linalg.norm(rays_m, axis=1)))
     position = _usual(block.trajectory.sigma_position[seen.exposures]) / range_m
     attitude = _usual(block.trajectory.sigma_attitude[seen.exposures, :2])
     for quantity, known, sigma, other in (
@@ -549,9 +549,9 @@ def started(seen: Sightings, T_m_b: Pose) -> Mounted:
         rows = np.flatnonzero((seen.camera_idx == k) & np.isfinite(seen.x_m[seen.point_idx, 0]))
         if len(rows) < 3:
             continue
-        to = _to_body(body[rows], seen.x_m[seen.point_idx[rows]]) - camera.T_b_c.r
-        to /= np.linalg.norm(to, axis=1, keepdims=True)
-        R_b_c = _turned(camera.T_b_c.R, ray_c[rows], to)
+        targets = _to_body(body[rows], seen.x_m[seen.point_idx[rows]]) - camera.T_b_c.r
+        targets /= np.linalg.norm(targets, axis=1, keepdims=True)
+        R_b_c = _turned(camera.T_b_c.R, ray_c[rows], targets)
         cameras[k] = replace(camera, T_b_c=Pose(R=R_b_c, r=camera.T_b_c.r))
     x_m = seen.x_m.copy()
     ties = np.isnan(x_m[:, 0])

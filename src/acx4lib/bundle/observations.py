@@ -381,10 +381,10 @@ def strips_of(block: Block) -> Strips:
     names: list[str] = []
     idx, elapsed = np.full(len(trajectory), -1), np.zeros(len(trajectory))
     for name in filter(None, dict.fromkeys(strip)):
-        here = np.flatnonzero(strip == name)
-        time = trajectory.time_s[here] if timed else np.arange(len(here), dtype=float)
+        rows = np.flatnonzero(strip == name)
+        time = trajectory.time_s[rows] if timed else np.arange(len(rows), dtype=float)
         if np.ptp(time) > 0:
-            idx[here], elapsed[here] = len(names), time - time.mean()
+            idx[rows], elapsed[rows] = len(names), time - time.mean()
             names.append(name)
     return Strips(names=tuple(names), idx=idx, elapsed=elapsed, unit="s" if timed else "exposure")
 
@@ -486,8 +486,8 @@ def _require_neighbours(block: Block, strips: Strips) -> None:
     alone = np.flatnonzero(np.broadcast_to(strips.idx, len(block.trajectory)) < 0)
     if len(alone):
         name = block.trajectory.exposures[alone[0]]
-        which = "exposure" if len(alone) == 1 else f"{len(alone)} exposures, the first"
-        msg = f"{cannot}: no neighbour in a strip tells the velocity of {which} {name!r}"
+        subject = "exposure" if len(alone) == 1 else f"{len(alone)} exposures, the first"
+        msg = f"{cannot}: no neighbour in a strip tells the velocity of {subject} {name!r}"
         raise AdjustmentError(msg)
 
 

@@ -168,30 +168,32 @@ def _turned(measured: _Seen, state: State, x_m: Array, pose_group: Index) -> Sta
     """Turn free mountings, and groups of poses whose attitude is vague and not held."""
     network = measured.network
     if np.all(network.layout.mount[:, 3:] >= 0):
-        to = _towards(measured, state, x_m)
-        Q = _rotations(to, measured.ray_c, measured.camera, len(network.layout.mount))
+        ahead = _towards(measured, state, x_m)
+        Q = _rotations(ahead, measured.ray_c, measured.camera, len(network.layout.mount))
         state = replace(state, T_b_c=Pose(R=state.T_b_c.R @ Q, r=state.T_b_c.r))
     vague = np.any(network.observed.sigma_attitude > VAGUE, axis=1)
     vague &= np.any(network.layout.pose[:, 3:] >= 0, axis=1)  # the others are held
     if vague.any():
         R_b_c = state.T_b_c.R[measured.camera]
-        to, ray = transform(R_b_c, _towards(measured, state, x_m)), transform(R_b_c, measured.ray_c)
-        Q = _rotations(to, ray, pose_group[measured.pose], int(pose_group.max()) + 1)[pose_group]
+        ahead = transform(R_b_c, _towards(measured, state, x_m))
+        ray = transform(R_b_c, measured.ray_c)
+        n_groups = int(pose_group.max()) + 1
+        Q = _rotations(ahead, ray, pose_group[measured.pose], n_groups)[pose_group]
         Q[~vague] = np.eye(3)
         state = replace(state, T_m_b=Pose(R=state.T_m_b.R @ Q, r=state.T_m_b.r))
     return state
 
 
-def _rotations(to: Array, ray: Array, group: Index, n_groups: int) -> Array:
+def _rotations(ahead: Array, ray: Array, group: Index, n_groups: int) -> Array:
     """Return the rotations of each group's rays onto directions, shape (n_groups, 3, 3)."""
-    known = np.isfinite(to[:, 0])
-    to, ray, group = to[known], ray[known], group[known]
-    weight = 1 / np.maximum(np.linalg.norm(to - ray, axis=1), NEAR)
+    known = np.isfinite(ahead[:, 0])
+    ahead, ray, group = ahead[known], ray[known], group[known]
+    weight = 1 / np.maximum(np.linalg.norm(ahead - ray, axis=1), NEAR)
     total = np.bincount(group, weight, minlength=n_groups)
     H = np.where(total > 0, INERTIA * total, 1.0)[:, None, None] * np.eye(3)
     for i in range(3):
         for j in range(3):
-            H[:, i, j] += np.bincount(group, weight * to[:, i] * ray[:, j], minlength=n_groups)
+            H[:, i, j] += np.bincount(group, weight * ahead[:, i] * ray[:, j], minlength=n_groups)
     U, _, Vt = np.linalg.svd(H)
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
     return U @ Vt
@@ -457,12 +459,12 @@ def _without_each(B: Array, v: Array, point: Index) -> tuple[Array, Array]:
     cost : ndarray, shape (n,)
         Squared residuals, each at most `SUSPECT` squared.
     """
-    _, first, which, rays = np.unique(
+    _, first, point_idx, rays = np.unique(
         point, return_index=True, return_inverse=True, return_counts=True
     )
-    tried = np.repeat(np.arange(len(point)), rays[which])
+    tried = np.repeat(np.arange(len(point)), rays[point_idx])
     starts = np.flatnonzero(np.diff(tried, prepend=-1))
-    ray = first[which[tried]] + np.arange(len(tried)) - starts[tried]
+    ray = first[point_idx[tried]] + np.arange(len(tried)) - starts[tried]
     B, v = B[ray], v[ray]
     weight = np.where(ray == tried, 0.0, 1.0)
     for _ in range(POINT_STEPS):
@@ -512,8 +514,8 @@ def _misfits(network: Network, state: State) -> Array:
     """
     n_images = len(network.block.images)
     step = 1 + len(network.image_points) // (SAMPLE * n_images)
-    some = np.arange(0, len(network.image_points), step)
-    measured = _seen_by(network, state, network.image_points[some])
+    sample = np.arange(0, len(network.image_points), step)
+    measured = _seen_by(network, state, network.image_points[sample])
     return medians(_angles(measured, state), measured.points.image_idx, n_images)
 
 

@@ -113,8 +113,8 @@ def free_orientation(
     if not held:
         return network
     expected.names_of("held", held, block.images.names)
-    which = np.array([block.images.names.index(name) for name in held])
-    return with_held_poses(network, held, (T_m_c if start is None else start.T_m_b)[which])
+    images = np.array([block.images.names.index(name) for name in held])
+    return with_held_poses(network, held, (T_m_c if start is None else start.T_m_b)[images])
 
 
 def _unobserved(T_m_b: Pose) -> PoseObservations:
@@ -231,19 +231,19 @@ def with_held_poses(network: Network, names: Sequence[str], T_m_b: Pose) -> Netw
     expected.different("names", names)
     expected.instance("T_m_b", T_m_b, Pose)
     expected.many("T_m_b", T_m_b, len(names), "poses")
-    which = [network.pose_names.index(name) for name in names]
-    columns, observed, start = network.layout.pose[which], network.observed, network.start
+    places = [network.pose_names.index(name) for name in names]
+    columns, observed, start = network.layout.pose[places], network.observed, network.start
     held = replace(
         network,
         layout=holding(network.layout, columns[columns >= 0]),
         observed=replace(
             observed,
-            T_m_b=_with_poses(observed.T_m_b, which, T_m_b),
-            sigma_position=_with_rows(observed.sigma_position, which, np.inf),
-            sigma_attitude=_with_rows(observed.sigma_attitude, which, np.inf),
+            T_m_b=_with_poses(observed.T_m_b, places, T_m_b),
+            sigma_position=_with_rows(observed.sigma_position, places, np.inf),
+            sigma_attitude=_with_rows(observed.sigma_attitude, places, np.inf),
         ),
     )
-    return _chosen(held, replace(start, T_m_b=_with_poses(start.T_m_b, which, T_m_b)))
+    return _chosen(held, replace(start, T_m_b=_with_poses(start.T_m_b, places, T_m_b)))
 
 
 def _with_poses(T: Pose, rows: Sequence[int], new: Pose) -> Pose:
@@ -369,7 +369,7 @@ def _chosen(network: Network, state: State) -> Network:
         distances=distances,
         layout=_joining(network.layout, len(distances)),
         start=replace(state, x_m=x_m),
-        left_out={why: int(which.sum()) for why, which in reasons if which.any()},
+        left_out={why: int(unused.sum()) for why, unused in reasons if unused.any()},
     )
 
 

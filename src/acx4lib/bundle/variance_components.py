@@ -386,11 +386,11 @@ def _shares(bundle: Bundle, groups: list[_Rows]) -> Array:
     others = np.flatnonzero(~is_image)
     chosen = _small([len(groups[k]["sigma"]) for k in others])
     small = others[chosen]
-    among = _joint_redundancy(bundle, [groups[k] for k in others], chosen)
+    joint = _joint_redundancy(bundle, [groups[k] for k in others], chosen)
     h = np.zeros((len(groups), len(groups)))
-    h[np.ix_(small, others)] = among
-    h[np.ix_(others, small)] = among.T
-    to_images = redundancy[small] - among.sum(axis=1)
+    h[np.ix_(small, others)] = joint
+    h[np.ix_(others, small)] = joint.T
+    to_images = redundancy[small] - joint.sum(axis=1)
     part = redundancy[is_image] / max(redundancy[is_image].sum(), 1e-12)
     h[np.ix_(small, is_image)] = to_images[:, None] * part
     h[np.ix_(is_image, small)] = h[np.ix_(small, is_image)].T

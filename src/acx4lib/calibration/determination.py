@@ -144,8 +144,8 @@ def beyond_precision(bundle: Bundle) -> str:
 def _of_poses(label: str, v: Array) -> Part:
     """Sum up one unknown of all poses."""
     share = float(v @ v)
-    alike = len(v) > 1 and np.sum(v) ** 2 > ALIKE * len(v) * share
-    return Part(unknown=label.format("all " if alike else ""), share=share)
+    is_alike = len(v) > 1 and np.sum(v) ** 2 > ALIKE * len(v) * share
+    return Part(unknown=label.format("all " if is_alike else ""), share=share)
 
 
 def _reported(name: str) -> str:

@@ -303,8 +303,8 @@ def not_determined(calibration: Calibration, features: frozenset[str] = frozense
     listed = parameters(calibration)
     related = correlation(reported_covariance(calibration))
     out = []
-    for alike in _alike(listed, related, np.flatnonzero(~is_determined(calibration))):
-        i = alike[0]
+    for group in _alike(listed, related, np.flatnonzero(~is_determined(calibration))):
+        i = group[0]
         p = listed[i]
         strongest = sorted(
             (j for j in range(len(listed)) if j != i), key=lambda j: -abs(related[i, j])
@@ -313,9 +313,9 @@ def not_determined(calibration: Calibration, features: frozenset[str] = frozense
             f"{related[i, j]:+.2f} with {_name_beside(listed[j], p)}" for j in strongest
         )
         named = f"{p.camera} {p.name}"
-        if len(alike) > 1:
-            named = f"{p.name} of {', '.join(listed[j].camera for j in alike)}"
-            with_others = f"{min(related[i, j] for j in alike):+.2f} with each other"
+        if len(group) > 1:
+            named = f"{p.name} of {', '.join(listed[j].camera for j in group)}"
+            with_others = f"{min(related[i, j] for j in group):+.2f} with each other"
         out.append(
             f"{named} is not determined ({_how_well(p)}; correlation {with_others}); "
             f"it would need: {needed(p.key, features)}"
@@ -568,10 +568,8 @@ def _has_overlap(block: Block) -> bool:
     number = {name: i for i, name in enumerate(dict.fromkeys(names))}
     strip = np.array([number[name] for name in names])[block.images.exposure_idx]
     points = block.image_points
-    measured_strip, point_strip = (
-        strip[points.image_idx],
-        np.zeros(len(block.points), dtype=np.intp),
-    )
+    measured_strip = strip[points.image_idx]
+    point_strip = np.zeros(len(block.points), dtype=np.intp)
     point_strip[points.point_idx] = measured_strip  # any of the strips that see a point
     return bool(np.any(point_strip[points.point_idx] != measured_strip))
 

@@ -587,14 +587,14 @@ def _strips(bundle: Bundle) -> list[_Strip] | None:
 
 
 def _strip(T_m_b: Pose, rows: Index) -> _Strip | None:
-    away = T_m_b.r[:, :2] - T_m_b.r[:, :2].mean(axis=0)
+    offsets = T_m_b.r[:, :2] - T_m_b.r[:, :2].mean(axis=0)
     along = T_m_b.R[0, :2, 0]
     if len(rows) > 1:
-        _, size, axes = np.linalg.svd(away, full_matrices=False)
-        length = np.ptp(away @ axes[0])
+        _, size, axes = np.linalg.svd(offsets, full_matrices=False)
+        length = np.ptp(offsets @ axes[0])
         if not size[1] < STRAIGHT * length * np.sqrt(len(rows)):
             return None
-        along = axes[0] * np.sign((away[-1] - away[0]) @ axes[0])
+        along = axes[0] * np.sign((offsets[-1] - offsets[0]) @ axes[0])
     along = along / np.linalg.norm(along)
     course = turn(2, float(np.arctan2(along[1], along[0])))
     return _Strip(
@@ -639,9 +639,9 @@ def _calm_poses(T_m_b: Pose, strips: list[_Strip], ground: float) -> Pose:
     for strip, height, attitude in zip(strips, heights, attitudes, strict=True):
         rows, steady = strip.rows, strip.course @ attitude
         middle = T_m_b.r[rows].mean(axis=0)
-        away = T_m_b.r[rows] - middle
+        offsets = T_m_b.r[rows] - middle
         line = np.append(strip.along, 0.0)
-        on_line = middle + (away @ line)[:, None] * line
+        on_line = middle + (offsets @ line)[:, None] * line
         on_line[:, 2] = height
         r[rows] = on_line + LEFT * (T_m_b.r[rows] - on_line)
         R[rows] = steady @ exp(LEFT * log(steady.T @ T_m_b.R[rows]))
@@ -653,10 +653,10 @@ def _calm_motion(motion: Motion, strips: list[_Strip]) -> Motion:
     velocity = motion.velocity.copy()
     flown = np.array([velocity[s.rows].mean(axis=0) for s in strips])
     speed = np.linalg.norm(flown[:, :2], axis=1)
-    for strip, mean_velocity, usual, now in zip(
+    for strip, mean_velocity, usual, actual in zip(
         strips, flown, _alike(speed, SAME_SPEED), speed, strict=True
     ):
-        steady = mean_velocity * [1.0, 1.0, 0.0] * (usual / now if now > 0 else 1.0)
+        steady = mean_velocity * [1.0, 1.0, 0.0] * (usual / actual if actual > 0 else 1.0)
         velocity[strip.rows] = steady + LEFT * (velocity[strip.rows] - steady)
     return Motion(velocity=velocity, rate=LEFT * motion.rate)
 

@@ -268,9 +268,9 @@ def notes(bundle: Bundle) -> list[str]:
     for p in listed:
         if p.name in (DELAY, ATTITUDE_DELAY):
             late, source = "late" if p.value > 0 else "early", p.name.split("_")[0]
-            whose = "GNSS positions" if source == "gnss" else "attitudes"
+            subject = "GNSS positions" if source == "gnss" else "attitudes"
             value, sigma = 1000 * abs(p.value), 1000 * p.sigma
-            out.append(f"{whose} are recorded {value:.1f} ± {sigma:.1f} ms {late}")
+            out.append(f"{subject} are recorded {value:.1f} ± {sigma:.1f} ms {late}")
     out += _deviating([p for p in listed if p.key == "deviation"])
     out += _correlated(bundle.network)
     if np.any(layout.shift >= 0):

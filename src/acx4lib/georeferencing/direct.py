@@ -99,15 +99,15 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
     missing = [camera.name for camera in block.cameras if camera.name not in names]
     if missing:
         raise ValueError(f"the calibration has no camera {', '.join(missing)}")
-    which = np.array([names.index(camera.name) for camera in block.cameras])
-    cameras = tuple(calibration.cameras[k] for k in which)
+    order = np.array([names.index(camera.name) for camera in block.cameras])
+    cameras = tuple(calibration.cameras[k] for k in order)
     camera_idx = block.images.camera_idx
     T_b_c = mountings(cameras)[camera_idx]
     by_body, by_mount = mounted_jacobian(block.T_m_b_images, T_b_c)
     layout = replace(
         calibration.layout,
-        interior=calibration.layout.interior[which],
-        mount=calibration.layout.mount[which],
+        interior=calibration.layout.interior[order],
+        mount=calibration.layout.mount[order],
     )
     mount = layout.mount[camera_idx]
     by_parameters = np.zeros((len(camera_idx), 6, calibration.n_columns + 1))

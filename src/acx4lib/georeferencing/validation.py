@@ -220,14 +220,14 @@ def _validated(block: Block, calibration: Calibration, method: str, refraction: 
 
 def _check_measurements(block: Block) -> tuple[Index, direct.Rays]:
     """Return the measurements of check points, sorted by point and image; group = check point."""
-    which = np.full(len(block.points), -1)
-    which[block.check.point_idx] = np.arange(len(block.check))
+    check_idx = np.full(len(block.points), -1)
+    check_idx[block.check.point_idx] = np.arange(len(block.check))
     points = block.image_points
-    rows = np.flatnonzero((which[points.point_idx] >= 0) & np.isfinite(points.sigma_px))
-    rows = rows[np.lexsort((points.image_idx[rows], which[points.point_idx[rows]]))]
+    rows = np.flatnonzero((check_idx[points.point_idx] >= 0) & np.isfinite(points.sigma_px))
+    rows = rows[np.lexsort((points.image_idx[rows], check_idx[points.point_idx[rows]]))]
     return rows, direct.Rays(
         image_idx=points.image_idx[rows],
-        group=which[points.point_idx[rows]],
+        group=check_idx[points.point_idx[rows]],
         colrow=points.colrow[rows],
         sigma_px=points.sigma_px[rows],
     )
@@ -662,8 +662,8 @@ def _explained(N: sparse.csr_array, b: Array, georeferenced: Georeferenced, used
         first, second = (i.ravel() for i in np.indices((n, n)))
         poses = g.shared.between(used[first], used[second])
         poses[first == second] = g.cov_body[used]
-        among = block_matrix(poses, first, second, (n, n))
-        S = sparse.block_diag([among, g.cov_parameters], format="csr")
+        cov_poses = block_matrix(poses, first, second, (n, n))
+        S = sparse.block_diag([cov_poses, g.cov_parameters], format="csr")
         inner = np.eye(len(b)) + (N @ S).toarray()
         return float(np.asarray(S @ b) @ np.linalg.solve(inner, b))
     each = np.arange(n)

@@ -206,9 +206,9 @@ def shares(sources: ErrorSources, calibration: Calibration) -> Array | None:
     if len(sources) == 0:
         return None
     total = np.diagonal(sources.cov, axis1=1, axis2=2).mean(axis=0)
-    to = to_reported(calibration)
-    C = sources.cov_parameters @ to.T
-    variance = np.diagonal(to @ C)
+    T = to_reported(calibration)
+    C = sources.cov_parameters @ T.T
+    variance = np.diagonal(T @ C)
     by_each = np.mean((sources.by_parameters @ C) ** 2, axis=0)
     known = np.where(variance > 0, variance, np.inf)
     return by_each / known / total[:, None]

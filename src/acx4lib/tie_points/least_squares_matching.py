@@ -169,11 +169,11 @@ def _sigmas(a: Array, at: Index, half: int, residuals: Array, moves: Array) -> A
     .. [1] H. White, "A heteroskedasticity-consistent covariance matrix estimator and a direct
        test for heteroskedasticity", Econometrica 48(4), 1980.
     """
-    some = np.linspace(0, len(at) - 1, min(len(at), WITNESSES)).astype(np.intp)
-    noise = residuals[some]
+    sample = np.linspace(0, len(at) - 1, min(len(at), WITNESSES)).astype(np.intp)
+    noise = residuals[sample]
     noise = noise / np.sqrt(np.mean(np.square(noise), axis=1, keepdims=True) + LEAST_NOISE**2)
     noise = _mirrored(noise)
-    remaining = 1 - _absorbed(moves[some], _columns(_windows(a, at[some], half)))
+    remaining = 1 - _absorbed(moves[sample], _columns(_windows(a, at[sample], half)))
     out = np.empty((len(at), 2))
     for start in range(0, len(at), AT_A_TIME):
         part = slice(start, start + AT_A_TIME)
@@ -242,6 +242,6 @@ def _spline_of_seen(image: Array) -> Array:
     if not unseen.any():
         return spline_coefficients(image)
     out = spline_coefficients(np.where(unseen, np.nanmean(image) if not unseen.all() else 0, image))
-    near = cv2.dilate(unseen.astype(np.uint8), np.ones((9, 9), np.uint8))
-    out[near > 0] = np.nan
+    affected = cv2.dilate(unseen.astype(np.uint8), np.ones((9, 9), np.uint8))
+    out[affected > 0] = np.nan
     return out

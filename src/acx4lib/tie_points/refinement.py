@@ -314,17 +314,17 @@ def refine_by_rotations(
     check_ties(ties, orientation)
     sigma = _sigma_mm(orientation, ties)
     used: Mask = np.isfinite(sigma)
-    now, settled = orientation, True
+    heads, settled = orientation, True
     for factors in (_huber, _tukey):
         columns = _columns(orientation, ties[used], FREE[free])
-        now, done = _settled(now, ties[used], sigma[used], columns=columns, factors=factors)
+        heads, done = _settled(heads, ties[used], sigma[used], columns=columns, factors=factors)
         settled = settled and done
-    u = _in_spreads(tie_differences(now, ties[used]), sigma[used])
+    u = _in_spreads(tie_differences(heads, ties[used]), sigma[used])
     used[used] = u <= SUSPECT
     columns = _columns(orientation, ties[used], FREE[free])
     with suppress(AdjustmentError):  # `_refined` names the undetermined heads
-        now, _ = adjustment.solve(_Overlaps(ties[used], sigma[used], columns), now)
-    refined = _refined(orientation, now, ties, sigma=sigma, used=used, columns=columns)
+        heads, _ = adjustment.solve(_Overlaps(ties[used], sigma[used], columns), heads)
+    refined = _refined(orientation, heads, ties, sigma=sigma, used=used, columns=columns)
     return replace(refined, settled=settled)
 
 
@@ -562,8 +562,8 @@ def _exposures(
     n_heads = 1 + max(int(parameters.max()) for _, parameters, _ in parts) // PER_HEAD
     n_heads = max(n_heads, 1 + int(columns.max()) // PER_HEAD)
     for exposure in np.unique(exposure_idx):
-        here = exposure_idx == exposure
-        of_pair = [here[rows] for rows, _, _ in parts]
+        of_exposure = exposure_idx == exposure
+        of_pair = [of_exposure[rows] for rows, _, _ in parts]
         parts_here = [
             (r[i], parameters, J[i])
             for (r, parameters, J), i in zip(parts, of_pair, strict=True)

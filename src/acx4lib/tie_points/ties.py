@@ -254,8 +254,8 @@ def _means_jacobian(
         )
         for k, colrow, sign in sides:
             poses, interiors = np.split(np.arange(len(sigma)), [6 * n])
-            mine = [*np.split(poses, n)[k], *np.split(interiors, n)[k]]
-            for i in (int(i) for i in mine if sigma[i]):
+            parameters = [*np.split(poses, n)[k], *np.split(interiors, n)[k]]
+            for i in (int(i) for i in parameters if sigma[i]):
                 ahead, behind = (
                     synthetic_from_head(varied(orientation, i, step), k, colrow).mean(axis=0)
                     for step in (sigma[i], -sigma[i])
