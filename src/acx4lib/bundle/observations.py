@@ -89,10 +89,8 @@ def picture_equations(
     R, r = state.T_m_b.R, state.T_m_b.r
     turned = np.swapaxes(R[first], -1, -2) @ R[later]
     v = log(turned)
-    by_turn, pair_columns = (
-        log_jacobian(v),
-        np.concatenate([columns.pose[later], columns.pose[first]], 1),
-    )
+    by_turn = log_jacobian(v)
+    pair_columns = np.concatenate([columns.pose[later], columns.pose[first]], axis=1)
     each = np.tile(np.eye(3), (n, 1, 1))
     for kind, difference, A, chosen, sigma_axes in (
         ("place", r[later] - r[first], [each, -each], [0, 1, 2, 6, 7, 8], np.full(3, ONE_PLACE_M)),

@@ -279,12 +279,10 @@ def _without_rays(block: Block, rows: Index, rejected: Sequence[Rejection]) -> l
     """Return the rejections of control points that would lose all of their rays."""
     out = [r.row for r in rejected if r.kind == "image_point"]
     point_idx = block.image_points.point_idx
-    remaining = np.zeros(len(point_idx), dtype=bool)
-    remaining[rows] = True
-    remaining[out] = False
-    kept = (
-        np.bincount(point_idx[remaining], minlength=len(block.points))[block.control.point_idx] > 0
-    )
+    used = np.zeros(len(point_idx), dtype=bool)
+    used[rows] = True
+    used[out] = False
+    kept = np.bincount(point_idx[used], minlength=len(block.points))[block.control.point_idx] > 0
     lost = ~kept & np.isin(block.control.point_idx, point_idx[out])
     return [
         Rejection(kind="control_point", row=int(row), component=-1, statistic=np.inf)

@@ -542,10 +542,8 @@ def _by_columns(fit: Bundle, k: int, images: Index, by_pose: Array) -> Array:
     n_heads = len(by_pose)
     out = np.zeros((16 * n_heads, columns.n_columns))
     out[: 6 * n_heads, columns.pose[images].ravel()] = by_pose.reshape(6 * n_heads, -1)
-    interior = columns.interior[0]
-    out[
-        6 * n_heads + len(INTERIOR) * k + np.flatnonzero(interior >= 0), interior[interior >= 0]
-    ] = 1.0
+    lens = columns.interior[0]
+    out[6 * n_heads + len(INTERIOR) * k + np.flatnonzero(lens >= 0), lens[lens >= 0]] = 1.0
     return out
 
 

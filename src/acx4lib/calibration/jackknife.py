@@ -112,13 +112,10 @@ def between_heads(calibration: Calibration, there: Layout) -> tuple[Index, Index
     for part, R in ((slice(0, 3), shifts), (slice(3, 6), turns)):
         first = columns.mount[0, part]
         for k in range(1, len(cameras)):
-            mount_columns = columns.mount[k, part]
-            if np.all([mount_columns >= 0, first >= 0, there.mount[k, part] >= 0]):
-                T[np.ix_(mount_columns, mount_columns)], T[np.ix_(mount_columns, first)] = (
-                    R[k],
-                    -R[0],
-                )
-                between.append(mount_columns)
+            mount = columns.mount[k, part]
+            if np.all([mount >= 0, first >= 0, there.mount[k, part] >= 0]):
+                T[np.ix_(mount, mount)], T[np.ix_(mount, first)] = R[k], -R[0]
+                between.append(mount)
     return columns.interior[columns.interior >= 0], np.concatenate(between), T
 
 

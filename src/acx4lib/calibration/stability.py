@@ -172,14 +172,12 @@ def _tested(bundle: Bundle, names: tuple[str, ...], shares: Array, reported: Arr
     explained, of_each, dof = _solved(r, each, OPEN)
     inverse = np.zeros_like(r.normal)
     inverse[:3, :3], inverse[3:, 3:] = of_common, of_each
-    remaining = r.equations.v - r.shown @ (inverse @ r.right)
+    v = r.equations.v - r.shown @ (inverse @ r.right)
     weighed = r.equations.weighed(r.shown)
     redundancy = r.redundancy - float(np.sum(inverse * np.einsum("mdk,mdl->kl", r.shown, weighed)))
     if dof < 1 or redundancy < LEAST_REDUNDANCY:
         return None
-    variance = (
-        float(np.sum(remaining * r.equations.weighed(remaining[:, :, None])[:, :, 0])) / redundancy
-    )
+    variance = float(np.sum(v * r.equations.weighed(v[:, :, None])[:, :, 0])) / redundancy
     if not variance > 0:
         return None
     by_turns = np.kron(reported, np.eye(3))

@@ -250,11 +250,7 @@ def not_determined(bundle: Bundle, cov: Array | None = None) -> list[str]:
 def notes(bundle: Bundle) -> list[str]:
     """Return sentences on the estimated and held errors of the trajectory."""
     layout = bundle.network.layout
-    listed = [
-        p
-        for p, determined in zip(parameters(bundle), is_determined(bundle), strict=True)
-        if determined
-    ]
+    listed = [p for p, good in zip(parameters(bundle), is_determined(bundle), strict=True) if good]
     shifts = [
         f"{p.value:+.3f} ± {p.sigma:.3f} m ({axis})"
         for axis in AXES

@@ -832,10 +832,10 @@ def _by_cameras(bundle: Bundle, calibration: Calibration) -> float:
         cov = adjustment.covariance(network, bundle.state, cameras)
         scale = 1 / sigmas(cov)
         z = scale * adjustment.normals(network, bundle.state).step()[0][:n]
-        alone, with_calibration = (
+        alone, joint = (
             c * scale[:, None] * scale for c in (cov, cov + calibration.sigma0_sq * calibration.cov)
         )
-        return float(z @ (np.linalg.solve(alone, z) - np.linalg.solve(with_calibration, z)))
+        return float(z @ (np.linalg.solve(alone, z) - np.linalg.solve(joint, z)))
     except (AdjustmentError, np.linalg.LinAlgError):  # the block alone leaves cameras open
         return 0.0
 

@@ -241,10 +241,8 @@ class Refined:
     @property
     def sentence(self) -> str:
         """A warning for the user; empty where there is nothing to warn of."""
-        warning = (
-            f"the weights of tie points did not settle in {STEPS} steps; do the pictures agree?"
-        )
-        return "; ".join(filter(None, ("" if self.settled else warning, self._between_exposures)))
+        text = f"the weights of tie points did not settle in {STEPS} steps; do the pictures agree?"
+        return "; ".join(filter(None, ("" if self.settled else text, self._between_exposures)))
 
     @property
     def _between_exposures(self) -> str:
@@ -754,17 +752,13 @@ def frame_differences(
     cols = np.linspace(-0.5, w - 0.5, max(w // spacing_px, 1) + 1)
     rows = np.linspace(-0.5, h - 0.5, max(h // spacing_px, 1) + 1)
     xy = xy_from_colrow(synthetic, np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2))
-    colrow_by_head = [
-        head_from_synthetic(orientation, k, xy) for k in range(len(orientation.heads))
-    ]
-    by_head = [border_distance(c, colrow_by_head[k]) for k, c in enumerate(orientation.heads)]
+    colrows = [head_from_synthetic(orientation, k, xy) for k in range(len(orientation.heads))]
+    by_head = [border_distance(c, colrows[k]) for k, c in enumerate(orientation.heads)]
     far = np.nan_to_num(np.stack(by_head), nan=-1.0)
     head = np.argmax(far, axis=0)
     d_px = np.full((len(xy), 2), np.nan)
-    for k, colrow in enumerate(colrow_by_head):
-        of_head = (head == k) & (far[k] >= 0)
-        d_px[of_head] = (
-            xy[of_head] - synthetic_from_head(other, k, colrow[of_head])
-        ) / synthetic.pixel_mm
+    for k, colrow in enumerate(colrows):
+        used = (head == k) & (far[k] >= 0)
+        d_px[used] = (xy[used] - synthetic_from_head(other, k, colrow[used])) / synthetic.pixel_mm
     covered = np.isfinite(d_px[:, 0])
     return FrameDifferences(xy=xy[covered], head=head[covered], d_px=d_px[covered])

@@ -331,10 +331,7 @@ LEAST_CELL_PX = 14  # windows of neighbours overlap by a third
 NARROW_PX = 220  # shorter side of an overlap in reduced images
 LEAST_TIES = 12  # of an overlap, so that a homography is checked by other points
 WITNESSES = 3  # further matches by which a few are believed: by chance one in 10^4 overlaps
-_SIMPLE = (
-    (cv2.estimateAffine2D, 3),
-    (cv2.findHomography, 4),
-)  # with their numbers of matches
+_SIMPLE = ((cv2.estimateAffine2D, 3), (cv2.findHomography, 4))  # and their least matches
 NO_SHIFT = np.zeros((2, 3))
 _LEAST_CUBIC, _GROWING_STEPS = 100, 20  # ten matches for each of ten coefficients
 

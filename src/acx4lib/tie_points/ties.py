@@ -247,11 +247,8 @@ def _means_jacobian(
     n, sigma = len(orientation.heads), sigmas(orientation.cov_joint)
     out = np.zeros((2, len(pairs), len(sigma)))
     for row, overlap in enumerate(pairs):
-        of_pair = (ties.head_a == overlap.head_a) & (ties.head_b == overlap.head_b)
-        sides = (
-            (overlap.head_a, ties.colrow_a[of_pair], -1),
-            (overlap.head_b, ties.colrow_b[of_pair], 1),
-        )
+        rows = (ties.head_a == overlap.head_a) & (ties.head_b == overlap.head_b)
+        sides = (overlap.head_a, ties.colrow_a[rows], -1), (overlap.head_b, ties.colrow_b[rows], 1)
         for k, colrow, sign in sides:
             poses, interiors = np.split(np.arange(len(sigma)), [6 * n])
             parameters = [*np.split(poses, n)[k], *np.split(interiors, n)[k]]
