@@ -63,9 +63,9 @@ def curves(table: pd.DataFrame, label: str, *, beside: pd.DataFrame | None = Non
     Parameters
     ----------
     table : DataFrame
-        As `curves` makes it: a row for every parameter, columns are what changes.
+        As `curves` makes it: a row for every parameter, a column for every change.
     label : str
-        What changes.
+        Title of the change.
     beside : DataFrame, optional
         Drawn dashed in the same colours.
     """
@@ -176,7 +176,7 @@ LEAST, MOST = 0.3, 300.0
 """Ends of the axis of standard deviations."""
 
 N_IMAGES = 5
-"""Of every strip."""
+"""Images of every strip."""
 
 LOW_M, COURSE_DEG = 1000.0, 28.0
 """The lower height, and the first course: the paper's."""
@@ -306,7 +306,7 @@ def _square(plane: Plane, place: Array, k: int) -> Mark:
 
 
 BRIEF = {"f_mm": "f, mm", "lever_z_m": "z, m", "lever_x_m": "x, m", "boresight_kappa_deg": "κ, °"}
-"""What is shown after every strip, with its name there."""
+"""Parameters shown after every strip, with their titles."""
 
 
 def flights(plans: Mapping[str, Plan], names: Sequence[str]) -> pd.DataFrame:
@@ -315,7 +315,7 @@ def flights(plans: Mapping[str, Plan], names: Sequence[str]) -> pd.DataFrame:
     Parameters
     ----------
     plans : mapping of str to Plan
-        By what they are called.
+        By their names for readers.
     names : sequence of str
         Parameters whose standard deviations are shown, by their names in results.
     """

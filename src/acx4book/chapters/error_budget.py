@@ -146,7 +146,7 @@ def _draw_heights(ax: Axes, heights_m: Array, variances: Array) -> None:
         )
 
 
-# --- An explorer: what every source makes of a ground point, for any height and any trajectory
+# --- An explorer: the error of a ground point by source, for any height and any trajectory
 
 
 SLIDERS = (
@@ -156,7 +156,7 @@ SLIDERS = (
     Slider(name="roll and pitch", unit="°", low=0.0, high=0.02, step=0.0005),
     Slider(name="heading", unit="°", low=0.0, high=0.04, step=0.001),
 )
-"""For an aerial camera and its trajectory; those of other flights have other ends."""
+"""Sliders for an aerial camera and its trajectory; their ends change with the flight."""
 
 SCALES = sorted(
     (d * 10.0**k for d in (1, 2, 5) for k in range(-6, 7)), key=lambda s: abs(np.log(s))
@@ -164,7 +164,7 @@ SCALES = sorted(
 """Factors of the ends of a slider, the nearest to one first."""
 
 ENDS = tuple(d * 10.0**k for k in range(-6, 7) for d in (1.5, 3.0, 6.0))
-"""Where axes may end: thirds of them are short numbers."""
+"""Possible ends of axes: thirds of them are short numbers."""
 
 ROWS = {
     "calibration": (0, budget.CALIBRATION),
@@ -173,7 +173,7 @@ ROWS = {
     "roll and pitch": (3, ("roll", "pitch")),
     "heading": (4, ("heading",)),
 }
-"""What is shown: the slider on which it depends, and its sources; the first depends on none."""
+"""Rows of the explorer: index of the slider, and sources; the first depends on no slider."""
 
 
 def _around(slider: Slider, value: float) -> Slider:
@@ -383,7 +383,7 @@ def suspects(found: Sequence[Suspect]) -> pd.DataFrame:
 
 
 PAPERS = "single_step"
-"""The method of which the paper's numbers are used."""
+"""Method whose printed numbers are used."""
 
 NOT_PRINTED = ("b1", "b2")
 """Parameters that the paper does not have."""
@@ -511,7 +511,7 @@ class Suspect:
     size : float
         How large it has to be, in the unit; of random errors their standard deviation.
     rms : ndarray, shape (3,)
-        What it makes of the pairs' differences: east, north, height, m.
+        Its RMS in the pairs' differences: east, north, height, m.
     """
 
     name: str

@@ -33,7 +33,7 @@ from acx4sim.earth import Grid
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import GrossErrors, Options
 
-# --- One flight of an ordinary camera, and what plants mistakes in its tables
+# --- One flight of an ordinary camera, and functions that plant mistakes in its tables
 
 
 BLOCK = "calibration"
@@ -109,11 +109,11 @@ def only(flight: SimulatedFlight, strips: Sequence[str]) -> SimulatedFlight:
     return replace(flight, tables={**flight.tables, **kept})
 
 
-# --- A flight with a planted mistake, run as a user would: what the commands say, what is left
+# --- A flight with a planted mistake, run as a user would: messages and residuals
 
 
 METHOD, TABLES = "single_step", ("residuals", "rejected")
-"""Which rows of which tables are kept."""
+"""Method and tables whose rows are kept."""
 
 COUNTED = ("tie points", "control points are not measured", "image points rejected")
 """Words of sentences that count observations and name no mistake."""
@@ -126,7 +126,7 @@ class Examined:
     Attributes
     ----------
     check, run : tuple of str
-        What `acx4 check` and `acx4 run` say of the flight; empty where they find nothing odd.
+        Messages of `acx4 check` and `acx4 run` on the flight; empty where nothing is odd.
     residuals : DataFrame
         residuals.csv of the single step; empty where it gave no result.
     parameters : DataFrame
@@ -398,7 +398,7 @@ def _panels(
     return fig, axes
 
 
-# --- The table of the failure clinic: what every mistake leaves in residuals and parameters
+# --- The table of the failure clinic: residuals and parameters for every mistake
 
 
 def table(found: Mapping[str, Examined]) -> pd.DataFrame:

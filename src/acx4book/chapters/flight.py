@@ -29,7 +29,7 @@ from acx4lib.geometry.camera import Camera
 # --- the system ------------------------------------------------------------------------------
 
 VIEW = view(-28, 30)
-"""From the left and behind, a little above; x of the body is forward."""
+"""View from the left, behind and a little above; x of the body is forward."""
 
 ASIDE, LENS, RADIUS = 1.15, 0.6, 0.2
 """Distance of a head from the middle, and length and radius of its lens."""
@@ -149,13 +149,13 @@ def _label(ax: Axes, flight: Flight, cameras: Sequence[Camera]) -> None:
 # --- a signalised point -----------------------------------------------------------------------
 
 SIDE_M = 1.6
-"""Side of the square of ground that is drawn."""
+"""Side of the drawn square of ground."""
 
 OFF = np.array([0.23, -0.17])
-"""Where the middle of the target is, in pixels from the middle of a pixel."""
+"""Middle of the target, in pixels from the middle of a pixel."""
 
 SAMPLES = 20
-"""Points along each side of a pixel by which its grey value is found."""
+"""Points along each side of a pixel from which its grey value is computed."""
 
 
 def target(flight: Flight) -> Figure | None:
@@ -216,11 +216,11 @@ def _draw_target(ax: Axes, diameter: float) -> None:
     ax.set_xlabel("a disc")
 
 
-# --- One exposure in space: the heads, the ground that each of them sees, the synthetic image
+# --- One exposure in space: the heads, their footprints on the ground, the synthetic image
 
 
 PANE = 0.36
-"""Where on the rays the images are drawn, as a share of the way to the ground."""
+"""Place of the drawn images on the rays, as a share of the way to the ground."""
 
 ALT = (
     "An aeroplane over a field, drawn in space. From it the rays of every camera head widen to "
@@ -230,7 +230,7 @@ ALT = (
     "frame. The frames of the other exposures of the strip lie one over the other, and triangles "
     "mark surveyed points."
 )
-"""What is seen."""
+"""Alternative text of the figure."""
 
 AEROPLANE = np.array(
     [

@@ -38,13 +38,13 @@ EXPOSURES = ("C1-03", "C1-05", "C2-04", "C2-06", "C3-04", "C4-03", "C4-05", "C5-
 higher one."""
 
 COVER = "C2-04"
-"""The picture in front."""
+"""Picture drawn by `cover`."""
 
 REDUCE = 7
 """Pictures have 1/7 of the size, so that the page is computed in half a minute."""
 
 STORED = Path(str(resources.files("acx4book.chapters") / "stored"))
-"""Folder of the measured flights that the project brings; ``make coverage`` measures them."""
+"""Folder of the project's stored flights, measured by ``make coverage``."""
 
 
 @shown.briefly
@@ -125,7 +125,7 @@ class Errors:
     off : ndarray, shape (n, 2)
         Along columns and rows.
     sigma : ndarray, shape (n,)
-        What the matching predicts for `off`.
+        Standard deviation of `off` predicted by the matching.
     redundancy : int
         Of `off`, both coordinates.
     """
@@ -238,15 +238,15 @@ def _against(
 
 
 SIDE = 49
-"""Of the patches that are shown, px."""
+"""Side of the patches, px."""
 
 CHOSEN = ("C1-05", "C2-04", "C4-03", "C5-05")
-"""The first one's geometry is that of the others: opposite strips and crossing ones."""
+"""The first picture gives the geometry; the others are of an opposite and two crossing strips."""
 
 NAMES = ("the first", "opposite", "across, higher", "across, back")
 
 SHOWN = 4
-"""Every so many pixels of a picture are shown."""
+"""Every n-th pixel of a picture is shown."""
 
 
 def patches(outcome: Outcome) -> Figure:

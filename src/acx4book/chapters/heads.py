@@ -80,7 +80,7 @@ def radial_distortion(
     printed_px : mapping of str to float, optional
         The paper's at the corner, by head.
     claim_px : float, optional
-        What the paper's text says of the border.
+        The paper's text on the distortion at the border.
     """
     if not fits:
         return style.nothing(NO_HEADS)
@@ -203,7 +203,7 @@ def held_focal_lengths(held: Mapping[float, Heads]) -> Figure:
     Returns
     -------
     Figure
-        Above what could give a wrong focal length away, below the parameters that take it up.
+        Above, quantities that could reveal a wrong focal length; below, parameters that absorb it.
     """
     tried, change = list(held.values()), np.array(list(held))
     names = [name for name in tried[0].bundles if all(name in h.bundles for h in tried)]
@@ -252,7 +252,7 @@ def _reactions(fits: Sequence[Bundle], start: int) -> list[Array]:
     ]
 
 
-# --- Tables of the heads that are more than a value's own: what a wrong focal length changes
+# --- Tables of the heads from several adjustments: effects of a wrong focal length
 
 
 INTERIOR = ("f_mm", "xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
@@ -299,7 +299,7 @@ def held(
     Parameters
     ----------
     tried : mapping of str to Heads
-        By what is held.
+        By a title for the held focal lengths.
     orientations : mapping of str to RelativeOrientation or Failed
         Of each.
     before : Heads

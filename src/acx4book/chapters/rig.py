@@ -238,7 +238,7 @@ def _draw_errors(ax: Axes, image: Deformation, *, key: float, pixel: float) -> N
     )
 
 
-# --- What errors of the heads do to the synthetic image that is made of them
+# --- Errors of the heads in the synthetic image
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

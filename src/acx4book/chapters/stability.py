@@ -104,13 +104,13 @@ def alarms(shares: Mapping[str, Array], levels: Sequence[float] | Array) -> Figu
 CAMERA, BLOCK = "CAM", "calibration"
 
 UM_PER_DEGREE = 0.6
-"""What a degree adds to the true focal length."""
+"""Change of the true focal length with temperature, µm per °C."""
 
 AT_DEGREES = 15.0
 """Temperature at which the camera has the parameters of the design."""
 
 REPAIR_DEG = (0.012, -0.008, 0.015)
-"""By how much the true boresight is another one after the repair: omega, phi, kappa."""
+"""Change of the true boresight by the repair: omega, phi, kappa."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +167,7 @@ def plan_of(flown: Flown) -> Plan:
 
 
 HEAD, EXPOSURE, ARCSEC = "CAM3", "H2-04", 10.0
-"""The head that turns about its own y axis, when, and by how much."""
+"""The head that turns about its own y axis, the exposure, and the angle."""
 
 POINTS = "heads/image_points.csv"
 

@@ -30,7 +30,7 @@ from acx4sim import optics
 
 
 STORED = Path(str(resources.files("acx4book.chapters") / "stored"))
-"""Folder of the flights that the project brings."""
+"""Folder of the project's stored flights."""
 
 SYNTHETIC, RIG = "synthetic", "rig"
 """The two ways: a single step of transferred points, and a rig of four heads."""
@@ -54,8 +54,8 @@ class Study:
     classes : DataFrame
         seed, way, and the class of PEC-PCD in plan and in height by scale.
     shared : DataFrame
-        Single steps of flights that are carried through the heads of one: seed, heads_of (the
-        seed of these), camera, parameter, value, sigma.
+        Single steps of flights that share the heads of one flight: seed, heads_of (the
+        seed of that one), camera, parameter, value, sigma.
     noise : DataFrame
         Single steps of flights with noise, with the sigma that heads add, beside those of exact
         data of the same geometry: seed, camera, parameter, value, sigma, sigma_of_heads, exact.
@@ -244,19 +244,19 @@ def scatter_with_heads(study: Study) -> pd.DataFrame:
     )
 
 
-# --- What the geometry of four lens centres makes of one synthetic camera
+# --- Effects of four lens centres on one synthetic camera
 #
 # The residual pattern: a ray of a head starts d beside the lens centre of the synthetic camera. On
 # ground at distance H it is f d / H beside where that camera expects it, and the adjustment takes
-# up a part that does not depend on H: the pattern is linear in 1 / H. Two flying heights tell it.
+# up a part that does not depend on H: the pattern is linear in 1 / H. Two heights determine it.
 #
 # The lever arm: the centres of four heads form a square, and each head looks outward over its
-# corner. What it sees is shifted outward on the ground by as much as its centre lies beside the
+# corner. Its footprint is shifted outward on the ground by as much as its centre lies beside the
 # square's. A camera in the middle sees ground at the distances t H from below it; if it were
 # higher by c, at t (H + c). The shift does not depend on H, and at all flying heights it looks
 # like a higher camera, with the factor of least squares over the image: c = sum(d t) / sum(t t).
 #
-# The radial distortion of the synthetic image beside Table 3's: what makes it, and what does not.
+# The radial distortion of the synthetic image beside Table 3's: its causes.
 
 
 # --- the pattern of residuals -----------------------------------------------------------------
@@ -364,7 +364,7 @@ def focal_lengths(differences: pd.DataFrame) -> Array:
     Parameters
     ----------
     differences : DataFrame
-        As `in_sigma` has it for one kind of heads: in it each coefficient is a line.
+        As `in_sigma` returns it for one kind of heads; coefficients are linear in f.
     """
     lines = [
         np.polyfit(differences.index, coefficient, 1) for _, coefficient in differences.items()
@@ -396,7 +396,7 @@ def radial_um(coefficients: Array, r_mm: Array) -> Array:
     return 1000 * powers @ np.asarray(coefficients)
 
 
-# --- Figures of what the synthetic image costs: scatter over sigma, patterns, radial distortion
+# --- Figures of the synthetic image's cost: scatter over sigma, patterns, radial distortion
 
 
 TINTS = {SYNTHETIC: style.ORANGE, RIG: style.BLUE}
@@ -522,7 +522,7 @@ def _squares_from_print(study: Study, name: str) -> pd.Series:
 # --- the pattern of residuals -----------------------------------------------------------------
 
 EVERY = 2
-"""Of so many nodes in a row or column, one has an arrow."""
+"""Every n-th node in a row or column has an arrow."""
 
 
 def pattern(found: Study) -> Figure:
@@ -721,7 +721,7 @@ def _largest_step_px(field: pd.DataFrame) -> float:
 
 
 PAPERS = "single_step"
-"""The method whose printed values stand beside."""
+"""Method whose printed values are compared."""
 
 
 def squares(found: Study) -> pd.DataFrame:
@@ -748,7 +748,7 @@ def factors(found: Study) -> pd.DataFrame:
 
 
 SHIFTED = {"f_mm": "f", "xp_mm": "x_p", "yp_mm": "y_p"}
-"""What the two-step method shifts where it holds a lever arm at zero, and its symbol."""
+"""Parameters that the two-step method shifts where it holds a lever arm at zero; symbols."""
 
 
 def shifts(found: Study) -> pd.DataFrame:

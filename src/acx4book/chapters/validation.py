@@ -26,7 +26,7 @@ from acx4lib.results import folder
 from acx4lib.shown import count
 
 LEAST_FOR_NORMAL = 3
-"""Check points from which the distribution of their differences is drawn."""
+"""Smallest number of check points for a drawn distribution of their differences."""
 
 
 def predicted(results_path: str | Path) -> str:
@@ -184,7 +184,7 @@ def mistakes(validations: Mapping[str, Validation]) -> Figure:
     Parameters
     ----------
     validations : mapping of str to Validation
-        By what was forgotten.
+        By the forgotten step.
     """
     rows = np.arange(len(validations))
     rms = np.array([_rms(validation.points.d) for validation in validations.values()]).reshape(

@@ -30,25 +30,25 @@ from acx4lib.georeferencing.validation import Differences, compare
 from acx4lib.least_squares.gauss_markov import GaussMarkov
 from acx4sim.plan import Options, SlowErrors
 
-# --- What errors of the trajectory do to the calibrations of many simulated flights
+# --- Effects of the trajectory's errors on the calibrations of many simulated flights
 
 
 TIES = MappingProxyType({"calibration": 150})
-"""Tie points of the simulated blocks: enough for what the trajectory does, and quick."""
+"""Tie points of the simulated blocks: enough to show errors of the trajectory, and quick."""
 
 SLOWLY_BY_DEFAULT = SlowErrors()
 WHITE = Options(tie_points=TIES)
 SLOW = Options(tie_points=TIES, slow_errors=SLOWLY_BY_DEFAULT)
 EXACT = replace(simulated.EXACT, tie_points=TIES)
-"""Errors of a flight: independent ones, as large ones that change slowly, and none."""
+"""Errors of a flight: independent; of the same size, but slowly changing; and none."""
 
 SHIFT_M = (0.30, -0.20, 0.15)
-"""East, north and height of the shift: what another reference station may make of GNSS."""
+"""East, north and height of the shift of GNSS, as by another reference station."""
 
 SHIFTED = Options(tie_points=TIES, gnss_shift_m=SHIFT_M)
 
 MODELLED = "modelled"
-"""Kind of the calibrations of slow flights by weights that know the errors to be correlated."""
+"""Kind of calibrations of slow flights whose weights model the correlation of the errors."""
 
 DESIGN = "acx4-ideal"
 
@@ -124,7 +124,7 @@ SHIFTS: Mapping[str, tuple[Options, Case]] = MappingProxyType(
         "slow, shift and drift": (SLOW, lambda flown: _adjusted(flown, gnss=("shift", "drift"))),
     }
 )
-"""The errors that a flight has, and what of them is unknown."""
+"""Errors of a flight, and the adjustment with some of them as unknowns."""
 
 SLOWLY: Mapping[str, tuple[Options, Case]] = MappingProxyType(
     {
@@ -133,7 +133,7 @@ SLOWLY: Mapping[str, tuple[Options, Case]] = MappingProxyType(
         MODELLED: (SLOW, lambda flown: _adjusted(flown, modelled(flown.block))),
     }
 )
-"""Errors of the same size, and whether the weights know how they change."""
+"""Errors of the same size, with weights that model their changes or do not."""
 
 
 def calibrated(seeds: Iterable[int], cases: Mapping[str, tuple[Options, Case]]) -> pd.DataFrame:
@@ -144,7 +144,7 @@ def calibrated(seeds: Iterable[int], cases: Mapping[str, tuple[Options, Case]]) 
     seeds : iterable of int
         One flight each, and for every case.
     cases : mapping of str to (Options, callable)
-        By kind: the errors of a flight, and what calibrates it.
+        By kind: the errors of a flight, and the function that calibrates it.
 
     Returns
     -------
@@ -426,7 +426,7 @@ def reached(points: Mapping[str, Differences]) -> pd.DataFrame:
     Parameters
     ----------
     points : mapping of str to Differences
-        Of the same check points, by the calibration that a geometry promises and by the one that
+        Of the same check points, by the calibration that a geometry predicts and by the one that
         was found; empty where there are none.
 
     Returns
@@ -500,9 +500,9 @@ def wrong_sigma(
     ----------
     given, mistaken : Components
     wrong : mapping of str to float
-        What the sigma were multiplied by, by group.
+        Factors of the wrong sigma, by group.
     estimated : mapping of str to float
-        With what the iteration ends, by group; one for those that keep theirs.
+        Factors at the end of the iteration, by group; one where sigma stays.
     """
     as_given, factor = given.table(), mistaken.table()
     table = pd.DataFrame(

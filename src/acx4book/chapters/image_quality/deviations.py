@@ -61,10 +61,10 @@ from acx4sim.pictures import (
 )
 
 LENS = ("k1", "k2", "k3", "p1", "p2")
-"""What the self-calibration of a synthetic image estimates of its lens."""
+"""Lens parameters that the self-calibration of a synthetic image estimates."""
 
 LEAST_CORRELATION = 0.7
-"""Of a window with its place in the other picture."""
+"""Smallest correlation of a window with its match in the other picture."""
 
 BORDER_SHARE = 0.05
 """Share of the synthetic image's longer side that counts as near its border."""
@@ -110,7 +110,7 @@ class Deviations:
     d_px : ndarray, shape (n, 2)
         Measured less ideal, along columns and rows, px of that picture.
     sigma_px : ndarray, shape (n,)
-        Of a coordinate, as the matching says.
+        Of a coordinate, from the matching.
     """
 
     ideal: Array
@@ -137,7 +137,7 @@ def measure(image: np.ndarray, ideal: np.ndarray, *, windows: Windows | None = N
     Returns
     -------
     Deviations
-        Points that are found nowhere, or badly, are left out.
+        Points without a match, or with a poor one, are left out.
     """
     if image.shape[:2] != ideal.shape[:2]:
         msg = f"the two pictures have {image.shape[:2]} and {ideal.shape[:2]} rows and columns"
@@ -304,11 +304,11 @@ def residuals_px(fit: Bundle) -> Array:
     return -fit.solution.group("image_point").v
 
 
-# --- A synthetic image of wrong heads, and what their refinements make of it
+# --- A synthetic image of wrong heads, before and after refinements of the heads
 
 
 TURNED_DEG, TIE_PX = 0.01, 0.1
-"""Of `repaired`: errors of the heads' angles, noise of tie points."""
+"""Errors of the heads' angles, and noise of tie points, in `repaired`."""
 
 
 # --- refinements beside each other -----------------------------------------------------------
@@ -536,7 +536,7 @@ class KnownExposure:
     images : tuple of ndarray, shape (rows, cols, 3)
         Of the heads, with response and noise.
     ideal : ndarray, shape (rows, cols, 3)
-        What the ideal camera sees.
+        Picture of the ideal camera.
     orientation : RelativeOrientation
         The true one, as ground at the mean flying height sees it; full size, no covariance.
     synthetic : Camera
@@ -576,7 +576,7 @@ def known_exposure(
     seed : int
         Of the flight, its landscape, responses and noise.
     ground : Ground, optional
-        What lies there; the simulator's landscape by default.
+        The terrain; the simulator's landscape by default.
     """
     plan = acx4_plan()
     at = station(plan, exposure, seed=seed)
@@ -711,7 +711,7 @@ def deviations(
     Returns
     -------
     Deviations
-        In pixels of the full-size image; points that stand out from those around are left out.
+        In pixels of the full-size image; points that disagree with their neighbours are left out.
     """
     image = render_known(known, orientation, response)
     points = measure(image, known.ideal, windows=windows)

@@ -43,7 +43,7 @@ from acx4lib.tie_points.ties import TiePoints
 from acx4sim.pictures import pixels_from_ground
 
 TIES = 100
-"""Of an overlap, without error, for the refinement of drawn calibrations."""
+"""Tie points of an overlap, without error, for the refinement of drawn calibrations."""
 
 STEPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"oriented": (), "calibrated": LENS, "interior": ("f", "xp", "yp", *LENS)}
@@ -59,10 +59,10 @@ class Examined:
     Attributes
     ----------
     orientation : RelativeOrientation
-        By which it was rendered.
+        Used to render the image.
     found : Deviations
     geometry_px : ndarray, shape (n, 2)
-        What geometry alone says the deviations are.
+        Deviations that geometry alone predicts.
     fits : dict of str to Bundle
         By `STEPS`.
     """

@@ -36,10 +36,10 @@ from acx4lib.synthetic_image.rendering import FEATHER_PX, resample
 from acx4lib.synthetic_image.response import Response, log_response
 
 CELLS = 14
-"""Along the longer side of the frame, in vector plots."""
+"""Cells along the longer side of the frame, in vector plots."""
 
 LEAST = 4
-"""Points of a cell whose mean is drawn."""
+"""Smallest number of points of a cell whose mean is drawn."""
 
 TINTS = {
     "true": style.SOFT,
@@ -48,7 +48,7 @@ TINTS = {
     "rotations": style.BLUE,
     "six": style.TEAL,
 }
-"""Of the orientations, by the names of `deviations.every_refinement`."""
+"""Colours of the orientations, by the names of `deviations.every_refinement`."""
 
 
 # --- vectors over the frame ------------------------------------------------------------------
@@ -293,14 +293,14 @@ def _draw_draws(
     style.heading(ax, "Many, by geometry", "dots: draws; bars: their medians")
 
 
-# --- What is seen where two heads meet: grey values across a seam, and differences in an overlap
+# --- Where two heads meet: grey values across a seam, and differences in an overlap
 
 
 BAND = 1
-"""Green."""
+"""Index of the green band."""
 
 ROW_SHARE = 0.75
-"""Of the frame's height, where the seam is crossed."""
+"""Place where the line crosses the seam, as a share of the frame's height."""
 
 AVERAGED_ROWS = 8
 """Rows of the picture at hand whose mean is drawn."""
@@ -342,9 +342,9 @@ class OverlapPicture:
     names : tuple of str
         The two heads.
     grey : ndarray, shape (rows, cols)
-        As the first one sees it.
+        In the image of the first head.
     differences : dict of str to ndarray, shape (rows, cols)
-        Second less first, as a share of their mean, by what was done to them.
+        Second less first, as a share of their mean, by the steps of correction.
     """
 
     names: tuple[str, str]

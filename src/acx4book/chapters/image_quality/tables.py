@@ -36,7 +36,7 @@ from acx4lib.geometry.camera import INTERIOR, Camera, correct_jacobian, xy_from_
 from acx4lib.least_squares.statistics import chi2_sf
 
 NAMES: Mapping[str, str] = {"true": "true orientation", **WAYS}
-"""What the orientations of `deviations.every_refinement` are called."""
+"""Names for readers of the orientations of `deviations.every_refinement`."""
 
 PER_SIDE = 8
 """Cells along the longer side, in which points are taken together."""
@@ -308,10 +308,10 @@ def repaired(found: Mapping[str, Mapping[str, FrameErrors]]) -> pd.DataFrame:
     return table
 
 
-# --- What one camera, with smooth distortion of any kind, takes up of the synthetic image's seams
+# --- The part of the synthetic image's seams that one camera with smooth distortion takes up
 #
 # Chapter 12 stored the residuals of a single step over the synthetic image, of measurements
-# without noise, at two flying heights (``make chain``). Everything that one camera can do is
+# without noise, at two flying heights (``make chain``). All effects of one camera are
 # fitted to them.
 
 

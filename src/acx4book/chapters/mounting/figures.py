@@ -27,10 +27,10 @@ from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.frames import Pose, log
 
 WEAK_COLOURS = style.SHADES.reversed()
-"""Of redundancy numbers: the weak ones are blue, the strong ones as the ground."""
+"""Colours of redundancy numbers: weak ones are blue, strong ones as the ground."""
 
 RANGE_PX = (2.0, 20.0)
-"""Detectable errors from one end of the colours to the other; some are without bound."""
+"""Detectable errors at the ends of the colours; some errors are without bound."""
 
 CELLS = 16
 """Cells along the longer side of an image."""
@@ -298,13 +298,13 @@ def _draw_cells(ax: Axes, camera: Camera, colrow: Array, r: Array) -> Any:
 
 
 MOST_IMAGES, MOST_POINTS, MOST_ELLIPSOIDS, MOST_LABELS = 400, 1500, 60, 100
-"""Of larger blocks every n-th is shown, and the first control points have names."""
+"""Limits above which every n-th is drawn, and only the first control points have names."""
 
 COLOURS = ("blue", "orange")
-"""Of flying heights, from the highest down, as in the maps."""
+"""Colours of flying heights, from the highest down, as in the maps."""
 
 DEEP = 0.22
-"""Distance from a perspective centre to the image that is drawn, as a share of the height."""
+"""Distance from a perspective centre to the drawn image, as a share of the height."""
 
 LARGE = 0.03
 """Largest half axis of a median ellipsoid, as a share of the block."""

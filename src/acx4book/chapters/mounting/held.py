@@ -38,13 +38,13 @@ from acx4lib.geometry.intersection import intersect
 from acx4lib.georeferencing.budget import MappingFlight, looks_down, spacing
 
 STEP_M = 0.1
-"""By which the held lever arm is changed to see what depends on it."""
+"""Change of the held lever arm for numeric derivatives, m."""
 
 BEYOND_M = 0.5
 """How far the sliders go beyond the declared and the estimated lever arm."""
 
 AXES = {"x": "blue", "y": "orange", "z": "teal"}
-"""Of the body, forward, left and up; and their colours."""
+"""Axes of the body, forward, left and up, and their colours."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

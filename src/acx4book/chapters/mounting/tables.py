@@ -129,7 +129,7 @@ def joint_tests(found: Mapping[str, Sequence[tuple[GroupTest, float | Failed]]])
     Parameters
     ----------
     found : mapping of str to sequence of (GroupTest, float)
-        By what is tested against; with each test the F-ratio of the adjustment that holds the
+        By the tested hypothesis; with each test the F-ratio of the adjustment that holds the
         group there. Where this has no solution, its cell is empty.
     """
     rows = [
@@ -213,7 +213,7 @@ def _parameter(bundle: Bundle, name: str) -> str:
 # --- the lever arm that the interior orientation took up ---------------------------------------
 
 PAIRS = (("xp", 0), ("yp", 1), ("f", 2))
-"""Which parameter takes up the component of the lever arm along which axis of the camera."""
+"""Interior parameters, and the axis of the camera whose lever arm each takes up."""
 
 
 SEEN = {
@@ -224,7 +224,7 @@ SEEN = {
     "Seen less estimated (mm)": "+.1f",
     "σ of the difference (mm)": ".1f",
 }
-"""Formats of what `lever_arm_seen` returns."""
+"""Formats of the table of `lever_arm_seen`."""
 
 
 def lever_arm_seen(mountings: Mountings, found: Absorption | None) -> pd.DataFrame:
@@ -304,8 +304,8 @@ def variants(methods: Mapping[str, Mounting | Failed]) -> pd.DataFrame:
     -------
     DataFrame
         Images, variance of unit weight, and of f, the principal point and the lever arm
-        ``value`` and ``sigma``. A variant that changes nothing of the first is left out, such as
-        one height of a block that has no other.
+        ``value`` and ``sigma``. A variant with the same numbers as the first is left out,
+        such as one height of a block that has no other.
     """
     rows: dict[str, dict[tuple[str, str], object]] = {}
     for title, outcome in methods.items():
@@ -359,9 +359,9 @@ def taken_up(mountings: Mountings, found: Absorption | None) -> dict[str, object
     Returns
     -------
     dict of str to object
-        ``shifts``, pairs of a label and mm; ``rest_um``, by how much they miss what least squares
-        expects; and whether the lever arm ``matters``: the estimated one differs from the one held
-        by more than three of its standard deviations.
+        ``shifts``, pairs of a label and mm; ``rest_um``, their largest difference from those
+        expected by least squares; and whether the lever arm ``matters``: the estimated one differs
+        from the one held by more than three of its standard deviations.
     """
     if found is None:
         return {"shifts": [], "rest_um": np.nan, "matters": False}

@@ -48,14 +48,14 @@ from acx4lib.synthetic_image.response import OverlapResponse, ResponseFit
 from acx4lib.tie_points.ties import Overlap
 
 COUNTS = ("#d9603f66", "#4a86c010", "#4a86c040", "#4a86c080", "#4a86c0c0")
-"""Grounds of what no head sees, and of what one to four or more heads see; light shines through."""
+"""Fills of parts seen by no head, and by one to four or more heads; transparent."""
 
 SHOWN = {
     "before": WAYS["before"],
     "mean shift": f"less by {WAYS['mean shift']}",
     "rotations": f"less by {WAYS['rotations']}",
 }
-"""Panels of `refinements`: before all, and what two ways to refine take away."""
+"""Panels of `refinements`: the differences before, and the parts that two ways remove."""
 
 CELLS = 12
 """Cells along the longer side of the synthetic image in `refinements`."""
@@ -161,7 +161,7 @@ def refinements(refined: Refinement, synthetic: Camera) -> Figure:
     Returns
     -------
     Figure
-        Those of `SHOWN` that there are: means of cells, in pixels of the synthetic image, with one
+        The available ways of `SHOWN`: means of cells, in pixels of the synthetic image, with one
         scale; only a dot is seen where they are zero.
     """
     fields = {
@@ -375,13 +375,13 @@ def _handles(names: Sequence[str]) -> list[Any]:
 
 
 SIDE_PX = 56
-"""Of an enlarged part, synthetic pixels."""
+"""Side of an enlarged part, synthetic pixels."""
 
 SEARCH_PX = 700
 """Longer side of the reduced synthetic image in which places are chosen."""
 
 LEAST_TEXTURE = 0.02
-"""Of log grey values: less does not hide a step any better."""
+"""Added to the texture, of log grey values: a smaller one does not show a step any better."""
 
 COLUMNS = ("as taken", "heads refined", "and equalised", "and blended")
 

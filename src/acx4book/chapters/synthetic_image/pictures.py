@@ -44,16 +44,16 @@ from acx4lib.tie_points.overlaps import SharedWindow, shared_windows
 from acx4lib.tie_points.ties import overlaps
 
 FRAMES_WIDTH = 5.1
-"""Of the heads' pictures beside each other, inches: larger ones would weigh too much."""
+"""Width of the heads' pictures beside each other, inches; limited by the size of the file."""
 
 IMAGE_WIDTH = 3.5
-"""Of the synthetic image, inches."""
+"""Width of the synthetic image, inches."""
 
 CROP_PX = 170
-"""Side of what `synthetic_picture` shows enlarged, pixels."""
+"""Side of the enlarged parts of `synthetic_picture`, pixels."""
 
 STACK_PX = 64
-"""Side of what `stack` shows enlarged, pixels: a tenth of one is still seen as a fringe."""
+"""Side of the enlarged parts of `stack`, pixels: a tenth of one is still a visible fringe."""
 
 COLOURS = ("red", "green", "blue")
 
@@ -61,7 +61,7 @@ SEEN = 0.9
 """Share of every column of an enlarged part in which all bands have data, at least."""
 
 EDGE_PX = 5
-"""Means of so many pixels tell a town, which has many edges, from a field with a fine pattern."""
+"""Side of the means, px, by which a town's edges stand out from a field's fine pattern."""
 
 
 # --- as they were taken ----------------------------------------------------------------------
@@ -219,7 +219,7 @@ def synthetic_picture(
     ----------
     image : ndarray or None, shape (rows, cols, bands)
     pictures : Pictures or None
-        That it was rendered from.
+        From which the image was rendered.
     orientation : RelativeOrientation
     height_m : float, optional
         Flying height over ground; the scale bar is one on the ground then, in the image else.
@@ -430,7 +430,7 @@ NO_TIES = "No tie point was found between two heads of this exposure."
 LENGTHS = LinearSegmentedColormap.from_list(
     "acx4 lengths", ["#1d9a78", "#b9cf54", "#f0b429", "#e5701f", "#a3142f"]
 )
-"""From short (green) to long (red), all of them seen over a grey picture."""
+"""Colours from short (green) to long (red), all visible over a grey picture."""
 
 
 def overlap_ties(
@@ -461,7 +461,7 @@ def overlap_ties(
 
     Notes
     -----
-    The dashed line is what the tie points' predicted standard deviations promise: lengths of
+    The dashed line is predicted from the tie points' standard deviations: lengths of
     differences that are normal, independent and equal in both coordinates. Differences are longer
     where the heads do not fit each other.
     """

@@ -24,7 +24,7 @@ WAYS = {
     "rotations": "three rotations",
     "six": "rotations and places",
 }
-"""What the ways to refine are called."""
+"""Names of the refinements for readers."""
 
 EACH = "three rotations, each exposure by itself"
 
@@ -91,7 +91,7 @@ def printed_heads(flight: Flight) -> dict[str, RelativeOrientation]:
     return {"the paper's Table 1 as printed (%)": heads}
 
 
-# --- points carried from the heads -----------------------------------------------------------
+# --- points transferred from the heads -------------------------------------------------------
 
 
 def carried(flight: Flight, carried: Mapping[str, CarriedPoints]) -> pd.DataFrame:
@@ -128,7 +128,7 @@ def ways(refinement: Refinement, synthetic: Camera) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for each of `WAYS` that there is, and for `EACH`; none without tie points.
+        A row for each available way of `WAYS`, and for `EACH`; none without tie points.
     """
     kept, rows = refinement.kept, {}
     for way in WAYS if len(refinement.ties) else ():

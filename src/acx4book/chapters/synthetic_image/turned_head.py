@@ -28,13 +28,13 @@ SLIDERS = tuple(
     Slider(name=f"turn {angle}", unit="°", low=-0.03, high=0.03, step=0.0005) for angle in "ωφκ"
 )
 STEP_DEG = 0.001
-"""By which the head is turned to see how its places move."""
+"""Turn of the head for numeric derivatives of its places."""
 
 MOST = 16
-"""Places of an overlap, spread over it."""
+"""Largest number of places of an overlap, spread over it."""
 
 NODES = 60
-"""Of the grid that finds the overlaps, along the longer side of the synthetic image."""
+"""Nodes of the grid for the overlaps, along the longer side of the synthetic image."""
 
 LINES, APART_PX, HALF_PX = 7, 8.0, 20.0
 """Lines across the seam: how many, how far apart, and how long each half is, in the drawing."""
