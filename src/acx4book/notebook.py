@@ -23,11 +23,11 @@ from acx4lib.stages import order
 __all__ = ["begin", "end", "needs", "say"]
 
 INJECTED = "# Parameters\n"
-"""How the cell begins in which papermill gives values to parameters, below the notebook's own."""
+"""First line of papermill's cell of parameters, which stands below the notebook's own."""
 
 
 ENDS = "This notebook ends here: "
-"""How the sentence begins that a notebook has in the place of what it cannot show."""
+"""Beginning of the sentence that ends a notebook early."""
 
 
 class End(Exception):

@@ -30,7 +30,7 @@ BORESIGHT, POSES, POINTS = slice(0, 3), slice(3, 27), slice(27, 33)
 """Columns of the unknowns: three angles; position and attitude by exposure; P and Q."""
 
 IMAGE, POSITION, ATTITUDE, CONTROL = slice(0, 16), slice(16, 28), slice(28, 40), slice(40, 46)
-"""Rows of the observations: x and y of P and Q by image, then what is observed of unknowns."""
+"""Rows of the observations: x and y of P and Q by image, then observed poses and points."""
 
 
 def row_names() -> list[str]:
@@ -154,14 +154,14 @@ def _moved(state: State, dx: Array) -> State:
     )
 
 
-# --- What single images of known points tell about their camera: f and the principal point
+# --- The camera from single images of known points: f and the principal point
 #
 # The example's camera is held over ground that is flat or has hills. Every image has a pose of its
 # own; a change that a pose can imitate does not determine the camera.
 
 
 HEIGHT_M = 480.0
-"""Of the camera over the ground."""
+"""Height of the camera over the ground."""
 
 UNDETERMINED = 1e-9
 """Eigenvalue of the scaled normal matrix below which nothing is determined."""
@@ -313,7 +313,7 @@ def intersected(T_m_c: Pose, xy: Array) -> tuple[Array, Fit]:
     return x_m, step
 
 
-# --- Least squares of a small linear system, and what they tell: chapters 5 and 6 write it out
+# --- Least squares of a small linear system with its statistics, as chapters 5 and 6 derive it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,7 +25,7 @@ from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.least_squares.covariance import correlation
 
 CONTROL_M = ((120.0, 110.0), (-110.0, 120.0), (-120.0, -110.0), (110.0, -120.0), (10.0, 20.0))
-"""Where control points are, east and north; a plan takes the first of them."""
+"""Places of control points, east and north; a plan takes the first of them."""
 
 RELIEF_M = 10.0
 """Largest height of the ground over and under its mean."""

@@ -3,7 +3,7 @@
 All that a reader needs to repeat it by hand: numbers with few digits, in axes that lie on no map.
 The first strip was flown towards east, the second back towards west. Positions and attitudes of the
 IMU were observed, image points measured and control points surveyed; every number has an error
-that its standard deviation allows. `TRUTH` is what the numbers were made with.
+that its standard deviation allows. `TRUTH` has the true values.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ F_MM = 50.0
 PIXEL_MM = 0.010
 WIDTH_PX, HEIGHT_PX = 4000, 3000
 LEVER_ARM_M = (0.20, -0.10, -0.40)
-"""From the IMU to the perspective centre, body axes: forward, left, up; surveyed."""
+"""Lever arm from IMU to perspective centre, body axes: forward, left, up; surveyed."""
 
 SIGMA_IMAGE_MM = 0.004
 SIGMA_POSITION_M = (0.03, 0.03, 0.05)

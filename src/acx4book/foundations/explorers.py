@@ -31,14 +31,14 @@ from acx4lib.geometry.camera import Interior, colrow_from_xy, distortion
 from acx4lib.geometry.collinearity import Measurement, image_derivatives, mounted_jacobian, rays
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 
-# --- What each coefficient of a lens does to the points of an image
+# --- Effects of the coefficients of a lens on the points of an image
 
 
 HEAD = "CAM1"
 """The head of Table 1 whose format and focal length are used."""
 
 FLOWN_M = 1600.0
-"""Height over ground for the effect there: the lower one of the paper."""
+"""Height over ground for effects on the ground: the paper's lower flying height."""
 
 KEYS = {"k1": 1e-6, "k2": 1e-9, "k3": 1e-12, "p1": 1e-6, "p2": 1e-6}
 """Coefficients, and one unit of their sliders, mm^-2, mm^-4, mm^-6, mm^-1 and mm^-1."""
@@ -192,7 +192,7 @@ def _curve(corner: Array) -> Panel:
     )
 
 
-# --- What a wrong mounting does on the ground, in strips of four directions
+# --- Effects of a wrong mounting on the ground, in strips of four directions
 
 
 SLIDERS = (
@@ -346,7 +346,7 @@ def _body(azimuth_deg: float, height_m: float) -> Pose:
     )
 
 
-# --- What a second flying height determines: standard deviations at every ratio of two heights
+# --- A second flying height: standard deviations at every ratio of two heights
 
 
 LOWER_M = 500.0
@@ -364,7 +364,7 @@ SHOWN = {
 """Unknowns of `designs.SHOWN`: as they are shown, with the factor to the unit there."""
 
 SMALLEST = 0.005
-"""Where their axis begins, a share of the σ at equal heights."""
+"""Start of the axis, as a share of the σ at equal heights."""
 
 
 def two_heights_explorer() -> Explorer:

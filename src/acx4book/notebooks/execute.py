@@ -190,14 +190,14 @@ def _renumber(notebook: nbformat.NotebookNode) -> None:
             counts["execution_count"] = number
 
 
-# --- What the outcome of a notebook depends on, where it depends on no flight: a digest of it all
+# --- A digest of all inputs of a notebook that depends on no flight
 
 
 HOUSES = ("acx4lib", "acx4sim", "acx4book")
 """Packages whose modules are followed; all others have their version in environment.lock."""
 
 SHOWS = "acx4book.typesetting.svg"
-"""The module by which figures are shown, which no notebook imports."""
+"""The module that shows figures; no notebook imports it."""
 
 
 def digest(notebook: Path, sources: Path, data: Iterable[Path]) -> str:

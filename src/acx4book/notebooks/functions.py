@@ -32,7 +32,7 @@ RUNS: Mapping[str, Callable[[Flight, Path], object]] = {
     "rig": rig.run,
     "validation": validation.run,
 }
-"""What every stage computes and writes."""
+"""Functions that compute and write the results of every stage."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,12 @@ def _compute(
     tell(1, 1)
 
 
-# --- What a notebook needs that runs by itself, in an empty folder: its flight, and earlier
+# --- Inputs of a notebook that runs by itself, in an empty folder: its flight, and earlier
 # stages
 
 
 PICTURES, REDUCE = ("H1-05", "H3-04", "C2-05"), 4
-"""The exposures of the book's flight that have pictures, and at what part of the size."""
+"""Exposures of the book's flight with pictures, and the factor of reduction of these."""
 
 
 def flight_of(design: str) -> str:
@@ -93,7 +93,7 @@ def prepare(
     Parameters
     ----------
     flight_path : path
-        Folder of the flight; that of the book is called as `flight_of` says.
+        Folder of the flight; `flight_of` returns the name of the book's.
     results_path : path
         Folder of the results.
     design : str

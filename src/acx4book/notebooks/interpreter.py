@@ -43,10 +43,10 @@ ENGINE = "acx4"
 """Name by which papermill knows the interpreter."""
 
 SAVED_EVERY = 5
-"""Seconds after which a notebook that is running is saved again, for the case that it dies."""
+"""Seconds between savings of a running notebook, in case its process dies."""
 
 OnCell = Callable[[int], None]
-"""It is called with the index of a cell that starts."""
+"""Function called with the index of each cell that starts."""
 
 
 class Failed(Exception):
@@ -76,7 +76,7 @@ def execute(
         Paths as papermill reads them, the second one from the root.
     parameters : mapping
     home : str
-        Folder for what IPython wants to write.
+        Folder for IPython's own files.
     on_cell : callable
 
     Raises
@@ -136,7 +136,7 @@ def _run(
         error = None
     except PapermillExecutionError as failed:
         error = failed.ename, failed.evalue
-    except Exception as failed:  # of IPython or papermill: the parent says it
+    except Exception as failed:  # of IPython or papermill: the parent reports it
         error = type(failed).__name__, str(failed)
     parent.send(error)
 

@@ -27,7 +27,7 @@ NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).re
 """Folder of the notebooks."""
 
 Tell = Callable[[str, int, int], None]
-"""It is called with the stage, the number of its finished parts, and of all its parts."""
+"""Function called with the stage, the number of its finished parts, and of all its parts."""
 
 Step = Callable[[Path, Callable[[int, int], None]], None]
 """Function that runs a stage in a copy of the results, in a given folder, with its progress."""
@@ -60,7 +60,7 @@ class Way(Protocol):
 
 
 NOTED = ("exchanged", "sigma_beyond", "not_confirmed", "weak", "approximations", "notes")
-"""Entries of summary.json whose sentences a run shows and succeeds."""
+"""Entries of summary.json whose sentences a run shows without failing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +115,7 @@ def run(
         Results of an earlier flight: its calibration is validated in the place of this one's. Then
         the stage validation is the only one.
     tell : callable, optional
-        It is told the progress.
+        Function called with the progress.
 
     Raises
     ------

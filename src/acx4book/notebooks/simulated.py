@@ -1,6 +1,6 @@
 """Plans of a flight, translated to plans of the simulator and back.
 
-A plan as it takes it, and the plan of a design of it.
+Functions to check and fly a plan, and to write the plan of a design.
 """
 
 from __future__ import annotations
@@ -215,13 +215,13 @@ def _truth(camera: Camera) -> Mapping[str, float]:
     }
 
 
-# --- A simulated flight in one call: as it is read from its files, with what is true of it
+# --- A simulated flight in one call: as read from its files, with its true parameters
 
 
 STANDARD = Options()
 
 EXACT = Options(image_noise=0.0, control_noise=0.0, gnss_noise=0.0, attitude_noise=0.0)
-"""A flight whose measurements have no noise; their standard deviations are those of others."""
+"""A flight whose measurements have no noise, but the usual standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -265,7 +265,7 @@ def fly_and_read(
     options : Options
         Whose blocks are replaced.
     blocks : sequence of str
-        Those that are flown.
+        Blocks to fly.
     """
     simulated = DESIGNS[design](seed=seed, options=replace(options, blocks=tuple(blocks)))
     flight = read(simulated)

@@ -39,10 +39,10 @@ from acx4lib.results.provenance import KEPT
 from acx4lib.stages import mounting
 
 TEXT = Path(__file__).with_suffix(".md")
-"""The findings: number, kind, place; what is printed, what is computed, our conclusion."""
+"""The findings: number, kind, place; printed and computed values, our conclusion."""
 
 MISPRINT, CONTRADICTION, OPEN, CONSISTENT = "misprint", "contradiction", "open", "consistent"
-"""Kinds of findings. Open is what the paper does not tell or explain."""
+"""Kinds of findings. Open: the paper does not state or explain it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class Finding:
     place : str
         Place in the paper.
     printed, computed, verdict : str
-        What is printed, what follows from the paper's own numbers, and our conclusion.
+        Printed values, values from the paper's own numbers, and our conclusion.
     """
 
     number: int
@@ -79,7 +79,7 @@ class Run:
         Largest correlations between interior and exterior orientation of the heads, by names
         such as ``CAM1 xp_mm/omega_deg``; for item 11.
     absorbed : Absorption, optional
-        What interior orientation takes up of a lever arm; for item 14.
+        The part of a lever arm that the interior orientation takes up; for item 14.
     predicted_m : ndarray, shape (3,), optional
         RMS in east, north, height that is predicted over all pairs; for item 21.
     """
@@ -150,7 +150,7 @@ def answer(findings: Sequence[Finding]) -> str:
     )
 
 
-# --- what findings take from a run
+# --- numbers of a run for the findings
 
 
 def read_run(results_path: str | Path) -> Run:
@@ -190,7 +190,7 @@ def absorbed_of_run(flight: Flight, found: folder.Results) -> Absorption | None:
     flight : Flight
         Of the study's design.
     found : Results
-        With the measurements carried into synthetic images, where heads made them.
+        With the measurements transferred into synthetic images, where heads made them.
 
     Returns
     -------

@@ -55,7 +55,7 @@ def table(number: int) -> pd.DataFrame:
         table, row (as printed), parameter (our name), column (head or method), value, sigma,
         role and sigma_role (of value and sigma in the simulation, names of `ROLES`), unit
         (ours), unit_printed, as_printed, note (where our reading differs from the print).
-        `value` is NaN where the paper says ND, `sigma` where it gives none; roles then are ''.
+        `value` is NaN where the paper prints ND, `sigma` where it prints none; roles then are ''.
     """
     if number not in (1, 2, 3, 4):
         msg = f"the paper has Tables 1 to 4, got {number}"
@@ -390,7 +390,7 @@ def plan_and_height(flight: Flight, column: str) -> tuple[float, float] | None:
     return float(np.hypot(east, north)), height
 
 
-# --- What the agreement of a printed number means: given, chosen for, following, or independent
+# --- The roles of printed numbers: given, chosen for, following, or independent
 
 
 ROLES: Mapping[str, str] = MappingProxyType(
@@ -404,7 +404,7 @@ ROLES: Mapping[str, str] = MappingProxyType(
         "independent": "Nothing was set for it. Only its agreement says something about the study.",
     }
 )
-"""The roles of printed numbers, and what each means."""
+"""The roles of printed numbers, and their meaning."""
 
 STRONG = ("f_mm", "xp_mm", "yp_mm")
 """Parameters whose two-step values, less the single-step ones, are the evidence."""

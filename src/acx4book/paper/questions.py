@@ -20,7 +20,7 @@ from acx4lib.geometry.parameters import AXES, BORESIGHT_ANGLES
 from acx4lib.results import folder
 
 TAG = "answer"
-"""Tag of the cell with which a chapter ends; its first paragraph is one sentence."""
+"""Tag of a chapter's last cell, the answer; its first paragraph is one sentence."""
 
 UNANSWERED = "This flight has no data for this question."
 
@@ -42,7 +42,7 @@ class Question:
     short : str
         The question in a few words.
     independence : str
-        What the agreement with a simulated flight rests on.
+        What was set so that a simulated flight agrees.
     """
 
     asked: str
@@ -364,7 +364,7 @@ def small_table_3(runs: Mapping[str, folder.Results], camera: str) -> str:
     Parameters
     ----------
     runs : mapping of str to Results
-        With the stage mounting, by what the images are of.
+        With the stage mounting, by the kind of images.
     camera : str
         Name of the synthetic camera.
     """

@@ -356,7 +356,7 @@ OUR_SIGMA = (
         "20 %, since it depends on tie points that the paper does not tell",
     ),
 )
-"""What counts as our standard deviation of which number."""
+"""Printed numbers, and our standard deviations of them."""
 
 ALL = "Every number of the paper's Tables 1 to 4 stands below beside that of this copy's run."
 
@@ -366,7 +366,7 @@ IDEAL = (
     "heads. The heads were chosen so that the $f$ of the single step comes out. Everything else in "
     "the column follows from them; {doc}`_executed/12-synthetic-cost` explains where it differs."
 )
-"""Where the numbers of Tables 3 and 4 come from, if there are two flights."""
+"""Sentence on the source of the numbers of Tables 3 and 4, if there are two flights."""
 
 MORE = (
     "Every number stands on the {doc}`scorecard <scorecard>`; {doc}`reproducibility` lists what "

@@ -407,7 +407,7 @@ def _row(printed: str, value: float) -> tuple[str, float, float, float, float, b
 
 
 DIGITS = 4
-"""Of a difference in units of the last printed digit; further ones change with any rounding."""
+"""Decimals of a difference in units of the last digit; further ones change with any rounding."""
 
 KINDS = (
     (("Correlations over",), "correlation"),

@@ -506,7 +506,7 @@ def _smallest_angles(project: Project, angle: Array, number: Index) -> Statement
 
 
 EPS = np.finfo(float).eps
-"""It keeps the relative change of sigma finite for a point without error."""
+"""Term that keeps the relative change of sigma finite for a point without error."""
 
 
 def _statements(project: Project) -> Statements:

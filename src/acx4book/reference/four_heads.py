@@ -53,7 +53,7 @@ FILES = "sequoia-flight"
 """Set of the reference data: 19 exposures of a Parrot Sequoia over Garfield Heights, Ohio."""
 
 FLIGHT = data.FOLDER / "four-heads"
-"""The stored flight, and beside it what was computed with everything."""
+"""Folder of the stored flight, and of the results from all measurements."""
 
 ALL = FLIGHT / "all_measurements.csv"
 """Parameters of the rig by all measurements."""
@@ -64,7 +64,7 @@ CELLS = (8, 6)
 """Cells of a picture, along columns and rows."""
 
 MOST = 5
-"""Points of a cell, after which those of fewer rays are left out."""
+"""Points of a full cell: further points, of fewer rays, are left out."""
 
 
 def thinned(block: Block) -> Mask:
@@ -110,7 +110,7 @@ APART_S = 10.0
 """Seconds between two exposures of one strip, at most."""
 
 PARTS = {"GRE": "1 Green", "RED": "2 Red", "REG": "3 Red edge", "NIR": "4 NIR"}
-"""How the camera names the pictures of its heads."""
+"""The camera's names for the pictures of its heads."""
 
 
 def store() -> None:
@@ -190,7 +190,7 @@ def _tables(block: Path, keep: Mask) -> dict[str, pd.DataFrame]:
 
 
 REGISTERS = ("as they are", "turned by the factory", "turned by tie points")
-"""How the heads of the three stored composites are oriented."""
+"""Orientations of the heads in the three stored composites."""
 
 
 def photographs(block: Block) -> Figure:
@@ -254,7 +254,7 @@ def residuals(found: Mapping[str, Bundle], head: str) -> Figure:
     Parameters
     ----------
     found : mapping of str to Bundle
-        By the words that name them.
+        By their titles.
     head : str
     """
     fields = {}
@@ -386,28 +386,28 @@ def strips(found: Bundle) -> Figure:
 
 
 DRAWN = 8
-"""Every so many tie points one is on the map."""
+"""Every n-th tie point is on the map."""
 
 
 # --- Small pictures
 
 
 SHOWN = "0126"
-"""The exposure that is shown."""
+"""Exposure in the figures."""
 
 PHOTOGRAPHS, BANDS = FLIGHT / "photographs.webp", FLIGHT / "bands.webp"
 
 REDUCED = 4
-"""So many pixels of a photograph, in each direction, are one of the stored one."""
+"""Factor of reduction of the stored photographs."""
 
 WINDOW = (590, 730, 830, 1000)
-"""Of the stack that is shown: rows and columns, px."""
+"""Part of the stack in the figures: rows and columns, px."""
 
 COMPOSITE = ("4 NIR", "2 Red", "1 Green")
-"""Bands that are shown as red, green and blue."""
+"""Bands drawn as red, green and blue."""
 
 QUALITY = 60
-"""Of WebP, of 100."""
+"""Quality of WebP, of 100."""
 
 
 def _store_pictures(measured: Flight) -> None:

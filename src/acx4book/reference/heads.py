@@ -49,7 +49,7 @@ TEN, FIVE = "rededge-dual", "rededge3-flight"
 """Sets of the reference data: ten heads of two rigs, and five of one."""
 
 GREEN = "2 Green"
-"""To this head the rotations of heads without angles of the factory are printed."""
+"""Reference head for the rotations of heads without angles of the factory."""
 
 
 @shown.briefly
@@ -184,7 +184,7 @@ READINGS: Mapping[str, tuple[str, bool]] = {
     "Rx(a) Ry(b) Rz(c), reference to head": ("XYZ", True),
     "Rz(c) Ry(b) Rx(a), reference to head": ("xyz", True),
 }
-"""By what they mean: the order of the three rotations, as SciPy has it, and whether transposed."""
+"""By meaning: the order of the three rotations, as in SciPy, and whether transposed."""
 
 
 def relatives(files: str) -> pd.DataFrame:
@@ -354,7 +354,7 @@ def _turn(overlap: Overlap, f: float) -> Array:
     return np.asarray(np.linalg.lstsq(A, overlap.d.T.ravel(), rcond=None)[0])
 
 
-# --- What of the rotations is parallax: the heads stand apart, and the ground is near
+# --- Parallax in the rotations: the heads stand apart, and the ground is near
 
 
 BASES_M = (0.02, 0.03)
@@ -516,7 +516,7 @@ def _response(rig: Solved, k: int, m: int, radius: Array) -> Array:
     return np.asarray((a_1 - a_2) * q + (b_1 - b_2) * q**2)
 
 
-# --- What an independent trial found in the same pictures: SIFT, MAGSAC, three rotations a head
+# --- Results of an independent trial from the same pictures: SIFT, MAGSAC, three rotations a head
 #
 # Rotations about x, y and z from the reference head to the other, degrees; inliers; rms, px.
 
@@ -542,7 +542,7 @@ TRIAL: Mapping[str, Mapping[str, tuple[float, float, float]]] = {
 }
 
 
-# --- Figures of the chapter: which bands tie, what is parallax, falloff, and a stack
+# --- Figures of the chapter: tie points by band, parallax, falloff, and a stack
 
 
 COMPOSITES = {
@@ -720,7 +720,7 @@ def _shown(band: Raster) -> Raster:
 
 
 ROUNDED_DEG = 0.001
-"""The last digit of the trial's angles."""
+"""Unit of the last digit of the trial's angles."""
 
 
 # --- tables ----------------------------------------------------------------------------------

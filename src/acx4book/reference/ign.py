@@ -480,4 +480,4 @@ READINGS: dict[str, Callable[[Flight], Reading]] = {
     "map as Cartesian, altered heights": _map_with_altered_heights,
     "map as Cartesian, true heights": _map_with_true_heights,
 }
-"""Readings by the step that is done or left out."""
+"""Interpretations by the step that is done or left out."""

@@ -193,7 +193,7 @@ MODELS: Mapping[str, Model] = {
 """The twenty data sets and their models."""
 
 RESPONSES: Mapping[str, Callable[[Array], Array]] = {"Nelson": np.log}
-"""Function of the response that is fitted, if it is not the response itself."""
+"""Function of the response to fit, where it is not the response itself."""
 
 
 # --- The least-squares core alone, tested on certified regressions

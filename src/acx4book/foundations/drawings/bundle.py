@@ -35,7 +35,7 @@ KINDS = {"boresight": BRICK, "poses": BLUE, "points": TEAL, "poses with points":
 """Colours of entries by the unknowns that they belong to."""
 
 CHANGE_MM = 1.0
-"""Of f and of x_p in the drawing of what they leave in the residuals."""
+"""Change of f and of x_p in the figure of their residuals."""
 
 ROUNDING = 1e-8
 """Length of a step, in standard deviations, below which there are only rounding errors."""

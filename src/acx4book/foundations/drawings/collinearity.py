@@ -22,10 +22,10 @@ KINDS = {"turn": style.BLUE, "shift": style.TEAL, "focal": style.PLUM}
 """The colour of each kind of change."""
 
 DEGREES, METRES, FOCAL_MM = 0.1, 1.0, 0.1
-"""How far the camera is turned and shifted, and f changed, in the figure of effects."""
+"""Turn (°) and shift (m) of the camera, and change of f (mm), in the figure of effects."""
 
 LOOK_ALIKE_MM = 0.02
-"""What is drawn as one millimetre of the image in the figure of look-alikes."""
+"""Length drawn as one millimetre of the image in the figure of look-alikes, mm."""
 
 
 # --- differences -----------------------------------------------------------------------------
@@ -70,7 +70,7 @@ def _sensor(ax: Axes) -> None:
     ax.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]), aspect="equal")
 
 
-# --- what moves the image --------------------------------------------------------------------
+# --- effects of the camera on the image -------------------------------------------------------
 
 
 def grid(columns: int = 9, rows: int = 7) -> Array:

@@ -136,7 +136,7 @@ LABELS = {
     "direction": "at the ideal point",
     "direction, two terms": "at the ideal point, $k_2$ converted too",
 }
-"""What each mistake is called in the figure."""
+"""Names of the mistakes in the figure."""
 
 
 def directions(head: str) -> Figure:

@@ -32,7 +32,7 @@ from acx4lib.least_squares import statistics
 EAST_HEIGHT = np.ix_([0, 2], [0, 2])
 OF_STRIP = {"A": BLUE, "B": ORANGE}
 TWO, FOUR = BLUE, TEAL
-"""Colours of what comes from two images and from all four."""
+"""Colours of results from two images and from all four."""
 
 PLUS_MINUS = np.array([-1.0, 1.0])
 

@@ -19,10 +19,10 @@ from acx4lib.geometry.frames import (
 )
 
 TIMES = 20
-"""Factor by which omega and phi are drawn too large; as they are they would not be seen."""
+"""Factor by which omega and phi are drawn too large; in true size they would be invisible."""
 
 COLOURS = (style.ORANGE, style.TEAL, style.PLUM)
-"""One for each of the three angles."""
+"""Colours of the three angles."""
 
 
 def axes() -> Figure:
