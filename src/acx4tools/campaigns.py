@@ -978,7 +978,7 @@ def trends_of(comparison: Comparison) -> dict[str, Trend]:
 
 NOUN = {"year": "time", "temperature": "temperature"}
 SAME = "all campaigns the same"
-"""Names of the tests that concern all campaigns: what is tested, and rejected where p is small."""
+"""Name of the test of all campaigns: its null hypothesis, rejected where p is small."""
 
 PER = {"year": "year", "temperature": "°C"}
 """Unit of time or temperature in the unit of a slope."""

@@ -29,12 +29,12 @@ from acx4lib.opening import text_of
 from acx4lib.results import own_folder, whole_files
 
 COMMAND = "acx4 import"
-"""Whose the folders are."""
+"""The command whose name marks the folders."""
 
 SETTINGS, STATEMENT = "flight.toml", "import.md"
 
 SYSTEMS = ("crs", "heights")
-"""Settings of which a flight has one for all its numbers."""
+"""Settings that hold for all numbers of a flight."""
 
 SYNTHETIC = "SYN"
 """Name of the camera that a rig's heads make together, where the source has none."""

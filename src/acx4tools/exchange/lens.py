@@ -31,8 +31,8 @@ STEEPEST = 1000.0
 """Tangent of an angle from the axis that no lens of a flight reaches."""
 
 HELD_PX, WORTH = 0.1, 0.9
-"""A program's focal lengths and principal point are held unless they leave more, and others at most
-this part of it."""
+"""A program's focal lengths and principal point are held if that leaves at most this, px; others
+must leave at most this share of it."""
 
 WARNED_PX, WORST_PX = 0.3, 2.0
 """Largest distances to another program's lens above which a user is warned, and it is refused."""

@@ -20,7 +20,7 @@ from acx4lib.results import whole_files
 from acx4lib.results.own_folder import OwnFolder
 
 SETTINGS = "flight.toml"
-"""Is written last: with it the folder is a flight, into which no command writes."""
+"""The file that is written last: it makes the folder a flight, into which no command writes."""
 
 
 @dataclass(frozen=True, kw_only=True)

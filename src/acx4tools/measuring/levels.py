@@ -120,7 +120,7 @@ FAINT = MatchOptions(correlation_px=21, least_correlation=0.4, largest_sigma_px=
 """Where features gave the orientations: of photographs, in which lawns and woods correlate less."""
 
 USUAL, MANY = 200, 700
-"""Cells of a picture. Where the trajectory says little, tie points have to say more."""
+"""Cells of a picture. Where a trajectory is poor, more tie points are needed."""
 
 ONE_WAY = float(np.cos(np.radians(5.0)))
 """Cosine of the angle below which two heads look one way."""

@@ -270,7 +270,7 @@ NEIGHBOURS = 8
 """Exposures near each one whose pictures are compared with its own."""
 
 LARGEST_TURN = np.radians(6.0)
-"""By which a pair of pictures may differ from the rotations of all, to belong to them."""
+"""Largest angle between the rotation of a pair of pictures and that by the rotations of all."""
 
 POSITION, SIGMA_PX = 0.03, 0.5
 """Least standard deviation of positions, in distances to the ground; that of features, px."""

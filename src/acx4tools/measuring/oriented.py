@@ -165,7 +165,7 @@ CRITICAL = 3.29
 than normal ones."""
 
 LEAST_SIGMA_PX = 0.05
-"""Of the matching's pixels: what a smooth ground and a first orientation leave unexplained."""
+"""Least sigma, px of the matching: errors of a smooth ground and of a first orientation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

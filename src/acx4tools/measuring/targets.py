@@ -26,13 +26,13 @@ RADII_PX = (0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 
 LEAST_CORRELATION = 0.75
 MOST = 8
-"""Discs that are looked at more closely around one place."""
+"""Largest number of discs fitted around one place."""
 
 LEAST_SIGMA_PX = 0.02
-"""What a disc's model leaves unexplained: its edge, and the response of the pixels."""
+"""Error of a disc's model: its edge, and the response of the pixels."""
 
 LARGEST_MISFIT = 0.12
-"""Of the residuals' root mean square, as a share of the disc's contrast."""
+"""Largest root mean square of residuals, as a share of the disc's contrast."""
 
 _BLUR, _SAMPLES = 0.5, 4
 _WEIGHT = 0.05  # of the usual blur and the template's radius: small discs determine neither

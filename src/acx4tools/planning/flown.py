@@ -316,7 +316,7 @@ REACH = 1.3
 """Radius around an image's middle, in half diagonals, outside which no point is projected."""
 
 MOST_BATCHES = 30
-"""How often as many points are tried as are asked for."""
+"""Largest number of batches of tried points, each as many as are asked for."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

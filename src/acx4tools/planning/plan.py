@@ -51,7 +51,7 @@ from acx4tools.exchange import flight_folder
 
 
 SPEED_M_S = 70.0
-"""Ground speed of a strip that says nothing else."""
+"""Ground speed of a strip that states none."""
 
 TURN_S = 240.0
 """Time from the last exposure of a strip to the first of the next."""

@@ -18,8 +18,8 @@ CORNER = 0.5
 
 
 STEPS_BACK, NEAR_PX, SAME_PX = 20, 1e-5, 1e-3
-"""Iterations at most to the lens of which a camera is the refit; changes at which they end, and
-distances to the camera at which it is that lens."""
+"""Largest number of iterations to the lens whose refit is a camera; changes at which they end, and
+largest distance of the refit from the camera."""
 
 STEPS = (1e-4, 1e-4, 1e-4, 1e-9, 1e-12, 1e-15, 1e-9, 1e-9, 1e-6, 1e-6)
 """Smallest steps of interior parameters for differences, in their units."""

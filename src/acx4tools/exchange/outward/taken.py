@@ -14,13 +14,12 @@ from acx4lib.results.whole_files import write_all
 from acx4tools.exchange.lens import WORST_PX, Left, above
 
 COMMAND = "acx4 export"
-"""Whose the folders are."""
+"""The command whose name marks the folders."""
 
 STATEMENT = "export.md"
 
 LARGEST_PX = 0.05
-"""Difference between a lens and what stands for it in the other program, above which it is
-refused."""
+"""Largest difference between a lens and its refit in the other program."""
 
 SIGMA = "standard deviations and covariance: parameters.csv and covariance.csv have them"
 BODY = "boresight and lever arm: --to toml has them"

@@ -548,7 +548,7 @@ def _beside(shots: Sequence[_Shot]) -> dict[str, tuple[float, float]]:
 
 
 ZONES_S, CLOCK_S = 900, 2.0
-"""Zones of time differ by quarters of an hour; a clock that is off by more is told."""
+"""Step of time zones, a quarter of an hour; largest offset of a clock without a message."""
 
 
 def _clock(shots: Sequence[_Shot]) -> Iterator[str]:

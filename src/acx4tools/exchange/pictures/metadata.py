@@ -42,7 +42,7 @@ class Attitude:
 
 
 def key(tags: Tags) -> str:
-    """Return the key that the pictures of one exposure share: an identifier, or a name.
+    """Return the key shared by the pictures of an exposure: an identifier, or a name.
 
     The name is that of the file, without the number of the head: ``IMG_0688`` of ``IMG_0688_4``.
     """

@@ -46,7 +46,7 @@ MAYBE = ("rigs", "frames")
 """Files that models of COLMAP 3.12 and later have as well."""
 
 MAY_BE_EMPTY = ("points3D", *MAYBE)
-"""Files of no content stand for none: COLMAP's manual makes models of known poses so."""
+"""Files that may be empty: COLMAP's manual makes models of known poses in this way."""
 
 HALF = 0.5
 """The middle of the top-left pixel has the coordinates 0.5, 0.5 in COLMAP."""
@@ -55,10 +55,10 @@ LARGEST = 1e8
 """Largest coordinate, in pixels as in units of the model."""
 
 UNMATCHED = -1
-"""Number of the point of a measurement that belongs to none."""
+"""Number of the point of a measurement without a point."""
 
 EARTH = (6.3e6, 6.5e6)
-"""Distances from the Earth's centre, m, of what flies over it."""
+"""Least and largest distance of a flight from the Earth's centre, m."""
 
 ASSUMED = (
     "Pixels: COLMAP counts from the outer corner of the top-left one, so 0.5 is taken off",
@@ -574,4 +574,4 @@ READERS: dict[str, dict[str, Callable[[Opened], Any]]] = {
         "frames": _text_frames,
     },
 }
-"""What reads the files of a model, by their endings; binary ones first."""
+"""Readers of the files of a model, by their endings; binary ones first."""

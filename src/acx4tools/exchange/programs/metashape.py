@@ -86,7 +86,7 @@ APRIORI = {
     "gnss_vertical_m": "accuracy_cameras",
     "heading_deg": "accuracy_cameras_ypr",
 }
-"""Keys of ``[apriori]`` and the settings of Metashape that they are."""
+"""Keys of ``[apriori]`` and the settings of Metashape for them."""
 
 MARKER_SIGMA_M = 0.005
 """Metashape's own accuracy of markers, where the chunk has none."""
@@ -787,9 +787,7 @@ _YAW = (
 
 def _switched_off(leaders: Mapping[str, _Shot]) -> tuple[str, ...]:
     """Return sentences on measured positions and angles that are switched off."""
-    references = [
-        reference.reference for reference in leaders.values() if reference.reference is not None
-    ]
+    references = [shot.reference for shot in leaders.values() if shot.reference is not None]
     places = sum(
         _location(reference) is not None and _measured_place(reference) is None
         for reference in references

@@ -44,7 +44,7 @@ ORIENTATION, CALIBRATION = "Ori-PerspCentral-", "Calib-PerspCentral-"
 
 KINDS = {"CameraPose": "NameImage", "InternalCalibration": "PerfectProj", "SetMesIm": "NameIm"}
 KINDS |= {"SetGCP": "NameSet"}
-"""Elements with the content of a file of version 2, and what each holds: early files lack them."""
+"""Elements with the content of a file of version 2, and a part of each: early files lack them."""
 
 PROJECTIONS = {
     "Stenope": None,
@@ -75,7 +75,7 @@ CAMERA = "CAM"
 """Name of the camera where no orientation names a calibration."""
 
 SHOWN = 5
-"""Number of names that a sentence has at most."""
+"""Largest number of names in a sentence."""
 
 PIXEL = "pixel 0, 0 is taken as the centre of the top-left one: no file says it"
 

@@ -57,7 +57,7 @@ OPENSFM = "opensfm"
 
 RECONSTRUCTION, TRACKS = "reconstruction.json", "tracks.csv"
 CAMERAS = ("camera_models.json", "cameras.json")
-"""Cameras before the adjustment, by OpenSfM; and by ODM those that it found."""
+"""Cameras before the adjustment, by OpenSfM; cameras after it, by ODM."""
 
 VERSIONS = ("OPENSFM_TRACKS_VERSION_v1", "OPENSFM_TRACKS_VERSION_v2")
 """First lines of tracks.csv; the first version of all had none."""
@@ -73,7 +73,7 @@ COORDS = "../odm_georeferencing/coords.txt"
 """Zone and offset of ODM."""
 
 BETTER = 2.0
-"""Measured positions must fit UTM so many times better before it is believed."""
+"""Factor by which measured positions must fit UTM better, so that UTM is taken."""
 
 LAT, LON, HEIGHT = Range(-90.0, 90.0), Range(-360.0, 360.0), Range(-12_000.0, 100_000.0)
 FOCAL = Range(1e-3, 1e3, "must be the focal length divided by the longer side of the image")
@@ -295,7 +295,7 @@ def _is_cameras(source: Path) -> bool:
 
 
 def _none_but(kind: str) -> dict[str, str]:
-    """Return names that no file has, for all kinds of files but one: it was given alone."""
+    """Return the names of absent files for all kinds but one, whose file was given alone."""
     others = {RECONSTRUCTION, TRACKS, *CAMERAS} - {kind}
     return dict.fromkeys(others, "\0")
 

@@ -48,7 +48,7 @@ from acx4tools.exchange.safe.json_tree import Node
 from acx4tools.exchange.safe.opened import Opened, Together, refusal
 
 BEGIN, END = "application/opf-", "+json"
-"""What stands around the names of JSON formats."""
+"""Prefix and suffix of the names of JSON formats."""
 
 PROJECT = "project"
 
@@ -825,10 +825,10 @@ UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From glTF's axes, y up, to those with z up."""
 
 SHARED = 4
-"""Times that the bytes of buffers are taken at most: meshes may share some, not all of them."""
+"""Largest number of times that the bytes of buffers are taken: meshes may share some of them."""
 
 COUNT_BITS = 40
-"""Bits of a range below the number of its matches."""
+"""Number of low bits of a range, below those with the number of its matches."""
 
 
 @dataclass(kw_only=True, eq=False)

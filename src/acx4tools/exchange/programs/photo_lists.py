@@ -33,7 +33,7 @@ IMAGE = Range(-1e7, 1e7)
 """Image coordinates, in micrometres or larger units."""
 
 END = "-99"
-"""What a block ends with; a list without any has headers of exactly two cells instead."""
+"""Mark of the end of a block; a list without marks has headers of exactly two cells."""
 
 CAMERA = "CAM"
 """Name of the camera where a header has none."""

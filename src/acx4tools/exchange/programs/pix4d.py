@@ -73,7 +73,7 @@ SAME_M, SAME_DEG, SAME_PX = 0.01, 1e-3, 0.5
 """Largest differences of two files of one project: positions, attitudes, matrices."""
 
 DISTANCE_M = 100.0
-"""Of the points by which matrices are compared."""
+"""Distance of the points by which matrices are compared."""
 
 ASSUMED = (
     "Pixels: Pix4D counts from the outer corner of the top-left one, so 0.5 is taken off",

@@ -37,7 +37,7 @@ from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.text_lines import COORDINATE, Line, Rows, first_views
 
 VERSION, FIXED = "NVM_V3", "FixedK"
-"""First cell of the file, and what follows it where one calibration was given for all images."""
+"""First cell of the file, and the cell after it if all images have one given calibration."""
 
 FOCAL = Range(1.0, 1e7, "must be a focal length in pixels")
 COEFFICIENT = Range(-100.0, 100.0)

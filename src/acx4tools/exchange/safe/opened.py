@@ -159,7 +159,7 @@ MOST_BYTES = 300_000_000
 """Largest size of a member, bytes; the XML of 100 000 images has that."""
 
 LARGEST_RATIO = 200
-"""Of a member's size to what it takes in the archive; text has about 10, a bomb 1000."""
+"""Largest ratio of a member's size to its packed size; text has about 10, a bomb 1000."""
 
 AT_A_TIME = 50_000
 """Packed bytes between two looks at this ratio."""
@@ -168,7 +168,7 @@ UNREADABLE = (
     *(zipfile.BadZipFile, zlib.error, struct.error),
     *(NotImplementedError, RuntimeError, OSError, EOFError, ValueError),
 )
-"""What `zipfile` raises for damaged archives."""
+"""Errors of `zipfile` for damaged archives."""
 
 
 def member(source: Opened, name: str) -> Opened:

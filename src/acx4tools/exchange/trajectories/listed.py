@@ -146,7 +146,7 @@ COMMENTS = "#"
 QUOTED_CELL = re.compile(r"\"[^\"]*\"")
 _NUMBER = Range(-1e12, 1e12)
 SPOILT = re.compile(r"[-+*.,]?\d|(nan|inf|infinity|na|n/a|null|none|[-*?.]+)$", re.IGNORECASE)
-"""A cell that is a number, or stands in the place of one: no word of a heading."""
+"""A cell with a number or with a mark in its place, not a word of a heading."""
 
 MOST = 10_000_000
 """Largest number of rows."""
@@ -154,7 +154,7 @@ MOST_BEFORE = 100
 """Lines among which a heading is looked for."""
 
 MOST_WORDS = 1000
-"""Number of words of a line by which it is told whether it is a heading."""
+"""Number of words of a line that decide whether it is a heading."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,7 +212,7 @@ class Listed:
 
 
 def left_out(listed: Listed, what: str, known: Mapping[str, str] = KNOWN) -> tuple[str, ...]:
-    """Return sentences on unread lines and columns; `what` names what they do not have."""
+    """Return sentences on unread lines and columns; `what` is the noun for the columns read."""
     k_skipped = [k for k, column in enumerate(listed.columns) if column.name == SKIP]
     heading = listed.heading.cells if listed.heading else ()
     named = [heading[k] if k < len(heading) else f"column {k + 1}" for k in k_skipped]

@@ -529,7 +529,7 @@ PHRASES = {
     r"(?:IMAGE |PHOTO )?(?:ID|NAME)": "image",
     r"HEIGHT": ELLIPSOIDAL,
 }
-"""What a heading calls its columns; the longer of two phrases first."""
+"""Phrases of a heading for its columns; the longer of two first."""
 
 # The group is empty and behind its phrase: a branch that begins with a letter is quickly refused.
 WORDS = re.compile("|".join(f"{p}(?![A-Z])(?P<_{k}>)" for k, p in enumerate(PHRASES)))

@@ -295,7 +295,7 @@ LIMITS = {
     "height": (-12_000.0, 100_000.0),
     **dict.fromkeys(("roll", "pitch", "heading", "wander"), (-10.0, 10.0)),
 }
-"""Between these lie the values of an SBET."""
+"""Least and largest values of an SBET."""
 
 POSITIVE = ("north", "east", "down", "roll", "pitch", "heading")
 
