@@ -170,6 +170,6 @@ def terrain_height(
     height = np.full(len(llh), mean_height)
     for amplitude, wavelength, azimuth_deg, phase in _HILLS:
         azimuth = np.radians(azimuth_deg)
-        way = east * np.sin(azimuth) + north * np.cos(azimuth)
-        height += relief * amplitude * np.sin(2 * np.pi * way / wavelength + phase)
+        along = east * np.sin(azimuth) + north * np.cos(azimuth)
+        height += relief * amplitude * np.sin(2 * np.pi * along / wavelength + phase)
     return height

@@ -581,9 +581,9 @@ def _spoil_track(
 ) -> tuple[Track, list[dict[str, Any]]]:
     """Shift one exposure, and turn another about its vertical axis."""
     shifted, turned = rng.choice(len(track.exposure), 2, replace=False)
-    way = rng.standard_normal(3)
+    direction = rng.standard_normal(3)
     x_g, turn_deg = track.x_g.copy(), np.zeros((len(track.exposure), 3))
-    shift = errors.gnss_m * way / np.linalg.norm(way)
+    shift = errors.gnss_m * direction / np.linalg.norm(direction)
     x_g[shifted] += shift
     turn_deg[turned, 2] = errors.heading_deg * rng.choice([-1.0, 1.0])
     spoiled = replace(

@@ -81,13 +81,13 @@ def _fly_strip(strip: Strip, rng: np.random.Generator) -> tuple[Array, Array, Ar
     """
     turn = np.radians(strip.turn_deg)
     ahead, aside = np.array([np.cos(turn), -np.sin(turn)]), np.array([np.sin(turn), np.cos(turn)])
-    way = (np.arange(strip.n) - (strip.n - 1) / 2) * strip.base_m
+    along = (np.arange(strip.n) - (strip.n - 1) / 2) * strip.base_m
     scatter = _SCATTER_M * np.clip(rng.standard_normal((strip.n, 3)), -2, 2)
     scatter[:, 0] = np.clip(scatter[:, 0], -_IN_TURN * strip.base_m, _IN_TURN * strip.base_m)
     places = np.empty((strip.n, 3))
     places[:, :2] = (
         np.array([strip.forward_m, strip.left_m])
-        + (way + scatter[:, 0])[:, None] * ahead
+        + (along + scatter[:, 0])[:, None] * ahead
         + scatter[:, 1:2] * aside
     )
     places[:, 2] = strip.height_m + scatter[:, 2]

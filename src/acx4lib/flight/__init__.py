@@ -1,9 +1,9 @@
 """A user's flight, its folder read and checked (section 3.2).
 
-`reader` says everything that is wrong with a folder at once, or returns the whole `Flight`; what
-is merely odd becomes a note; `from_tables` does the same with tables in memory. A flight's blocks
-are plain arrays, `block`; `design` tells how they were flown. `tables`, `table_files` and
-`toml_file` are the files as text; `settings`, `reader` and `readings` say what is wrong with them.
+`reader` lists all problems of a folder at once, or returns the whole `Flight`; odd values become
+notes; `from_tables` does the same with tables in memory. A flight's blocks are plain arrays,
+`block`; `design` has their heights, strips and overlaps. `tables`, `table_files` and `toml_file`
+are the files as text; `settings`, `reader` and `readings` find the problems in them.
 Layout and rules of the folder: part *Your own flight* of the book. Begin with `reader`, then
 `block`; after them `settings`, `block_from_tables`, `problems`, `summary`.
 """

@@ -146,8 +146,8 @@ def _empty(table: str, path: Path) -> Table:
 
 def index_of(names: Iterable[str], known: Sequence[str]) -> Index:
     """Return the indices of names among known ones, -1 for an unknown name."""
-    where = {name: i for i, name in enumerate(known)}
-    return np.fromiter(map(where.get, names, repeat(-1)), dtype=np.intp)
+    index = {name: i for i, name in enumerate(known)}
+    return np.fromiter(map(index.get, names, repeat(-1)), dtype=np.intp)
 
 
 def used_exposures(tables: BlockTables) -> Mask:

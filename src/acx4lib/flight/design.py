@@ -108,13 +108,13 @@ def directions(block: Block) -> Array:
     -------
     ndarray, shape (n_exposures, 2)
     """
-    way = block.trajectory.T_m_b.R[:, :2, 0].copy()
+    direction = block.trajectory.T_m_b.R[:, :2, 0].copy()
     strips = np.array(strip_of_exposure(block), dtype=object)
     for strip in sorted(set(strips) - {""}):
         exposures = np.flatnonzero(strips == strip)
         if len(exposures) > 1:
-            way[exposures] = np.gradient(block.trajectory.T_m_b.r[exposures, :2], axis=0)
-    return way / np.linalg.norm(way, axis=1, keepdims=True)
+            direction[exposures] = np.gradient(block.trajectory.T_m_b.r[exposures, :2], axis=0)
+    return direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
 def footprints(block: Block) -> Array:
@@ -168,7 +168,7 @@ def _level(block: Block, strips: Sequence[str], strip_of: Array) -> Level:
     per_camera = np.bincount(block.images.camera_idx, minlength=len(block.cameras))
     present = np.flatnonzero(per_camera)
     n_images = np.isin(block.images.exposure_idx, exposures).sum()
-    way = directions(block)[exposures]
+    direction = directions(block)[exposures]
     image_idx, share = forward_overlaps(block)
     return Level(
         strips=tuple(strips),
@@ -178,7 +178,7 @@ def _level(block: Block, strips: Sequence[str], strip_of: Array) -> Level:
         images_per_strip=float(n_images / len(present) / len(strips)),
         forward_overlap=_median(share[np.isin(block.images.exposure_idx[image_idx], exposures)]),
         side_overlap=_side_overlap(block, strips, strip_of),
-        n_directions=1 + int(np.any(way @ way[0] < 0)),
+        n_directions=1 + int(np.any(direction @ direction[0] < 0)),
     )
 
 
@@ -194,8 +194,8 @@ def _overlap(block: Block, images: Index, shift: Array) -> Array:
         R_m_c = T_m_b.R[of_camera] @ camera.T_b_c.R
         moved = transform(np.swapaxes(R_m_c, -1, -2), shift[of_camera])[:, :2]
         size = camera.pixel_mm / camera.interior.f * np.array([camera.width_px, camera.height_px])
-        rest = np.maximum(1 - np.abs(moved) / (height[of_camera, None] * size), 0)
-        share[of_camera] = rest.prod(axis=1)
+        share_xy = np.maximum(1 - np.abs(moved) / (height[of_camera, None] * size), 0)
+        share[of_camera] = share_xy.prod(axis=1)
     return share
 
 
@@ -224,20 +224,22 @@ def forward_overlaps(block: Block) -> tuple[Index, Array]:
 
 def _side_overlap(block: Block, strips: Sequence[str], strip_of: Array) -> float:
     """Return the median overlap of each strip with the nearest parallel one."""
-    r, way = block.trajectory.T_m_b.r, directions(block)
+    r, direction = block.trajectory.T_m_b.r, directions(block)
     shares = []
     for strip in strips:
         in_strip = strip_of == strip
-        along = np.append(way[in_strip].mean(axis=0), 0.0)
+        along = np.append(direction[in_strip].mean(axis=0), 0.0)
         along /= np.linalg.norm(along)
-        apart = []
+        spacings = []
         for other in strips:
-            parallel = abs(way[strip_of == other].mean(axis=0) @ along[:2]) > np.cos(np.radians(20))
+            parallel = abs(direction[strip_of == other].mean(axis=0) @ along[:2]) > np.cos(
+                np.radians(20)
+            )
             if other != strip and parallel:
                 d = (r[strip_of == other].mean(axis=0) - r[in_strip].mean(axis=0)) * [1.0, 1.0, 0.0]
-                apart.append(d - along * (d @ along))
-        if apart:
-            nearest = min(apart, key=lambda d: float(d @ d))
+                spacings.append(d - along * (d @ along))
+        if spacings:
+            nearest = min(spacings, key=lambda d: float(d @ d))
             images = np.flatnonzero(in_strip[block.images.exposure_idx])
             shares.append(_median(_overlap(block, images, np.tile(nearest, (len(images), 1)))))
     return _median(np.array(shares))
@@ -429,7 +431,7 @@ def with_lever_arm(block: Block, lever_m: Sequence[float], *, camera: str = "") 
     lever_m : sequence of float
         Along the body's x, y, z (forward, left, up), m.
     camera : str, optional
-        The camera that it is of; all by default.
+        Camera whose lever arm changes; all by default.
 
     Raises
     ------

@@ -54,7 +54,7 @@ class Flight(Setup):
     Attributes
     ----------
     path : Path
-        Its folder; a name that says so, where it was made of tables in memory.
+        Its folder; `PLACE` for a flight from tables in memory.
     pictures : Path
         Folder with its pictures: the same as `path`, unless the flight is a copy kept by a run.
     sha256 : dict of str to str
@@ -364,7 +364,7 @@ def _notes(tables: BlockTables) -> Iterator[str]:
     count = Counter(tables.image_points.text["image"])
     few = [name for name, n in count.items() if n < LEAST_ORIENTING and tables.name != VALIDATED]
     rows, control = len(tables.trajectory), len(tables.control)
-    for n, says in (
+    for n, phrase in (
         (
             sum(tables.rays[name] == 1 for name in ties),
             f"of {len(ties)} tie points are measured only once",
@@ -385,7 +385,7 @@ def _notes(tables: BlockTables) -> Iterator[str]:
         ),
     ):
         if n:
-            yield f"{tables.name}: {n} {says}"
+            yield f"{tables.name}: {n} {phrase}"
 
 
 def _some(names: list[str]) -> str:
@@ -418,7 +418,7 @@ def from_tables(
     settings : mapping
         The keys of flight.toml, nested as there: name, crs, heights, cameras and so on.
     control_points : table, optional
-        Of all blocks that have none of their own.
+        For all blocks without their own.
     heads, calibration, validation : mapping of str to table, optional
         ``images``, ``image_points``, ``trajectory``; if there are some, ``distances``; if the
         block has its own, ``control_points``. A table is a DataFrame or a dict of arrays; its
@@ -935,11 +935,11 @@ def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:
         lon, lat = block.frame.origin
         lon += 0.0 if crs.prime_meridian is None else crs.prime_meridian.longitude
         if not holds(area.bounds, lon, lat):
-            called = shorten(area.name.rstrip("."), 80, placeholder=" …")
+            area_name = shorten(area.name.rstrip("."), 80, placeholder=" …")
             yield (
                 f"{name}: the exposures are at {_place(lon, lat)}, but {grid.crs} ({crs.name}) is "
                 f"meant for {_place(area.west, area.south)} to {_place(area.east, area.north)}, "
-                f"{called}: is it the right CRS?"
+                f"{area_name}: is it the right CRS?"
             )
 
 
@@ -996,14 +996,14 @@ def sentence(block: Block) -> str:
     """Name the exposures and control points that stand out, as part of a sentence."""
     poses, trajectory = block.trajectory.T_m_b, block.trajectory
     middle = np.median(poses.r, axis=0)
-    apart = np.linalg.norm(poses.r - middle, axis=1)
-    usual = max(float(np.median(apart)), 1.0)
+    distance = np.linalg.norm(poses.r - middle, axis=1)
+    usual = max(float(np.median(distance)), 1.0)
     up = np.median(poses.R[:, :, 2], axis=0)
     tilt = np.arccos(np.clip(poses.R[:, :, 2] @ up / max(float(np.linalg.norm(up)), 1e-9), -1, 1))
     names = [block.points[i] for i in block.control.point_idx]
     survey = np.linalg.norm(block.control.x_m - middle, axis=1)
     parts = [
-        *_named("exposure", trajectory.exposures, apart / usual / FAR),
+        *_named("exposure", trajectory.exposures, distance / usual / FAR),
         *_named("exposure", trajectory.exposures, tilt / TILTED),
         *_named("control point", names, survey / usual / FAR),
     ]
@@ -1011,6 +1011,6 @@ def sentence(block: Block) -> str:
 
 
 def _named(kind: str, names: Sequence[str], size: Array) -> list[str]:
-    """Name up to `MOST_NAMED` entries, those with the largest sizes above one."""
+    """Name the entries with the largest sizes above one, up to `MOST_NAMED`."""
     worst = [i for i in np.argsort(-size)[:MOST_NAMED] if not size[i] <= 1]
     return [f"{kind} {names[i]}" for i in worst]

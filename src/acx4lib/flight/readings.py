@@ -145,8 +145,8 @@ def fit_problems(tables: BlockTables, setup: Setup, toml: Toml) -> Iterator[Prob
         for name, mine in islice(wrong.items(), SHOWN):
             yield _one_camera(tables, setup, toml, (name, mine))
         if len(wrong) > SHOWN:
-            says = f"control points do not fit images of {len(wrong) - SHOWN} more cameras"
-            yield toml.problem(("cameras",), says, "must lie near their measurements")
+            fault = f"control points do not fit images of {len(wrong) - SHOWN} more cameras"
+            yield toml.problem(("cameras",), fault, "must lie near their measurements")
     elif misfits.ratio(MOST) > 1:
         problem, explained = _whole_block(tables, setup, toml, misfits)
         if explained or misfits.ratio(0.5) > 1:
@@ -198,10 +198,10 @@ def _whole_block(
 ) -> tuple[Problem, bool]:
     """Return the problem of a block, and whether a usual mistake explains it."""
     problem = _problem(tables, misfits, "control points")
-    best, says = _best(_mistakes(_thinned(tables), setup))
+    best, explanation = _best(_mistakes(_thinned(tables), setup))
     if best is None:
         return replace(problem, found=f"{problem.found}; {_where(tables, setup)}"), False
-    problem = replace(problem, found=f"{problem.found}; {says}")
+    problem = replace(problem, found=f"{problem.found}; {explanation}")
     if best.where == "mount":
         return _at_mount(problem, toml, min(tables.images.text["camera"])), True
     table: Table = getattr(tables, best.where)
@@ -214,14 +214,14 @@ def _one_camera(
     name, misfits = camera_misfits
     camera = dict(zip(tables.images.text["image"], tables.images.text["camera"], strict=True))
     keep = np.array([camera[i] == name for i in tables.image_points.text["image"]], dtype=bool)
-    alone = replace(
+    of_camera = replace(
         tables,
         image_points=tables.image_points.select(keep),
         images=_named(tables.images, "camera", [name]),
     )
-    _, says = _best(_mounting_mistakes(_thinned(alone), setup, only=name))
+    _, explanation = _best(_mounting_mistakes(_thinned(of_camera), setup, only=name))
     problem = _problem(tables, misfits, f"control points in images of {name}")
-    return _at_mount(replace(problem, found=f"{problem.found}; {says}"), toml, name)
+    return _at_mount(replace(problem, found=f"{problem.found}; {explanation}"), toml, name)
 
 
 def _best(candidates: Iterator[_Mistake]) -> tuple[_Mistake | None, str]:
@@ -240,7 +240,7 @@ def _best(candidates: Iterator[_Mistake]) -> tuple[_Mistake | None, str]:
 
 def _problem(tables: BlockTables, misfits: Misfit, points: str) -> Problem:
     median = float(np.median(misfits.distance_px))
-    where = (
+    place = (
         f"{median:.0f} px from their measurements" if np.isfinite(median) else "behind the camera"
     )
     allowed = np.median(misfits.allowed_px)
@@ -249,7 +249,7 @@ def _problem(tables: BlockTables, misfits: Misfit, points: str) -> Problem:
         file=tables.control.file,
         line=1,
         column="east_m",
-        found=f"{points} lie {where} (median; {outside} of {len(misfits)} too far) with the "
+        found=f"{points} lie {place} (median; {outside} of {len(misfits)} too far) with the "
         f"trajectory of {tables.trajectory.file} and the points of {tables.control.file}",
         expected=f"must be below {allowed:.0f} px, a quarter of the image diagonal",
     )
@@ -265,15 +265,15 @@ def _where(tables: BlockTables, setup: Setup) -> str:
     with np.errstate(all="ignore"):
         block = assemble(tables, setup)
     surveyed = np.concatenate([block.control.x_m, block.check.x_m])
-    apart = surveyed.mean(axis=0) - block.trajectory.T_m_b.r.mean(axis=0)
+    shift = surveyed.mean(axis=0) - block.trajectory.T_m_b.r.mean(axis=0)
     doubt = (
         f" (is {setup.grid.crs} the right CRS?)"
-        if np.hypot(*apart[:2]) > FAR and not setup.grid.is_local
+        if np.hypot(*shift[:2]) > FAR and not setup.grid.is_local
         else ""
     )
     return (
         "no usual mistake explains it; the control points' middle lies "
-        f"{apart[0]:.0f} m east, {apart[1]:.0f} m north and {apart[2]:.0f} m up of the exposures'"
+        f"{shift[0]:.0f} m east, {shift[1]:.0f} m north and {shift[2]:.0f} m up of the exposures'"
         f"{doubt}"
     )
 
@@ -324,21 +324,21 @@ def _swapped(table: Table, a: str, b: str) -> Table:
     return _changed(table, **{a: table.numbers[b], b: table.numbers[a]})
 
 
-def _position_mistakes(tables: BlockTables, setup: Setup, where: str) -> Iterator[_Mistake]:
-    table: Table = getattr(tables, where)
+def _position_mistakes(tables: BlockTables, setup: Setup, kind: str) -> Iterator[_Mistake]:
+    table: Table = getattr(tables, kind)
 
-    def undone(column: str, says: str, changed: Table) -> _Mistake:
+    def undone(column: str, mistake: str, changed: Table) -> _Mistake:
         return _Mistake(
-            where=where,
+            where=kind,
             column=column,
-            says=f"{says} in {table.file}",
+            says=f"{mistake} in {table.file}",
             tables=replace(tables, control=changed)
-            if where == "control"
+            if kind == "control"
             else replace(tables, trajectory=changed),
             setup=setup,
         )
 
-    if where == "control":
+    if kind == "control":
         height, lonlat = table.numbers["height_m"], lonlat_of(table, setup.grid)
         for meaning, other in height_readings(height, lonlat, setup.grid):
             changed = _changed(table, height_m=other)
@@ -349,8 +349,8 @@ def _position_mistakes(tables: BlockTables, setup: Setup, where: str) -> Iterato
         degrees = {name: np.degrees(table.numbers[name]) for name in ("lat_deg", "lon_deg")}
         yield undone("lat_deg", f"{both} in radians", _changed(table, **degrees))
         return
-    says = "east_m and north_m were swapped"
-    yield undone("east_m", says, _swapped(table, "east_m", "north_m"))
+    mistake = "east_m and north_m were swapped"
+    yield undone("east_m", mistake, _swapped(table, "east_m", "north_m"))
     for zone, east_north in _other_zones(setup.grid, table.stack("east_m", "north_m")):
         moved = _changed(table, east_m=east_north[:, 0], north_m=east_north[:, 1])
         yield undone("east_m", f"east_m and north_m were of UTM zone {zone}", moved)
@@ -421,7 +421,7 @@ def _mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> 
         ("of the inverse rotation, body to camera", _inverse),
         *(("of other signs", _signs(*signs)) for signs in SIGNS),
     ]
-    for says, turned in turns:
+    for mistake, turned in turns:
         cameras = {
             name: _remounted(camera, turned) if name in names else camera
             for name, camera in setup.cameras.items()
@@ -429,7 +429,7 @@ def _mounting_mistakes(tables: BlockTables, setup: Setup, *, only: str = "") -> 
         mounted = [cameras[name] for name in names]
         yield _Mistake(
             where="mount",
-            says=f"the camera axes were {says}: {_angles(mounted)}{_or_of_the_camera(mounted)}",
+            says=f"the camera axes were {mistake}: {_angles(mounted)}{_or_of_the_camera(mounted)}",
             tables=tables,
             setup=replace(setup, cameras=cameras),
         )
@@ -445,8 +445,8 @@ def _angles(cameras: list[Camera]) -> str:
 
 def _or_of_the_camera(cameras: list[Camera]) -> str:
     """Return the other explanation of a mounting without rotation: angles of the camera."""
-    alone = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=NO_TURN)
-    return ", or the angles are of the camera, not of the body" if alone else ""
+    unturned = len(cameras) == 1 and np.allclose(cameras[0].T_b_c.R, np.eye(3), atol=NO_TURN)
+    return ", or the angles are of the camera, not of the body" if unturned else ""
 
 
 def _inverse(R_b_c: Array) -> Array:

@@ -104,11 +104,11 @@ def _whole_problem(header: Sequence[str], schema: Schema) -> tuple[str, str] | N
     separators = {";": "semicolons", "\t": "tabs"}
     if set(name.split(" ")) & set(schema.known):
         separators[" "] = "spaces"
-    called = [says for separator, says in separators.items() if separator in name]
-    if others or not called:
+    used = [label for separator, label in separators.items() if separator in name]
+    if others or not used:
         return None
     return (
-        f"is separated by {called[0]}",
+        f"is separated by {used[0]}",
         "must be separated by commas, numbers with decimal points",
     )
 
@@ -286,8 +286,8 @@ def _repeated(table: Table, key: tuple[str, ...]) -> Iterator[Problem]:
         again &= np.fromiter(map(bool, cells), dtype=bool, count=len(cells))
 
     def problem(row: int) -> Problem:
-        called = ", ".join(quoted(cells[row]) for cells in columns)
-        fault = f"{called} stands in {table.counts} {table.lines[first[row]]} already"
+        listed = ", ".join(quoted(cells[row]) for cells in columns)
+        fault = f"{listed} stands in {table.counts} {table.lines[first[row]]} already"
         return table.problem(row, ", ".join(key), fault, f"every {' and '.join(key)} once")
 
     yield from counted(np.flatnonzero(again), problem)
@@ -338,7 +338,7 @@ def read_bytes(
         return b"", (problem,)
 
     try:
-        size, data = _content(path, most)
+        size, content = _content(path, most)
     except FileNotFoundError:
         if path.is_symlink():
             return wrong("is a link to nothing", "must be a readable file")
@@ -346,31 +346,31 @@ def read_bytes(
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         reason = getattr(error, "strerror", None) or error
         return wrong(f"cannot be read ({reason})", "must be a readable file")
-    if data is None:
+    if content is None:
         allowed = f"must have at most {most} bytes" if most else "must fit into free memory"
         needs = "" if most else f", reading it takes {EXPANSION} times as much memory"
         return wrong(f"has {size} bytes{needs}", allowed)
-    if len(data) != size:
+    if len(content) != size:
         return wrong("changed while it was read", "must be complete before it is read")
-    return data, ()
+    return content, ()
 
 
 def read_text(
     path: Path, file: str, *, needed_by: str = "a flight", most: int | None = None
 ) -> tuple[str, str, tuple[Problem, ...]]:
     """Return a file's text without byte-order mark, its SHA-256, and its problems."""
-    data, problems = read_bytes(path, file, needed_by=needed_by, most=most)
+    content, problems = read_bytes(path, file, needed_by=needed_by, most=most)
     if problems:
         return "", "", problems
     try:
-        text = data.decode("utf-8-sig")
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        offset, fault = error.start, f"byte 0x{data[error.start]:02x} is not UTF-8"
+        offset, fault = error.start, f"byte 0x{content[error.start]:02x} is not UTF-8"
     else:
-        offset, fault = data.find(b"\0"), "holds a null character"
+        offset, fault = content.find(b"\0"), "holds a null character"
         if offset < 0:
-            return text, hashlib.sha256(data).hexdigest(), ()
-    line = data.count(b"\n", 0, offset) + 1
+            return text, hashlib.sha256(content).hexdigest(), ()
+    line = content.count(b"\n", 0, offset) + 1
     expected = "must be UTF-8 text"
     problem = Problem(file=file, line=line, column="file", found=fault, expected=expected)
     return "", "", (problem,)
@@ -607,7 +607,7 @@ def _is_name(value: object) -> bool:
 
 
 def _is_missing(value: object) -> bool:
-    """Tell whether a cell is empty; pandas' NA cannot be compared, so its type is."""
+    """Tell whether a cell is empty: None, or by its type pandas' NA, which cannot be compared."""
     return value is None or type(value).__name__ in ("NAType", "NaTType")
 
 
@@ -625,6 +625,6 @@ def _checksum(table: Table) -> str:
     for column, cells in table.text.items():
         whole.update(column.encode())
         values = table.numbers.get(column)
-        data = "\0".join(cells).encode() if values is None else values.tobytes()
-        whole.update(data)
+        content = "\0".join(cells).encode() if values is None else values.tobytes()
+        whole.update(content)
     return whole.hexdigest()

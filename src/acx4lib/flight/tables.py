@@ -414,7 +414,7 @@ def read_rows(
     wanted : dict of str to int
         The columns to keep, with their positions.
     names : collection of str
-        Those of them that hold names.
+        The columns among them that hold names.
     """
     body = text.rstrip("\r\n")
     tail = text[len(body) :]
@@ -430,8 +430,8 @@ def read_rows(
         return rows, ()
     numbered = _Numbered(body)
     try:
-        for lines, some in numbered.parts():
-            rows.add(lines, some)
+        for lines, part_rows in numbered.parts():
+            rows.add(lines, part_rows)
             if len(rows.ragged) + len(rows.blank) > TOO_MANY:
                 return rows, ()
     except csv.Error as error:

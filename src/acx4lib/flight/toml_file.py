@@ -163,7 +163,7 @@ def _too_much(text: str, file: str) -> Problem | None:
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str | None, _Place]]:
-    """Yield words, strings and marks with their place, one object that is updated."""
+    """Yield words, strings and marks with their place, the same object throughout."""
     place, after_dot = _Place(), False
     for match in _TOKEN.finditer(text):
         token, kind = match[0], match.lastgroup
@@ -283,8 +283,8 @@ def number(allowed: Range) -> Value:
         elif value not in allowed:
             yield toml.problem(keys, f"{quoted(value)}{_unit_hint(keys[-1], value)}", str(allowed))
 
-    says = re.sub(r"^must (be|lie) (a )?", "", str(allowed))
-    return Value(re.sub(r"e\+0*", "e", says.replace(" -", " −")), problems)
+    requirement = re.sub(r"^must (be|lie) (a )?", "", str(allowed))
+    return Value(re.sub(r"e\+0*", "e", requirement.replace(" -", " −")), problems)
 
 
 def numbers(n: int, allowed: Range, expected: str = "", *, alone: bool = False) -> Value:
@@ -351,14 +351,14 @@ def choices(values: tuple[str, ...]) -> Value:
 
 def date(*, timed: bool = False) -> Value:
     """Describe a date; with a time of day only if `timed`."""
-    says = "date without quotes, as 2026-05-02"
+    requirement = "date without quotes, as 2026-05-02"
 
     def problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
         value = toml.get(*keys)
         if not isinstance(value, dt.date) or (isinstance(value, dt.datetime) and not timed):
-            yield toml.problem(keys, quoted(value), f"must be a {says}")
+            yield toml.problem(keys, quoted(value), f"must be a {requirement}")
 
-    return Value(says, problems)
+    return Value(requirement, problems)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -85,7 +85,7 @@ class Rendered:
     problems : tuple of str
         Reasons for missing images, one line each, which begins with the exposure.
     notes : tuple of str
-        What they were made with, and remarks for the user.
+        Input of the images, and remarks for the user.
     """
 
     rendered: tuple[str, ...]

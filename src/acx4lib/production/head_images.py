@@ -267,11 +267,11 @@ def _unlike(paths: Sequence[Path], pixels: Sequence[ImageFile]) -> list[str]:
         "is at {} of the size": [f"1/{file.reduction}" for file in pixels],
     }
     problems = []
-    for says, values in kinds.items():
+    for message, values in kinds.items():
         usual = Counter(values).most_common(1)[0][0]
         others = f"the other heads have {usual}; all must be alike"
         problems += [
-            f"{path}: {says.format(value)}, {others}"
+            f"{path}: {message.format(value)}, {others}"
             for path, value in zip(paths, values, strict=True)
             if value != usual
         ]

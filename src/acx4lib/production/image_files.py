@@ -348,8 +348,8 @@ def _decoded(path: Path, header: _Header) -> Raster:
     with _readable(path), tiff_files.opened(path) as tiff:
         image = tiff.pages.first.asarray(squeeze=False)
     planes = np.moveaxis(image[:, 0], 0, 2)  # rows, columns, planes, bands of a plane
-    together = planes.reshape(header.height, header.width, header.bands)
-    return np.ascontiguousarray(together, dtype=header.dtype)
+    pixels = planes.reshape(header.height, header.width, header.bands)
+    return np.ascontiguousarray(pixels, dtype=header.dtype)
 
 
 # --- The size of a JPEG or PNG by its header, before any pixel is unpacked

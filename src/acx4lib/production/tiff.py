@@ -199,9 +199,9 @@ def _directory(file: BinaryIO, kind: _Kind, offset: int) -> Iterator[tuple[int, 
     (n,) = kind.number.unpack(file.read(kind.number.size))
     if n > MOST_TAGS:
         return
-    data = file.read(n * kind.tag.size)
-    whole = len(data) // kind.tag.size * kind.tag.size
-    for code, tag_type, count, value in kind.tag.iter_unpack(data[:whole]):
+    content = file.read(n * kind.tag.size)
+    whole = len(content) // kind.tag.size * kind.tag.size
+    for code, tag_type, count, value in kind.tag.iter_unpack(content[:whole]):
         yield code, count * SIZES.get(tag_type, 8), value
 
 
@@ -569,14 +569,14 @@ class _Pyramid:
     def _add(self, stripe: Raster, level: int) -> None:
         """Add rows to a level, and their halved rows to the next level."""
         if level:
-            at = self._start[level] + self._done[level] * self._row_bytes(level)
-            self._file.seek(at)
+            offset = self._start[level] + self._done[level] * self._row_bytes(level)
+            self._file.seek(offset)
             self._file.write(np.ascontiguousarray(stripe).data)
         self._done[level] += len(stripe)
         if level + 1 == len(self._sizes):
             return
-        rest = self._rest[level]
-        rows = stripe if rest is None else np.concatenate([rest, stripe])
+        leftover = self._rest[level]
+        rows = stripe if leftover is None else np.concatenate([leftover, stripe])
         ended = self._done[level] == self._sizes[level][0]
         paired = len(rows) if ended else len(rows) - len(rows) % 2
         self._rest[level] = rows[paired:].copy() if paired < len(rows) else None
@@ -596,5 +596,5 @@ class _Pyramid:
         for row in range(0, rows, height):
             n = min(height, rows - row)
             self._file.seek(self._start[level] + row * self._row_bytes(level))
-            data = self._file.read(n * self._row_bytes(level))
-            yield np.frombuffer(data, dtype=self._dtype).reshape(n, cols, self._bands)
+            content = self._file.read(n * self._row_bytes(level))
+            yield np.frombuffer(content, dtype=self._dtype).reshape(n, cols, self._bands)

@@ -327,7 +327,7 @@ def _entries_of_weak(
 def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     """Return warnings and remarks on an adjustment, one sentence each."""
     left_out = bundle.network.left_out.items()
-    notes = [f"{n} tie point{'s' * (n > 1)} {why} left out" for why, n in left_out]
+    notes = [f"{n} tie point{'s' * (n > 1)} {reason} left out" for reason, n in left_out]
     of_sigma = (
         rough_boresights(calibration),
         jackknife.sentence(calibration),

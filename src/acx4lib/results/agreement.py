@@ -168,9 +168,9 @@ def _square(
         return
     places = np.full((len(names), len(names)), -1)
     places[row, column] = np.arange(len(long))
-    alone = np.flatnonzero(places[column, row] < 0)
+    unpaired = np.flatnonzero(places[column, row] < 0)
     expected = "must have a row with row and column exchanged"
-    yield from _of_lines(found, long.index.to_numpy()[alone], "row", long, expected)
+    yield from _of_lines(found, long.index.to_numpy()[unpaired], "row", long, expected)
     lacking = _lacking(places, names, method)
     if len(lacking):
         i, j = lacking[0]
@@ -182,7 +182,7 @@ def _square(
             found=f"{len(lacking)} rows of {'/'.join(method)} are missing, {pair}",
             expected="must have a row for every pair of its parameters",
         )
-    elif not len(alone):
+    elif not len(unpaired):
         values = np.where(places < 0, 0.0, long["value"].fillna(0.0).to_numpy()[places])
         yield from _positive(found, long, places, values)
 

@@ -93,11 +93,11 @@ def read_run(folder: str | Path) -> Run:
     FlightError
         Where the folder has no results, or they or the kept flight were changed.
     """
-    at = results.of_run(folder)
-    verify(at)
-    origin = read(at)
-    flight = _read_flight(at, origin)
-    return Run(found=agreement.read(at, flight), flight=flight, provenance=origin)
+    path = results.of_run(folder)
+    verify(path)
+    origin = read(path)
+    flight = _read_flight(path, origin)
+    return Run(found=agreement.read(path, flight), flight=flight, provenance=origin)
 
 
 def _read_flight(folder: Path, origin: Provenance) -> Flight:
@@ -162,7 +162,7 @@ def results_before(folder: str | Path, stages: Sequence[str], flight: Flight) ->
         raise FlightError([_not_run(path, lacking, flight)])
     last = max(map(STAGES.index, stages), default=len(STAGES) - 2)
     for stage in STAGES[: last + 1]:  # a run of all stages has not yet replaced those after it
-        other = _named(run_results.summary, stage, of=mine)
+        other = _named(run_results.summary, stage, flight_identity=mine)
         if other:
             cure = f"run stage {stage} of this flight first"
             if stage == "mounting":
@@ -191,7 +191,7 @@ def check_kept(run: Run, stage: str) -> None:
         With both flights.
     """
     mine = {"name": run.flight.name, "sha256": run.provenance.digest}
-    other = _named(run.found.summary, stage, of=mine)
+    other = _named(run.found.summary, stage, flight_identity=mine)
     stamped = str(run.provenance.stages.get(stage, {}).get("flight", mine["sha256"]))
     if not other and stamped != mine["sha256"]:
         other = {"name": "", "sha256": stamped}
@@ -201,7 +201,7 @@ def check_kept(run: Run, stage: str) -> None:
 
 
 def _named(
-    summary: Mapping[str, Mapping[str, object]], stage: str, *, of: Mapping[str, str]
+    summary: Mapping[str, Mapping[str, object]], stage: str, *, flight_identity: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the identity of another flight in a stage's results; empty without any."""
     for name, entry in summary.items():
@@ -209,18 +209,18 @@ def _named(
         if (
             name.startswith(f"{stage}/")
             and isinstance(named, dict)
-            and named["sha256"] != of["sha256"]
+            and named["sha256"] != flight_identity["sha256"]
         ):
             return named
     return {}
 
 
 def _stamped(
-    folder: Path, kept: Provenance, stage: str, *, of: Mapping[str, str]
+    folder: Path, kept: Provenance, stage: str, *, flight_identity: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the identity of another flight of a stage in provenance.json; empty without any."""
-    sha256 = str(kept.stages.get(stage, {}).get("flight", of["sha256"]))
-    if sha256 == of["sha256"]:
+    sha256 = str(kept.stages.get(stage, {}).get("flight", flight_identity["sha256"]))
+    if sha256 == flight_identity["sha256"]:
         return {}
     toml = folder / KEPT / "flight.toml"
     is_kept = sha256 == kept.digest and toml.is_file()
@@ -458,7 +458,8 @@ def _check_left(folder: Path, flight: Flight, stages: Sequence[str]) -> None:
     """Check that the results of stages not run again are of the same flight."""
     kept, summary, mine = _read(folder), results.entries(folder), identity(flight)
     others = {
-        stage: _named(summary, stage, of=mine) or _stamped(folder, kept, stage, of=mine)
+        stage: _named(summary, stage, flight_identity=mine)
+        or _stamped(folder, kept, stage, flight_identity=mine)
         for stage in results.STAGES
         if stage not in stages
     }

@@ -176,11 +176,11 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
     """Return the residuals of all used observations, with their names as categories."""
     groups = [group for group in bundle.solution.groups if group.kind in COMPONENTS]
     used = [group.used for group in groups]
-    where, points, components, units = [], [], [], []
+    places, points, components, units = [], [], [], []
     for group, mask in zip(groups, used, strict=True):
         rows, columns = np.nonzero(mask)
         (images, image_idx), (names, point_idx) = _observed_at(bundle.network, group.kind)
-        where.append((images, image_idx[rows]))
+        places.append((images, image_idx[rows]))
         points.append((names, point_idx[rows]))
         components.append((COMPONENTS[group.kind], columns))
         units.append(np.full(len(rows), unit_of(group.kind)))
@@ -194,7 +194,7 @@ def _residual_table(stage: str, method: str, bundle: Bundle) -> pd.DataFrame:
             "stage": _named([_alike(len(unit), stage)]),
             "method": _named([_alike(len(unit), method)]),
             "kind": _named([_alike(len(u), g.kind) for g, u in zip(groups, units, strict=True)]),
-            "image_or_exposure": _named(where),
+            "image_or_exposure": _named(places),
             "point": _named(points),
             "component": _named(components),
             "v": unit * values["v"],
@@ -254,21 +254,25 @@ def rejected_table(
     """Return the table of the observations rejected as gross errors."""
     rows = []
     for r in rejected:
-        where, point, quantity = "", "", "measurement"
+        image_or_exposure, point, quantity = "", "", "measurement"
         if r.kind == "image_point":
-            where = block.images.names[block.image_points.image_idx[r.row]]
+            image_or_exposure = block.images.names[block.image_points.image_idx[r.row]]
             point = block.points[block.image_points.point_idx[r.row]]
         elif r.kind == "control_point":
             point = block.points[block.control.point_idx[r.row]]
             quantity = (*COMPONENTS["control_point"], "position")[r.component]  # -1: position
         elif r.kind == "distance":
             ends = block.distances.point_idx[r.row]
-            point, where, quantity = block.points[ends[0]], block.points[ends[1]], "distance"
+            point, image_or_exposure, quantity = (
+                block.points[ends[0]],
+                block.points[ends[1]],
+                "distance",
+            )
         else:
-            where = pose_names[r.row]
+            image_or_exposure = pose_names[r.row]
             quantity = "position" if r.kind == "gnss" else "attitude"
         reason = f"{quantity}: w = {r.statistic:.1f} exceeds {r.limit:.3g}"
-        rows.append((stage, method, r.kind, where, point, r.statistic, reason))
+        rows.append((stage, method, r.kind, image_or_exposure, point, r.statistic, reason))
     return _frame("rejected", rows)
 
 

@@ -69,7 +69,7 @@ class Schema:
     Attributes
     ----------
     columns : tuple of str
-        All of them, in the order in which they are written.
+        All columns, in the order of the file.
     ranges : mapping
         Ranges of the columns of numbers; the others are text.
     needed : tuple of str
@@ -372,8 +372,8 @@ def _typed(file: BinaryIO, schema: Schema) -> pd.DataFrame:
 def _broken(path: Path, file: BinaryIO, reason: str) -> FlightError:
     """Return the error of a broken table: no text, wrong widths, no numbers, no line end."""
     file.seek(0)
-    data = file.read()
-    faults = [*_no_text(data)] or [*_no_cells(data, SCHEMAS[path.stem])]
+    content = file.read()
+    faults = [*_no_text(content)] or [*_no_cells(content, SCHEMAS[path.stem])]
     faults = faults or [(1, "file", " ".join(reason.split())[:SAID], "must be a table of results")]
     problems = (
         Problem(
@@ -388,22 +388,22 @@ Wrong = tuple[int, str, str, str]
 """Line, column, content and expected content."""
 
 
-def _no_text(data: bytes) -> Iterator[Wrong]:
+def _no_text(content: bytes) -> Iterator[Wrong]:
     """Yield the first byte that is no text."""
     try:
-        offset, fault = data.decode().find("\0"), "holds a null character"
+        offset, fault = content.decode().find("\0"), "holds a null character"
     except UnicodeDecodeError as error:
-        offset, fault = error.start, f"byte 0x{data[error.start]:02x} is not UTF-8"
+        offset, fault = error.start, f"byte 0x{content[error.start]:02x} is not UTF-8"
     else:
-        offset = data.find(b"\0") if offset >= 0 else offset
+        offset = content.find(b"\0") if offset >= 0 else offset
     if offset >= 0:
-        yield data.count(b"\n", 0, offset) + 1, "file", fault, "must be UTF-8 text"
+        yield content.count(b"\n", 0, offset) + 1, "file", fault, "must be UTF-8 text"
 
 
-def _no_cells(data: bytes, schema: Schema) -> Iterator[Wrong]:
+def _no_cells(content: bytes, schema: Schema) -> Iterator[Wrong]:
     """Yield rows that are cut or too wide, and cells that are no numbers."""
-    reader = csv.reader(io.StringIO(data.decode(), newline=""))
-    names = _cells_of(data.partition(b"\n")[0])
+    reader = csv.reader(io.StringIO(content.decode(), newline=""))
+    names = _cells_of(content.partition(b"\n")[0])
     numbers = [names.index(name) for name in schema.ranges]
     try:
         for row in reader:
@@ -417,7 +417,7 @@ def _no_cells(data: bytes, schema: Schema) -> Iterator[Wrong]:
                         yield reader.line_num, names[k], quoted(row[k]), expected
     except csv.Error as error:
         yield reader.line_num, "row", str(error), "must be one row"
-    if not data.endswith(b"\n"):
+    if not content.endswith(b"\n"):
         fault = "has no line end; was the file cut off?"
         yield reader.line_num, "row", fault, "every row must have one"
 

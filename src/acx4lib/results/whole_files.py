@@ -139,9 +139,9 @@ def write_all(contents: Mapping[Path, str | bytes]) -> None:
     """Write files, all of them or none; as `write`."""
     with together() as drafts:
         for place, content in contents.items():
-            data = content.encode() if isinstance(content, str) else content
-            with drafts.open(place, size=len(data)) as file:
-                file.write(data)
+            encoded = content.encode() if isinstance(content, str) else content
+            with drafts.open(place, size=len(encoded)) as file:
+                file.write(encoded)
 
 
 def copy(source: Path, place: Path) -> None:
@@ -171,9 +171,9 @@ def naming(place: Path, draft: Path | None = None, *, size: int | None = None) -
     Parameters
     ----------
     place : Path
-        Of a file or folder that is being written.
+        Final path of the file or folder.
     draft : Path, optional
-        Its name so far.
+        Its path so far.
     size : int, optional
         Bytes that it will have; by default, more than it has so far.
 

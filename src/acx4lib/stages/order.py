@@ -81,8 +81,8 @@ def _unmeasured(flight: Flight, stage: str, block: str) -> str:
     of_heads = not_calibrated(flight.blocks[block]) if stage == "heads" else ""
     if of_heads or not len(flight.blocks[block].image_points):
         reason = of_heads or f"nothing is measured in block {block}"
-        together = stage == "heads" and rig_leads(flight)
-        how = "calibrated together, as a rig" if together else "as flight.toml has them"
+        in_rig = stage == "heads" and rig_leads(flight)
+        how = "calibrated together, as a rig" if in_rig else "as flight.toml has them"
         return f"{reason}; its heads are {how}"
     if stage == "rig" and len(flight.blocks[block].cameras) < 2:
         return f"block {block} has one camera only"
@@ -173,5 +173,5 @@ def solving(flight: Flight, block_name: str) -> Iterator[None]:
         yield
     except np.linalg.LinAlgError as error:
         odd = reader.sentence(flight.block(block_name))
-        where = f"the equations of block {block_name!r}{odd}"
-        raise unsolvable(str(error), where) from error
+        equations = f"the equations of block {block_name!r}{odd}"
+        raise unsolvable(str(error), equations) from error

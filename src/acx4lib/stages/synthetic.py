@@ -247,12 +247,12 @@ def gathered(
     Parameters
     ----------
     orientation : RelativeOrientation
-        Before them.
+        Before the refinements.
     ties : TiePoints
     fits : mapping of str to Refined or Failed
         By rotations, by the ways of `refinement.FREE`.
     shifted : RelativeOrientation
-        By mean differences; not taken where there are no tie points.
+        By mean differences; not used without tie points.
     found : FoundTies, optional
         Where the tie points are from pixels; problems of overlaps are added to a failure.
     """

@@ -249,11 +249,11 @@ def _robust(A: Array, y: Array) -> tuple[Array, Array]:
         for _ in range(STEPS):
             u = np.abs(y - A @ x)
             scale = _robust_rms(u)
-            far = u / (width * scale)
+            ratio = u / (width * scale)
             if tukey:
-                weight = np.square(1 - np.square(np.minimum(far, 1.0)))
+                weight = np.square(1 - np.square(np.minimum(ratio, 1.0)))
             else:
-                weight = 1 / np.maximum(far, 1.0)
+                weight = 1 / np.maximum(ratio, 1.0)
             AtP = A.T * (weight / scale**2)
             N = AtP @ A + prior
             before, x = x, np.linalg.solve(N, AtP @ y)

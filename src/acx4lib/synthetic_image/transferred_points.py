@@ -172,12 +172,12 @@ def _nearest_to_the_middle(block: Block, heads: Index, cameras: Sequence[Camera]
     points = block.image_points
     head = heads[block.images.camera_idx[points.image_idx]]
     exposure = block.images.exposure_idx[points.image_idx]
-    far = np.zeros(len(points))
+    distance = np.zeros(len(points))
     for k in np.unique(head):
-        far[head == k] = border_distance(cameras[k], points.colrow[head == k])
-    order = np.lexsort((head, -far, points.point_idx, exposure))
-    together = exposure[order] * len(block.points) + points.point_idx[order]
-    chosen = np.sort(order[np.unique(together, return_index=True)[1]])
+        distance[head == k] = border_distance(cameras[k], points.colrow[head == k])
+    order = np.lexsort((head, -distance, points.point_idx, exposure))
+    key = exposure[order] * len(block.points) + points.point_idx[order]
+    chosen = np.sort(order[np.unique(key, return_index=True)[1]])
     first = first_images(block)[exposure[chosen]]
     return chosen[np.argsort(first, kind="stable")]
 
