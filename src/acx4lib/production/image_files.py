@@ -155,27 +155,27 @@ def fingerprint(path: Path) -> str:
     return checksum.hexdigest()
 
 
-class _Said(logging.Handler):
+class _Messages(logging.Handler):
     """A log handler that keeps messages."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.said: list[str] = []
+        self.messages: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        self.said.append(record.getMessage())
+        self.messages.append(record.getMessage())
 
 
 @contextmanager
 def _captured_log() -> Iterator[list[str]]:
     """Keep the TIFF reader's messages; they are reported with the file's name, or not at all."""
-    handler = _Said()
+    handler = _Messages()
     logger = logging.getLogger("tifffile")
     before = logger.propagate
     logger.addHandler(handler)
     logger.propagate = False
     try:
-        yield handler.said
+        yield handler.messages
     finally:
         logger.removeHandler(handler)
         logger.propagate = before

@@ -67,23 +67,23 @@ def check(found: results.Results, flight: Flight, *, stages: Sequence[str] = STA
         raise FlightError(lines_of(problems))
 
 
-def _of_stages(found: results.Results, stages: Sequence[str]) -> results.Results:
+def _of_stages(content: results.Results, stages: Sequence[str]) -> results.Results:
     """Select the results of some stages; rows keep their numbers in the files."""
     tables: dict[str, pd.DataFrame] = {}
     for name in results.SHORT:
-        whole = getattr(found, name)
+        whole = getattr(content, name)
         code, keys = table_files.keys(name, whole)
         mine = np.array([key.partition("/")[0] in stages for key in keys], dtype=bool)
         tables[name] = whole[mine[code]]
-    entries = {k: v for k, v in found.summary.items() if k.partition("/")[0] in stages}
-    return results.Results(folder=found.folder, summary=entries, **tables)
+    entries = {k: v for k, v in content.summary.items() if k.partition("/")[0] in stages}
+    return results.Results(folder=content.folder, summary=entries, **tables)
 
 
 def _wrong_cells(
-    found: results.Results, table: str, column: str, rows: Mask, expected: str, remark: str = ""
+    content: results.Results, table: str, column: str, rows: Mask, expected: str, remark: str = ""
 ) -> Iterator[Problem]:
     """Yield a problem for each of some rows of a table, with its cell in a column."""
-    cells = getattr(found, table)[column]
+    cells = getattr(content, table)[column]
 
     def there(row: int) -> str:
         cell = cells[row]
@@ -91,43 +91,45 @@ def _wrong_cells(
         return ("is empty" if pd.isna(cell) else text) + remark
 
     yield from wrong_rows(
-        _file(found, table), column, cells.index.to_numpy()[rows], there, expected
+        _file(content, table), column, cells.index.to_numpy()[rows], there, expected
     )
 
 
-def _file(found: results.Results, table: str) -> str:
-    return str(found.folder / f"{table}.csv")
+def _file(content: results.Results, table: str) -> str:
+    return str(content.folder / f"{table}.csv")
 
 
 # --- parameters ------------------------------------------------------------------------------
 
 
-def _parameters(found: results.Results, flight: Flight) -> Iterator[Problem]:
+def _parameters(content: results.Results, flight: Flight) -> Iterator[Problem]:
     """Yield unknown parameters, units and cameras, empty sigma, and impossible focal lengths."""
-    table = found.parameters
+    table = content.parameters
     allowed = {name: _units(name) for name in table["parameter"].unique()}
     known = table["parameter"].isin([n for n, units in allowed.items() if units]).to_numpy()
     yield from _wrong_cells(
-        found, "parameters", "parameter", ~known, "must be a parameter of a run", " is unknown"
+        content, "parameters", "parameter", ~known, "must be a parameter of a run", " is unknown"
     )
     for units in sorted({units for units in allowed.values() if units}):
         of_unit = table["parameter"].isin(
             [n for n, known_units in allowed.items() if known_units == units]
         )
         other = (of_unit & ~table["unit"].isin(units)).to_numpy()
-        yield from _wrong_cells(found, "parameters", "unit", other, f"must be {' or '.join(units)}")
+        yield from _wrong_cells(
+            content, "parameters", "unit", other, f"must be {' or '.join(units)}"
+        )
     mounted = table["parameter"].isin(UNITS).to_numpy()
     stranger = mounted & ~table["camera"].isin(flight.cameras).to_numpy()
     yield from _wrong_cells(
-        found, "parameters", "camera", stranger, "must be a camera of flight.toml", " is unknown"
+        content, "parameters", "camera", stranger, "must be a camera of flight.toml", " is unknown"
     )
     with_camera = known & ~mounted & (table["camera"] != "").to_numpy()
     expected = "must be empty for a parameter of the trajectory"
-    yield from _wrong_cells(found, "parameters", "camera", with_camera, expected)
+    yield from _wrong_cells(content, "parameters", "camera", with_camera, expected)
     empty = table["sigma"].isna().to_numpy()
-    yield from _wrong_cells(found, "parameters", "sigma", empty, "must be a finite number")
+    yield from _wrong_cells(content, "parameters", "sigma", empty, "must be a finite number")
     not_positive = ((table["parameter"] == "f_mm") & ~(table["value"] > 0)).to_numpy()
-    yield from _wrong_cells(found, "parameters", "value", not_positive, "must be positive")
+    yield from _wrong_cells(content, "parameters", "value", not_positive, "must be positive")
 
 
 def _units(parameter: str) -> tuple[str, ...]:
@@ -139,13 +141,13 @@ def _units(parameter: str) -> tuple[str, ...]:
 # --- covariances -----------------------------------------------------------------------------
 
 
-def _covariances(found: results.Results) -> Iterator[Problem]:
+def _covariances(content: results.Results) -> Iterator[Problem]:
     """Yield the problems of the covariance of every method."""
-    table, parameters = found.covariance, found.parameters
+    table, parameters = content.covariance, content.parameters
     for method in dict.fromkeys([*_methods(table), *_methods(parameters)]):
         long = table[_of(table, method)]
-        wrong = list(_square(found, method, long))
-        yield from wrong or _beside(found, method, long, parameters[_of(parameters, method)])
+        wrong = list(_square(content, method, long))
+        yield from wrong or _beside(content, method, long, parameters[_of(parameters, method)])
 
 
 def _methods(table: pd.DataFrame) -> list[tuple[str, str]]:
@@ -157,26 +159,26 @@ def _of(table: pd.DataFrame, method: tuple[str, str]) -> Mask:
 
 
 def _square(
-    found: results.Results, method: tuple[str, str], long: pd.DataFrame
+    content: results.Results, method: tuple[str, str], long: pd.DataFrame
 ) -> Iterator[Problem]:
     """Yield the problems of a covariance that is not square, symmetric or positive."""
     row, names = pd.factorize(long["row"])
     column = pd.Index(names).get_indexer(pd.Index(long["column"]))
     if (column < 0).any():
         lines = long.index.to_numpy()[column < 0]
-        yield from _of_lines(found, lines, "column", long, "must stand in column row, too")
+        yield from _of_lines(content, lines, "column", long, "must stand in column row, too")
         return
     places = np.full((len(names), len(names)), -1)
     places[row, column] = np.arange(len(long))
     unpaired = np.flatnonzero(places[column, row] < 0)
     expected = "must have a row with row and column exchanged"
-    yield from _of_lines(found, long.index.to_numpy()[unpaired], "row", long, expected)
+    yield from _of_lines(content, long.index.to_numpy()[unpaired], "row", long, expected)
     lacking = _lacking(places, names, method)
     if len(lacking):
         i, j = lacking[0]
         pair = f"{quoted(names[i])} with {quoted(names[j])}"
         yield Problem(
-            file=_file(found, "covariance"),
+            file=_file(content, "covariance"),
             line=int(long.index[np.flatnonzero(row == i)[0]]) + FIRST,
             column="column",
             found=f"{len(lacking)} rows of {'/'.join(method)} are missing, {pair}",
@@ -184,7 +186,7 @@ def _square(
         )
     elif not len(unpaired):
         values = np.where(places < 0, 0.0, long["value"].fillna(0.0).to_numpy()[places])
-        yield from _positive(found, long, places, values)
+        yield from _positive(content, long, places, values)
 
 
 def _lacking(places: Index, names: Collection[str], method: tuple[str, str]) -> Index:
@@ -195,19 +197,19 @@ def _lacking(places: Index, names: Collection[str], method: tuple[str, str]) -> 
 
 
 def _of_lines(
-    found: results.Results, lines: Index, column: str, long: pd.DataFrame, expected: str
+    content: results.Results, lines: Index, column: str, long: pd.DataFrame, expected: str
 ) -> Iterator[Problem]:
     cells = long[column]
     yield from wrong_rows(
-        _file(found, "covariance"), column, lines, lambda line: quoted(cells[line]), expected
+        _file(content, "covariance"), column, lines, lambda line: quoted(cells[line]), expected
     )
 
 
 def _positive(
-    found: results.Results, long: pd.DataFrame, places: Index, values: Array
+    content: results.Results, long: pd.DataFrame, places: Index, values: Array
 ) -> Iterator[Problem]:
     """Yield negative variances, unequal pairs, correlations above 1, negative eigenvalues."""
-    lines, file = long.index.to_numpy(), _file(found, "covariance")
+    lines, file = long.index.to_numpy(), _file(content, "covariance")
 
     def there(line: int) -> str:
         return f"{long['value'][line]:.6g}"
@@ -242,7 +244,7 @@ def _positive(
 
 
 def _beside(
-    found: results.Results, method: tuple[str, str], long: pd.DataFrame, listed: pd.DataFrame
+    content: results.Results, method: tuple[str, str], long: pd.DataFrame, listed: pd.DataFrame
 ) -> Iterator[Problem]:
     """Yield parameters whose sigma differs from the covariance of the method."""
     variances = long[long["row"] == long["column"]].set_index("row")["value"]
@@ -250,7 +252,7 @@ def _beside(
     label = name.where(camera == "", camera + "/" + name)
     variance = label.map(variances).to_numpy(dtype=float)
     squared = listed["sigma"].to_numpy() ** 2
-    lines, file = listed.index.to_numpy(), _file(found, "parameters")
+    lines, file = listed.index.to_numpy(), _file(content, "parameters")
     missing = ~label.isin(variances.index).to_numpy()
     yield from wrong_rows(
         file,
@@ -274,15 +276,15 @@ def _beside(
 # --- entries of summary.json -----------------------------------------------------------------
 
 
-def _entries(found: results.Results) -> Iterator[Problem]:
+def _entries(content: results.Results) -> Iterator[Problem]:
     """Yield validations whose number of pairs differs from the rows of validation.csv."""
-    rows = found.validation["method"].value_counts()
-    for name, entry in found.summary.items():
+    rows = content.validation["method"].value_counts()
+    for name, entry in content.summary.items():
         stage, _, method = name.partition("/")
         stated, n_rows = entry.get("n_pairs"), int(rows.get(method, 0))
         if stage == "validation" and stated is not None and stated != n_rows:
             yield problem_of(
-                found.folder / "summary.json",
+                content.folder / "summary.json",
                 (name, "n_pairs"),
                 str(stated),
                 f"validation.csv has {n_rows} rows of {name}",
@@ -292,7 +294,7 @@ def _entries(found: results.Results) -> Iterator[Problem]:
 # --- names -----------------------------------------------------------------------------------
 
 
-def _names(found: results.Results, flight: Flight) -> Iterator[Problem]:
+def _names(content: results.Results, flight: Flight) -> Iterator[Problem]:
     """Yield images and points that the flight does not have."""
     blocks = flight.blocks.values()
     images = {name for block in blocks for name in block.images.names}
@@ -304,6 +306,6 @@ def _names(found: results.Results, flight: Flight) -> Iterator[Problem]:
         ("validation", "image_b", images, "an image"),
         ("validation", "point", points, "a point"),
     ):
-        unknown = ~getattr(found, table)[column].isin(known).to_numpy()
+        unknown = ~getattr(content, table)[column].isin(known).to_numpy()
         expected = f"must be {noun} of the flight"
-        yield from _wrong_cells(found, table, column, unknown, expected, " is unknown")
+        yield from _wrong_cells(content, table, column, unknown, expected, " is unknown")

@@ -179,6 +179,6 @@ def _other_heads(earlier: Earlier, flight: Flight) -> Iterator[str]:
             yield from _other_camera(before.cameras[camera.name], camera)
 
 
-def _is_oriented(found: folder.Results, source: str) -> bool:
-    left_out = folder.messages(found.summary.get(source, {}), "left_out")
-    return folder.has(found, source) and not left_out
+def _is_oriented(run_results: folder.Results, source: str) -> bool:
+    left_out = folder.messages(run_results.summary.get(source, {}), "left_out")
+    return folder.has(run_results, source) and not left_out

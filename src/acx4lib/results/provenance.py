@@ -476,11 +476,11 @@ def _check_left(folder: Path, flight: Flight, stages: Sequence[str]) -> None:
         )
 
 
-def _keep(own: OwnFolder, flight: Flight) -> None:
+def _keep(claimed: OwnFolder, flight: Flight) -> None:
     """Copy the tables of a flight into the results, in place of earlier ones."""
     names = [name.as_posix() for name in table_files(flight)]
-    before = _read(own.path)
-    with tempfile.TemporaryDirectory(dir=own.path, prefix=SCRATCH) as temporary:
+    before = _read(claimed.path)
+    with tempfile.TemporaryDirectory(dir=claimed.path, prefix=SCRATCH) as temporary:
         new = Path(temporary)
         for name in names:
             (new / name).parent.mkdir(parents=True, exist_ok=True)
@@ -490,12 +490,12 @@ def _keep(own: OwnFolder, flight: Flight) -> None:
         if changed:
             problems = [f"{flight.path / n}: changed while it was read; run again" for n in changed]
             raise FlightError(problems)
-        own.remove([name for name in own.files if name.startswith(f"{KEPT}/")])
-        own.expect(f"{KEPT}/{name}" for name in names)
+        claimed.remove([name for name in claimed.files if name.startswith(f"{KEPT}/")])
+        claimed.expect(f"{KEPT}/{name}" for name in names)
         for name in names:
-            (own.path / KEPT / name).parent.mkdir(parents=True, exist_ok=True)
-            (new / name).replace(own.path / KEPT / name)
-    _write(own.path, Provenance(files=files, stages=before.stages))
+            (claimed.path / KEPT / name).parent.mkdir(parents=True, exist_ok=True)
+            (new / name).replace(claimed.path / KEPT / name)
+    _write(claimed.path, Provenance(files=files, stages=before.stages))
 
 
 def _forget(folder: Path, stages: Sequence[str]) -> None:

@@ -105,9 +105,9 @@ def _turns(entry: Mapping[str, object]) -> Array | None:
     return np.radians(turns) if isinstance(turns, list) else None
 
 
-def _estimated(found: folder.Results, stage_method: str, camera: Camera) -> Camera:
+def _estimated(run_results: folder.Results, stage_method: str, camera: Camera) -> Camera:
     """Return a declared camera with the parameters that a method estimated."""
-    listed = folder.rows(found, "parameters", stage_method)
+    listed = folder.rows(run_results, "parameters", stage_method)
     mine = listed[listed["camera"] == camera.name]
     return with_reported(camera, dict(zip(mine["parameter"], mine["value"], strict=True)))
 

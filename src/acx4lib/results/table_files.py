@@ -671,6 +671,6 @@ def _is_inside(path: Path, folder: Path) -> bool:
     return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
 
 
-def _wrong(path: Path, found: str) -> str:
+def _wrong(path: Path, fault: str) -> str:
     expected = "must be a file that a run wrote; remove it and run again"
-    return str(Problem(file=str(path), line=1, column="file", found=found, expected=expected))
+    return str(Problem(file=str(path), line=1, column="file", found=fault, expected=expected))
