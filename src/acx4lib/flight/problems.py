@@ -24,7 +24,7 @@ COMPARED = 64
 """Length above which names are not compared: the time grows with the square of the length."""
 
 FEW = 500
-"""Number of names up to which all are compared; of more, those with an equal beginning or end."""
+"""Largest number of names that are all compared; among more, only equal beginnings or ends."""
 
 MANY = 50_000
 """Number of names above which no similar name is searched for."""

@@ -813,7 +813,7 @@ ABSURD = 4.0
 """Distance from the measurements, in quarters of the image diagonal: far outside the image."""
 
 SHARE, ENOUGH = 10, 3
-"""Single rows are at most one in `SHARE`, or one alone, and at least `ENOUGH` others remain."""
+"""At most one row in `SHARE`, or one row, is single; at least `ENOUGH` others must remain."""
 
 NAMED = 5
 """Number of points that a note names."""

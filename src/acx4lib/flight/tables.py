@@ -261,7 +261,7 @@ FORMS = (
     (r"\s*-?\d+,\d+\s*", "a decimal comma"),
     (r"\s*[-+]?\d+[°:d\s]\s*\d+['\u2032:m\s].*", "degrees, minutes and seconds"),
 )
-"""Forms that are taken for numbers elsewhere, and what each seems to be."""
+"""Forms of numbers that are used elsewhere, and their names."""
 
 _OF_NUMBERS = b"0123456789+-.eE, \t\n\r\f\v"
 """If cells have only these characters, Python's own reading of numbers is right."""
@@ -285,7 +285,7 @@ AT_A_TIME = 4096
 """Number of rows that are processed together."""
 
 _NO_MARKS = bytes(set(range(256)) - set(b',"\r\n'))
-"""All bytes but those that can cut a text into cells and rows."""
+"""All bytes but the separators of cells and rows."""
 
 TOO_MANY = 10_000
 """Number of rows of a wrong width after which reading stops: such a file is no table."""

@@ -16,7 +16,7 @@ from acx4lib.flight.table_files import read_text
 from acx4lib.flight.tables import name_fault
 
 MOST_BYTES = 1_000_000
-"""Largest size of a flight.toml; one with a thousand cameras has half of it."""
+"""Largest size of a flight.toml, bytes; a thousand cameras take half of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,10 +231,10 @@ def _unquoted(token: str) -> str:
     return token.strip("'") if token[0] == "'" else token
 
 
-# --- What the tables of a TOML document may hold: declared once, checked, and shown on the pages
+# --- Allowed content of the tables of a TOML document: declared once, checked, and listed
 #
-# A `Table` says which keys there are and what each may be. `Table.problems` checks a document by
-# it, and `rows` lists the same for a page of the book. Begin with `settings.FLIGHT`.
+# A `Table` declares its keys and their allowed values. `Table.problems` checks a document by it,
+# and `rows` lists the same for a page of the book. Begin with `settings.FLIGHT`.
 
 
 Keys = tuple[str, ...]

@@ -227,7 +227,7 @@ MOST_STACKED = 100
 """Largest number of bands of a stack."""
 
 _CODEC = {"deflate": "zlib", "zstd": "zstd", "lzw": "lzw"}
-"""The TIFF writer's names; what it calls "deflate" itself has a code that few programs read."""
+"""The TIFF writer's names; its own "deflate" has a code that few programs read."""
 
 _LEVEL = {"deflate": 1, "zstd": 1}
 

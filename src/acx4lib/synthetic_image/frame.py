@@ -208,7 +208,7 @@ def reduced_heads(orientation: RelativeOrientation, k: int) -> RelativeOrientati
     return replace(orientation, heads=tuple(reduced_camera(h, k) for h in orientation.heads))
 
 
-# --- What the distance between the heads' lenses does to the synthetic image
+# --- Effect of the distance between the heads' lenses on the synthetic image
 #
 # Two heads a base B apart see ground at the distance H from places f B / H apart in the image.
 # Over flat ground this is one shift, which the refinement of the heads at this height absorbs.

@@ -356,7 +356,7 @@ Image = np.ndarray
 """A head's image: uint8 or uint16, shape (rows, cols, bands)."""
 
 DARK_DN = 16.0
-"""Mean of a patch below which photon noise and offsets are a too large part of it."""
+"""Smallest mean of a patch; below it, photon noise and offsets are too large a share."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
