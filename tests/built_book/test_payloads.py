@@ -8,6 +8,7 @@ import contextlib
 import io
 import json
 import re
+import shutil
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +19,14 @@ from bs4 import BeautifulSoup, Comment
 from docutils.nodes import make_id
 
 from acx4book.command import acx4
+from acx4book.notebooks import runner
+from acx4book.notebooks.functions import Functions
 from acx4book.pages import flight_book
 from acx4book.typesetting.plain_text import shown
 from acx4lib import flight
 from acx4lib.flight.problems import QUOTED
 from acx4lib.results import folder as results
+from acx4lib.results import own_folder, provenance
 from support.flights import of_payloads, payloads
 
 pytestmark = pytest.mark.slow
@@ -82,14 +86,6 @@ def documents(made):
 
 def test_all_pages_are_there(documents):
     assert {f"{Path(name).name}.html" for name in CHAPTERS} < set(documents)
-
-
-def test_chapters_end_with_their_answer_before_what_is_about_the_study(documents):
-    for name in ("16-error-budget", "09-weights"):
-        found = documents[f"{name}.html"]
-        headings = [h.text.rstrip("#") for h in found.select("h2")]
-        assert headings[-2:] == ["The answer", "Change it"]
-        assert "ends here" not in found.text
 
 
 def test_nothing_was_executed(made):
@@ -189,6 +185,16 @@ def test_results_have_the_names_as_they_are(made):
     assert {f"heads/bundle/{name}" for name in names["camera"] - {flown.synthetic.camera}} <= set(
         found.summary
     )
+
+
+def test_results_are_those_of_a_run_without_notebooks(made, tmp_path):
+    """Also in a folder of a run with notebooks, which are gone with their results."""
+    again = shutil.copytree(made.results, tmp_path / "results")
+    runner.run(made.flight.path, again, way=Functions())
+    for name in (*results.FILES, provenance.FILE):
+        assert (again / name).read_bytes() == (made.results / name).read_bytes(), name
+    assert not (again / provenance.EXECUTED).exists()
+    own_folder.verify(again, cure="")
 
 
 def test_commands_say_names_without_control_characters(made):

@@ -2,10 +2,12 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 import acx4sim
 from acx4book.command.acx4 import ONE_THREAD
@@ -32,6 +34,15 @@ def flight_path(tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory, flight_path):
+    """Results of that flight; a test that changes them has a copy."""
+    folder = tmp_path_factory.mktemp("computed") / "results"
+    with threadpool_limits(1, user_api="blas"):
+        runner.run(flight_path, folder, way=Functions())
+    return folder
+
+
 def tables(folder):
     return {name: (folder / name).read_bytes() for name in (*results_folder.FILES, provenance.FILE)}
 
@@ -46,6 +57,7 @@ def test_the_results_are_those_of_the_notebooks(tmp_path, flight_path):
 
 
 @pytest.mark.slow
+@pytest.mark.repeats  # `test_payloads` has all notebooks of a flight of heads
 def test_the_results_of_heads_and_rig_are_those_of_the_notebooks(tmp_path):
     """Also in a folder of a run with notebooks, which are gone with their results."""
     path = written.write_flight(tmp_path / "flight", blocks=("heads",))
@@ -92,26 +104,22 @@ def test_nothing_that_draws_or_runs_notebooks_is_loaded(told):
     ]
 
 
-@pytest.mark.slow
-def test_threads_of_linear_algebra_change_no_bit(told, tmp_path, flight_path):
+def test_threads_of_linear_algebra_change_no_bit(told, computed):
     """Whatever the user's environment asks for."""
-    given = ("run", flight_path, "--results", tmp_path / "1", "--numbers-only")
-    environment = os.environ | dict.fromkeys(ONE_THREAD, "1")
-    subprocess.run([sys.executable, "-c", COMMAND, *given], check=True, env=environment)
-    assert tables(tmp_path / "1") == tables(told[0])
+    assert tables(told[0]) == tables(computed)
 
 
-def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path):
-    folder = tmp_path / "results"
-    runner.run(flight_path, folder, way=Functions())
+def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, computed):
+    folder = shutil.copytree(computed, tmp_path / "results")
     before = tables(folder)
     runner.run(flight_path, folder, way=Functions(), stages=["validation"])
     assert tables(folder) == before
 
 
-def test_a_stage_that_fails_leaves_the_results_as_they_were(tmp_path, flight_path, monkeypatch):
-    folder = tmp_path / "results"
-    runner.run(flight_path, folder, way=Functions())
+def test_a_stage_that_fails_leaves_the_results_as_they_were(
+    tmp_path, flight_path, computed, monkeypatch
+):
+    folder = shutil.copytree(computed, tmp_path / "results")
     before = tables(folder)
 
     def fail(flight, path):

@@ -61,6 +61,11 @@ def test_it_has_the_chapters_that_the_flight_has_data_for_and_none_of_the_study(
     of_one_camera |= {"16-error-budget", "09-weights"}
     chapters = {p.stem for p in (site / "_executed").glob("*.html")}
     assert chapters == (of_one_camera if (results / "notebooks").exists() else set())
+    for name in chapters & {"16-error-budget", "09-weights"}:
+        found = page(site, f"_executed/{name}.html")
+        headings = [h.text.rstrip("#") for h in found.select("h2")]
+        assert headings[-2:] == ["The answer", "Change it"]
+        assert "ends here" not in found.text
     assert {"certificate.html", "report.html", "frames-and-notation.html", "glossary.html"} <= here
     assert not {
         n for n in here if re.search(r"head-calib|synthetic|errata|scorecard|lab-|speed", n)
