@@ -182,7 +182,11 @@ lab: .venv/.stamp-lab $(firstword $(SHIPPED))/flight.toml ## open the notebooks 
 # Chapters that depend on no flight are kept in build/chapters. The book of another flight has none
 # of the study's pages, and lies in build/books.
 ifeq ($(FLIGHT),$(STUDY))
-book: notebooks ## build the book strictly, from the notebooks run on FLIGHT
+.PHONY: chapters
+chapters: build/stamps/$(notdir $(IDEAL)) # beside the notebooks, which leave a processor free
+	@$(BIN)/python -m acx4book.pages chapters $(IDEAL)
+
+book: notebooks chapters ## build the book strictly, from the notebooks run on FLIGHT
 	@$(REMOVE_BOOK)
 	@for made in $(BOOK); do mkdir $$made && touch $$made/.made-by-make; done
 	@$(BIN)/python -m acx4book.pages "$$FLIGHT" '$(RESULTS)' book $(IDEAL)

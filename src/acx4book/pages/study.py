@@ -466,6 +466,27 @@ CORES = 2
 """Number of notebooks run at the same time."""
 
 
+def run(ideal_path: Path) -> None:
+    """Execute missing and outdated chapters.
+
+    Parameters
+    ----------
+    ideal_path : Path
+        Run of the flight for `OF_IDEAL`.
+
+    Raises
+    ------
+    NotebookError
+        If a notebook fails.
+    """
+    missing = [path for path in _kept(ideal_path).values() if not path.is_file()]
+    for path in missing:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    if missing:
+        with ProcessPoolExecutor(min(CORES, len(missing))) as pool:
+            list(pool.map(partial(_run, ideal_path), missing))
+
+
 def bring(executed: Path, ideal_path: Path | None) -> list[str]:
     """Copy the chapters into the book, and return the names of chapters left out.
 
@@ -482,20 +503,20 @@ def bring(executed: Path, ideal_path: Path | None) -> list[str]:
     NotebookError
         If a notebook fails.
     """
-    names = [name for name in CHAPTERS if ideal_path is not None or name not in OF_IDEAL]
-    kept = {name: KEPT / f"{name}-{_digest(name, ideal_path)[:16]}.ipynb" for name in names}
-    missing = [path for path in kept.values() if not path.is_file()]
-    if ideal_path is not None and missing:
-        for path in missing:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        with ProcessPoolExecutor(min(CORES, len(missing))) as pool:
-            list(pool.map(partial(_run, ideal_path), missing))
-    available = {name: path for name, path in kept.items() if path.is_file()}
+    if ideal_path is not None:
+        run(ideal_path)
+    available = {name: path for name, path in _kept(ideal_path).items() if path.is_file()}
     for name, path in available.items():
         page = executed / f"{name}.ipynb"
         page.parent.mkdir(exist_ok=True)
         whole_files.copy(path, page)
     return [name for name in CHAPTERS if name not in available]
+
+
+def _kept(ideal_path: Path | None) -> dict[str, Path]:
+    """Return the path of each kept chapter; the name has a digest of what it depends on."""
+    names = [name for name in CHAPTERS if ideal_path is not None or name not in OF_IDEAL]
+    return {name: KEPT / f"{name}-{_digest(name, ideal_path)[:16]}.ipynb" for name in names}
 
 
 def _run(ideal_path: Path, kept: Path) -> None:
