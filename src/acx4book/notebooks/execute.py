@@ -225,9 +225,13 @@ def modules(notebook: Path, sources: Path) -> set[Path]:
     read = nbformat.read(notebook, as_version=4)  # type: ignore[no-untyped-call] # untyped
     cells = [cell.source for cell in read.cells if cell.cell_type == "code"]
     waiting = [SHOWS, *_imported("\n".join(cells))]
+    names: set[str] = set()
     files: set[Path] = set()
     while waiting:
         name = waiting.pop()
+        if name in names:
+            continue
+        names.add(name)
         path = _file(name, sources)
         if path is None or path in files:
             continue
@@ -250,13 +254,14 @@ def _file(name: str, sources: Path) -> Path | None:
 def _imported(source: str) -> tuple[str, ...]:
     """Return possible names of the project's modules in the imports of a source."""
     candidates: list[str] = []
-    for node in ast.walk(ast.parse(source)):
+    waiting: list[ast.AST] = [ast.parse(source)]
+    for node in waiting:
+        names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        else:
-            continue
+        waiting += (n for n in ast.iter_child_nodes(node) if not isinstance(n, ast.expr))
         candidates += (name for name in names if name.partition(".")[0] in HOUSES)
     return tuple(candidates)
 

@@ -129,10 +129,38 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
     for folder in (executed, generated):
         folder.mkdir(exist_ok=True)
     with ProcessPoolExecutor(1) as meanwhile:
-        running = meanwhile.submit(_texts_of_examples, book)
+        running = meanwhile.submit(_write_beside, results_path, book)
         _write_notebooks(results_path, executed, ideal_path, pictures_path=flight_path)
-        left_out = study.bring(executed, ideal_path)
-        examples = running.result()
+        _write_of_run(flight_path, results_path, book, ideal_path)
+        running.result()
+    whole_files.write(generated / "program.md", release.offered(generated, UNDATED))
+
+
+def _write_beside(results_path: Path, book: Path) -> None:
+    """Write what needs no notebook that is run here: report, comparisons, examples."""
+    generated = book / "_generated"
+    timed, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
+    for name, figure in _figures_of_benchmarks(timed, errors):
+        whole_files.write(generated / name, vector(figure))
+    frames.draw(generated)
+    release.write(generated / release.FOLDER)
+    page.write(results_path, generated / REPORT)
+    for name, text in (
+        *_texts_of_benchmarks(timed, errors),
+        *showing.texts(),
+        *showing.links(),
+        *_texts_of_back_matter(),
+        *_texts_of_examples(book),
+    ):
+        whole_files.write(generated / name, text)
+
+
+def _write_of_run(
+    flight_path: Path, results_path: Path, book: Path, ideal_path: Path | None
+) -> None:
+    """Write what shows the run and the chapters, which are brought here."""
+    executed, generated = book / "_executed", book / "_generated"
+    left_out = study.bring(executed, ideal_path)
     whole = ideal_path is not None
     # The code of part I is part of what it teaches.
     for name in study.CHAPTERS.keys() - {*left_out, *study.FOUNDATIONS}:
@@ -140,28 +168,16 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         fold(executed / f"{name}.ipynb", executed / f"{name}.ipynb", note)
     pages = [f"_executed/{name}" for name in left_out]
     study.leave_out(book, pages if whole else [*pages, API])
-    timed, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
     for name, text in (
         *_texts_of_run(flight_path, results_path, ideal_path),
         *_texts_of_front(results_path, executed, ideal_path),
-        *_texts_of_benchmarks(timed, errors),
-        *examples,
-        *showing.texts(),
-        *showing.links(),
-        *_texts_of_back_matter(),
     ):
         whole_files.write(generated / name, text)
-    for name, figure in _figures_of_benchmarks(timed, errors):
-        whole_files.write(generated / name, vector(figure))
     made_from = _made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
     whole_files.write(generated / "made_from.json", json.dumps(made_from, indent=1))
-    frames.draw(generated)
     drawn = [*showing.figures(executed)]
     whole_files.write(generated / "figures.zip", showing.archive(drawn))
-    release.write(generated / release.FOLDER)
     whole_files.write(generated / SLIDES, showing.slides(drawn))
-    page.write(results_path, generated / REPORT)
-    whole_files.write(generated / "program.md", release.offered(generated, UNDATED))
     write_api(book)
 
 
