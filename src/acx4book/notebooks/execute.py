@@ -229,11 +229,9 @@ def modules(notebook: Path, sources: Path) -> set[Path]:
     files: set[Path] = set()
     while waiting:
         name = waiting.pop()
-        if name in names:
-            continue
+        path = None if name in names else _file(name, sources)
         names.add(name)
-        path = _file(name, sources)
-        if path is None or path in files:
+        if path is None:
             continue
         files.add(path)
         above = name.split(".")[:-1]

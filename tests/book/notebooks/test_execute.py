@@ -189,8 +189,9 @@ def test_packages_on_the_way_are_read_and_late_imports_are_followed(tmp_path, so
 def test_what_a_house_loads_on_demand_is_followed_where_the_house_itself_is_imported(
     tmp_path, sources
 ):
-    notebook = write_notebook(tmp_path / "a.ipynb", "seed = 1", "import acx4lib as acx")
-    assert "acx4lib/room/on_demand.py" in reached(notebook, sources)
+    for code in ("import acx4lib as acx", "import acx4lib as acx\nfrom acx4lib.room import near"):
+        notebook = write_notebook(tmp_path / "a.ipynb", "seed = 1", code)
+        assert "acx4lib/room/on_demand.py" in reached(notebook, sources)
 
 
 def test_every_input_changes_the_digest_and_nothing_else_does(tmp_path, sources):
