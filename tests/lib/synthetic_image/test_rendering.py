@@ -334,14 +334,21 @@ def test_beyond_its_reach_a_response_is_that_of_the_limit():
 # --- stripes, threads, memory --------------------------------------------------------------------
 
 
-@given(cuts=st.lists(st.integers(0, 270), max_size=5))
-def test_stripes_are_the_rows_of_the_whole(cuts):
+@pytest.fixture(scope="module")
+def whole():
+    """A plan, the images of its heads, and the image that it renders."""
     rng = np.random.default_rng(1)
     views = [noise(rng, h.width_px, h.height_px, 3) for h in tiny.heads]
     plan = replace(TINY_PLAN, feather_px=5.0)
+    return plan, views, render(plan, views)
+
+
+@given(cuts=st.lists(st.integers(0, 270), max_size=5))
+def test_stripes_are_the_rows_of_the_whole(whole, cuts):
+    plan, views, image = whole
     edges = [0, *sorted(cuts), tiny_synthetic.height_px]
     stripes = [render_rows(plan, views, a, b) for a, b in pairwise(edges)]
-    assert_array_equal(np.concatenate(stripes), render(plan, views))
+    assert_array_equal(np.concatenate(stripes), image)
 
 
 def test_memory_may_be_used_again_whatever_is_in_it():
