@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from acx4sim.earth import Array, Grid, opk_from_attitude, rph_from_attitude
 from acx4sim.fly import Track, fly, record, stream
-from acx4sim.observe import Sight, ground_points, measure
+from acx4sim.observe import Visibility, ground_points, measure
 from acx4sim.pictures import Photography, Tell, order, take, told
 from acx4sim.plan import BlockPlan, GrossErrors, Options, Plan, stated
 
@@ -511,7 +511,7 @@ def _control_points(
 
 
 def _image_points(
-    image_names: pd.Series, points: pd.DataFrame, sight: Sight, rng: np.random.Generator
+    image_names: pd.Series, points: pd.DataFrame, sight: Visibility, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Tabulate measurements, image by image."""
     exposure_idx, camera_idx, point_idx = np.nonzero(sight.seen.transpose(1, 0, 2))

@@ -18,7 +18,7 @@ _MAX_BATCHES = 200
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sight:
+class Visibility:
     """Image coordinates of every point in every camera at every exposure.
 
     Attributes
@@ -43,7 +43,7 @@ def ground_points(plan: Plan, block: BlockPlan, places: Array) -> Array:
     return np.column_stack([en, terrain_height(llh, plan.ground_m, relief=plan.relief)])
 
 
-def _look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Sight:
+def _look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Visibility:
     """Project points into cameras at all exposures of a track."""
     grid = Grid(crs=plan.crs)
     llh = grid.geodetic_from_grid(x_g)
@@ -58,7 +58,7 @@ def _look(plan: Plan, cameras: Sequence[str], track: Track, x_g: Array) -> Sight
         colrow[i] = project(camera, apparent_ray @ R_e_c)
         above = np.einsum("tpk,pk->tp", ray, up) < 0
         seen[i] = _inside(camera, colrow[i], _MARGIN_PX) & above
-    return Sight(colrow=colrow, seen=seen)
+    return Visibility(colrow=colrow, seen=seen)
 
 
 def _inside(camera: Camera, colrow: Array, margin_px: float) -> BoolArray:
@@ -71,7 +71,7 @@ def _inside(camera: Camera, colrow: Array, margin_px: float) -> BoolArray:
 
 def measure(
     plan: Plan, block: BlockPlan, track: Track, surveyed_g: Array, rng: np.random.Generator
-) -> Sight:
+) -> Visibility:
     """Measure the surveyed points of a block, then its tie points, in its cameras.
 
     Where the block has a frame, every camera measures the points that it sees and that lie in the
@@ -87,12 +87,12 @@ def measure(
     if block.frame:
         sight = _look(plan, block.cameras, track, np.concatenate([surveyed_g, ties_g]))
         return replace(sight, seen=sight.seen & seen)
-    return Sight(colrow=np.concatenate([surveyed.colrow, ties.colrow], axis=2), seen=seen)
+    return Visibility(colrow=np.concatenate([surveyed.colrow, ties.colrow], axis=2), seen=seen)
 
 
 def _placed_tie_points(
     plan: Plan, block: BlockPlan, places: Array, cameras: Sequence[str], track: Track
-) -> tuple[Array, Sight]:
+) -> tuple[Array, Visibility]:
     """Measure tie points at given places in every image; drop those with fewer than three rays.
 
     Returns as `_strew_tie_points`.
@@ -100,7 +100,7 @@ def _placed_tie_points(
     x_g = ground_points(plan, block, places)
     sight = _look(plan, cameras, track, x_g)
     good = (sight.seen.sum(axis=1) >= _MIN_RAYS).any(axis=0)
-    return x_g[good], Sight(colrow=sight.colrow[:, :, good], seen=sight.seen[:, :, good])
+    return x_g[good], Visibility(colrow=sight.colrow[:, :, good], seen=sight.seen[:, :, good])
 
 
 def _strew_tie_points(
@@ -109,7 +109,7 @@ def _strew_tie_points(
     cameras: Sequence[str],
     track: Track,
     rng: np.random.Generator,
-) -> tuple[Array, Sight]:
+) -> tuple[Array, Visibility]:
     """Spread tie points over the ground until every camera has enough with three rays."""
     grounds, sights = [], []
     missing = np.full(len(cameras), block.tie_points)
@@ -126,14 +126,14 @@ def _strew_tie_points(
         keep = good.any(axis=0) & (np.arange(_BATCH) <= last)
         missing = missing - good[:, keep].sum(axis=1)
         grounds.append(x_g[keep])
-        sights.append(Sight(colrow=sight.colrow[:, :, keep], seen=sight.seen[:, :, keep]))
+        sights.append(Visibility(colrow=sight.colrow[:, :, keep], seen=sight.seen[:, :, keep]))
     else:
         msg = f"block {block.letter} does not see {block.tie_points} tie points in every camera"
         raise ValueError(msg)
     if not grounds:
         x_g = np.empty((0, 3))
         return x_g, _look(plan, cameras, track, x_g)
-    return np.concatenate(grounds), Sight(
+    return np.concatenate(grounds), Visibility(
         colrow=np.concatenate([sight.colrow for sight in sights], axis=2),
         seen=np.concatenate([sight.seen for sight in sights], axis=2),
     )

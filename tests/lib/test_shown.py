@@ -23,7 +23,7 @@ from acx4lib.georeferencing.direct import Rays, intersect_rays
 from acx4lib.georeferencing.validation import validate
 from acx4lib.stages import attempt, heads, mounting, rig, synthetic, validation
 from acx4lib.synthetic_image.frame import reduced_heads
-from acx4lib.synthetic_image.transferred_points import carry
+from acx4lib.synthetic_image.transferred_points import transfer
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.search import find_ties
 from acx4lib.tie_points.ties import overlaps, refine_by_mean_differences, shared_points
@@ -69,7 +69,7 @@ def open_heads(flown):
     return [
         *(fits, *fits.bundles.values(), oriented, ties, turned),
         refine_by_mean_differences(oriented, ties),
-        carry(flown.calibration, oriented, flown.synthetic_camera),
+        transfer(flown.calibration, oriented, flown.synthetic_camera),
         *overlaps(ties, oriented),
     ]
 

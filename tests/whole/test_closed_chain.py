@@ -12,7 +12,7 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.flight.block import Block
 from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.rendering import render_plan, render_rows
-from acx4lib.synthetic_image.transferred_points import CarriedPoints, carry
+from acx4lib.synthetic_image.transferred_points import TransferredPoints, transfer
 from acx4sim.designs import acx4_plan
 from acx4sim.pictures import Tiles, landscape, picture, station
 from benchmarks.chain import find_head_truth
@@ -99,7 +99,7 @@ class Targets:
 def targets():
     flight = simulated.fly("acx4", seed=1, blocks=("heads", "calibration"), exact=True).flight
     orientation = refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
-    carried = carry(flight.calibration, orientation, flight.cameras["SYN"])
+    carried = transfer(flight.calibration, orientation, flight.cameras["SYN"])
     rows = _of_the_exposure(flight.calibration, carried)
     return Targets(
         orientation=orientation,
@@ -108,7 +108,7 @@ def targets():
     )
 
 
-def _of_the_exposure(block: Block, carried: CarriedPoints):
+def _of_the_exposure(block: Block, carried: TransferredPoints):
     here = carried.exposure_idx == block.trajectory.exposures.index(EXPOSURE)
     return here & np.array([block.points[i].startswith("P") for i in carried.point_idx])
 

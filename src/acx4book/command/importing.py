@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from acx4book.command import terminal
 
 if TYPE_CHECKING:
-    from acx4tools.exchange.flight_folder import Brought
+    from acx4tools.exchange.flight_folder import ImportedFlight
 
 HELP = """Read other programs' files, and write a flight, or a part of one.
 
@@ -189,7 +189,7 @@ def _program(
     app.command(name, help=help_text)(command)
 
 
-def _place(brought: Brought, out: Path) -> None:
+def _place(brought: ImportedFlight, out: Path) -> None:
     """Write imported data, and report assumptions, findings, omissions and missing parts."""
     from acx4tools.exchange import flight_folder  # noqa: PLC0415 quick help
 

@@ -67,7 +67,7 @@ from acx4lib.results.rows import (
     rejected_table,
 )
 from acx4lib.results.table_files import COLUMNS
-from acx4lib.synthetic_image.transferred_points import CarriedPoints, synthetic_block
+from acx4lib.synthetic_image.transferred_points import TransferredPoints, synthetic_block
 
 MANY_REJECTED = 0.005
 """Share of rejected image points above which a user is warned; chance rejects 1/20 of it."""
@@ -694,13 +694,13 @@ MEASURED = ("images.csv", "image_points.csv")
 """Tables of a block on which the transferred points depend."""
 
 
-def of_carried(flight: Flight, carried: Mapping[str, CarriedPoints]) -> Record:
+def of_carried(flight: Flight, carried: Mapping[str, TransferredPoints]) -> Record:
     """Return the record of the transferred points of all blocks.
 
     Parameters
     ----------
     flight : Flight
-    carried : mapping of str to CarriedPoints
+    carried : mapping of str to TransferredPoints
         By block.
     """
     tables = [_table(flight.block(name), points) for name, points in carried.items()]
@@ -723,7 +723,7 @@ def _files(block: str) -> list[str]:
     return [f"{block}/{name}" for name in MEASURED]
 
 
-def _table(block: Block, carried: CarriedPoints) -> pd.DataFrame:
+def _table(block: Block, carried: TransferredPoints) -> pd.DataFrame:
     heads = [camera.name for camera in block.cameras]
     return pd.DataFrame(
         {
@@ -762,7 +762,7 @@ def mounted_block(flight: Flight, name: str, found: results.Results) -> Block:
     return synthetic_block(block, read_carried(flight, block, found), synthetic)
 
 
-def read_carried(flight: Flight, block: Block, found: results.Results) -> CarriedPoints:
+def read_carried(flight: Flight, block: Block, found: results.Results) -> TransferredPoints:
     """Read the transferred points of a block from the results of stage synthetic.
 
     Parameters
@@ -780,7 +780,7 @@ def read_carried(flight: Flight, block: Block, found: results.Results) -> Carrie
     table = results.rows(found, "synthetic_points", METHOD)
     table = table[table["block"] == block.name]
     checksums = found.summary.get(METHOD, {}).get("measured", {})
-    carried = CarriedPoints(
+    carried = TransferredPoints(
         exposure_idx=index_of(table["image"], block.trajectory.exposures),
         point_idx=index_of(table["point"], block.points),
         camera_idx=index_of(table["head"], [camera.name for camera in block.cameras]),

@@ -25,7 +25,7 @@ from acx4lib.results.read_back import (
     refused,
     rigs_for,
 )
-from acx4lib.synthetic_image.transferred_points import carry, synthetic_block
+from acx4lib.synthetic_image.transferred_points import synthetic_block, transfer
 
 TABLES = ("parameters.csv", "covariance.csv", "summary.json")
 """Files of the results that hold a calibration."""
@@ -77,7 +77,7 @@ class Earlier:
         if "validation" not in flight.carried or synthetic is None:
             return block
         oriented = self._heads()
-        return synthetic_block(block, carry(block, oriented, synthetic), synthetic)
+        return synthetic_block(block, transfer(block, oriented, synthetic), synthetic)
 
     def calibrations(self, block: Block) -> dict[str, Calibration]:
         """Return the calibrations of the cameras of a block, by method."""

@@ -20,7 +20,7 @@ from acx4lib.results.adjustments import Record, of_carried, of_left_out, of_rela
 from acx4lib.results.read_back import read_relative_orientation
 from acx4lib.stages.order import solving
 from acx4lib.stages.pictures import FoundTies, Pictures, find, read_pictures
-from acx4lib.synthetic_image.transferred_points import CarriedPoints, carry
+from acx4lib.synthetic_image.transferred_points import TransferredPoints, transfer
 from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
 from acx4lib.tie_points.ties import (
     Overlap,
@@ -122,7 +122,7 @@ class SyntheticStage:
     found : FoundTies or None
         From the pictures.
     refinement : Refinement
-    carried : dict of str to CarriedPoints
+    carried : dict of str to TransferredPoints
         By block; empty where the flight is measured in synthetic images.
     """
 
@@ -131,7 +131,7 @@ class SyntheticStage:
     pictures: Pictures | None
     found: FoundTies | None
     refinement: Refinement
-    carried: dict[str, CarriedPoints]
+    carried: dict[str, TransferredPoints]
 
     def __repr__(self) -> str:
         """Summarize the stage in one line."""
@@ -176,7 +176,7 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
         pixel_ties = find(pictures, orientation) if pictures else None
         refinement = refine(flight, orientation, pixel_ties)
         carried = {
-            name: carry(flight.block(name), refinement.orientation, synthetic)
+            name: transfer(flight.block(name), refinement.orientation, synthetic)
             for name in flight.carried
         }
     write(flight, results_path, refinement, carried)
@@ -278,7 +278,7 @@ def write(
     flight: Flight,
     results_path: str | Path,
     refinement: Refinement,
-    carried: Mapping[str, CarriedPoints],
+    carried: Mapping[str, TransferredPoints],
 ) -> None:
     """Write the refined heads, and the points transferred into the synthetic image.
 
@@ -287,7 +287,7 @@ def write(
     flight : Flight
     results_path : path
     refinement : Refinement
-    carried : mapping of str to CarriedPoints
+    carried : mapping of str to TransferredPoints
         By block; empty where the flight is measured in synthetic images.
     """
     points = [of_carried(flight, carried)] if carried else []

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CarriedPoints:
+class TransferredPoints:
     """A block's measurements in its synthetic images, one for each exposure and point.
 
     Attributes
@@ -75,7 +75,7 @@ class CarriedPoints:
         """Summarize the points in one line."""
         exposures = shown.count(len(np.unique(self.exposure_idx)), "exposure")
         left_out = f"{self.n_left_out} left out" if self.n_left_out else ""
-        return shown.line("CarriedPoints", f"{len(self)} of {exposures}", left_out)
+        return shown.line("TransferredPoints", f"{len(self)} of {exposures}", left_out)
 
     def table(self) -> pd.DataFrame:
         """Return the number of measurements of every head, and their median sigma.
@@ -98,7 +98,9 @@ class CarriedPoints:
         return len(self.colrow)
 
 
-def carry(block: Block, orientation: RelativeOrientation, synthetic: Camera) -> CarriedPoints:
+def transfer(
+    block: Block, orientation: RelativeOrientation, synthetic: Camera
+) -> TransferredPoints:
     """Transfer the measurements of a block's heads into their synthetic images.
 
     Valid as far as all heads look from one place: relief and flying height move nothing.
@@ -112,7 +114,7 @@ def carry(block: Block, orientation: RelativeOrientation, synthetic: Camera) -> 
 
     Returns
     -------
-    CarriedPoints
+    TransferredPoints
         In the order of the exposures' first images, then of the measurements.
 
     Raises
@@ -138,7 +140,7 @@ def carry(block: Block, orientation: RelativeOrientation, synthetic: Camera) -> 
     if orientation.turns is not None:
         sigma = np.hypot(sigma, _by_turns(synthetic, colrow, orientation.turns))
     kept = np.flatnonzero(inside(synthetic, colrow))
-    return CarriedPoints(
+    return TransferredPoints(
         exposure_idx=block.images.exposure_idx[points.image_idx[kept]],
         point_idx=points.point_idx[kept],
         camera_idx=camera_idx[kept],
@@ -182,14 +184,14 @@ def _nearest_to_the_middle(block: Block, heads: Index, cameras: Sequence[Camera]
     return chosen[np.argsort(first, kind="stable")]
 
 
-def synthetic_block(block: Block, carried: CarriedPoints, synthetic: Camera) -> Block:
+def synthetic_block(block: Block, carried: TransferredPoints, synthetic: Camera) -> Block:
     """Return a block's synthetic images with the transferred measurements.
 
     Parameters
     ----------
     block : Block
         As it was measured, in heads.
-    carried : CarriedPoints
+    carried : TransferredPoints
     synthetic : Camera
 
     Returns
@@ -218,7 +220,7 @@ def synthetic_block(block: Block, carried: CarriedPoints, synthetic: Camera) -> 
 
 
 def parameter_covariance(
-    bundle: Bundle, block: Block, carried: CarriedPoints, orientation: RelativeOrientation
+    bundle: Bundle, block: Block, carried: TransferredPoints, orientation: RelativeOrientation
 ) -> Array:
     """Return the covariance of a synthetic camera's parameters due to its heads' calibration.
 
@@ -232,7 +234,7 @@ def parameter_covariance(
         One synthetic camera, mounted, adjusted with the points.
     block : Block
         As it was measured, in heads.
-    carried : CarriedPoints
+    carried : TransferredPoints
         All points of the bundle's block, in its order.
     orientation : RelativeOrientation
         The heads by which they were transferred.
@@ -267,7 +269,7 @@ def parameter_covariance(
 
 
 def _moved(
-    block: Block, carried: CarriedPoints, orientation: RelativeOrientation, camera: Camera
+    block: Block, carried: TransferredPoints, orientation: RelativeOrientation, camera: Camera
 ) -> Array:
     """Return d(points) / d(parameters of the heads that have a sigma), pixels, shape (n, 2, k)."""
     sigma = sigmas(orientation.cov_joint)

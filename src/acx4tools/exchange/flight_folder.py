@@ -44,12 +44,12 @@ SEEN_FROM = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
 """Settings that the synthetic camera takes from the first head."""
 
 
-def write(brought: Brought, folder: Path) -> tuple[str, ...]:
+def write(brought: ImportedFlight, folder: Path) -> tuple[str, ...]:
     """Write all imported data, or nothing.
 
     Parameters
     ----------
-    brought : Brought
+    brought : ImportedFlight
     folder : Path
         New, empty, or written by an import before: then tables of the same name are replaced,
         which is said, and settings are added to those of flight.toml.
@@ -94,7 +94,7 @@ def write(brought: Brought, folder: Path) -> tuple[str, ...]:
     return remarks
 
 
-def _require_inside(brought: Brought) -> None:
+def _require_inside(brought: ImportedFlight) -> None:
     """Raise FlightError for the first measurement outside its picture, with their number."""
     sizes = {
         name: (camera["width_px"], camera["height_px"])
@@ -179,12 +179,12 @@ def _table_text(table: Columns) -> str:
     return buffer.getvalue()
 
 
-def statement(brought: Brought, *, edited: bool = False) -> str:
+def statement(brought: ImportedFlight, *, edited: bool = False) -> str:
     """Return the part of import.md on the imported data.
 
     Parameters
     ----------
-    brought : Brought
+    brought : ImportedFlight
     edited : bool
         Whether the settings have no other place.
     """
@@ -255,12 +255,12 @@ def _place(folder: Path, texts: Mapping[str, str], files: Mapping[str, Path]) ->
     whole_files.write_all({folder / name: text for name, text in texts.items()})
 
 
-def with_no_control(brought: Brought, folder: Path) -> Brought:
+def with_no_control(brought: ImportedFlight, folder: Path) -> ImportedFlight:
     """Return imported data with an empty table of control points, where coordinates are local.
 
     Parameters
     ----------
-    brought : Brought
+    brought : ImportedFlight
     folder : Path
         Of the flight; one that has control points keeps them.
     """
@@ -275,7 +275,7 @@ def with_no_control(brought: Brought, folder: Path) -> Brought:
     return replace(brought, tables={**brought.tables, control: empty})
 
 
-def with_synthetic(brought: Brought) -> Brought:
+def with_synthetic(brought: ImportedFlight) -> ImportedFlight:
     """Return imported data of heads with the synthetic camera that their flight needs.
 
     It has the size, the focal length and the direction of the first head: right for heads whose
@@ -304,7 +304,7 @@ def with_synthetic(brought: Brought) -> Brought:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Brought:
+class ImportedFlight:
     """Imported data: a part of a flight, or all of it, from another program's files.
 
     Attributes

@@ -29,7 +29,7 @@ from acx4lib.geometry.intersection import intersect
 from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import stacked
-from acx4tools.exchange.flight_folder import Brought, number_of
+from acx4tools.exchange.flight_folder import ImportedFlight, number_of
 from acx4tools.exchange.lens import WARNED_PX, WORST_PX, too_far
 from acx4tools.exchange.lens_models import NOMINAL_UM, Lens, Refitted
 from acx4tools.exchange.safe.opened import Opened, checksums, refusal
@@ -258,7 +258,7 @@ def flight_of(
     block: str | None = None,
     pixel_um: float | None = None,
     allow: float = WORST_PX,
-) -> Brought:
+) -> ImportedFlight:
     """Return a project as a part of a flight, with what was assumed, found and left out.
 
     Parameters
@@ -294,7 +294,7 @@ def flight_of(
     settings |= {key: project.settings[key] for key in ("apriori",) if project.settings.get(key)}
     exposures = [images.exposures[i] for i in np.flatnonzero(kept)]
     folder = block or ("heads" if len(set(exposures)) < len(exposures) else "calibration")
-    return Brought(
+    return ImportedFlight(
         source=project.source,
         sha256=checksums(project.sources),
         settings=settings,
@@ -323,7 +323,7 @@ def flight_of(
     )
 
 
-def reading(project: Callable[..., Project], **orientations: str) -> Callable[..., Brought]:
+def reading(project: Callable[..., Project], **orientations: str) -> Callable[..., ImportedFlight]:
     """Return the reader of a program's files as a part of a flight, by its `project`.
 
     Parameters
@@ -347,7 +347,7 @@ def reading(project: Callable[..., Project], **orientations: str) -> Callable[..
     }
     of_both = Signature(sorted((common | special).values(), key=lambda parameter: parameter.kind))
 
-    def read(*source: Path, **given: Any) -> Brought:
+    def read(*source: Path, **given: Any) -> ImportedFlight:
         bound = of_both.bind(*source, **given)
         bound.apply_defaults()
         imported = project(**{name: bound.arguments[name] for name in special})

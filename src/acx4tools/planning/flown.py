@@ -126,7 +126,7 @@ def _images(plan: Plan, name: str, taken: Exposures) -> Table:
     return _table("images", len(rows), text)
 
 
-def _control(plan: Plan, name: str, surveyed: Sight) -> Table:
+def _control(plan: Plan, name: str, surveyed: Visibility) -> Table:
     n = len(surveyed.local)
     axes = ("east", "north", "height")
     numbers = {f"{axis}_m": surveyed.x_g[:, k] for k, axis in enumerate(axes)}
@@ -137,7 +137,9 @@ def _control(plan: Plan, name: str, surveyed: Sight) -> Table:
     return _table("control_points", n, {"point": _point_names(n, n)}, numbers)
 
 
-def _image_points(plan: Plan, name: str, taken: Exposures, sight: Sight, n_surveyed: int) -> Table:
+def _image_points(
+    plan: Plan, name: str, taken: Exposures, sight: Visibility, n_surveyed: int
+) -> Table:
     images = [row[0] for row in _image_names(plan, name, taken)]
     points = _point_names(n_surveyed, len(sight.local))
     exposure, camera, point = np.nonzero(sight.shown.transpose(1, 0, 2))
@@ -320,7 +322,7 @@ MOST_BATCHES = 30
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sight:
+class Visibility:
     """Points, and where they are measured.
 
     Attributes
@@ -343,9 +345,9 @@ class Sight:
     colrow: Array
     deciding: Mask
 
-    def __getitem__(self, keep: Index | Mask) -> Sight:
+    def __getitem__(self, keep: Index | Mask) -> Visibility:
         """Select points."""
-        return Sight(
+        return Visibility(
             local=self.local[keep],
             x_g=self.x_g[keep],
             shown=self.shown[:, :, keep],
@@ -354,9 +356,9 @@ class Sight:
         )
 
 
-def _joined(sights: list[Sight]) -> Sight:
-    """Return the points of several `Sight`, one after the other."""
-    return Sight(
+def _joined(sights: list[Visibility]) -> Visibility:
+    """Return the points of several `Visibility`, one after the other."""
+    return Visibility(
         local=np.concatenate([s.local for s in sights]),
         x_g=np.concatenate([s.x_g for s in sights]),
         shown=np.concatenate([s.shown for s in sights], axis=2),
@@ -384,11 +386,11 @@ class Over:
     frame: MappingFrame
     T_m_b: Pose
 
-    def surveyed(self) -> Sight:
+    def surveyed(self) -> Visibility:
         """Return the surveyed points and their visibility."""
         return self.see(plans.places(self.plan.blocks[self.name].points))
 
-    def see(self, local: Array) -> Sight:
+    def see(self, local: Array) -> Visibility:
         """Return the visibility of points at places forward and left of the block's middle."""
         x_g = plans.on_ground(self.plan, self.plan.blocks[self.name].area, local)
         x_m = self.frame.from_grid(x_g)
@@ -396,7 +398,7 @@ class Over:
         shown = np.stack([part[0] for part in parts])
         frame = self.plan.frame(self.name)
         deciding = shown if frame is None else self._in(frame, x_m)[0][None]
-        return Sight(
+        return Visibility(
             local=local,
             x_g=x_g,
             shown=shown & deciding,
@@ -416,7 +418,7 @@ class Over:
         colrow[exposure, point] = projected
         return shown, colrow
 
-    def tie_points(self) -> Sight:
+    def tie_points(self) -> Visibility:
         """Return the tie points and their visibility.
 
         Raises
@@ -430,12 +432,12 @@ class Over:
         """Return all places that were tried for tie points, forward and left, m, (n, 2)."""
         return self._evenly(self._tried()[1], first=1)
 
-    def ties_at(self, places: Array) -> Sight:
+    def ties_at(self, places: Array) -> Visibility:
         """Return the visibility of the places that are in three images of a camera."""
         sight = self.see(places)
         return sight[(sight.deciding.sum(axis=1) >= LEAST_RAYS).any(axis=0)]
 
-    def _tried(self) -> tuple[Sight, int]:
+    def _tried(self) -> tuple[Visibility, int]:
         """Return the visibility of the tie points, and how many places were tried for them."""
         wanted = self.plan.blocks[self.name].tie_points
         kept = [self.see(np.empty((0, 2)))]

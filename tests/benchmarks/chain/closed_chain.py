@@ -36,7 +36,11 @@ from acx4lib.georeferencing.validation import Differences, Validation, validate
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.frame import head_from_synthetic
-from acx4lib.synthetic_image.transferred_points import carry, parameter_covariance, synthetic_block
+from acx4lib.synthetic_image.transferred_points import (
+    parameter_covariance,
+    synthetic_block,
+    transfer,
+)
 from acx4sim import optics
 from benchmarks import harness
 from benchmarks.chain import find_head_truth
@@ -139,7 +143,7 @@ def in_synthetic_images(flight: Flight) -> tuple[Mounting, Validation]:
     refined, synthetic = refine(flight, orientation, None).orientation, flight.cameras["SYN"]
 
     def carried(block: Block) -> Block:
-        return synthetic_block(block, carry(block, refined, synthetic), synthetic)
+        return synthetic_block(block, transfer(block, refined, synthetic), synthetic)
 
     found = mounting.single_step(carried(flight.calibration), free=flight.estimate_mounting)
     return found, validate(carried(flight.validation), found.calibration, method="single_step")
@@ -172,7 +176,7 @@ def with_noise_and_without(seed: int) -> list[Row]:
         for flight in (noisy, exact)
     )
     step = find_head_truth.single_step(noisy, heads)
-    points = carry(noisy.calibration, heads, noisy.cameras["SYN"])
+    points = transfer(noisy.calibration, heads, noisy.cameras["SYN"])
     of_heads = sigmas(parameter_covariance(step.bundle, noisy.calibration, points, heads))
     of_exact = of_calibration(find_head_truth.single_step(exact, exact_heads).calibration)
     return [

@@ -24,7 +24,7 @@ from acx4lib.calibration.heads import RelativeOrientation, calibrate_heads, rela
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.stages.synthetic import refine
-from acx4lib.synthetic_image.transferred_points import carry, synthetic_block
+from acx4lib.synthetic_image.transferred_points import synthetic_block, transfer
 from acx4sim import optics
 from acx4sim.optics import Camera
 from support.flights.simulated import EXACT, HEADS, read_back
@@ -69,7 +69,7 @@ def mountings(flight: Flight, heads: RelativeOrientation) -> mounting.Mountings:
 def carried(flight: Flight, heads: RelativeOrientation) -> Block:
     """Return the calibration block as its synthetic images have it."""
     block, synthetic = flight.calibration, flight.cameras["SYN"]
-    return synthetic_block(block, carry(block, heads, synthetic), synthetic)
+    return synthetic_block(block, transfer(block, heads, synthetic), synthetic)
 
 
 def exact_chain(heads: Mapping[str, Camera] = optics.HEADS) -> Chain:

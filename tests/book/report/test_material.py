@@ -15,7 +15,7 @@ from acx4lib.flight.settings import Certificate, Device, Session
 from acx4lib.results import adjustments, folder
 from acx4lib.results.adjustments import of_carried
 from acx4lib.results.provenance import Provenance
-from acx4lib.synthetic_image.transferred_points import carry
+from acx4lib.synthetic_image.transferred_points import transfer
 from support import tables
 from support.flights import in_heads, pictured
 from support.run_results import SINGLE
@@ -30,7 +30,7 @@ def material(tmp_path_factory):
     flight = flights.read(in_heads.write(tmp_path_factory.mktemp("flight") / "in_heads"))
     results = tmp_path_factory.mktemp("results")
     orientation, camera = pictured.orientation(), flight.synthetic_camera
-    carried = {name: carry(flight.block(name), orientation, camera) for name in flight.carried}
+    carried = {name: transfer(flight.block(name), orientation, camera) for name in flight.carried}
     adjustments.write(results, "synthetic", [of_carried(flight, carried)])
     return Material(
         found=folder.read(results),

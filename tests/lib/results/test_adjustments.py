@@ -18,7 +18,7 @@ from acx4lib.georeferencing import validation
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
 from acx4lib.results.adjustments import METHOD, mounted_block, of_carried
-from acx4lib.synthetic_image.transferred_points import carry, synthetic_block
+from acx4lib.synthetic_image.transferred_points import synthetic_block, transfer
 from support.flights import in_heads, pictured, simulated
 
 SETTINGS = {"free": ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")}
@@ -311,7 +311,7 @@ def flight(tmp_path_factory):
 @pytest.fixture(scope="module")
 def carried(flight):
     orientation, camera = pictured.orientation(), flight.synthetic_camera
-    return {name: carry(flight.block(name), orientation, camera) for name in flight.carried}
+    return {name: transfer(flight.block(name), orientation, camera) for name in flight.carried}
 
 
 @pytest.fixture(scope="module")

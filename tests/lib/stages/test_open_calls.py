@@ -12,7 +12,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder
 from acx4lib.stages import attempt, heads, mounting, order, rig, synthetic, validation
-from acx4lib.synthetic_image.transferred_points import carry
+from acx4lib.synthetic_image.transferred_points import transfer
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from support.flights import in_heads
@@ -60,7 +60,7 @@ def synthetic_by_hand(flight, results):
     ways = {"rotations": turned, "six": six}
     refinement = synthetic.gathered(oriented, ties, ways, shifted)
     camera, refined = flight.synthetic_camera, refinement.orientation
-    carried = {name: carry(flight.block(name), refined, camera) for name in flight.carried}
+    carried = {name: transfer(flight.block(name), refined, camera) for name in flight.carried}
     synthetic.write(flight, results, refinement, carried)
 
 

@@ -15,7 +15,11 @@ from acx4lib.flight.block import ImagePoints, Images, select_cameras
 from acx4lib.geometry.camera import inside, xy_from_colrow
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.synthetic_image.rendering import render, render_plan
-from acx4lib.synthetic_image.transferred_points import carry, parameter_covariance, synthetic_block
+from acx4lib.synthetic_image.transferred_points import (
+    parameter_covariance,
+    synthetic_block,
+    transfer,
+)
 from support.flights import in_heads
 from support.flights.simulated import HEADS
 from support.pictures import taken
@@ -37,7 +41,7 @@ def seen():
 
 @pytest.fixture(scope="module")
 def carried(measured, seen):
-    return carry(measured, in_heads.true_orientation(), seen.cameras[0])
+    return transfer(measured, in_heads.true_orientation(), seen.cameras[0])
 
 
 def test_carried_points_are_where_an_ideal_camera_sees_them(measured, seen, carried):
@@ -90,7 +94,7 @@ def test_sigma_is_the_scatter_of_a_measurement_after_the_map(measured, seen):
         check=measured.check[:0],
     )
     frame = replace(seen.cameras[0], width_px=20_000, height_px=20_000)
-    found = carry(block, in_heads.true_orientation(), frame)
+    found = transfer(block, in_heads.true_orientation(), frame)
     order = np.argsort(found.point_idx)
     colrow = found.colrow[order].reshape(4, n, 2)
     sigma = found.sigma_px[order].reshape(4, n, 2)
@@ -146,7 +150,7 @@ def test_the_head_is_the_one_that_is_rendered_there(everything):
         for k, head in enumerate(orientation.heads)
     ]
     image = render(render_plan(orientation, synthetic, feather_px=0.0), numbers)[..., 0]
-    found = carry(block, orientation, synthetic)
+    found = transfer(block, orientation, synthetic)
     assert len(found) == len(pixels)
     assert_allclose(found.colrow, pixels[found.point_idx], atol=1e-8)
     there = image[pixels[found.point_idx, 1], pixels[found.point_idx, 0]]
@@ -157,9 +161,9 @@ def test_the_head_is_the_one_that_is_rendered_there(everything):
 def test_a_point_that_this_head_did_not_measure_comes_from_the_next(everything):
     _, block = everything
     orientation, synthetic = taken.heads(K), taken.synthetic(K)
-    found = carry(block, orientation, synthetic)
+    found = transfer(block, orientation, synthetic)
     first = block.image_points.image_idx != 0  # images are the heads
-    less = carry(replace(block, image_points=block.image_points[first]), orientation, synthetic)
+    less = transfer(replace(block, image_points=block.image_points[first]), orientation, synthetic)
     assert 0 not in less.camera_idx
     seen_by_others = np.isin(found.point_idx, less.point_idx)
     assert np.any(found.camera_idx[seen_by_others] == 0)
@@ -193,7 +197,7 @@ def test_synthetic_images_bear_the_names_of_their_exposures_in_the_order_of_the_
         ),
     )
     orientation, synthetic = in_heads.true_orientation(), seen.cameras[0]
-    block = synthetic_block(shuffled, carry(shuffled, orientation, synthetic), synthetic)
+    block = synthetic_block(shuffled, transfer(shuffled, orientation, synthetic), synthetic)
     exposures = [measured.trajectory.exposures[i] for i in images.exposure_idx[order]]
     assert block.images.names == tuple(dict.fromkeys(exposures))
     named = dict(zip(seen.images.names, seen.images.strips, strict=True))
@@ -206,7 +210,7 @@ def test_an_exposure_without_any_measurement_is_an_image(measured, seen):
     bare = measured.images.exposure_idx[points.image_idx] != 2
     few = replace(measured, image_points=points[bare])
     orientation, synthetic = in_heads.true_orientation(), seen.cameras[0]
-    found = carry(few, orientation, synthetic)
+    found = transfer(few, orientation, synthetic)
     assert 2 not in found.exposure_idx
     block = synthetic_block(few, found, synthetic)
     assert len(block.images) == len(measured.trajectory)
@@ -214,7 +218,7 @@ def test_an_exposure_without_any_measurement_is_an_image(measured, seen):
 
 def test_a_camera_that_is_no_head_is_refused(seen):
     with pytest.raises(ValueError, match="no orientation of SYN"):
-        carry(seen, in_heads.true_orientation(), seen.cameras[0])
+        transfer(seen, in_heads.true_orientation(), seen.cameras[0])
 
 
 # --- Errors of the heads in the calibrated synthetic camera, against cameras calibrated anew
@@ -242,7 +246,7 @@ def synthetic():
 
 def calibrated(measured, orientation, synthetic):
     """Return the carried points and the bundle of the synthetic camera."""
-    carried = carry(measured, orientation, synthetic)
+    carried = transfer(measured, orientation, synthetic)
     block = synthetic_block(measured, carried, synthetic)
     return carried, adjust(mounted_orientation(block, free=FREE))
 

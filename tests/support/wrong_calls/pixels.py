@@ -44,11 +44,11 @@ def pixels() -> list[Wrong]:
             "k: expected a whole number from 0 to 3, got -1",
         ),
         Wrong(
-            lambda: transferred_points.carry(HEADS, HEADS, SYNTHETIC),
+            lambda: transferred_points.transfer(HEADS, HEADS, SYNTHETIC),
             "block: expected a Block, got a RelativeOrientation",
         ),
         Wrong(
-            lambda: transferred_points.carry(BLOCK, HEADS, SYNTHETIC),
+            lambda: transferred_points.transfer(BLOCK, HEADS, SYNTHETIC),
             f"block 'calibration': no orientation of {BLOCK.cameras[0].name}",
         ),
         Wrong(

@@ -16,7 +16,7 @@ from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from acx4tools.exchange import crs, flight_folder, tables
-from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.flight_folder import ImportedFlight
 from acx4tools.exchange.opencv import from_opencv, to_opencv
 
 POINTS = {"point": ["A", "B,1"], "east_m": [1.5, 2.0], "north_m": [0.1, 0.2], "height_m": [3, 4]}
@@ -25,7 +25,7 @@ CAMERA = {"cameras": {"C 1": {"width_px": 10, "focal_mm": 8.25}}}
 
 def control(**changes):
     given = {"sha256": {"a.txt": "12"}, "tables": {"control_points.csv": POINTS}, **changes}
-    return Brought(source="Program 1", **given)
+    return ImportedFlight(source="Program 1", **given)
 
 
 def test_tables_settings_and_what_is_said_are_written(tmp_path):
@@ -48,7 +48,7 @@ def test_tables_settings_and_what_is_said_are_written(tmp_path):
 def test_a_second_import_adds_tables_and_settings(tmp_path):
     flight_folder.write(control(settings=CAMERA), tmp_path)
     more = {"crs": "EPSG:1", "cameras": {"C 1": {"focal_mm": 9.0}, "D": {"width_px": 3}}}
-    other = Brought(
+    other = ImportedFlight(
         source="Other", sha256={}, settings=more, tables={"heads/images.csv": {"a": []}}
     )
     flight_folder.write(other, tmp_path)
@@ -165,7 +165,7 @@ def test_what_is_to_be_filled_in_is_all_that_is_wrong(tmp_path):
     assert [line.split(": ", 1)[1] for line in problems[:4]] == ends
     assert len(problems) == 7
     assert all("has no rows; at least one row" in line for line in problems[4:])
-    settings = Brought(source="a", sha256={}, settings={"cameras": {"CAM": SIZE}})
+    settings = ImportedFlight(source="a", sha256={}, settings={"cameras": {"CAM": SIZE}})
     flight_folder.write(settings, tmp_path)
     text = (tmp_path / "flight.toml").read_text()
     assert "focal_mm = 50.0  # approximate; the calibration estimates it\n" in text

@@ -14,7 +14,7 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.stages.synthetic import Refinement
-from acx4lib.synthetic_image.transferred_points import CarriedPoints
+from acx4lib.synthetic_image.transferred_points import TransferredPoints
 from acx4lib.tie_points.refinement import frame_differences
 from acx4lib.tie_points.ties import Overlap, TiePoints, overlaps
 
@@ -94,7 +94,7 @@ def printed_heads(flight: Flight) -> dict[str, RelativeOrientation]:
 # --- points transferred from the heads -------------------------------------------------------
 
 
-def carried(flight: Flight, carried: Mapping[str, CarriedPoints]) -> pd.DataFrame:
+def carried(flight: Flight, carried: Mapping[str, TransferredPoints]) -> pd.DataFrame:
     """Count the points measured in heads and transferred from them, a row for each block."""
     rows = {}
     for name, points in carried.items():

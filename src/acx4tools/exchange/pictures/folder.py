@@ -23,7 +23,7 @@ from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 from acx4lib.production import image_files
 from acx4lib.production import tiff as tiff_files
-from acx4tools.exchange.flight_folder import Brought, number_of
+from acx4tools.exchange.flight_folder import ImportedFlight, number_of
 from acx4tools.exchange.lens import WARNED_PX, WORST_PX, too_far
 from acx4tools.exchange.pictures import metadata
 from acx4tools.exchange.pictures.lens import Lens, lens_of
@@ -75,7 +75,7 @@ def bring(
     pixel_um: float | None = None,
     allow: float = WORST_PX,
     hold_out: int | None = None,
-) -> Brought:
+) -> ImportedFlight:
     """Return the flight that the metadata of a folder's pictures describe.
 
     Parameters
@@ -93,7 +93,7 @@ def bring(
 
     Returns
     -------
-    Brought
+    ImportedFlight
         A block ``calibration``, which of several cameras is the block ``heads``, too; one exposure
         of these is a block ``heads`` alone.
 
@@ -117,7 +117,7 @@ def bring(
             raise first[name].wrong("lens", f"{name}: {fault[0]}", fault[1])
     blocks = _blocks(shots, len(heads) > 1, hold_out)
     in_heads = {"heads", "calibration"} <= blocks.keys()
-    return Brought(
+    return ImportedFlight(
         source=f"pictures of {_maker(taken)}",
         sha256={**{picture.file: picture.tags.sha256 for picture in taken}, **sums},
         settings={

@@ -31,7 +31,7 @@ from acx4tools.exchange import crs as coordinates
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import FLIP, UNKNOWN, stacked, turned
 from acx4tools.exchange.crs import Chosen
-from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.flight_folder import ImportedFlight
 from acx4tools.exchange.lens import Pinhole
 from acx4tools.exchange.lens_models import OPENSFM as MODELS
 from acx4tools.exchange.lens_models import Lens
@@ -695,7 +695,7 @@ class _List:
 
 def read_control(
     source: Path, *, block: str | None = None, crs: str | None = None, camera: str | None = None
-) -> Brought:
+) -> ImportedFlight:
     """Read gcp_list.txt as a part of a flight; options as those of `control` and `flight_of`."""
     return flight_of(control(source, crs=crs, camera=camera), block=block or "calibration")
 

@@ -23,7 +23,7 @@ from acx4lib.errors import FlightError
 from acx4lib.flight.problems import METRES, Range, quoted
 from acx4tools.exchange import tables
 from acx4tools.exchange.axes import UNKNOWN, stacked
-from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.flight_folder import ImportedFlight
 from acx4tools.exchange.project import Control, Images, Measured, Project, flight_of
 from acx4tools.exchange.safe import opened, text_lines
 from acx4tools.exchange.safe.opened import Opened
@@ -53,14 +53,14 @@ UNTRIED = "CONT and CHCK of geoin.dat are point, east, north, height: untried on
 
 def read_bingo(
     source: Path, *, size: tuple[int, int], pixel_um: float, block: str | None = None
-) -> Brought:
+) -> ImportedFlight:
     """Read image.dat, and geoin.dat beside it; options as those of `bingo` and `flight_of`."""
     return flight_of(bingo(source, size=size, pixel_um=pixel_um), block=block)
 
 
 def read_patb(
     source: Path, *, unit: str, size: tuple[int, int], pixel_um: float, block: str | None = None
-) -> Brought:
+) -> ImportedFlight:
     """Read a list of PAT-B; options as those of `_patb` and `flight_of`."""
     return flight_of(_patb(source, unit=unit, size=size, pixel_um=pixel_um), block=block)
 

@@ -19,7 +19,7 @@ from acx4lib.flight.problems import Problem, lines_of, quoted
 from acx4lib.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.geometry import frames
 from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
-from acx4tools.exchange.flight_folder import Brought, number_of
+from acx4tools.exchange.flight_folder import ImportedFlight, number_of
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.text_lines import Line, cut, lines
@@ -374,7 +374,7 @@ class TableOptions:
     camera: str = ""
 
 
-def read(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
+def read(path: Path, meaning: Meaning, options: TableOptions) -> ImportedFlight:
     """Return the orientations of a text with declared columns.
 
     Raises
@@ -394,7 +394,7 @@ def _brought(
     *,
     source: str,
     says: tuple[str, ...] = (),
-) -> Brought:
+) -> ImportedFlight:
     """Return a list of orientations as a part of a flight; `says` are its own statements."""
     oriented = _oriented(listed, meaning)
     names = _names(listed)
@@ -402,7 +402,7 @@ def _brought(
     tables: dict[str, Any] = {f"{options.block}/trajectory.csv": table}
     if options.camera or listed.has("camera"):
         tables[f"{options.block}/images.csv"] = _images(listed, names, options.camera)
-    return Brought(
+    return ImportedFlight(
         source=source,
         sha256=opened.checksums([listed.source]),
         settings=settings(meaning),
@@ -548,7 +548,7 @@ MOST_PREAMBLE = 60
 """Lines of the preamble that are kept."""
 
 
-def read_pospac(path: Path, meaning: Meaning, options: TableOptions) -> Brought:
+def read_pospac(path: Path, meaning: Meaning, options: TableOptions) -> ImportedFlight:
     """Return the orientations of a text export of POSPac.
 
     Parameters
@@ -717,7 +717,7 @@ class MeasuredOptions:
     camera: str = ""
 
 
-def measured(paths: Sequence[Path], options: MeasuredOptions) -> Brought:
+def measured(paths: Sequence[Path], options: MeasuredOptions) -> ImportedFlight:
     """Return the image points of texts, one after the other.
 
     Raises
@@ -743,7 +743,7 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> Brought:
         by = {"image": names, "camera": [options.camera] * len(names), "exposure": names}
         tables[f"{options.block}/images.csv"] = by
     (left, top), (right, bottom) = colrow.min(axis=1), colrow.max(axis=1)
-    return Brought(
+    return ImportedFlight(
         source="Table of image points",
         sha256=opened.checksums([listed.source for listed in every]),
         tables=tables,
@@ -777,7 +777,7 @@ def _measured(path: Path, options: MeasuredOptions) -> Listed:
 
 def surveyed(
     path: Path, meaning: Meaning, *, columns: str = "", separator: str = "", role: str = ""
-) -> Brought:
+) -> ImportedFlight:
     """Return the control and check points of a text.
 
     Parameters
@@ -806,7 +806,7 @@ def surveyed(
     if listed.has("role") or role:
         table["role"] = _roles(listed, role)
     n_check = sum(use == "check" for use in table.get("role", ()))
-    return Brought(
+    return ImportedFlight(
         source="Table of surveyed points",
         sha256=opened.checksums([source]),
         settings=settings(meaning),

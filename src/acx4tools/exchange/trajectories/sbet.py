@@ -16,7 +16,7 @@ from acx4lib.flight.problems import Problem, Range, lines_of, quoted
 from acx4lib.flight.table_files import free_memory
 from acx4lib.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.geometry import frames
-from acx4tools.exchange.flight_folder import Brought
+from acx4tools.exchange.flight_folder import ImportedFlight
 from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.text_lines import Line, records
@@ -80,7 +80,9 @@ class SbetOptions:
     meaning: Meaning = field(default_factory=Meaning)
 
 
-def read(trajectory: Path, events: Path, deviations: Path | None, options: SbetOptions) -> Brought:
+def read(
+    trajectory: Path, events: Path, deviations: Path | None, options: SbetOptions
+) -> ImportedFlight:
     """Return a trajectory at the times of events.
 
     Parameters
@@ -172,7 +174,7 @@ def _brought(
     spread: Deviations | None,
     t: Array,
     options: SbetOptions,
-) -> Brought:
+) -> ImportedFlight:
     between = _between(track.time, t)
     off, speed = _velocity_misfit(track, between)
     faithful = off <= max(FAITHFUL_MS, FAITHFUL * speed)
@@ -196,7 +198,7 @@ def _brought(
         images = {"image": listed.names, "camera": [options.camera] * len(t)}
         tables[f"{options.block}/images.csv"] = images | {"exposure": listed.names}
     sources = [track.source, listed.listed.source, *([spread.source] if spread else [])]
-    return Brought(
+    return ImportedFlight(
         source="SBET at events",
         sha256=opened.checksums(sources),
         settings=orientations.settings(meaning),

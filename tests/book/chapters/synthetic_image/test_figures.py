@@ -25,7 +25,7 @@ from acx4lib.synthetic_image.frame import (
     synthetic_from_head,
 )
 from acx4lib.synthetic_image.response import estimate_response
-from acx4lib.synthetic_image.transferred_points import carry
+from acx4lib.synthetic_image.transferred_points import transfer
 from support.figures import (
     assert_labelled,
     assert_texts_apart,
@@ -256,7 +256,7 @@ def test_tables_of_what_a_flight_does_not_have_are_empty(flight, refinement):
 
 def test_carried_points_are_counted_by_block(tmp_path):
     small = flights.read(in_heads.write(tmp_path))
-    points = carry(small.calibration, flights_pictured.orientation(), small.synthetic_camera)
+    points = transfer(small.calibration, flights_pictured.orientation(), small.synthetic_camera)
     row = tables.carried(small, {"calibration": points}).loc["calibration"]
     assert row["Measured in heads"] == len(small.calibration.image_points)
     assert row["Carried"] + row["outside the frame"] == row["Points of exposures"]
