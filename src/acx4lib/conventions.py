@@ -65,7 +65,7 @@ class Found:
     ----------
     name : str
         The change, such as "pitch of opposite sign".
-            quantity : str
+    quantity : str
         Quantity of the residuals.
     given, found : float
         Robust residuals of the given and of this reading. `found` is NaN where the name alone
