@@ -13,7 +13,7 @@ from support.flights import in_heads, pictured
 from support.helpers import repeats
 
 READ = "orientation = synthetic.read_heads(flight, results_path)"
-TIED = "ties = found.ties if found else shared_points(flight.heads, orientation)"
+TIED = "ties = matched.ties if matched else shared_points(flight.heads, orientation)"
 MATCHED = "matched = find(pictures, orientation) if pictures else None"
 TURNED = (
     "orientation = replace(orientation, opk=orientation.opk"
