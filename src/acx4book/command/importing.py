@@ -189,21 +189,21 @@ def _program(
     app.command(name, help=help_text)(command)
 
 
-def _place(brought: ImportedFlight, out: Path) -> None:
+def _place(imported: ImportedFlight, out: Path) -> None:
     """Write imported data, and report assumptions, findings, omissions and missing parts."""
     from acx4tools.exchange import flight_folder  # noqa: PLC0415 quick help
 
-    if brought.settings and not (out / flight_folder.SETTINGS).is_file():
-        named = {"name": out.resolve().name} | dict(brought.settings)
-        brought = replace(brought, settings=named)
-    brought = flight_folder.with_no_control(flight_folder.with_synthetic(brought), out)
-    remarks = flight_folder.write(brought, out)
-    terminal.show(brought.source)
+    if imported.settings and not (out / flight_folder.SETTINGS).is_file():
+        named = {"name": out.resolve().name} | dict(imported.settings)
+        imported = replace(imported, settings=named)
+    imported = flight_folder.with_no_control(flight_folder.with_synthetic(imported), out)
+    remarks = flight_folder.write(imported, out)
+    terminal.show(imported.source)
     for title, sentences in (
-        ("warning", brought.warnings),
-        ("assumed", brought.assumed),
-        ("found", (*brought.found, *remarks)),
-        ("left out", brought.left_out),
+        ("warning", imported.warnings),
+        ("assumed", imported.assumed),
+        ("found", (*imported.found, *remarks)),
+        ("left out", imported.left_out),
     ):
         for sentence in sentences:
             terminal.show(f"  {title}: {sentence}")
@@ -490,10 +490,10 @@ def _control_points(  # noqa: PLR0913 options of a command
 
     crs, system = system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system, ellipsoidal=ellipsoidal)
-    brought = orientations.surveyed(
+    imported = orientations.surveyed(
         source, meaning, columns=columns, separator=separator or "", role=role or ""
     )
-    _place(brought, out)
+    _place(imported, out)
 
 
 # --- pictures alone
@@ -537,8 +537,10 @@ def _pictures(
     from acx4tools.exchange.pictures import folder  # noqa: PLC0415 quick help
 
     crs, _ = system_of(out, crs, "")
-    brought = folder.bring(source, crs=crs, pixel_um=pixel_um, allow=allow, hold_out=hold_out)
-    _place(brought, out)
+    imported = folder.read_folder(
+        source, crs=crs, pixel_um=pixel_um, allow=allow, hold_out=hold_out
+    )
+    _place(imported, out)
 
 
 # --- projects

@@ -37,7 +37,6 @@ import acx4lib.stages.mounting  # noqa: F401 loaded before the copy
 from acx4book.typesetting import style
 from acx4book.typesetting.svg import vector
 from acx4lib import system
-from acx4lib.least_squares import processors
 from acx4lib.results import whole_files
 
 ENGINE = "acx4"
@@ -121,7 +120,6 @@ def _run(
 ) -> None:
     """Execute a notebook in this process, which does nothing else."""
     _alone(home)
-    processors.keep_memory()
     try:
         with threadpool_limits(1, user_api="blas"):
             papermill.execute_notebook(

@@ -125,7 +125,7 @@ def store() -> None:
         if entry.file.startswith(f"{FILES}/"):
             data.path(entry.file)
     with tempfile.TemporaryDirectory() as temporary:
-        imported = folder.bring(data.folder() / FILES)
+        imported = folder.read_folder(data.folder() / FILES)
         flight_folder.write(imported, Path(temporary) / "flight")
         measure_flight(Path(temporary) / "flight", Path(temporary) / "measured")
         _store_measured(Path(temporary) / "measured")

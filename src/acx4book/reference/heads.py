@@ -127,7 +127,7 @@ def solved(files: str) -> Solved:
     """
     entries = [entry.file for entry in data.index() if entry.file.startswith(f"{files}/IMG")]
     paths = {path.name: path for path in map(data.path, entries)}
-    imported = folder.bring(data.folder() / files)
+    imported = folder.read_folder(data.folder() / files)
     cameras = {name: camera_of(name, t) for name, t in imported.settings["cameras"].items()}
     names, synthetic = imported.settings["synthetic"]["heads"], cameras[folder.SYNTHETIC]
     factory = declared_orientation([cameras[name] for name in names], synthetic)

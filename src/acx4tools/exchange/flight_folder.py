@@ -44,12 +44,12 @@ SEEN_FROM = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
 """Settings that the synthetic camera takes from the first head."""
 
 
-def write(brought: ImportedFlight, folder: Path) -> tuple[str, ...]:
+def write(imported: ImportedFlight, folder: Path) -> tuple[str, ...]:
     """Write all imported data, or nothing.
 
     Parameters
     ----------
-    brought : ImportedFlight
+    imported : ImportedFlight
     folder : Path
         New, empty, or written by an import before: then tables of the same name are replaced,
         which is said, and settings are added to those of flight.toml.
@@ -67,16 +67,16 @@ def write(brought: ImportedFlight, folder: Path) -> tuple[str, ...]:
     FlightError
         Where measurements lie outside the pictures.
     """
-    _require_inside(brought)
+    _require_inside(imported)
     with own_folder.claim(folder, command=COMMAND, becomes_flight=True) as claimed:
         edited = _is_edited(claimed)
-        texts = {name: _table_text(table) for name, table in brought.tables.items()}
-        texts[STATEMENT] = _read(folder / STATEMENT) + statement(brought, edited=edited)
-        if brought.settings and not edited:
-            texts[SETTINGS] = _settings(folder, brought.settings)
+        texts = {name: _table_text(table) for name, table in imported.tables.items()}
+        texts[STATEMENT] = _read(folder / STATEMENT) + statement(imported, edited=edited)
+        if imported.settings and not edited:
+            texts[SETTINGS] = _settings(folder, imported.settings)
         pictures = {
             name: picture
-            for name, picture in brought.pictures.items()
+            for name, picture in imported.pictures.items()
             if picture.absolute() != (folder / name).absolute()
         }
         names = [*texts, *pictures]
@@ -84,25 +84,25 @@ def write(brought: ImportedFlight, folder: Path) -> tuple[str, ...]:
             raise OutputError(f"{changed[0]}; move it away, or choose another folder")
         if edited:
             claimed.files.pop(SETTINGS, None)
-        remarks = _replaced(folder, {name: texts[name] for name in brought.tables})
+        remarks = _replaced(folder, {name: texts[name] for name in imported.tables})
         claimed.expect(names)
         _place(folder, texts, pictures)
         claimed.seal()
-    if edited and brought.settings:
+    if edited and imported.settings:
         kept = f"{SETTINGS} was edited and stays as it is; what the source says is in {STATEMENT}"
         return (kept, *remarks)
     return remarks
 
 
-def _require_inside(brought: ImportedFlight) -> None:
+def _require_inside(imported: ImportedFlight) -> None:
     """Raise FlightError for the first measurement outside its picture, with their number."""
     sizes = {
         name: (camera["width_px"], camera["height_px"])
-        for name, camera in brought.settings.get("cameras", {}).items()
+        for name, camera in imported.settings.get("cameras", {}).items()
         if {"width_px", "height_px"} <= set(camera)
     }
-    for file, points in brought.tables.items():
-        images = brought.tables.get(file.replace("image_points.csv", "images.csv"))
+    for file, points in imported.tables.items():
+        images = imported.tables.get(file.replace("image_points.csv", "images.csv"))
         if not file.endswith("/image_points.csv") or images is None or not len(points["image"]):
             continue
         camera_of = dict(zip(images["image"], images["camera"], strict=True))
@@ -115,7 +115,7 @@ def _require_inside(brought: ImportedFlight) -> None:
             continue
         k = int(rows[0])
         (col, row), (width, height) = colrow[k].tolist(), size[k].tolist()
-        n, read = len(rows), min(brought.sha256, default=brought.source)
+        n, read = len(rows), min(imported.sha256, default=imported.source)
         raise FlightError(
             [
                 f"{read}:1: point {points['point'][k]} in {points['image'][k]}: col {col:.1f}, "
@@ -179,31 +179,31 @@ def _table_text(table: Columns) -> str:
     return buffer.getvalue()
 
 
-def statement(brought: ImportedFlight, *, edited: bool = False) -> str:
+def statement(imported: ImportedFlight, *, edited: bool = False) -> str:
     """Return the part of import.md on the imported data.
 
     Parameters
     ----------
-    brought : ImportedFlight
+    imported : ImportedFlight
     edited : bool
         Whether the settings have no other place.
     """
-    files = [f"{name}, SHA-256 {sha256}" for name, sha256 in brought.sha256.items()]
+    files = [f"{name}, SHA-256 {sha256}" for name, sha256 in imported.sha256.items()]
     parts = {
-        "Warnings": brought.warnings,
+        "Warnings": imported.warnings,
         "Read": files,
-        "Assumed": brought.assumed,
-        "Found": brought.found,
-        "Left out": brought.left_out,
+        "Assumed": imported.assumed,
+        "Found": imported.found,
+        "Left out": imported.left_out,
     }
-    lines = [f"# {brought.source}", ""]
+    lines = [f"# {imported.source}", ""]
     for title, sentences in parts.items():
         if sentences:
             lines += [f"## {title}", "", *(f"- {sentence}" for sentence in sentences), ""]
-    if brought.lenses:
-        lines += ["## Lenses", "", *_lens_table(brought.lenses), ""]
-    if edited and brought.settings:
-        text = written(brought.settings).rstrip("\n")
+    if imported.lenses:
+        lines += ["## Lenses", "", *_lens_table(imported.lenses), ""]
+    if edited and imported.settings:
+        text = written(imported.settings).rstrip("\n")
         lines += ["## Settings", "", "```toml", *text.split("\n"), "```", ""]
     return "\n".join(lines) + "\n"
 
@@ -222,7 +222,7 @@ def _is_edited(claimed: own_folder.OwnFolder) -> bool:
     return SETTINGS not in claimed.files or bool(own_folder.changes(claimed.path, [SETTINGS]))
 
 
-def _settings(folder: Path, brought: Mapping[str, Any]) -> str:
+def _settings(folder: Path, imported: Mapping[str, Any]) -> str:
     """Return the text of flight.toml with settings added; a new one gets the folder's name."""
     before, known = _read(folder / SETTINGS), {}
     if before:
@@ -231,15 +231,15 @@ def _settings(folder: Path, brought: Mapping[str, Any]) -> str:
             raise FlightError(lines_of(toml.problems))
         known = toml.values
     for key in SYSTEMS:
-        if key in known and key in brought and known[key] != brought[key]:
+        if key in known and key in imported and known[key] != imported[key]:
             msg = (
-                f"{folder / SETTINGS}: {key} is {known[key]!r}, and {brought[key]!r} in what is "
+                f"{folder / SETTINGS}: {key} is {known[key]!r}, and {imported[key]!r} in what is "
                 f"brought: name the same by --{key}, or choose another folder"
             )
             raise OutputError(msg)
     name = folder.resolve().name
     named = {} if "name" in known or name_fault(name) else {"name": name}
-    return added(before, named | dict(brought))
+    return added(before, named | dict(imported))
 
 
 def _read(path: Path) -> str:
@@ -255,49 +255,49 @@ def _place(folder: Path, texts: Mapping[str, str], files: Mapping[str, Path]) ->
     whole_files.write_all({folder / name: text for name, text in texts.items()})
 
 
-def with_no_control(brought: ImportedFlight, folder: Path) -> ImportedFlight:
+def with_no_control(imported: ImportedFlight, folder: Path) -> ImportedFlight:
     """Return imported data with an empty table of control points, where coordinates are local.
 
     Parameters
     ----------
-    brought : ImportedFlight
+    imported : ImportedFlight
     folder : Path
         Of the flight; one that has control points keeps them.
     """
     control = "control_points.csv"
     if (
-        brought.settings.get("crs") != LOCAL
-        or control in brought.tables
+        imported.settings.get("crs") != LOCAL
+        or control in imported.tables
         or (folder / control).exists()
     ):
-        return brought
+        return imported
     empty: dict[str, list[Any]] = {name: [] for name in ("point", "east_m", "north_m", "height_m")}
-    return replace(brought, tables={**brought.tables, control: empty})
+    return replace(imported, tables={**imported.tables, control: empty})
 
 
-def with_synthetic(brought: ImportedFlight) -> ImportedFlight:
+def with_synthetic(imported: ImportedFlight) -> ImportedFlight:
     """Return imported data of heads with the synthetic camera that their flight needs.
 
     It has the size, the focal length and the direction of the first head: right for heads whose
     fields coincide, and to be enlarged where they look apart.
     """
-    images = brought.tables.get("heads/images.csv")
-    cameras = brought.settings.get("cameras", {})
+    images = imported.tables.get("heads/images.csv")
+    cameras = imported.settings.get("cameras", {})
     heads = [] if images is None else [*dict.fromkeys(images["camera"])]
-    if len(heads) < 2 or "synthetic" in brought.settings or SYNTHETIC in cameras:
-        return brought
+    if len(heads) < 2 or "synthetic" in imported.settings or SYNTHETIC in cameras:
+        return imported
     if heads[0] not in cameras:
-        return brought
+        return imported
     first = cameras[heads[0]]
     virtual = {key: first[key] for key in (*SEEN, *SEEN_FROM) if key in first}
-    settings = dict(brought.settings) | {
+    settings = dict(imported.settings) | {
         "cameras": {**cameras, SYNTHETIC: virtual},
         "synthetic": {"camera": SYNTHETIC, "heads": heads},
     }
     sentence = (
         f"The synthetic camera {SYNTHETIC} has size, focal length and direction of {heads[0]}"
     )
-    return replace(brought, settings=settings, assumed=(*brought.assumed, sentence))
+    return replace(imported, settings=settings, assumed=(*imported.assumed, sentence))
 
 
 # --- Imported data in the form of a flight, and the sentences on them

@@ -68,7 +68,7 @@ class _Shot:
     heading: float | None = None
 
 
-def bring(
+def read_folder(
     source: Path,
     *,
     crs: str = "",
@@ -124,34 +124,40 @@ def bring(
             **_settings(source, shots, heads, lenses, crs, in_heads=in_heads),
             **(_HELD if in_heads and _is_navigation(shots) else {}),
         },
-        tables={
-            "control_points.csv": {n: [] for n in ("point", "east_m", "north_m", "height_m")},
-            **{
-                f"{block}/{name}": table
-                for block, block_shots in blocks.items()
-                for name, table in _tables(block_shots).items()
-            },
-        },
-        pictures={
-            f"{block}/{picture.file}": picture.tags.path
-            for block, block_shots in blocks.items()
-            for shot in block_shots
-            for picture in shot.taken
-        },
-        warnings=(
-            *(_warnings_of(_marks(shots))),
-            *_cut(taken),
-            *decided,
-            *(
-                f"the lens of {name} differs from that of its metadata by {lens.fitted}"
-                for name, lens in lenses.items()
-                if lens.fitted.largest_px > WARNED_PX
-            ),
-        ),
+        tables=_tables_of(blocks),
+        pictures=_pictures_of(blocks),
+        warnings=(*_warnings_of(_marks(shots)), *_cut(taken), *decided, *_refitted(lenses)),
         assumed=(*_assumed(shots, heads), *_on_blocks(shots, hold_out, in_heads=in_heads)),
         found=tuple(_found(shots, heads, lenses, first)),
         left_out=(*others, *without),
     )
+
+
+def _tables_of(blocks: Mapping[str, Sequence[_Shot]]) -> dict[str, dict[str, list[Any]]]:
+    """Return the tables of all blocks by file, and one of control points without any."""
+    tables: dict[str, dict[str, list[Any]]] = {
+        "control_points.csv": {n: [] for n in ("point", "east_m", "north_m", "height_m")}
+    }
+    for block, shots in blocks.items():
+        tables |= {f"{block}/{name}": table for name, table in _tables(shots).items()}
+    return tables
+
+
+def _pictures_of(blocks: Mapping[str, Sequence[_Shot]]) -> dict[str, Path]:
+    """Return where the pictures of all blocks are, by file below the flight."""
+    return {
+        f"{block}/{picture.file}": picture.tags.path
+        for block, shots in blocks.items()
+        for shot in shots
+        for picture in shot.taken
+    }
+
+
+def _refitted(lenses: Mapping[str, Lens]) -> Iterator[str]:
+    """Yield a warning for each lens that differs much from that of its metadata."""
+    for name, lens in lenses.items():
+        if lens.fitted.largest_px > WARNED_PX:
+            yield f"the lens of {name} differs from that of its metadata by {lens.fitted}"
 
 
 # --- which exposures judge ---------------------------------------------------------------------

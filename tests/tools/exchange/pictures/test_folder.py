@@ -10,7 +10,7 @@ from acx4lib.errors import FlightError
 from acx4lib.flight import reader
 from acx4tools.exchange import flight_folder
 from acx4tools.exchange.pictures import lens, metadata
-from acx4tools.exchange.pictures.folder import bring
+from acx4tools.exchange.pictures.folder import read_folder
 from acx4tools.exchange.pictures.tags import read
 from acx4tools.measuring.flights import read_unmeasured
 from support.pictures import tagged
@@ -29,7 +29,7 @@ def pictures(tmp_path):
 
 
 def test_mounts_and_files_of_heads_are_those_of_the_metadata(pictures, tmp_path):
-    flight_folder.write(bring(pictures), tmp_path / "flight")
+    flight_folder.write(read_folder(pictures), tmp_path / "flight")
     flight = reader.read(tmp_path / "flight")
     assert flight.head_names == ("1 Band0", "2 Band1")
     first, second = (flight.cameras[name].T_b_c.R for name in flight.head_names)
@@ -44,13 +44,13 @@ def test_a_flight_names_what_it_assumed_found_and_left_out(pictures, tmp_path):
     tagged.write(tmp_path / "a" / "IMG_0001_1.jpg", tagged.micasense(0))
     for k in (1, 2):
         tagged.write(tmp_path / "a" / f"IMG_0001_{k}.tif", tagged.micasense(k - 1))
-    brought = bring(tmp_path / "a")
+    brought = read_folder(tmp_path / "a")
     assert brought.left_out == (
         "1 picture of another kind than 320 x 240 px, 1 x 16 bit: IMG_0001_1.jpg",
     )
-    assert "RigRelatives" in bring(pictures).assumed[-1]
-    assert bring(pictures).settings["crs"] == "EPSG:32630"
-    assert bring(pictures, crs="EPSG:2154").settings["crs"] == "EPSG:2154"
+    assert "RigRelatives" in read_folder(pictures).assumed[-1]
+    assert read_folder(pictures).settings["crs"] == "EPSG:32630"
+    assert read_folder(pictures, crs="EPSG:2154").settings["crs"] == "EPSG:2154"
 
 
 def test_one_camera_makes_a_calibration_block_with_its_track(tmp_path):
@@ -59,7 +59,7 @@ def test_one_camera_makes_a_calibration_block_with_its_track(tmp_path):
         tagged.write(
             tmp_path / f"DJI_000{k}.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif
         )
-    brought = bring(tmp_path)
+    brought = read_folder(tmp_path)
     assert brought.settings["crs"] == "EPSG:32756"
     assert "synthetic" not in brought.settings
     track = brought.tables["calibration/trajectory.csv"]
@@ -71,24 +71,24 @@ def test_exposures_without_a_position_are_counted(tmp_path):
     tagged.write(tmp_path / "DJI_0001.JPG", {"drone-dji:CalibratedFocalLength": 300})
     exif = tagged.metadata(lat=None)
     tagged.write(tmp_path / "DJI_0002.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
-    assert bring(tmp_path).left_out == ("1 exposure without a position: DJI_0002",)
+    assert read_folder(tmp_path).left_out == ("1 exposure without a position: DJI_0002",)
 
 
 def test_what_is_no_folder_of_pictures_is_refused(tmp_path):
     with pytest.raises(FlightError, match="is no folder"):
-        bring(tmp_path / "nowhere")
+        read_folder(tmp_path / "nowhere")
     with pytest.raises(FlightError, match="holds 0 pictures"):
-        bring(tmp_path)
+        read_folder(tmp_path)
     tagged.write(tmp_path / "a.tif", tagged.micasense(0), exif=tagged.metadata(lat=None))
     with pytest.raises(FlightError, match=r"GPSLatitude.*missing"):
-        bring(tmp_path)
+        read_folder(tmp_path)
 
 
 def test_two_pictures_of_one_head_at_one_exposure_are_refused(tmp_path):
     for k in (1, 2):
         tagged.write(tmp_path / f"IMG_0001_{k}.tif", tagged.micasense(0))
     with pytest.raises(FlightError, match=r"RigCameraIndex.*of the same exposure"):
-        bring(tmp_path)
+        read_folder(tmp_path)
 
 
 def test_a_receiver_without_a_fix_gives_no_position(tmp_path):
@@ -96,7 +96,7 @@ def test_a_receiver_without_a_fix_gives_no_position(tmp_path):
     for k, place in enumerate(((0.0, 0.0), (-25.0, 151.0))):
         exif = tagged.metadata(lat=place[0], lon=place[1], time=f"2024:05:01 10:20:3{k}")
         tagged.write(tmp_path / f"DJI_000{k}.JPG", focal, exif=exif)
-    brought = bring(tmp_path)
+    brought = read_folder(tmp_path)
     assert brought.left_out == ("1 exposure without a position: DJI_0000",)
     assert brought.settings["crs"] == "EPSG:32756"
 
@@ -105,25 +105,25 @@ def test_a_jpeg_that_is_cut_in_half_is_refused(tmp_path):
     path = tmp_path / "DJI_0001.JPG"
     noise = np.random.default_rng(1).integers(0, 255, tagged.SIZE[::-1]).astype(np.uint8)
     tagged.write(path, {"drone-dji:CalibratedFocalLength": 300}, pixels=noise)
-    assert bring(tmp_path).found
+    assert read_folder(tmp_path).found
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(FlightError, match="is cut off: its pixels have no end"):
-        bring(tmp_path)
+        read_folder(tmp_path)
 
 
 def test_a_tiff_that_is_cut_in_half_is_refused(tmp_path):
     path = tagged.write(tmp_path / "IMG_0001_1.tif", tagged.micasense(0))
-    assert bring(tmp_path).found
+    assert read_folder(tmp_path).found
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(FlightError, match=r"file: is cut off: it has \d+ bytes of at least \d+"):
-        bring(tmp_path)
+        read_folder(tmp_path)
 
 
 def test_the_height_above_take_off_tells_the_ground(tmp_path):
     """55 m of EXIF less 30 m."""
     said = {"drone-dji:CalibratedFocalLength": 300, "drone-dji:RelativeAltitude": "+30.00"}
     tagged.write(tmp_path / "DJI_0001.JPG", said)
-    found = next(one for one in bring(tmp_path).found if one.startswith("ground at take-off"))
+    found = next(one for one in read_folder(tmp_path).found if one.startswith("ground at take-off"))
     assert found.startswith("ground at take-off at 25.0 m")
     assert found.endswith("acx4 measure takes it by --ground 25")
 
@@ -135,8 +135,8 @@ def test_a_lens_that_no_camera_is_like_is_refused_unless_it_is_allowed(tmp_path)
     with pytest.raises(
         FlightError, match=r"lens: .*differs by .* px at most.*must be at most 2 px"
     ):
-        bring(tmp_path / "a")
-    (said,) = bring(tmp_path / "a", allow=20.0).warnings
+        read_folder(tmp_path / "a")
+    (said,) = read_folder(tmp_path / "a", allow=20.0).warnings
     assert said.startswith("the lens of 1 Band0 differs from that of its metadata by ")
 
 
@@ -278,7 +278,7 @@ def test_angles_without_a_reference_are_said_to_be_used(tmp_path):
         said = tagged.micasense(k, relatives=angles)
         said.pop("Camera:RigRelativesReferenceRigCameraIndex", None)
         tagged.write(tmp_path / f"IMG_0007_{k + 1}.tif", said)
-    said = bring(tmp_path).assumed[-1]
+    said = read_folder(tmp_path).assumed[-1]
     assert said.startswith("RigRelatives a, b, c are degrees")
     assert "which no file names: 1 Band0, the first" in said
 
@@ -294,7 +294,7 @@ def test_sensefly_s_angles_and_its_height_above_the_ellipsoid(tmp_path, attribut
         "senseFly:AltitudeAMSL": 120.0,
     }
     tagged.write(tmp_path / "IMG_0001.JPG", said, attributes=attributes)
-    brought = bring(tmp_path)
+    brought = read_folder(tmp_path)
     track = brought.tables["calibration/trajectory.csv"]
     assert (track["roll_deg"], track["pitch_deg"], track["heading_deg"]) == ([-2.5], [4.5], [123.5])
     assert track["height_m"] == [171.25]
@@ -305,7 +305,7 @@ def test_a_clock_that_is_off_the_receiver_s_time_is_told(tmp_path):
     exif = tagged.metadata(time="2024:05:01 12:21:05")
     exif.get_ifd(tagged.GPS)[7] = (10.0, 20.0, 30.0)  # two hours are a zone, 35 s are none
     tagged.write(tmp_path / "IMG_0001.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
-    (said,) = (one for one in bring(tmp_path).found if "clock" in one)
+    (said,) = (one for one in read_folder(tmp_path).found if "clock" in one)
     assert said.startswith("the clock of EXIF is +35 s off the receiver's time")
 
 
@@ -314,7 +314,7 @@ def test_a_cropped_picture_is_warned_of(tmp_path):
     own = exif.get_ifd(tagged.EXIF)
     own[40962], own[40963] = 4000, 3000
     tagged.write(tmp_path / "IMG_0001.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
-    (said,) = bring(tmp_path).warnings
+    (said,) = read_folder(tmp_path).warnings
     assert said.startswith("1 picture")
     assert "320 x 240 px, and 4000 x 3000 px by their EXIF: cropped or reduced" in said
 
@@ -335,7 +335,7 @@ def strip_of(at, gimbal, aircraft, *, top=30.0, ground=None):
         exif = tagged.metadata(lat=47.5 + 1e-4 * k, time=f"2024:05:01 10:20:3{k}")
         pixels = np.ascontiguousarray(ground[row : row + height, col : col + width])
         tagged.write(at / f"DJI_000{k}.tif", said | angles, exif=exif, pixels=pixels)
-    return bring(at)
+    return read_folder(at)
 
 
 @pytest.mark.parametrize(("gimbal", "aircraft"), [(205.0, 28.0), (28.0, 205.0)])
@@ -389,7 +389,7 @@ def flown(path, *, heads=2, n=4):
 
 
 def test_every_second_exposure_of_heads_is_held_out(tmp_path):
-    brought = bring(flown(tmp_path / "p"), hold_out=2)
+    brought = read_folder(flown(tmp_path / "p"), hold_out=2)
     flight_folder.write(brought, tmp_path / "flight")
     flight = read_unmeasured(tmp_path / "flight").flight
     assert {name: block.trajectory.exposures for name, block in flight.blocks.items()} == {
@@ -405,20 +405,20 @@ def test_every_second_exposure_of_heads_is_held_out(tmp_path):
 
 
 def test_heads_are_calibrated_together_where_there_are_exposures_to_do_so(tmp_path):
-    flight_folder.write(bring(flown(tmp_path / "p")), tmp_path / "flight")
+    flight_folder.write(read_folder(flown(tmp_path / "p")), tmp_path / "flight")
     flight = read_unmeasured(tmp_path / "flight").flight
     assert set(flight.blocks) == {"heads", "calibration"}
     assert flight.carried == ("calibration",)
     assert flight.fix == ("lever_arm",)
-    alone = bring(flown(tmp_path / "one", n=1))
+    alone = read_folder(flown(tmp_path / "one", n=1))
     assert {name.partition("/")[0] for name in alone.pictures} == {"heads"}
     assert "stages" not in alone.settings
 
 
 def test_one_camera_has_no_heads_to_hold_out_of(tmp_path):
-    brought = bring(flown(tmp_path, heads=1), hold_out=3)
+    brought = read_folder(flown(tmp_path, heads=1), hold_out=3)
     assert brought.tables["validation/images.csv"]["exposure"] == ["IMG_0002"]
     assert len(brought.tables["calibration/images.csv"]["exposure"]) == 3
     assert "stages" not in brought.settings
     with pytest.raises(FlightError, match="--hold-out: 9 of 4 exposures; must leave exposures"):
-        bring(tmp_path, hold_out=9)
+        read_folder(tmp_path, hold_out=9)

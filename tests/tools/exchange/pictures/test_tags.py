@@ -12,7 +12,7 @@ from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import correct, xy_from_colrow
 from acx4tools.exchange.pictures import folder as pictures_folder
 from acx4tools.exchange.pictures import lens, tags
-from acx4tools.exchange.pictures.folder import bring
+from acx4tools.exchange.pictures.folder import read_folder
 from acx4tools.exchange.pictures.tags import properties, read
 from support.pictures import tagged
 
@@ -158,7 +158,7 @@ def test_the_camera_is_beside_the_antenna_by_millimetres_north_east_and_down(tmp
 
 
 def test_marks_are_joined_to_the_pictures_by_number(tmp_path):
-    brought = bring(folder(tmp_path, time="2024:05:01 10:20:30"))
+    brought = read_folder(folder(tmp_path, time="2024:05:01 10:20:30"))
     track = brought.tables["calibration/trajectory.csv"]
     assert_allclose(np.diff(track["lat_deg"]), 1e-4, atol=1e-9)
     assert_allclose(track["height_m"], HEIGHT - 0.186, atol=1e-9)
@@ -172,14 +172,14 @@ def test_marks_are_joined_to_the_pictures_by_number(tmp_path):
 
 
 def test_flags_that_are_no_fixed_solutions_are_warned_of(tmp_path):
-    (said,) = (w for w in bring(folder(tmp_path, flags=(50, 16, 34))).warnings if "MRK" in w)
+    (said,) = (w for w in read_folder(folder(tmp_path, flags=(50, 16, 34))).warnings if "MRK" in w)
     assert said.endswith("1 with flag 16 (single), 1 with flag 34 (float)")
 
 
 def test_a_picture_without_a_mark_keeps_its_own_position_and_is_named(tmp_path):
     path = folder(tmp_path)
     (path / "DJI_20240501_Timestamp.MRK").write_text(line(7) + line(8))
-    brought = bring(path)
+    brought = read_folder(path)
     track = brought.tables["calibration/trajectory.csv"]
     assert sorted(track["height_m"]) == pytest.approx([100.0, HEIGHT - 0.186, HEIGHT - 0.186])
     assert any("1 exposure without a mark" in one for one in brought.assumed)
@@ -197,7 +197,7 @@ def test_a_line_that_is_none_is_refused(tmp_path, text, says):
     path = folder(tmp_path)
     (path / "DJI_20240501_Timestamp.MRK").write_text(text)
     with pytest.raises(FlightError) as error:
-        bring(path)
+        read_folder(path)
     assert says in error.value.problems[0]
 
 
