@@ -61,7 +61,7 @@ def _for_printed_numbers(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
             (
                 "tie points of the calibration block",
                 f"{_n_ties(flight.calibration)}",
-                "Not told. With the next row: the standard deviations of the paper's Table 3.",
+                "Not stated. With the next row: the standard deviations of the paper's Table 3.",
             ),
             (
                 "noise of GNSS positions, plan and height",
@@ -102,22 +102,22 @@ def _guessed(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
         (
             "noise of image points",
             f"{plan.noise.image_px:g} px",
-            f"Not told of measurements; the synthetic image's residuals are {quality:g} px.",
+            f"Not stated of measurements; the synthetic image's residuals are {quality:g} px.",
         ),
         (
             "noise of natural targets",
             f"{low:g} to {high:g} px",
-            "Not told. Natural targets are measured less well than signals.",
+            "Not stated. Natural targets are measured less well than signals.",
         ),
         (
             "tie points of every head",
             f"{heads.tie_points}",
-            "Not told. Standard deviations of the paper's Table 1 depend on it.",
+            "Not stated. Standard deviations of the paper's Table 1 depend on it.",
         ),
         (
             "ground that has tie points, heads and calibration",
             f"{_area(heads.tie_area_m)} and {_area(calibration.tie_area_m)} km",
-            "Not told. It decides how many tie points the corners of the images have.",
+            "Not stated. It decides how many tie points the corners of the images have.",
         ),
         (
             "control field",
@@ -128,7 +128,7 @@ def _guessed(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
         (
             "side overlap of the validation block",
             f"{100 * _side_overlap():.0f} %",
-            "Not told. It decides in how many images a target is.",
+            "Not stated. It decides in how many images a target is.",
         ),
         (
             "places of the heads",
@@ -138,12 +138,12 @@ def _guessed(flight: Flight, truth: Mapping[str, Any]) -> list[Row]:
         (
             "axes of the lever arm",
             "forward, left, up",
-            "Not told, nor whether the boresight is camera to body.",
+            "Not stated, nor whether the boresight is camera to body.",
         ),
         (
             "site, relief, refraction, seed",
             f"{plan.crs} near Curitiba, hills, {flight.refraction}, {truth['seed']}",
-            "Not told.",
+            "Not stated.",
         ),
     ]
 

@@ -656,11 +656,11 @@ def _heads_sentence(material: Material) -> str:
         return ""
     largest = max(ratios, key=lambda name: ratios[name])
     return (
-        "The points were carried into the synthetic image by calibrated heads. Errors of this "
+        "The points were transferred into the synthetic image by calibrated heads. Errors of this "
         "calibration move all points of a head together, which is not in the σ above. They add "
         f"{min(ratios.values()):.2g} to {ratios[largest]:.2g} times these σ, most to "
-        f"{parameter_title(largest.rpartition('/')[2])}; flights that are carried by the same "
-        "heads share this error."
+        f"{parameter_title(largest.rpartition('/')[2])}; flights whose points the same "
+        "heads transfer share this error."
     )
 
 

@@ -85,7 +85,8 @@ def _block_rows(block: Block) -> Iterator[tuple[str, str]]:
 
 
 def _synthetic_rows(block: Block) -> Iterator[tuple[str, str]]:
-    yield "carried into", f"{shown.count(len(block.images), 'image')} of {block.cameras[0].name}"
+    images = shown.count(len(block.images), "image")
+    yield "transferred into", f"{images} of {block.cameras[0].name}"
     yield from _image_rows(block)
 
 

@@ -791,8 +791,8 @@ def read_carried(flight: Flight, block: Block, found: results.Results) -> Transf
     now = {file: flight.sha256[file] for file in _files(block.name)}
     if not isinstance(checksums, dict) or not now.items() <= checksums.items() or np.any(known < 0):
         problem = (
-            f"{found.folder}: block {block.name} is not the one whose points were carried into the "
-            "synthetic image; run stage synthetic again"
+            f"{found.folder}: block {block.name} is not the one whose points were transferred into "
+            "the synthetic image; run stage synthetic again"
         )
         raise FlightError([problem])
     return carried

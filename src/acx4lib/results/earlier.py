@@ -166,7 +166,7 @@ def _other_heads(earlier: Earlier, flight: Flight) -> Iterator[str]:
     source = next((s for s in ORIENTED if _is_oriented(run_results, s)), "")
     mine, theirs = flight.synthetic_camera, before.synthetic_camera
     if not source or mine is None or theirs is None:
-        yield "no orientation of the heads, by which points measured in heads are carried"
+        yield "no orientation of the heads, by which points measured in heads are transferred"
         return
     frame, other = (np.degrees(camera.T_b_c.opk) for camera in (mine, theirs))
     if not np.allclose(frame, other, rtol=0, atol=1e-9):

@@ -133,7 +133,7 @@ def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
 
 def _as_measured(flight: Flight) -> Block:
     if "calibration" in flight.carried:
-        msg = "block calibration is measured in heads: give it with its points carried, as `block`"
+        msg = "block calibration is measured in heads: give it with points transferred, as `block`"
         raise ValueError(msg)
     return flight.block("calibration")
 

@@ -214,7 +214,7 @@ def test_parameters_stand_with_their_sigma(run):
 
 
 def test_what_errors_of_the_heads_add_is_told_in_multiples_of_sigma(folder):
-    assert "carried into the synthetic image" not in parameters.section(read(folder)).markdown
+    assert "transferred into the synthetic image" not in parameters.section(read(folder)).markdown
     sigma = results.parameters(read(folder).found, SINGLE, "CAM")["sigma"]
     told = {f"CAM/{name}": 0.25 * s for name, s in sigma.items()} | {
         "CAM/f_mm": 1.5 * sigma["f_mm"]

@@ -374,8 +374,8 @@ def test_points_of_other_measurements_are_refused(flight, kept, tmp_path, change
     with pytest.raises(FlightError) as error:
         mounted_block(changed, "calibration", results.read(copy))
     assert error.value.problems == (
-        f"{copy}: block calibration is not the one whose points were carried into the synthetic "
-        "image; run stage synthetic again",
+        f"{copy}: block calibration is not the one whose points were transferred into the "
+        "synthetic image; run stage synthetic again",
     )
 
 

@@ -104,7 +104,7 @@ def carried(flight: Flight, carried: Mapping[str, TransferredPoints]) -> pd.Data
             *(measured, len(points) + points.n_left_out, points.n_left_out, len(points)),
             *sigma,
         ]
-    columns = ["Measured in heads", "Points of exposures", "outside the frame", "Carried"]
+    columns = ["Measured in heads", "Points of exposures", "outside the frame", "Transferred"]
     table = pd.DataFrame.from_dict(
         rows, orient="index", columns=[*columns, "σ col (px)", "σ row (px)"]
     )

@@ -58,7 +58,7 @@ def differences(d_xy: Array, R_m_c: Array) -> Figure:
                 name, place[:2], (-13, 5), textcoords="offset points", fontsize=10, weight="bold"
             )
         style.heading(image, "In the image", "measured minus computed, 16 times as long")
-        style.heading(ground, "On the ground", "the same, carried down; 16 times as long")
+        style.heading(ground, "On the ground", "the same, projected down; 16 times as long")
         handles = [Line2D([], [], color=STRIPS[s], lw=2, label=NAMES[s]) for s in STRIPS]
         style.legend_below(fig, handles)
     return fig

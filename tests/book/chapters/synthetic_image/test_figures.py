@@ -259,7 +259,7 @@ def test_carried_points_are_counted_by_block(tmp_path):
     points = transfer(small.calibration, flights_pictured.orientation(), small.synthetic_camera)
     row = tables.carried(small, {"calibration": points}).loc["calibration"]
     assert row["Measured in heads"] == len(small.calibration.image_points)
-    assert row["Carried"] + row["outside the frame"] == row["Points of exposures"]
+    assert row["Transferred"] + row["outside the frame"] == row["Points of exposures"]
 
 
 # --- the explorer of a turned head: its seams open as the library's equations open them ------
