@@ -578,4 +578,4 @@ def printed_contents(flight: Flight) -> pd.DataFrame:
         "paper: surveyed": {n: printed.statement(PRINTED_POINTS[n]) for n in names},
     }
     table = pd.DataFrame(columns, index=pd.Index(names, name="block", dtype=object))
-    return table if names else table[[]]
+    return table.astype(int) if names else table[[]]

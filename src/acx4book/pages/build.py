@@ -397,7 +397,8 @@ def _texts_of_front(
     whole = applies and has_both and "validation/single_step" in book_run.summary
     yield "side-by-side.md", questions.side_by_side(four, ideal, camera) if whole else "\n"
     for name, pages in DOORS.items():
-        yield f"minutes-{name}.md", f"{words.minutes(*pages)} minutes to read\n"
+        beside = "; code and exercises are not counted" if name == "read" else ""
+        yield f"minutes-{name}.md", f"{words.minutes(*pages)} minutes to read{beside}\n"
     yield "front-accuracy.md", study.page(BENCHMARKS) if ideal_path is not None else "\n"
 
 

@@ -22,7 +22,7 @@ from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.pages.benchmarks import stored
 from acx4book.paper import printed
 from acx4book.reference import data as reference
-from acx4book.typesetting.labels import LABELS, TITLES, UNITS, with_unit
+from acx4book.typesetting.labels import LABELS, TITLES, UNITS, inside, with_unit
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import Markup
 from acx4book.typesetting.sentences import say, sections
@@ -194,7 +194,7 @@ def page(benchmarks: Path) -> str:
         Folder with the results of ``make chain`` and ``make coverage``.
     """
     by_way = {"four heads, single-step": _of_chain(synthetic_cost.read(benchmarks))}
-    by_way |= {f"ideal camera, {TITLES[m]}": of_ideal(benchmarks, m) for m in METHODS}
+    by_way |= {f"ideal camera, {inside(TITLES[m])}": of_ideal(benchmarks, m) for m in METHODS}
     table = pd.DataFrame([_row(title, flights) for title, flights in by_way.items()])
     caption = "RMS at the check points of many simulated flights, and how many reach class A"
     return f"{_say('accuracy')}\n\n{myst_table(table, caption, name='tab-front-accuracy')}\n"
@@ -579,9 +579,9 @@ def _without(pages: Collection[str], entries: Iterable[dict[str, Any]]) -> Itera
     for entry in entries:
         folders = {parent.as_posix() for parent in PurePosixPath(entry["file"]).parents}
         if not {entry["file"], *folders} & set(pages):
-            inside = [*_without(pages, entry.get("sections", ()))]
+            below = [*_without(pages, entry.get("sections", ()))]
             alone = {key: value for key, value in entry.items() if key != "sections"}
-            yield {**alone, "sections": inside} if inside else alone
+            yield {**alone, "sections": below} if below else alone
 
 
 def _title(page: str) -> str:

@@ -78,7 +78,7 @@ def numbered(table: str, caption: str, name: str) -> str:
 
 
 def scientific(value: float, *, digits: int = 0) -> str:
-    """Return a number as mantissa and power of ten with superscripts, such as 2.3·10⁻⁶.
+    """Return a number as mantissa and power of ten with superscripts, such as 2.3·10⁻⁶; 0 as it is.
 
     Parameters
     ----------
@@ -87,6 +87,8 @@ def scientific(value: float, *, digits: int = 0) -> str:
     digits : int
         Digits after the decimal point.
     """
+    if value == 0:
+        return "0"
     mantissa, exponent = f"{value:.{digits}e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
 

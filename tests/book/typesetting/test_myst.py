@@ -95,7 +95,13 @@ def test_format_of_an_unknown_column_is_refused():
 
 @pytest.mark.parametrize(
     ("value", "digits", "expected"),
-    [(2.27e-6, 2, "2.27·10⁻⁶"), (-1.04e-10, 1, "-1.0·10⁻¹⁰"), (4e23, 0, "4·10²³"), (1, 0, "1·10⁰")],
+    [
+        (2.27e-6, 2, "2.27·10⁻⁶"),
+        (-1.04e-10, 1, "-1.0·10⁻¹⁰"),
+        (4e23, 0, "4·10²³"),
+        (1, 0, "1·10⁰"),
+        (0, 2, "0"),
+    ],
 )
 def test_scientific_numbers(value, digits, expected):
     assert myst.scientific(value, digits=digits) == expected
