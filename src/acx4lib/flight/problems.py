@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import re
+import unicodedata
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +27,10 @@ COMPARED = 64
 
 FEW = 500
 """Largest number of names that are all compared; among more, only equal beginnings or ends."""
+
+_JOINT = re.compile(r"(?<=[^\W\d_])[ _-](?=\d)|(?<=\d)[ _-](?=[^\W\d_])")
+_ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
+"""Between letters and digits, and before a number: what `same_but_for_writing` passes over."""
 
 MANY = 50_000
 """Number of names above which no similar name is searched for."""
@@ -128,6 +134,25 @@ def did_you_mean(name: str, known: Collection[str]) -> str:
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     close = close or [longer for longer in known if longer.startswith(name)]
     return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def same_but_for_writing(names: Collection[str], known: Iterable[str]) -> dict[str, str]:
+    """Return the known name that a name seems to be, for names that have one.
+
+    They differ by case, blanks or hyphens between letters and digits, zeros before digits, or the
+    way in which accents are coded.
+    """
+    if not names:
+        return {}
+    written = {_bare(other): other for other in islice(known, MANY)}
+    pairs = ((name, written.get(_bare(name))) for name in names)
+    return {name: other for name, other in pairs if other is not None}
+
+
+def _bare(name: str) -> str:
+    """Return a name without what is often written otherwise."""
+    folded = " ".join(unicodedata.normalize("NFKC", name).casefold().split())
+    return _ZEROS.sub("", _JOINT.sub("", folded))
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,15 @@ from acx4lib.flight.block_from_tables import (
     read_block,
     used_exposures,
 )
-from acx4lib.flight.problems import SHOWN, Problem, counted, did_you_mean, lines_of, quoted
+from acx4lib.flight.problems import (
+    SHOWN,
+    Problem,
+    counted,
+    did_you_mean,
+    lines_of,
+    quoted,
+    same_but_for_writing,
+)
 from acx4lib.flight.readings import FOOT, fit_problems, misfit
 from acx4lib.flight.settings import Setup, flight_table, setup_of
 from acx4lib.flight.table_files import Columns, named_file, table_in_memory
@@ -386,6 +394,19 @@ def _notes(tables: BlockTables) -> Iterator[str]:
     ):
         if n:
             yield f"{tables.name}: {n} {phrase}"
+    yield from _other_writing(tables, ties)
+
+
+def _other_writing(tables: BlockTables, ties: Collection[str]) -> Iterator[str]:
+    """Yield a note on surveyed points that are measured under a name written otherwise."""
+    lost = [name for name in tables.control.text["point"] if name not in tables.rays]
+    pairs = same_but_for_writing(lost, ties)
+    if pairs:
+        listed = _some([f"{name!r} as {other!r}" for name, other in pairs.items()])
+        yield (
+            f"{tables.name}: {len(pairs)} of {len(tables.control)} control points seem to be "
+            f"measured as tie points, under names that are written otherwise: {listed}"
+        )
 
 
 def _some(names: list[str]) -> str:

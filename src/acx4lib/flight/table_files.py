@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import stat
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -19,13 +19,13 @@ from acx4lib import system
 from acx4lib.expected import Array, Index, Mask, given
 from acx4lib.flight.problems import NO_ROWS, SHOWN, Problem, Range, counted, did_you_mean, quoted
 from acx4lib.flight.tables import (
-    FORMS,
     LONGEST_NUMBER,
     MOST_COLUMNS,
     Rows,
     Schema,
     Table,
     faulty,
+    form_of,
     numbers_of,
     read_header,
     read_rows,
@@ -222,8 +222,7 @@ def _number_problems(table: Table, name: str, allowed: Range, whole: Mask) -> It
 
     def none(row: int) -> Problem:
         cell = cells[row]
-        hint = next((f" ({notation}?)" for form, notation in FORMS if re.fullmatch(form, cell)), "")
-        fault = f"{quoted(cell)}{hint}" if cell.strip() else "is empty"
+        fault = f"{quoted(cell)}{form_of(cell)}" if cell.strip() else "is empty"
         point = "" if table.in_memory else ", decimal point"
         return table.problem(row, name, fault, f"must be a finite number{point}")
 
@@ -366,6 +365,7 @@ def read_text(
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         offset, fault = error.start, f"byte 0x{content[error.start]:02x} is not UTF-8"
+        fault += " (UTF-16?)" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else ""
     else:
         offset, fault = content.find(b"\0"), "holds a null character"
         if offset < 0:

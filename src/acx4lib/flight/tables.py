@@ -259,9 +259,17 @@ LONGEST_NUMBER = 100
 
 FORMS = (
     (r"\s*-?\d+,\d+\s*", "a decimal comma"),
+    (r"\s*[-+]?\d{1,3}(?:[ .,'\u2019\u00a0\u202f]\d{3})+(?:[.,]\d*)?\s*", "thousands set apart"),
     (r"\s*[-+]?\d+[°:d\s]\s*\d+['\u2032:m\s].*", "degrees, minutes and seconds"),
+    (r"\s*[-+]?\d+(?:\.\d*)?\s*[^\W\d_]+\s*", "with a unit"),
 )
 """Forms of numbers that are used elsewhere, and their names."""
+
+
+def form_of(cell: str) -> str:
+    """Return " (a decimal comma?)" and the like for a cell that may be a number, or nothing."""
+    return next((f" ({name}?)" for form, name in FORMS if re.fullmatch(form, cell)), "")
+
 
 _OF_NUMBERS = b"0123456789+-.eE, \t\n\r\f\v"
 """If cells have only these characters, Python's own reading of numbers is right."""

@@ -43,6 +43,21 @@ REPLACED = [
         '"1484,28",',
         ":2: col_px: '1484,28' (a decimal comma?); must be a finite number, decimal point",
     ),
+    *(
+        (
+            POINTS,
+            "1484.28,",
+            f'"{cell}",',
+            f":2: col_px: '{cell}' ({form}?); must be a finite number, decimal point",
+        )
+        for cell, form in (
+            ("1,484.28", "thousands set apart"),
+            ("1 484.28", "thousands set apart"),
+            ("1.484,28", "thousands set apart"),
+            ("49 48 0.05", "degrees, minutes and seconds"),
+            ("1484.28 px", "with a unit"),
+        )
+    ),
     (
         POINTS,
         "1484.28,",

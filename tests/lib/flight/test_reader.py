@@ -245,6 +245,30 @@ def test_a_control_point_that_is_not_measured_is_left_out_and_said(tmp_path, rol
     assert "calibration: 1 of 10 control points are not measured" in read.notes
 
 
+@pytest.mark.parametrize(
+    ("measured", "surveyed"),
+    [("G1", "g1"), ("G1", "G1 "), ("G1", "G 1"), ("G1", "G-01"), ("G\u00e91", "Ge\u03011")],
+)
+def test_a_control_point_that_is_measured_under_another_writing_is_said(
+    tmp_path, measured, surveyed
+):
+    write_flight(tmp_path)
+    points, control = tmp_path / "calibration/image_points.csv", tmp_path / "control_points.csv"
+    points.write_text(points.read_text().replace(",G1,", f",{measured},"), encoding="utf-8")
+    control.write_text(control.read_text().replace("G1,", f"{surveyed},"), encoding="utf-8")
+    assert (
+        "calibration: 1 of 9 control points seem to be measured as tie points, under names that "
+        f"are written otherwise: {surveyed!r} as {measured!r}"
+    ) in flight.read(tmp_path).notes
+
+
+def test_names_that_differ_by_more_than_their_writing_are_not_said(tmp_path):
+    write_flight(tmp_path)
+    append(tmp_path / "control_points.csv", "G10,669800,7188000,900\nT-1-1,669800,7188000,900\n")
+    append(tmp_path / "calibration/image_points.csv", "E0_CAM,T11,10,10\n")
+    assert not any("written otherwise" in note for note in flight.read(tmp_path).notes)
+
+
 def test_what_is_odd_but_allowed_is_a_note(tmp_path):
     write_flight(tmp_path)
     block = tmp_path / "calibration"

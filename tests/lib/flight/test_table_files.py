@@ -48,6 +48,10 @@ def test_a_file_that_is_not_utf8(tmp_path):
     assert problems(tmp_path) == [f"{POINTS}:5: file: byte 0xe4 is not UTF-8; must be UTF-8 text"]
     (tmp_path / POINTS).write_bytes(text.encode("utf-16-le"))
     assert problems(tmp_path) == [f"{POINTS}:1: file: holds a null character; must be UTF-8 text"]
+    (tmp_path / POINTS).write_bytes(text.encode("utf-16"))
+    assert problems(tmp_path) == [
+        f"{POINTS}:1: file: byte 0xff is not UTF-8 (UTF-16?); must be UTF-8 text"
+    ]
 
 
 def test_a_quote_that_is_not_closed(tmp_path):
@@ -162,3 +166,17 @@ def test_a_folder_where_a_file_should_be(tmp_path):
     shutil.rmtree(tmp_path / "calibration")
     (tmp_path / "calibration").write_text("")
     assert problems(tmp_path)[0].startswith(f"{tmp_path}:1: folder: no block at all")
+
+
+def test_a_block_of_pictures_without_points_names_the_command_that_measures_them(tmp_path):
+    write_flight(tmp_path)
+    header = (tmp_path / POINTS).read_text().splitlines()[0]
+    (tmp_path / POINTS).write_text(f"{header}\n")
+    fault = f"{POINTS}:1: file: has no rows; at least one row under the header"
+    assert problems(tmp_path) == [fault]
+    picture = tmp_path / "calibration/a.tif"
+    picture.write_bytes(b"")
+    head, *rows = (tmp_path / IMAGES).read_text().splitlines()
+    lines = [f"{head},file", *(f"{row},a.tif" for row in rows)]
+    (tmp_path / IMAGES).write_text("\n".join(lines) + "\n")
+    assert problems(tmp_path) == [f"{fault}; acx4 measure finds points in its pictures"]

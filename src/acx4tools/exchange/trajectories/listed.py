@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -156,6 +156,13 @@ MOST_BEFORE = 100
 MOST_WORDS = 1000
 """Number of words of a line that decide whether it is a heading."""
 
+TEXTS = ("image", "exposure", "camera", "strip", "point", "role", SKIP)
+"""Columns that hold no numbers."""
+
+COMMA = re.compile(r"[-+]?\d+,\d+")
+THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")
+"""Numbers with a decimal comma, and those of which it may also set thousands apart."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Listed:
@@ -172,6 +179,8 @@ class Listed:
         Lines before the heading, which are not read.
     declared : bool
         Whether the columns are declared, and not those of the heading.
+    commas : bool
+        Whether the numbers of the text have decimal commas; those of `rows` have points.
     """
 
     source: Opened
@@ -180,6 +189,7 @@ class Listed:
     heading: Line | None = None
     before: int = 0
     declared: bool = False
+    commas: bool = False
 
     def has(self, *names: str) -> bool:
         """Tell whether all these columns are there."""
@@ -296,13 +306,52 @@ def read_list(
     rows = tuple(kept[heading is not None :])
     if not rows:
         raise source.wrong("file", "has a heading and no rows", "must have rows")
+    numeric = {k for k, column in enumerate(named) if column.name not in TEXTS}
+    commas = _have_commas(rows, numeric)
     return Listed(
         source=source,
         columns=named,
-        rows=rows,
+        rows=tuple(_with_points(row, numeric) for row in rows) if commas else rows,
         heading=heading,
         before=len(before),
         declared=bool(columns),
+        commas=commas,
+    )
+
+
+def _have_commas(rows: Sequence[Line], numeric: Container[int]) -> bool:
+    """Tell whether the numbers of rows have decimal commas: none has a point.
+
+    At least one comma is no mark between thousands.
+    """
+    with_comma = [
+        cell
+        for row in rows
+        for k, cell in enumerate(row.cells)
+        if "," in cell and k in numeric and ":" not in cell
+    ]
+    if not with_comma or not all(COMMA.fullmatch(cell) for cell in with_comma):
+        return False
+    cells = (cell for row in rows for k, cell in enumerate(row.cells) if k in numeric)
+    if any("." in cell and NUMBER.fullmatch(cell) for cell in cells):
+        return False
+    return not all(THOUSANDS.fullmatch(cell) for cell in with_comma)
+
+
+def _with_points(row: Line, numeric: Container[int]) -> Line:
+    """Return a row whose numbers have decimal points in the place of commas."""
+    cells = (
+        cell.replace(",", ".") if k in numeric and COMMA.fullmatch(cell) else cell
+        for k, cell in enumerate(row.cells)
+    )
+    return replace(row, cells=tuple(cells))
+
+
+def text_said(listed: Listed) -> tuple[str, ...]:
+    """Return sentences on the encoding of a text, and on its decimal commas."""
+    return (
+        *(["The text is in Windows-1252: it is not UTF-8."] if listed.source.encoding else []),
+        *(["Its numbers have decimal commas."] if listed.commas else []),
     )
 
 

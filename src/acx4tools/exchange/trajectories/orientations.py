@@ -34,6 +34,7 @@ from acx4tools.exchange.trajectories.listed import (
     left_out,
     position_of,
     read_list,
+    text_said,
 )
 
 OPK, RPH = ("omega", "phi", "kappa"), ("roll", "pitch", "heading")
@@ -453,7 +454,7 @@ def _assumed(
         )
     return (
         f"The columns, by {heading}, are: {columns}; x counts east, y north{numbered}.",
-        *(["The text is in Windows-1252: it is not UTF-8."] if listed.source.encoding else []),
+        *text_said(listed),
         attitude,
         _whose(options.of),
         heights_said(meaning),
@@ -865,7 +866,4 @@ def _roles(listed: Listed, otherwise: str) -> list[str]:
 def _columns_said(listed: Listed) -> str:
     names = " ".join(column.name for column in listed.columns)
     by = "declaration" if listed.declared else "its heading"
-    encoding = (
-        "" if not listed.source.encoding else " The text is in Windows-1252: it is not UTF-8."
-    )
-    return f"The columns, by {by}, are: {names}.{encoding}"
+    return " ".join([f"The columns, by {by}, are: {names}.", *text_said(listed)])

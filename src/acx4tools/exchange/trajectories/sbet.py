@@ -21,7 +21,7 @@ from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.safe.text_lines import Line, records
 from acx4tools.exchange.trajectories import orientations
-from acx4tools.exchange.trajectories.listed import Listed, position_of, read_list
+from acx4tools.exchange.trajectories.listed import Listed, position_of, read_list, text_said
 from acx4tools.exchange.trajectories.orientations import Meaning
 
 SHARE_OF_MEMORY = 4
@@ -222,6 +222,7 @@ def _assumed(listed: Events, options: SbetOptions) -> tuple[str, ...]:
         + (f", and GPS time is {seconds:g} s ahead of UTC" if shift else "")
         + f"; they are placed {weeks}.",
         f"The columns of the list of events are: {columns}{heading}.",
+        *text_said(listed.listed),
         "True heading is platform heading minus wander angle; roll, pitch and heading are forward-"
         "right-down against north-east-down.",
         "Positions are those of the point to which the SBET refers, taken for the IMU; latitude "

@@ -18,7 +18,7 @@ from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
 from acx4tools.exchange import flight_folder
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.trajectories import orientations
-from acx4tools.exchange.trajectories.listed import Column, left_out, read_list
+from acx4tools.exchange.trajectories.listed import Column, left_out, read_list, text_said
 from acx4tools.exchange.trajectories.orientations import Meaning, MeasuredOptions, TableOptions
 from support.reference_files import needs
 
@@ -568,6 +568,42 @@ def test_quoted_cells_may_hold_a_separator():
     assert found.names("camera") == ["c 1, d"]
     assert point_tables_read('image,x\n"A, B",1\n').names("image") == ["A, B"]
     assert point_tables_read("image,x\nA,1\n", separator="comma").numbers("east").tolist() == [1.0]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "image;x;omega\nA;385711,802;-0,5\nB;385712;1,250\n",
+        'image,x,omega\nA,"385711,802","-0,5"\nB,385712,"1,250"\n',
+        "image\tx\tomega\nA\t385711,802\t-0,5\nB\t385712\t1,250\n",
+    ],
+)
+def test_decimal_commas_are_read_and_said(text):
+    found = point_tables_read(text)
+    assert found.numbers("east").tolist() == [385711.802, 385712.0]
+    assert found.numbers("omega").tolist() == [-0.5, 1.25]
+    assert text_said(found) == ("Its numbers have decimal commas.",)
+
+
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [
+        ("image;x;omega\nA;385,711;1,250\n", "385,711"),  # may be thousands
+        ("image;x;omega\nA;385711,802;1.25\n", "385711,802"),  # two decimal signs
+        ("image;x;omega\nA;385,711,802;1,25\n", "385,711,802"),
+    ],
+)
+def test_commas_that_may_set_thousands_apart_are_refused(text, cell):
+    found = point_tables_read(text)
+    assert text_said(found) == ()
+    with pytest.raises(FlightError, match=f"a.txt:2: east: '{cell}'; must be a finite number"):
+        found.numbers("east")
+
+
+def test_commas_in_names_and_times_of_day_stay():
+    found = point_tables_read("image;x;time\nA,1;1,5;10:00:00,5\n")
+    assert found.names("image") == ["A,1"]
+    assert found.rows[0].cells == ("A,1", "1.5", "10:00:00,5")
 
 
 def test_declared_columns_with_and_without_a_heading():
