@@ -27,6 +27,9 @@ from acx4tools.exchange.trajectories.orientations import Meaning
 SHARE_OF_MEMORY = 4
 """A trajectory may take the free memory divided by this."""
 
+ROUNDED = 1.01
+"""Of a gap: steps of 0.1 s are a little longer or shorter, as their times are rounded."""
+
 SLACK_S = 2.0
 """Standard deviations, of one record a second, may begin later and end sooner by this."""
 
@@ -138,7 +141,7 @@ def _refuse_outside(track: Track, listed: Events, t: Array, options: SbetOptions
     file = Path(track.source.file).name
     between = _between(track.time, t)
     outside = (t < first) | (t > last)
-    gap = ~outside & (between.interval > options.gap_s)
+    gap = ~outside & (between.interval > ROUNDED * options.gap_s)
     places = f"must lie between {first:.3f} and {last:.3f} s, of {file}"
     problems = _problems(listed, outside, lambda k: f"is {t[k]:.3f} s", places)
     usual = float(np.median(np.diff(track.time)))

@@ -87,6 +87,14 @@ def test_gaps_and_events_outside_are_named_by_line(files):
     assert len(read(files, "image,time\nC,1.2\n", gap_s=0.6).tables) == 1
 
 
+@pytest.mark.parametrize("rate", [1, 2, 5, 10, 20, 50, 100, 200])
+def test_steps_of_the_trajectorys_own_rate_are_no_gaps(tmp_path, made, rate):
+    t = np.round(np.arange(0, 20, 1 / rate), 6)
+    (tmp_path / "a.sbet").write_bytes(made.sbet(t, start=381000.005))
+    rows = "".join(f"E{k},{381000.5 + 0.97 * k:.3f}\n" for k in range(15))
+    read(tmp_path, f"image,time\n{rows}", gap_s=1 / rate)
+
+
 def test_a_week_that_is_not_the_trajectorys_is_outside(files):
     events = "image,week,time\nA,2300,604796\nB,2301,3\n"
     for week in (None, 2300):
