@@ -25,6 +25,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, log
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.results.whole_files import file_stem
+from acx4lib.shown import count as counted
 from acx4tools.exchange import lens
 from acx4tools.exchange.lens import Left
 from acx4tools.exchange.outward import brown, metashape, opf, orientations
@@ -422,6 +423,10 @@ COLMAP_ASSUMED = (
     "of the top-left one",
     "sensor_from_rig takes a point from the axes of {} to those of the camera, m, y down, z ahead",
 )
+COLMAP_CUT = (
+    "what follows a blank in the names of {}: COLMAP reads images.txt up to it, {} of {}; "
+    "rename them before they are matched with pictures"
+)
 COLMAP_WORLD = "the world is Cartesian, m: east, north, up at {}"
 
 
@@ -451,8 +456,17 @@ def _colmap_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
         },
         lenses=alone.lenses,
         assumed=(*alone.assumed, COLMAP_WORLD.format(oriented.origin)),
-        left_out=(SIGMA,),
+        left_out=(SIGMA, *_colmap_cut_names(oriented)),
     )
+
+
+def _colmap_cut_names(oriented: Oriented) -> Iterator[str]:
+    """Yield a sentence on names that COLMAP reads up to their first blank."""
+    cut = [name for name in oriented.names if len(name.split(" ")) > 1]
+    if cut:
+        yield COLMAP_CUT.format(
+            counted(len(cut), "image"), repr(cut[0].split(" ")[0]), repr(cut[0])
+        )
 
 
 def _colmap_camera_lines(calibrated: Calibrated, lenses: dict[str, Brown]) -> Iterator[str]:

@@ -575,13 +575,34 @@ def test_external_parameters_are_those_of_the_table(shown):
     np.testing.assert_allclose(values, table.iloc[:, 1:7], atol=1e-6)
 
 
+def with_a_blank(oriented):
+    """Return orientations of which the first image is called "a b"."""
+    images = replace(oriented.block.images, names=("a b", *oriented.block.images.names[1:]))
+    return replace(oriented, block=replace(oriented.block, images=images))
+
+
 def test_names_with_blanks_have_no_place_there(shown):
-    block = shown.oriented.block
-    names = ("a b", *block.images.names[1:])
-    images = replace(block.images, names=names)
-    oriented = replace(shown.oriented, block=replace(block, images=images))
     with pytest.raises(OutputError, match="'a b': a name with blanks has no place"):
-        KINDS["pix4d"].oriented(shown.found, oriented)
+        KINDS["pix4d"].oriented(shown.found, with_a_blank(shown.oriented))
+
+
+def test_names_that_colmap_cuts_at_their_blank_are_told(shown, tmp_path):
+    assert not any(
+        "blank" in line for line in written_for_colmap(shown, shown.oriented, tmp_path).left_out
+    )
+    taken = written_for_colmap(shown, with_a_blank(shown.oriented), tmp_path)
+    assert taken.left_out[-1].startswith("what follows a blank in the names of 1 image: COLMAP")
+    assert "'a' of 'a b'" in taken.left_out[-1]
+    read = pycolmap.Reconstruction(tmp_path)
+    assert "a" in [image.name for image in read.images.values()]
+
+
+def written_for_colmap(shown, oriented, folder):
+    """Return what is written for COLMAP, which is in the folder then."""
+    taken = KINDS["colmap"].oriented(shown.found, oriented)
+    for name, text in taken.files.items():
+        (folder / name).write_text(text)
+    return taken
 
 
 # --- What is exported is read back by the importers: lenses, rigs, orientations, to rounding
