@@ -9,12 +9,13 @@ import pytest
 from hypothesis import settings
 
 from acx4book.command.acx4 import GRAMMAR, main
+from acx4lib import flight
 from acx4lib.bundle import adjust, uses
 from acx4lib.calibration.heads import calibrate_heads
+from acx4lib.stages import pictures as taken
 from support import blocks
+from support.flights import pictured
 from support.flights.simulated import HEADS, fly
-
-pytest_plugins = ["support.pictures.scene"]
 
 settings.register_profile("same", derandomize=True, max_examples=20, deadline=None)
 settings.load_profile("same")
@@ -70,8 +71,8 @@ def self_calibrated(noisy_block):
 @pytest.fixture(scope="session")
 def fits():
     """The study's heads, simulated and calibrated one by one."""
-    flight = fly("acx4", seed=1, blocks=("heads",)).flight
-    return calibrate_heads(flight.heads, HEADS, free=flight.estimate_heads).bundles
+    flown = fly("acx4", seed=1, blocks=("heads",)).flight
+    return calibrate_heads(flown.heads, HEADS, free=flown.estimate_heads).bundles
 
 
 @pytest.fixture
@@ -86,3 +87,31 @@ def acx4(capsys):
         return end.value.code, captured.out, captured.err
 
     return run
+
+
+# --- a small flight whose pictures are of one known scene, and its tie points ---------------------
+
+
+@pytest.fixture(scope="session")
+def scene_path(tmp_path_factory):
+    return pictured.write_flight(tmp_path_factory.mktemp("pixels") / "flight")
+
+
+@pytest.fixture(scope="session")
+def scene_flight(scene_path):
+    return flight.read(scene_path)
+
+
+@pytest.fixture(scope="session")
+def scene_orientation():
+    return pictured.orientation()
+
+
+@pytest.fixture(scope="session")
+def scene_pictures(scene_flight, scene_orientation):
+    return taken.read_pictures(scene_flight, scene_orientation)
+
+
+@pytest.fixture(scope="session")
+def scene_ties(scene_pictures, scene_orientation):
+    return taken.find(scene_pictures, scene_orientation)

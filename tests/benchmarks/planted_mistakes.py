@@ -15,9 +15,9 @@ from pathlib import Path
 from acx4lib.conventions import best_reading
 from acx4lib.errors import FlightError
 from acx4lib.flight.reader import read
-from support.flights import planted, sized
+from support.flights import planted
 
-VARIANTS = list(product(sized.DESIGNS, sized.SIZES, sized.FORMS))
+VARIANTS = list(product(planted.DESIGNS, planted.SIZES, planted.FORMS))
 
 
 def main() -> None:
@@ -26,7 +26,7 @@ def main() -> None:
     parser.add_argument("--clean", type=int, default=200, help="clean flights")
     n_clean = parser.parse_args().clean
     tried = [(case, case_is_right(*case)) for case in cases()]
-    for size in sized.SIZES:
+    for size in planted.SIZES:
         right = [is_right for (_, own, _, _), is_right in tried if own == size]
         tell(f"{size}: {sum(right)} of {len(right)} named rightly, or rightly silent")
     flights = enumerate(islice(cycle(VARIANTS), n_clean), 1)
@@ -38,7 +38,7 @@ def main() -> None:
 
 def clean(design: str, size: str, form: str, *, seed: int) -> planted.SimulatedFlight:
     """Simulate a flight of a variant."""
-    return sized.clean(design, form, size, seed=seed)
+    return planted.clean(design, form, size, seed=seed)
 
 
 def cases() -> Iterator[tuple[str, str, str, str]]:
@@ -52,7 +52,7 @@ def cases() -> Iterator[tuple[str, str, str, str]]:
 def case_is_right(design: str, size: str, form: str, name: str) -> bool:
     """Tell whether a mistake is named rightly, and print what is said if not."""
     mistake = planted.MISTAKES[name]
-    message = said(sized.clean(design, form, size), mistake)
+    message = said(planted.clean(design, form, size), mistake)
     is_right = planted.is_right(mistake, form, message)
     if not is_right:
         tell(f"{design}, {size}, {form}: {name}: {message or 'nothing'}")

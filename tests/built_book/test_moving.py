@@ -16,7 +16,7 @@ from acx4book.typesetting import moving
 from acx4lib.calibration.mounting import single_step, two_step_gnss
 from acx4lib.georeferencing.budget import like
 from support.helpers import ROOT, repeats
-from support.pictures import taken, tied
+from support.pictures import known, taken
 
 
 def calibrated():
@@ -37,8 +37,8 @@ def held_lever_arm():
 
 def turned():
     orientation, synthetic = taken.heads(1), taken.synthetic(1)
-    ties, _ = tied.tied(orientation, (0, 1), 40)
-    refinement = tied.refined(orientation, ties)
+    ties, _ = known.tied(orientation, (0, 1), 40)
+    refinement = known.refined(orientation, ties)
     return turned_head.view(refinement, synthetic, head=1)
 
 

@@ -27,7 +27,7 @@ from acx4lib import flight
 from acx4lib.flight.problems import QUOTED
 from acx4lib.results import folder as results
 from acx4lib.results import own_folder, provenance
-from support.flights import of_payloads, payloads
+from support.flights import payloads
 
 pytestmark = pytest.mark.slow
 
@@ -42,7 +42,7 @@ CHAPTERS = (
 class Made:
     """What the commands left of the flight."""
 
-    flight: of_payloads.Written
+    flight: payloads.Written
     results: Path
     images: Path
     html: Path
@@ -66,7 +66,7 @@ def call(folder, *command):
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("payloads")
-    written = of_payloads.write(folder)
+    written = payloads.write(folder)
     found, images, html = (
         folder / f"{what} {{x}} <i>zq71</i>" for what in ("results", "images", "book")
     )
@@ -101,7 +101,7 @@ DATA = "script[type='application/json']"
 """Holds what a figure shows: a browser runs nothing of it and reads it as text."""
 
 
-TITLE = {of_payloads.FLIGHT, make_id(of_payloads.FLIGHT), f"#{make_id(of_payloads.FLIGHT)}"}
+TITLE = {payloads.FLIGHT, make_id(payloads.FLIGHT), f"#{make_id(payloads.FLIGHT)}"}
 """Attributes by which the first page is called: the whole name, and its plain letters."""
 
 
@@ -143,7 +143,7 @@ def test_data_of_figures_hold_names_and_nothing_that_ends_them(made, documents):
 
 def test_every_name_is_found_again_as_text(made, documents):
     names = made.flight.names
-    every = {*payloads.NAMES.values(), of_payloads.FOLDER, "<i>zq71</i>"}
+    every = {*payloads.NAMES.values(), payloads.FOLDER, "<i>zq71</i>"}
     found, left = set(), []
     for page, soup in documents.items():
         text = soup.get_text()
@@ -155,7 +155,7 @@ def test_every_name_is_found_again_as_text(made, documents):
         left += [(page, m, text[max(0, text.index(m) - 80) :][:160]) for m in payloads.marks(text)]
     assert left == []
     shown = {*names["camera"].values(), *names["strip"].values(), *made.flight.columns}
-    shown |= {of_payloads.FLIGHT, names["exposure"]["E0"], names["exposure"]["E1"]}
+    shown |= {payloads.FLIGHT, names["exposure"]["E0"], names["exposure"]["E1"]}
     assert shown - found == set()
 
 

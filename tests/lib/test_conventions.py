@@ -29,13 +29,13 @@ from acx4lib.errors import FlightError
 from acx4lib.flight.block import select_images
 from acx4lib.flight.reader import read
 from acx4lib.geometry.frames import Pose, turn
-from support.flights import planted, simulated, sized
+from support.flights import planted, simulated
 from support.helpers import repeats, rotation_angle
 
 # --- mistakes planted in flights are named, clean flights get no sentence --------------------
 
 
-VARIANTS = list(product(sized.DESIGNS, ("small", "medium"), sized.FORMS))
+VARIANTS = list(product(planted.DESIGNS, ("small", "medium"), planted.FORMS))
 
 
 def cases():
@@ -63,7 +63,7 @@ def said(folder):
 @pytest.mark.parametrize(("name", "design", "size", "form"), list(cases()))
 def test_a_planted_mistake_is_named(tmp_path, name, design, size, form):
     mistake = planted.MISTAKES[name]
-    flight = sized.clean(design, form, size)
+    flight = planted.clean(design, form, size)
     message = said(planted.write(flight, tmp_path / "flight", mistake))
     assert planted.is_right(mistake, form, message), message
 
@@ -71,15 +71,15 @@ def test_a_planted_mistake_is_named(tmp_path, name, design, size, form):
 @pytest.mark.parametrize(("design", "size", "form"), VARIANTS)
 @pytest.mark.parametrize("seed", [1, repeats(2), repeats(3)])
 def test_a_clean_flight_gets_no_sentence(tmp_path, design, size, form, seed):
-    flight = sized.clean(design, form, size, seed=seed)
+    flight = planted.clean(design, form, size, seed=seed)
     assert said(planted.write(flight, tmp_path / "flight")) == ""
 
 
 @pytest.mark.parametrize("name", ["sign of roll", "gon", "the next row", "row from the bottom"])
-@pytest.mark.parametrize("form", sized.FORMS)
+@pytest.mark.parametrize("form", planted.FORMS)
 def test_tie_points_are_enough(tmp_path, name, form):
     mistake = planted.MISTAKES[name]
-    flight = sized.clean("single-head", form, "small")
+    flight = planted.clean("single-head", form, "small")
     for folder, planted_in in (("right", None), ("wrong", mistake)):
         planted.write(flight, tmp_path / folder, planted_in)
         control = pd.read_csv(tmp_path / folder / "control_points.csv")
@@ -90,7 +90,7 @@ def test_tie_points_are_enough(tmp_path, name, form):
 
 def test_too_few_exposures_say_nothing(tmp_path):
     folder = planted.write(
-        sized.clean("single-head", "geodetic", "small"),
+        planted.clean("single-head", "geodetic", "small"),
         tmp_path / "flight",
         planted.MISTAKES["sign of roll"],
     )
@@ -105,7 +105,7 @@ def test_too_few_exposures_say_nothing(tmp_path):
 
 def test_gross_errors_do_not_hide_a_sign(tmp_path):
     folder = planted.write(
-        sized.clean("single-head", "geodetic", "medium"),
+        planted.clean("single-head", "geodetic", "medium"),
         tmp_path / "flight",
         planted.MISTAKES["sign of pitch"],
     )
@@ -117,7 +117,7 @@ def test_gross_errors_do_not_hide_a_sign(tmp_path):
 
 
 def test_a_block_that_is_not_there_is_named(tmp_path):
-    flight = read(planted.write(sized.clean("single-head", "grid", "small"), tmp_path / "f"))
+    flight = read(planted.write(planted.clean("single-head", "grid", "small"), tmp_path / "f"))
     with pytest.raises(FlightError, match="no block heads"):
         best_reading(flight, "heads")
 
@@ -294,7 +294,7 @@ def test_noise_of_measuring_is_found_under_errors_of_the_trajectory(mounted_bloc
 
 
 def block_of(tmp_path, size):
-    flight = sized.clean("single-head", "grid", size)
+    flight = planted.clean("single-head", "grid", size)
     return read(planted.write(flight, tmp_path / "flight")).calibration
 
 

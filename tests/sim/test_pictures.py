@@ -31,7 +31,7 @@ from acx4sim.pictures import (
 )
 from acx4sim.scenery import read_photo
 from support.helpers import repeats
-from support.pictures.targets import cut_out, middle_of_disc
+from support.pictures.measured import cut_out, middle_of_disc
 
 EXACT = acx4sim.Options(image_noise=0, control_noise=0, blocks=("heads",))
 PLAN = acx4_plan()

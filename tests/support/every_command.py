@@ -8,7 +8,7 @@ from acx4book.command.acx4 import app
 from acx4tools.planning.plan import written
 from support import run_results
 from support.flights import pictured, planned
-from support.fuzz.strangers import sources
+from support.fuzz import sources
 from support.pictures import measured
 
 

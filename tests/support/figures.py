@@ -1,10 +1,12 @@
-"""What is looked for in figures: labels with units, artists, texts that lie apart."""
+"""What is looked for in figures and tables: labels with units, artists, texts apart, cells."""
 
+import html
 import itertools
 import re
 import warnings
 
 import matplotlib as mpl
+import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.quiver import Quiver
 
@@ -61,3 +63,24 @@ def sentence(fig):
 
 def title(ax):
     return ax.get_title(loc="left")
+
+
+# --- tables of pages, read as their reader sees them -------------------------------------------
+
+
+def table(text, name):
+    """Cells, as text, of the table with this label in a page of MyST text."""
+    (body,) = re.findall(
+        rf"^:name: {re.escape(name)}\n\n(.*?)\n```", text, re.DOTALL | re.MULTILINE
+    )
+    head, _, *rows = ([_cell(c) for c in line.split("|")[1:-1]] for line in body.splitlines())
+    return pd.DataFrame(rows, columns=head)
+
+
+def _cell(source):
+    return html.unescape(source).replace("\N{NO-BREAK SPACE}", " ").strip()
+
+
+def numbers(cells):
+    """Cells as numbers: without signs of minus, units and intervals behind them."""
+    return [float(cell.replace("\N{MINUS SIGN}", "-").split()[0]) for cell in cells]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import os
 import re
 import signal
 from functools import cache
@@ -13,6 +14,7 @@ import nbformat
 import numpy as np
 import pytest
 
+from acx4book.reference import data
 from acx4lib import flight
 from acx4lib.errors import UNSEEN, FlightError
 
@@ -150,3 +152,15 @@ def write_notebook(path, *cells):
     path.parent.mkdir(exist_ok=True)
     nbformat.write(made, path)
     return path
+
+
+# --- tests on other people's files: skipped where these are missing, unless they are required ---
+
+
+REQUIRED = bool(os.environ.get("ACX4_REQUIRE_REFERENCE"))
+
+
+def needs(name: str) -> pytest.MarkDecorator:
+    """Skip without the files of a set; where ACX4_REQUIRE_REFERENCE is set, fail instead."""
+    missing = not data.is_here(name) and not REQUIRED
+    return pytest.mark.skipif(missing, reason=f"{name}: {data.HINT}")

@@ -9,7 +9,7 @@ import struct
 import zipfile
 import zlib
 
-from support.fuzz.strangers import sources
+from support.fuzz import sources
 from support.projects import metashape, opf
 
 CRS = ("--crs", "EPSG:31982")

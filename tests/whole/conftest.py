@@ -2,7 +2,7 @@
 
 import pytest
 
-from support import every_command, forked
+from support import commands, every_command
 
 
 @pytest.fixture(scope="session")
@@ -14,5 +14,5 @@ def material(tmp_path_factory):
 @pytest.fixture(scope="module")
 def command():
     """A function that runs a command in a folder: its status, and its standard error."""
-    with forked.commands() as run:
+    with commands.commands() as run:
         yield run

@@ -21,9 +21,9 @@ from acx4tools.exchange.programs import micmac
 from acx4tools.exchange.safe import opened
 from acx4tools.measuring import views
 from support import swelling
+from support.commands import MEMORY, told
 from support.flights import written
 from support.helpers import ROOT, repeats
-from support.limits import MEMORY, told
 
 SECONDS = 20
 """Of processor time: each takes one or two here, and took minutes when it grew with the square."""

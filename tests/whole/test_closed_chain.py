@@ -18,7 +18,7 @@ from acx4sim.pictures import Tiles, landscape, picture, station
 from benchmarks.chain import find_head_truth
 from support.flights import simulated
 from support.flights.simulated import HEADS
-from support.pictures.targets import cut_out, middle_of_disc
+from support.pictures.measured import cut_out, middle_of_disc
 
 
 @pytest.fixture(scope="module")

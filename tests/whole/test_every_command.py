@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from support import every_command, overheard
+from support import commands, every_command
 from support.helpers import repeats
 
 # --- no command waits for a file that is a pipe, whichever of its files that is --------------
@@ -254,12 +254,12 @@ def run(typed, here, tmp_path):
     script = tmp_path / "bin" / "acx4"
     script.parent.mkdir()
     script.write_text(MAIN)
-    listening = overheard.listen(tmp_path / "listening")
+    listening = commands.listen(tmp_path / "listening")
     above = [path for path in sys.path if Path(path).is_absolute()]
     environment = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(listening), *above]),
-        overheard.LOG: str(tmp_path / "log"),
+        commands.LOG: str(tmp_path / "log"),
         "PATH": f":.:{os.environ['PATH']}",  # as it should not be
         "MPLCONFIGDIR": str(tmp_path / "fonts"),  # not yet searched for
     }
@@ -289,6 +289,6 @@ def looked_up(here, log, typed):
 
     return sorted(
         (event, name, str(path))
-        for event, name, path in overheard.heard(log)
+        for event, name, path in commands.heard(log)
         if is_unnamed(event, path)
     )

@@ -10,12 +10,12 @@ from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib.errors import Acx4Error
 from acx4lib.results import folder
-from support.fuzz.flights.good import write_all
+from support.fuzz.flights import write_good
 
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory):
-    return {path.name: path for path in write_all(tmp_path_factory.mktemp("good") / "flights")}
+    return {path.name: path for path in write_good(tmp_path_factory.mktemp("good") / "flights")}
 
 
 def spoilt(good, folder, table, row, column, cell):

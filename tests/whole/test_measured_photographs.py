@@ -19,7 +19,7 @@ from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Tra
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4tools.exchange import flight_folder
 from acx4tools.measuring.measure import measure_flight
-from support.reference_files import needs
+from support.helpers import needs
 
 PHOTOGRAPHS = (1, 2, 3)
 """Of the five, those whose files are here: 8936, 8937, 8938."""

@@ -16,7 +16,7 @@ import pytest
 from acx4lib.flight import block
 from acx4lib.geometry import camera, intersection
 from acx4lib.geometry.frames import rotation_from_opk
-from support.wrong_calls import adjustments, cameras, files, ground, observations, pixels
+from support.wrong_calls import adjustments, files, geometry, pixels
 from support.wrong_calls.material import (
     BLOCK,
     CAMERA,
@@ -30,12 +30,12 @@ from support.wrong_calls.material import (
 )
 
 CALLS = [
-    *observations.measured(),
-    *observations.blocks_and_parts(),
-    *cameras.cameras_and_poses(),
+    *adjustments.measured(),
+    *adjustments.blocks_and_parts(),
+    *geometry.cameras_and_poses(),
     *adjustments.adjusted(),
-    *ground.ground(),
-    *ground.statistics(),
+    *geometry.ground(),
+    *geometry.statistics(),
     *pixels.pixels(),
     *files.files(),
     *files.invented(),

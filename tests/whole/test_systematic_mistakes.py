@@ -12,7 +12,7 @@ from acx4lib.calibration.confirmation import confirmations
 from acx4lib.results import folder
 from acx4lib.stages import mounting, order
 from support.flights.simulated import read_back
-from support.flights.spoilt import TOML, TRAJECTORY, change, replace
+from support.flights.written import TOML, TRAJECTORY, change, replace
 from support.helpers import repeats
 
 SINGLE = "mounting/single_step"

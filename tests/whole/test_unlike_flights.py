@@ -11,7 +11,7 @@ from acx4book.pages import build, flight_book
 from acx4lib.results import folder as results
 from acx4lib.results.provenance import KEPT
 from acx4lib.results.table_files import NOTEBOOKS
-from support.flights import in_heads, unlike
+from support.flights import in_heads, planned
 from support.helpers import repeats
 
 # --- unlike flights --------------------------------------------------------------------------
@@ -47,14 +47,14 @@ SAYS = {
 """What is said of some flights, and where."""
 
 
-OF_NAMES = [name if name == "parallel heads" else repeats(name) for name in unlike.NAMES]
+OF_NAMES = [name if name == "parallel heads" else repeats(name) for name in planned.NAMES]
 
 
 @pytest.fixture(scope="module", params=OF_NAMES)
 def texts(request, tmp_path_factory):
     """What the cells of all notebooks show, by notebook and cell."""
     folder = tmp_path_factory.mktemp("unlike")
-    flight = unlike.write(request.param, folder)
+    flight = planned.write(request.param, folder)
     runner.run(flight, folder / "results", way=Notebooks())
     executed = folder / "results" / "notebooks"
     places = {"flight_path": str(folder / "results" / KEPT), "results_path": str(executed.parent)}

@@ -5,8 +5,7 @@ import pytest
 
 from acx4book.pages.build import BENCHMARKS
 from benchmarks.commands import imports, many, measuring
-from support.helpers import ROOT
-from support.reference_files import needs
+from support.helpers import ROOT, needs
 
 # --- many flights are timed in every way, and their bytes compared ---------------------------
 

@@ -31,7 +31,7 @@ from acx4sim.pictures import (
     station,
 )
 from benchmarks.measure import timed
-from support.pictures import printed_camera
+from support.pictures import taken
 
 EXPOSURE, HEADS, SEED = "H3-04", ("CAM1", "CAM2"), 1
 KEY_POINTS, RATIO, CONSENSUS_PX = 20_000, 0.8, 1.0
@@ -75,8 +75,8 @@ def pair_of(images: Sequence[np.ndarray], reduce: int) -> Pair:
 
     return Pair(
         images=tuple(images),
-        orientation=reduced_heads(printed_camera.heads(HEADS), reduce),
-        synthetic=reduced_camera(printed_camera.synthetic(), reduce),
+        orientation=reduced_heads(taken.printed_heads(HEADS), reduce),
+        synthetic=reduced_camera(taken.printed_synthetic(), reduce),
         truth=truth,
     )
 

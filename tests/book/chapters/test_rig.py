@@ -29,7 +29,7 @@ from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from acx4sim import optics
 from support import blocks
 from support.figures import assert_texts_apart, drawn, panels
-from support.flights import rigs
+from support.flights import in_heads
 
 
 @pytest.fixture(scope="session")
@@ -52,17 +52,17 @@ def stage(flight):
 @pytest.fixture(scope="module")
 def ways():
     """The orientations of two heads, by each way to find them."""
-    block = blocks.noisy(rigs.simulated(ties=60), np.random.default_rng(8))
+    block = blocks.noisy(in_heads.simulated(ties=60), np.random.default_rng(8))
     names = [camera.name for camera in block.cameras]
     held, with_f = (
         heads.relative_orientation(
-            heads.calibrate_heads(block, names, free=free), rigs.SYNTHETIC, weak=True
+            heads.calibrate_heads(block, names, free=free), in_heads.SYNTHETIC, weak=True
         )
-        for free in (rigs.FREE, ("f", *rigs.FREE))
+        for free in (in_heads.FREE, ("f", *in_heads.FREE))
     )
     rigid, apart = (
         calibration_rig.relative_orientation(
-            calibration_rig.calibrate(one, free=rigs.FREE), rigs.SYNTHETIC, weak=True
+            calibration_rig.calibrate(one, free=in_heads.FREE), in_heads.SYNTHETIC, weak=True
         )
         for one in (block, unshared(block))
     )
@@ -115,8 +115,8 @@ def test_correlations_have_a_panel_for_each_way_that_has_an_outcome(ways, failed
 
 def test_deformations_are_drawn_with_and_without_a_truth(ways):
     for truth in (None, ways.rigid):
-        found = {"alone": deformation(ways.held, rigs.SYNTHETIC, truth=truth)}
-        fig = drawn(rig_deformations(rigs.SYNTHETIC, found))
+        found = {"alone": deformation(ways.held, in_heads.SYNTHETIC, truth=truth)}
+        fig = drawn(rig_deformations(in_heads.SYNTHETIC, found))
         (title,) = [ax.get_title(loc="left") for ax in panels(fig)][:1]
         assert title == "alone"
 
@@ -228,8 +228,8 @@ def as_they_are(camera, truth):
 def test_misfits_and_deformations_are_as_large_as_predicted():
     """Some ten ways to deform an image matter, in ten flights: squares are known to 14 %."""
     squares = []
-    for seed in rigs.SEEDS:
-        one = rigs.flown(seed)
+    for seed in in_heads.SEEDS:
+        one = in_heads.flown(seed)
         synthetic = one.flight.cameras["SYN"]
         found = calibration_rig.calibrate(one.flight.heads, free=one.flight.estimate_heads)
         heads = tuple(as_they_are(c, one.truth) for c in found.calibration.cameras)

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from acx4book.chapters import stability
 from acx4tools import campaigns as acx4tools_campaigns
 from acx4tools.campaigns import compare
-from support.campaigns import campaign, rigidity_of_a_turned_head
 from support.figures import assert_texts_apart, drawn, panels
+from support.run_results import campaign, rigidity_of_a_turned_head
 
 
 @pytest.fixture(scope="session")

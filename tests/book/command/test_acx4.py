@@ -18,7 +18,7 @@ from acx4book.notebooks import runner
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4lib.results.own_folder import MARK
-from support.flights.spoilt import change
+from support.flights.written import change
 from support.helpers import hears_interrupts, repeats, write_notebook
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]

@@ -15,7 +15,7 @@ import acx4sim
 from acx4book.command import runs
 from acx4book.notebooks import runner
 from acx4lib.results.provenance import EXECUTED
-from support.flights import sized
+from support.flights import planted
 from support.helpers import ROOT, hears_interrupts, write_notebook
 
 COMMAND = [sys.executable, "-c", "from acx4book.command.acx4 import main; main()"]
@@ -26,7 +26,7 @@ def flights(tmp_path_factory):
     folder = tmp_path_factory.mktemp("many")
     paths = [folder / f"flight{seed}" for seed in (1, 2, 3)]
     for seed, path in enumerate(paths, 1):
-        acx4sim.write(sized.clean("single-head", "geodetic", "small", seed=seed), path)
+        acx4sim.write(planted.clean("single-head", "geodetic", "small", seed=seed), path)
     return paths
 
 

@@ -13,7 +13,7 @@ from acx4book.notebooks.execute import Notebooks
 from acx4book.notebooks.functions import Functions
 from acx4book.pages import flight_book
 from acx4lib.errors import OutputError
-from support.flights import unlike
+from support.flights import planned
 from support.helpers import repeats
 
 NAME = "Of *one* camera <b>|</b>"
@@ -117,7 +117,7 @@ def test_it_replaces_nothing_of_others(results, tmp_path):
 
 @pytest.mark.repeats
 def test_the_book_of_parallel_heads_has_their_chapters(tmp_path):
-    flight = unlike.write("parallel heads", tmp_path)
+    flight = planned.write("parallel heads", tmp_path)
     runner.run(flight, tmp_path / "results", way=Notebooks())
     flight_book.write(tmp_path / "results", tmp_path / "site", strict=True)
     chapters = {p.stem for p in (tmp_path / "site" / "_executed").glob("*.html")}

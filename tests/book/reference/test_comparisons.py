@@ -12,7 +12,7 @@ from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.reference import comparisons, dbat_files, nist
 from acx4book.reference.heads import FIVE, TEN
-from support.reference_files import needs
+from support.helpers import needs
 
 NOTEBOOK = NOTEBOOKS_PATH / "05-reference-data.ipynb"
 

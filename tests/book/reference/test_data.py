@@ -11,7 +11,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from acx4book.reference import data
-from support.reference_files import needs
+from support.helpers import needs
 
 """The flight's own files have other images, points seen once, and blanks at the ends of lines."""
 

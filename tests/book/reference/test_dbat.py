@@ -21,7 +21,7 @@ from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project as collinearity_project
 from acx4tools import campaigns
 from acx4tools.campaigns import Campaign
-from support.reference_files import needs
+from support.helpers import needs
 
 # --- two adjustments by another program, reproduced digit by digit ---------------------------
 

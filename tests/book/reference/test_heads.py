@@ -7,7 +7,7 @@ from acx4book.reference import comparisons, heads
 from acx4book.reference.heads import FIVE, GREEN, here, predicted_px, solved, turned_deg
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import overlaps
-from support.reference_files import needs
+from support.helpers import needs
 
 
 @pytest.fixture

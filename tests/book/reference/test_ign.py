@@ -12,8 +12,8 @@ import pytest
 from acx4book.reference import data, ign
 from acx4lib.conventions import best_reading
 from acx4lib.flight.reader import read
-from support.flights.spoilt import CONTROL, TRAJECTORY, change
-from support.reference_files import needs
+from support.flights.written import CONTROL, TRAJECTORY, change
+from support.helpers import needs
 
 AXES = ["east", "north", "height"]
 

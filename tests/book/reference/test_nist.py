@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from acx4book.reference import nist
-from support.reference_files import needs
+from support.helpers import needs
 
 pytestmark = needs("nist-strd")
 

@@ -9,7 +9,7 @@ import pytest
 
 from acx4book.reference import data, noaa
 from acx4lib.geometry.camera import Interior
-from support.reference_files import needs
+from support.helpers import needs
 
 pytestmark = needs("noaa-dss-dg")
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from acx4book.report import ground
 from acx4book.report.ground import check_points
 from acx4lib.georeferencing import budget
-from support import tables
+from support import figures
 from support.helpers import dots
 
 mpl.use("agg")
@@ -54,12 +54,12 @@ def test_it_has_the_accuracies_of_the_run(run, mapped):
 
 
 def test_the_table_adds_up(mapped):
-    table = tables.read(ground.section(mapped).markdown, "tab-report-budget").set_index("Source")
+    table = figures.table(ground.section(mapped).markdown, "tab-report-budget").set_index("Source")
     parts, together = table.iloc[:-1], table.iloc[-1]
     for axis in ("plan", "height"):
-        shares = tables.numbers(parts[f"in {axis} (%)"])
+        shares = figures.numbers(parts[f"in {axis} (%)"])
         assert sum(shares) == pytest.approx(100.0, abs=0.05 * len(shares))
-        sigma = np.array(tables.numbers(parts[f"σ in {axis} (m)"]))
+        sigma = np.array(figures.numbers(parts[f"σ in {axis} (m)"]))
         assert np.sqrt(np.sum(np.sign(sigma) * sigma**2)) == pytest.approx(
             float(together[f"σ in {axis} (m)"]), abs=2e-3
         )
@@ -102,7 +102,7 @@ def test_a_trajectory_without_sigma_has_no_budget(run):
 def test_the_record_has_the_variances_of_the_table(run, mapped):
     recorded = ground.recorded(mapped)
     plan = sum(part["plan_m2"] for part in recorded["sources"])
-    table = tables.read(ground.section(mapped).markdown, "tab-report-budget")
+    table = figures.table(ground.section(mapped).markdown, "tab-report-budget")
     assert np.sqrt(plan) == pytest.approx(float(table["σ in plan (m)"].iloc[-1]), abs=5e-4)
     said = ground.recorded(ground.mapped(without(run, converged=False)))
     assert list(said) == ["reason"]

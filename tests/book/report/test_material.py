@@ -16,7 +16,7 @@ from acx4lib.results import adjustments, folder
 from acx4lib.results.adjustments import of_carried
 from acx4lib.results.provenance import Provenance
 from acx4lib.synthetic_image.transferred_points import transfer
-from support import tables
+from support import figures
 from support.flights import in_heads, pictured
 from support.run_results import SINGLE
 
@@ -100,7 +100,7 @@ def stated(run):
 
 def test_only_what_is_stated_stands_there(stated):
     page = identity.first_page(stated, []).markdown
-    table = tables.read(page, "tab-report-certificate").set_index("Item")["Statement"]
+    table = figures.table(page, "tab-report-certificate").set_index("Item")["Statement"]
     assert table["Camera CAM"] == "Maker M1 no. 08; lens no. 77"
     assert table["Image format"] == "CAM: 11608 × 8708 pixels of 4.6 µm, 53.40 × 40.06 mm"
     assert table["IMU"] == "POS AV 510 no. 4711"
@@ -125,11 +125,11 @@ def test_text_of_strangers_is_shown_and_not_interpreted(stated):
 def test_a_flight_without_a_certificate_says_so(run):
     page = identity.first_page(run, []).markdown
     assert page.startswith("The table [certificate] of flight.toml states no serial numbers")
-    assert list(tables.read(page, "tab-report-certificate")["Item"]) == ["Image format"]
+    assert list(figures.table(page, "tab-report-certificate")["Item"]) == ["Image format"]
 
 
 def test_values_have_the_digits_that_their_sigma_allows(run):
-    table = tables.read(identity.first_page(run, []).markdown, "tab-report-values")
+    table = figures.table(identity.first_page(run, []).markdown, "tab-report-values")
     assert "balanced focal length (mm)" in list(table["Parameter"])
     table = table.set_index("Parameter")
     rows = run.found.parameters
@@ -149,7 +149,7 @@ def test_values_have_the_digits_that_their_sigma_allows(run):
 
 def test_the_identification_names_flight_camera_system_and_software(run):
     page = identity.identity(run).markdown
-    said = tables.read(page, "tab-report-identification").set_index("Item")["Statement"]
+    said = figures.table(page, "tab-report-identification").set_index("Item")["Statement"]
     assert said["Flight"] == run.flight.name
     assert "pixels of 4.6 µm; declared focal length 50 mm" in said["Camera CAM"]
     assert said["Coordinate system"] == "WGS 84 / UTM zone 33N (EPSG:32633)"

@@ -14,7 +14,7 @@ from acx4book.report.material import read
 from acx4book.report.mounting import boresight_over_time
 from acx4book.report.mounting import boresights as mounting_boresights
 from acx4lib.geometry.parameters import Prior
-from support import tables
+from support import figures
 from support.run_results import SINGLE, edit, edit_summary
 
 
@@ -33,7 +33,7 @@ def surveyed(folder):
 
 
 def levers(material):
-    return tables.read(mounting.section(material).markdown, "tab-report-lever")
+    return figures.table(mounting.section(material).markdown, "tab-report-lever")
 
 
 def test_a_flight_without_a_survey_is_a_sentence(run):

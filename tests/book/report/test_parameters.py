@@ -33,7 +33,7 @@ from acx4book.report.parameters import (
 )
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, distortion
 from acx4lib.results import folder as results
-from support import tables
+from support import figures
 from support.figures import drawn
 from support.run_results import SINGLE, edit, edit_summary
 
@@ -51,7 +51,7 @@ def lens(run):
 
 def test_corners_are_half_a_format_from_the_middle_less_half_a_pixel(run, lens):
     text = parameters.image_section(run).markdown
-    table = tables.read(text, "tab-report-corners").set_index("Corner")
+    table = figures.table(text, "tab-report-corners").set_index("Corner")
     camera = lens.camera
     x = 0.5 * (camera.width_px - 1) * camera.pixel_mm
     assert float(table.loc["upper left", "x (mm)"]) == pytest.approx(-x, abs=1e-4)
@@ -199,7 +199,7 @@ def test_a_lens_of_the_results_has_their_values_and_covariance(run):
 
 
 def shown(material, name="parameters"):
-    return tables.read(parameters.section(material).markdown, f"tab-report-{name}")
+    return figures.table(parameters.section(material).markdown, f"tab-report-{name}")
 
 
 def test_parameters_stand_with_their_sigma(run):
@@ -235,7 +235,7 @@ def test_tests_are_against_zero_or_what_was_declared(run):
     assert table.loc["boresight $\\kappa$ (°)", "Against"] == "90"
     assert table.loc["$x_p$ (mm)", "Against"] == table.loc["lever arm $z$ (m)", "Against"] == "0"
     expected = (rows.loc["f_mm", "value"] - declared) / rows.loc["f_mm", "sigma"]
-    assert tables.numbers(table["t"])[0] == pytest.approx(expected, abs=0.05)
+    assert figures.numbers(table["t"])[0] == pytest.approx(expected, abs=0.05)
 
 
 @pytest.mark.parametrize(("times", "said"), [(0.999, "no"), (-1.001, "yes")])
@@ -312,7 +312,7 @@ def test_joint_tests_are_those_of_the_parameters_and_their_covariance(run):
         sigma = np.sqrt(np.diag(cov.loc[names, names]))
         related = cov.loc[names, names].to_numpy() / sigma / sigma[:, None]
         z = rows.loc[list(keys), "value"].to_numpy() / sigma
-        f, largest = tables.numbers(said[["F", "Largest single t"]])
+        f, largest = figures.numbers(said[["F", "Largest single t"]])
         assert f == pytest.approx(z @ np.linalg.solve(related, z) / len(z), abs=0.05)
         assert largest == pytest.approx(max(abs(z)), abs=0.05)
 

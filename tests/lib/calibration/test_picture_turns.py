@@ -14,7 +14,7 @@ from acx4lib.flight.block import NO_POINTS
 from acx4lib.geometry.camera import colrow_from_xy, correct, distort, mountings, xy_from_colrow
 from acx4lib.geometry.frames import exp, log, rotation_from_opk
 from support import blocks
-from support.flights.rigs import SYNTHETIC, simulated
+from support.flights.in_heads import SYNTHETIC, simulated
 from support.helpers import numeric_jacobian
 
 SIGMA = np.radians([0.02, 0.03, 0.04])

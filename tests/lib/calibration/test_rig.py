@@ -17,7 +17,7 @@ from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, log, rotation_from_opk
 from support import blocks
 from support.flights import simulated as flights
-from support.flights.rigs import FREE, SEEDS, SYNTHETIC, flown, heads, simulated
+from support.flights.in_heads import FREE, SEEDS, SYNTHETIC, flown, heads, simulated
 from support.helpers import numeric_jacobian, rotation_angle
 
 

@@ -17,7 +17,7 @@ from acx4lib.geometry.parameters import Prior
 from acx4lib.least_squares.gauss_markov import GaussMarkov
 from acx4tools.planning import design, plan, tables
 from support import blocks
-from support.flights import rigs
+from support.flights import in_heads
 from support.flights.planned import strip, values
 
 FREE = ("f", "xp", "yp", "k1", "p1", "p2")
@@ -183,11 +183,11 @@ def test_without_strips_times_or_attitudes_nothing_is_tested(exact, noisy):
 # --- The free rig against the rigid one: dense least squares, a planted turn, and levels
 
 
-RIGIDITY_FREE = ("f", *rigs.FREE)
+RIGIDITY_FREE = ("f", *in_heads.FREE)
 
 
 def rigidity_noisy(seed, *, ties=12):
-    return blocks.noisy(rigs.simulated(ties=ties), np.random.default_rng(seed))
+    return blocks.noisy(in_heads.simulated(ties=ties), np.random.default_rng(seed))
 
 
 @pytest.fixture(scope="module")

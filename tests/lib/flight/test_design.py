@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib.flight import design
 from acx4lib.flight.design import flying_heights
-from support.flights import rigs
+from support.flights import in_heads
 from support.flights.simulated import fly
 
 
@@ -146,7 +146,7 @@ def test_focal_lengths_are_those_that_are_named(noisy_block):
 
 
 def test_cameras_without_shared_points_keep_every_measurement():
-    block = rigs.simulated(ties=60)
+    block = in_heads.simulated(ties=60)
     alone = design.unshared(block)
     points, before = alone.image_points, block.image_points
     assert_allclose(points.colrow, before.colrow)
@@ -163,7 +163,7 @@ def test_cameras_without_shared_points_keep_every_measurement():
 
 
 def test_a_split_point_has_a_name_that_no_other_has():
-    block = rigs.simulated(ties=3)
+    block = in_heads.simulated(ties=3)
     names = list(block.points)
     ties = [i for i in range(len(names)) if i not in block.control.point_idx]
     names[ties[1]] = f"{names[ties[0]]} {block.cameras[1].name}"

@@ -6,8 +6,18 @@ import pytest
 
 from acx4lib import flight
 from support.flights import in_heads
-from support.flights.spoilt import CONTROL, IMAGES, POINTS, TOML, TRAJECTORY, change, replace
-from support.flights.written import CAMERA, MOUNTS, write_flight
+from support.flights.written import (
+    CAMERA,
+    CONTROL,
+    IMAGES,
+    MOUNTS,
+    POINTS,
+    TOML,
+    TRAJECTORY,
+    change,
+    replace,
+    write_flight,
+)
 from support.helpers import flight_problems as problems
 
 REPLACED = [

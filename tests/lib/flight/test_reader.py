@@ -482,7 +482,7 @@ def test_what_is_wrong_with_a_session_is_said(tmp_path):
 
 TEXT = dict.fromkeys(("image", "camera", "exposure", "strip", "point"), str)
 CONTROL = written.control_points()
-SETTINGS = tomllib.loads(written.TOML + written.CAMERA.format(*written.MOUNTS["CAM"], name="CAM"))
+SETTINGS = tomllib.loads(written.HEAD + written.CAMERA.format(*written.MOUNTS["CAM"], name="CAM"))
 TABLES = {
     "images": written.images(written.exposures(), ["CAM"]),
     "image_points": written.measure(written.exposures(), CONTROL, ["CAM"]),

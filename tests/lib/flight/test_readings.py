@@ -17,8 +17,7 @@ from acx4lib.flight.readings import height_readings, of_cameras, pixel_readings,
 from acx4lib.flight.tables import Table
 from acx4lib.geometry.frames import rotation_from_opk, rotation_from_rph
 from acx4lib.geometry.geodesy import GridSystem
-from support.flights.spoilt import CONTROL, POINTS, TOML, TRAJECTORY, change, replace
-from support.flights.written import write_flight
+from support.flights.written import CONTROL, POINTS, TOML, TRAJECTORY, change, replace, write_flight
 from support.helpers import flight_problems as problems
 
 

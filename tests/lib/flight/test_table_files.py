@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from acx4lib import flight
 from acx4lib.errors import FlightError
-from support.flights.spoilt import CONTROL, IMAGES, POINTS, TOML, TRAJECTORY, replace
-from support.flights.written import write_flight
+from support.flights.written import CONTROL, IMAGES, POINTS, TOML, TRAJECTORY, replace, write_flight
 from support.helpers import LINE
 from support.helpers import flight_problems as problems
 

@@ -37,11 +37,11 @@ from acx4lib.synthetic_image.frame import (
 )
 from support import blocks
 from support.helpers import numeric_jacobian
-from support.pictures import printed_camera
+from support.pictures import taken
 from support.strategies import image_points, numbers
 
-SYNTHETIC = printed_camera.synthetic()
-ORIENTATION = printed_camera.heads()
+SYNTHETIC = taken.printed_synthetic()
+ORIENTATION = taken.printed_heads()
 
 
 # --- numbers from Table 1 --------------------------------------------------------------------

@@ -17,10 +17,10 @@ from acx4lib.synthetic_image.head_map import (
     levelled,
     window_map,
 )
-from support.pictures import printed_camera
+from support.pictures import taken
 
-SYN = printed_camera.synthetic()
-HEADS = printed_camera.heads()
+SYN = taken.printed_synthetic()
+HEADS = taken.printed_heads()
 
 
 def errors(orientation, k, synthetic, head, rows, cols):

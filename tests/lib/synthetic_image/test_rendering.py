@@ -23,7 +23,7 @@ from acx4lib.synthetic_image.rendering import (
     resample,
 )
 from acx4lib.synthetic_image.response import Response
-from support.pictures import printed_camera
+from support.pictures import taken
 from support.pictures.exact_rendering import blended, exact_positions, sampled, sampled_cubic
 
 
@@ -188,7 +188,7 @@ def test_an_image_may_end_where_its_memory_ends(rng):
 # --- blending ------------------------------------------------------------------------------------
 
 SMALL = 16
-HEADS, SYN = printed_camera.heads(), printed_camera.synthetic()
+HEADS, SYN = taken.printed_heads(), taken.printed_synthetic()
 heads, synthetic = reduced_heads(HEADS, SMALL), reduced_camera(SYN, SMALL)
 
 

@@ -19,11 +19,11 @@ from acx4lib.synthetic_image.response import (
     overlap_samples,
     poor_overlaps,
 )
-from support.pictures import printed_camera, taken
+from support.pictures import taken
 
 K = 12
-ORIENTATION = printed_camera.heads()
-HEADS, REDUCED = reduced_heads(ORIENTATION, K), reduced_camera(printed_camera.synthetic(), K)
+ORIENTATION = taken.printed_heads()
+HEADS, REDUCED = reduced_heads(ORIENTATION, K), reduced_camera(taken.printed_synthetic(), K)
 N_POINTS = 4000
 
 
@@ -151,10 +151,10 @@ def test_bad_matches_of_some_ground_do_no_harm(images):
 @pytest.mark.parametrize("n_bands", [1, 2, 4])
 def test_any_number_of_bands_and_eight_bits(n_bands):
     true = known(n_bands)
-    taken = pictures(
+    images = pictures(
         true, rng=np.random.default_rng(4), dtype=np.uint8, noise=0.1, scale=100 / 12000
     )
-    found = estimate([image[:, :, 0] for image in taken] if n_bands == 1 else taken)
+    found = estimate([image[:, :, 0] for image in images] if n_bands == 1 else images)
     assert found.response.coefficients.shape == (4, n_bands, 3)
     assert curve_error(found.response, true) < 0.006  # rounding to a grey value is 0.3 %
 

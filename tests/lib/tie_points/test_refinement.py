@@ -31,7 +31,7 @@ from acx4lib.tie_points.refinement import (
     tie_differences,
 )
 from support.helpers import numeric_jacobian
-from support.pictures import printed_camera
+from support.pictures import taken
 from support.strategies import vectors
 
 AXIS = np.tile(np.arange(3), 3)
@@ -102,8 +102,8 @@ def test_half_of_the_exposures_predicts_the_other(rng, n):
 # --- Heads turned until their overlaps agree: Table 1's heads, spoilt, with exact and noisy ties
 
 
-SYNTHETIC = printed_camera.synthetic()
-ORIENTATION = printed_camera.heads()
+SYNTHETIC = taken.printed_synthetic()
+ORIENTATION = taken.printed_heads()
 PIXEL = SYNTHETIC.pixel_mm
 
 

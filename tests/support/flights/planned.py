@@ -1,9 +1,19 @@
-"""Plans for tests: one of a single camera, and changes of it."""
+"""Plans for tests: one of a single camera, and eight unlike the study's flights."""
 
 from __future__ import annotations
 
+import re
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acx4book.notebooks import simulated as notebooks_simulated
+from acx4sim import files
+from acx4sim.plan import Options
+from acx4tools.planning import plan as plans
 
 CAMERA = {
     "width_px": 11608,
@@ -77,3 +87,105 @@ def values(**changes: Any) -> dict[str, Any]:
     for name, table in deepcopy(changes).items():
         whole[name] = {**whole.get(name, {}), **table} if isinstance(table, dict) else table
     return whole
+
+
+# --- eight flights that are unlike the study's, each of which lacks something ------------------
+
+
+CHECKED = {
+    "east_m": 386500.0,
+    "strips": {"map-1": strip("north"), "map-2": strip("south")},
+}
+"""A block for the validation; it needs a number of check points."""
+
+HELD = {"stages": {"mounting": {"estimate": ["f_mm"], "fix": ["lever_arm", "boresight"]}}}
+
+PARALLEL = {
+    "width_px": 1280,
+    "height_px": 960,
+    "pixel_um": 3.75,
+    "focal_mm": 4.0,
+    "mount_kappa_deg": 90.0,
+}
+
+
+def _plans() -> dict[str, dict[str, Any]]:
+    """Return the plans by what is said of the flight."""
+    low = {"low-1": strip("north"), "low-2": strip("south")}
+    far = {
+        **{name: strip | {"left_m": strip.get("left_m", 0.0)} for name, strip in low.items()},
+        "far-1": strip("north") | {"forward_m": 300_000.0, "left_m": 150.0},
+        "far-2": strip("south") | {"forward_m": -300_000.0, "left_m": -150.0},
+    }
+    heads = {f"B{k}": dict(PARALLEL) for k in range(1, 5)}
+    low_heads = {
+        "tie_points": 150,
+        "tie_area_m": [300.0, 300.0],
+        "strips": {
+            name: {
+                "flying_height_m": 120.0,
+                "length_m": 100.0,
+                "base_m": 20.0,
+                "course_deg": course,
+            }
+            for name, course in (("a", 0.0), ("b", 90.0), ("c", 180.0))
+        },
+    }
+    synthetic = {
+        "cameras": {**heads, "S": dict(PARALLEL)},
+        "synthetic": {"camera": "S", "heads": list(heads)},
+        "heads": low_heads,
+    }
+    plans = {
+        "no check point": values(),
+        "one strip, one check point": values(
+            calibration={"strips": {"only": strip("north")}},
+            validation={**CHECKED, "check": {"number": 1, "layout": "corners", "area_m": [1, 1]}},
+        ),
+        "one height, three check points": values(
+            calibration={"strips": low},
+            validation={
+                **CHECKED,
+                "check": {"number": 3, "layout": "corners", "area_m": [300, 300]},
+            },
+        ),
+        "nothing estimated": values(
+            stages={"mounting": {"estimate": [], "fix": ["lever_arm", "boresight"]}}
+        ),
+        "mounting held": values(**HELD),
+        "parallel heads": values(**synthetic, control={"number": [3, 3], "area_m": [150, 150]}),
+        "heads without control": values(**synthetic),
+        "300 km": values(calibration={"strips": far}),
+    }
+    for of_heads in ("parallel heads", "heads without control"):
+        plans[of_heads].pop("calibration")
+        plans[of_heads].pop("stages")
+    plans["heads without control"].pop("control")
+    return plans
+
+
+NAMES = tuple(_plans())
+
+CHECKED_INSIDE = {"mounting held": ("P01", "P05", "P09")}
+"""Points of a block for the calibration that are check points there."""
+
+
+def write(name: str, folder: Path, *, simulated: bool = False) -> Path:
+    """Write one of the flights below a folder; it does not say that it is simulated."""
+    plan = plans.from_values(_plans()[name])
+    flown = notebooks_simulated.simulate(plan, seed=4, options=Options())
+    path = folder / re.sub(r"\W+", "-", name)
+    files.write(flown, path)
+    if name in CHECKED_INSIDE:
+        table = pd.read_csv(path / "control_points.csv")
+        inside = table["point"].isin(CHECKED_INSIDE[name])
+        table["role"] = np.where(inside, "check", "control")
+        table.to_csv(path / "control_points.csv", index=False)
+    if not simulated:
+        toml = path / "flight.toml"
+        said = toml.read_text("utf-8")
+        toml.write_text(
+            re.sub(r"(?m)^simulated = true\n", "", said).replace(", simulated", ""), "utf-8"
+        )
+        Path(f"{path}.truth.json").unlink(missing_ok=True)
+    return path

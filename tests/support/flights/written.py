@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ GRID = GridSystem(crs=CRS)
 MIDDLE = np.array([670_000.0, 7_188_000.0])  # east, north of the test field
 MOUNTS = {"CAM": (0.0, 0.0, 90.0), "LEFT": (-15.0, 0.0, 90.0), "RIGHT": (15.0, 0.0, -90.0)}
 
-TOML = """\
+HEAD = """\
 name = "small"
 crs = "EPSG:31982"
 heights = "ellipsoidal"
@@ -167,7 +168,7 @@ def write_flight(
         Cameras of the other blocks than the heads'.
     """
     names = ["LEFT", "RIGHT", "CAM"] if "heads" in blocks else list(mounted)
-    toml = TOML + "".join(CAMERA.format(*MOUNTS[name], name=name) for name in names)
+    toml = HEAD + "".join(CAMERA.format(*MOUNTS[name], name=name) for name in names)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "flight.toml").write_text(toml + (SYNTHETIC if "heads" in blocks else ""))
     control = control_points()
@@ -184,3 +185,31 @@ def write_flight(
         table = geographic(trajectory) if form == "geographic" else trajectory
         table.to_csv(folder / block / "trajectory.csv", index=False)
     return folder
+
+
+# --- files of a written flight, and changes of them --------------------------------------------
+
+
+IMAGES = "calibration/images.csv"
+
+POINTS = "calibration/image_points.csv"
+
+TRAJECTORY = "calibration/trajectory.csv"
+
+CONTROL = "control_points.csv"
+
+TOML = "flight.toml"
+
+
+def replace(folder: Path, file: str, old: str, new: str, count: int = -1) -> None:
+    text = (folder / file).read_text()
+    assert old in text
+    (folder / file).write_text(text.replace(old, new, count))
+
+
+def append(folder: Path, file: str, text: str) -> None:
+    (folder / file).write_text((folder / file).read_text() + text)
+
+
+def change(folder: Path, file: str, by: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    by(pd.read_csv(folder / file)).to_csv(folder / file, index=False)

@@ -20,7 +20,7 @@ from pathlib import Path
 
 TESTS = Path(__file__).parents[2]
 
-ALL = ("flights.cases", "strangers.cases", "results.cases", "archives.cases")
+ALL = ("flights", "strangers", "results", "archives")
 """Modules that make cases."""
 
 
@@ -61,7 +61,7 @@ class Report:
         return "\n".join([*rows, *self.findings, f"{total}; {most}"])
 
 
-def run(work: Path, *, cases: int, seed: int, what: str = "flights.cases") -> Report:
+def run(work: Path, *, cases: int, seed: int, what: str = "flights") -> Report:
     """Work through the cases of a seed in one process; a new one where it was killed.
 
     Parameters

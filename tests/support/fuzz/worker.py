@@ -2,7 +2,7 @@
 
 It says on standard output which case it begins, and how that ended, so that a process that
 was killed has named its case. `python -m support.fuzz.worker WHAT GOOD FIRST LAST SEED`; WHAT is a
-module of this folder, such as `flights.cases`.
+module of this folder, such as `flights`.
 """
 
 from __future__ import annotations

@@ -1,28 +1,64 @@
-"""Small pictures of an exposure whose geometry is known: a far-away plane with texture."""
+"""The printed heads and the synthetic camera, and small pictures of an exposure of them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
 import numpy as np
 from scipy import ndimage
 
+from acx4book.paper import printed
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.geometry.camera import Camera, colrow_from_xy, xy_from_colrow
+from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy, xy_from_colrow
 from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk, turn
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
-from support.pictures import printed_camera
+
+
+def printed_heads(names: Sequence[str] = printed.HEADS) -> RelativeOrientation:
+    """Return heads of Table 1 as an orientation without errors."""
+    width, height = (int(printed.statement(f"head_{side}_px")) for side in ("width", "height"))
+    return RelativeOrientation(
+        heads=tuple(
+            Camera(
+                name=name,
+                width_px=width,
+                height_px=height,
+                pixel_mm=printed.pixel_mm(name),
+                interior=printed.interior(1, name),
+            )
+            for name in names
+        ),
+        xyz_mm=np.stack([printed.centre_mm(name) for name in names]),
+        opk=np.stack([printed.opk(name) for name in names]),
+        cov_joint=np.zeros((16 * len(names), 16 * len(names))),
+        n_exposures=1,
+    )
+
+
+def printed_synthetic() -> Camera:
+    """Return the synthetic camera of Table 2, with the focal length of its heads."""
+    return Camera(
+        name="SYN",
+        width_px=int(printed.value(2, "width_px", "SYN")),
+        height_px=int(printed.value(2, "height_px", "SYN")),
+        pixel_mm=printed.pixel_mm("SYN"),
+        interior=Interior(f=printed.statement("head_f_fixed_mm")),
+    )
+
+
+# --- small pictures of an exposure whose geometry is known: a far-away plane with texture ------
 
 
 def heads(k: int) -> RelativeOrientation:
     """Table 1 as printed, images reduced."""
-    return reduced_heads(printed_camera.heads(), k)
+    return reduced_heads(printed_heads(), k)
 
 
 def synthetic(k: int) -> Camera:
     """Table 2, reduced."""
-    return reduced_camera(printed_camera.synthetic(), k)
+    return reduced_camera(printed_synthetic(), k)
 
 
 def turned_heads(orientation, degrees, rng):

@@ -18,7 +18,7 @@ from acx4lib.results import folder as results
 from acx4lib.tie_points import ties as tie_points
 from acx4sim.files import SimulatedFlight
 from support import blocks
-from support.pictures import printed_camera
+from support.pictures import taken
 
 FREE = ("f", "xp", "yp", "k1")
 BLOCK = blocks.standard()
@@ -30,7 +30,7 @@ POINTS, IMAGES, CONTROL, TRAJECTORY = (
     BLOCK.control,
     BLOCK.trajectory,
 )
-HEADS, SYNTHETIC = printed_camera.heads(), printed_camera.synthetic()
+HEADS, SYNTHETIC = taken.printed_heads(), taken.printed_synthetic()
 POSES = TRAJECTORY.T_m_b
 PICTURE = np.zeros((60, 80, 3), np.uint8)
 GREY = np.zeros((60, 80), np.float32)

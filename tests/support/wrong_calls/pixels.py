@@ -13,7 +13,7 @@ from acx4lib.production import exposure, tiff
 from acx4lib.synthetic_image import frame, head_map, rendering, response, transferred_points
 from acx4lib.tie_points import least_squares_matching, matching, refinement, search
 from acx4lib.tie_points import ties as tie_points
-from support.pictures import printed_camera
+from support.pictures import taken
 from support.wrong_calls.material import (
     BLOCK,
     GREY,
@@ -77,7 +77,7 @@ def pixels() -> list[Wrong]:
         ),
         Wrong(
             lambda: refinement.frame_differences(
-                HEADS, printed_camera.heads(("CAM1", "CAM2")), SYNTHETIC
+                HEADS, taken.printed_heads(("CAM1", "CAM2")), SYNTHETIC
             ),
             "other: expected 4 heads, as of orientation, got 2",
         ),

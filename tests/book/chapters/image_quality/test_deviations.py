@@ -38,7 +38,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from support.blocks import FRAME
-from support.pictures import printed_camera
+from support.pictures import taken
 from support.pictures.known import known
 from support.pictures.known import response as response_of
 
@@ -127,7 +127,7 @@ def test_points_that_stand_out_from_those_around_are_told_and_a_smooth_field_is_
 
 def test_one_head_sees_seven_tenths_of_the_frame_of_table_1():
     cols, rows = np.meshgrid(np.arange(40, 12000, 80), np.arange(40, 16200, 81))
-    found = zones(printed_camera.heads(), SYN, np.column_stack([cols.ravel(), rows.ravel()]))
+    found = zones(taken.printed_heads(), SYN, np.column_stack([cols.ravel(), rows.ravel()]))
     one, several, border = (found[name].mean() for name in found)
     assert_allclose(one, 0.692, atol=0.003)  # counted on a much denser grid
     assert_allclose(one + several, 1.0)

@@ -8,9 +8,9 @@ import pytest
 from acx4lib.stages import heads, synthetic
 from acx4lib.synthetic_image.frame import reduced_heads
 from acx4lib.synthetic_image.response import OverlapResponse, Response, ResponseFit
+from support.pictures import known as made
 from support.pictures import taken
-from support.pictures import tied as made
-from support.pictures.tied import PIXEL_MM, K, joined, pictured, tied
+from support.pictures.known import PIXEL_MM, K, joined, pictured, tied
 
 
 @pytest.fixture(scope="session")

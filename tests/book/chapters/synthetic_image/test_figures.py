@@ -37,8 +37,8 @@ from support.figures import (
 )
 from support.flights import in_heads
 from support.flights import pictured as flights_pictured
-from support.pictures import printed_camera, taken
-from support.pictures.tied import NAMES, PIXEL_MM, K, pictured, refined, tied
+from support.pictures import taken
+from support.pictures.known import NAMES, PIXEL_MM, K, pictured, refined, tied
 
 # --- figures of the frame and of the heads' responses ----------------------------------------
 
@@ -46,7 +46,7 @@ from support.pictures.tied import NAMES, PIXEL_MM, K, pictured, refined, tied
 def test_footprints_show_the_frame_and_every_head(orientation):
     R = np.swapaxes(rotation_from_opk(orientation.opk), 1, 2)
     readings = [orientation, replace(orientation, opk=opk_from_rotation(R))]
-    fig = drawn(footprints(readings, printed_camera.synthetic(), ["one", "two"]))
+    fig = drawn(footprints(readings, taken.printed_synthetic(), ["one", "two"]))
     assert_labelled(fig)
     assert_texts_apart(fig)
     for ax in panels(fig):
@@ -59,7 +59,7 @@ def test_footprints_show_the_frame_and_every_head(orientation):
 
 
 def test_a_figure_is_the_same_every_time(orientation):
-    synthetic = printed_camera.synthetic()
+    synthetic = taken.printed_synthetic()
     one, two = (
         np.asarray(drawn(footprints([orientation], synthetic, ["a"])).canvas.buffer_rgba())
         for _ in range(2)

@@ -21,7 +21,7 @@ from acx4book.chapters.synthetic_image.pictures import (
 from acx4lib.synthetic_image.frame import reduced_heads
 from support.figures import drawn, sentence, title
 from support.pictures import taken
-from support.pictures.tied import NAMES, PIXEL_MM, K, pictured, refined, tied
+from support.pictures.known import NAMES, PIXEL_MM, K, pictured, refined, tied
 
 # --- as they were taken ----------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ import pytest
 import acx4sim
 from acx4book.command import runs
 from acx4lib.results import folder as results
-from support.flights import sized
+from support.flights import planted
 
 SEEDS = (1, 2, 3)
 
@@ -17,7 +17,7 @@ def small_flights(tmp_path_factory):
     folder = tmp_path_factory.mktemp("many")
     paths = [folder / f"flight{seed}" for seed in SEEDS]
     for seed, path in zip(SEEDS, paths, strict=True):
-        acx4sim.write(sized.clean("single-head", "geodetic", "small", seed=seed), path)
+        acx4sim.write(planted.clean("single-head", "geodetic", "small", seed=seed), path)
     return paths
 
 

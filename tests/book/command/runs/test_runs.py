@@ -24,7 +24,7 @@ from acx4lib.results import folder as results
 from acx4lib.results import provenance
 from acx4tools.planning import plan as plans
 from support.flights.planned import values
-from support.flights.spoilt import change
+from support.flights.written import change
 
 
 def run(job):

@@ -12,7 +12,7 @@ from scipy import stats
 
 from acx4book.pages.benchmarks import sigma
 from acx4book.pages.benchmarks.sigma import normalised_errors
-from support import tables
+from support import figures
 
 ABOUT = {
     "date": "2026-01-02",
@@ -82,17 +82,17 @@ def test_biased_validation_points_are_named():
 def test_the_tables_hold_means_spreads_and_their_p_values():
     found = errors(shift=0.3)
     z, text = found.normalised("single_step"), sigma.page(found)
-    table = tables.read(text, "tab-coverage-parameters")
+    table = figures.table(text, "tab-coverage-parameters")
     assert list(table["Parameter"]) == ["$f$", "lever arm $z$"]
-    assert tables.numbers(table["Mean"]) == pytest.approx(z.mean().tolist(), abs=5e-4)
-    assert tables.numbers(table["Standard deviation"]) == pytest.approx(z.std().tolist(), abs=5e-4)
-    joint = tables.read(text, "tab-coverage-joint").iloc[0]
+    assert figures.numbers(table["Mean"]) == pytest.approx(z.mean().tolist(), abs=5e-4)
+    assert figures.numbers(table["Standard deviation"]) == pytest.approx(z.std().tolist(), abs=5e-4)
+    joint = figures.table(text, "tab-coverage-joint").iloc[0]
     assert joint["Flights"] == "100"
     assert joint["Degrees of freedom"] == "200"
     assert float(joint["Sum of χ²"]) == pytest.approx(
         (found.parameters["decorrelated"] ** 2).sum(), abs=0.05
     )
-    points = tables.read(text, "tab-coverage-points")
+    points = figures.table(text, "tab-coverage-points")
     squares = (found.points["d_north_m"] / 0.2) ** 2
     assert list(points["Axis"]) == list(AXES)
     assert float(points["Mean square"][1]) == pytest.approx(squares.mean(), abs=5e-4)
@@ -100,7 +100,7 @@ def test_the_tables_hold_means_spreads_and_their_p_values():
 
 def test_shares_are_counted_for_parameters_flights_and_points():
     found = errors()
-    table = tables.read(sigma.shares(found), "tab-coverage-shares").set_index("Quantity")
+    table = figures.table(sigma.shares(found), "tab-coverage-shares").set_index("Quantity")
     within = (found.normalised("single_step")["f_mm"].abs() <= 2).mean()
     assert table.loc["normal distribution"].tolist() == ["68.3", "95.4", "99.7"]
     assert table.loc["$f$", "within 2 σ (%)"].startswith(f"{100 * within:.1f} (")
@@ -120,7 +120,7 @@ def test_a_method_without_validation_has_a_page():
     assert both.methods == ["single_step", "two_step_gnss"]
     assert len(both.tests) == 12 + 6
     assert "Two-step, GNSS positions: normalised errors" in html.unescape(text)
-    assert list(tables.read(text, "tab-coverage-points")["Method"].unique()) == ["Single-step"]
+    assert list(figures.table(text, "tab-coverage-points")["Method"].unique()) == ["Single-step"]
 
 
 def test_of_heads_only_what_is_independent_is_counted_in_the_chi_square():
@@ -141,11 +141,13 @@ def test_of_heads_only_what_is_independent_is_counted_in_the_chi_square():
     assert n == 1
     assert squares == pytest.approx(z**2)
     text = sigma.page(both)
-    joint = tables.read(text, "tab-coverage-joint").set_index("Method").loc["Relative orientation"]
+    joint = (
+        figures.table(text, "tab-coverage-joint").set_index("Method").loc["Relative orientation"]
+    )
     assert joint["Flights"] == joint["Degrees of freedom"] == "50"
-    table = tables.read(text, "tab-coverage-relative-orientation")
+    table = figures.table(text, "tab-coverage-relative-orientation")
     assert list(table["Parameter"]) == ["CAM1 $X_c$", "CAM2 $X_c$"]
-    assert tables.numbers(table["Mean"]) == pytest.approx([z.mean(), -z.mean()], abs=5e-4)
+    assert figures.numbers(table["Mean"]) == pytest.approx([z.mean(), -z.mean()], abs=5e-4)
 
 
 def test_date_seeds_and_commit_are_said():
@@ -289,7 +291,7 @@ def test_of_many_normal_flights_the_bootstrap_says_what_student_says(rng):
 def shared(points, axis="height"):
     """Share of height differences within one sigma, percent, with its interval."""
     found = of_one(np.linspace(-1, 1, len(points)), points=points)
-    table = tables.read(sigma.shares(found), "tab-coverage-shares").set_index("Quantity")
+    table = figures.table(sigma.shares(found), "tab-coverage-shares").set_index("Quantity")
     cell = table.loc[f"validation points, {axis}", "within 1 σ (%)"]
     return tuple(float(number) for number in re.findall(r"[\d.]+", cell))
 
@@ -351,7 +353,7 @@ def pairs(f=0.01, k1=0.0, *, scatter=0.001):
 
 def test_bias_is_the_mean_over_sigma_and_its_error_that_of_a_mean():
     """Four values one scatter from their mean: sqrt(4 / 3) / sqrt(4) of it, in thousandths."""
-    table = tables.read(sigma.bias_page(pairs(f=-0.01)), "tab-coverage-bias")
+    table = figures.table(sigma.bias_page(pairs(f=-0.01)), "tab-coverage-bias")
     assert list(table["Parameter"]) == ["$f$", "$k_1$"]
     assert list(table["Adjusted point"]) == ["−10.00 ± 0.58", "+0.00 ± 0.58"]
     assert list(table["Measured point"]) == ["−100.00 ± 0.58", "+0.00 ± 0.58"]
@@ -386,7 +388,7 @@ def test_the_stored_pairs_reach_the_goal_and_measured_points_would_not(pytestcon
     assert sorted(stored["seed"].unique()) == list(range(1, 251))
     assert stored["parameter"].nunique() == 14
     assert "is reached" in sigma.bias_page(stored)
-    table = tables.read(sigma.bias_page(stored), "tab-coverage-bias").set_index("Parameter")
-    beyond = np.abs(tables.numbers(table["Measured point"])) > 1000 * sigma.GOAL
+    table = figures.table(sigma.bias_page(stored), "tab-coverage-bias").set_index("Parameter")
+    beyond = np.abs(figures.numbers(table["Measured point"])) > 1000 * sigma.GOAL
     assert set(table.index[beyond]) == {"$f$", "$k_1$", "$k_2$", "$k_3$"}
     assert sigma.bias_page(stored).count("±") == 1 + 2 * 14  # sentence, table

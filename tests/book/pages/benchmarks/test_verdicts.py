@@ -9,7 +9,7 @@ from scipy import stats
 
 from acx4book.pages.benchmarks import verdicts
 from acx4book.pages.build import BENCHMARKS
-from support import tables
+from support import figures
 
 ABOUT = {
     "date": "2026-01-02",
@@ -65,20 +65,20 @@ def test_the_page_says_how_many_of_the_planned_flights_there_are():
 
 def test_plans_have_their_rows_and_all_together_one():
     text = verdicts.good(told(rows("clean", "flat", 100, 3), rows("clean", "no-control", 50, 2)))
-    table = tables.read(text, "tab-verdicts-clean")
+    table = figures.table(text, "tab-verdicts-clean")
     assert table["Plan"].tolist() == ["flat ground", "no control", "all"]
     assert table["Do not hold"].tolist() == ["3", "2", "5"]
 
 
 def test_a_flight_without_a_report_does_not_hold():
     lost = rows("clean", "flat", 1, 0).assign(holds=np.nan)
-    table = tables.read(verdicts.good(told(lost)), "tab-verdicts-clean")
+    table = figures.table(verdicts.good(told(lost)), "tab-verdicts-clean")
     assert set(table["Do not hold"]) == {"1"}
 
 
 def test_notes_are_no_failures():
     text = verdicts.good(told(rows("clean", "flat", 40, 4)))
-    table = tables.read(text, "tab-verdicts-questions").set_index("Question")
+    table = figures.table(text, "tab-verdicts-questions").set_index("Question")
     assert table.loc[QUESTION, ["Holds", "Fails", "Note"]].tolist() == ["36", "4", "0"]
     assert table.loc["Parameters told apart", ["Holds", "Fails", "Note"]].tolist() == [
         *("0", "0", "40")
@@ -90,7 +90,7 @@ def test_notes_are_no_failures():
 def test_a_test_that_fails_more_often_than_its_level_is_named(k, said):
     text = verdicts.good(of_levels(k))
     low, high = (100 * x for x in stats.binomtest(k, 200).proportion_ci())
-    assert tables.read(text, "tab-verdicts-levels").iloc[0].tolist() == [
+    assert figures.table(text, "tab-verdicts-levels").iloc[0].tolist() == [
         *("A priori standard deviations", "heading", "200"),
         f"{k / 2:.1f} % ({low:.1f} to {high:.1f} %)",
     ]
@@ -118,10 +118,10 @@ def test_the_tables_of_faults_have_size_and_count_by_plan():
         rows("spoilt", "no-control", 30, 15, fault="step", size=0.02),
     )
     text = verdicts.spoilt(spoilt)
-    row = tables.read(text, "tab-verdicts-sizes").iloc[0]
+    row = figures.table(text, "tab-verdicts-sizes").iloc[0]
     assert row["flat ground"] == "0.012°: 48 of 60"
     assert row["no control"] == "0.02°: 15 of 30"
-    finders = tables.read(text, "tab-verdicts-finders").iloc[0]
+    finders = figures.table(text, "tab-verdicts-finders").iloc[0]
     assert finders["Flights"] == "90"
     assert finders["Questions that fail"] == "Boresight stable over time 70 %"
 
@@ -129,7 +129,7 @@ def test_the_tables_of_faults_have_size_and_count_by_plan():
 def test_gross_errors_are_counted_by_what_was_taken_out():
     gross = rows("spoilt", "flat", 10, 0, fault="gross errors", size=1.0)
     spoilt = told(gross.assign(**{"found: gnss": [1] * 8 + [0] * 2}))
-    table = tables.read(verdicts.spoilt(spoilt), "tab-verdicts-gross").set_index("Gross error")
+    table = figures.table(verdicts.spoilt(spoilt), "tab-verdicts-gross").set_index("Gross error")
     assert table.loc["a GNSS height", "flat ground"] == "8 of 10"
 
 
@@ -167,7 +167,7 @@ def test_faults_of_the_predicted_size_are_found_on_the_stored_flights(stored):
             # they declare their lever arms
             assert not re.search("flat ground|oblique heads", case)
         assert k < verdicts.FOUND * n
-    sizes = tables.read(text, "tab-verdicts-sizes").set_index("Fault")
+    sizes = figures.table(text, "tab-verdicts-sizes").set_index("Fault")
     assert len(sizes) == len(verdicts.FAULTS)
     counts = {
         cell: [int(part) for part in re.findall(r"(\d+) of (\d+)", cell)[0]]
@@ -212,7 +212,7 @@ def test_the_verdict_says_whether_the_weights_are_right(correlated, said):
 
 def test_the_table_has_both_weights_side_by_side():
     made = flights()
-    table = tables.read(verdicts.page(made), "tab-coverage-slow")
+    table = figures.table(verdicts.page(made), "tab-coverage-slow")
     assert list(table["Parameter"]) == ["$f$", "boresight $\\kappa$"]
     own = made[(made["weights"] == "correlated") & (made["parameter"] == "f_mm")]
     rms = ((own["error"] / own["sigma"]) ** 2).mean() ** 0.5
@@ -226,7 +226,7 @@ def test_correlated_weights_keep_the_promise_on_the_stored_flights():
     assert errors["seed"].nunique() == 200
     text = verdicts.page(errors)
     assert "within its two-sided bounds" in text
-    white = tables.read(text, "tab-coverage-slow").set_index("Parameter")["Taken for independent"]
+    white = figures.table(text, "tab-coverage-slow").set_index("Parameter")["Taken for independent"]
     assert (white.filter(like="boresight").astype(float) > 2).all()
 
 

@@ -22,7 +22,7 @@ from acx4tools.exchange.outward.calibrated import Calibrated
 from acx4tools.exchange.outward.orientations import orient
 from acx4tools.exchange.outward.programs import KINDS
 from acx4tools.exchange.outward.taken import Taken, near, sentences
-from support.reference_files import needs
+from support.helpers import needs
 from support.run_results import estimated
 
 # --- orientations ----------------------------------------------------------------------------

@@ -11,8 +11,8 @@ from acx4lib.errors import FlightError
 from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.frames import rotation_from_opk
 from acx4tools.exchange.programs import colmap as reading
+from support.helpers import needs
 from support.projects import colmap, scene
-from support.reference_files import needs
 
 
 def rms(brought):

@@ -12,8 +12,8 @@ from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.geodesy import GridSystem, LocalFrame, mean_origin
 from acx4tools.exchange.programs import metashape as reading
+from support.helpers import needs
 from support.projects import metashape, scene
-from support.reference_files import needs
 
 SAMPLE = "formats/metashape/markers_micasenses_rededge.xml"
 

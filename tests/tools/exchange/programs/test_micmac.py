@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 from acx4book.reference import data
 from acx4lib.errors import FlightError
 from acx4tools.exchange.programs import micmac
+from support.helpers import needs
 from support.projects import micmac as projects_micmac
-from support.reference_files import needs
 
 COLROW = np.array([[0.0, 0.0], [999, 799], [510, 390], [100, 700]])
 

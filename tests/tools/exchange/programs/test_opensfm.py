@@ -13,8 +13,8 @@ from acx4lib.geometry.geodesy import GridSystem
 from acx4tools.exchange.programs import colmap
 from acx4tools.exchange.programs import opensfm as reading
 from acx4tools.exchange.project import misfits
+from support.helpers import needs
 from support.projects import opensfm as written
-from support.reference_files import needs
 
 SAMPLE = "formats/opensfm/OpenSfM_example_meshed.json"
 COLMAP = "formats/colmap/txt/images.txt"

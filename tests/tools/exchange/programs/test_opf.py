@@ -13,8 +13,8 @@ from acx4lib.errors import FlightError
 from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.frames import log, rotation_from_opk
 from acx4tools.exchange.programs import opf as reading
+from support.helpers import needs
 from support.projects import opf, scene
-from support.reference_files import needs
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 

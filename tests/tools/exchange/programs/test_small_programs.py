@@ -8,12 +8,12 @@ from acx4book.reference import data
 from acx4lib.errors import FlightError
 from acx4tools.exchange import flight_folder
 from acx4tools.exchange.programs import bundler, micmac, opensfm, photo_lists, pix4d, visualsfm
+from support.helpers import needs
 from support.projects import bundler as written_bundler
 from support.projects import mmvii as written_mmvii
 from support.projects import pix4d as written_pix4d
 from support.projects import scene
 from support.projects import visualsfm as written_visualsfm
-from support.reference_files import needs
 
 # --- Bundler and VisualSFM -------------------------------------------------------------------
 #

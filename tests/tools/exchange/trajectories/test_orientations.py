@@ -20,7 +20,7 @@ from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.trajectories import orientations
 from acx4tools.exchange.trajectories.listed import Column, left_out, read_list, text_said
 from acx4tools.exchange.trajectories.orientations import Meaning, MeasuredOptions, TableOptions
-from support.reference_files import needs
+from support.helpers import needs
 
 CRS = "EPSG:31982"
 # section 1.7 of the notes on geodesy: two independent computations agree on these

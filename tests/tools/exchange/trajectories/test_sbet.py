@@ -13,7 +13,7 @@ from acx4tools.exchange.safe import opened
 from acx4tools.exchange.safe.opened import Opened
 from acx4tools.exchange.trajectories import sbet
 from acx4tools.exchange.trajectories.orientations import Meaning
-from support.reference_files import needs
+from support.helpers import needs
 
 START = 604_795.0
 T = np.arange(0, 10, 0.01)

@@ -12,10 +12,10 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+from support.commands import complaint, said
 from support.fuzz import nasty
-from support.fuzz.said import complaint, said
-from support.fuzz.strangers.spoil import SPOILS
-from support.fuzz.strangers.spoil import spoil as spoil_file
+from support.fuzz.strangers import SPOILS
+from support.fuzz.strangers import spoil as spoil_file
 from support.projects import metashape
 
 PER = 1

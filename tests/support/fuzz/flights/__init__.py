@@ -1,1 +1,0 @@
-"""Flights with mutations, read as `acx4 check` reads them, and some of them adjusted."""
