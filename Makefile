@@ -144,7 +144,7 @@ coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, and
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.verdicts.flights
 
 chain: .venv/.stamp-test ## adjust simulated flights with and without a synthetic image, for data/benchmarks
-	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.chain.closed_chain
+	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.closed_chain
 
 # --- the notebooks on one flight -----------------------------------------------------------
 
@@ -224,7 +224,7 @@ reference-data: .venv/.stamp-test ## bring the public measurements of data/refer
 
 reference-results: .venv/.stamp ## compute what the book shows of these anew, and store it; 20 minutes
 	@$(BIN)/python -m acx4book.reference && echo data/reference/results data/reference/four-heads
-	@PYTHONPATH=tests $(BIN)/python -m benchmarks.commands.imports && echo data/benchmarks/imports.csv
+	@PYTHONPATH=tests $(BIN)/python -m benchmarks.imports && echo data/benchmarks/imports.csv
 
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)

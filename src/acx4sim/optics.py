@@ -179,7 +179,7 @@ _HEAD = Camera(width_px=8984, height_px=6732, pixel_um=6.0, f_mm=74.0)
 # kappa, x_p, y_p, k1, p1, p2 and Zc of Table 1. Zc gives the ratios of the focal lengths. Their
 # size follows from Table 3: the calibration block, measured in these heads, transferred into the
 # synthetic image and adjusted in a single step, gives the f that is printed there.
-# tests/benchmarks/chain/find_head_truth.py found the constants. The lens centres are chosen: a
+# tests/benchmarks/find_head_truth.py found the constants. The lens centres are chosen: a
 # square of 16 cm around Table 3's lever arm, looking outward. It causes the k1, k2, k3 of the
 # synthetic camera and the z of its estimated lever arm: the rays of the four heads meet above the
 # lenses.

@@ -14,16 +14,15 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks import harness
+from benchmarks import commands, harness, many, measuring
 from benchmarks.adjusting import adjustment
-from benchmarks.commands import many, measuring, whole
 from benchmarks.rendering import rendering
 
 Rows = Callable[[Path, int], tuple[list[dict[str, Any]], dict[str, Any]]]
 """Takes an empty folder and the number of runs of each program."""
 
 BENCHMARKS: Mapping[str, Rows] = {
-    "commands": whole.rows,
+    "commands": commands.rows,
     "many": many.rows,
     "measuring": measuring.rows,
     "adjustment": adjustment.rows,

@@ -8,13 +8,15 @@ import platform
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import pandas as pd
+if TYPE_CHECKING:  # processes whose memory is measured do without
+    import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "data" / "benchmarks"
@@ -142,3 +144,30 @@ def write(
         for made in sorted(Path(fresh).iterdir()):
             made.replace(folder / made.name)
     sys.stderr.write(f"{folder / name}.json\n")
+
+
+# --- what a solver's process says of itself: seconds and memory, as JSON on standard output ----
+
+
+T = TypeVar("T")
+
+
+def memory_mb(key: str) -> float:
+    """Return VmRSS (now) or VmHWM (at most so far) of this process, MB.
+
+    Not `resource.getrusage`: its maximum includes what the process was before it was this program.
+    """
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    return next(int(line.split()[1]) / 1024 for line in status.splitlines() if key in line)
+
+
+def clocked(function: Callable[[], T]) -> tuple[T, dict[str, float]]:
+    """Call a function; return what it returns, and wall and CPU seconds of all its threads."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    result = function()
+    return result, {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}
+
+
+def report(values: dict[str, Any]) -> None:
+    """Write the measurements."""
+    sys.stdout.write(json.dumps(values) + "\n")

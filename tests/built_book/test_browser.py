@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acx4book.typesetting import style
-from support.helpers import repeats
+from support.helpers import book_extension, repeats
 
 HEIGHT = 900
 DESKTOP, PHONE = 1280, 390
@@ -195,3 +195,64 @@ def test_the_search_finds_chapters_before_modules(window, words):
     assert "frames-and-notation" in " ".join(found)
     assert any(modules)
     assert modules == sorted(modules)
+
+
+# --- what keeps readers out who see little or use no mouse -------------------------------------
+
+
+KINDS = (
+    *("intro.html", "_executed/19-from-pictures.html"),
+    *("_generated/api/acx4lib/conventions.html", "search.html"),
+)
+"""One page of each kind, of the shorter ones."""
+
+FOUND = """async (options) => {
+    const found = await axe.run({resultTypes: ['violations'], ...options});
+    return found.violations
+        .filter(one => ['serious', 'critical'].includes(one.impact))
+        .map(one => `${one.id}, ${one.nodes.length} times: ${one.nodes[0].html.slice(0, 150)}`);
+}"""
+CONTRAST = {"runOnly": ["color-contrast"]}
+
+
+def complaints(browser, html, axe, dark, names):
+    """Return what axe finds in the light, and in the dark, where only contrasts differ."""
+    size = {"width": 1280, "height": 900}
+    context = browser.new_context(viewport=size, color_scheme="light", reduced_motion="reduce")
+    page, found = context.new_page(), []
+    for name in names:
+        page.goto(f"{html.as_uri()}/{name}", wait_until="load")
+        page.evaluate("async () => { await window.MathJax?.startup?.promise; }")
+        page.evaluate(axe)
+        found += [f"{name}: {one}" for one in page.evaluate(FOUND, {})]
+        with dark(page):
+            found += [f"{name}, dark: {one}" for one in page.evaluate(FOUND, CONTRAST)]
+    context.close()
+    return found
+
+
+def test_pages_of_each_kind_have_no_serious_finding(browser, html, axe, dark, chapters):
+    there = [name for name in KINDS if name in chapters or name == "search.html"]
+    assert complaints(browser, html, axe, dark, there) == []
+
+
+@pytest.mark.slow
+@pytest.mark.repeats
+def test_no_page_has_a_serious_finding(browser, html, axe, dark, chapters):
+    assert complaints(browser, html, axe, dark, chapters) == []
+
+
+# --- the page for addresses that the book never had, as a host shows it ------------------------
+
+
+MISSING = book_extension("forwards").MISSING
+
+
+@pytest.mark.parametrize("asked", ["nothing.html", "_executed/foundations/nothing.html", "a"])
+def test_it_leads_to_the_front_page_from_any_folder(browser, asked):
+    page = browser.new_page()
+    page.route("**/*", lambda route: route.fulfill(body=MISSING, content_type="text/html"))
+    page.goto(f"http://book.example/of/ours/{asked}")
+    front = page.locator("a").evaluate("link => link.href")
+    page.close()
+    assert front == "http://book.example/of/ours/index.html"

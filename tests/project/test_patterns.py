@@ -4,17 +4,23 @@ Patterns are taken from the sources, each with the ways in which it is used: `fu
 one place, `search` in every place, so that the same pattern may be linear in one way only.
 """
 
+from __future__ import annotations
+
 import ast
 import importlib
 import re
 import time
+from collections import Counter
 from heapq import nlargest
 from itertools import product
 from re import _parser as parser
 
 import pytest
 
-from support.helpers import ROOT, parsed
+from support.fuzz import results as cases_of_results
+from support.fuzz import run
+from support.fuzz import strangers as cases_of_strangers
+from support.helpers import ROOT, parsed, repeats
 
 LENGTH = 100_000
 SECONDS = 0.5
@@ -181,3 +187,42 @@ def test_a_quadratic_pattern_would_be_found():
             min(seconds(pattern, [use], before + one * n) for _ in range(3)) for n in (400, 3200)
         )
         assert long > 16 * short, form
+
+
+# --- mutated files are read or refused by sentences, in 10 s and 1 GB each ---------------------
+
+
+@pytest.mark.parametrize("cases", [10, repeats(500)])
+def test_no_mutated_flight_crashes_hangs_or_fills_the_memory(tmp_path, cases):
+    """`make fuzz` draws others."""
+    report = run.run(tmp_path.resolve() / "fuzz", cases=cases, seed=1)
+    assert not report.findings, "\n".join(report.findings)
+    assert sum(report.outcomes.values()) == cases
+    outcomes = {outcome for _, outcome in report.outcomes}
+    assert {"accepted", "refused", "computed"} <= outcomes
+
+
+@pytest.mark.parametrize("cases", [10, repeats(300)])
+def test_no_mutated_file_of_another_program_crashes_hangs_or_fills_the_memory(tmp_path, cases):
+    """So many cases of every kind of import, and of exports of mutated results."""
+    report = run.run(tmp_path.resolve() / "fuzz", cases=cases, seed=1, what="strangers")
+    assert not report.findings, "\n".join(report.findings)
+    by_kind = Counter(kind.split()[0] for kind, _ in report.outcomes.elements())
+    assert by_kind == dict.fromkeys(cases_of_strangers.KINDS, cases)
+    assert {outcome for _, outcome in report.outcomes} == {"accepted", "refused"}
+
+
+@pytest.mark.parametrize("cases", [repeats(25), repeats(500)])
+def test_no_results_that_were_tampered_with_crash_hang_or_fill_the_memory(tmp_path, cases):
+    """Most have checksums that were computed anew."""
+    report = run.run(tmp_path.resolve() / "fuzz", cases=cases, seed=1, what="results")
+    assert not report.findings, "\n".join(report.findings)
+    assert {kind.split()[0] for kind, _ in report.outcomes} == set(cases_of_results.COMMANDS)
+    assert {outcome for _, outcome in report.outcomes} == {"accepted", "refused"}
+
+
+@pytest.mark.parametrize("cases", [repeats(25), repeats(500)])
+def test_no_mutated_archive_crashes_hangs_or_fills_the_memory(tmp_path, cases):
+    report = run.run(tmp_path.resolve() / "fuzz", cases=cases, seed=1, what="archives")
+    assert not report.findings, "\n".join(report.findings)
+    assert {outcome for _, outcome in report.outcomes} == {"accepted", "refused"}

@@ -15,7 +15,7 @@ from acx4lib.synthetic_image.rendering import render_plan, render_rows
 from acx4lib.synthetic_image.transferred_points import TransferredPoints, transfer
 from acx4sim.designs import acx4_plan
 from acx4sim.pictures import Tiles, landscape, picture, station
-from benchmarks.chain import find_head_truth
+from benchmarks import find_head_truth
 from support.flights import simulated
 from support.flights.simulated import HEADS
 from support.pictures.measured import cut_out, middle_of_disc

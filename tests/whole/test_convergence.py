@@ -4,22 +4,29 @@ The blocks are simulated flights with the number of images, the geometry and the
 ones, and few tie points.
 """
 
+import csv
 import re
+import shutil
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import acx4sim
+from acx4book.notebooks import runner
+from acx4book.notebooks.functions import Functions
 from acx4lib import flight
 from acx4lib.bundle import adjust, uses
 from acx4lib.bundle.start import recovered
-from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
 from acx4lib.flight.block import select_cameras
 from acx4lib.geometry.camera import colrow_from_xy, xy_from_colrow
 from acx4lib.geometry.frames import Pose, exp, log, turn
+from acx4lib.results import folder
 from support.flights import simulated, written
+from support.fuzz.flights import write_good
 from support.helpers import repeats, rotation_angle
 
 FREE = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
@@ -290,3 +297,60 @@ def test_a_check_names_a_quarter_turn_of_a_mounting_that_is_also_5_degrees_off(
             flight.read(tmp_path)
     else:
         assert flight.read(tmp_path).cameras["CAM"].interior.f == 25.75
+
+
+# --- flights of which one number is far from all others ----------------------------------------
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    return {path.name: path for path in write_good(tmp_path_factory.mktemp("good") / "flights")}
+
+
+def with_cell(good, folder, table, row, column, cell):
+    """Return a copy of a flight with another number in a table."""
+    flight = shutil.copytree(good, folder / "flight")
+    path = flight / table
+    with path.open(newline="") as file:
+        rows = list(csv.reader(file))
+    rows[row][rows[0].index(column)] = cell
+    with path.open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
+    return flight
+
+
+def ended(flight, results):
+    """Return the sentences with which a run ends."""
+    try:
+        outcome = runner.run(flight, results, way=Functions())
+    except Acx4Error as error:
+        return [*getattr(error, "__notes__", ()), *str(error).splitlines()]
+    return list(outcome.not_determined)
+
+
+@pytest.mark.repeats
+def test_a_position_on_the_equator_stops_data_snooping_and_no_linear_algebra(good, tmp_path):
+    """Variance components of the two-step method met points without coordinates."""
+    row = ("calibration/trajectory.csv", 4, "lat_deg", "0")
+    said = " ".join(ended(with_cell(good["simulated"], tmp_path, *row), tmp_path / "results"))
+    assert "C1-04" in said
+    assert "did not converge" not in said
+
+
+def test_check_points_that_rays_meet_off_the_map_are_counted_and_the_others_compared(
+    good, tmp_path
+):
+    row = ("validation/trajectory.csv", 3, "east_m", "0")
+    ended(with_cell(good["in_heads"], tmp_path, *row), tmp_path / "results")
+    pairs = pd.read_csv(tmp_path / "results/validation.csv")
+    assert len(pairs)
+    assert pairs.notna().all(axis=None)
+    entries = folder.entries(tmp_path / "results")
+    assert all(e["n_failed_pairs"] for n, e in entries.items() if n.startswith("validation/"))
+
+
+def test_a_camera_that_looks_at_the_horizon_leaves_the_other_images_compared(good, tmp_path):
+    """The joint covariance of the check points was singular in numbers."""
+    row = ("validation/trajectory.csv", 5, "phi_deg", "-45")
+    assert ended(with_cell(good["in_heads"], tmp_path, *row), tmp_path / "results") == []
+    assert len(pd.read_csv(tmp_path / "results/check_points.csv"))

@@ -6,7 +6,11 @@ the solvers take turns.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
+import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,7 +22,7 @@ import numpy as np
 
 from acx4lib.geometry.frames import log, rotation_from_opk
 from benchmarks import harness
-from benchmarks.adjusting import bench_blocks, ceres_solver, problem_file
+from benchmarks.adjusting import bench_blocks
 
 HERE = Path(__file__).parent
 CERES = tuple(
@@ -59,8 +63,8 @@ Row = dict[str, Any]
 def rows(_folder: Path, repeat: int) -> tuple[list[Row], Row]:
     """Return the runs of all solvers on all problems; versions and agreement belong to all."""
     try:
-        ceres: Path | None = ceres_solver.build()
-    except ceres_solver.NoCeres as why:
+        ceres: Path | None = build_ceres()
+    except NoCeres as why:
         ceres = None
         sys.stderr.write(f"{why}\n")
     if find_spec("pycolmap") is None:
@@ -78,12 +82,12 @@ def of_problems(
         runs, agrees = measure(name, design, ceres=ceres, repeat=repeat)
         found += runs
         agreement += agrees
-    of_ceres = {} if ceres is None else ceres_solver.versions(ceres)
+    of_ceres = {} if ceres is None else ceres_versions(ceres)
     about = harness.about()
     return found, {
         "versions": about["versions"] | of_ceres,
-        "flags": " ".join(ceres_solver.FLAGS),
-        "ceres_exact_tolerance": float(ceres_solver.EXACT),
+        "flags": " ".join(FLAGS),
+        "ceres_exact_tolerance": float(EXACT),
         "agreement": agreement,
     }
 
@@ -115,7 +119,7 @@ def prepare(name: str, design: bench_blocks.Design, path: Path) -> Row:
     """Write a problem and return its size."""
     set_up = bench_blocks.pinhole_network if name in FREE else bench_blocks.network
     network = set_up(bench_blocks.make(design))
-    problem_file.write(network, path)
+    bench_blocks.write_problem(network, path)
     return {
         "images": len(network.block.images),
         "points": network.n_points,
@@ -166,7 +170,7 @@ def runner(problem: Path, ceres: Path | None, *, free: bool = False) -> Callable
 
 def _command(solver: str, problem: Path, ceres: Path | None, *, free: bool) -> list[str]:
     if solver.startswith("ceres_"):
-        return ceres_solver.command(ceres, problem, solver)
+        return ceres_command(ceres, problem, solver)
     program, _, how = solver.partition("_")
     script = "ours.py" if program == "ours" else f"{program}_solver.py"
     options = ["free"] if free and program == "ours" else [how] if how else []
@@ -204,3 +208,80 @@ def agreed(name: str, ours: Row, timed: Row, exact: Row) -> Row:
         theirs = np.array(exact["sigma"])[straight]
         out["sigma"] = np.abs(theirs / sigma[:11] - 1).max()
     return out
+
+
+# --- ceres on a problem file: the comparator of ``ceres/``, compiled here ----------------------
+
+
+SOURCES = Path(__file__).parent / "ceres"
+FLAGS = ("-O3", "-march=native", "-std=c++17", "-I/usr/include/eigen3")
+TOLERANCE = "1e-10"
+"""Relative change of cost at which Ceres stops where it is timed."""
+
+EXACT = "1e-14"
+"""The same where its result is compared with ours: Ceres discards the step that ends it."""
+
+
+class NoCeres(Exception):
+    """The comparator cannot be compiled here; the message says why, in one line."""
+
+
+def build_ceres() -> Path:
+    """Compile the comparator, unless a program of the same sources is there.
+
+    Raises
+    ------
+    NoCeres
+        Without a compiler or without Ceres.
+    """
+    compiler = shutil.which("g++")
+    if compiler is None:
+        msg = "no comparison with Ceres: g++ is missing (apt-get install g++ libceres-dev)"
+        raise NoCeres(msg)
+    text = "".join(path.read_text("utf-8") for path in sorted(SOURCES.iterdir()))
+    digest = hashlib.sha256((text + " ".join(FLAGS)).encode()).hexdigest()[:16]
+    program = Path(tempfile.gettempdir()) / f"acx4-ceres-{digest}"
+    if not program.is_file():
+        _compile(compiler, program)
+    return program
+
+
+def _compile(compiler: str, program: Path) -> None:
+    with tempfile.TemporaryDirectory(dir=program.parent) as folder:
+        made = Path(folder) / "solve"
+        command = [compiler, *FLAGS, str(SOURCES / "solve.cc"), "-o", str(made)]
+        done = subprocess.run(
+            [*command, "-lceres", "-lglog"], capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            errors = [line for line in done.stderr.splitlines() if "error" in line] or ["?"]
+            msg = f"no comparison with Ceres: {errors[0]} (apt-get install libceres-dev)"
+            raise NoCeres(msg)
+        made.replace(program)
+
+
+def ceres_command(program: Path, problem: Path, solver: str) -> list[str]:
+    """Return the command line of a solver ``ceres_<derivatives>_<schur>_<threads>``.
+
+    ``ceres_exact`` converges to rounding, ``ceres_covariance`` computes a covariance matrix too.
+    """
+    if solver in {"ceres_exact", "ceres_covariance"}:
+        extra = ["covariance"] if solver == "ceres_covariance" else []
+        how = ["analytic", "sparse", "2", EXACT, *extra]
+    else:
+        how = [*solver.split("_")[1:], TOLERANCE]
+    return [str(program), str(problem), *how]
+
+
+def ceres_versions(program: Path) -> dict[str, str]:
+    """Return the versions of the compiler, of Ceres and the BLAS that it is linked with."""
+    header = Path("/usr/include/ceres/version.h").read_text("utf-8")
+    parts = [re.search(rf"CERES_VERSION_{name} (\d+)", header) for name in ("MAJOR", "MINOR")]
+    linked = subprocess.run(["ldd", str(program)], capture_output=True, text=True, check=True)
+    blas = re.search(r"=> (\S*libblas\S*)", linked.stdout)
+    compiler = subprocess.run(["g++", "--version"], capture_output=True, text=True, check=True)
+    return {
+        "ceres": ".".join(part[1] for part in parts if part),
+        "blas of ceres": str(Path(blas[1]).resolve()) if blas else "none",
+        "compiler": compiler.stdout.splitlines()[0],
+    }

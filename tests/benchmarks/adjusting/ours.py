@@ -12,9 +12,9 @@ import numpy as np
 
 from acx4lib.bundle import adjust
 from acx4lib.least_squares import processors
-from benchmarks.adjusting import problem_file
+from benchmarks.adjusting import bench_blocks
 from benchmarks.adjusting.bench_blocks import PINHOLE
-from benchmarks.measure import memory_mb, report, timed
+from benchmarks.harness import clocked, memory_mb, report
 
 
 def main(path: Path, *, free_poses: bool) -> None:
@@ -22,9 +22,9 @@ def main(path: Path, *, free_poses: bool) -> None:
     processors.keep_memory()  # as `acx4 run --numbers-only` does
     baseline_mb = memory_mb("VmRSS")
     chosen = {"free": PINHOLE, "free_mount": ()} if free_poses else {}
-    network = problem_file.read(path, **chosen)
+    network = bench_blocks.read_problem(path, **chosen)
     adjust.adjust(replace(network))  # loads compiled code; its result is let go
-    found, seconds = timed(lambda: adjust.adjust(replace(network)))  # packed anew
+    found, seconds = clocked(lambda: adjust.adjust(replace(network)))  # packed anew
     peak_mb = memory_mb("VmHWM")
     solution, T_b_c = found.solution, found.state.T_b_c
     border = np.arange(network.layout.pose.min())

@@ -15,9 +15,9 @@ import pycolmap
 
 from acx4lib.bundle.network import Network
 from acx4lib.geometry.camera import colrow_from_xy
-from benchmarks.adjusting import problem_file
+from benchmarks.adjusting import bench_blocks
 from benchmarks.adjusting.bench_blocks import PINHOLE
-from benchmarks.measure import memory_mb, report, timed
+from benchmarks.harness import clocked, memory_mb, report
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 """Our cameras look along -z, with y up; those of pycolmap along +z, with y down."""
@@ -133,8 +133,8 @@ def solve(network: Network, how: str) -> tuple[pycolmap.Reconstruction, Any]:
 def main(path: Path, how: str) -> None:
     """Read, adjust, report."""
     baseline_mb = memory_mb("VmRSS")
-    network = problem_file.read(path, free=PINHOLE, free_mount=())
-    (made, summary), seconds = timed(lambda: solve(network, how))
+    network = bench_blocks.read_problem(path, free=PINHOLE, free_mount=())
+    (made, summary), seconds = clocked(lambda: solve(network, how))
     peak_mb = memory_mb("VmHWM")
     ceres = summary.ceres_summary
     sigma_px = network.image_points.sigma_px[0]

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from acx4lib.bundle import adjust
 from acx4lib.geometry.frames import exp, log
 from benchmarks import harness
-from benchmarks.adjusting import adjustment, bench_blocks, ceres_solver, problem_file
+from benchmarks.adjusting import adjustment, bench_blocks
 
 pytestmark = [pytest.mark.slow, pytest.mark.repeats]
 
@@ -44,7 +44,7 @@ def small():
 @pytest.fixture(scope="module")
 def problem(network, tmp_path_factory):
     path = tmp_path_factory.mktemp("problem") / "a500"
-    problem_file.write(network, path)
+    bench_blocks.write_problem(network, path)
     return path
 
 
@@ -52,12 +52,12 @@ def problem(network, tmp_path_factory):
 def ceres(problem):
     """Solve the problem with Ceres in one of its ways."""
     try:
-        program = ceres_solver.build()
-    except ceres_solver.NoCeres as why:
+        program = adjustment.build_ceres()
+    except adjustment.NoCeres as why:
         pytest.skip(str(why))
 
     def solve(solver):
-        command = ceres_solver.command(program, problem, solver)
+        command = adjustment.ceres_command(program, problem, solver)
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         return json.loads(done.stdout)
 
@@ -129,7 +129,7 @@ def test_the_same_seed_gives_the_same_block(made):
 
 
 def test_a_network_comes_back_from_its_file(network, problem):
-    read = problem_file.read(problem)
+    read = bench_blocks.read_problem(problem)
     for ours, theirs in zip(
         network.residuals(network.start), read.residuals(read.start), strict=True
     ):
@@ -143,7 +143,7 @@ def test_a_network_comes_back_from_its_file(network, problem):
 def test_a_network_with_images_that_share_poses_has_no_file(small, tmp_path):
     shared = replace(small, pose_idx=np.zeros_like(small.pose_idx))
     with pytest.raises(ValueError, match="one image per exposure"):
-        problem_file.write(shared, tmp_path / "problem")
+        bench_blocks.write_problem(shared, tmp_path / "problem")
 
 
 # --- Ceres --------------------------------------------------------------------------------
@@ -201,7 +201,7 @@ def free(tmp_path_factory):
     """A network that pycolmap can state, too, and its file."""
     made = bench_blocks.pinhole_network(bench_blocks.make(SMALL))
     path = tmp_path_factory.mktemp("free") / "problem"
-    problem_file.write(made, path)
+    bench_blocks.write_problem(made, path)
     return made, path
 
 

@@ -1,22 +1,24 @@
 """Tie points of one overlap: corners and least-squares matching against SIFT, in one run.
 
-``PYTHONPATH=tests python -m benchmarks.rendering.matching [REDUCE]`` simulates two heads of an
-exposure and writes one JSON object a line; `measure` gives the same as a list.
+``PYTHONPATH=tests python -m benchmarks.rendering.matching [REDUCE | FLIGHT]`` simulates two heads
+of an exposure, or reads those of a flight, and writes JSON on stdout.
 """
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
+from acx4lib import flight as flights
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera, xy_from_colrow
+from acx4lib.production.head_images import head_files, read_heads
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
 from acx4lib.tie_points.overlaps import grey_window, shared_windows
 from acx4lib.tie_points.search import find_ties
@@ -30,7 +32,7 @@ from acx4sim.pictures import (
     reduced,
     station,
 )
-from benchmarks.measure import timed
+from benchmarks.harness import clocked, report
 from support.pictures import taken
 
 EXPOSURE, HEADS, SEED = "H3-04", ("CAM1", "CAM2"), 1
@@ -132,7 +134,7 @@ def measure(pair: Pair, *, methods: Sequence[str] = tuple(METHODS)) -> list[dict
         find_ties(*_small(pair))
     rows = []
     for name in methods:
-        (a, b), times = timed(lambda name=name: METHODS[name](pair))
+        (a, b), times = clocked(lambda name=name: METHODS[name](pair))
         error = np.hypot(*(b - pair.truth(a)).T)
         near = error < 1
         rows.append(
@@ -161,13 +163,19 @@ def _small(pair: Pair) -> tuple[list[np.ndarray], RelativeOrientation, Camera]:
     return images, orientation, reduced_camera(pair.synthetic, 8)
 
 
-def main() -> None:
-    """Write the measurements, one JSON object a line."""
+def of_flight(flight_path: Path) -> Pair:
+    """Return the pictures of the two heads in a flight's folder, with the truth of its design."""
+    flight = flights.read(flight_path)
+    complete, _ = head_files(flight, HEADS)
+    heads = read_heads(complete[EXPOSURE].paths, [flight.cameras[name] for name in HEADS])
+    return pair_of(heads.images, heads.reduction)
+
+
+def main(of: str = "1") -> None:
+    """Report on the pictures of a flight, or on simulated ones at 1/REDUCE of their size."""
     cv2.setNumThreads(1)
-    pair = simulated(int(sys.argv[1]) if len(sys.argv) > 1 else 1)
-    for row in measure(pair):
-        sys.stdout.write(json.dumps(row) + "\n")
+    report({"ties": measure(simulated(int(of)) if of.isdecimal() else of_flight(Path(of)))})
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

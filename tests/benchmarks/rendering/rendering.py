@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import harness
-from benchmarks.rendering import hugin, peers
+from benchmarks.rendering import peers
 from benchmarks.rendering.run import RUNS
 from benchmarks.rendering.scene import EXPOSURE, read
 
@@ -67,8 +67,8 @@ def rows(_folder: Path, repeat: int, *, reduce: int = 1) -> tuple[list[Row], Row
     lacking = missing()
     names = [name for name in (*RUNS, *COMMANDS) if name not in lacking]
     found = list(measure(material, names, repeat))
-    ties = harness.reported(HERE / "tie_points.py", paths[0])["ties"]
-    versions = {**harness.about()["versions"], **hugin.installed()}
+    ties = harness.reported(HERE / "matching.py", paths[0])["ties"]
+    versions = {**harness.about()["versions"], **peers.installed()}
     about = {"versions": versions, **truth, "exposure": EXPOSURE, "missing": lacking, "ties": ties}
     return with_errors(found, truth), about
 
@@ -101,8 +101,8 @@ def prepare(folder: Path, reduction: int) -> Material:
 def missing() -> dict[str, str]:
     """Return which others are not installed, and what they need."""
     absent = {name: peers.MODULES[name] for name in RUNS if peers.missing(name)}
-    there = hugin.installed()
-    lacking = {name: name for name in hugin.PROGRAMS if name not in there}
+    there = peers.installed()
+    lacking = {name: name for name in peers.PROGRAMS if name not in there}
     if "nona" in lacking:
         lacking["enblend"] = lacking.get("enblend", "nona")  # it blends what nona made
     return absent | lacking
@@ -139,7 +139,7 @@ def commands(name: str, material: Material) -> Iterator[tuple[int, Callable[[], 
     for reduction, flight in sizes.items():
         if name in SMALLER_ONLY and reduction == material.reduction:
             continue
-        if name in hugin.PROGRAMS:
+        if name in peers.PROGRAMS:
             yield reduction, lambda flight=flight: by_hugin(name, flight, material.results)
         else:
             yield reduction, lambda flight=flight: acx4_render(name, flight, material.results)
@@ -158,11 +158,11 @@ def by_hugin(name: str, flight: Path, results: Path) -> Row:
     """Make layers of the heads with nona; blend them with enblend, if it is that which is timed."""
     with tempfile.TemporaryDirectory(dir=flight.parent) as folder:
         project = Path(folder) / "project.pto"
-        project.write_text(hugin.project(read(flight, results)), encoding="utf-8")
+        project.write_text(peers.project(read(flight, results)), encoding="utf-8")
         own = {key: value for key, value in os.environ.items() if key != "OMP_NUM_THREADS"}
-        found = harness.timed(*hugin.nona(project, Path(folder)), environment=own)
+        found = harness.timed(*peers.nona(project, Path(folder)), environment=own)
         if name == "enblend":
-            command = hugin.enblend(Path(folder))
+            command = peers.enblend(Path(folder))
             found = harness.timed(*command, environment=own)
         return found
 

@@ -13,7 +13,7 @@ import numpy as np
 from acx4lib.synthetic_image.head_map import between_nodes
 from acx4lib.synthetic_image.rendering import RenderPlan, render_rows
 from acx4lib.synthetic_image.response import Response
-from benchmarks.measure import memory_mb, report, timed
+from benchmarks.harness import clocked, memory_mb, report
 from benchmarks.rendering import peers
 from benchmarks.rendering.scene import (
     WINDOW_PX,
@@ -42,7 +42,7 @@ def in_memory(threads: int, **how: object) -> Run:
                 stop = min(start + BLOCK, own.height_px)
                 out[start:stop] = render_rows(own, images, start, stop, threads=threads)
 
-        return _sized(scene, timed(fill)[1], samples_per_pixel(own))
+        return _sized(scene, clocked(fill)[1], samples_per_pixel(own))
 
     return run
 
@@ -65,7 +65,7 @@ def tiled(peer: str) -> Run:
         total, samples = {"wall_s": 0.0, "cpu_s": 0.0}, 0
         for k, (r0, r1, c0, c1) in pieces(own):
             at = between_nodes(own.maps[k], np.arange(r0, r1), np.arange(c0, c1))
-            times = timed(peers.PEERS[peer](images[k], np.nan_to_num(at, nan=-9.0)))[1]
+            times = clocked(peers.PEERS[peer](images[k], np.nan_to_num(at, nan=-9.0)))[1]
             total = {key: total[key] + times[key] for key in total}
             samples += at.shape[0] * at.shape[1]
         return _sized(scene, total, samples / np.prod(scene.shape[:2]))
@@ -84,7 +84,7 @@ def in_window(peer: str) -> Run:
         sample = peers.PEERS[peer](*peers.cut(scene.heads.images[0], at))
         sample()
         pixels = at.shape[0] * at.shape[1]
-        return {**timed(sample)[1], "pixels": pixels, "samples": pixels}
+        return {**clocked(sample)[1], "pixels": pixels, "samples": pixels}
 
     return run
 

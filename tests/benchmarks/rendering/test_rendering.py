@@ -13,7 +13,7 @@ from acx4lib.production.head_images import HeadImages
 from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.synthetic_image.rendering import render
 from acx4lib.synthetic_image.response import OverlapResponse, Response, ResponseFit
-from benchmarks.rendering import hugin, peers, rendering, run, truth
+from benchmarks.rendering import matching, peers, rendering, run, truth
 from benchmarks.rendering.scene import (
     PATCH_PX,
     WINDOW_PX,
@@ -187,19 +187,19 @@ def test_disagreement_is_told_from_the_noise_of_samples():
 def test_a_project_looks_where_the_middle_of_the_head_looks(scene):
     f = scene.synthetic.interior.f
     for k, head in enumerate(scene.orientation.heads):
-        yaw, pitch, _ = np.radians(hugin.angles_deg(scene, k))
+        yaw, pitch, _ = np.radians(peers.angles_deg(scene, k))
         middle = np.array([[head.width_px - 1, head.height_px - 1]]) / 2
         x, y = synthetic_from_head(scene.orientation, k, middle)[0]
         assert_allclose(f * np.tan(yaw), x)
         assert_allclose(f * np.tan(pitch) / np.cos(yaw), y)
 
 
-@pytest.mark.skipif("nona" not in hugin.installed(), reason="nona is not installed")
+@pytest.mark.skipif("nona" not in peers.installed(), reason="nona is not installed")
 def test_nona_makes_the_same_image_from_it(scene, tmp_path):
     """But for its lens, some pixels at full size: so layers are like ours, and not shifted."""
     project = tmp_path / "project.pto"
-    project.write_text(hugin.project(scene), encoding="utf-8")
-    subprocess.run(hugin.nona(project, tmp_path), check=True, capture_output=True)
+    project.write_text(peers.project(scene), encoding="utf-8")
+    subprocess.run(peers.nona(project, tmp_path), check=True, capture_output=True)
     ours = render(scene.plan(), scene.heads.images).astype(float)
     layers = sorted(tmp_path.glob("layer*.tif"))
     assert len(layers) == len(scene.files)
@@ -255,3 +255,26 @@ def test_opencv_is_one_that_does_not_round_positions():
     at = np.float32([[10.01, 10.02, 10.03]])
     found = cv2.remap(ramp, at, np.ones_like(at), cv2.INTER_LINEAR)
     assert_array_equal(found, [[10010, 10020, 10030]])
+
+
+# --- the benchmark of tie points at a small size; truth by the simulator's own geometry --------
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return {row["method"]: row for row in matching.measure(matching.simulated(8))}
+
+
+def test_ties_of_simulated_pictures_are_true_to_hundredths_of_a_pixel(rows):
+    """Goals of full-size images, less the points: an eighth of the size has fewer cells."""
+    ours = rows["corners + least-squares matching"]
+    assert ours["rms_px"] < 0.04
+    assert ours["within_0.1_px"] > 0.98
+    assert ours["within_1_px"] == 1.0
+    assert ours["points"] > 800
+
+
+def test_they_are_three_times_as_good_as_those_of_sift(rows):
+    ours, sift = rows["corners + least-squares matching"], rows["SIFT + brute force"]
+    assert ours["rms_px"] < sift["rms_px"] / 3
+    assert sift["cpu_by_sift"] == 1.0

@@ -16,7 +16,7 @@ from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.synthetic_image.head_map import between_nodes
 from acx4lib.synthetic_image.rendering import render_rows
 from acx4lib.synthetic_image.response import Response, ResponseFit, estimate_response
-from benchmarks.measure import report
+from benchmarks.harness import report
 from benchmarks.rendering import peers
 from benchmarks.rendering.scene import PATCH_PX, Scene, Window, patches, read, window_of_head
 from support.pictures import exact_rendering

@@ -56,7 +56,7 @@ THIRD = 1.5
 HOUSES = ("acx4lib", "acx4sim", "acx4book/notebooks", "acx4book/report")
 """Code on which a verdict depends, below src."""
 
-TESTED = ("test_flights.py", "test_sizes.py")
+TESTED = ("test_verdicts.py",)
 
 EVERY = 40
 """Flights after which the table is written."""

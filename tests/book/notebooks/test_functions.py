@@ -48,7 +48,7 @@ def tables(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.repeats  # `test_plain_papermill` has the notebooks of one camera
+@pytest.mark.repeats  # `test_all_notebooks` has the notebooks of one camera
 def test_the_results_are_those_of_the_notebooks(tmp_path, flight_path):
     runner.run(flight_path, tmp_path / "results", way=Notebooks())
     executed = tables(tmp_path / "results")

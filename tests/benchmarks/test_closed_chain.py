@@ -9,7 +9,7 @@ import pytest
 import acx4sim
 from acx4book.paper import printed
 from acx4sim import Options, optics
-from benchmarks.chain import closed_chain, find_head_truth
+from benchmarks import closed_chain, find_head_truth
 from support.flights import simulated
 
 pytestmark = [pytest.mark.slow, pytest.mark.repeats]

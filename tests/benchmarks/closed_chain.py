@@ -42,8 +42,7 @@ from acx4lib.synthetic_image.transferred_points import (
     transfer,
 )
 from acx4sim import optics
-from benchmarks import harness
-from benchmarks.chain import find_head_truth
+from benchmarks import find_head_truth, harness
 from support.flights import simulated
 
 OUT = harness.OUT

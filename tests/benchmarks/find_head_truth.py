@@ -6,7 +6,7 @@ the heads until exact data of seed 1 give Table 1's omega, phi, kappa, x_p, y_p,
 and, measured in the heads, carried into the synthetic image and adjusted in a single step, Table
 3's f. It prints the new constants:
 
-    PYTHONPATH=src:tests python -m benchmarks.chain.find_head_truth
+    PYTHONPATH=src:tests python -m benchmarks.find_head_truth
 """
 
 import sys
