@@ -179,7 +179,7 @@ class _Table:
     decimals: int
 
 
-def write_large(folder: Path, n_images: int, *, seed: int = 1) -> None:
+def write_large(folder: Path, n_images: int) -> None:
     """Write a flight of whole strips.
 
     Parameters
@@ -188,19 +188,17 @@ def write_large(folder: Path, n_images: int, *, seed: int = 1) -> None:
         It is made; its files are replaced.
     n_images : int
         A multiple of `IMAGES_PER_STRIP`.
-    seed : int
-        The same seed gives the same bytes.
     """
     strips = bench_blocks.parallel(
         [IMAGES_PER_STRIP] * (n_images // IMAGES_PER_STRIP), base_m=BASE_M
     )
-    block = bench_blocks.fly(strips, TIES_PER_IMAGE * n_images, control=(6, 6), seed=seed).block
+    block = bench_blocks.fly(strips, TIES_PER_IMAGE * n_images, control=(6, 6), seed=1).block
     _write(folder, block, focal_mm=bench_blocks.START_F_MM)
 
 
-def write_turned(folder: Path, n_images: int, *, seed: int = 1) -> None:
+def write_turned(folder: Path, n_images: int) -> None:
     """Write the flight that is less in order; parameters as those of `write`."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     n_strips = n_images // IMAGES_PER_STRIP
     strips = [
         replace(
@@ -214,7 +212,7 @@ def write_turned(folder: Path, n_images: int, *, seed: int = 1) -> None:
     ]
     rng.shuffle(strips)
     n_ties = TIES_PER_TURNED_IMAGE * n_images
-    block = bench_blocks.fly(strips, n_ties, control=(6, 6), seed=seed, turned_deg=TURNED_DEG).block
+    block = bench_blocks.fly(strips, n_ties, control=(6, 6), seed=1, turned_deg=TURNED_DEG).block
     _write(folder, block, focal_mm=1.004 * bench_blocks.TRUTH.interior.f)
 
 

@@ -61,19 +61,19 @@ def terrain(n, *, half_m=330.0, relief_m=60.0, seed=2):
     return np.column_stack([xy, GROUND_M + relief_m * rng.uniform(-1, 1, n)])
 
 
-def crosses(*, spacing_m=300.0, seed=3):
+def crosses(*, spacing_m=300.0):
     """Return nine points, three by three, on hilly ground."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(3)
     x, y = (a.ravel() for a in np.meshgrid([-spacing_m, 0, spacing_m], [-spacing_m, 0, spacing_m]))
     return np.column_stack([x, y, GROUND_M + 40 * rng.uniform(-1, 1, 9)])
 
 
-def surveyed(x_m, first, *, frame=FRAME, sigma=(0.01, 0.01, 0.02)):
+def surveyed(x_m, first, *, sigma=(0.01, 0.01, 0.02)):
     """Return surveyed points that stand in the block from point `first` on."""
     return SurveyedPoints(
         point_idx=first + np.arange(len(x_m)),
         x_m=x_m,
-        R_g_m=frame.grid_axes(x_m).reshape(-1, 3, 3),
+        R_g_m=FRAME.grid_axes(x_m).reshape(-1, 3, 3),
         sigma_m=np.tile(np.asarray(sigma, dtype=float), (len(x_m), 1)),
     )
 
@@ -157,7 +157,7 @@ def taped(block, ends, *, sigma, off=0.0):
     return replace(block, distances=own)
 
 
-def balanced(*, seed=7):
+def balanced():
     """Return a block with noise in which no group of observations outweighs the others."""
     exact = simulate(
         fly(per_strip=6, base_m=150.0), ties=terrain(100, half_m=450.0), control=crosses()
@@ -169,14 +169,14 @@ def balanced(*, seed=7):
         control=surveyed(crosses(), 0, sigma=(0.06, 0.06, 0.10)),
         trajectory=replace(exact.trajectory, sigma_position=sigma_m, sigma_attitude=sigma_attitude),
     )
-    return noisy(block, np.random.default_rng(seed))
+    return noisy(block, np.random.default_rng(7))
 
 
-def in_strips(block, per_strip, *, timed=True):
-    """Return the block with its exposures in strips A, B, ... and, if timed, uneven times."""
+def in_strips(block, per_strip):
+    """Return the block with its exposures in strips A, B, ... and uneven times."""
     n = len(block.trajectory)
     names = np.array(["ABCDEFGH"[i // per_strip] for i in range(n)])
-    times = 1e5 + 4.0 * np.arange(n) + np.sin(np.arange(n)) if timed else np.full(n, np.nan)
+    times = 1e5 + 4.0 * np.arange(n) + np.sin(np.arange(n))
     return replace(
         block,
         images=replace(block.images, strips=tuple(names[block.images.exposure_idx])),
@@ -282,7 +282,7 @@ def observed_sigmas(block):
     }
 
 
-def numeric_covariance(block, estimate, *, share=1e-3, kinds=None):
+def numeric_covariance(block, estimate, *, kinds=None):
     """Propagate every observation's sigma by forward differences of an estimate of the block.
 
     Parameters
@@ -291,12 +291,10 @@ def numeric_covariance(block, estimate, *, share=1e-3, kinds=None):
         Exact, so that weights and linearisation play no part.
     estimate : callable
         From a block to a vector.
-    share : float
-        Step as a share of sigma.
     kinds : sequence of str, optional
         Kinds of observations, by default all.
     """
-    cov, exact = 0.0, estimate(block)
+    cov, exact, share = 0.0, estimate(block), 1e-3  # of sigma
     for kind, sigma in observed_sigmas(block).items():
         if kinds is not None and kind not in kinds:
             continue

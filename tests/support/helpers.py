@@ -96,7 +96,7 @@ def dense_jacobian(problem, state):
     return np.array(rows)
 
 
-def numeric_dense_jacobian(problem, state, *, step_columns, step_points=1e-2):
+def numeric_dense_jacobian(problem, state, *, step_columns):
     """Return the same by central differences of the residuals through `moved`."""
     free = np.flatnonzero(problem.free_points)
     n = problem.n_columns
@@ -106,7 +106,7 @@ def numeric_dense_jacobian(problem, state, *, step_columns, step_points=1e-2):
         dp[free] = step[n:].reshape(-1, 3)
         return weighted_residuals(problem, problem.moved(state, step[:n], dp))
 
-    steps = np.concatenate([step_columns, np.full(3 * len(free), step_points)])
+    steps = np.concatenate([step_columns, np.full(3 * len(free), 1e-2)])
     return numeric_jacobian(at, np.zeros(len(steps)), step=steps)
 
 

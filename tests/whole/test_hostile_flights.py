@@ -217,53 +217,16 @@ def test_memory_that_ends_while_reading_is_a_line(tmp_path):
 # --- names -----------------------------------------------------------------------------------
 
 REFUSED = [
-    *(
-        "=1+1",
-        "@SUM(A1)",
-        "\tx",
-        "\rx",
-        "+x",
-        "-x",
-        "-1-1",
-        "+1,5",
-        "- 5",
-        "--1",
-        " =1+1",
-        "\u00a0=1",
-    ),
-    *(
-        "\uff1d1+1",
-        "\uff0dx",
-        "\uff20x",
-        "﹦1",
-        "⩵",
-        "\u200b=1",
-        "a;=1",
-        "a; +x",
-        "a\nb",
-        "a\x85b",
-        "a\x7fb",
-        "a\x1b[0m",
-    ),
+    *("=1+1", "@SUM(A1)", "\tx", "\rx", "+x", "-x", "-1-1", "+1,5", "- 5", "--1"),
+    *(" =1+1", "\u00a0=1"),
+    *("\uff1d1+1", "\uff0dx", "\uff20x", "﹦1", "⩵", "\u200b=1", "a;=1", "a; +x", "a\nb", "a\x85b"),
+    *("a\x7fb", "a\x1b[0m"),
     *("a\u2028b", "a\u2029b", "a\u202eb", "a\u2066b", "a\u200fb", "\ufffe", "x" * 201),
 ]
 ACCEPTED = [
     *("-12", "+3.5", "-", "-.5", "-1e5", "1-2", "a=b", "a@b", "a;b", "a;-5", "a+b", "x" * 200),
-    *(
-        "$x^2$",
-        "a b",
-        "a/b",
-        "é",
-        "日本語",
-        "{{ x }}",
-        "<b>",
-        "|",
-        "`",
-        "\\",
-        "🛩",
-        "नमस्ते",
-        "می\u200cشود",
-    ),
+    *("$x^2$", "a b", "a/b", "é", "日本語", "{{ x }}", "<b>", "|", "`", "\\", "🛩"),
+    *("नमस्ते", "می\u200cشود"),
 ]
 
 
@@ -412,10 +375,8 @@ OPENS = [
     *("+proj=utm +zone=22 +nadgrids=/etc/passwd", "+proj=utm +zone=22 +geoidgrids=g.gtx"),
     *("+init=file:x", "+init=epsg:31982", "file:x", "/etc/passwd", "flight.toml", "@flight.toml"),
     *("+proj=pipeline +step +proj=utm +zone=22", "proj=utm zone=22 nadgrids=x", "a name of a CRS"),
-    *(
-        "http://www.opengis.net/def/crs/EPSG/0/31982",
-        '{"proj": "utm", "zone": 22, "nadgrids": "x"}',
-    ),
+    "http://www.opengis.net/def/crs/EPSG/0/31982",
+    '{"proj": "utm", "zone": 22, "nadgrids": "x"}',
     *(
         GRID_WKT,
         'PROJCS["x",EXTENSION["PROJ4","+proj=utm +nadgrids=x"]]',

@@ -150,9 +150,9 @@ class Made:
     x_m: np.ndarray
 
 
-def make(design: Design, *, seed: int = 1) -> Made:
-    """Return a block; the same seed gives the same block."""
-    return fly(LAYOUTS[design.layout], design.ties, control=CONTROL[design.layout], seed=seed)
+def make(design: Design) -> Made:
+    """Return a block, the same for a design."""
+    return fly(LAYOUTS[design.layout], design.ties, control=CONTROL[design.layout], seed=1)
 
 
 def fly(
@@ -191,17 +191,17 @@ def fly(
     return Made(block=_block(T_m_b, x_m, points, n_control=len(surveyed), rng=rng), x_m=x_m)
 
 
-def network(made: Made, *, seed: int = 2) -> Network:
+def network(made: Made) -> Network:
     """Return the single step of a block, with start values that lie off the truth."""
     ready = uses.mounted_orientation(made.block, free=FREE)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(2)
     x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
     x_m[made.block.control.point_idx] = made.block.control.x_m
     # the cost functions for Ceres correct the points as they were measured
     return replace(ready, start=replace(ready.start, x_m=x_m), distortion_at="measured")
 
 
-def pinhole_network(made: Made, *, seed: int = 2) -> Network:
+def pinhole_network(made: Made) -> Network:
     """Return a problem that pycolmap can state, too: free poses, observed positions, no lens.
 
     The measurements are corrected by the true interior orientation. Unknown are f, xp and yp, all
@@ -215,7 +215,7 @@ def pinhole_network(made: Made, *, seed: int = 2) -> Network:
         sigma_attitude=np.full((len(block.images), 3), np.inf),
     )
     ready = uses.free_orientation(block, free=PINHOLE, positions=positions)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(2)
     x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
     return replace(ready, start=replace(ready.start, x_m=x_m), distortion_at="measured")
 

@@ -125,16 +125,15 @@ METHODS: dict[str, Callable[[Pair], tuple[np.ndarray, np.ndarray]]] = {
 }
 
 
-def measure(pair: Pair, *, methods: Sequence[str] = tuple(METHODS)) -> list[dict[str, Any]]:
+def measure(pair: Pair) -> list[dict[str, Any]]:
     """Return points, errors against the truth and times of each method on the same pictures.
 
     What is compiled has been compiled before; one thread where OpenCV is asked for one.
     """
-    if "corners + least-squares matching" in methods:
-        find_ties(*_small(pair))
+    find_ties(*_small(pair))
     rows = []
-    for name in methods:
-        (a, b), times = clocked(lambda name=name: METHODS[name](pair))
+    for name, method in METHODS.items():
+        (a, b), times = clocked(lambda method=method: method(pair))
         error = np.hypot(*(b - pair.truth(a)).T)
         near = error < 1
         rows.append(

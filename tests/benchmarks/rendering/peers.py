@@ -99,9 +99,9 @@ def missing(name: str) -> bool:
     return name in MODULES and importlib.util.find_spec(MODULES[name]) is None
 
 
-def cut(image: np.ndarray, at: np.ndarray, margin: int = 4) -> tuple[np.ndarray, np.ndarray]:
+def cut(image: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the part of an image that places need, and the places in that part."""
-    size = np.array(image.shape[1::-1])
+    size, margin = np.array(image.shape[1::-1]), 4
     low = np.clip(np.floor(at.min(axis=(0, 1))).astype(int) - margin, 0, size)
     high = np.clip(np.ceil(at.max(axis=(0, 1))).astype(int) + margin + 1, 0, size)
     return np.ascontiguousarray(image[low[1] : high[1], low[0] : high[0]]), at - low

@@ -12,8 +12,8 @@ from benchmarks.verdicts.sizes import Pilot, Statistic
 from support.helpers import repeats
 
 
-def order(plan, fault="", size=0.0, *, seed=1, purpose="clean"):
-    return flights.Order(purpose=purpose, plan=plan, fault=fault, size=size, seed=seed)
+def order(plan, fault="", size=0.0, *, seed=1):
+    return flights.Order(purpose="clean", plan=plan, fault=fault, size=size, seed=seed)
 
 
 def tables(plan, fault="", size=0.0):
@@ -245,11 +245,11 @@ def test_noise_is_found_on_both_sides_and_only_where_it_matters(rng):
     assert many.found(0.05, factor=1.12) < 1e-3  # significant, but by less than a tenth of sigma
 
 
-def row(values, *, dof=3.0, name="lever arm of CAM", n_tests=20):
+def row(values, *, dof=3.0, name="lever arm of CAM"):
     return [
         pd.Series(
             {sizes.VALUE + name: v, sizes.DOF + name: dof, sizes.BESIDE + name: np.inf}
-            | {"n_tests": n_tests}
+            | {"n_tests": 20}
         )
         for v in values
     ]

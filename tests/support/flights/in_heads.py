@@ -87,10 +87,10 @@ def _camera(name, lens):
     )
 
 
-def small(*, seed=1, n_ties=60):
+def small():
     """Simulate the paper's flight, small, with its blocks 2 and 3 measured in the heads."""
-    options = acx4sim.Options(tie_points={"heads": n_ties, "calibration": n_ties})
-    return acx4sim.acx4(seed=seed, options=options)
+    options = acx4sim.Options(tie_points={"heads": 60, "calibration": 60})
+    return acx4sim.acx4(seed=1, options=options)
 
 
 def write(folder, blocks=("heads", "calibration", "validation")):

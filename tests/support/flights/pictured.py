@@ -41,16 +41,16 @@ def orientation() -> RelativeOrientation:
     )
 
 
-def scene(seed: int = 1, *, bands: int = 3) -> np.ndarray:
+def scene(seed: int = 1) -> np.ndarray:
     """Return grey values of the frame and MARGIN pixels around it, textured at all scales."""
     rng = np.random.default_rng(seed)
     rows, cols = REDUCED.height_px + 2 * MARGIN, REDUCED.width_px + 2 * MARGIN
-    total = np.full((rows, cols, bands), 12000, np.float32)
+    total = np.full((rows, cols, 3), 12000, np.float32)
     for step in (4, 9, 20, 60):
-        coarse = (rows // step, cols // step, bands)
+        coarse = (rows // step, cols // step, 3)
         noise = rng.standard_normal(coarse, dtype=np.float32)
         fine = cv2.resize(noise, (cols, rows), interpolation=cv2.INTER_CUBIC)
-        total += 1500 * fine.reshape(rows, cols, bands)
+        total += 1500 * fine.reshape(rows, cols, 3)
     return total
 
 
@@ -59,7 +59,7 @@ def frame_of(picture: np.ndarray) -> np.ndarray:
     return picture[MARGIN:-MARGIN, MARGIN:-MARGIN]
 
 
-def head_images(picture: np.ndarray, *, dtype: str = "uint16") -> dict[str, np.ndarray]:
+def head_images(picture: np.ndarray) -> dict[str, np.ndarray]:
     """Return what every head sees of a scene."""
     reduced, out = reduced_heads(orientation(), REDUCTION), {}
     for k, head in enumerate(reduced.heads):
@@ -73,8 +73,7 @@ def head_images(picture: np.ndarray, *, dtype: str = "uint16") -> dict[str, np.n
             picture, maps[..., 0], maps[..., 1], cv2.INTER_CUBIC, None, cv2.BORDER_REFLECT
         )
         seen = seen.reshape(head.height_px, head.width_px, -1)
-        scale = np.iinfo(dtype).max / 65535
-        out[head.name] = np.rint(seen * scale).clip(1, np.iinfo(dtype).max).astype(dtype)
+        out[head.name] = np.rint(seen).clip(1, 65535).astype(np.uint16)
     return out
 
 

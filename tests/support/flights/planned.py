@@ -32,12 +32,12 @@ LINES = {
 """Places of four strips around the middle of the field."""
 
 
-def strip(line: str, height_m: float = 600.0, *, n: int = 6, overlap: float = 0.75):
-    """Return a strip of n images."""
+def strip(line: str, height_m: float = 600.0, *, overlap: float = 0.75):
+    """Return a strip of six images."""
     base = (1 - overlap) * height_m * 40.0568 / 50.0
     return {
         "flying_height_m": height_m,
-        "length_m": (n - 1) * base,
+        "length_m": 5 * base,
         "base_m": base,
         **LINES[line],
     }
@@ -170,7 +170,7 @@ CHECKED_INSIDE = {"mounting held": ("P01", "P05", "P09")}
 """Points of a block for the calibration that are check points there."""
 
 
-def write(name: str, folder: Path, *, simulated: bool = False) -> Path:
+def write(name: str, folder: Path) -> Path:
     """Write one of the flights below a folder; it does not say that it is simulated."""
     plan = plans.from_values(_plans()[name])
     flown = notebooks_simulated.simulate(plan, seed=4, options=Options())
@@ -181,11 +181,8 @@ def write(name: str, folder: Path, *, simulated: bool = False) -> Path:
         inside = table["point"].isin(CHECKED_INSIDE[name])
         table["role"] = np.where(inside, "check", "control")
         table.to_csv(path / "control_points.csv", index=False)
-    if not simulated:
-        toml = path / "flight.toml"
-        said = toml.read_text("utf-8")
-        toml.write_text(
-            re.sub(r"(?m)^simulated = true\n", "", said).replace(", simulated", ""), "utf-8"
-        )
-        Path(f"{path}.truth.json").unlink(missing_ok=True)
+    toml = path / "flight.toml"
+    said = re.sub(r"(?m)^simulated = true\n", "", toml.read_text("utf-8"))
+    toml.write_text(said.replace(", simulated", ""), "utf-8")
+    Path(f"{path}.truth.json").unlink(missing_ok=True)
     return path

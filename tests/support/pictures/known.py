@@ -90,9 +90,9 @@ def pictured(images, k=K):
     )
 
 
-def tied(orientation, pair, n, *, shift_mm=(0.0, 0.0), exposure=7, seed=1):
+def tied(orientation, pair, n, *, shift_mm=(0.0, 0.0), exposure=7):
     """Tie points of a pair whose second head is off by a shift in the synthetic image."""
-    xy = np.random.default_rng(seed).uniform([-33, -45], [33, 45], (40 * n, 2))
+    xy = np.random.default_rng(1).uniform([-33, -45], [33, 45], (40 * n, 2))
     colrow = [head_from_synthetic(orientation, k, xy) for k in pair]
     both = np.all(
         [inside(orientation.heads[k], c) for k, c in zip(pair, colrow, strict=True)], axis=0

@@ -74,7 +74,7 @@ def tie_errors(
     return Errors(rows, off / reduce, off / sigma[:, None])
 
 
-def target_errors(flight: Path, truth: dict, *, reduce: int = 6) -> Errors:
+def target_errors(flight: Path, truth: dict) -> Errors:
     """Surveyed points against where the exact camera has them."""
     rows, shots = _rows(flight, "single-head", "calibration", tie=False)
     seen = _by_image(
@@ -86,7 +86,7 @@ def target_errors(flight: Path, truth: dict, *, reduce: int = 6) -> Errors:
         2,
     )
     off = _colrow(rows) - seen
-    return Errors(rows, off / reduce, off / rows["sigma_px"].to_numpy()[:, None])
+    return Errors(rows, off / 6, off / rows["sigma_px"].to_numpy()[:, None])
 
 
 def _rows(flight, design, block, *, tie):

@@ -106,7 +106,7 @@ def micasense(index, *, relatives=None, reference=0, focal=None, band=None, **ot
     return found | others
 
 
-def pictures_of(rotations, bands, *, seed=1):
+def pictures_of(rotations, bands):
     """Return 16-bit pictures of heads over one plane, which are sums of waves, exactly sampled.
 
     Parameters
@@ -116,7 +116,7 @@ def pictures_of(rotations, bands, *, seed=1):
     bands : sequence of tuple
         Shares of two landscapes that have nothing to do with each other.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     waves = [_waves(rng) for _ in range(2)]
     col, row = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     ray = np.stack([col - (SIZE[0] - 1) / 2, row - (SIZE[1] - 1) / 2, np.full(col.shape, F_PX)], -1)
@@ -130,7 +130,8 @@ def pictures_of(rotations, bands, *, seed=1):
     return out
 
 
-def _waves(rng, n=50):
+def _waves(rng):
+    n = 50
     lengths, directions = rng.uniform(5, 60, n), rng.uniform(0, 2 * np.pi, n)
     k = 2 * np.pi / lengths * np.array([np.cos(directions), np.sin(directions)])
     return k, rng.uniform(0, 2 * np.pi, n), np.sqrt(2 / n)
