@@ -72,7 +72,7 @@ OTHERS = {
         "tifffile.TiffFile": "of bytes, after a look, or an image that a command wrote",
         "TemporaryFile": "has no name, and is gone in the end",
     },
-    "acx4tools/exchange/pictures/folder.py": {"tifffile.imread": "of bytes, after a look"},
+    "acx4tools/exchange/pictures.py": {"tifffile.imread": "of bytes, after a look"},
     "acx4tools/measuring/views.py": {"cv2.imread": "looks first"},
     "acx4tools/measuring/pairs.py": {
         "np.savez": "into the draft that is open",
@@ -80,7 +80,7 @@ OTHERS = {
     },
     "acx4lib/results/summary_entries.py": {"read_text": "of the one place that reads"},
     "acx4lib/results/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
-    "acx4tools/exchange/safe/opened.py": {
+    "acx4tools/exchange/safe.py": {
         "zipfile.ZipFile": "of bytes",
         "archive.open": "of bytes",
     },

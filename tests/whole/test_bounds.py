@@ -15,10 +15,8 @@ from acx4lib.flight.toml_file import read_toml
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.production.image_files import image_from_file
 from acx4lib.results import table_files
-from acx4tools.exchange import flight_folder
-from acx4tools.exchange.pictures import tags
+from acx4tools.exchange import flight_folder, metadata, safe
 from acx4tools.exchange.programs import micmac
-from acx4tools.exchange.safe import opened
 from acx4tools.measuring import views
 from support import swelling
 from support.commands import MEMORY, told
@@ -152,7 +150,7 @@ def test_tags_of_a_tiff_share_no_bytes(tmp_path):
     path = tmp_path / "a.tif"
     path.write_bytes(swelling.tags(4_000, count=250_000))
     with pytest.raises(FlightError, match=r"a\.tif:1: file: has tags of more than 1048"):
-        tags.read(path)
+        metadata.read(path)
     with pytest.raises(FlightError, match=r"a\.tif: has tags of more than 1048"):
         image_from_file(path, of_size(1, 1))
     path.write_bytes(swelling.tags(1, count=25_000, pages=90))  # all pages of a picture
@@ -163,7 +161,7 @@ def test_tags_of_a_tiff_share_no_bytes(tmp_path):
 def test_tags_of_exif_share_no_bytes(tmp_path):
     (tmp_path / "a.jpg").write_bytes(swelling.exif(3_900))
     with pytest.raises(FlightError, match=r"a\.jpg:1: file: has tags of more than 5"):
-        tags.read(tmp_path / "a.jpg")
+        metadata.read(tmp_path / "a.jpg")
 
 
 def test_pictures_whose_tags_share_bytes_take_no_memory(tmp_path):
@@ -195,9 +193,9 @@ def test_a_false_header_of_an_archive_helps_nothing(tmp_path):
     path.write_bytes(swelling.false_header(150_000_000))
     with zipfile.ZipFile(path) as known:
         (entry,) = known.infolist()
-        assert entry.compress_size * opened.LARGEST_RATIO > entry.file_size
+        assert entry.compress_size * safe.LARGEST_RATIO > entry.file_size
     with pytest.raises(FlightError, match="must have at most 200 times as many"):
-        opened.member(opened.read(path), "doc.xml")
+        safe.member(safe.read(path), "doc.xml")
     found = told("import", "metashape", path, "--out", tmp_path / "out")
     assert (found.status, found.err.count("\n")) == (2, 1)
     assert found.memory < MEMORY / 10

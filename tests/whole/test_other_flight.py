@@ -23,7 +23,7 @@ from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder, own_folder, provenance
 from acx4lib.stages import mounting, validation
 from acx4tools import campaigns
-from acx4tools.exchange.outward import calibrated
+from acx4tools.exchange.outward import content
 from support.flights import written
 
 NAME = "One camera turned by 90 degrees, simulated"
@@ -306,6 +306,6 @@ def test_mixed_results_of_the_version_before_are_not_exported_or_compared(flown,
     with own_folder.claim(results, command=runner.COMMAND) as own:
         provenance.prepare(own, reader.read(flown / "B"), folder.STAGES)
         own.seal()
-    for read in (campaigns.read, calibrated.read):
+    for read in (campaigns.read, content.read):
         with pytest.raises(FlightError, match="run all stages of one flight again"):
             read(results)

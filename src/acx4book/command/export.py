@@ -10,9 +10,8 @@ import typer
 from acx4book.command import terminal
 
 if TYPE_CHECKING:
-    from acx4tools.exchange.outward.calibrated import Calibrated
+    from acx4tools.exchange.outward.content import Calibrated, Taken
     from acx4tools.exchange.outward.programs import Kind
-    from acx4tools.exchange.outward.taken import Taken
 
 HELP = """Write a calibration, or orientations by it, for another program.
 
@@ -74,12 +73,12 @@ def export(
     ] = 0.05,
 ) -> None:
     """Write a calibration for another program."""
-    from acx4tools.exchange.outward import calibrated, programs, taken  # noqa: PLC0415 quick help
+    from acx4tools.exchange.outward import content, programs  # noqa: PLC0415 quick help
 
     kind = programs.KINDS.get(to)
     if kind is None:
         terminal.refuse(f"--to {to}: must be one of {', '.join(programs.KINDS)}")
-    known = (*calibrated.CAMERA, *calibrated.HEADS)
+    known = (*content.CAMERA, *content.HEADS)
     if method and method not in known:
         terminal.refuse(f"--method {method}: must be one of {', '.join(known)}")
     if kind.cameras is None and not orientations:
@@ -88,19 +87,19 @@ def export(
         terminal.refuse(f"--to {to} has no place for orientations; leave --orientations out")
     if flight is not None and not orientations:
         terminal.refuse("--flight needs --orientations BLOCK, a block of that flight")
-    calibration = calibrated.read(results, method=method, heads=kind.heads)
+    calibration = content.read(results, method=method, heads=kind.heads)
     exported = _made(kind, calibration, orientations, flight)
-    exported = taken.near(exported, allow)
+    exported = content.near(exported, allow)
     title = f"{to}: {calibration.title}"
-    taken.write(exported, out, title=title, origin=calibration.origin)
+    content.write(exported, out, title=title, origin=calibration.origin)
     _show(title, calibration, exported)
-    terminal.show(f"{out}: {', '.join([*exported.files, taken.STATEMENT])}")
+    terminal.show(f"{out}: {', '.join([*exported.files, content.STATEMENT])}")
 
 
 def _made(kind: Kind, calibration: Calibrated, block: str, flight: Path | None) -> Taken:
     """Return the files of a kind, with orientations if a block is named."""
     from acx4tools.exchange.outward import programs  # noqa: PLC0415 quick help
-    from acx4tools.exchange.outward.orientations import orient, read_flown  # noqa: PLC0415 quick help
+    from acx4tools.exchange.outward.content import orient, read_flown  # noqa: PLC0415 quick help
 
     if not block and kind.cameras is not None:
         return kind.cameras(calibration)
@@ -123,7 +122,7 @@ def _made(kind: Kind, calibration: Calibrated, block: str, flight: Path | None) 
 
 
 def _show(title: str, calibration: Calibrated, made: Taken) -> None:
-    from acx4tools.exchange.outward.taken import sentences  # noqa: PLC0415 quick help
+    from acx4tools.exchange.outward.content import sentences  # noqa: PLC0415 quick help
 
     terminal.show(title)
     for sentence in sentences(made):

@@ -534,10 +534,10 @@ def _pictures(
     ] = None,
 ) -> None:
     """Make a flight of a folder of pictures."""
-    from acx4tools.exchange.pictures import folder  # noqa: PLC0415 quick help
+    from acx4tools.exchange import pictures  # noqa: PLC0415 quick help
 
     crs, _ = system_of(out, crs, "")
-    imported = folder.read_folder(
+    imported = pictures.read_folder(
         source, crs=crs, pixel_um=pixel_um, allow=allow, hold_out=hold_out
     )
     _place(imported, out)
@@ -796,6 +796,7 @@ Example:
   acx4 import visualsfm model.nvm --size 4000x3000 --crs local --out my_flight
 """,
     [SIZE, BLOCK, LOCAL_CRS, *LENSES],
+    reader="bundler.read_nvm",
 )
 
 

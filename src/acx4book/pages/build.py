@@ -528,8 +528,8 @@ API = "_generated/api"
 CELLAR = "compiled"
 """Name of the folders without pages."""
 
-EXCHANGE = ("outward", "pictures", "programs", "safe", "trajectories")
-BY_MODULE = tuple(f"acx4tools.exchange.{part}." for part in EXCHANGE)
+EXCHANGE = ("metadata", "outward", "pictures", "programs", "safe", "trajectories")
+BY_MODULE = tuple(f"acx4tools.exchange.{part}" for part in EXCHANGE)
 """Modules listed by their docstring alone: their functions serve one kind of files, and no user's
 program calls them."""
 

@@ -45,8 +45,7 @@ from acx4lib.results import whole_files
 from acx4lib.synthetic_image.rendering import render_plan
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import shared_points
-from acx4tools.exchange import flight_folder
-from acx4tools.exchange.pictures import folder
+from acx4tools.exchange import flight_folder, pictures
 from acx4tools.measuring.measure import measure_flight
 
 FILES = "sequoia-flight"
@@ -125,7 +124,7 @@ def store() -> None:
         if entry.file.startswith(f"{FILES}/"):
             data.path(entry.file)
     with tempfile.TemporaryDirectory() as temporary:
-        imported = folder.read_folder(data.folder() / FILES)
+        imported = pictures.read_folder(data.folder() / FILES)
         flight_folder.write(imported, Path(temporary) / "flight")
         measure_flight(Path(temporary) / "flight", Path(temporary) / "measured")
         _store_measured(Path(temporary) / "measured")
@@ -414,7 +413,7 @@ def _store_pictures(measured: Flight) -> None:
     """Store the photographs of an exposure, and its bands in three registers beside each other."""
     flight = reader.read(FLIGHT)
     block = heads_of(flight)
-    synthetic = flight.cameras[folder.SYNTHETIC]
+    synthetic = flight.cameras[pictures.SYNTHETIC]
     images = measured.block("heads").images
     files = zip(images.names, measured.image_files["heads"], strict=True)
     shown = {name: path for name, path in files if path and f"_{SHOWN}_" in name}

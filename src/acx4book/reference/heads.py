@@ -37,10 +37,10 @@ from acx4lib.synthetic_image.response import estimate_response
 from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
 from acx4lib.tie_points.search import ImageTies, find_ties, strongest_chain
 from acx4lib.tie_points.ties import Overlap, overlaps
+from acx4tools.exchange import metadata
+from acx4tools.exchange import pictures as picture_folder
 from acx4tools.exchange.lens import FLIP
-from acx4tools.exchange.pictures import folder, metadata
-from acx4tools.exchange.pictures.metadata import Head
-from acx4tools.exchange.pictures.tags import Tags, read
+from acx4tools.exchange.metadata import Head, Tags, read
 
 # --- The heads of one exposure: as their metadata declare them, and turned by tie points
 
@@ -127,9 +127,9 @@ def solved(files: str) -> Solved:
     """
     entries = [entry.file for entry in data.index() if entry.file.startswith(f"{files}/IMG")]
     paths = {path.name: path for path in map(data.path, entries)}
-    imported = folder.read_folder(data.folder() / files)
+    imported = picture_folder.read_folder(data.folder() / files)
     cameras = {name: camera_of(name, t) for name, t in imported.settings["cameras"].items()}
-    names, synthetic = imported.settings["synthetic"]["heads"], cameras[folder.SYNTHETIC]
+    names, synthetic = imported.settings["synthetic"]["heads"], cameras[picture_folder.SYNTHETIC]
     factory = declared_orientation([cameras[name] for name in names], synthetic)
     images = imported.tables["heads/images.csv"]
     files_of = dict(zip(images["camera"], images["file"], strict=True))

@@ -20,19 +20,24 @@ from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.problems import quoted
 from acx4lib.flight.table_files import Columns
+from acx4lib.flight.tables import faulty
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import project as projected
 from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.geodesy import LOCAL
+from acx4lib.geometry.geodesy import (
+    LOCAL,
+    GridSystem,
+    MappingFrame,
+    mean_origin,
+    rotation_enu_to_ecef,
+)
 from acx4lib.geometry.intersection import intersect
-from acx4tools.exchange import crs as coordinates
-from acx4tools.exchange import tables
-from acx4tools.exchange.axes import stacked
+from acx4tools.exchange import coordinates
+from acx4tools.exchange.coordinates import stacked
 from acx4tools.exchange.flight_folder import ImportedFlight, number_of
-from acx4tools.exchange.lens import WARNED_PX, WORST_PX, too_far
-from acx4tools.exchange.lens_models import NOMINAL_UM, Lens, Refitted
-from acx4tools.exchange.safe.opened import Opened, checksums, refusal
+from acx4tools.exchange.lens import NOMINAL_UM, WARNED_PX, WORST_PX, Lens, Refitted, too_far
+from acx4tools.exchange.safe import Opened, checksums, refusal
 
 MEANS_NOTHING = (
     "The trajectory is what the program adjusted, camera and body being one: the boresight and "
@@ -103,7 +108,7 @@ class Measured:
         cls, seen: Sequence[tuple[int, str, Any]], places: Mapping[str, Array] | None = None
     ) -> Measured:
         """Return measurements from image, point and pixel of each, and places of points, if any."""
-        points, point_idx = tables.first_use([point for _, point, _ in seen])
+        points, point_idx = first_use([point for _, point, _ in seen])
         unknown = np.full(3, np.nan)
         x_w = None if places is None else [places.get(point, unknown) for point in points]
         return cls(
@@ -470,7 +475,7 @@ def _flown(project: Project, orientations: str) -> Trajectory:
     T_b_c = stacked([project.lenses[images.cameras[i]].mount for i in rows])
     enh, opk = project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
     return Trajectory(
-        table=tables.trajectory_in_grid(list(leaders), enh, opk),
+        table=trajectory_in_grid(list(leaders), enh, opk),
         assumed=(*project.placed, START_VALUES if is_local else MEANS_NOTHING),
         found=(f"{number_of(len(leaders), 'adjusted orientations')}",),
     )
@@ -500,7 +505,7 @@ def _tables(
         )
         made[f"{folder}/images.csv"] = _images(*listed)
     if len(measured.colrow):
-        made[f"{folder}/image_points.csv"] = tables.image_points(
+        made[f"{folder}/image_points.csv"] = image_points(
             [images.names[i] for i in measured.image_idx],
             [measured.points[k] for k in measured.point_idx],
             measured.colrow,
@@ -522,9 +527,9 @@ def _images(
 def _control_table(control: Control) -> dict[str, list[Any]]:
     names = ("east_m", "north_m", "height_m")
     columns: dict[str, list[Any]] = {"point": list(control.names)}
-    columns |= dict(zip(names, np.round(control.enh, tables.METRES).T.tolist(), strict=True))
+    columns |= dict(zip(names, np.round(control.enh, METRES).T.tolist(), strict=True))
     if control.sigma is not None:
-        for name, sigma in zip(names, np.round(control.sigma, tables.METRES).T, strict=True):
+        for name, sigma in zip(names, np.round(control.sigma, METRES).T, strict=True):
             if (sigma > 0).all():
                 columns[f"sigma_{name}"] = sigma.tolist()
     if control.is_check is not None:
@@ -698,3 +703,111 @@ def _said_of(apart: Array) -> str:
         f"({number_of(len(known), 'measurements')}"
         + (f", {n} not seen)" if (n := len(apart) - len(known)) else ")")
     )
+
+
+# --- Tables of a flight, with the digits that their numbers need, and names that it may have
+
+
+PIXELS, METRES, DEGREES = 4, 5, 9
+"""Decimals of pixels, metres, degrees."""
+
+
+def image_points(image: Sequence[str], point: Sequence[str], colrow: Array) -> Columns:
+    """Return the table image_points.csv; `colrow`, shape (n, 2), in the library's pixels."""
+    cols, rows = np.round(colrow, PIXELS).T.tolist() if len(colrow) else ([], [])
+    return {"image": list(image), "point": list(point), "col_px": cols, "row_px": rows}
+
+
+def trajectory_in_grid(exposures: Sequence[str], enh: Array, opk: Array) -> dict[str, list[Any]]:
+    """Return the table trajectory.csv.
+
+    Parameters
+    ----------
+    exposures : sequence of str
+    enh : ndarray, shape (n, 3)
+        m.
+    opk : ndarray, shape (n, 3)
+        The body's, against the grid, radians.
+    """
+    east, north, height = np.round(enh, METRES).T.tolist()
+    omega, phi, kappa = np.round(np.degrees(opk), DEGREES).T.tolist()
+    return {
+        "exposure": list(exposures),
+        "east_m": east,
+        "north_m": north,
+        "height_m": height,
+        "omega_deg": omega,
+        "phi_deg": phi,
+        "kappa_deg": kappa,
+    }
+
+
+def grid_poses_of_ecef(grid: GridSystem, T_e_b: Pose) -> tuple[Array, Array]:
+    """Return east, north, height (m) and omega, phi, kappa (rad) of poses in the ECEF frame."""
+    lonlat = grid.geographic_from_ecef(T_e_b.r)[:, :2]
+    frame = mean_origin(grid, lonlat)
+    return frame.pose_to_grid(_in_frame(frame, T_e_b))
+
+
+def _in_frame(frame: MappingFrame, T_e_b: Pose) -> Pose:
+    """Return poses in the ECEF frame as those in a mapping frame."""
+    R_e_m = rotation_enu_to_ecef(np.asarray(frame.origin)[None])[0]
+    x_m = frame.from_geographic(frame.grid.geographic_from_ecef(T_e_b.r))
+    return Pose(R=R_e_m.T @ T_e_b.R, r=x_m)
+
+
+def require_names(names: Sequence[str], wrong: Callable[[str, str, str], FlightError]) -> None:
+    """Raise for the first name that no flight may use.
+
+    Parameters
+    ----------
+    names : sequence of str
+    wrong : callable
+        From the name, what is wrong with it and what was expected, to the error.
+    """
+    if "" in names:
+        raise wrong("", "is empty", "must be a name")
+    for name, (fault, expected) in faulty(list(dict.fromkeys(names))).items():
+        raise wrong(name, fault, expected)
+
+
+def require_all_names(
+    kinds: Mapping[str, Sequence[str]], wrong: Callable[[str, str, str], FlightError]
+) -> None:
+    """Raise for the first name that no flight may use.
+
+    Parameters
+    ----------
+    kinds : mapping of str to sequence of str
+        Names by what they are of: "image", "point".
+    wrong : callable
+        From what they are of, what is wrong and what was expected, to the error.
+    """
+    for kind, names in kinds.items():
+
+        def of_kind(name: str, fault: str, expected: str, kind: str = kind) -> FlightError:
+            return wrong(kind, fault if name in fault else f"{quoted(name)} {fault}", expected)
+
+        require_names(names, of_kind)
+
+
+def first_use(names: Sequence[str]) -> tuple[list[str], Index]:
+    """Return the different names in the order of the file, and the place of each name in them."""
+    order = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    return list(order), np.array([order[name] for name in names], dtype=int)
+
+
+def without_doubles(names: Sequence[str], ids: Sequence[object]) -> tuple[list[str], int]:
+    """Return names, those that occur twice with the program's own number, and their count."""
+    counts: dict[str, int] = {}
+    for name in names:
+        counts[name] = counts.get(name, 0) + 1
+    new = [f"{name}#{i}" if counts[name] > 1 else name for name, i in zip(names, ids, strict=True)]
+    return new, sum(n for n in counts.values() if n > 1)
+
+
+def without_folders(paths: Sequence[str]) -> tuple[str, ...]:
+    """Return names of files without their folders; with them where two would be the same."""
+    whole = [path.replace("\\", "/") for path in paths]
+    short = [path.rpartition("/")[2] for path in whole]
+    return tuple(short if len(set(short)) == len(short) else whole)

@@ -151,6 +151,7 @@ def test_every_kind_has_its_place_in_the_help(acx4):
         ("opensfm", "opensfm.read"),
         ("micmac", "micmac.read"),
         ("bundler", "bundler.read"),
+        ("visualsfm", "bundler.read_nvm"),
         ("bingo", "photo_lists.read_bingo"),
         ("patb", "photo_lists.read_patb"),
         ("odm-control", "opensfm.read_control"),

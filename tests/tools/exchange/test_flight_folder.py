@@ -15,9 +15,16 @@ from acx4lib.errors import FlightError, OutputError
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
-from acx4tools.exchange import crs, flight_folder, tables
+from acx4tools.exchange import coordinates, flight_folder
 from acx4tools.exchange.flight_folder import ImportedFlight
 from acx4tools.exchange.opencv import from_opencv, to_opencv
+from acx4tools.exchange.project import (
+    first_use,
+    image_points,
+    require_names,
+    trajectory_in_grid,
+    without_doubles,
+)
 
 POINTS = {"point": ["A", "B,1"], "east_m": [1.5, 2.0], "north_m": [0.1, 0.2], "height_m": [3, 4]}
 CAMERA = {"cameras": {"C 1": {"width_px": 10, "focal_mm": 8.25}}}
@@ -260,9 +267,9 @@ def test_a_form_that_is_not_edited_line_by_line_is_written_anew():
 
 
 def test_numbers_have_the_digits_that_they_need():
-    points = tables.image_points(["a"], ["1"], np.array([[1.23456789, 2.0]]))
+    points = image_points(["a"], ["1"], np.array([[1.23456789, 2.0]]))
     assert points == {"image": ["a"], "point": ["1"], "col_px": [1.2346], "row_px": [2.0]}
-    table = tables.trajectory_in_grid(
+    table = trajectory_in_grid(
         ["a"], np.array([[1.123456789, 2.0, 3.0]]), np.radians([[0.1, 0.2, 1 / 3]])
     )
     assert table["east_m"] == [1.12346]
@@ -270,8 +277,8 @@ def test_numbers_have_the_digits_that_they_need():
 
 
 def test_names_that_stand_twice_get_the_program_s_number():
-    assert tables.without_doubles(["a", "b", "a"], [7, 8, 9]) == (["a#7", "b", "a#9"], 2)
-    names, place = tables.first_use(["b", "a", "b"])
+    assert without_doubles(["a", "b", "a"], [7, 8, 9]) == (["a#7", "b", "a#9"], 2)
+    names, place = first_use(["b", "a", "b"])
     assert (names, place.tolist()) == (["b", "a"], [0, 1, 0])
 
 
@@ -283,7 +290,7 @@ def test_a_name_that_no_flight_may_use_is_refused(name, said):
         return FlightError([f"f:1: name: {found}; {expected}"])
 
     with pytest.raises(FlightError, match=f"f:1: name: .*{said}"):
-        tables.require_names(["good", name], wrong)
+        require_names(["good", name], wrong)
 
 
 # --- the flight's coordinate system from a project's own -------------------------------------
@@ -295,38 +302,38 @@ AT = np.array([-49.2, -25.4])
 @pytest.mark.parametrize("form", ["WKT1_GDAL", "WKT2_2019"])
 def test_a_projected_system_is_found_again_by_its_code(form):
     text = pyproj.CRS("EPSG:31982").to_wkt(form)
-    found = crs.chosen(text, None, None)
+    found = coordinates.chosen(text, None, None)
     assert found.settings == {"crs": "EPSG:31982", "heights": "ellipsoidal"}
     assert "no vertical part" in found.assumed[1]
 
 
 def test_a_geographic_system_becomes_the_zone_of_a_place():
-    found = crs.chosen("EPSG:4674", AT, None)
+    found = coordinates.chosen("EPSG:4674", AT, None)
     assert found.settings["crs"] == "EPSG:31982"
     there = found.from_source(np.array([[*AT, 900.0]]))
     to_map = pyproj.Transformer.from_crs("EPSG:4674", "EPSG:31982", always_xy=True)
     assert_allclose(there, [[*to_map.transform(*AT), 900.0]])
-    assert crs.chosen("EPSG:4674", None, None) is None
+    assert coordinates.chosen("EPSG:4674", None, None) is None
 
 
 def test_a_vertical_system_is_kept_even_where_its_grid_is_not_here():
-    found = crs.chosen("EPSG:31982+5773", None, None)
+    found = coordinates.chosen("EPSG:31982+5773", None, None)
     assert found.settings == {"crs": "EPSG:31982", "heights": "EPSG:5773"}
     assert found.assumed[1] == "Heights are in EGM96 height"
 
 
 def test_a_local_system_is_none():
     text = 'LOCAL_CS["Local",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]'
-    assert crs.chosen(text, AT, None) is None
-    assert crs.chosen(text, AT, "EPSG:31982").crs == "EPSG:31982"
+    assert coordinates.chosen(text, AT, None) is None
+    assert coordinates.chosen(text, AT, "EPSG:31982").crs == "EPSG:31982"
 
 
 def test_heights_are_converted_by_undulations():
-    system = replace(crs.chosen("EPSG:31982", None, None), heights=4.0)
+    system = replace(coordinates.chosen("EPSG:31982", None, None), heights=4.0)
     enh = np.array([[676000.0, 7184000.0, 100.0]])
-    assert_allclose(crs.with_heights(system, enh, "ellipsoidal")[:, 2], 96.0)
-    assert_allclose(crs.with_heights(system, enh, 3.0)[:, 2], 99.0)
-    assert crs.with_heights(system, enh, 4.0) is enh
+    assert_allclose(coordinates.with_heights(system, enh, "ellipsoidal")[:, 2], 96.0)
+    assert_allclose(coordinates.with_heights(system, enh, 3.0)[:, 2], 99.0)
+    assert coordinates.with_heights(system, enh, 4.0) is enh
 
 
 @pytest.mark.parametrize(
@@ -341,15 +348,15 @@ def test_heights_are_converted_by_undulations():
 def test_what_cannot_be_used_is_told(text, wanted, message):
     if message is None:
         with pytest.raises(ValueError, match="has no UTM zone that PROJ knows here"):
-            crs.chosen(text, wanted, None)
+            coordinates.chosen(text, wanted, None)
         return
     with pytest.raises(ValueError, match=message):
-        crs.chosen(text, AT, wanted)
+        coordinates.chosen(text, AT, wanted)
 
 
 def test_axes_are_those_of_the_system():
-    assert crs.is_north_first(crs.parsed("EPSG:4326"))
-    assert not crs.is_north_first(crs.parsed("EPSG:31982"))
+    assert coordinates.is_north_first(coordinates.parsed("EPSG:4326"))
+    assert not coordinates.is_north_first(coordinates.parsed("EPSG:31982"))
 
 
 # --- cameras to and from OpenCV, held against OpenCV's own projection and undistortion -------

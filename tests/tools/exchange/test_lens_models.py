@@ -9,9 +9,8 @@ from numpy.testing import assert_allclose
 
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
-from acx4tools.exchange import lens, lens_models
-from acx4tools.exchange.lens import Pinhole
-from acx4tools.exchange.lens_models import COLMAP, METASHAPE, OPENSFM, OPF, Lens
+from acx4tools.exchange import lens
+from acx4tools.exchange.lens import COLMAP, METASHAPE, OPENSFM, OPF, Lens, Pinhole
 
 # --- lens models -----------------------------------------------------------------------------
 #
@@ -125,7 +124,7 @@ def test_a_fisheye_of_pix4d_counts_angles_in_right_angles():
     t = 2 / np.pi * np.arctan(r)
     rho = 1.3 * t + 0.0152646 * t**2 - 0.161096 * t**3
     polynomial, affine = [0.0, 1.3, 0.0152646, -0.161096], (1674.33, 0.4, -0.3, 1670.1)
-    one = lens_models.fisheye(polynomial, affine, (500.0, 400.0), size=(1000, 800), wrong=wrong)
+    one = lens.fisheye(polynomial, affine, (500.0, 400.0), size=(1000, 800), wrong=wrong)
     expected = (rho / r)[:, None] * IDEAL @ np.reshape(affine, (2, 2)).T + [500, 400]
     assert_allclose(one.colrow(IDEAL), expected, atol=1e-8)
     assert_allclose(one.ideal(one.colrow(IDEAL)), IDEAL, atol=1e-12)

@@ -9,10 +9,9 @@ from numpy.testing import assert_allclose
 from acx4lib.errors import FlightError
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem, mean_origin, rotation_enu_to_ecef
-from acx4tools.exchange import flight_folder, tables
-from acx4tools.exchange.axes import UNKNOWN, stacked
-from acx4tools.exchange.lens import Pinhole
-from acx4tools.exchange.lens_models import Lens
+from acx4tools.exchange import flight_folder
+from acx4tools.exchange.coordinates import UNKNOWN, stacked
+from acx4tools.exchange.lens import Lens, Pinhole
 from acx4tools.exchange.project import (
     Control,
     Images,
@@ -21,10 +20,12 @@ from acx4tools.exchange.project import (
     Proof,
     Trajectory,
     flight_of,
+    grid_poses_of_ecef,
     joined,
     nowhere,
+    require_all_names,
 )
-from acx4tools.exchange.safe.opened import Opened
+from acx4tools.exchange.safe import Opened
 
 FILE = Opened(file="x.json", data=b"{}")
 LENS = Lens(
@@ -177,7 +178,7 @@ def test_poses_in_the_ecef_frame_are_brought_into_the_grid():
     T_m = frame.pose_from_grid(enh, opk)
     R_e_m = rotation_enu_to_ecef(frame.origin[None])[0]
     T_e = Pose(R=R_e_m @ T_m.R, r=grid.ecef_from_geographic(frame.to_geographic(T_m.r)))
-    back = tables.grid_poses_of_ecef(grid, T_e)
+    back = grid_poses_of_ecef(grid, T_e)
     assert_allclose(back[0], enh, atol=1e-5)
     assert_allclose(rotation_from_opk(back[1]), rotation_from_opk(opk), atol=1e-9)
 
@@ -191,7 +192,7 @@ def test_poses_in_the_ecef_frame_are_brought_into_the_grid():
 )
 def test_names_that_no_flight_may_use_are_refused(names, message):
     with pytest.raises(FlightError, match=message):
-        tables.require_all_names(names, FILE.wrong)
+        require_all_names(names, FILE.wrong)
 
 
 def bent(strength):

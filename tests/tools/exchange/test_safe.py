@@ -8,9 +8,8 @@ import pytest
 
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import Range
-from acx4tools.exchange.safe import json_tree, opened, xml_tree
-from acx4tools.exchange.safe.opened import Opened, member
-from acx4tools.exchange.safe.text_lines import Cursor, cut, lines, records
+from acx4tools.exchange import safe
+from acx4tools.exchange.safe import Cursor, Opened, cut, lines, member, records
 
 # --- JSON becomes a tree whose nodes know their keys and line --------------------------------
 
@@ -19,7 +18,7 @@ TEXT = '{"a": [\n {"b": 1, "c": [1, 2]},\n {"b": "x",\n  "c": [[1, 2], [3, 4]]}]
 
 
 def parsed(text):
-    return json_tree.tree(Opened(file="a.json", data=text.encode()))
+    return safe.json_tree(Opened(file="a.json", data=text.encode()))
 
 
 def message(text, do=lambda root: root):
@@ -74,9 +73,9 @@ def test_other_texts_are_refused(text, says):
 def test_text_of_either_encoding(tmp_path):
     for name, code in (("a", "utf-8"), ("b", "utf-8-sig"), ("c", "utf-16")):
         (tmp_path / name).write_bytes("é\r\nb".encode(code))
-        source = opened.read(tmp_path / name)
+        source = safe.read(tmp_path / name)
         assert source.text() == "é\nb"
-        assert opened.checksums([source]) == {name: source.sha256}
+        assert safe.checksums([source]) == {name: source.sha256}
 
 
 @pytest.mark.parametrize(
@@ -90,25 +89,25 @@ def test_text_of_either_encoding(tmp_path):
 def test_other_content_is_refused(tmp_path, data, says):
     (tmp_path / "a.txt").write_bytes(data)
     with pytest.raises(FlightError) as raised:
-        opened.read(tmp_path / "a.txt").text()
+        safe.read(tmp_path / "a.txt").text()
     assert str(raised.value).endswith(says)
 
 
 def test_a_missing_or_too_large_file_and_a_folder_are_refused(tmp_path):
     (tmp_path / "a.txt").write_bytes(b"12345")
     with pytest.raises(FlightError, match="the import needs it"):
-        opened.read(tmp_path / "b.txt")
+        safe.read(tmp_path / "b.txt")
     with pytest.raises(FlightError, match="must have at most 4 bytes"):
-        opened.read(tmp_path / "a.txt", most=4)
+        safe.read(tmp_path / "a.txt", most=4)
     with pytest.raises(FlightError, match="Is a directory"):
-        opened.read(tmp_path)
+        safe.read(tmp_path)
 
 
 def test_text_of_windows_is_read_where_it_is_asked_for():
-    source = opened.Opened(file="a", data="5°".encode("cp1252"))
-    assert opened.of_windows(source).text() == "5°"
-    plain = opened.Opened(file="a", data="5°".encode())
-    assert opened.of_windows(plain) is plain
+    source = safe.Opened(file="a", data="5°".encode("cp1252"))
+    assert safe.of_windows(source).text() == "5°"
+    plain = safe.Opened(file="a", data="5°".encode())
+    assert safe.of_windows(plain) is plain
 
 
 # --- A member of an archive is read in memory; bombs are refused
@@ -228,7 +227,7 @@ def test_what_is_cut_off_is_refused(do, says):
 
 
 def xml_tree_parsed(text):
-    return xml_tree.tree(Opened(file="a.xml", data=text.encode()))
+    return safe.xml_tree(Opened(file="a.xml", data=text.encode()))
 
 
 def xml_tree_message(text, do=lambda root: root):

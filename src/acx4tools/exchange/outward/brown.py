@@ -11,7 +11,7 @@ from acx4lib.expected import Array, Index
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4tools.exchange import lens
 from acx4tools.exchange.lens import Left, Pinhole
-from acx4tools.exchange.outward.calibrated import Calibrated
+from acx4tools.exchange.outward.content import Calibrated
 
 CORNER = 0.5
 """Offset of pixels in programs where (0, 0) is the outer corner of the top-left pixel."""

@@ -1,13 +1,13 @@
 """Files of cameras, alone or with oriented images, for other programs: a section for each.
 
 `KINDS` has them by the names of ``acx4 export --to``. Layouts and formulas are those of each
-program's documentation; of Pix4D's .cam no file of the program itself was at hand. Metashape and
-OPF are files of their own.
+program's documentation; of Pix4D's .cam no file of the program itself was at hand.
 """
 
 from __future__ import annotations
 
 import json
+import uuid
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +15,7 @@ from xml.etree import ElementTree as ET
 
 import cv2
 import numpy as np
+import pyproj
 from scipy.spatial.transform import Rotation
 
 from acx4lib.calibration.estimates import parameters
@@ -23,24 +24,31 @@ from acx4lib.expected import Array
 from acx4lib.flight.settings import SIGMAS, camera_toml
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, log
+from acx4lib.geometry.geodesy import GridSystem, rotation_enu_to_ecef
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.results.whole_files import file_stem
 from acx4lib.shown import count as counted
 from acx4tools.exchange import lens
 from acx4tools.exchange.lens import Left
-from acx4tools.exchange.outward import brown, metashape, opf, orientations
+from acx4tools.exchange.outward import brown, content
 from acx4tools.exchange.outward.brown import CORNER, Brown
-from acx4tools.exchange.outward.calibrated import R_C_V, Calibrated, Relative, to_first
-from acx4tools.exchange.outward.orientations import CENTRE, GRID, OPK, Oriented
-from acx4tools.exchange.outward.taken import (
+from acx4tools.exchange.outward.content import (
     BODY,
+    CENTRE,
+    GRID,
+    OPK,
+    R_C_V,
     SIGMA,
+    Calibrated,
+    Oriented,
+    Relative,
     Taken,
     add_numbers,
     as_json,
     as_xml,
     lines,
     numbers,
+    to_first,
 )
 
 
@@ -203,7 +211,7 @@ def _pix4d_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
         lacks = f"{blank[0]!r}: a name with blanks has no place there"
         msg = f"{PIX4D_EXTERNAL}: {lacks}; export --to opk"
         raise OutputError(msg)
-    table = orientations.in_grid(oriented).iloc[:, :7]
+    table = content.in_grid(oriented).iloc[:, :7]
     lines = ["imageName X Y Z Omega Phi Kappa"]
     for name, *values in table.itertuples(index=False):
         position, angles = values[:3], values[3:]
@@ -626,19 +634,373 @@ def _micmac_orientation(oriented: Oriented, i: int, camera: Camera) -> str:
     return as_xml(root)
 
 
+# --- Metashape: calibrations as it loads them, a chunk's cameras as it imports them
+#
+# Layout as Metashape 1.7 writes it; formulas of its manual. The chunk's coordinates are topocentric
+# and its transform leads to the ECEF frame, so that no map projection comes in between.
+
+
+METASHAPE_ASSUMED = (
+    "cx, cy from the middle of the image; p1, p2 in Metashape's order; b1 = fx - fy, b2 skew",
+    "NAME.xml: Tools, Camera Calibration, Load; cameras.xml: File, Import, Import Cameras",
+)
+METASHAPE_RIG = (
+    "slaves have their rotation to {}, y down and z ahead: <rotation> takes axes of the slave to "
+    "those of the master"
+)
+METASHAPE_POSITIONS = "positions of heads in a rig: --orientations BLOCK has those of images"
+METASHAPE_RIGID = (
+    "that the heads are a rig: every image has its own pose, which has its head's position"
+)
+METASHAPE_PARAMS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")
+"""Parameters, in the order in which they are written."""
+
+METASHAPE_VALUES = np.zeros((10, 10))
+"""d(PARAMS) / d(fx, fy, cx, cy, k1, k2, k3, p1, p2, skew)."""
+METASHAPE_VALUES[[0, 1, 2, 3, 3], [1, 2, 3, 0, 1]] = [1, 1, 1, 1, -1]
+METASHAPE_VALUES[[4, 5, 6, 7, 8, 9], [9, 4, 5, 6, 8, 7]] = 1
+
+
+def _metashape_cameras(calibrated: Calibrated) -> Taken:
+    """Return a calibration for every camera, and cameras.xml with sensors and covariances."""
+    lenses = brown.skewed(calibrated)
+    document, chunk = _metashape_chunk(calibrated, lenses)
+    _metashape_rig(chunk, calibrated)
+    several = len(calibrated.cameras) > 1
+    return Taken(
+        files={
+            **{
+                f"{file_stem(camera.name)}.xml": _metashape_calibration(camera, lenses[camera.name])
+                for camera in calibrated.cameras
+            },
+            "chunk/cameras.xml": as_xml(document),
+        },
+        lenses=brown.lenses(lenses),
+        assumed=(
+            *METASHAPE_ASSUMED,
+            *([METASHAPE_RIG.format(calibrated.cameras[0].name)] if several else []),
+        ),
+        left_out=(BODY, *([METASHAPE_POSITIONS] if several else [])),
+    )
+
+
+def _metashape_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
+    """Return the files of `cameras`, with the poses of oriented images: single ones, no rig."""
+    alone = _metashape_cameras(calibrated)
+    document, chunk = _metashape_chunk(calibrated, brown.skewed(calibrated))
+    _metashape_place(chunk, oriented)
+    names = [camera.name for camera in calibrated.cameras]
+    _metashape_transform(ET.SubElement(chunk, "components"), oriented)
+    listed = ET.SubElement(chunk, "cameras")
+    for i, name in enumerate(oriented.names):
+        camera = oriented.block.cameras[oriented.block.images.camera_idx[i]]
+        element = ET.SubElement(
+            listed,
+            "camera",
+            {"id": str(i), "sensor_id": str(names.index(camera.name)), "component_id": "0"},
+            label=name,
+        )
+        add_numbers(element, "transform", _metashape_matrix(oriented.T_m_c[i]).ravel())
+    return Taken(
+        files={**alone.files, "chunk/cameras.xml": as_xml(document)},
+        lenses=alone.lenses,
+        assumed=METASHAPE_ASSUMED,
+        left_out=(METASHAPE_RIGID,) if names[1:] else (),
+    )
+
+
+def _metashape_chunk(
+    calibrated: Calibrated, lenses: Mapping[str, Brown]
+) -> tuple[ET.Element, ET.Element]:
+    """Return a document and its chunk, with sensors."""
+    document = ET.Element("document", version="1.5.0")
+    chunk = ET.SubElement(document, "chunk", label="acx4", enabled="true")
+    sensors = ET.SubElement(chunk, "sensors")
+    for k, camera in enumerate(calibrated.cameras):
+        sensor = ET.SubElement(sensors, "sensor", {"id": str(k)}, label=camera.name, type="frame")
+        _metashape_sensor(sensor, camera, lenses[camera.name])
+        _metashape_covariance(sensor, calibrated, k)
+    return document, chunk
+
+
+def _metashape_rig(chunk: ET.Element, calibrated: Calibrated) -> None:
+    """Make all sensors but the first its slaves."""
+    rig = to_first(calibrated.calibration)
+    for k, (sensor, head) in enumerate(zip(chunk.iter("sensor"), rig, strict=True)):
+        if k:
+            sensor.set("master_id", "0")
+            add_numbers(sensor, "rotation", head.T_v_r_h.R.ravel())
+
+
+def _metashape_sensor(sensor: ET.Element, camera: Camera, lens: Brown) -> None:
+    size = {"width": str(camera.width_px), "height": str(camera.height_px)}
+    ET.SubElement(sensor, "resolution", size)
+    mm = {"pixel_width": camera.pixel_mm, "pixel_height": camera.pixel_mm}
+    for name, value in (*mm.items(), ("focal_length", camera.interior.f)):
+        ET.SubElement(sensor, "property", name=name, value=repr(value))
+    # what is loaded is taken from "initial", so that "adjusted" says the same of it
+    for kind in ("initial", "adjusted"):
+        calibration = ET.SubElement(sensor, "calibration", {"type": "frame", "class": kind})
+        ET.SubElement(calibration, "resolution", size)
+        _metashape_write_params(calibration, camera, lens)
+
+
+def _metashape_write_params(element: ET.Element, camera: Camera, lens: Brown) -> None:
+    hole = lens.hole
+    middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
+    internals = (hole.fy, hole.cx - middle[0], hole.cy - middle[1], hole.fx - hole.fy, hole.skew)
+    values = (*internals, lens.k1, lens.k2, lens.k3, lens.p2, lens.p1)
+    for name, value in zip(METASHAPE_PARAMS, values, strict=True):
+        if value or name not in ("b1", "b2"):
+            add_numbers(element, name, [value])
+
+
+def _metashape_covariance(sensor: ET.Element, calibrated: Calibrated, k: int) -> None:
+    calibration = calibrated.calibration
+    columns = calibration.layout.interior[k]
+    J = METASHAPE_VALUES @ brown.derivatives(calibration.cameras[k], columns, calibration.n_columns)
+    cov = propagate(J, calibration.cov)
+    kept = np.flatnonzero(np.diag(cov) > 0)
+    if len(kept):
+        element = ET.SubElement(sensor, "covariance")
+        ET.SubElement(element, "params").text = " ".join(METASHAPE_PARAMS[i] for i in kept)
+        add_numbers(element, "coeffs", cov[np.ix_(kept, kept)].ravel())
+
+
+def _metashape_transform(components: ET.Element, oriented: Oriented) -> None:
+    """Write the way from the topocentric axes to the ECEF frame."""
+    frame = oriented.block.frame
+    component = ET.SubElement(components, "component", id="0", label="acx4")
+    transform = ET.SubElement(component, "transform")
+    add_numbers(transform, "rotation", rotation_enu_to_ecef(frame.origin[None])[0].ravel())
+    origin = frame.grid.ecef_from_geographic(np.append(frame.origin, 0.0)[None])[0]
+    add_numbers(transform, "translation", origin)
+    add_numbers(transform, "scale", [1.0])
+
+
+def _metashape_place(chunk: ET.Element, oriented: Oriented) -> None:
+    crs = pyproj.CRS.from_user_input(oriented.block.frame.grid.crs)
+    ET.SubElement(chunk, "reference").text = crs.to_wkt("WKT1_GDAL")
+
+
+def _metashape_matrix(T_m_c: Pose) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = T_m_c.R @ R_C_V, T_m_c.r
+    return matrix
+
+
+def _metashape_calibration(camera: Camera, lens: Brown) -> str:
+    """Return the file of one calibration."""
+    element = ET.Element("calibration")
+    ET.SubElement(element, "projection").text = "frame"
+    ET.SubElement(element, "width").text = str(camera.width_px)
+    ET.SubElement(element, "height").text = str(camera.height_px)
+    _metashape_write_params(element, camera, lens)
+    return as_xml(element)
+
+
+# --- OPF, Pix4D's open photogrammetry format, version 1.0: sensors, rig relatives, oriented cameras
+#
+# Specification: https://pix4d.github.io/opf-spec. Rig relatives are R = Rx(a) Ry(b) Rz(c) from the
+# head to the reference, x right, y down, z ahead; orientations are from right, up, back to the CRS.
+
+
+OPF_ASSUMED = (
+    "perspective internals: R1 to R3, T1, T2 are k1 to k3, p1, p2 of OpenCV; pixel (0, 0) is the "
+    "outer corner of the top-left one; a sensor's id is its place in the list, from 1",
+    "rig relatives, with sigma in input-cameras.json: Rx(a) Ry(b) Rz(c) from the head to {}, m",
+    "global shutter, and one band with the camera's name",
+)
+OPF_IN_CRS = "positions and angles are in the grid, as OPF has them: {}; heights are ellipsoidal"
+OPF_CAPTURES = "captures of input-cameras.json: they need times and pixel types"
+OPF_FORMAT = "application/opf-{}+json"
+OPF_LONGEST_SHIFT_M = 1000.0
+"""The processing CRS is shifted by whole multiples of this."""
+
+
+def _opf_cameras(calibrated: Calibrated) -> Taken:
+    """Return input and calibrated sensors."""
+    lenses = brown.square(calibrated)
+    return Taken(
+        files={
+            "input-cameras.json": as_json(_opf_input(calibrated, lenses)),
+            "calibrated-cameras.json": as_json(_opf_calibrated(calibrated, lenses)),
+        },
+        lenses=brown.lenses(lenses),
+        assumed=(OPF_ASSUMED[0], OPF_ASSUMED[1].format(calibrated.cameras[0].name), OPF_ASSUMED[2]),
+        left_out=("sigma of internals: parameters.csv has them", BODY, OPF_CAPTURES),
+    )
+
+
+def _opf_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
+    """Return a project with oriented cameras, and without points."""
+    alone = _opf_cameras(calibrated)
+    lenses = brown.square(calibrated)
+    grid = oriented.block.frame.grid
+    enh = _opf_ellipsoidal(oriented)
+    shift = -np.round(enh.mean(axis=0) / OPF_LONGEST_SHIFT_M) * OPF_LONGEST_SHIFT_M
+    document = _opf_calibrated(calibrated, lenses)
+    document["cameras"] = _opf_oriented(calibrated, oriented, enh + shift)
+    listed = [{"id": i + 1, "uri": name} for i, name in enumerate(oriented.names)]
+    more = {
+        "calibrated-cameras.json": document,
+        "camera-list.json": {**_opf_head("camera-list"), "cameras": listed},
+        "scene-reference-frame.json": {
+            **_opf_head("scene-reference-frame"),
+            "crs": {"definition": _opf_definition(_opf_plane(grid))},
+            "base_to_canonical": {
+                "scale": [1.0, 1.0, 1.0],
+                "shift": shift.tolist(),
+                "swap_xy": False,
+            },
+        },
+        "project.opf": _opf_project(oriented.block.name),
+    }
+    return Taken(
+        files={**alone.files, **{name: as_json(value) for name, value in more.items()}},
+        lenses=alone.lenses,
+        assumed=(*alone.assumed, OPF_IN_CRS.format(_opf_plane(grid).name)),
+        left_out=alone.left_out,
+    )
+
+
+def _opf_plane(grid: GridSystem) -> pyproj.CRS:
+    """Return the part of a CRS that has no heights: in OPF they are then ellipsoidal."""
+    crs = pyproj.CRS.from_user_input(grid.crs)
+    return crs.sub_crs_list[0] if crs.is_compound else crs
+
+
+def _opf_definition(plane: pyproj.CRS) -> str:
+    """Return a CRS as a code or WKT."""
+    code = plane.to_authority(min_confidence=100)
+    return ":".join(code) if code else plane.to_wkt("WKT2_2019")
+
+
+def _opf_head(name: str) -> dict[str, str]:
+    return {"format": OPF_FORMAT.format(name), "version": "1.0"}
+
+
+def _opf_input(calibrated: Calibrated, lenses: Mapping[str, Brown]) -> dict[str, Any]:
+    rig = to_first(calibrated.calibration)
+    sensors = []
+    for i, (camera, head) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
+        sensor = {
+            "id": i,
+            "name": camera.name,
+            "bands": [{"name": camera.name, "weight": 1.0}],
+            "image_size_px": [camera.width_px, camera.height_px],
+            "pixel_size_um": 1000 * camera.pixel_mm,
+            "internals": _opf_internals(lenses[camera.name]),
+            "shutter_type": "global",
+        }
+        sensors.append(sensor if i == 1 else {**sensor, "rig_relatives": _opf_with_sigma(head)})
+    return {**_opf_head("input-cameras"), "sensors": sensors, "captures": []}
+
+
+def _opf_calibrated(calibrated: Calibrated, lenses: Mapping[str, Brown]) -> dict[str, Any]:
+    rig = to_first(calibrated.calibration)
+    sensors = []
+    for i, (camera, head) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
+        sensor = {"id": i, "internals": _opf_internals(lenses[camera.name])}
+        placed = {
+            "translation": head.T_v_r_h.r.tolist(),
+            "rotation_angles_deg": np.degrees(head.T_v_r_h.opk).tolist(),
+        }
+        sensors.append(sensor if i == 1 else {**sensor, "rig_relatives": placed})
+    return {**_opf_head("calibrated-cameras"), "sensors": sensors, "cameras": []}
+
+
+def _opf_internals(lens: Brown) -> dict[str, Any]:
+    return {
+        "type": "perspective",
+        "principal_point_px": [lens.hole.cx + CORNER, lens.hole.cy + CORNER],
+        "focal_length_px": lens.hole.fx,
+        "radial_distortion": [lens.k1, lens.k2, lens.k3],
+        "tangential_distortion": [lens.p1, lens.p2],
+    }
+
+
+def _opf_with_sigma(head: Relative) -> dict[str, Any]:
+    return {
+        "translation": {
+            "values_m": head.T_v_r_h.r.tolist(),
+            "sigmas_m": head.sigma_position.tolist(),
+        },
+        "rotation": {
+            "angles_deg": np.degrees(head.T_v_r_h.opk).tolist(),
+            "sigmas_deg": np.degrees(head.sigma_opk).tolist(),
+        },
+    }
+
+
+def _opf_ellipsoidal(oriented: Oriented) -> np.ndarray:
+    """Return grid positions with ellipsoidal heights, as OPF takes a CRS of two dimensions."""
+    frame = oriented.block.frame
+    lonlath = frame.to_geographic(oriented.T_m_c.r)
+    return np.column_stack([frame.grid.grid_from_lonlat(lonlath[:, :2]), lonlath[:, 2]])
+
+
+def _opf_oriented(
+    calibrated: Calibrated, oriented: Oriented, xyz: np.ndarray
+) -> list[dict[str, Any]]:
+    names = [camera.name for camera in calibrated.cameras]
+    angles = content.in_grid(oriented)[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy()
+    block = oriented.block
+    return [
+        {
+            "id": i + 1,
+            "sensor_id": names.index(block.cameras[block.images.camera_idx[i]].name) + 1,
+            "position": xyz[i].tolist(),
+            "orientation_deg": angles[i].tolist(),
+        }
+        for i in range(len(oriented.names))
+    ]
+
+
+def _opf_project(name: str) -> dict[str, Any]:
+    """Return the index of all files; identifiers are made of their names."""
+    items = {
+        "camera_list": "camera-list",
+        "input_cameras": "input-cameras",
+        "scene_reference_frame": "scene-reference-frame",
+        "calibration": "calibrated-cameras",
+    }
+    ids = {kind: str(uuid.uuid5(uuid.NAMESPACE_OID, f"{name}/{kind}")) for kind in items}
+    sources = [{"id": ids[kind], "type": kind} for kind in items if kind != "calibration"]
+    return {
+        **_opf_head("project"),
+        "id": str(uuid.uuid5(uuid.NAMESPACE_OID, name)),
+        "name": name,
+        "description": "exported by acx4",
+        "generator": {"name": "acx4lib", "version": "1"},
+        "items": [
+            {
+                "id": ids[kind],
+                "type": kind,
+                "resources": [{"uri": f"{file}.json", "format": OPF_FORMAT.format(file)}],
+                "sources": sources if kind == "calibration" else [],
+            }
+            for kind, file in items.items()
+        ],
+    }
+
+
+# --- All of them
+
+
 KINDS: Mapping[str, Kind] = {
     "toml": Kind(cameras=_toml_cameras),
     "opencv": Kind(cameras=_opencv_cameras),
-    "metashape": Kind(cameras=metashape.cameras, oriented=metashape.images, on_map=True),
+    "metashape": Kind(cameras=_metashape_cameras, oriented=_metashape_images, on_map=True),
     "colmap": Kind(cameras=_colmap_cameras, oriented=_colmap_images),
     "opensfm": Kind(cameras=_opensfm_cameras, oriented=_opensfm_images, on_map=True),
-    "opf": Kind(cameras=opf.cameras, oriented=opf.images, on_map=True),
+    "opf": Kind(cameras=_opf_cameras, oriented=_opf_images, on_map=True),
     "micasense": Kind(cameras=_micasense_cameras, heads=True),
     "pix4d": Kind(cameras=_pix4d_cameras, oriented=_pix4d_images),
     "micmac": Kind(cameras=_micmac_cameras, oriented=_micmac_images),
-    "opk": Kind(oriented=lambda _, oriented: orientations.opk(oriented)),
+    "opk": Kind(oriented=lambda _, oriented: content.opk(oriented)),
     "opk-topocentric": Kind(
-        oriented=lambda _, oriented: orientations.topocentric_table(oriented), on_map=True
+        oriented=lambda _, oriented: content.topocentric_table(oriented), on_map=True
     ),
-    "rph": Kind(oriented=lambda _, oriented: orientations.rph(oriented), on_map=True),
+    "rph": Kind(oriented=lambda _, oriented: content.rph(oriented), on_map=True),
 }

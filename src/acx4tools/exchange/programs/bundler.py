@@ -1,25 +1,27 @@
-"""Bundler's bundle.out, version 0.3, with list.txt: images, tie points, orientations in no CRS.
+"""Bundler's bundle.out and VisualSFM's .nvm: images, lenses, tie points; orientations in no CRS.
 
-Cameras look along -z with x right, y up, which are the library's own axes; measurements count from
-the middle of the image, y up: https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html.
+Bundler's version 0.3 has list.txt beside it. Its cameras look along -z with x right, y up, which
+are the library's own axes; measurements count from the middle of the image, y up:
+https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from acx4lib.expected import Array, Index
 from acx4lib.flight.problems import Range, quoted
 from acx4lib.geometry.frames import Pose
-from acx4tools.exchange import tables
-from acx4tools.exchange.axes import is_rotation, nearest_rotation
+from acx4tools.exchange import safe
+from acx4tools.exchange.coordinates import FLIP, is_rotation, nearest_rotation, stacked
+from acx4tools.exchange.lens import BUNDLER, Lens, Pinhole, inverse
 from acx4tools.exchange.lens import FLIP as FLIP_Y
-from acx4tools.exchange.lens import Pinhole
-from acx4tools.exchange.lens_models import BUNDLER, Lens
 from acx4tools.exchange.project import (
     Images,
     Measured,
@@ -28,10 +30,10 @@ from acx4tools.exchange.project import (
     numbered,
     on_no_map,
     reading,
+    require_all_names,
+    without_folders,
 )
-from acx4tools.exchange.safe import opened, text_lines
-from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.safe.text_lines import COORDINATE, Line, Rows, first_views
+from acx4tools.exchange.safe import COORDINATE, Line, Opened, Rows, first_views
 
 VERSIONS = ("# Bundle file v0.3", "# Bundle file v0.4")
 """First lines; 0.4 has the same layout."""
@@ -83,7 +85,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
     FlightError
         For a file that is no bundle.out.
     """
-    file = opened.read(source)
+    file = safe.read(source)
     settings, in_grid = on_no_map(file, crs, "Bundler")
     bundle = _bundle(file)
     listed, names = _names(source, len(bundle.lenses), file)
@@ -94,7 +96,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
     cameras = tuple(called[values] for values in lens_values)
     points = tuple(str(k) for k in range(len(bundle.x_w)))
     named = {"image": images, "camera": cameras, "point": points}
-    tables.require_all_names(named, file.wrong)
+    require_all_names(named, file.wrong)
     row = np.full(len(bundle.lenses), -1)
     row[good] = np.arange(len(good))
     used = row[bundle.image_idx] >= 0
@@ -199,10 +201,196 @@ def _names(source: Path, n: int, file: Opened) -> tuple[list[Opened], tuple[str,
     for folder in (source.parent, source.parent.parent):
         path = folder / "list.txt"
         if path.is_file():
-            listed = opened.read(path)
-            rows = list(text_lines.lines(listed))
+            listed = safe.read(path)
+            rows = list(safe.lines(listed))
             if len(rows) != n:
                 count = f"has {len(rows)} images"
                 raise listed.wrong("file", count, f"must have {n}, as {file.name}")
-            return [listed], tables.without_folders([row.cell(0, "image") for row in rows])
+            return [listed], without_folders([row.cell(0, "image") for row in rows])
     return [], tuple(f"image{k:04d}" for k in range(n))
+
+
+# --- VisualSFM's .nvm, NVM_V3
+#
+# A line of a camera has its file, the focal length f in px, the quaternion w, x, y, z of R, the
+# centre, r, and 0. Axes are x right, y down, z ahead. Measurements count from the middle of the
+# image, y down. The lens is that of its adjustment: with m the measured point in units of f,
+# m (1 + r m·m) is the ideal one: http://ccwu.me/vsfm/doc.html.
+
+
+NVM_VERSION, NVM_FIXED = "NVM_V3", "FixedK"
+"""First cell of the file, and the cell after it if all images have one given calibration."""
+
+NVM_FOCAL = Range(1.0, 1e7, "must be a focal length in pixels")
+NVM_COEFFICIENT = Range(-100.0, 100.0)
+NVM_ENTRY = Range(-1e3, 1e3)
+NVM_MOST = Range(0, 1e8, "must be a number of cameras or points", whole=True)
+
+NVM_ASSUMED = (
+    "camera axes are x right, y down, z ahead; measurements count from the middle of the image; "
+    "the radial coefficient takes measured points to ideal ones",
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _NvmCamera:
+    """An image: its line in the file, its name, f and r, and its pose."""
+
+    line: Line
+    file: str
+    lens: tuple[float, float]
+    T_w_c: Pose
+
+
+def project_nvm(source: Path, *, size: tuple[int, int], crs: str | None = None) -> Project:
+    """Return the first model of a .nvm.
+
+    Parameters
+    ----------
+    source : Path
+    size : tuple of int
+        Width and height of the images, px: VisualSFM does not write them.
+    crs : str, optional
+        `geodesy.LOCAL` takes the coordinates and orientations as they are, on no map.
+
+    Raises
+    ------
+    FlightError
+        For a file that is no NVM_V3.
+    """
+    file = safe.read(source)
+    settings, in_grid = on_no_map(file, crs, "VisualSFM")
+    rows = Rows(file)
+    centre = _nvm_centre(rows, size)
+    cameras = [_nvm_camera(row) for row in _nvm_counted(rows, "camera")]
+    if not cameras:
+        raise file.wrong("cameras", "there is none", "must have one")
+    images = _nvm_names(cameras)
+    points, again = _nvm_points(rows, len(cameras), centre)
+    called = numbered(camera.lens for camera in cameras)
+    measured = Measured(
+        points=tuple(str(k) for k in range(len(points.x_w))),
+        x_w=points.x_w,
+        image_idx=points.views[:, 0].astype(int),
+        point_idx=points.views[:, 1].astype(int),
+        colrow=points.views[:, 2:],
+    )
+    first = {called[camera.lens]: camera for camera in reversed(cameras)}
+    require_all_names({"image": images}, file.wrong)
+    return Project(
+        source=f"VisualSFM {NVM_VERSION}",
+        sources=[file],
+        lenses={name: _nvm_lens(file, first[name], size, centre) for name in called.values()},
+        images=Images(
+            names=images,
+            cameras=tuple(called[camera.lens] for camera in cameras),
+            exposures=images,
+            T_w_c=stacked([camera.T_w_c for camera in cameras]),
+        ),
+        measured=measured,
+        settings=settings,
+        in_grid=in_grid,
+        proofs=(Proof(whose="the program's own points", measured=measured),),
+        lost={
+            "second measurements of a point in one image": again,
+            "cameras of further models in the file": _nvm_further(rows),
+        },
+        assumed=NVM_ASSUMED,
+    )
+
+
+read_nvm = reading(project_nvm)
+
+
+def _nvm_counted(rows: Rows, noun: str) -> Iterator[Line]:
+    """Yield as many lines as the line before them states."""
+    head = rows.next(f"number of {noun}s")
+    for _ in range(int(head.number_at(0, f"number of {noun}s", NVM_MOST))):
+        yield rows.next(noun)
+
+
+def _nvm_centre(rows: Rows, size: tuple[int, int]) -> Array:
+    """Return from where measurements count, the library's pixels, by the first line."""
+    first = rows.next("version")
+    if first.cell(0, "version") != NVM_VERSION:
+        raise first.wrong("version", quoted(first.cells[0]), f"must be {NVM_VERSION}")
+    middle = np.array([size[0] - 1, size[1] - 1]) / 2
+    if len(first) == 1:
+        return middle
+    if first.cells[1] != NVM_FIXED:
+        raise first.wrong("version", quoted(first.cells[1]), f"must be {NVM_FIXED}, or nothing")
+    _, cx, _, cy = first.numbers(2, 6, "fx, cx, fy, cy", NVM_FOCAL).tolist()
+    return np.array([cx, cy]) - 0.5
+
+
+def _nvm_camera(row: Line) -> _NvmCamera:
+    n = len(row) - 10
+    if n < 1:
+        expected = "must be file, f, quaternion, centre, r and 0"
+        raise row.wrong("camera", f"{len(row)} cells", expected)
+    f = row.number_at(n, "focal length", NVM_FOCAL)
+    quaternion = row.numbers(n + 1, n + 5, "quaternion", NVM_ENTRY)
+    if not np.linalg.norm(quaternion) > 0:
+        raise row.wrong("quaternion", "is zero", "must be a rotation")
+    R_v_w = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    return _NvmCamera(
+        line=row,
+        file=" ".join(row.cells[:n]).replace("\\", "/"),
+        lens=(f, row.number_at(n + 8, "radial distortion", NVM_COEFFICIENT)),
+        T_w_c=Pose(R=R_v_w.T @ FLIP, r=row.numbers(n + 5, n + 8, "centre", COORDINATE)),
+    )
+
+
+def _nvm_names(cameras: list[_NvmCamera]) -> tuple[str, ...]:
+    """Return names of files without folders, or with them where some are the same."""
+    whole = [camera.file for camera in cameras]
+    for k, name in enumerate(whole):
+        if name in whole[:k]:
+            raise cameras[k].line.wrong("image", f"{quoted(name)} is there twice", "must be once")
+    return without_folders(whole)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _NvmPoints:
+    """Points, shape (n, 3), and rows of image, point, column and row."""
+
+    x_w: Array
+    views: Array
+
+
+def _nvm_points(rows: Rows, n_cameras: int, centre: Array) -> tuple[_NvmPoints, int]:
+    """Return the points, and how often an image has one of them again."""
+    x_w, views, again = [], [], 0
+    for point, row in enumerate(_nvm_counted(rows, "point")):
+        x_w.append(row.numbers(0, 3, "point", COORDINATE))
+        n = row.whole_at(6, "views")
+        if not 0 <= n == (len(row) - 7) / 4:
+            count = f"{len(row) - 7} cells after the number {n}"
+            raise row.wrong("views", count, "must be four for each: image, feature, x, y")
+        by_image = first_views(row, 7, n_cameras)
+        views += [(k, point, x + centre[0], y + centre[1]) for k, (x, y) in by_image.items()]
+        again += n - len(by_image)
+    table = np.array(views, dtype=float).reshape(-1, 4)
+    return _NvmPoints(x_w=np.array(x_w).reshape(-1, 3), views=table), again
+
+
+def _nvm_further(rows: Rows) -> int:
+    """Return how many cameras a further model of the file has; 0 where there is none."""
+    row = rows.maybe()
+    return max(0, row.whole_at(0, "number of cameras")) if row is not None and len(row) == 1 else 0
+
+
+def _nvm_lens(file: Opened, camera: _NvmCamera, size: tuple[int, int], centre: Array) -> Lens:
+    f, r = camera.lens
+    cx, cy = centre.tolist()
+
+    def ideal(points: Array) -> Array:
+        return points * (1 + r * np.sum(points**2, axis=1, keepdims=True))
+
+    return Lens(
+        width_px=size[0],
+        height_px=size[1],
+        hole=Pinhole(fx=f, fy=f, cx=cx, cy=cy),
+        distortion=lambda points: inverse(ideal, points, points) if r else points,
+        wrong=partial(file.wrong, "camera", line=camera.line.number),
+    )

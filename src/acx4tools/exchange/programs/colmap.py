@@ -20,11 +20,10 @@ from acx4lib.expected import Array, Index
 from acx4lib.flight.problems import PIXELS, quoted
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import LOCAL, GridSystem
-from acx4tools.exchange import tables
-from acx4tools.exchange.axes import AHEAD, FLIP, stacked, turned
-from acx4tools.exchange.lens import Pinhole
-from acx4tools.exchange.lens_models import COLMAP as MODELS
-from acx4tools.exchange.lens_models import Lens, Wrong
+from acx4tools.exchange import safe
+from acx4tools.exchange.coordinates import AHEAD, FLIP, stacked, turned
+from acx4tools.exchange.lens import COLMAP as MODELS
+from acx4tools.exchange.lens import Lens, Pinhole, Wrong
 from acx4tools.exchange.project import (
     Images,
     InGrid,
@@ -32,12 +31,12 @@ from acx4tools.exchange.project import (
     Project,
     Proof,
     as_they_are,
+    grid_poses_of_ecef,
     nowhere,
     reading,
+    require_names,
 )
-from acx4tools.exchange.safe import opened
-from acx4tools.exchange.safe.opened import Opened, refusal
-from acx4tools.exchange.safe.text_lines import LONGEST_LINE, Cursor, Line
+from acx4tools.exchange.safe import LONGEST_LINE, Cursor, Line, Opened, refusal
 
 NAMES = ("cameras", "images", "points3D")
 """Files of a model; their endings are .bin or .txt."""
@@ -178,7 +177,7 @@ def _model(source: Path) -> _Model:
             if name in MAY_BE_EMPTY and path.is_file() and not path.stat().st_size:
                 continue
             if name not in MAYBE or path.exists():
-                files[name] = opened.read(path)
+                files[name] = safe.read(path)
         none = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         return _Model(
             sources=tuple(files.values()),
@@ -211,9 +210,7 @@ def _require(model: _Model) -> None:
                 f"frame {key[0]} has camera {key[1]} twice", "must have each camera once"
             )
         seen.add(key)
-    tables.require_names(
-        list(places), lambda name, fault, expected: places[name].wrong(fault, expected)
-    )
+    require_names(list(places), lambda name, fault, expected: places[name].wrong(fault, expected))
 
 
 def _named(camera: int) -> str:
@@ -295,7 +292,7 @@ def _in_grid(folder: Path, crs: str | None, T_w_c: Pose) -> tuple[InGrid, tuple[
     distance = np.linalg.norm(T_w_c.r, axis=1)
     if ((distance > EARTH[0]) & (distance < EARTH[1])).all():
         sentence = f"The model is in the earth-centred frame of {crs}"
-        return lambda T: tables.grid_poses_of_ecef(grid, T), (sentence,)
+        return lambda T: grid_poses_of_ecef(grid, T), (sentence,)
     sentence = f"The model's x, y, z are east, north and ellipsoidal height of {crs}"
     return lambda T: (T.r, T.opk), (sentence,)
 

@@ -22,22 +22,23 @@ from acx4lib.expected import Array, Mask
 from acx4lib.flight.problems import PIXELS, RANGES, Range, quoted
 from acx4lib.geometry.frames import Pose, transform
 from acx4lib.geometry.geodesy import LOCAL, LocalFrame
-from acx4tools.exchange import crs as coordinates
-from acx4tools.exchange import tables
-from acx4tools.exchange.axes import (
+from acx4tools.exchange import coordinates, safe
+from acx4tools.exchange.coordinates import (
     FLIP,
     TOP_AHEAD,
     UNKNOWN,
+    Chosen,
     is_rotation,
     nearest_rotation,
+    parsed,
     stacked,
     turned,
 )
-from acx4tools.exchange.crs import Chosen, parsed
-from acx4tools.exchange.lens import Pinhole
-from acx4tools.exchange.lens_models import METASHAPE as MODELS
-from acx4tools.exchange.lens_models import Lens
+from acx4tools.exchange.lens import METASHAPE as MODELS
+from acx4tools.exchange.lens import Lens, Pinhole
 from acx4tools.exchange.project import (
+    DEGREES,
+    METRES,
     Control,
     Images,
     InGrid,
@@ -46,12 +47,14 @@ from acx4tools.exchange.project import (
     Proof,
     Trajectory,
     as_they_are,
+    grid_poses_of_ecef,
     nowhere,
     reading,
+    require_names,
+    trajectory_in_grid,
+    without_doubles,
 )
-from acx4tools.exchange.safe import opened, xml_tree
-from acx4tools.exchange.safe.opened import Opened, Together
-from acx4tools.exchange.safe.xml_tree import Element
+from acx4tools.exchange.safe import Element, Opened, Together
 
 T = TypeVar("T")
 
@@ -267,7 +270,7 @@ def _chunk(source: Path, *, label: str | None = None) -> _Chunk:
     file = files.read(source)
     if file.data[:2] == b"PK":
         return _in_archive(file, files)
-    root = xml_tree.tree(file)
+    root = safe.xml_tree(file)
     if root.tag == "document" and "path" in root.attributes:
         return _of_project(file, root, label, files)
     if root.tag == CALIBRATION:
@@ -305,7 +308,7 @@ def _of_project(file: Opened, root: Element, label: str | None, files: Together)
     folder = Path(file.file).parent
     name = root.attribute("path").replace("{projectname}", Path(file.file).stem)
     project = _member(files.read(_inside(root, folder, name)), files)
-    document = xml_tree.tree(project)
+    document = safe.xml_tree(project)
     listed = list(document.each("chunks", "chunk"))
     within = (folder / name).parent
     active = document.one("chunks").attributes.get("active_id")
@@ -330,7 +333,7 @@ def _of_project(file: Opened, root: Element, label: str | None, files: Together)
 
 def _in_archive(file: Opened, files: Together) -> _Chunk:
     document = _member(file, files)
-    root = xml_tree.tree(document)
+    root = safe.xml_tree(document)
     if root.tag != "chunk":
         raise root.wrong("is no chunk", "must begin with <chunk>")
     return _whole(root, (document,), files)
@@ -346,12 +349,12 @@ def _whole(
         folder = Path(sources[0].file.removesuffix(f"/{DOCUMENT}")).parent
         place = _inside(frame, folder, frame.attribute("path"))
         document = _member(files.read(place), files)
-        frame, sources = xml_tree.tree(document), (*sources, document)
+        frame, sources = safe.xml_tree(document), (*sources, document)
     return _Chunk(root=root, frame=frame, sources=sources, others=others)
 
 
 def _member(file: Opened, files: Together) -> Opened:
-    return files.add(opened.member(file, DOCUMENT))
+    return files.add(safe.member(file, DOCUMENT))
 
 
 def _inside(element: Element, folder: Path, name: str) -> Path:
@@ -392,9 +395,9 @@ def _sensors(root: Element, *, wanted: str) -> dict[str, _Sensor]:
         raise root.wrong("has no <sensor>", "must have one")
     ids = [sensor.attribute("id") for sensor in elements]
     labels = [sensor.attributes.get("label", "").strip() or "unknown" for sensor in elements]
-    names, _ = tables.without_doubles(labels, ids)
+    names, _ = without_doubles(labels, ids)
     places = dict(zip(names, elements, strict=True))
-    tables.require_names(
+    require_names(
         names, lambda name, fault, expected: places[name].wrong(fault, expected, attribute="label")
     )
     sensors = {}
@@ -546,9 +549,9 @@ def _shots(root: Element, sensors: Mapping[str, _Sensor]) -> tuple[dict[str, _Sh
             raise element.wrong(sensor_id, "must be a sensor's id", attribute="sensor_id")
         elements[i] = element
     labels = [camera.attribute("label").strip() for camera in elements.values()]
-    names, doubled = tables.without_doubles(labels, list(elements))
+    names, doubled = without_doubles(labels, list(elements))
     places = dict(zip(names, elements.values(), strict=True))
-    tables.require_names(
+    require_names(
         names, lambda name, fault, expected: places[name].wrong(fault, expected, attribute="label")
     )
     named = dict(zip(elements, names, strict=True))
@@ -713,7 +716,7 @@ def _images(
         return images, lambda _: _no_place(whole)
     if system.source is None:
         return images, as_they_are
-    return images, lambda T: tables.grid_poses_of_ecef(_told(whole, system.grid, element), T)
+    return images, lambda T: grid_poses_of_ecef(_told(whole, system.grid, element), T)
 
 
 def _no_place(whole: _Chunk) -> tuple[Array, Array]:
@@ -749,7 +752,7 @@ def _measured(whole: _Chunk, shots: Mapping[str, _Shot], system: Chosen | None) 
     if system.crs == LOCAL:
         enh, rph = np.array(places), np.radians(np.array(rotations)[:, ::-1])
         opk = LocalFrame().pose_from_rph(enh, rph).opk
-        local = tables.trajectory_in_grid(list(names), enh, opk)
+        local = trajectory_in_grid(list(names), enh, opk)
         return Trajectory(
             table={**local, **_sigmas(whole, references)},
             assumed=(_YAW.format(north="y"), *_whose_accuracy(references)),
@@ -763,12 +766,12 @@ def _measured(whole: _Chunk, shots: Mapping[str, _Shot], system: Chosen | None) 
         yaw = yaw + np.degrees(system.grid().convergence(lonlath[:, :2]))
     table: dict[str, object] = {
         "exposure": list(names),
-        "lat_deg": np.round(lonlath[:, 1], tables.DEGREES + 1).tolist(),
-        "lon_deg": np.round(lonlath[:, 0], tables.DEGREES + 1).tolist(),
-        "height_m": np.round(lonlath[:, 2], tables.METRES).tolist(),
-        "roll_deg": np.round(roll, tables.DEGREES).tolist(),
-        "pitch_deg": np.round(pitch, tables.DEGREES).tolist(),
-        "heading_deg": np.round(yaw, tables.DEGREES).tolist(),
+        "lat_deg": np.round(lonlath[:, 1], DEGREES + 1).tolist(),
+        "lon_deg": np.round(lonlath[:, 0], DEGREES + 1).tolist(),
+        "height_m": np.round(lonlath[:, 2], METRES).tolist(),
+        "roll_deg": np.round(roll, DEGREES).tolist(),
+        "pitch_deg": np.round(pitch, DEGREES).tolist(),
+        "heading_deg": np.round(yaw, DEGREES).tolist(),
         **_sigmas(whole, references),
     }
     assumed = (
@@ -913,7 +916,7 @@ def _markers(root: Element) -> dict[str, str]:
             )
         places[label] = marker
         labels[marker.attribute("id")] = label
-    tables.require_names(
+    require_names(
         list(places),
         lambda name, fault, expected: places[name].wrong(fault, expected, attribute="label"),
     )

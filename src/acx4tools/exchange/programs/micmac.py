@@ -24,14 +24,20 @@ import numpy as np
 from acx4lib.expected import Array
 from acx4lib.flight.problems import METRES, RANGES, Range, quoted
 from acx4lib.geometry.frames import Pose
-from acx4tools.exchange import lens, tables
-from acx4tools.exchange.axes import FLIP, UNKNOWN, is_rotation, nearest_rotation, stacked
-from acx4tools.exchange.lens import Model, Pinhole
-from acx4tools.exchange.lens_models import Lens
-from acx4tools.exchange.project import Control, Images, Measured, Project, Proof, in_crs, reading
-from acx4tools.exchange.safe import opened, xml_tree
-from acx4tools.exchange.safe.opened import Opened, Together
-from acx4tools.exchange.safe.xml_tree import Element
+from acx4tools.exchange import lens, safe
+from acx4tools.exchange.coordinates import FLIP, UNKNOWN, is_rotation, nearest_rotation, stacked
+from acx4tools.exchange.lens import Lens, Model, Pinhole
+from acx4tools.exchange.project import (
+    Control,
+    Images,
+    Measured,
+    Project,
+    Proof,
+    in_crs,
+    reading,
+    require_all_names,
+)
+from acx4tools.exchange.safe import Element, Opened, Together
 
 KNOWN = "eConvApero_DistM2C"
 """The convention of all files that version 1 writes itself."""
@@ -131,7 +137,7 @@ def project(source: Path, *, crs: str | None = None) -> Project:
         {name: x_w for name, (x_w, _) in surveyed.items()},
     )
     named = {"image": names, "camera": images.cameras, "point": rays.points}
-    tables.require_all_names(named, files.read[0].wrong)
+    require_all_names(named, files.read[0].wrong)
     xyz, sigma = (
         np.array([place[k] for place in surveyed.values()]).reshape(-1, 3) for k in (0, 1)
     )
@@ -256,16 +262,16 @@ def _files_of(source: Path, version: _Version) -> _Files:
     paths = list(version.paths(source)) if source.is_dir() else [source]
     if len(paths) > MOST:
         many = f"has {len(paths)} XML files"
-        raise opened.refusal(str(source), 1, "folder", many, f"must have at most {MOST}")
+        raise safe.refusal(str(source), 1, "folder", many, f"must have at most {MOST}")
     for path in paths:
         file = files.read(path)
-        if version.keep(contents, path, xml_tree.tree(file)):
+        if version.keep(contents, path, safe.xml_tree(file)):
             contents.read.append(file)
         else:
             contents.others += 1
     if not contents.read:
         expected = f"must hold {version.wanted}"
-        raise opened.refusal(str(source), 1, "file", "has no XML of MicMac", expected)
+        raise safe.refusal(str(source), 1, "file", "has no XML of MicMac", expected)
     return contents
 
 
@@ -273,7 +279,7 @@ def _require_one(source: Path, names: list[str]) -> None:
     """Raise where there are orientations in several folders."""
     if len(names) > 1:
         listed = f"has orientations in {', '.join(names)}"
-        raise opened.refusal(str(source), 1, "folder", listed, "give one of these folders")
+        raise safe.refusal(str(source), 1, "folder", listed, "give one of these folders")
 
 
 # --- Version 1
@@ -731,7 +737,7 @@ def _moved(points: Array, distance: Array) -> Array:
 
 
 def _coefficients(root: Element) -> dict[str, float]:
-    """Return the terms of the distortion by their roles in `lens.effects`, with b1 and b2."""
+    """Return the terms of the distortion by their roles in `effects`, with b1 and b2."""
     coefficients: dict[str, float] = {}
     mode = root.maybe("Auxiliary", "IsFraserMode")
     known = {"p1": "v", "p2": "u", "b1": "b1", "b2": "b2"}

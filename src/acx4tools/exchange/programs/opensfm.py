@@ -27,14 +27,11 @@ from acx4lib.expected import Array
 from acx4lib.flight.problems import METRES, RANGES, Range, quoted
 from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
-from acx4tools.exchange import crs as coordinates
-from acx4tools.exchange import tables
-from acx4tools.exchange.axes import FLIP, UNKNOWN, stacked, turned
-from acx4tools.exchange.crs import Chosen
+from acx4tools.exchange import coordinates, safe
+from acx4tools.exchange.coordinates import FLIP, UNKNOWN, Chosen, stacked, turned
 from acx4tools.exchange.flight_folder import ImportedFlight
-from acx4tools.exchange.lens import Pinhole
-from acx4tools.exchange.lens_models import OPENSFM as MODELS
-from acx4tools.exchange.lens_models import Lens
+from acx4tools.exchange.lens import OPENSFM as MODELS
+from acx4tools.exchange.lens import Lens, Pinhole
 from acx4tools.exchange.project import (
     Control,
     Images,
@@ -42,15 +39,15 @@ from acx4tools.exchange.project import (
     Measured,
     Project,
     Proof,
+    first_use,
     flight_of,
     joined,
     nowhere,
     reading,
+    require_all_names,
+    require_names,
 )
-from acx4tools.exchange.safe import json_tree, opened, text_lines
-from acx4tools.exchange.safe.json_tree import Node
-from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.safe.text_lines import Line
+from acx4tools.exchange.safe import Line, Node, Opened
 
 OPENSFM = "opensfm"
 """Folder of OpenSfM's files in a project of ODM."""
@@ -121,7 +118,7 @@ def project(
     lenses = _lenses(files, root, shots, camera)
     ties = _ties(files, root, shots, lenses)
     named = {"image": shots.names, "camera": shots.heads, "exposure": shots.instances}
-    tables.require_all_names({**named, "point": ties.points}, root.source.wrong)
+    require_all_names({**named, "point": ties.points}, root.source.wrong)
     place = _place_of(files, root, shots, crs)
     listed = [file for file in map(files.maybe, CONTROL) if file is not None]
     marks, control, left_out = Measured(), None, others
@@ -174,7 +171,7 @@ def _cameras_alone(files: _Files) -> Project:
     if node is None:
         path = str(files.folder / TRACKS)
         wanted = f"needs {RECONSTRUCTION} beside it, which names the cameras of the images"
-        raise opened.refusal(path, 1, "file", "alone", wanted)
+        raise safe.refusal(path, 1, "file", "alone", wanted)
     return Project(
         source="OpenSfM's cameras",
         sources=files.read.values(),
@@ -223,9 +220,7 @@ def _ties(files: _Files, root: Node, shots: _Shots, lenses: Mapping[str, Lens]) 
     row_of = {name: row for row, name in enumerate(shots.names)}
     used = np.array([image in row_of for image in images], dtype=bool)
     image_idx = np.array([row_of[image] for image in images if image in row_of], dtype=int)
-    tracks, point_idx = tables.first_use(
-        [n for n, is_used in zip(names, used, strict=True) if is_used]
-    )
+    tracks, point_idx = first_use([n for n, is_used in zip(names, used, strict=True) if is_used])
     sizes = [(lenses[head].width_px, lenses[head].height_px) for head in shots.heads]
     return Measured(
         points=tuple(tracks),
@@ -266,13 +261,13 @@ class _Files:
             if name.startswith("../") and self.folder.name != OPENSFM:
                 continue  # above the folder is ODM's only if it has this name
             if path.is_symlink() or path.exists():
-                return self.read.setdefault(path.name, opened.read(path))
+                return self.read.setdefault(path.name, safe.read(path))
         return None
 
     def tree(self, *names: str) -> Node | None:
         """Return the first file that exists of some names, as JSON; None where there is none."""
         source = self.maybe(*names)
-        return None if source is None else json_tree.tree(source)
+        return None if source is None else safe.json_tree(source)
 
 
 def _files_of(source: Path) -> _Files:
@@ -285,12 +280,12 @@ def _files_of(source: Path) -> _Files:
         if any((folder / name).exists() for name in (RECONSTRUCTION, TRACKS, *CAMERAS)):
             return known
     wanted = f"must hold {RECONSTRUCTION}, {TRACKS} or {CAMERAS[0]}, as OpenSfM writes them"
-    raise opened.refusal(str(source), 1, "folder", "has no file of OpenSfM", wanted)
+    raise safe.refusal(str(source), 1, "folder", "has no file of OpenSfM", wanted)
 
 
 def _is_cameras(source: Path) -> bool:
     """Tell whether a file holds cameras and no reconstruction."""
-    value = json_tree.tree(opened.read(source)).value
+    value = safe.json_tree(safe.read(source)).value
     return isinstance(value, dict) and "shots" not in value
 
 
@@ -415,7 +410,7 @@ def _points(node: Node) -> dict[str, list[float]]:
 
 def _tracks(source: Opened) -> tuple[list[str], list[str], Array]:
     """Return images, tracks and normalised points of tracks.csv, shape (n, 2)."""
-    rows = text_lines.lines(source, separator="\t")
+    rows = safe.lines(source, separator="\t")
     images, names, points = [], [], []
     for row in rows:
         if row.number == 1 and row.cells[0].startswith("OPENSFM_TRACKS"):
@@ -532,7 +527,7 @@ def _place_of(files: _Files, root: Node, shots: _Shots, crs: str | None) -> _Pla
 def _zone_and_offset(files: _Files, lon: float, lat: float) -> tuple[str, Array]:
     """Return the UTM zone as an EPSG code, and the origin of a reconstruction by ODM in it."""
     source = files.maybe(COORDS)
-    rows = [] if source is None else list(text_lines.lines(source))[:2]
+    rows = [] if source is None else list(safe.lines(source))[:2]
     if len(rows) == 2 and rows[0].cells[:2] == ("WGS84", "UTM"):
         zone = rows[0].cell(2, "zone")
         return _code(int(zone[:-1]), zone[-1] != "S"), rows[1].numbers(0, 2, "offset")
@@ -577,7 +572,7 @@ def _marks(
         for name, head in zip(shots.names, shots.heads, strict=True)
     }
     if file.name.endswith(".json"):
-        names, lonlath, marks = _of_json(json_tree.tree(file))
+        names, lonlath, marks = _of_json(safe.json_tree(file))
     else:
         names, lonlath, marks = _of_list(file, size, place.frame.grid)
     row_of = {name: row for row, name in enumerate(shots.names)}
@@ -716,14 +711,14 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
     FlightError
         For another layout, or one name for two points.
     """
-    file = opened.read(source)
+    file = safe.read(source)
     listed = _list(file, crs)
     known = np.isfinite(listed.enh[:, 2])
     high, flat = (
         tuple(name for name, has in zip(listed.names.values(), mask, strict=True) if has)
         for mask in (known, ~known)
     )
-    images, image_idx = tables.first_use([mark.image for mark in listed.seen])
+    images, image_idx = first_use([mark.image for mark in listed.seen])
     pairs = zip(image_idx, listed.seen, strict=True)
     return Project(
         source="ODM's control points",
@@ -746,7 +741,7 @@ def control(source: Path, *, crs: str | None = None, camera: str | None = None) 
 
 
 def _list(file: Opened, crs: str | None) -> _List:
-    first, *rows = [*text_lines.lines(file, comment="#")] or [_blank(file)]
+    first, *rows = [*safe.lines(file, comment="#")] or [_blank(file)]
     marks = [_seen(row) for row in rows]
     if not marks:
         raise first.wrong("file", "has no point after the CRS", "must have one at least")
@@ -824,7 +819,7 @@ def _require_once(marks: list[_Seen], names: dict[tuple[float, ...], str]) -> No
             fault = f"{quoted(key[1])} stands twice in {quoted(key[0])}"
             raise mark.line.wrong("image", fault, "must stand once")
         before.add(key)
-        tables.require_names(key, partial(_wrong_name, mark.line))
+        require_names(key, partial(_wrong_name, mark.line))
 
 
 def _wrong_name(line: Line, name: str, fault: str, expected: str) -> FlightError:

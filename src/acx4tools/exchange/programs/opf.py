@@ -24,14 +24,12 @@ from acx4lib.expected import Array
 from acx4lib.flight.problems import METRES, PIXELS, RANGES, Range, quoted
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
-from acx4tools.exchange import crs as coordinates
-from acx4tools.exchange import tables
-from acx4tools.exchange.axes import FLIP, TOP_AHEAD, UNKNOWN, stacked, turned
-from acx4tools.exchange.crs import Chosen
-from acx4tools.exchange.lens import Pinhole
-from acx4tools.exchange.lens_models import OPF as PERSPECTIVE
-from acx4tools.exchange.lens_models import Lens, fisheye
+from acx4tools.exchange import coordinates, safe
+from acx4tools.exchange.coordinates import FLIP, TOP_AHEAD, UNKNOWN, Chosen, stacked, turned
+from acx4tools.exchange.lens import OPF as PERSPECTIVE
+from acx4tools.exchange.lens import Lens, Pinhole, fisheye
 from acx4tools.exchange.project import (
+    DEGREES,
     Control,
     Images,
     InGrid,
@@ -42,10 +40,11 @@ from acx4tools.exchange.project import (
     joined,
     nowhere,
     reading,
+    require_names,
+    trajectory_in_grid,
+    without_doubles,
 )
-from acx4tools.exchange.safe import json_tree
-from acx4tools.exchange.safe.json_tree import Node
-from acx4tools.exchange.safe.opened import Opened, Together, refusal
+from acx4tools.exchange.safe import Node, Opened, Together, refusal
 
 BEGIN, END = "application/opf-", "+json"
 """Prefix and suffix of the names of JSON formats."""
@@ -198,7 +197,7 @@ def _documents_of(source: Path) -> _Documents:
             return _gathered(source)
         source = listed[0]
     files = Together()
-    root = json_tree.tree(files.read(source))
+    root = safe.json_tree(files.read(source))
     if _format(root) != PROJECT:
         return _documents(source.stem, "OPF", [root], files)
     return _of_items(source, root, files)
@@ -207,7 +206,7 @@ def _documents_of(source: Path) -> _Documents:
 def _gathered(folder: Path) -> _Documents:
     """Return the documents of a folder without a project."""
     files = Together()
-    roots = [json_tree.tree(files.read(path)) for path in sorted(folder.glob("*.json"))]
+    roots = [safe.json_tree(files.read(path)) for path in sorted(folder.glob("*.json"))]
     roots = [root for root in roots if _format(root, must=False)]
     if not roots:
         fault, expected = "has no file of OPF", "must have project.opf, or JSON files of OPF"
@@ -224,14 +223,14 @@ def _of_items(path: Path, root: Node, files: Together) -> _Documents:
         if kind == CALIBRATION and name == GLTF and tracks is None:
             place = _inside(resource.one("uri"), path.parent)
             if place.exists():
-                tracks = json_tree.tree(files.read(place))
+                tracks = safe.json_tree(files.read(place))
                 continue
         if name.removeprefix(BEGIN).removesuffix(END) not in READ:
             others.append(name)
             continue
         place = _inside(resource.one("uri"), path.parent)
         if place not in roots:
-            roots[place] = json_tree.tree(files.read(place))
+            roots[place] = safe.json_tree(files.read(place))
     generator = root.maybe("generator")
     program = "OPF"
     if generator is not None:
@@ -333,9 +332,9 @@ def _sensors(project: _Documents, *, wanted: str) -> dict[str, _Sensor]:
     if calibrated is not None and wanted == "adjusted":
         after = {sensor.one("id").text(): sensor for sensor in calibrated.one("sensors").each()}
     ids = list(nodes)
-    names, _ = tables.without_doubles(_sensor_labels(nodes), ids)
+    names, _ = without_doubles(_sensor_labels(nodes), ids)
     places = dict(zip(names, nodes.values(), strict=True))
-    tables.require_names(names, lambda name, fault, expected: places[name].wrong(fault, expected))
+    require_names(names, lambda name, fault, expected: places[name].wrong(fault, expected))
     return {i: _sensor(name, nodes[i], after.get(i)) for i, name in zip(ids, names, strict=True)}
 
 
@@ -462,9 +461,9 @@ def _shots(project: _Documents, sensors: Mapping[str, _Sensor]) -> list[_Shot]:
         pairs = [(camera, None) for camera in after.one("cameras").each()]
     numbers = [camera.one("id").text() for camera, _ in pairs]
     labels = _labels(project)
-    names, _ = tables.without_doubles([labels.get(i, i) for i in numbers], numbers)
+    names, _ = without_doubles([labels.get(i, i) for i in numbers], numbers)
     places_of = {name: camera for name, (camera, _) in zip(names, pairs, strict=True)}
-    tables.require_names(names, lambda name, fault, wanted: places_of[name].wrong(fault, wanted))
+    require_names(names, lambda name, fault, wanted: places_of[name].wrong(fault, wanted))
     named = dict(zip(numbers, names, strict=True))
     if len(named) < len(numbers):
         times = Counter(numbers)
@@ -587,7 +586,7 @@ def _measured(shots: list[_Shot], system: Chosen | None) -> Trajectory:
         strict=True,
     )
     table: dict[str, object] = {
-        **dict(tables.trajectory_in_grid(names, enh, np.stack(opk))),
+        **dict(trajectory_in_grid(names, enh, np.stack(opk))),
         **_sigmas(("east_m", "north_m", "height_m"), np.stack([spot.sigma for spot in spots])),
         **_sigmas(("roll_deg", "pitch_deg", "heading_deg"), np.stack(sigma)),
     }
@@ -598,7 +597,7 @@ def _sigmas(names: tuple[str, str, str], values: Array) -> Mapping[str, list[flo
     """Return the columns of standard deviations; none where one is not known."""
     if not (values > 0).all():
         return {}
-    pairs = zip(names, np.round(values, tables.DEGREES).T.tolist(), strict=True)
+    pairs = zip(names, np.round(values, DEGREES).T.tolist(), strict=True)
     return {f"sigma_{name}": column for name, column in pairs}
 
 
@@ -732,7 +731,7 @@ def _surveyed(control: Node) -> dict[str, tuple[_Place, bool]]:
         name = gcp.one("id").text()
         if name in places:
             raise gcp.one("id").wrong(f"{quoted(name)} is there twice", "must be unique")
-        tables.require_names([name], lambda _, fault, wanted: gcp.one("id").wrong(fault, wanted))  # noqa: B023 called at once
+        require_names([name], lambda _, fault, wanted: gcp.one("id").wrong(fault, wanted))  # noqa: B023 called at once
         check = gcp.maybe("is_checkpoint")
         is_check = check is not None and check.value is True
         places[name] = (_place(gcp.one("geolocation")), is_check)
@@ -785,7 +784,7 @@ def _marks(project: _Documents, rows: Mapping[str, int]) -> tuple[Measured, int]
 def _marks_of(point: Node) -> list[tuple[str, str, Array]]:
     """Return the camera's number, the point and the pixel of a point's marks."""
     name, marks = point.one("id"), []
-    tables.require_names([name.text()], lambda _, fault, wanted: name.wrong(fault, wanted))
+    require_names([name.text()], lambda _, fault, wanted: name.wrong(fault, wanted))
     seen = set()
     for mark in point.one("marks").each():
         number, position = mark.one("camera_id").text(), mark.one("position_px")

@@ -21,13 +21,19 @@ import numpy as np
 
 from acx4lib.errors import FlightError
 from acx4lib.flight.problems import METRES, Range, quoted
-from acx4tools.exchange import tables
-from acx4tools.exchange.axes import UNKNOWN, stacked
+from acx4tools.exchange import safe
+from acx4tools.exchange.coordinates import UNKNOWN, stacked
 from acx4tools.exchange.flight_folder import ImportedFlight
-from acx4tools.exchange.project import Control, Images, Measured, Project, flight_of
-from acx4tools.exchange.safe import opened, text_lines
-from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.safe.text_lines import Line
+from acx4tools.exchange.project import (
+    Control,
+    Images,
+    Measured,
+    Project,
+    first_use,
+    flight_of,
+    require_names,
+)
+from acx4tools.exchange.safe import Line, Opened
 
 IMAGE = Range(-1e7, 1e7)
 """Image coordinates, in micrometres or larger units."""
@@ -82,12 +88,12 @@ def bingo(source: Path, *, size: tuple[int, int], pixel_um: float) -> Project:
         For another layout.
     """
     path = source / "image.dat" if source.is_dir() else source
-    file = opened.read(path)
+    file = safe.read(path)
     points = _read(file)
     beside = path.parent / "geoin.dat"
     control, others, sources = None, Counter[str](), [file]
     if beside.exists():
-        geoin = opened.read(beside)
+        geoin = safe.read(beside)
         control, others = _control(geoin)
         sources += [geoin] if control is not None else []
     shown = ", ".join(f"{count} {quoted(name)}" for name, count in others.most_common(5))
@@ -106,7 +112,7 @@ def bingo(source: Path, *, size: tuple[int, int], pixel_um: float) -> Project:
 
 def _patb(source: Path, *, unit: str, size: tuple[int, int], pixel_um: float) -> Project:
     """Return PAT-B's image coordinates."""
-    file = opened.read(source)
+    file = safe.read(source)
     if source.suffix.lower() in NOT_READ:
         fault = f"{source.suffix} of PAT-B is not read: its layout is not known for certain"
         raise file.wrong("file", fault, "must be the image coordinates, .im")
@@ -165,7 +171,7 @@ def _read(file: Opened, camera: str = "") -> list[_Seen]:
 
 def _blocks(file: Opened) -> Iterator[tuple[Line, list[Line]]]:
     """Yield the header and the points of every image."""
-    rows = list(text_lines.lines(file, comment="#"))
+    rows = list(safe.lines(file, comment="#"))
     ends = any(row.cells[0] == END for row in rows)
     header: Line | None = None
     points: list[Line] = []
@@ -197,7 +203,7 @@ def _project(
     """Return a list as a project, with other fields of it."""
     cameras: dict[str, str] = {}
     for point in points:
-        tables.require_names((point.image, point.camera, point.point), _at(point.line))
+        require_names((point.image, point.camera, point.point), _at(point.line))
         if cameras.setdefault(point.image, point.camera) != point.camera:
             two = f"{quoted(cameras[point.image])} and {quoted(point.camera)}"
             fault = f"image {quoted(point.image)} has the cameras {two}"
@@ -205,7 +211,7 @@ def _project(
     xy = np.array([point.xy for point in points]) * [pixels_per_unit, -pixels_per_unit]
     width, height = size
     middle = np.array([width - 1, height - 1]) / 2
-    names, image_idx = tables.first_use([point.image for point in points])
+    names, image_idx = first_use([point.image for point in points])
     right, down = np.abs(xy).max(axis=0)
     return Project(
         sensors={
@@ -233,7 +239,7 @@ def _control(file: Opened) -> tuple[Control | None, Counter[str]]:
     """Return the points of geoin.dat, and the keywords of lines that are not read."""
     rows: dict[str, tuple[list[float], bool]] = {}
     others: Counter[str] = Counter()
-    for line in text_lines.lines(file):
+    for line in safe.lines(file):
         keyword = line.cells[0]
         if keyword in ("*", "C"):  # remarks
             continue

@@ -21,13 +21,10 @@ from acx4lib.expected import Array
 from acx4lib.flight.problems import METRES, PIXELS, RANGES, Range, quoted
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import LOCAL
-from acx4tools.exchange import crs as coordinates
-from acx4tools.exchange import tables
-from acx4tools.exchange.axes import FLIP, is_rotation, nearest_rotation, stacked
-from acx4tools.exchange.crs import Chosen
+from acx4tools.exchange import coordinates, safe
+from acx4tools.exchange.coordinates import FLIP, Chosen, is_rotation, nearest_rotation, stacked
 from acx4tools.exchange.flight_folder import number_of
-from acx4tools.exchange.lens import Pinhole
-from acx4tools.exchange.lens_models import OPENCV, Lens
+from acx4tools.exchange.lens import OPENCV, Lens, Pinhole
 from acx4tools.exchange.project import (
     Images,
     InGrid,
@@ -38,10 +35,9 @@ from acx4tools.exchange.project import (
     nowhere,
     numbered,
     reading,
+    require_all_names,
 )
-from acx4tools.exchange.safe import text_lines
-from acx4tools.exchange.safe.opened import Opened, Together, refusal
-from acx4tools.exchange.safe.text_lines import Line
+from acx4tools.exchange.safe import Line, Opened, Together, refusal
 
 PARAMETERS = "calibrated_camera_parameters.txt"
 EXTERNAL = "calibrated_external_camera_parameters.txt"
@@ -154,7 +150,7 @@ def project(source: Path, *, crs: str | None = None, heights: str | float | None
     system = _system(folder.maybe(SYSTEM), str(folder.path), crs, heights)
     called, lenses = _lenses(parameters, shots, folder.maybe(INTERNAL))
     shown = _shown(shots, [lenses[called[shot.lens]] for shot in shots], matrices, T_w_c)
-    tables.require_all_names({"image": names}, parameters.wrong)
+    require_all_names({"image": names}, parameters.wrong)
     return Project(
         source="Pix4Dmapper",
         sources=folder.read,
@@ -196,7 +192,7 @@ def _ends(name: str, end: str) -> bool:
 
 def _shots(source: Opened) -> Iterator[_Shot]:
     """Yield the images of the parameters."""
-    rows = list(text_lines.lines(source))
+    rows = list(safe.lines(source))
     for row, known in zip(rows, HEAD, strict=False):
         if " ".join(row.cells) != known:
             expected = f"must be {quoted(known)}: a fisheye's parameters are not read"
@@ -255,7 +251,7 @@ def _pose(shot: _Shot, offset: Array) -> Pose:
 def _offset(source: Opened | None) -> Array | None:
     if source is None:
         return None
-    row = next(text_lines.lines(source), None)
+    row = next(safe.lines(source), None)
     if row is None:
         raise source.wrong("offset", "is missing", "must be three numbers")
     return row.numbers(0, 3, "offset", METRES)
@@ -299,7 +295,7 @@ def _external(
     """Compare positions and omega, phi, kappa with the parameters; return a sentence on it."""
     if source is None:
         return ()
-    rows = list(text_lines.lines(source))
+    rows = list(safe.lines(source))
     if not rows or rows[0].cells != EXTERNAL_HEAD:
         raise source.wrong("head", "is another", f"must be {' '.join(EXTERNAL_HEAD)}")
     by_name = {" ".join(row.cells[:-6]): row for row in rows[1:]}
@@ -325,7 +321,7 @@ def _matrices(source: Opened | None, shots: list[_Shot]) -> dict[int, Array]:
     """Return the matrices of images by their numbers; each must be K [R | -R t]."""
     if source is None:
         return {}
-    by_name = {" ".join(row.cells[:-12]): row for row in text_lines.lines(source)}
+    by_name = {" ".join(row.cells[:-12]): row for row in safe.lines(source)}
     matrices: dict[int, Array] = {}
     for k, shot in enumerate(shots):
         if (row := by_name.get(shot.name)) is None:

@@ -14,8 +14,7 @@ from acx4lib.errors import FlightError
 from acx4lib.expected import Array
 from acx4lib.flight.problems import Range, did_you_mean, quoted
 from acx4lib.flight.tables import NUMBER, name_fault
-from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.safe.text_lines import Line, lines
+from acx4tools.exchange.safe import Line, Opened, lines
 
 UNITS = {"deg": 1.0, "gon": 0.9, "grad": 0.9, "rad": float(np.degrees(1.0)), "arcmin": 1 / 60}
 """Of angles, in degrees."""

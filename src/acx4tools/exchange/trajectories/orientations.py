@@ -19,10 +19,9 @@ from acx4lib.flight.problems import Problem, lines_of, quoted
 from acx4lib.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.geometry import frames
 from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
+from acx4tools.exchange import safe
 from acx4tools.exchange.flight_folder import ImportedFlight, number_of
-from acx4tools.exchange.safe import opened
-from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.safe.text_lines import Line, cut, lines
+from acx4tools.exchange.safe import Line, Opened, cut, lines
 from acx4tools.exchange.trajectories.listed import (
     MEASURED,
     NUMBERS,
@@ -383,7 +382,7 @@ def read(path: Path, meaning: Meaning, options: TableOptions) -> ImportedFlight:
     FlightError
         With file and line.
     """
-    source = opened.of_windows(opened.read(path))
+    source = safe.of_windows(safe.read(path))
     listed = read_list(source, options.columns, separator=options.separator, numbers=NUMBERS)
     return _brought(listed, meaning, options, source="Table of orientations")
 
@@ -405,7 +404,7 @@ def _brought(
         tables[f"{options.block}/images.csv"] = _images(listed, names, options.camera)
     return ImportedFlight(
         source=source,
-        sha256=opened.checksums([listed.source]),
+        sha256=safe.checksums([listed.source]),
         settings=settings(meaning),
         tables=tables,
         pictures=grid_file(meaning),
@@ -567,7 +566,7 @@ def read_pospac(path: Path, meaning: Meaning, options: TableOptions) -> Imported
         With file and line, where no heading is found, a word of it is not known, positions are
         not in metres, or a row is wrong.
     """
-    source = opened.of_windows(opened.read(path))
+    source = safe.of_windows(safe.read(path))
     heading, columns = _heading(source)
     listed = _listed(source, heading, columns)
     preamble = _preamble(source, heading.number)
@@ -746,7 +745,7 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> ImportedFlight:
     (left, top), (right, bottom) = colrow.min(axis=1), colrow.max(axis=1)
     return ImportedFlight(
         source="Table of image points",
-        sha256=opened.checksums([listed.source for listed in every]),
+        sha256=safe.checksums([listed.source for listed in every]),
         tables=tables,
         assumed=(
             *dict.fromkeys(_columns_said(listed) for listed in every),
@@ -766,7 +765,7 @@ def measured(paths: Sequence[Path], options: MeasuredOptions) -> ImportedFlight:
 
 def _measured(path: Path, options: MeasuredOptions) -> Listed:
     listed = read_list(
-        opened.of_windows(opened.read(path)),
+        safe.of_windows(safe.read(path)),
         options.columns,
         separator=options.separator,
         numbers=("col", "row"),
@@ -796,7 +795,7 @@ def surveyed(
     FlightError
         With file and line.
     """
-    source = opened.of_windows(opened.read(path))
+    source = safe.of_windows(safe.read(path))
     listed = read_list(source, columns, separator=separator, numbers=PLACES, known=SURVEYED)
     _require(listed, "point", says="point east north height")
     if not _is_located(listed):
@@ -809,7 +808,7 @@ def surveyed(
     n_check = sum(use == "check" for use in table.get("role", ()))
     return ImportedFlight(
         source="Table of surveyed points",
-        sha256=opened.checksums([source]),
+        sha256=safe.checksums([source]),
         settings=settings(meaning),
         tables={"control_points.csv": table},
         pictures=grid_file(meaning),

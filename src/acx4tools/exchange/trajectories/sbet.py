@@ -16,10 +16,9 @@ from acx4lib.flight.problems import Problem, Range, lines_of, quoted
 from acx4lib.flight.table_files import free_memory
 from acx4lib.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.geometry import frames
+from acx4tools.exchange import safe
 from acx4tools.exchange.flight_folder import ImportedFlight
-from acx4tools.exchange.safe import opened
-from acx4tools.exchange.safe.opened import Opened
-from acx4tools.exchange.safe.text_lines import Line, records
+from acx4tools.exchange.safe import Line, Opened, records
 from acx4tools.exchange.trajectories import orientations
 from acx4tools.exchange.trajectories.listed import Listed, position_of, read_list, text_said
 from acx4tools.exchange.trajectories.orientations import Meaning
@@ -104,7 +103,7 @@ def read(
     """
     track = read_track(_opened(trajectory))
     listed = _read_events(
-        opened.of_windows(_opened(events)),
+        safe.of_windows(_opened(events)),
         columns=options.columns,
         separator=options.separator,
         base=options.time,
@@ -119,8 +118,8 @@ def read(
     return _brought(track, listed, spread, t, options)
 
 
-def _opened(path: Path) -> opened.Opened:
-    return opened.read(path, most=free_memory() // SHARE_OF_MEMORY)
+def _opened(path: Path) -> safe.Opened:
+    return safe.read(path, most=free_memory() // SHARE_OF_MEMORY)
 
 
 def _ahead(listed: Events, options: SbetOptions) -> float:
@@ -203,7 +202,7 @@ def _brought(
     sources = [track.source, listed.listed.source, *([spread.source] if spread else [])]
     return ImportedFlight(
         source="SBET at events",
-        sha256=opened.checksums(sources),
+        sha256=safe.checksums(sources),
         settings=orientations.settings(meaning),
         tables=tables,
         pictures=orientations.grid_file(meaning),

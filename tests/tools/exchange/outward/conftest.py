@@ -7,8 +7,8 @@ import pytest
 
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
-from acx4tools.exchange.outward import calibrated
-from acx4tools.exchange.outward.orientations import orient
+from acx4tools.exchange.outward import content
+from acx4tools.exchange.outward.content import orient
 from support.run_results import estimated, leave_calibration
 
 DISTANCE_M = 900.0
@@ -45,7 +45,7 @@ def ahead(camera):
 @pytest.fixture(scope="session")
 def shown(rig):
     """Six exposures of two heads, by the library's own projection."""
-    found = calibrated.read(rig)
+    found = content.read(rig)
     oriented = orient(found, found.flight, "heads")
     block, out = oriented.block, Shown(found=found, oriented=oriented)
     T_r = found.cameras[0].T_b_c.inverse

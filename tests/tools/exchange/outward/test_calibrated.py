@@ -9,13 +9,13 @@ from numpy.testing import assert_allclose
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.errors import FlightError
 from acx4lib.geometry.frames import Pose, exp, log, opk_from_rotation, rotation_from_opk
-from acx4tools.exchange.outward import calibrated
-from acx4tools.exchange.outward.calibrated import R_C_V, to_first
+from acx4tools.exchange.outward import content
+from acx4tools.exchange.outward.content import R_C_V, to_first
 from support.run_results import edit, edit_summary, estimated, leave_calibration
 
 
 def test_a_calibration_comes_back_with_its_a_posteriori_covariance(rig):
-    found, known = calibrated.read(rig), estimated("LEFT", "RIGHT")
+    found, known = content.read(rig), estimated("LEFT", "RIGHT")
     assert (found.method, found.mounted, found.others) == ("rig", True, ())
     for own, camera in zip(found.cameras, known.cameras, strict=True):
         assert_allclose(own.interior.to_array(), camera.interior.to_array(), rtol=1e-14)
@@ -46,7 +46,7 @@ def related():
 def test_heads_without_a_mounting_have_their_relative_rotation_with_sigma(tmp_path):
     """The frame of the synthetic camera cancels; so does sigma of what the heads share."""
     left = related()
-    found = calibrated.read(leave_calibration(tmp_path, estimated("LEFT", "RIGHT"), related=left))
+    found = content.read(leave_calibration(tmp_path, estimated("LEFT", "RIGHT"), related=left))
     assert (found.method, found.mounted) == ("relative_orientation", False)
     first, second = to_first(found.calibration)
     R_s = rotation_from_opk(left.opk)
@@ -70,29 +70,29 @@ def _opk_jacobian(opk):
 
 def test_what_is_not_there_is_one_line_that_says_what_is(rig, single, tmp_path):
     with pytest.raises(FlightError, match="no results of a run; acx4 run FLIGHT --results makes"):
-        calibrated.read(tmp_path)
+        content.read(tmp_path)
     with pytest.raises(FlightError, match="no calibration of refined that can be exported; it has"):
-        calibrated.read(rig, method="refined")
+        content.read(rig, method="refined")
     with pytest.raises(
         FlightError, match=r"no calibration of heads that can .*; it has single_step"
     ):
-        calibrated.read(single, heads=True)
+        content.read(single, heads=True)
     with pytest.raises(FlightError, match=r"no calibration of single_step .*; it is of one camera"):
-        calibrated.read(single, method="single_step", heads=True)
+        content.read(single, method="single_step", heads=True)
     with pytest.raises(ValueError, match="method: expected one of"):
-        calibrated.read(rig, method="best")
+        content.read(rig, method="best")
 
 
 def test_a_calibration_whose_data_contradict_each_other_is_not_exported(tmp_path):
     results = leave_calibration(tmp_path, estimated("CAM"))
     edit_summary(results, "mounting/single_step", stopped=["too much: one sentence"])
     with pytest.raises(FlightError, match=r"summary\.json: was changed"):
-        calibrated.read(results)
+        content.read(results)
     (results / ".acx4.json").unlink()
     with pytest.raises(FlightError, match="any method that can be exported; it has none"):
-        calibrated.read(results)
+        content.read(results)
     with pytest.raises(FlightError, match="single_step that can be exported; too much: one"):
-        calibrated.read(results, method="single_step")
+        content.read(results, method="single_step")
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_tables_that_hold_no_calibration_are_refused_by_line(tmp_path, name, cha
     edit(results, name, change)
     (results / ".acx4.json").unlink()
     with pytest.raises(FlightError, match=said):
-        calibrated.read(results)
+        content.read(results)
 
 
 def test_a_kept_flight_that_was_changed_is_refused(tmp_path):
@@ -130,7 +130,7 @@ def test_a_kept_flight_that_was_changed_is_refused(tmp_path):
     with (results / "flight" / "flight.toml").open("a") as file:
         file.write("# more\n")
     with pytest.raises(FlightError, match=r"flight\.toml changed since the run"):
-        calibrated.read(results)
+        content.read(results)
 
 
 # --- Heads relative to the first: against a numerical derivative, and as a chain of poses

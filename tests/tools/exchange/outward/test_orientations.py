@@ -15,13 +15,10 @@ from acx4lib.errors import FlightError, OutputError
 from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.frames import exp
 from acx4lib.geometry.geodesy import GridSystem, mean_origin
-from acx4tools.exchange.lens import Left, Pinhole
-from acx4tools.exchange.lens_models import OPF, Lens
-from acx4tools.exchange.outward import brown, calibrated, orientations, programs, taken
-from acx4tools.exchange.outward.calibrated import Calibrated
-from acx4tools.exchange.outward.orientations import orient
+from acx4tools.exchange.lens import OPF, Left, Lens, Pinhole
+from acx4tools.exchange.outward import brown, content, programs
+from acx4tools.exchange.outward.content import Calibrated, Taken, near, orient, sentences
 from acx4tools.exchange.outward.programs import KINDS
-from acx4tools.exchange.outward.taken import Taken, near, sentences
 from support.helpers import needs
 from support.run_results import estimated
 
@@ -32,13 +29,13 @@ from support.run_results import estimated
 
 @pytest.fixture(scope="module")
 def oriented(rig):
-    found = calibrated.read(rig)
+    found = content.read(rig)
     return orient(found, found.flight, "heads")
 
 
 def test_the_grid_table_is_a_trajectory_of_the_cameras_themselves(oriented):
     """As the contract reads it: camera = body, so that mount angles and lever arm are zero."""
-    table = orientations.in_grid(oriented)
+    table = content.in_grid(oriented)
     frame = oriented.block.frame
     T = frame.pose_from_grid(
         table[["east_m", "north_m", "height_m"]].to_numpy(),
@@ -58,7 +55,7 @@ def written(made):
 
 def test_positions_are_where_proj_has_them(oriented):
     """Three tables, one point: grid, geographic by PROJ, earth-centred through the origin."""
-    grid, geographic = orientations.in_grid(oriented), written(orientations.rph(oriented))
+    grid, geographic = content.in_grid(oriented), written(content.rph(oriented))
     lonlat = geographic[["lon_deg", "lat_deg"]].to_numpy()
     to_grid = pyproj.Transformer.from_crs("EPSG:4674", "EPSG:31982", always_xy=True)
     assert_allclose(
@@ -72,7 +69,7 @@ def test_positions_are_where_proj_has_them(oriented):
         f"+step +proj=topocentric +ellps=GRS80 +lon_0={lon!r} +lat_0={lat!r} +h_0=0"
     )
     xyz = np.stack(local.transform(*lonlat.T, geographic["height_m"].to_numpy()), 1)
-    topocentric = written(orientations.topocentric_table(oriented))
+    topocentric = written(content.topocentric_table(oriented))
     assert_allclose(topocentric[["x_m", "y_m", "z_m"]], xyz, atol=1e-4)
 
 
@@ -90,12 +87,12 @@ def test_roll_pitch_and_heading_are_another_programs():
     frame = mean_origin(grid, grid.lonlat_from_grid(enh[:, :2]))
     T = frame.pose_from_grid(enh, np.radians(opk[["omega", "phi", "kappa"]].to_numpy()))
     given = rpy.loc[opk["filename"] + ".tif", ["roll", "pitch", "yaw"]].to_numpy()
-    found = np.degrees(orientations.roll_pitch_heading(frame, T))
+    found = np.degrees(content.roll_pitch_heading(frame, T))
     assert_allclose((found - given + 180) % 360 - 180, 0.0, atol=3.0)
 
 
 def test_what_cannot_be_oriented_is_one_line(rig, single):
-    found = calibrated.read(rig)
+    found = content.read(rig)
     with pytest.raises(FlightError, match="no block validation; it has heads, calibration"):
         orient(found, found.flight, "validation")
     with pytest.raises(FlightError, match="images of CAM, not of LEFT, RIGHT; name another"):
@@ -117,7 +114,7 @@ FAR = Taken(
 
 
 def test_files_and_what_is_said_of_them_are_written_and_replaced(tmp_path):
-    taken.write(FAR, tmp_path / "out", title="some: A, B", origin="by hand")
+    content.write(FAR, tmp_path / "out", title="some: A, B", origin="by hand")
     assert (tmp_path / "out/a/b.txt").read_text() == "1\n"
     assert (tmp_path / "out/export.md").read_text() == (
         "# some: A, B\n\nBy hand.\n\n## Lenses\n\n"
@@ -125,7 +122,7 @@ def test_files_and_what_is_said_of_them_are_written_and_replaced(tmp_path):
         "- B: lens refitted over the whole image, off by at most 0.0100 px, rms 0.0000 px\n\n"
         "## Conventions\n\n- y is down\n\n## Left out\n\n- colours\n"
     )
-    taken.write(Taken(files={"c.txt": ""}), tmp_path / "out", title="other", origin="x")
+    content.write(Taken(files={"c.txt": ""}), tmp_path / "out", title="other", origin="x")
     left = {path.name for path in (tmp_path / "out").rglob("*")}
     assert left == {"c.txt", "export.md", ".acx4.json"}
 
@@ -133,23 +130,23 @@ def test_files_and_what_is_said_of_them_are_written_and_replaced(tmp_path):
 def test_a_folder_of_others_is_left_alone(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(OutputError, match="holds what acx4 export did not write"):
-        taken.write(FAR, tmp_path, title="some", origin="x")
+        content.write(FAR, tmp_path, title="some", origin="x")
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
 def test_a_lens_that_is_too_far_is_refused_with_what_would_allow_it():
     with pytest.raises(OutputError, match=r"A: .* differs by 0\.2 px .* 0\.05 px; --allow 0\.21 "):
-        taken.near(FAR, 0.05)
-    assert taken.near(FAR, 0.21) == FAR
+        content.near(FAR, 0.05)
+    assert content.near(FAR, 0.21) == FAR
     with pytest.raises(OutputError, match="nan px"):
-        taken.near(Taken(files={}, lenses={"A": Left(largest_px=float("nan"), rms_px=0)}), 0.05)
+        content.near(Taken(files={}, lenses={"A": Left(largest_px=float("nan"), rms_px=0)}), 0.05)
 
 
 # --- tables for flight.toml: read back they are the calibration, digit by digit --------------
 
 
 def test_the_cameras_come_back(rig):
-    found = calibrated.read(rig)
+    found = content.read(rig)
     tables = tomllib.loads(KINDS["toml"].cameras(found).files["cameras.toml"])["cameras"]
     assert list(tables) == ["LEFT", "RIGHT"]
     for camera in found.cameras:
@@ -161,7 +158,7 @@ def test_the_cameras_come_back(rig):
 
 def test_sigma_of_the_mounting_is_along_and_about_the_bodys_axes(single, rng):
     """As comments; about body axes they are the scatter of boresights drawn about camera axes."""
-    found = calibrated.read(single)
+    found = content.read(single)
     text = KINDS["toml"].cameras(found).files["cameras.toml"]
     said = tomllib.loads(text.replace("# lever_s", "lever_s").replace("# mount_s", "mount_s"))
     columns = found.calibration.layout.mount[0]
@@ -175,14 +172,14 @@ def test_sigma_of_the_mounting_is_along_and_about_the_bodys_axes(single, rng):
 
 
 def test_a_mounting_that_was_not_estimated_is_said(rig):
-    found = replace(calibrated.read(rig), method="refined")
+    found = replace(content.read(rig), method="refined")
     made = KINDS["toml"].cameras(found)
     assert programs.NOT_MOUNTED in made.assumed
     assert "lever_sigma_m" not in made.files["cameras.toml"]
 
 
 def test_a_synthetic_camera_keeps_its_frame(rig):
-    found = calibrated.read(rig)
+    found = content.read(rig)
     synthetic = replace(found.flight.synthetic, camera="LEFT")
     named = replace(found, flight=replace(found.flight, synthetic=synthetic))
     assert programs.FRAME.format("LEFT") in KINDS["toml"].cameras(named).assumed

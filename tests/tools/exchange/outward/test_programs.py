@@ -23,12 +23,11 @@ from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.frames import turn as frames_turn
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
+from acx4tools.exchange.metadata import Tags, lens_of
 from acx4tools.exchange.opencv import from_opencv
-from acx4tools.exchange.outward import brown, calibrated, metashape, opf, orientations, programs
-from acx4tools.exchange.outward.calibrated import R_C_V
+from acx4tools.exchange.outward import brown, content, programs
+from acx4tools.exchange.outward.content import R_C_V
 from acx4tools.exchange.outward.programs import KINDS
-from acx4tools.exchange.pictures.lens import lens_of
-from acx4tools.exchange.pictures.tags import Tags
 from acx4tools.exchange.programs import colmap, micmac, opensfm
 from acx4tools.exchange.programs import metashape as programs_metashape
 from acx4tools.exchange.programs import opf as programs_opf
@@ -92,7 +91,9 @@ def projected(calibration, x_c, *, size=None):
     width, height = size or (
         int(calibration.find("resolution").get(k)) for k in ("width", "height")
     )
-    values = {one.tag: float(one.text) for one in calibration if one.tag in metashape.PARAMS}
+    values = {
+        one.tag: float(one.text) for one in calibration if one.tag in programs.METASHAPE_PARAMS
+    }
     k1, k2, k3, p1, p2 = (values[k] for k in ("k1", "k2", "k3", "p1", "p2"))
     x, y = (x_c[:, :2] / x_c[:, 2:]).T
     r2 = x**2 + y**2
@@ -111,7 +112,7 @@ def matrix(element, shape):
 
 @pytest.fixture(scope="module")
 def chunk(shown):
-    made = metashape.images(shown.found, shown.oriented)
+    made = programs._metashape_images(shown.found, shown.oriented)
     return ET.fromstring(made.files["chunk/cameras.xml"]).find("chunk"), made
 
 
@@ -140,7 +141,7 @@ def test_points_of_the_ground_are_projected_into_every_image(shown, chunk, agree
 
 def test_the_rotation_of_a_slave_takes_its_axes_to_the_masters(shown):
     """Of rays: positions of heads have no place in a sensor."""
-    text = metashape.cameras(shown.found).files["chunk/cameras.xml"]
+    text = programs._metashape_cameras(shown.found).files["chunk/cameras.xml"]
     master, slave = ET.fromstring(text).iter("sensor")
     assert (master.get("master_id"), slave.get("master_id")) == (None, "0")
     R = matrix(slave.find("rotation"), (3, 3))
@@ -154,7 +155,7 @@ def test_the_rotation_of_a_slave_takes_its_axes_to_the_masters(shown):
 
 def test_a_calibration_that_metashape_loads_says_the_same_as_the_sensor(shown, chunk, agrees):
     for camera in shown.found.cameras:
-        text = metashape.cameras(shown.found).files[f"{camera.name}.xml"]
+        text = programs._metashape_cameras(shown.found).files[f"{camera.name}.xml"]
         alone = ET.fromstring(text)
         size = tuple(int(alone.find(key).text) for key in ("width", "height"))
         x_c = shown.x_m[shown.first_images()[camera.name]]
@@ -341,7 +342,7 @@ def read(text):
 @pytest.mark.parametrize("name", ["LEFT", "RIGHT"])
 def test_opencv_projects_points_of_the_body_into_every_head(rig, name):
     """Points in the reference head's axes go through R and T; the refit's difference is all."""
-    found = calibrated.read(rig)
+    found = content.read(rig)
     made = KINDS["opencv"].cameras(found)
     reference = found.cameras[0]
     camera = next(camera for camera in found.cameras if camera.name == name)
@@ -366,7 +367,7 @@ def ahead(camera):
 
 
 def test_a_single_camera_has_no_other_head(single):
-    made = KINDS["opencv"].cameras(calibrated.read(single))
+    made = KINDS["opencv"].cameras(content.read(single))
     assert list(made.files) == ["CAM.yaml"]
     assert_allclose(read(made.files["CAM.yaml"])["R"], np.eye(3))
     assert not any("R and T" in sentence for sentence in made.assumed)
@@ -472,7 +473,7 @@ def opf_projected(internals, x_v):
 
 @pytest.fixture(scope="module")
 def opf_made(shown):
-    return opf.images(shown.found, shown.oriented)
+    return programs._opf_images(shown.found, shown.oriented)
 
 
 @pytest.fixture(scope="module")
@@ -532,7 +533,7 @@ def test_the_crs_has_two_dimensions_as_heights_are_ellipsoidal(shown, crs):
     block = shown.oriented.block
     frame = MappingFrame(grid=GridSystem(crs=crs), origin=np.array([13.0, 50.0]))
     elsewhere = replace(shown.oriented, block=replace(block, frame=frame))
-    made = opf.images(shown.found, elsewhere)
+    made = programs._opf_images(shown.found, elsewhere)
     text = json.loads(made.files["scene-reference-frame.json"])["crs"]["definition"]
     found = pyproj.CRS.from_user_input(text)
     assert not found.is_compound
@@ -569,7 +570,7 @@ def test_external_parameters_are_those_of_the_table(shown):
     text = KINDS["pix4d"].oriented(shown.found, shown.oriented).files[programs.PIX4D_EXTERNAL]
     head, *rows = text.splitlines()
     assert head == "imageName X Y Z Omega Phi Kappa"
-    table = orientations.in_grid(shown.oriented)
+    table = content.in_grid(shown.oriented)
     assert [row.split()[0] for row in rows] == list(table["image"])
     values = np.array([row.split()[1:] for row in rows], dtype=float)
     np.testing.assert_allclose(values, table.iloc[:, 1:7], atol=1e-6)

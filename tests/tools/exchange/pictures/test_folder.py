@@ -8,10 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from acx4lib.errors import FlightError
 from acx4lib.flight import reader
-from acx4tools.exchange import flight_folder
-from acx4tools.exchange.pictures import lens, metadata
-from acx4tools.exchange.pictures.folder import read_folder
-from acx4tools.exchange.pictures.tags import read
+from acx4tools.exchange import flight_folder, metadata
+from acx4tools.exchange.metadata import read
+from acx4tools.exchange.pictures import read_folder
 from acx4tools.measuring.flights import read_unmeasured
 from support.pictures import tagged
 from support.pictures.taken import texture
@@ -130,7 +129,7 @@ def test_the_height_above_take_off_tells_the_ground(tmp_path):
 
 def test_a_lens_that_no_camera_is_like_is_refused_unless_it_is_allowed(tmp_path):
     """Decentring as large as this is no camera's: it leaves more than 2 px."""
-    odd = tagged.micasense(0) | {lens.DISTORTION: [-0.4, 0.3, 0.1, 0.03, 0.03]}
+    odd = tagged.micasense(0) | {metadata.DISTORTION: [-0.4, 0.3, 0.1, 0.03, 0.03]}
     tagged.write(tmp_path / "a" / "IMG_0001_1.tif", odd)
     with pytest.raises(
         FlightError, match=r"lens: .*differs by .* px at most.*must be at most 2 px"
@@ -255,7 +254,7 @@ def test_a_camera_looks_down_with_the_top_of_its_image_ahead():
 
 
 def test_the_polynomial_begins_with_the_radius(tmp_path):
-    said = {metadata.CENTRE: [100, 50], metadata.POLYNOMIAL: [1e-3, -2e-5]}
+    said = {metadata.VIGNETTING_CENTRE: [100, 50], metadata.VIGNETTING_POLYNOMIAL: [1e-3, -2e-5]}
     tags = read(tagged.write(tmp_path / "a.tif", said))
     found = metadata.vignetting(tags).at(np.array([[100, 50], [103, 54]]))
     assert found == pytest.approx([1.0, 1 + 5e-3 - 25 * 2e-5])

@@ -10,10 +10,10 @@ from numpy.testing import assert_allclose
 
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import correct, xy_from_colrow
-from acx4tools.exchange.pictures import folder as pictures_folder
-from acx4tools.exchange.pictures import lens, tags
-from acx4tools.exchange.pictures.folder import read_folder
-from acx4tools.exchange.pictures.tags import properties, read
+from acx4tools.exchange import metadata
+from acx4tools.exchange import pictures as pictures_folder
+from acx4tools.exchange.metadata import properties, read
+from acx4tools.exchange.pictures import read_folder
 from support.pictures import tagged
 
 # --- EXIF and XMP of TIFF and JPEG, written by another program -------------------------------
@@ -65,12 +65,12 @@ def test_numbers_that_are_none_are_named(tmp_path, value, said):
 
 @pytest.mark.parametrize(("value", "number"), [((3, 2), 1.5), ((7,), 7.0), (4, 4.0), ("2.5", 2.5)])
 def test_numbers_of_exif_are_ratios_or_plain(value, number):
-    assert tags.rational(value) == number
+    assert metadata.rational(value) == number
 
 
 @pytest.mark.parametrize("value", [(1, 0), (1, 2, 3), "x", None, b"\x01"])
 def test_what_is_no_number_of_exif_is_nan(value):
-    assert tags.rational(value) != tags.rational(value)
+    assert metadata.rational(value) != metadata.rational(value)
 
 
 # --- XMP packets as vendors write them, and as nobody should
@@ -207,14 +207,16 @@ def test_a_line_that_is_none_is_refused(tmp_path, text, says):
 DISTORTION = [-0.11, 0.2, -0.18, 0.0003, 0.0005]
 FISHEYE = {
     "Camera:ModelType": "fisheye",
-    lens.POLYNOMIAL: "0,1,0,0",
-    lens.MATRIX: f"{364 * np.pi / 2},0,0,{364 * np.pi / 2}",
-    lens.POINT: "2.3925,1.7925",
+    metadata.POLYNOMIAL: "0,1,0,0",
+    metadata.MATRIX: f"{364 * np.pi / 2},0,0,{364 * np.pi / 2}",
+    metadata.POINT: "2.3925,1.7925",
 }
 
 
 def lens_of(tmp_path, properties, *, exif=None, name="a.tif", **known):
-    return lens.lens_of(read(tagged.write(tmp_path / name, properties, exif=exif)), "CAM", **known)
+    return metadata.lens_of(
+        read(tagged.write(tmp_path / name, properties, exif=exif)), "CAM", **known
+    )
 
 
 @pytest.mark.parametrize(
@@ -222,7 +224,7 @@ def lens_of(tmp_path, properties, *, exif=None, name="a.tif", **known):
     [(5.46, "mm"), (364.0, None), (5.46, None), (364.0, "pixel"), ("546/100", "mm")],
 )
 def test_a_focal_length_is_told_in_mm_and_in_pixels(tmp_path, focal, unit):
-    said = {lens.UNITS: unit} if unit else {}
+    said = {metadata.UNITS: unit} if unit else {}
     found = lens_of(tmp_path, tagged.micasense(0, focal=focal, **said))
     assert found.camera.interior.f == pytest.approx(5.46)
     assert found.camera.pixel_mm == tagged.PIXEL_MM
@@ -230,13 +232,13 @@ def test_a_focal_length_is_told_in_mm_and_in_pixels(tmp_path, focal, unit):
 
 @pytest.mark.parametrize(("focal", "unit"), [(364.0, "mm"), (5.46, "pixel"), (-5.0, "mm")])
 def test_a_unit_that_contradicts_the_number_is_refused(tmp_path, focal, unit):
-    with pytest.raises(FlightError, match=lens.FOCAL):
-        lens_of(tmp_path, tagged.micasense(0, focal=focal, **{lens.UNITS: unit}))
+    with pytest.raises(FlightError, match=metadata.FOCAL):
+        lens_of(tmp_path, tagged.micasense(0, focal=focal, **{metadata.UNITS: unit}))
 
 
 def test_rays_are_those_of_opencv_with_the_vendors_coefficients(tmp_path):
     """Its order there is k1 k2 p1 p2 k3, in the metadata k1 k2 k3 p1 p2."""
-    shifted = {lens.POINT: "2.43,1.80", lens.DISTORTION: DISTORTION}
+    shifted = {metadata.POINT: "2.43,1.80", metadata.DISTORTION: DISTORTION}
     found = lens_of(tmp_path, tagged.micasense(0, **shifted))
     colrow = np.stack(np.meshgrid(np.linspace(0, 319, 9), np.linspace(0, 239, 7)), -1).reshape(
         -1, 2
@@ -252,7 +254,7 @@ def test_rays_are_those_of_opencv_with_the_vendors_coefficients(tmp_path):
 
 
 def test_djis_calibration_counts_its_centre_from_the_middle(tmp_path):
-    exact = {lens.DEWARP: "2018-03-13;364,360,2.5,-1.5,0,0,0,0,0"}
+    exact = {metadata.DEWARP: "2018-03-13;364,360,2.5,-1.5,0,0,0,0,0"}
     camera = lens_of(tmp_path, exact, name="a.jpg").camera
     assert camera.interior.f == pytest.approx(360 * tagged.PIXEL_MM)
     assert camera.interior.b1 == pytest.approx(360 / 364 - 1)
@@ -262,23 +264,23 @@ def test_djis_calibration_counts_its_centre_from_the_middle(tmp_path):
 
 def test_an_image_that_dji_has_undistorted_has_no_distortion(tmp_path):
     numbers = "364,364,0,0,-0.2,0.1,0,0,0"
-    kept = lens_of(tmp_path, {lens.DEWARP: numbers, "drone-dji:DewarpFlag": "0"}, name="a.jpg")
-    gone = lens_of(tmp_path, {lens.DEWARP: numbers, "drone-dji:DewarpFlag": "1"}, name="b.jpg")
+    kept = lens_of(tmp_path, {metadata.DEWARP: numbers, "drone-dji:DewarpFlag": "0"}, name="a.jpg")
+    gone = lens_of(tmp_path, {metadata.DEWARP: numbers, "drone-dji:DewarpFlag": "1"}, name="b.jpg")
     assert kept.camera.interior.k1 != 0 == gone.camera.interior.k1
 
 
 def test_multispectral_pictures_of_dji_have_both_name_spaces(tmp_path):
     """Their calibration is DEWARP; FOCAL, in mm, has no distortion, and no pixel size with it."""
-    both = {lens.FOCAL: 4.34, lens.POINT: "2.4,1.8", lens.DESIGNED: "362"}
-    found = lens_of(tmp_path, {**both, lens.DEWARP: "2023-01-01;364,364,0,0,-0.2,0.1,0,0,0"})
-    assert lens.DEWARP in found.said
+    both = {metadata.FOCAL: 4.34, metadata.POINT: "2.4,1.8", metadata.DESIGNED: "362"}
+    found = lens_of(tmp_path, {**both, metadata.DEWARP: "2023-01-01;364,364,0,0,-0.2,0.1,0,0,0"})
+    assert metadata.DEWARP in found.said
     assert found.camera.interior.k1 != 0
     bare = lens_of(tmp_path, both, exif=tagged.metadata(pixel_mm=None), name="b.tif")
-    assert lens.DESIGNED in bare.said
+    assert metadata.DESIGNED in bare.said
 
 
 def test_the_designed_centre_of_dji_counts_from_the_corner(tmp_path):
-    designed = {lens.DESIGNED: "364", lens.CENTRE[0]: "160", lens.CENTRE[1]: "120"}
+    designed = {metadata.DESIGNED: "364", metadata.CENTRE[0]: "160", metadata.CENTRE[1]: "120"}
     interior = lens_of(tmp_path, designed, name="a.jpg").camera.interior
     assert (interior.xp, interior.yp) == pytest.approx((0, 0))
 
@@ -309,12 +311,12 @@ def test_a_picture_that_does_not_say_its_pixels_needs_them_told(tmp_path):
     [
         ({"Camera:ModelType": "brown"}, "must be perspective or fisheye"),
         ({"Camera:ModelType": "fisheye"}, "FisheyePolynomial: missing"),
-        (FISHEYE | {lens.POLYNOMIAL: "5,1,0,0"}, "must be 0, a positive number, and others"),
-        (FISHEYE | {lens.POLYNOMIAL: "0,-1,0,0"}, "must be 0, a positive number, and others"),
-        (FISHEYE | {lens.MATRIX: "1,2,2,1"}, "must be C, D, E, F with positive C and F"),
-        (FISHEYE | {lens.POLYNOMIAL: "0,0.1,0,0"}, "got none at col"),
-        ({lens.DISTORTION: [1, 2]}, "must be 5"),
-        ({lens.POINT: "1.0"}, "must be 2"),
+        (FISHEYE | {metadata.POLYNOMIAL: "5,1,0,0"}, "must be 0, a positive number, and others"),
+        (FISHEYE | {metadata.POLYNOMIAL: "0,-1,0,0"}, "must be 0, a positive number, and others"),
+        (FISHEYE | {metadata.MATRIX: "1,2,2,1"}, "must be C, D, E, F with positive C and F"),
+        (FISHEYE | {metadata.POLYNOMIAL: "0,0.1,0,0"}, "got none at col"),
+        ({metadata.DISTORTION: [1, 2]}, "must be 5"),
+        ({metadata.POINT: "1.0"}, "must be 2"),
     ],
 )
 def test_a_lens_that_is_none_is_refused_with_its_element(tmp_path, properties, said):
@@ -323,6 +325,6 @@ def test_a_lens_that_is_none_is_refused_with_its_element(tmp_path, properties, s
 
 
 def test_a_picture_says_that_its_lens_is_a_fisheye(tmp_path):
-    found = lens.lens_of(read(tagged.write(tmp_path / "a.tif", FISHEYE)), "F")
+    found = metadata.lens_of(read(tagged.write(tmp_path / "a.tif", FISHEYE)), "F")
     assert found.camera.interior.f == pytest.approx(364 * tagged.PIXEL_MM)
     assert found.fitted.largest_px < 0.2

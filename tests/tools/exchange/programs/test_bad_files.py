@@ -15,7 +15,6 @@ from acx4tools.exchange.programs import (
     opf,
     photo_lists,
     pix4d,
-    visualsfm,
 )
 from support.projects import bundler as written_bundler
 from support.projects import colmap as written_colmap
@@ -93,7 +92,7 @@ PROGRAMS = {
     "pix4d": (written_pix4d.write, pix4d.read, ""),
     "visualsfm": (
         text("m.nvm", written_visualsfm.text()),
-        lambda path: visualsfm.read(path, size=written_visualsfm.SIZE),
+        lambda path: bundler.read_nvm(path, size=written_visualsfm.SIZE),
         "m.nvm",
     ),
     "bingo": (write_bingo, lambda path: photo_lists.read_bingo(path, **SIZED), ""),

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from acx4book.reference import data
 from acx4lib.errors import FlightError
 from acx4tools.exchange import flight_folder
-from acx4tools.exchange.programs import bundler, micmac, opensfm, photo_lists, pix4d, visualsfm
+from acx4tools.exchange.programs import bundler, micmac, opensfm, photo_lists, pix4d
 from support.helpers import needs
 from support.projects import bundler as written_bundler
 from support.projects import mmvii as written_mmvii
@@ -31,7 +31,7 @@ def read(folder, content, size=written_bundler.SIZE):
 def visualsfm_read(folder, content, size=written_visualsfm.SIZE):
     path = folder / "model.nvm"
     path.write_text(content)
-    return visualsfm.read(path, size=size)
+    return bundler.read_nvm(path, size=size)
 
 
 NO_CRS = "2 adjusted orientations: their coordinates are in no CRS"
@@ -88,7 +88,7 @@ def test_a_size_that_is_too_small_for_the_measurements_is_refused(tmp_path, read
 def test_the_radial_coefficient_takes_measured_points_to_ideal_ones(tmp_path):
     path = tmp_path / "model.nvm"
     path.write_text(written_visualsfm.text())
-    lens = visualsfm.project(path, size=written_visualsfm.SIZE).lenses["CAM"]
+    lens = bundler.project_nvm(path, size=written_visualsfm.SIZE).lenses["CAM"]
     m = np.array([[0.3, -0.2], [-0.4, 0.1]])
     found = lens.ideal(written_visualsfm.F * m + [319.5, 239.5])
     assert_allclose(found, m * (1 + written_visualsfm.R * np.array([[0.13], [0.17]])), atol=1e-12)
@@ -108,10 +108,10 @@ def test_further_models_are_counted(tmp_path):
 def test_local_coordinates_are_taken_as_they_are(tmp_path):
     path = tmp_path / "model.nvm"
     path.write_text(written_visualsfm.text())
-    brought = visualsfm.read(path, size=written_visualsfm.SIZE, crs="local")
+    brought = bundler.read_nvm(path, size=written_visualsfm.SIZE, crs="local")
     assert_allclose(brought.tables["calibration/trajectory.csv"]["east_m"], [0.0, 0.5])
     with pytest.raises(FlightError, match=r"--crs: 'EPSG:4326'; must be 'local': VisualSFM's"):
-        visualsfm.read(path, size=written_visualsfm.SIZE, crs="EPSG:4326")
+        bundler.read_nvm(path, size=written_visualsfm.SIZE, crs="EPSG:4326")
 
 
 # --- micMac's version 2: points and lenses are where the formulas of its source have them ----

@@ -16,7 +16,7 @@ from acx4lib.geometry import frames
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.geodesy import R_ENU_NED, R_FRD_FLU, GridSystem
 from acx4tools.exchange import flight_folder
-from acx4tools.exchange.safe.opened import Opened
+from acx4tools.exchange.safe import Opened
 from acx4tools.exchange.trajectories import orientations
 from acx4tools.exchange.trajectories.listed import Column, left_out, read_list, text_said
 from acx4tools.exchange.trajectories.orientations import Meaning, MeasuredOptions, TableOptions

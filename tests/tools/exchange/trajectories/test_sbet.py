@@ -9,8 +9,8 @@ from acx4book.reference import data
 from acx4lib.errors import FlightError
 from acx4lib.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
 from acx4lib.geometry import frames
-from acx4tools.exchange.safe import opened
-from acx4tools.exchange.safe.opened import Opened
+from acx4tools.exchange import safe
+from acx4tools.exchange.safe import Opened
 from acx4tools.exchange.trajectories import sbet
 from acx4tools.exchange.trajectories.orientations import Meaning
 from support.helpers import needs
@@ -119,7 +119,7 @@ TIMES = np.arange(0, 2, 0.5)
 
 @needs("applanix_pdal")
 def test_the_numbers_of_pdal_and_the_direction_of_motion():
-    track = sbet.read_track(opened.read(data.path("applanix_pdal/2-points.sbet")))
+    track = sbet.read_track(safe.read(data.path("applanix_pdal/2-points.sbet")))
     rows = np.arange(2)
     lon, lat, height = track.lonlath(rows)[0]
     assert np.degrees([lat, lon]) == pytest.approx([32.54521659, -116.9781799], abs=1e-7)
@@ -129,7 +129,7 @@ def test_the_numbers_of_pdal_and_the_direction_of_motion():
     assert degrees[:, 2] == pytest.approx([175.82684609, 175.84735154], abs=1e-8)
     assert track.velocity(rows).mean(axis=0)[:2] == pytest.approx([-2.34108, 0.28158], abs=1e-4)
     with pytest.raises(FlightError, match="has 271 bytes; must be a multiple of 136"):
-        sbet.read_track(opened.read(data.path("applanix_pdal/badfile.sbet")))
+        sbet.read_track(safe.read(data.path("applanix_pdal/badfile.sbet")))
 
 
 SMRMSG = data.folder() / "applanix_pdal/smrmsg_first200.smrmsg"
@@ -137,7 +137,7 @@ SMRMSG = data.folder() / "applanix_pdal/smrmsg_first200.smrmsg"
 
 @pytest.mark.skipif(not SMRMSG.is_file(), reason="a part of PDAL's file, not fetched")
 def test_deviations_are_those_of_the_text_beside_them():
-    found = sbet.read_deviations(opened.read(SMRMSG))
+    found = sbet.read_deviations(safe.read(SMRMSG))
     text = np.loadtxt(SMRMSG.with_suffix(".txt"), delimiter=",", skiprows=1)
     assert found.time == pytest.approx(text[:, 0])
     assert found.sigma[:, :3] == pytest.approx(text[:, [2, 1, 3]], abs=1e-6)

@@ -1,4 +1,4 @@
-"""A flight of the pictures in a folder: cameras, mountings, exposures, positions, attitudes."""
+"""A flight of pictures alone: cameras, mountings, exposures and their poses by the metadata."""
 
 from __future__ import annotations
 
@@ -23,20 +23,23 @@ from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 from acx4lib.production import image_files
 from acx4lib.production import tiff as tiff_files
+from acx4tools.exchange import metadata, safe
 from acx4tools.exchange.flight_folder import ImportedFlight, number_of
 from acx4tools.exchange.lens import WARNED_PX, WORST_PX, too_far
-from acx4tools.exchange.pictures import metadata
-from acx4tools.exchange.pictures.lens import Lens, lens_of
-from acx4tools.exchange.pictures.metadata import (
+from acx4tools.exchange.metadata import (
     ANOTHER_COURSE_DEG,
+    BROKEN,
     DOWN,
     Attitude,
     Head,
+    Lens,
+    Tags,
+    lens_of,
+    rational,
+    read,
     rotation,
 )
-from acx4tools.exchange.pictures.tags import BROKEN, Tags, rational, read
-from acx4tools.exchange.safe import opened
-from acx4tools.exchange.safe.opened import Opened, refusal
+from acx4tools.exchange.safe import Opened, refusal
 
 SUFFIXES = (".tif", ".tiff", ".jpg", ".jpeg")
 MOST = 100_000
@@ -676,7 +679,7 @@ def marks_of(folder: Path) -> tuple[dict[int, Mark], dict[str, str]]:
     marks: dict[int, Mark] = {}
     sums: dict[str, str] = {}
     for path in sorted(p for p in folder.iterdir() if p.suffix.lower() == SUFFIX):
-        file = opened.read(path)
+        file = safe.read(path)
         sums[path.name] = file.sha256
         for number, text in enumerate(file.text().splitlines(), start=1):
             if text.strip():
@@ -842,7 +845,7 @@ def _heading_by(
 
 def _grey(path: Path, size: tuple[int, int]) -> Array | None:
     """Return a picture in 8 bit, at most `SIDE` px long; None where it cannot be unpacked."""
-    data = opened.read(path).data
+    data = safe.read(path).data
     n = size[0] * size[1]
     if image_files.fault(n, len(data), 8 * n):
         return None
