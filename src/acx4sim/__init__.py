@@ -4,9 +4,8 @@ Exact geometry in ECEF over hills, with an implementation of its own of everythi
 computes: rotations, `earth`, lens. Nothing is shared, so that no sign can cancel. The conventions
 are those of a flight's folder: body forward, left, up; boresight camera to body; distortion a
 function of the measured point. `designs` are three flights, each a `plan`; `fly` is where the
-aircraft truly is, `observe` what is measured; `tables` with their gross errors, `optics`,
-`scenery`, `pictures` and `files` do the rest. Begin with `designs`, whose `simulate` writes one of
-them.
+aircraft truly is, and what is measured; `optics`, `scenery`, `pictures` and `files` do the rest.
+Begin with `designs`, whose `simulate` writes one of them.
 """
 
 from acx4sim.designs import DESIGNS, acx4, acx4_ideal, simulate

@@ -15,8 +15,7 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from acx4sim.earth import Array, Grid, opk_from_attitude, rph_from_attitude
-from acx4sim.fly import Track, fly, record, stream
-from acx4sim.observe import Visibility, ground_points, measure
+from acx4sim.fly import Track, Visibility, fly, ground_points, measure, record, stream
 from acx4sim.pictures import Photography, Tell, order, take, told
 from acx4sim.plan import BlockPlan, GrossErrors, Options, Plan, stated
 

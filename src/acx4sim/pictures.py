@@ -21,8 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from acx4sim.drawing import FloatImage, GroundWindow, cell_m
 from acx4sim.earth import Array, Grid, axes_of_enu_in_ecef, terrain_height
-from acx4sim.fly import Track, fly, poses_in_ecef, stream
-from acx4sim.observe import ground_points
+from acx4sim.fly import Track, fly, ground_points, poses_in_ecef, stream
 from acx4sim.optics import Camera, bent, correction, project
 from acx4sim.plan import BlockPlan, Plan
 from acx4sim.scenery import Country, Landscape, Photo, read_photo

@@ -69,10 +69,7 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     """Measure the pictures of a flight."""
     from acx4lib.results import own_folder  # noqa: PLC0415 quick help
     from acx4tools.measuring.levels import MeasureOptions  # noqa: PLC0415 quick help
-    from acx4tools.measuring.measure import (  # noqa: PLC0415 quick help
-        measure_flight,
-        write_pictures,
-    )
+    from acx4tools.measuring.measure import measure_flight, write_pictures  # noqa: PLC0415 quick help
 
     if flight.resolve() == out.resolve():
         refuse(f"{out}: is the flight itself; choose another folder for the measured one")

@@ -5,6 +5,6 @@ picture, by `views`: so patches of opposite and crossing strips and of other fly
 compared in one geometry. Where the trajectory does not tell well enough what pictures show,
 `orientation` finds out by features. `pairs` matches two pictures, `oriented` joins pairs to points
 of many rays and adjusts them with the library's bundle, and `levels` goes so from small pictures to
-large ones. `targets` are control and check points. `flights` reads a flight without
-measurements and writes the measured one. Begin with `measure`, then `levels`.
+large ones. `targets` are control and check points. `measure` reads a flight without measurements
+and writes the measured one. Begin there, then `levels`.
 """

@@ -17,7 +17,6 @@ from scipy.special import ndtr
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import inside
 from acx4lib.tie_points.overlaps import grey
-from acx4tools.measuring.flights import Measured
 from acx4tools.measuring.pairs import MatchOptions, found_in
 from acx4tools.measuring.views import Surface, View, pixels_of, pixels_of_view, transferred
 
@@ -39,6 +38,17 @@ _WEIGHT = 0.05  # of the usual blur and the template's radius: small discs deter
 _SMALL_PX, _PHASES = 1.8, ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 _PLAY = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
 _TINY_PX = 1e-9  # of a sample in the very middle, which has no direction
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """One measurement for image_points.csv."""
+
+    image: str
+    point: str
+    col_px: float
+    row_px: float
+    sigma_px: float
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@ import shutil
 import pytest
 
 from acx4lib.errors import FlightError
-from acx4tools.measuring.flights import given, read_unmeasured
+from acx4tools.measuring.measure import _given, read_unmeasured
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def test_measurements_that_are_there_are_kept(whole, own):
     place = f"{known.image},{known.point},{known.col_px},{known.row_px}"
     table = f"image,point,col_px,row_px,sigma_px\n{place},0.7\n"
     (own / "calibration" / "image_points.csv").write_text(table)
-    (row,) = given(read_unmeasured(own).tables["calibration"], 0.4)
+    (row,) = _given(read_unmeasured(own).tables["calibration"], 0.4)
     assert (row.image, row.point, row.sigma_px) == (known.image, known.point, 0.7)
 
 

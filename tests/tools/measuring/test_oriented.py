@@ -1,8 +1,7 @@
 import numpy as np
 
 from acx4lib.flight.block import select_images
-from acx4tools.measuring.flights import read_unmeasured
-from acx4tools.measuring.measure import views_of
+from acx4tools.measuring.measure import read_unmeasured, views_of
 from acx4tools.measuring.oriented import TieRays, approximate, chosen, joined, refined
 from acx4tools.measuring.pairs import Found
 

@@ -2,9 +2,10 @@ import cv2
 import numpy as np
 import pytest
 
-from acx4tools.measuring.flights import Measured, read_unmeasured
+from acx4tools.measuring.measure import read_unmeasured
 from acx4tools.measuring.targets import (
     Candidate,
+    Measured,
     carried,
     discs,
     elected,

@@ -11,7 +11,7 @@ from acx4lib.flight import reader
 from acx4tools.exchange import flight_folder, metadata
 from acx4tools.exchange.metadata import read
 from acx4tools.exchange.pictures import read_folder
-from acx4tools.measuring.flights import read_unmeasured
+from acx4tools.measuring.measure import read_unmeasured
 from support.pictures import tagged
 from support.pictures.taken import texture
 
