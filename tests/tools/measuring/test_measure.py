@@ -1,6 +1,9 @@
+"""A flight is measured: from its folder to that of the measured flight."""
+
 import json
 import re
 import shutil
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,9 +11,24 @@ import pytest
 
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import single_step
+from acx4lib.errors import FlightError
 from acx4lib.flight.reader import read
-from acx4tools.measuring.levels import MeasureOptions
-from acx4tools.measuring.measure import SURVEYED, measure_flight, write_pictures
+from acx4lib.geometry.frames import Pose
+from acx4tools.measuring.levels import (
+    COARSE_PX,
+    STEP_DOWN,
+    MeasureOptions,
+    corners,
+    overlapping,
+    sizes_of,
+)
+from acx4tools.measuring.measure import (
+    SURVEYED,
+    _given,
+    measure_flight,
+    read_unmeasured,
+    write_pictures,
+)
 from support.pictures import measured
 
 LARGEST = 0.06
@@ -133,3 +151,123 @@ def test_every_picture_is_shown_with_its_points(whole, tmp_path):
     assert 15 < coloured.sum() / np.sum(rays.view == 2) < 130  # a dot has some 60, and its rim
     red = np.abs(image - SURVEYED).max(axis=2) < 40
     assert red.any()
+
+
+# --- Levels
+
+
+def test_every_cell_has_one_corner_away_from_the_border(views):
+    found = corners(views[0], number=100, margin=13)
+    assert 80 <= len(found) <= 120
+    size = np.array([views[0].camera.width_px, views[0].camera.height_px])
+    assert np.all((found >= 13) & (found < size - 13))
+    cells = np.unique(found // (size // 4), axis=0)
+    assert len(cells) >= 16
+
+
+def moved(view, by):
+    return replace(view, T_m_c=Pose(R=view.T_m_c.R, r=view.T_m_c.r + by))
+
+
+def test_neighbours_opposite_and_crossing_strips_overlap(views, surface):
+    assert overlapping(views, surface) == [(i, j) for i in range(3) for j in range(i + 1, 3)]
+
+
+def test_far_pictures_and_other_scales_do_not(views, surface):
+    far = [views[0], moved(views[0], [3000.0, 0, 0]), moved(views[0], [0, 0, 5000.0])]
+    assert overlapping(far, surface) == []
+
+
+def test_levels_grow_by_no_more_than_a_step_to_the_size_asked_for(views):
+    for reduce in (1, 2):
+        own = [replace(view, shrink=1) for view in views]
+        factors = [level[0] for level in sizes_of(own, reduce)]
+        assert factors[-1] == reduce
+        assert 11608 / factors[0] <= COARSE_PX * 1.01
+        steps = np.array(factors[:-1]) / factors[1:]
+        assert np.all((steps > 1) & (steps <= STEP_DOWN + 1))
+
+
+def test_pictures_that_are_small_have_one_level(views):
+    assert sizes_of([replace(view, shrink=16) for view in views], 1) == [[16] * 3]
+
+
+def test_options_are_checked():
+    with pytest.raises(ValueError, match="points"):
+        MeasureOptions(points=5)
+    with pytest.raises(ValueError, match="reduce"):
+        MeasureOptions(reduce=0)
+
+
+def test_the_last_level_knows_most(whole):
+    matched = whole.outcome.matched
+    assert matched.reduced == 1
+    rays = matched.rays
+    half = replace(matched, rays=rays[: len(rays) // 2])
+    assert matched.weight > half.weight
+    assert matched.weight == pytest.approx(np.sum((6 * rays.sigma_px) ** -2.0))
+
+
+# --- Reading and writing a flight that is measured
+
+
+@pytest.fixture
+def own(whole, tmp_path):
+    return shutil.copytree(whole.flight, tmp_path / "own", copy_function=shutil.os.link)
+
+
+def test_image_points_may_be_missing_or_empty(own):
+    assert len(read_unmeasured(own).flight.calibration.image_points) == 0
+    for text in ("", "image,point,col_px,row_px\n", "\n\n"):
+        (own / "calibration" / "image_points.csv").write_text(text)
+        assert len(read_unmeasured(own).flight.calibration.image_points) == 0
+
+
+def test_control_points_may_be_missing(own):
+    (own / "control_points.csv").unlink()
+    assert len(read_unmeasured(own).tables["calibration"].control) == 0
+
+
+def test_measurements_that_are_there_are_kept(whole, own):
+    known = whole.outcome.surveyed.rows[0]
+    place = f"{known.image},{known.point},{known.col_px},{known.row_px}"
+    table = f"image,point,col_px,row_px,sigma_px\n{place},0.7\n"
+    (own / "calibration" / "image_points.csv").write_text(table)
+    (row,) = _given(read_unmeasured(own).tables["calibration"], 0.4)
+    assert (row.image, row.point, row.sigma_px) == (known.image, known.point, 0.7)
+
+
+def test_what_is_wrong_in_a_table_is_said_with_its_line(own):
+    (own / "calibration" / "image_points.csv").write_text("image,point,col_px,row_px\nX,P,1,2\n")
+    with pytest.raises(FlightError, match=r"image_points.csv:2: image: 'X' is unknown"):
+        read_unmeasured(own)
+
+
+def test_a_block_without_pictures_and_measurements_is_refused(own):
+    images = own / "calibration" / "images.csv"
+    lines = [line.rsplit(",", 1)[0] for line in images.read_text().splitlines()]
+    images.unlink()
+    images.write_text("\n".join(lines) + "\n")
+    with pytest.raises(FlightError, match=r"images.csv: column file: names no picture"):
+        read_unmeasured(own)
+
+
+def test_a_flight_that_is_measured_already_and_has_no_picture_is_refused(own):
+    images = own / "calibration" / "images.csv"
+    header, first, *_ = images.read_text().splitlines()
+    image = first.partition(",")[0]
+    for table, text in (
+        (images, "\n".join(line.rsplit(",", 1)[0] for line in (header, first))),
+        (own / "calibration" / "image_points.csv", f"image,point,col_px,row_px\n{image},P,1,1"),
+    ):
+        table.unlink(missing_ok=True)
+        table.write_text(f"{text}\n")
+    with pytest.raises(FlightError, match=r"images.csv: column file: names no picture"):
+        read_unmeasured(own)
+
+
+def test_a_folder_without_blocks_is_refused(tmp_path):
+    with pytest.raises(FlightError, match="nowhere: no such folder; expected the folder of a"):
+        read_unmeasured(tmp_path / "nowhere")
+    with pytest.raises(FlightError, match="no block to measure; a flight has heads/"):
+        read_unmeasured(tmp_path)

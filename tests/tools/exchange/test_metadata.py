@@ -1,4 +1,4 @@
-"""Pictures of drones: marks, tags, lenses."""
+"""The metadata of single pictures."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Lens models of other programs, and one lens."""
+"""Lenses of other programs."""
 
 from dataclasses import replace
 
