@@ -13,7 +13,7 @@ import numpy as np
 from acx4tools.exchange.outward.programs import KINDS as EXPORTS
 from support import run_results
 from support.pictures import tagged
-from support.projects import colmap, metashape, mmvii, opf, pix4d, visualsfm
+from support.projects import bundler, colmap, metashape, micmac, opf, pix4d
 
 CRS = ("--crs", "EPSG:31982")
 SIZED = ("--size", "400x300")
@@ -233,10 +233,12 @@ SOURCES: dict[str, Source] = {
         options=("--allow", "1000"),
         kind="micmac",
     ),
-    "mmvii": Source(write=mmvii.write, options=("--orientations", "adjusted", *CRS), kind="micmac"),
+    "mmvii": Source(
+        write=micmac.mmvii_write, options=("--orientations", "adjusted", *CRS), kind="micmac"
+    ),
     "pix4d": Source(write=pix4d.write),
     "visualsfm": Source(
-        write=_files(m__nvm=visualsfm.text()), source="m.nvm", options=("--size", "640x480")
+        write=_files(m__nvm=bundler.nvm_text()), source="m.nvm", options=("--size", "640x480")
     ),
     "bundler": Source(
         write=_files(bundle__out=BUNDLE, list__txt="a.jpg\nb.jpg\n"),

@@ -1,5 +1,6 @@
-"""Bundler's bundle.out, written by its manual's layout."""
+"""Bundler's bundle.out by its manual's layout, VisualSFM's .nvm by that of its documentation."""
 
+import cv2
 import numpy as np
 
 from acx4lib.geometry import frames
@@ -31,3 +32,41 @@ def text(lenses=(LENS, LENS, (0, 0, 0))):
         position = " ".join(map(repr, point.tolist()))
         lines += [position, "1 2 3", f"2 {' '.join(views)}"]
     return "\n".join(lines) + "\n"
+
+
+# --- VisualSFM's .nvm
+
+
+NVM_SIZE, NVM_F, NVM_R = (640, 480), 700.0, 0.05
+NVM_POINTS = np.array([[0.0, 0, 10], [2, 1, 11], [-2, 1.5, 9]])
+NVM_TURNS = np.radians([[1.0, 2.0, -3.0], [0.5, -1.0, 40.0]])
+NVM_CENTRES = np.array([[0.0, 0, 0], [0.5, -0.1, 0.2]])
+
+
+def nvm_seen(k):
+    """Return pixels from the middle, y down: m (1 + r |m|²) is ideal, in units of f."""
+    x_c = (NVM_POINTS - NVM_CENTRES[k]) @ cv2.Rodrigues(NVM_TURNS[k])[0].T
+    ideal = x_c[:, :2] / x_c[:, 2:]
+    m = ideal.copy()
+    for _ in range(50):
+        m = ideal / (1 + NVM_R * np.sum(m**2, axis=1, keepdims=True))
+    return NVM_F * m
+
+
+def nvm_quaternion(turn):
+    """Return w, x, y, z of a rotation vector."""
+    angle = np.linalg.norm(turn)
+    return [np.cos(angle / 2), *(np.sin(angle / 2) / angle * turn)]
+
+
+def nvm_text(second_lens=(NVM_F, NVM_R), head="NVM_V3"):
+    """Return two cameras, three points that both see, and an empty model at the end."""
+    lines = [head, "", "2"]
+    for k, (f, r) in enumerate(((NVM_F, NVM_R), second_lens)):
+        numbers = [f, *nvm_quaternion(NVM_TURNS[k]), *NVM_CENTRES[k], r, 0]
+        lines.append(" ".join([f"img\\{'ab'[k]}.jpg", *(repr(float(one)) for one in numbers)]))
+    lines += ["", str(len(NVM_POINTS))]
+    for n, point in enumerate(NVM_POINTS.tolist()):
+        views = [f"{k} {n} {x!r} {y!r}" for k in (0, 1) for x, y in [nvm_seen(k)[n].tolist()]]
+        lines.append(" ".join([*map(repr, point), "1 2 3 2", *views]))
+    return "\n".join([*lines, "", "0", "", "#the last part", "0", ""])

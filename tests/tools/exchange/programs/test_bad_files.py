@@ -20,12 +20,10 @@ from support.projects import bundler as written_bundler
 from support.projects import colmap as written_colmap
 from support.projects import metashape as written_metashape
 from support.projects import micmac as written_micmac
-from support.projects import mmvii as written_mmvii
 from support.projects import opensfm as written_opensfm
 from support.projects import opf as written_opf
 from support.projects import pix4d as written_pix4d
 from support.projects import scene
-from support.projects import visualsfm as written_visualsfm
 
 LIST = "1 c\n5 0.1 0.2\n6 0.1 0.2\n-99\n2 c\n5 0.3 0.2\n-99\n"
 GEOIN = "CONT 5 1 2 3\nCHCK 6 4 5 6\n"
@@ -88,11 +86,11 @@ PROGRAMS = {
         lambda path: bundler.read(path, size=written_bundler.SIZE),
         "bundle.out",
     ),
-    "mmvii": (written_mmvii.write, micmac.read, ""),
+    "mmvii": (written_micmac.mmvii_write, micmac.read, ""),
     "pix4d": (written_pix4d.write, pix4d.read, ""),
     "visualsfm": (
-        text("m.nvm", written_visualsfm.text()),
-        lambda path: bundler.read_nvm(path, size=written_visualsfm.SIZE),
+        text("m.nvm", written_bundler.nvm_text()),
+        lambda path: bundler.read_nvm(path, size=written_bundler.NVM_SIZE),
         "m.nvm",
     ),
     "bingo": (write_bingo, lambda path: photo_lists.read_bingo(path, **SIZED), ""),

@@ -10,10 +10,9 @@ from acx4tools.exchange import flight_folder
 from acx4tools.exchange.programs import bundler, micmac, opensfm, photo_lists, pix4d
 from support.helpers import needs
 from support.projects import bundler as written_bundler
-from support.projects import mmvii as written_mmvii
+from support.projects import micmac as written_micmac
 from support.projects import pix4d as written_pix4d
 from support.projects import scene
-from support.projects import visualsfm as written_visualsfm
 
 # --- Bundler and VisualSFM -------------------------------------------------------------------
 #
@@ -28,7 +27,7 @@ def read(folder, content, size=written_bundler.SIZE):
     return bundler.read(path, size=size)
 
 
-def visualsfm_read(folder, content, size=written_visualsfm.SIZE):
+def visualsfm_read(folder, content, size=written_bundler.NVM_SIZE):
     path = folder / "model.nvm"
     path.write_text(content)
     return bundler.read_nvm(path, size=size)
@@ -41,7 +40,7 @@ MET = [
         *("Bundler v0.3", ("1 images that Bundler did not orient", NO_CRS)),
     ),
     (
-        *(visualsfm_read, written_visualsfm.text(), written_visualsfm.seen(0)[0]),
+        *(visualsfm_read, written_bundler.nvm_text(), written_bundler.nvm_seen(0)[0]),
         *("VisualSFM NVM_V3", (NO_CRS,)),
     ),
 ]
@@ -66,7 +65,7 @@ def test_points_are_met_and_names_are_read(tmp_path, read, text, seen, source, l
     ("read", "text"),
     [
         (read, written_bundler.text((written_bundler.LENS, (800.0, 0.0, 0.0), (0, 0, 0)))),
-        (visualsfm_read, written_visualsfm.text(second_lens=(800.0, 0.0))),
+        (visualsfm_read, written_bundler.nvm_text(second_lens=(800.0, 0.0))),
     ],
 )
 def test_different_lenses_are_different_cameras(tmp_path, read, text):
@@ -87,31 +86,35 @@ def test_a_size_that_is_too_small_for_the_measurements_is_refused(tmp_path, read
 
 def test_the_radial_coefficient_takes_measured_points_to_ideal_ones(tmp_path):
     path = tmp_path / "model.nvm"
-    path.write_text(written_visualsfm.text())
-    lens = bundler.project_nvm(path, size=written_visualsfm.SIZE).lenses["CAM"]
+    path.write_text(written_bundler.nvm_text())
+    lens = bundler.project_nvm(path, size=written_bundler.NVM_SIZE).lenses["CAM"]
     m = np.array([[0.3, -0.2], [-0.4, 0.1]])
-    found = lens.ideal(written_visualsfm.F * m + [319.5, 239.5])
-    assert_allclose(found, m * (1 + written_visualsfm.R * np.array([[0.13], [0.17]])), atol=1e-12)
+    found = lens.ideal(written_bundler.NVM_F * m + [319.5, 239.5])
+    assert_allclose(found, m * (1 + written_bundler.NVM_R * np.array([[0.13], [0.17]])), atol=1e-12)
 
 
 def test_a_fixed_calibration_says_from_where_measurements_count(tmp_path):
-    brought = visualsfm_read(tmp_path, written_visualsfm.text(head="NVM_V3 FixedK 700 330 700 250"))
+    brought = visualsfm_read(
+        tmp_path, written_bundler.nvm_text(head="NVM_V3 FixedK 700 330 700 250")
+    )
     points = brought.tables["calibration/image_points.csv"]
-    assert_allclose(points["col_px"][0], 329.5 + written_visualsfm.seen(0)[0, 0], atol=1e-4)
+    assert_allclose(points["col_px"][0], 329.5 + written_bundler.nvm_seen(0)[0, 0], atol=1e-4)
 
 
 def test_further_models_are_counted(tmp_path):
-    found = visualsfm_read(tmp_path, written_visualsfm.text().replace("\n0\n", "\n5\n", 1)).left_out
+    found = visualsfm_read(
+        tmp_path, written_bundler.nvm_text().replace("\n0\n", "\n5\n", 1)
+    ).left_out
     assert "5 cameras of further models in the file" in found
 
 
 def test_local_coordinates_are_taken_as_they_are(tmp_path):
     path = tmp_path / "model.nvm"
-    path.write_text(written_visualsfm.text())
-    brought = bundler.read_nvm(path, size=written_visualsfm.SIZE, crs="local")
+    path.write_text(written_bundler.nvm_text())
+    brought = bundler.read_nvm(path, size=written_bundler.NVM_SIZE, crs="local")
     assert_allclose(brought.tables["calibration/trajectory.csv"]["east_m"], [0.0, 0.5])
     with pytest.raises(FlightError, match=r"--crs: 'EPSG:4326'; must be 'local': VisualSFM's"):
-        bundler.read_nvm(path, size=written_visualsfm.SIZE, crs="EPSG:4326")
+        bundler.read_nvm(path, size=written_bundler.NVM_SIZE, crs="EPSG:4326")
 
 
 # --- micMac's version 2: points and lenses are where the formulas of its source have them ----
@@ -121,15 +124,17 @@ IDEAL = np.array([[0.0, 0.0], [0.4, -0.3], [-0.45, 0.35], [0.1, 0.2]])
 ORI, POINTS = "MMVII-PhgrProj/Ori/A", "MMVII-PhgrProj/PointsMeasure/S"
 
 
-@pytest.mark.parametrize("projection", written_mmvii.DISTANCES)
+@pytest.mark.parametrize("projection", written_micmac.MMVII_DISTANCES)
 def test_a_lens_is_that_of_the_formulas(tmp_path, projection):
-    lens = micmac.project(written_mmvii.write(tmp_path, projection)).lenses["C"]
-    assert_allclose(lens.colrow(IDEAL), written_mmvii.seen(IDEAL, projection), atol=1e-9)
-    assert_allclose(lens.ideal(written_mmvii.seen(IDEAL, projection)), IDEAL, atol=1e-9)
+    lens = micmac.project(written_micmac.mmvii_write(tmp_path, projection)).lenses["C"]
+    assert_allclose(lens.colrow(IDEAL), written_micmac.mmvii_seen(IDEAL, projection), atol=1e-9)
+    assert_allclose(lens.ideal(written_micmac.mmvii_seen(IDEAL, projection)), IDEAL, atol=1e-9)
 
 
 def test_surveyed_points_prove_the_import(tmp_path):
-    brought = micmac.read(written_mmvii.write(tmp_path), orientations="adjusted", crs="EPSG:31982")
+    brought = micmac.read(
+        written_micmac.mmvii_write(tmp_path), orientations="adjusted", crs="EPSG:31982"
+    )
     said = next(one for one in brought.found if one.startswith("surveyed points are"))
     assert float(said.split(" px rms")[0].split()[-1]) < 0.01  # what the refit leaves
     assert brought.source == "MicMac, version 2"
@@ -140,19 +145,19 @@ def test_surveyed_points_prove_the_import(tmp_path):
 
 @pytest.mark.parametrize("given", [".", "MMVII-PhgrProj", ORI])
 def test_any_folder_of_the_project_is_enough(tmp_path, given):
-    written_mmvii.write(tmp_path)
+    written_micmac.mmvii_write(tmp_path)
     tables = micmac.read(tmp_path / given).tables
     assert tables["calibration/image_points.csv"]["point"] == ["P", "Q", "R"]
 
 
 def test_a_calibration_alone_is_a_camera(tmp_path):
-    written_mmvii.write(tmp_path)
+    written_micmac.mmvii_write(tmp_path)
     brought = micmac.read(tmp_path / ORI / "Calib-PerspCentral-C.xml")
     assert list(brought.settings["cameras"]) == ["C"]
 
 
 def test_early_versions_leave_out_the_elements_around(tmp_path):
-    known = micmac.read(written_mmvii.write(tmp_path)).tables
+    known = micmac.read(written_micmac.mmvii_write(tmp_path)).tables
     for path in tmp_path.rglob("*.xml"):
         text = path.read_text()
         for tag in ("Data", "CameraPose", "InternalCalibration", "SetMesIm", "SetGCP"):
@@ -162,10 +167,10 @@ def test_early_versions_leave_out_the_elements_around(tmp_path):
 
 
 def test_one_of_several_orientations_must_be_chosen(tmp_path):
-    written_mmvii.write(tmp_path)
+    written_micmac.mmvii_write(tmp_path)
     other = tmp_path / "MMVII-PhgrProj/Ori/B"
     other.mkdir()
-    (other / "Ori-PerspCentral-a.JPG.xml").write_text(written_mmvii.POSE)
+    (other / "Ori-PerspCentral-a.JPG.xml").write_text(written_micmac.MMVII_POSE)
     with pytest.raises(FlightError, match=r"has orientations in .*Ori/A, .*Ori/B; give one of"):
         micmac.read(tmp_path)
     assert "control_points.csv" in micmac.read(tmp_path / ORI).tables
