@@ -763,8 +763,9 @@ def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
 # may absorb a part, and then removed from the measurements or from control.
 
 
-ROUNDS = 2
-"""How often the sizes of a pattern are estimated, each time after an adjustment without it."""
+ROUNDS = 2, 3
+"""How often the sizes of a pattern are estimated, each time after an adjustment without it; where
+the reading is promising, once more."""
 
 LEAST_SURVEYED = 4
 """Number of surveyed points from which they may be moved or scaled."""
@@ -806,7 +807,10 @@ def _fitted(
 ) -> tuple[Reading, Mounted]:
     """Return the reading with a pattern removed, and its fitted cameras."""
     total, undone, fit = np.zeros(len(pattern.units)), seen, given
-    for _ in range(ROUNDS):
+    usual, most = ROUNDS
+    for done in range(most):
+        if done >= usual and fit.misfit * FITTED > given.misfit:
+            break
         total = total + _pattern_sizes(undone, T_m_b, fit, _in_residuals(pattern, seen, T_m_b, fit))
         undone = _without(pattern, seen, total)
         fit = mounted(undone, T_m_b)
@@ -847,6 +851,13 @@ def _mounted_of_control(seen: Sightings) -> Iterator[_Pattern]:
         units=(1.0, 1.0),
         by_point=shift,
     )
+    raised = np.zeros((len(surveyed), 3, 1))
+    raised[surveyed, 2, 0] = 1.0
+    yield _Pattern(
+        name="control points moved by {:+.1f} m in height, as from another height system,",
+        units=(1.0,),
+        by_point=raised,
+    )
     scale = np.zeros((len(surveyed), 3, 1))
     scale[surveyed, :2, 0] = seen.x_m[surveyed, :2] - seen.x_m[surveyed, :2].mean(axis=0)
     yield _Pattern(
@@ -865,6 +876,11 @@ def _mounted_of_images(
         of_camera = seen.camera_idx == k
         xy[of_camera] = xy_from_colrow(camera, seen.colrow[of_camera]) / camera.interior.f
         height[of_camera] = camera.height_px
+    yield _Pattern(
+        name="image coordinates scaled by {:+.1f} %, as by another focal_mm or pixel_um,",
+        units=(100.0,),
+        by_image=xy[:, :, None],
+    )
     wider = np.zeros((len(seen), 2, 1))
     wider[:, 0, 0] = xy[:, 0]
     yield _Pattern(name="pixels that are {:+.2f} % wider than high", units=(100.0,), by_image=wider)

@@ -388,6 +388,19 @@ MISTAKES: Mapping[str, Mistake] = {
         named=("height of control points above the ellipsoid",),
         geoid=True,
     ),
+    "control of another height system": Mistake(
+        makes=_added("height_m", -46.2), table="control", named=("as from another height system",)
+    ),
+    "another focal length": Mistake(
+        makes=_pixels(
+            lambda col, row, c: (
+                0.94 * col + 0.03 * (c.width_px - 1),
+                0.94 * row + 0.03 * (c.height_px - 1),
+            )
+        ),
+        table="points",
+        named=("as by another focal_mm",),
+    ),
     "control of another epoch": Mistake(
         makes=_moved, table="control", named=("as from another epoch",)
     ),
