@@ -57,7 +57,7 @@ def own(made, tmp_path):
 
 
 @pytest.fixture
-def acx4(acx4):
+def typed(acx4):
     """Run the command; return status and lines of standard error."""
 
     def run(*arguments):
@@ -110,11 +110,11 @@ def test_a_kept_flight_knows_the_checksums_of_what_was_read(made):
 
 
 @pytest.mark.parametrize("name", results.FILES)
-def test_a_report_names_a_file_that_was_cut(own, acx4, name):
+def test_a_report_names_a_file_that_was_cut(own, typed, name):
     _, folder = own
     whole = (folder / name).read_bytes()
     (folder / name).write_bytes(whole[: len(whole) // 2])
-    status, err = acx4("report", folder)
+    status, err = typed("report", folder)
     assert status == 2
     assert err == [
         f"{folder / name}: was cut or changed since acx4 run wrote it, {len(whole) // 2} of "
@@ -123,12 +123,12 @@ def test_a_report_names_a_file_that_was_cut(own, acx4, name):
     assert not (folder / "report.html").exists()
 
 
-def test_a_stage_alone_does_not_build_upon_changed_results(own, acx4):
+def test_a_stage_alone_does_not_build_upon_changed_results(own, typed):
     at, folder = own
     (folder / "parameters.csv").write_text("mine\n")
     (folder / "covariance.csv").unlink()
     before = contents(folder)
-    status, err = acx4("run", at, "--results", folder, "--stages", "validation")
+    status, err = typed("run", at, "--results", folder, "--stages", "validation")
     assert status == 2
     size = json.loads(before[MARK])["files"]["parameters.csv"]["bytes"]
     assert err == [
@@ -166,12 +166,12 @@ def test_a_book_is_not_made_of_changed_results(own):
     assert not (at.parent / "book").exists()
 
 
-def test_rendering_does_not_use_changed_results(tmp_path, acx4):
+def test_rendering_does_not_use_changed_results(tmp_path, typed):
     flight = pictured.write_flight(tmp_path / "flight")
     folder = pictured.write_results(tmp_path / "results", flight)
     table = folder / "parameters.csv"
     table.write_text(table.read_text().replace("omega_deg,", "omega_deg,1"))
-    status, err = acx4("render", flight, "--results", folder, "--out", tmp_path / "out")
+    status, err = typed("render", flight, "--results", folder, "--out", tmp_path / "out")
     assert (status, err) == (
         2,
         [f"{table}: was changed since acx4 run wrote it; run all stages again"],
@@ -179,11 +179,11 @@ def test_rendering_does_not_use_changed_results(tmp_path, acx4):
     assert not (tmp_path / "out").exists()
 
 
-def test_results_of_before_the_mark_are_read_and_never_written_into(own, acx4):
+def test_results_of_before_the_mark_are_read_and_never_written_into(own, typed):
     at, folder = own
     (folder / MARK).unlink()
     before = contents(folder)
-    status, err = acx4("run", at, "--results", folder)
+    status, err = typed("run", at, "--results", folder)
     assert status == 2
     assert err == [
         f"{folder}: holds what acx4 run did not write (check_points.csv, covariance.csv, "
@@ -205,14 +205,14 @@ def test_results_of_before_the_mark_are_read_and_never_written_into(own, acx4):
         ("validation/single_step", "n_pairs", None, "is missing; an adjustment has it"),
     ],
 )
-def test_an_odd_entry_of_the_summary_is_a_line(own, acx4, name, key, value, says):
+def test_an_odd_entry_of_the_summary_is_a_line(own, typed, name, key, value, says):
     _, folder = own
     (folder / MARK).unlink()
     path = folder / "summary.json"
     said = json.loads(path.read_text())
     said[name][key] = value
     path.write_text(json.dumps(said))
-    status, err = acx4("report", folder)
+    status, err = typed("report", folder)
     assert status == 2
     assert len(err) == 1
     assert re.match(rf"{path}:\d+: {name}: {key}: ", err[0])
@@ -228,11 +228,11 @@ def test_an_odd_entry_of_the_summary_is_a_line(own, acx4, name, key, value, says
         {"files": {"../../secret": ""}, "stages": {}},
     ],
 )
-def test_an_odd_provenance_is_a_line(own, acx4, said):
+def test_an_odd_provenance_is_a_line(own, typed, said):
     _, folder = own
     (folder / MARK).unlink()
     (folder / "provenance.json").write_text(json.dumps(said))
-    status, err = acx4("report", folder)
+    status, err = typed("report", folder)
     assert status == 2
     assert 1 <= len(err) <= 2
     assert all(line.startswith(f"{folder / 'provenance.json'}:1: ") for line in err)
@@ -242,7 +242,7 @@ EVIL = "<img src=x onerror=x()> {{7*7}} $x$ ![a](http://evil.example/p) `{eval-r
 
 
 @pytest.mark.slow
-def test_the_report_of_a_strangers_results_is_text(own, acx4):
+def test_the_report_of_a_strangers_results_is_text(own, typed):
     """Every text of the results is an attack; the folder has no mark."""
     _, folder = own
     (folder / MARK).unlink()
@@ -262,7 +262,7 @@ def test_the_report_of_a_strangers_results_is_text(own, acx4):
     table = pd.read_csv(folder / "rejected.csv", dtype=str, keep_default_na=False)
     table["reason"] = EVIL
     table.to_csv(folder / "rejected.csv", index=False)
-    assert acx4("report", folder) == (0, [])
+    assert typed("report", folder) == (0, [])
     page = BeautifulSoup((folder / "report.html").read_text(), "html.parser")
     assert EVIL in page.get_text()
     pictures = [image["src"] for image in page.find_all("img")]
@@ -272,25 +272,25 @@ def test_the_report_of_a_strangers_results_is_text(own, acx4):
     assert not [code for code in page.find_all("code") if "eval" in code.get_text()]
 
 
-def test_results_in_above_or_at_the_flight_are_refused(own, acx4, monkeypatch):
+def test_results_in_above_or_at_the_flight_are_refused(own, typed, monkeypatch):
     at, _ = own
     before = contents(at.parent)
     monkeypatch.chdir(at.parent)
     for place in (at, at / "results", at / "calibration", at.parent, ".", "flight/../flight/r"):
-        status, err = acx4("run", "flight", "--results", place)
+        status, err = typed("run", "flight", "--results", place)
         assert status == 2
         assert len(err) == 1
         assert "the flight" in err[0]
     for place in (at / "r.html", at / "flight.toml", "/dev/full"):
-        status, err = acx4("report", "results", "--out", place)
+        status, err = typed("report", "results", "--out", place)
         assert (status, len(err)) == (2, 1)
     assert contents(at.parent) == before
 
 
-def test_simulate_writes_over_nothing(acx4, tmp_path):
+def test_simulate_writes_over_nothing(typed, tmp_path):
     out = tmp_path / "flight"
     (tmp_path / "flight.truth.json").write_text("mine")
-    status, err = acx4("simulate", "single-head", "--out", out)
+    status, err = typed("simulate", "single-head", "--out", out)
     assert status == 2
     assert err == [
         f"{out}.truth.json: is there and is not the truth of a simulated flight; choose another "
@@ -298,12 +298,12 @@ def test_simulate_writes_over_nothing(acx4, tmp_path):
     ]
     assert [path.name for path in tmp_path.iterdir()] == ["flight.truth.json"]
     (tmp_path / "flight.truth.json").unlink()
-    assert acx4("simulate", "single-head", "--out", tmp_path / "new" / "below" / "flight")[0] == 0
-    assert acx4("simulate", "single-head", "--out", out)[0] == 0
+    assert typed("simulate", "single-head", "--out", tmp_path / "new" / "below" / "flight")[0] == 0
+    assert typed("simulate", "single-head", "--out", out)[0] == 0
     own_folder.clear(out)
-    assert acx4("simulate", "single-head", "--out", out, "--seed", "2")[0] == 0  # an older truth
+    assert typed("simulate", "single-head", "--out", out, "--seed", "2")[0] == 0  # an older truth
     for place in ("/dev/full", tmp_path, out):
-        status, err = acx4("simulate", "single-head", "--out", place)
+        status, err = typed("simulate", "single-head", "--out", place)
         assert (status, len(err)) == (2, 1)
 
 
