@@ -40,11 +40,18 @@ from support.wrong_calls.material import (
     SYNTHETIC,
     TRAJECTORY,
     Wrong,
+    a_block,
     calibrated,
+    count,
+    finite,
     fit,
     flown,
     georeferenced,
+    names,
+    not_negative,
+    positive,
     said,
+    shape,
     spoilt,
     ties,
 )
@@ -108,14 +115,8 @@ def measured() -> list[Wrong]:
             "sigma_px: expected positive numbers, got nan in row 3",
         ),
         Wrong(image_points(sigma_px=np.ones((len(POINTS), 2))), r"sigma_px: expected shape"),
-        Wrong(
-            image_points(colrow=spoilt(POINTS.colrow, np.nan)),
-            "colrow: expected finite numbers, got nan in row 3",
-        ),
-        Wrong(
-            image_points(colrow=spoilt(POINTS.colrow, np.inf)),
-            "colrow: expected finite numbers, got inf in row 3",
-        ),
+        Wrong(image_points(colrow=spoilt(POINTS.colrow, np.nan)), finite("colrow", "nan in row 3")),
+        Wrong(image_points(colrow=spoilt(POINTS.colrow, np.inf)), finite("colrow", "inf in row 3")),
         Wrong(
             image_points(colrow=POINTS.colrow.T),
             r"colrow: expected shape \(\d+, 2\), got \(2, \d+\)",
@@ -159,11 +160,11 @@ def measured() -> list[Wrong]:
         ),
         Wrong(
             adjusting(control(x_m=spoilt(CONTROL.x_m, np.nan))),
-            "control.x_m: expected finite numbers, got nan in row 3",
+            finite("control.x_m", "nan in row 3"),
         ),
-        Wrong(control(x_m=CONTROL.x_m.T), r"x_m: expected shape \(9, 3\), got \(3, 9\)"),
+        Wrong(control(x_m=CONTROL.x_m.T), shape("x_m", "(9, 3)", "(3, 9)")),
         Wrong(control(sigma_m=0.01), r"sigma_m: expected an array of shape \(9, 3\), got 0.01"),
-        Wrong(control(sigma_m=np.full(9, 0.01)), r"sigma_m: expected shape \(9, 3\), got \(9,\)"),
+        Wrong(control(sigma_m=np.full(9, 0.01)), shape("sigma_m", "(9, 3)", "(9,)")),
         Wrong(
             control(sigma_m=-CONTROL.sigma_m),
             "sigma_m: expected zero or positive numbers, got -0.01 in row 0",
@@ -180,7 +181,7 @@ def measured() -> list[Wrong]:
             lambda: replace(BLOCK, check=BLOCK.control),
             "control and check: expected different points, got point 'P0' in both",
         ),
-        Wrong(control(R_g_m=np.eye(3)), r"R_g_m: expected shape \(9, 3, 3\), got \(3, 3\)"),
+        Wrong(control(R_g_m=np.eye(3)), shape("R_g_m", "(9, 3, 3)", "(3, 3)")),
         Wrong(lambda: rays(group=np.array([0, 1, 0, 1])), "group: expected ascending numbers"),
         Wrong(
             lambda: rays(sigma_px=np.zeros(4)),
@@ -194,7 +195,7 @@ def measured() -> list[Wrong]:
         ),
         Wrong(
             lambda: direct.intersect_rays(BLOCK, georeferenced(), rays(), weights=np.ones(4)),
-            r"weights: expected shape \(4, 2, 2\), got \(4,\)",
+            shape("weights", "(4, 2, 2)", "(4,)"),
         ),
         Wrong(
             lambda: direct.intersect_rays(BLOCK, georeferenced(), rays(), refraction="air"),
@@ -233,9 +234,9 @@ def blocks_and_parts() -> list[Wrong]:
     n = len(IMAGES)
     return [
         Wrong(images(names=IMAGES.names[1:]), "strips: expected 11 names, got 12"),
-        Wrong(images(names="I" * n), "names: expected a sequence of names, got the text 'IIII"),
+        Wrong(images(names="I" * n), names("names", "the text 'IIII")),
         Wrong(images(strips=IMAGES.strips[1:]), "strips: expected 12 names, got 11"),
-        Wrong(images(strips="A"), "strips: expected a sequence of names, got the text 'A'"),
+        Wrong(images(strips="A"), names("strips", "the text 'A'")),
         Wrong(
             images(camera_idx=IMAGES.camera_idx + 1),
             "images.camera_idx: expected whole numbers from 0 to 0, got 1 in row 0",
@@ -250,15 +251,12 @@ def blocks_and_parts() -> list[Wrong]:
         ),
         Wrong(
             trajectory(exposures=TRAJECTORY.exposures[1:]),
-            r"T_m_b.R: expected shape \(11, 3, 3\), got \(12, 3, 3\)",
+            shape("T_m_b.R", "(11, 3, 3)", "(12, 3, 3)"),
         ),
-        Wrong(
-            trajectory(exposures="012345678901"),
-            "exposures: expected a sequence of names, got the text",
-        ),
+        Wrong(trajectory(exposures="012345678901"), names("exposures", "the text")),
         Wrong(
             trajectory(sigma_position=np.full(12, 0.02)),
-            r"sigma_position: expected shape \(12, 3\), got \(12,\)",
+            shape("sigma_position", "(12, 3)", "(12,)"),
         ),
         Wrong(
             trajectory(sigma_position=np.full((12, 3), -0.02)),
@@ -272,10 +270,10 @@ def blocks_and_parts() -> list[Wrong]:
             trajectory(sigma_attitude=np.full((12, 3), np.nan)),
             "sigma_attitude: expected zero or positive numbers, got nan in row 0",
         ),
-        Wrong(trajectory(time_s=np.arange(11.0)), r"time_s: expected shape \(12,\), got \(11,\)"),
+        Wrong(trajectory(time_s=np.arange(11.0)), shape("time_s", "(12,)", "(11,)")),
         Wrong(
             adjusting(trajectory(T_m_b=Pose(R=POSES.R, r=spoilt(POSES.r, np.nan)))),
-            "T_m_b.r: expected finite numbers, got nan in row 3",
+            finite("T_m_b.r", "nan in row 3"),
         ),
         Wrong(
             trajectory(T_m_b=Pose(R=2 * POSES.R, r=POSES.r)),
@@ -304,10 +302,7 @@ def blocks_and_parts() -> list[Wrong]:
             lambda: replace(RIG, cameras=(CAMERA, CAMERA)),
             "cameras: expected different names, got 'CAM' twice",
         ),
-        Wrong(
-            lambda: replace(BLOCK, points="P0"),
-            "points: expected a sequence of names, got the text 'P0'",
-        ),
+        Wrong(lambda: replace(BLOCK, points="P0"), names("points", "the text 'P0'")),
         Wrong(
             lambda: replace(BLOCK, points=("P0", *BLOCK.points[:-1])),
             "points: expected different names, got 'P0' twice",
@@ -320,10 +315,7 @@ def blocks_and_parts() -> list[Wrong]:
             lambda: block.select_cameras(BLOCK, ["TAIL"]),
             "block 'calibration' has no camera 'TAIL', only CAM",
         ),
-        Wrong(
-            lambda: block.select_cameras(BLOCK, "CAM"),
-            "names: expected a sequence of names, got the text 'CAM'",
-        ),
+        Wrong(lambda: block.select_cameras(BLOCK, "CAM"), names("names", "the text 'CAM'")),
         Wrong(
             lambda: block.select_cameras(RIG, ["CAM", "CAM"]),
             "names: expected different names, got 'CAM' twice",
@@ -345,9 +337,7 @@ def blocks_and_parts() -> list[Wrong]:
             lambda: block.select_images(BLOCK, np.ones(50, bool)),
             r"keep: expected a mask of 12 True or False, got 50",
         ),
-        Wrong(
-            lambda: block.select_images(None, np.ones(5, bool)), "block: expected a Block, got None"
-        ),
+        Wrong(lambda: block.select_images(None, np.ones(5, bool)), a_block("block", None)),
         Wrong(
             lambda: camera.mountings(CAMERA), "cameras: expected a sequence of Camera, got a Camera"
         ),
@@ -371,26 +361,20 @@ def adjusted() -> list[Wrong]:
         sigma_attitude=np.full((12, 3), np.inf),
     )
     return [
-        Wrong(
-            lambda: mounting.calibrate(BLOCK, free="f"),
-            "free: expected a sequence of names, got the text 'f'",
-        ),
+        Wrong(lambda: mounting.calibrate(BLOCK, free="f"), names("free", "the text 'f'")),
         Wrong(
             lambda: mounting.calibrate(BLOCK, free=("focal",)),
             "free: expected names of f, xp, yp, k1, k2, k3, p1, p2, b1, b2, got 'focal'",
         ),
         Wrong(lambda: mounting.single_step(BLOCK, free=(CAMERA,)), "free: expected names of f, "),
-        Wrong(
-            lambda: mounting.single_step(BLOCK, free=None),
-            "free: expected a sequence of names, got None",
-        ),
+        Wrong(lambda: mounting.single_step(BLOCK, free=None), names("free", None)),
         Wrong(
             lambda: mounting.calibrate(BLOCK, free=FREE, fix=["lever"]),
             "fix: expected names of lever_arm, boresight, got 'lever'",
         ),
         Wrong(
             lambda: mounting.single_step(BLOCK, free=FREE, fix="lever_arm"),
-            "fix: expected a sequence of names, got the text 'lever_arm'",
+            names("fix", "the text 'lever_arm'"),
         ),
         Wrong(
             lambda: mounting.two_step(BLOCK, free=FREE, fix=["lever"]),
@@ -402,7 +386,7 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(
             lambda: mounting.calibrate(BLOCK, free=FREE, gnss="shift"),
-            "gnss: expected a sequence of names, got the text 'shift'",
+            names("gnss", "the text 'shift'"),
         ),
         Wrong(
             lambda: mounting.single_step(BLOCK, free=FREE, gnss=["offset"]),
@@ -424,37 +408,29 @@ def adjusted() -> list[Wrong]:
             lambda: uses.mounted_orientation(BLOCK, free=FREE, free_mount=("lever_arm",)),
             "free_mount: expected names of lever_x, .*, got 'lever_arm'",
         ),
-        Wrong(lambda: mounting.calibrate(None, free=FREE), "block: expected a Block, got None"),
+        Wrong(lambda: mounting.calibrate(None, free=FREE), a_block("block", None)),
         Wrong(
-            lambda: mounting.calibrate(flown(), free=FREE),
-            "block: expected a Block, got a SimulatedFlight",
+            lambda: mounting.calibrate(flown(), free=FREE), a_block("block", "a SimulatedFlight")
         ),
-        Wrong(lambda: mounting.two_step(None, free=FREE), "block: expected a Block, got None"),
+        Wrong(lambda: mounting.two_step(None, free=FREE), a_block("block", None)),
         Wrong(
             lambda: conventions.best_reading(flown(), "calibration"),
             "flight: expected a Flight, got a SimulatedFlight",
         ),
-        Wrong(lambda: uses.free_orientation(None, free=FREE), "block: expected a Block, got None"),
+        Wrong(lambda: uses.free_orientation(None, free=FREE), a_block("block", None)),
         Wrong(
             lambda: mounting.two_step(BLOCK, free=FREE, after=fit()),
             "after: expected a Mounting, got a Bundle",
         ),
-        Wrong(
-            lambda: heads.calibrate_heads(None, ["CAM"], free=FREE),
-            "block: expected a Block, got None",
-        ),
-        Wrong(lambda: rig.calibrate(None, free=FREE), "block: expected a Block, got None"),
-        Wrong(
-            lambda: rig.calibrate(RIG, free="f"),
-            "free: expected a sequence of names, got the text 'f'",
-        ),
+        Wrong(lambda: heads.calibrate_heads(None, ["CAM"], free=FREE), a_block("block", None)),
+        Wrong(lambda: rig.calibrate(None, free=FREE), a_block("block", None)),
+        Wrong(lambda: rig.calibrate(RIG, free="f"), names("free", "the text 'f'")),
         Wrong(
             lambda: rig.relative_orientation(calibrated()["single_step"], "SYN"),
             "synthetic: expected a Camera, got 'SYN'",
         ),
         Wrong(
-            lambda: heads.calibrate_heads(RIG, "CAM", free=FREE),
-            "heads: expected a sequence of names, got the text 'CAM'",
+            lambda: heads.calibrate_heads(RIG, "CAM", free=FREE), names("heads", "the text 'CAM'")
         ),
         Wrong(
             lambda: heads.calibrate_heads(RIG, ["TAIL"], free=FREE),
@@ -494,11 +470,10 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(
             lambda: replace(with_positions, sigma_attitude=np.ones(12)),
-            r"sigma_attitude: expected shape \(12, 3\), got \(12,\)",
+            shape("sigma_attitude", "(12, 3)", "(12,)"),
         ),
         Wrong(
-            lambda: mounting.single_step(fit().network, free=FREE),
-            "block: expected a Block, got a Network",
+            lambda: mounting.single_step(fit().network, free=FREE), a_block("block", "a Network")
         ),
         Wrong(lambda: adjust.adjust(BLOCK), "network: expected a Network, got a Block"),
         Wrong(lambda: datum_defect(BLOCK), "network: expected a Network, got a Block"),
@@ -527,13 +502,13 @@ def adjusted() -> list[Wrong]:
             lambda: gross_errors.adjust_rejecting(
                 BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), critical=-3.9
             ),
-            "critical: expected a positive number, got -3.9",
+            positive("critical", -3.9),
         ),
         Wrong(
             lambda: gross_errors.adjust_rejecting(
                 BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), critical=np.nan
             ),
-            "critical: expected a positive number, got nan",
+            positive("critical", "nan"),
         ),
         Wrong(
             lambda: gross_errors.adjust_rejecting(
@@ -547,11 +522,11 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(
             lambda: adjustment.solve(fit().network, fit().state, max_iterations=0),
-            "max_iterations: expected a whole number of 1 or more, got 0",
+            count("max_iterations", 0),
         ),
         Wrong(
             lambda: adjustment.solve(fit().network, fit().state, tolerance=-1.0),
-            "tolerance: expected a positive number, got -1.0",
+            positive("tolerance", -1.0),
         ),
         Wrong(
             lambda: fit().solution.group("image_points"),
@@ -566,33 +541,25 @@ def adjusted() -> list[Wrong]:
             lambda: weights.weighted(BLOCK, weights="equal", free=FREE),
             "weights: expected one of given, estimated, got 'equal'",
         ),
-        Wrong(
-            lambda: weights.weighted(None, weights="given", free=FREE),
-            "block: expected a Block, got None",
-        ),
+        Wrong(lambda: weights.weighted(None, weights="given", free=FREE), a_block("block", None)),
         Wrong(
             lambda: weights.scaled(BLOCK, {"image_points": 2.0}),
             "factors: expected names of image points, .*, got 'image_points'",
         ),
-        Wrong(
-            lambda: weights.scaled(BLOCK, {"GNSS": 0.0}),
-            "GNSS: expected a positive number, got 0.0",
-        ),
+        Wrong(lambda: weights.scaled(BLOCK, {"GNSS": 0.0}), positive("GNSS", 0.0)),
         Wrong(
             lambda: variance_components.components(fit(), applied={"gnss": 2.0}),
             "applied: expected names of image points, .*, got 'gnss'",
         ),
         Wrong(
-            lambda: variance_components.sigma_tests(BLOCK),
-            "bundle: expected a Bundle, got a Block",
+            lambda: variance_components.sigma_tests(BLOCK), "bundle: expected a Bundle, got a Block"
         ),
         Wrong(
             lambda: unknowns.layout(-1, 3, free=()),
             "n_cameras: expected a whole number of 0 or more, got -1",
         ),
         Wrong(
-            lambda: estimates.given(CAMERA),
-            "cameras: expected a sequence of Camera, got a Camera",
+            lambda: estimates.given(CAMERA), "cameras: expected a sequence of Camera, got a Camera"
         ),
         Wrong(
             lambda: estimates.parameters(calibrated()["single_step"]),
@@ -606,8 +573,5 @@ def adjusted() -> list[Wrong]:
             lambda: replace(said(), cov=np.triu(np.ones_like(said().cov))),
             "cov: expected a symmetric matrix",
         ),
-        Wrong(
-            lambda: replace(said(), sigma0_sq=-1.0),
-            "sigma0_sq: expected zero or a positive number, got -1.0",
-        ),
+        Wrong(lambda: replace(said(), sigma0_sq=-1.0), not_negative("sigma0_sq", -1.0)),
     ]

@@ -12,7 +12,7 @@ from acx4lib.errors import FlightError
 from acx4lib.results import folder
 from acx4sim.files import photograph
 from acx4sim.plan import GrossErrors, SlowErrors
-from support.wrong_calls.material import Wrong, flown, no_results
+from support.wrong_calls.material import Wrong, flown, names, no_results
 
 NOWHERE = "/nowhere/at/all"
 
@@ -59,7 +59,7 @@ def files() -> list[Wrong]:
         ),
         Wrong(
             lambda: folder.replace(NOWHERE, "mounting", tables={}, summary={}),
-            "stage_methods: expected a sequence of names, got the text 'mounting'",
+            names("stage_methods", "the text 'mounting'"),
         ),
         Wrong(
             lambda: folder.replace(NOWHERE, ["mountings"], tables=table, summary={}), "mountings"
@@ -93,8 +93,7 @@ def invented() -> list[Wrong]:
         Wrong(lambda: options(tie_points={"heads": 10.5}), "tie_points"),
         Wrong(lambda: options(refraction="ICAO"), "refraction is 'none' or 'standard', got 'ICAO'"),
         Wrong(
-            lambda: GrossErrors(image_points=5),
-            "image_points must be a share from 0 to 1, got 5",
+            lambda: GrossErrors(image_points=5), "image_points must be a share from 0 to 1, got 5"
         ),
         Wrong(lambda: GrossErrors(gnss_m=np.nan), "gnss_m must be a finite number, got nan"),
         Wrong(lambda: SlowErrors(gnss=95), "gnss must be a share from 0 to 1, got 95"),

@@ -14,7 +14,23 @@ from acx4lib.georeferencing import accuracy, direct, validation
 from acx4lib.least_squares import covariance
 from acx4lib.least_squares import statistics as least_squares_statistics
 from support import blocks
-from support.wrong_calls.material import BLOCK, CAMERA, FOUND, FRAME, Wrong, calibrated, fit, said
+from support.wrong_calls.material import (
+    BLOCK,
+    CAMERA,
+    FOUND,
+    FRAME,
+    Wrong,
+    a_block,
+    calibrated,
+    count,
+    finite,
+    fit,
+    not_negative,
+    positive,
+    probability,
+    said,
+    shape,
+)
 
 
 def head(**wrong):
@@ -37,14 +53,11 @@ def cameras_and_poses() -> list[Wrong]:
         Wrong(lambda: camera.Interior(f=np.inf), "f: expected a finite number, got inf"),
         Wrong(lambda: camera.Interior(f="50"), "f: expected a finite number, got '50'"),
         Wrong(lambda: camera.Interior(f=50.0, k1=np.nan), "k1: expected a finite number, got nan"),
-        Wrong(
-            lambda: camera.Interior.from_array(np.ones(5)),
-            r"values: expected shape \(10,\), got \(5,\)",
-        ),
-        Wrong(head(width_px=0), "width_px: expected a whole number of 1 or more, got 0"),
-        Wrong(head(height_px=-3000), "height_px: expected a whole number of 1 or more, got -3000"),
-        Wrong(head(width_px=4000.5), "width_px: expected a whole number of 1 or more, got 4000.5"),
-        Wrong(head(pixel_mm=0.0), "pixel_mm: expected a positive number, got 0.0"),
+        Wrong(lambda: camera.Interior.from_array(np.ones(5)), shape("values", "(10,)", "(5,)")),
+        Wrong(head(width_px=0), count("width_px", 0)),
+        Wrong(head(height_px=-3000), count("height_px", -3000)),
+        Wrong(head(width_px=4000.5), count("width_px", 4000.5)),
+        Wrong(head(pixel_mm=0.0), positive("pixel_mm", 0.0)),
         Wrong(
             head(pixel_mm=6.0),
             r"pixel_mm: expected mm, got 6.0, which makes a sensor of 24.0 m \(micrometres\?\)",
@@ -58,15 +71,10 @@ def cameras_and_poses() -> list[Wrong]:
         Wrong(
             head(T_b_c=Pose(R=np.eye(3), r=np.full(3, np.nan))), "T_b_c.r: expected finite numbers"
         ),
-        Wrong(head(T_b_c=five), r"T_b_c.R: expected shape \(3, 3\), got \(5, 3, 3\)"),
+        Wrong(head(T_b_c=five), shape("T_b_c.R", "(3, 3)", "(5, 3, 3)")),
         Wrong(head(name=7), "name: expected text, got 7"),
-        Wrong(
-            lambda: Pose(R=np.zeros(3), r=np.zeros(3)),
-            r"R: expected shape \(..., 3, 3\), got \(3,\)",
-        ),
-        Wrong(
-            lambda: Pose(R=np.eye(3), r=np.zeros(2)), r"r: expected shape \(..., 3\), got \(2,\)"
-        ),
+        Wrong(lambda: Pose(R=np.zeros(3), r=np.zeros(3)), shape("R", "(..., 3, 3)", "(3,)")),
+        Wrong(lambda: Pose(R=np.eye(3), r=np.zeros(2)), shape("r", "(..., 3)", "(2,)")),
         Wrong(
             lambda: Pose(R=np.eye(3).tolist(), r=[0, 0, 0]),
             r"R: expected an array of shape \(..., 3, 3\), got a list",
@@ -75,70 +83,52 @@ def cameras_and_poses() -> list[Wrong]:
             lambda: Pose(R=five.R, r=np.zeros((4, 3))),
             r"R and r: expected as many of either, got \(5,\) and \(4,\)",
         ),
-        Wrong(
-            lambda: rotation_from_opk(np.zeros((4, 2))),
-            r"opk: expected shape \(..., 3\), got \(4, 2\)",
-        ),
-        Wrong(
-            lambda: frames.opk_jacobian(np.zeros((3, 4))),
-            r"opk: expected shape \(..., 3\), got \(3, 4\)",
-        ),
+        Wrong(lambda: rotation_from_opk(np.zeros((4, 2))), shape("opk", "(..., 3)", "(4, 2)")),
+        Wrong(lambda: frames.opk_jacobian(np.zeros((3, 4))), shape("opk", "(..., 3)", "(3, 4)")),
         Wrong(lambda: frames.opk_from_rotation(np.ones((3, 3))), "R: expected rotation matrices"),
-        Wrong(
-            lambda: frames.opk_from_rotation(np.ones(3)),
-            r"R: expected shape \(..., 3, 3\), got \(3,\)",
-        ),
-        Wrong(lambda: frames.log(np.zeros(3)), r"R: expected shape \(..., 3, 3\), got \(3,\)"),
+        Wrong(lambda: frames.opk_from_rotation(np.ones(3)), shape("R", "(..., 3, 3)", "(3,)")),
+        Wrong(lambda: frames.log(np.zeros(3)), shape("R", "(..., 3, 3)", "(3,)")),
         Wrong(lambda: frames.mean_rotation(2 * np.eye(3)[None]), "R: expected rotation matrices"),
-        Wrong(
-            lambda: frames.exp(np.zeros((3, 4))), r"delta: expected shape \(..., 3\), got \(3, 4\)"
-        ),
+        Wrong(lambda: frames.exp(np.zeros((3, 4))), shape("delta", "(..., 3)", "(3, 4)")),
         Wrong(lambda: frames.turn(3, 0.1), "axis: expected one of 0, 1, 2, got 3"),
         Wrong(lambda: frames.turn(-1, 0.1), "axis: expected one of 0, 1, 2, got -1"),
         Wrong(
             lambda: frames.mean_rotation(np.zeros((0, 3, 3))),
             "R: expected one rotation matrix at least, got none",
         ),
-        Wrong(
-            lambda: frames.mean_rotation(np.eye(3)), r"R: expected shape \(n, 3, 3\), got \(3, 3\)"
-        ),
-        Wrong(lambda: frames.skew(np.zeros(2)), r"a: expected shape \(..., 3\), got \(2,\)"),
+        Wrong(lambda: frames.mean_rotation(np.eye(3)), shape("R", "(n, 3, 3)", "(3, 3)")),
+        Wrong(lambda: frames.skew(np.zeros(2)), shape("a", "(..., 3)", "(2,)")),
         Wrong(
             lambda: camera.xy_from_colrow(CAMERA, np.zeros((5, 3))),
-            r"colrow: expected shape \(..., 2\), got \(5, 3\)",
+            shape("colrow", "(..., 2)", "(5, 3)"),
         ),
         Wrong(lambda: camera.xy_from_colrow("CAM", colrow), "camera: expected a Camera, got 'CAM'"),
         Wrong(
             lambda: camera.colrow_from_xy(CAMERA, np.zeros((5, 3))),
-            r"xy: expected shape \(..., 2\), got \(5, 3\)",
+            shape("xy", "(..., 2)", "(5, 3)"),
         ),
         Wrong(
             lambda: camera.distortion(CAMERA, colrow),
             "interior: expected an Interior, got a Camera",
         ),
         Wrong(
-            lambda: camera.distort(CAMERA.interior, np.zeros(2)),
-            r"ideal: expected shape \(n, 2\), got \(2,\)",
+            lambda: camera.distort(CAMERA.interior, np.zeros(2)), shape("ideal", "(n, 2)", "(2,)")
         ),
+        Wrong(lambda: camera.distort(CAMERA.interior, colrow, steps=0), count("steps", 0)),
         Wrong(
-            lambda: camera.distort(CAMERA.interior, colrow, steps=0),
-            "steps: expected a whole number of 1 or more, got 0",
-        ),
-        Wrong(
-            lambda: collinearity.project(CAMERA, five, np.zeros(3)),
-            r"x_m: expected shape \(n, 3\), got \(3,\)",
+            lambda: collinearity.project(CAMERA, five, np.zeros(3)), shape("x_m", "(n, 3)", "(3,)")
         ),
         Wrong(
             lambda: collinearity.project(CAMERA, five, np.zeros((3, 5))),
-            r"x_m: expected shape \(n, 3\), got \(3, 5\)",
+            shape("x_m", "(n, 3)", "(3, 5)"),
         ),
         Wrong(
             lambda: collinearity.project(CAMERA, five, np.zeros((4, 3))),
-            r"T_m_c.R: expected shape \(4, 3, 3\), got \(5, 3, 3\)",
+            shape("T_m_c.R", "(4, 3, 3)", "(5, 3, 3)"),
         ),
         Wrong(
             lambda: collinearity.rays(CAMERA, five, np.zeros((5, 3))),
-            r"colrow: expected shape \(n, 2\), got \(5, 3\)",
+            shape("colrow", "(n, 2)", "(5, 3)"),
         ),
         Wrong(
             lambda: collinearity.as_seen(np.zeros((1, 3)), np.zeros((1, 3)), refraction="yes"),
@@ -160,15 +150,15 @@ def cameras_and_poses() -> list[Wrong]:
             lambda: intersection.intersect(
                 np.zeros(3), np.tile([0.0, 0.0, 1.0], (2, 1)), np.zeros(2, int), 1
             ),
-            r"origins: expected shape \(2, 3\), got \(3,\)",
+            shape("origins", "(2, 3)", "(3,)"),
         ),
         Wrong(
             lambda: intersection.resect(CAMERA, np.zeros((4, 2)), np.zeros((5, 3))),
-            r"x_m: expected shape \(4, 3\), got \(5, 3\)",
+            shape("x_m", "(4, 3)", "(5, 3)"),
         ),
         Wrong(
             lambda: intersection.resect(CAMERA, np.full((4, 2), np.nan), np.zeros((4, 3))),
-            "colrow: expected finite numbers, got nan in row 0",
+            finite("colrow", "nan in row 0"),
         ),
         Wrong(
             lambda: intersection.resect(CAMERA, np.zeros((2, 2)), np.zeros((2, 3))),
@@ -198,20 +188,17 @@ def ground() -> list[Wrong]:
             lambda: replace(FRAME, origin=np.array([-25.4, -149.3])),
             "origin: expected longitude and latitude in degrees, got -25.4, -149.3",
         ),
+        Wrong(lambda: replace(FRAME, origin=np.zeros(3)), shape("origin", "(2,)", "(3,)")),
+        Wrong(lambda: FRAME.from_grid(enh[0]), shape("enh", "(n, 3)", "(3,)")),
         Wrong(
-            lambda: replace(FRAME, origin=np.zeros(3)), r"origin: expected shape \(2,\), got \(3,\)"
+            lambda: FRAME.from_grid(np.repeat(enh, 4, axis=0).T), shape("enh", "(n, 3)", "(3, 4)")
         ),
-        Wrong(lambda: FRAME.from_grid(enh[0]), r"enh: expected shape \(n, 3\), got \(3,\)"),
-        Wrong(
-            lambda: FRAME.from_grid(np.repeat(enh, 4, axis=0).T),
-            r"enh: expected shape \(n, 3\), got \(3, 4\)",
-        ),
-        Wrong(lambda: FRAME.from_grid(enh[:, :2]), r"enh: expected shape \(n, 3\), got \(1, 2\)"),
-        Wrong(lambda: FRAME.to_grid(np.zeros(3)), r"x_m: expected shape \(n, 3\), got \(3,\)"),
-        Wrong(lambda: FRAME.grid_axes(np.zeros(3)), r"x_m: expected shape \(n, 3\), got \(3,\)"),
+        Wrong(lambda: FRAME.from_grid(enh[:, :2]), shape("enh", "(n, 3)", "(1, 2)")),
+        Wrong(lambda: FRAME.to_grid(np.zeros(3)), shape("x_m", "(n, 3)", "(3,)")),
+        Wrong(lambda: FRAME.grid_axes(np.zeros(3)), shape("x_m", "(n, 3)", "(3,)")),
         Wrong(
             lambda: FRAME.pose_from_grid(np.repeat(enh, 2, axis=0), np.zeros((1, 3))),
-            r"opk: expected shape \(2, 3\), got \(1, 3\)",
+            shape("opk", "(2, 3)", "(1, 3)"),
         ),
         Wrong(
             lambda: geodesy.mean_origin(FRAME.grid, np.zeros((0, 2))),
@@ -225,10 +212,9 @@ def ground() -> list[Wrong]:
             lambda: direct.georeference(BLOCK, calibrated()["single_step"]),
             "calibration: expected a Calibration, got a Mounting",
         ),
-        Wrong(lambda: direct.georeference(None, said()), "block: expected a Block, got None"),
+        Wrong(lambda: direct.georeference(None, said()), a_block("block", None)),
         Wrong(
-            lambda: validation.validate(None, said(), method="single_step"),
-            "block: expected a Block, got None",
+            lambda: validation.validate(None, said(), method="single_step"), a_block("block", None)
         ),
         Wrong(
             lambda: validation.validate(BLOCK, calibrated(), method="single_step"),
@@ -254,7 +240,7 @@ def ground() -> list[Wrong]:
         ),
         Wrong(
             lambda: validation.compare(BLOCK, np.zeros((2, 3)), np.zeros((2, 3)), np.array([0, 1])),
-            r"cov: expected shape \(2, 3, 3\), got \(2, 3\)",
+            shape("cov", "(2, 3, 3)", "(2, 3)"),
         ),
     ]
 
@@ -263,11 +249,11 @@ def statistics() -> list[Wrong]:
     return [
         Wrong(
             lambda: accuracy.from_differences(np.zeros((3, 40))),
-            r"differences: expected shape \(n, 3\), got \(3, 40\)",
+            shape("differences", "(n, 3)", "(3, 40)"),
         ),
         Wrong(
             lambda: accuracy.from_differences(np.full((4, 3), np.nan)),
-            "differences: expected finite numbers, got nan in row 0",
+            finite("differences", "nan in row 0"),
         ),
         Wrong(
             lambda: accuracy.from_summary(30, mean=(0.0, 0.0), std=(1, 1, 1), rms=(1, 1, 1)),
@@ -287,15 +273,11 @@ def statistics() -> list[Wrong]:
         ),
         Wrong(
             lambda: accuracy.mean_test(FOUND, probability=90),
-            r"probability: expected a probability between 0 and 1, got 90 \(per cent\?\)",
+            probability("probability", r"90 \(per cent\?\)"),
         ),
+        Wrong(lambda: accuracy.mean_test(FOUND, probability=1.0), probability("probability", 1.0)),
         Wrong(
-            lambda: accuracy.mean_test(FOUND, probability=1.0),
-            "probability: expected a probability between 0 and 1, got 1.0",
-        ),
-        Wrong(
-            lambda: accuracy.bias_test(np.zeros(3), np.ones(3)),
-            r"mean_cov: expected shape \(3, 3\), got \(3,\)",
+            lambda: accuracy.bias_test(np.zeros(3), np.ones(3)), shape("mean_cov", "(3, 3)", "(3,)")
         ),
         Wrong(
             lambda: accuracy.mean_test(np.zeros((4, 3))),
@@ -303,7 +285,7 @@ def statistics() -> list[Wrong]:
         ),
         Wrong(
             lambda: accuracy.precision_test(FOUND, (1, 1, 1), probability=90),
-            "probability: expected a probability between 0 and 1, got 90",
+            probability("probability", 90),
         ),
         Wrong(
             lambda: accuracy.precision_test(FOUND, (0.0, 1, 1)),
@@ -313,25 +295,12 @@ def statistics() -> list[Wrong]:
             lambda: accuracy.precision_test(FOUND, 0.1), "sigma_0: expected three numbers, got 0.1"
         ),
         Wrong(
-            lambda: accuracy.rms_interval(1.0, 30, probability=95),
-            "probability: expected a probability between 0 and 1, got 95",
+            lambda: accuracy.rms_interval(1.0, 30, probability=95), probability("probability", 95)
         ),
-        Wrong(
-            lambda: accuracy.rms_interval(-1.0, 30),
-            "rms: expected zero or a positive number, got -1.0",
-        ),
-        Wrong(
-            lambda: accuracy.rms_interval(1.0, -2.5),
-            "n: expected zero or a positive number, got -2.5",
-        ),
-        Wrong(
-            lambda: rejections.noncentrality(power=80),
-            "power: expected a probability between 0 and 1, got 80",
-        ),
-        Wrong(
-            lambda: rejections.noncentrality(critical=-3.9),
-            "critical: expected a positive number, got -3.9",
-        ),
+        Wrong(lambda: accuracy.rms_interval(-1.0, 30), not_negative("rms", -1.0)),
+        Wrong(lambda: accuracy.rms_interval(1.0, -2.5), not_negative("n", -2.5)),
+        Wrong(lambda: rejections.noncentrality(power=80), probability("power", 80)),
+        Wrong(lambda: rejections.noncentrality(critical=-3.9), positive("critical", -3.9)),
         Wrong(
             lambda: reliability.reliability(fit().solution),
             "group: expected a Group, got a Solution",
@@ -345,15 +314,11 @@ def statistics() -> list[Wrong]:
             "columns: expected whole numbers, got an array of <U1",
         ),
         Wrong(
-            lambda: least_squares_statistics.critical_tau(-3.9, 10.0),
-            "critical: expected a positive number, got -3.9",
+            lambda: least_squares_statistics.critical_tau(-3.9, 10.0), positive("critical", -3.9)
         ),
+        Wrong(lambda: covariance.sigmas(np.ones(4)), shape("cov", "(..., n, n)", "(4,)")),
         Wrong(
-            lambda: covariance.sigmas(np.ones(4)), r"cov: expected shape \(..., n, n\), got \(4,\)"
-        ),
-        Wrong(
-            lambda: covariance.correlation(np.ones((2, 3))),
-            r"cov: expected shape \(..., n, n\), got \(2, 3\)",
+            lambda: covariance.correlation(np.ones((2, 3))), shape("cov", "(..., n, n)", "(2, 3)")
         ),
         Wrong(
             lambda: covariance.correlation(np.array([[1.0, 0.5], [0.0, 1.0]])),
@@ -361,11 +326,11 @@ def statistics() -> list[Wrong]:
         ),
         Wrong(
             lambda: covariance.propagate(np.ones((2, 4)), np.eye(3)),
-            r"J: expected shape \(..., k, 3\), got \(2, 4\)",
+            shape("J", "(..., k, 3)", "(2, 4)"),
         ),
         Wrong(
             lambda: covariance.propagate(np.ones((2, 3)), np.ones(3)),
-            r"cov: expected shape \(..., n, n\), got \(3,\)",
+            shape("cov", "(..., n, n)", "(3,)"),
         ),
         Wrong(lambda: accuracy.pec_pcd(FOUND, 1234), "PEC-PCD has no scale 1:1234"),
         Wrong(

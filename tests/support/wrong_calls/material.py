@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -86,3 +87,25 @@ class Wrong:
     call: Callable[[], object]
     says: str
     error: type[Exception] = ValueError
+
+
+# --- answers that many calls get ---------------------------------------------------------------
+
+
+def expected(what: str) -> Callable[[str, object], str]:
+    """Return what makes the answer to an argument of a name that is something else."""
+    return lambda name, got: f"{name}: expected {what}, got {got}"
+
+
+def shape(name: str, wanted: str, got: str) -> str:
+    """Return the answer to an array of another shape, as a pattern."""
+    return re.sub(r"([()])", r"\\\1", f"{name}: expected shape {wanted}, got {got}")
+
+
+a_block = expected("a Block")
+count = expected("a whole number of 1 or more")
+finite = expected("finite numbers")
+names = expected("a sequence of names")
+not_negative = expected("zero or a positive number")
+positive = expected("a positive number")
+probability = expected("a probability between 0 and 1")

@@ -22,6 +22,11 @@ from support.wrong_calls.material import (
     POINTS,
     SYNTHETIC,
     Wrong,
+    a_block,
+    count,
+    finite,
+    not_negative,
+    shape,
     spoilt,
     ties,
 )
@@ -45,35 +50,27 @@ def pixels() -> list[Wrong]:
         ),
         Wrong(
             lambda: transferred_points.transfer(HEADS, HEADS, SYNTHETIC),
-            "block: expected a Block, got a RelativeOrientation",
+            a_block("block", "a RelativeOrientation"),
         ),
         Wrong(
             lambda: transferred_points.transfer(BLOCK, HEADS, SYNTHETIC),
             f"block 'calibration': no orientation of {BLOCK.cameras[0].name}",
         ),
         Wrong(
-            lambda: block.synthetic_images(BLOCK, "SYN"),
-            "synthetic: expected a Camera, got 'SYN'",
+            lambda: block.synthetic_images(BLOCK, "SYN"), "synthetic: expected a Camera, got 'SYN'"
         ),
         Wrong(
             lambda: frame.footprint(HEADS, "CAM1"),
             "k: expected a whole number from 0 to 3, got 'CAM1'",
         ),
         Wrong(
-            lambda: frame.head_from_synthetic(HEADS, 0, np.zeros(2)),
-            r"xy: expected shape \(n, 2\), got \(2,\)",
+            lambda: frame.head_from_synthetic(HEADS, 0, np.zeros(2)), shape("xy", "(n, 2)", "(2,)")
         ),
-        Wrong(
-            lambda: frame.footprint(HEADS, 0, per_side=0),
-            "per_side: expected a whole number of 1 or more, got 0",
-        ),
-        Wrong(
-            lambda: frame.coverage(HEADS, SYNTHETIC, spacing_px=0),
-            "spacing_px: expected a whole number of 1 or more, got 0",
-        ),
+        Wrong(lambda: frame.footprint(HEADS, 0, per_side=0), count("per_side", 0)),
+        Wrong(lambda: frame.coverage(HEADS, SYNTHETIC, spacing_px=0), count("spacing_px", 0)),
         Wrong(
             lambda: refinement.frame_differences(HEADS, HEADS, SYNTHETIC, spacing_px=0),
-            "spacing_px: expected a whole number of 1 or more, got 0",
+            count("spacing_px", 0),
         ),
         Wrong(
             lambda: refinement.frame_differences(
@@ -82,21 +79,15 @@ def pixels() -> list[Wrong]:
             "other: expected 4 heads, as of orientation, got 2",
         ),
         Wrong(lambda: frame.reduced_camera(SYNTHETIC, 1.5), "k: expected a whole number"),
-        Wrong(
-            lambda: frame.reduced_camera(SYNTHETIC, 0),
-            "k: expected a whole number of 1 or more, got 0",
-        ),
+        Wrong(lambda: frame.reduced_camera(SYNTHETIC, 0), count("k", 0)),
         Wrong(lambda: replace(HEADS, heads=()), "heads: expected one Camera at least, got none"),
-        Wrong(
-            lambda: replace(HEADS, opk=HEADS.opk[1:]), r"opk: expected shape \(4, 3\), got \(3, 3\)"
-        ),
+        Wrong(lambda: replace(HEADS, opk=HEADS.opk[1:]), shape("opk", "(4, 3)", "(3, 3)")),
         Wrong(
             lambda: replace(HEADS, xyz_mm=spoilt(HEADS.xyz_mm, np.nan)),
-            "xyz_mm: expected finite numbers, got nan in row 3",
+            finite("xyz_mm", "nan in row 3"),
         ),
         Wrong(
-            lambda: replace(HEADS, cov_joint=np.eye(24)),
-            r"cov_joint: expected shape \(64, 64\), got \(24, 24\)",
+            lambda: replace(HEADS, cov_joint=np.eye(24)), shape("cov_joint", "(64, 64)", "(24, 24)")
         ),
         Wrong(
             lambda: tie_points.shared_points(BLOCK, HEADS),
@@ -115,19 +106,13 @@ def pixels() -> list[Wrong]:
             lambda: tie_points.refine_by_mean_differences(HEADS, POINTS),
             "ties: expected a TiePoints, got an ImagePoints",
         ),
-        Wrong(
-            lambda: rendering.render_plan(small, synthetic, step_px=0),
-            "step_px: expected a whole number of 1 or more, got 0",
-        ),
+        Wrong(lambda: rendering.render_plan(small, synthetic, step_px=0), count("step_px", 0)),
         Wrong(lambda: rendering.render_plan(small, synthetic, feather_px=-1.0), "feather_px"),
         Wrong(
             lambda: rendering.render_plan(small, synthetic, interpolation="lanczos"),
             "interpolation",
         ),
-        Wrong(
-            lambda: head_map.head_map(small, 0, synthetic, step_px=0),
-            "step_px: expected a whole number of 1 or more, got 0",
-        ),
+        Wrong(lambda: head_map.head_map(small, 0, synthetic, step_px=0), count("step_px", 0)),
         Wrong(
             lambda: rendering.render(rendering.render_plan(small, synthetic), pictures[:2]),
             "2 images for 4 heads",
@@ -144,7 +129,7 @@ def pixels() -> list[Wrong]:
         ),
         Wrong(
             lambda: rendering.render(rendering.render_plan(small, synthetic), pictures, threads=0),
-            "threads: expected a whole number of 1 or more, got 0",
+            count("threads", 0),
         ),
         Wrong(
             lambda: rendering.resample(pictures[0], small, 0, synthetic, (9, 3, 0, 9)),
@@ -154,27 +139,15 @@ def pixels() -> list[Wrong]:
             lambda: exposure.RenderOptions(blend="multiband"),
             "blend 'multiband': must be one of feather, seam",
         ),
-        Wrong(
-            lambda: exposure.RenderOptions(feather_px=-5.0),
-            "feather_px: expected zero or a positive number, got -5.0",
-        ),
-        Wrong(
-            lambda: exposure.RenderOptions(feather_px=np.nan),
-            "feather_px: expected zero or a positive number, got nan",
-        ),
+        Wrong(lambda: exposure.RenderOptions(feather_px=-5.0), not_negative("feather_px", -5.0)),
+        Wrong(lambda: exposure.RenderOptions(feather_px=np.nan), not_negative("feather_px", "nan")),
         Wrong(
             lambda: tiff.Format(height=0, width=9, bands=3, dtype="uint8", pixel_mm=0.006),
-            "height: expected a whole number of 1 or more, got 0",
+            count("height", 0),
         ),
         Wrong(lambda: matching.TieOptions(window_px=20), "window_px must be odd"),
-        Wrong(
-            lambda: matching.TieOptions(search_px=-1),
-            "search_px: expected a whole number of 1 or more, got -1",
-        ),
-        Wrong(
-            lambda: matching.TieOptions(cells=0),
-            "cells: expected a whole number of 1 or more, got 0",
-        ),
+        Wrong(lambda: matching.TieOptions(search_px=-1), count("search_px", -1)),
+        Wrong(lambda: matching.TieOptions(cells=0), count("cells", 0)),
         Wrong(
             lambda: matching.TieOptions(least_correlation=np.nan),
             "least_correlation: expected a number from -1 to 1, got nan",
@@ -190,7 +163,7 @@ def pixels() -> list[Wrong]:
         ),
         Wrong(
             lambda: response.estimate_response([PICTURE] * 4, small, synthetic, rng=rng),
-            r"image of CAM1: expected shape \(105, 140, bands\), got \(60, 80, 3\)",
+            shape("image of CAM1", "(105, 140, bands)", "(60, 80, 3)"),
         ),
         Wrong(
             lambda: response.estimate_response(pictures, small, synthetic, rng=1),
@@ -198,63 +171,45 @@ def pixels() -> list[Wrong]:
         ),
         Wrong(
             lambda: response.overlap_samples(pictures, small, synthetic, rng=rng, n_points=0),
-            "n_points: expected a whole number of 1 or more, got 0",
+            count("n_points", 0),
         ),
-        Wrong(
-            lambda: response.fit_response([], n_heads=0, n_bands=3),
-            "n_heads: expected a whole number of 1 or more, got 0",
-        ),
+        Wrong(lambda: response.fit_response([], n_heads=0, n_bands=3), count("n_heads", 0)),
         Wrong(
             lambda: response.Response(coefficients=np.zeros((4, 3))),
-            r"coefficients: expected shape \(n_heads, n_bands, 3\), got \(4, 3\)",
+            shape("coefficients", "(n_heads, n_bands, 3)", "(4, 3)"),
         ),
         Wrong(
             lambda: least_squares_matching.spline_coefficients(PICTURE),
-            r"image: expected shape \(rows, cols\), got \(60, 80, 3\)",
+            shape("image", "(rows, cols)", "(60, 80, 3)"),
         ),
         Wrong(
             lambda: correlate(PICTURE, PICTURE, at, near, half=5, search=3),
-            r"a: expected shape \(rows, cols\), got \(60, 80, 3\)",
+            shape("a", "(rows, cols)", "(60, 80, 3)"),
         ),
-        Wrong(
-            lambda: correlate(GREY, GREY, at, near, half=-1, search=3),
-            "half: expected a whole number of 1 or more, got -1",
-        ),
+        Wrong(lambda: correlate(GREY, GREY, at, near, half=-1, search=3), count("half", -1)),
         Wrong(
             lambda: correlate(GREY, GREY, at, near, half=5, search=-3),
             "search: expected a whole number of 0 or more, got -3",
         ),
         Wrong(
             lambda: correlate(GREY, GREY, at, np.zeros((2, 2)), half=5, search=3),
-            r"near: expected shape \(1, 2\), got \(2, 2\)",
+            shape("near", "(1, 2)", "(2, 2)"),
         ),
         Wrong(
             lambda: correlate(GREY, GREY, at + 0.5, near, half=5, search=3),
             "at: expected whole numbers, got an array of float64",
         ),
-        Wrong(
-            lambda: match(GREY, GREY, at[0], near[0], half=5),
-            r"at: expected shape \(n, 2\), got \(2,\)",
-        ),
-        Wrong(
-            lambda: match(GREY, GREY, at, near, half=0),
-            "half: expected a whole number of 1 or more, got 0",
-        ),
-        Wrong(
-            lambda: matching.response(PICTURE),
-            r"grey: expected shape \(rows, cols\), got \(60, 80, 3\)",
-        ),
-        Wrong(
-            lambda: matching.best_of_cells(GREY, np.ones_like(GREY, bool), 0),
-            "cell: expected a whole number of 1 or more, got 0",
-        ),
+        Wrong(lambda: match(GREY, GREY, at[0], near[0], half=5), shape("at", "(n, 2)", "(2,)")),
+        Wrong(lambda: match(GREY, GREY, at, near, half=0), count("half", 0)),
+        Wrong(lambda: matching.response(PICTURE), shape("grey", "(rows, cols)", "(60, 80, 3)")),
+        Wrong(lambda: matching.best_of_cells(GREY, np.ones_like(GREY, bool), 0), count("cell", 0)),
         Wrong(
             lambda: matching.best_of_cells(GREY, np.ones((5, 5), bool), 8),
-            r"allowed: expected shape \(60, 80\), got \(5, 5\)",
+            shape("allowed", "(60, 80)", "(5, 5)"),
         ),
         Wrong(
             lambda: matching.noise_level(GREY, rng=rng),
-            r"image: expected shape \(rows, cols, bands\), got \(60, 80\)",
+            shape("image", "(rows, cols, bands)", "(60, 80)"),
         ),
         Wrong(lambda: deviations.measure(PICTURE, PICTURE[:30]), "the two pictures have"),
         Wrong(
@@ -264,11 +219,11 @@ def pixels() -> list[Wrong]:
                 ),
                 neighbours=0,
             ),
-            "neighbours: expected a whole number of 1 or more, got 0",
+            count("neighbours", 0),
         ),
         Wrong(
             lambda: frame.parallax(SYNTHETIC, np.ones(3), np.ones(3), np.ones((2, 2))),
-            r"relief_m: expected shape \(m,\), got \(2, 2\)",
+            shape("relief_m", "(m,)", "(2, 2)"),
         ),
         Wrong(
             lambda: frame.parallax(SYNTHETIC, np.ones(3), np.ones(4), np.ones(2)),
