@@ -146,9 +146,10 @@ def _answered(finding: Finding) -> Finding:
         return finding
     failures = [test.said for test in finding.tests if test.fails]
     little = [test.said for test in finding.tests if test.significant and not test.relevant]
+    passed = "" if little else finding.passed
     parts = (
         finding.answer,
-        f"Significant: {'; '.join(failures)}." if failures else finding.passed,
+        f"Significant: {'; '.join(failures)}." if failures else passed,
         f"Significant, but too little to matter: {'; '.join(little)}." if little else "",
     )
     answer = type(finding.answer)(" ".join(filter(None, parts)))
