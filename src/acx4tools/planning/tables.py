@@ -414,7 +414,7 @@ def _method_lines(design: Design, method: str, table: pd.DataFrame) -> Iterator[
     yield ""
     yield f"mounting/{method}"
     yield from _aligned(
-        ("", "sigma", "change found", "unit", "correlation", "with"),
+        ("", "sigma", "detectable change", "unit", "correlation", "with"),
         [
             (
                 _name(row["camera"], row["parameter"]),
@@ -452,7 +452,7 @@ def _reliability_lines(table: pd.DataFrame) -> Iterator[str]:
                 row["effect_on"],
             )
         )
-    header = ("error of", "redundancy", "found from", "at worst", "unit", "moves by sigma", "of")
+    header = ("error of", "redundancy", "detectable", "at worst", "unit", "moves by sigma", "of")
     yield from _aligned(header, rows)
 
 
