@@ -86,7 +86,7 @@ def _block_rows(block: Block) -> Iterator[tuple[str, str]]:
 
 def _synthetic_rows(block: Block) -> Iterator[tuple[str, str]]:
     images = shown.count(len(block.images), "image")
-    yield "transferred into", f"{images} of {block.cameras[0].name}"
+    yield "transferred to", f"{images} of {block.cameras[0].name}"
     yield from _image_rows(block)
 
 

@@ -138,7 +138,7 @@ def test_exposures_without_any_image_make_none(read):
 
 def test_the_summary_shows_both_the_heads_and_the_synthetic_images(read):
     lines = [line.split() for line in flight.summary(read).splitlines()]
-    assert lines.count(["transferred", "into", "6", "images", "of", "CAM"]) == 2
+    assert lines.count(["transferred", "to", "6", "images", "of", "CAM"]) == 2
     assert sum(line[:2] == ["GSD", "CAM"] for line in lines) == 2
     assert sum(line[:2] == ["GSD", "LEFT"] for line in lines) == 3
     assert np.isfinite(read.mounted("validation").T_m_b_images.r).all()
