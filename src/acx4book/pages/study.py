@@ -338,7 +338,7 @@ def _cameras(truth: Truth) -> pd.DataFrame:
     rows = []
     for name in SHOWN:
         unit = name.rpartition("_")[2]
-        true = [f"{values[name]:.{DECIMALS[unit]}f}" for values in cameras.values()]
+        true = [Markup(f"{values[name]:.{DECIMALS[unit]}f}") for values in cameras.values()]
         rows.append([with_unit(LABELS[name], unit), *true])
     return pd.DataFrame(rows, columns=["Parameter", *cameras])  # a camera has any name
 

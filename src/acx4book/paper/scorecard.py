@@ -612,7 +612,7 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
                 for q, u in zip(lines["quantity"], lines["unit"], strict=True)
             ],
             "column": [TITLES.get(c, c) for c in lines["column"]],
-            "paper": lines["as_printed"],
+            "paper": [Markup(text) for text in lines["as_printed"]],  # our own transcription
             "this book": ours,
             **chain,
             "off by (σ)": lines["deviation"],
@@ -627,12 +627,12 @@ def _shown(lines: pd.DataFrame, notes: Sequence[str]) -> pd.DataFrame:
     )
 
 
-def _chain(lines: pd.DataFrame) -> dict[str, list[str]]:
+def _chain(lines: pd.DataFrame) -> dict[str, list[Markup]]:
     """Return the column of the closed chain, to the digits of ours, where it is."""
     if "chain" not in lines or lines["chain"].isna().all():
         return {}
     chain = [
-        value_and_sigma(v, s).partition(" ±")[0] if s > 0 else _plain(float(f"{v:.6g}"))
+        Markup(value_and_sigma(v, s).partition(" ±")[0] if s > 0 else _plain(float(f"{v:.6g}")))
         for v, s in zip(lines["chain"], lines["sigma"], strict=True)
     ]
     return {"four heads": chain}
