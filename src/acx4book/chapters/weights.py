@@ -27,7 +27,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import AXES, SHOWN
 from acx4lib.georeferencing import accuracy, error_sources
 from acx4lib.georeferencing.validation import Differences, compare
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from acx4sim.plan import Options, SlowErrors
 
 # --- Effects of the trajectory's errors on the calibrations of many simulated flights

@@ -22,7 +22,7 @@ from acx4lib.flight.block import Block
 from acx4lib.flight.design import levels
 from acx4lib.flight.settings import Certificate, Device
 from acx4lib.geometry.camera import Camera
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.results import folder
 from acx4lib.results.folder import STAGES
 

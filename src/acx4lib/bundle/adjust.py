@@ -25,7 +25,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.covariance import propagate
-from acx4lib.least_squares.dense import held_at_zero
+from acx4lib.least_squares.reduced_system import held_at_zero
 from acx4lib.least_squares.statistics import Group
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.distances import Distances, lengths
 from acx4lib.geometry.frames import Pose, exp, log, log_jacobian, transform
 from acx4lib.geometry.parameters import DELAYS
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.least_squares.statistics import Correlation, SlowErrors
 

@@ -19,8 +19,8 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.adjustment import require_own_datum
-from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import Equations, point_normals, units
+from acx4lib.least_squares.reduced_system import Inverse
 from acx4lib.least_squares.statistics import LEAST, Group
 
 WEAK = 0.1

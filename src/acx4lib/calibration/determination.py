@@ -26,7 +26,7 @@ from acx4lib.geometry.frames import Pose, opk_jacobian
 from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM, POSE, REPORTED
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
-from acx4lib.least_squares.dense import Inverse, held_at_zero
+from acx4lib.least_squares.reduced_system import Inverse, held_at_zero
 
 # --- Weak directions of an adjustment: condition, weakest combination, strong correlations
 

@@ -21,7 +21,7 @@ from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import LocalFrame, MappingFrame
-from acx4lib.least_squares.gauss_markov import WHITE, GaussMarkov
+from acx4lib.least_squares.covariance import WHITE, GaussMarkov
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -42,7 +42,7 @@ from acx4lib.geometry.crs import is_code_or_wkt
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import LARGEST_UNDULATION_M, LOCAL, GridSystem, grid_system
 from acx4lib.geometry.parameters import ATTITUDE, GNSS, Prior
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 
 INWARD, OUTWARD = 0.25, 0.5
 """Largest corrections of a corner, in half diagonals: a third inwards would fold a lens of k1

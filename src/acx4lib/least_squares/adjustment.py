@@ -18,7 +18,6 @@ from acx4lib import expected, shown
 from acx4lib.errors import AdjustmentError, NotConverged, unsolvable
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import processors
-from acx4lib.least_squares.dense import Inverse
 from acx4lib.least_squares.normal_equations import (
     Equations,
     Normals,
@@ -28,6 +27,7 @@ from acx4lib.least_squares.normal_equations import (
     point_normals,
     strips,
 )
+from acx4lib.least_squares.reduced_system import Inverse
 from acx4lib.least_squares.statistics import Group, chi2_cdf, chi2_sf
 
 S = TypeVar("S")

@@ -10,7 +10,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero
+from acx4lib.least_squares.reduced_system import Dense, Inverse, held_at_zero
 from acx4lib.least_squares.statistics import Correlation, Group
 
 S = TypeVar("S")

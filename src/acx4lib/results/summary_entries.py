@@ -302,9 +302,9 @@ def _wrong_entries(summary: Mapping[str, object]) -> Iterator[Wrong]:
         if not isinstance(entry, dict):
             yield (name,), _quoted(entry), "must be an object"
             continue
-        for key, (test, expected) in TESTS.items():
+        for key, (test, wanted) in TESTS.items():
             if key in entry and not test(entry[key]):
-                yield (name, key), _quoted(entry[key]), f"must be {expected}"
+                yield (name, key), _quoted(entry[key]), f"must be {wanted}"
         for key in _required(name, entry):
             if entry.get(key) is None:
                 yield (name, key), "is missing", "an adjustment has it"

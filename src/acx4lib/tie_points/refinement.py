@@ -39,8 +39,8 @@ from acx4lib.geometry.frames import (
 )
 from acx4lib.least_squares import adjustment, statistics
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
-from acx4lib.least_squares.dense import Dense
 from acx4lib.least_squares.normal_equations import Equations
+from acx4lib.least_squares.reduced_system import Dense
 from acx4lib.synthetic_image.frame import head_from_synthetic, synthetic_from_head
 from acx4lib.tie_points.ties import TiePoints, check_ties
 

@@ -24,7 +24,7 @@ from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.distances import Distances, lengths
 from acx4lib.geometry.frames import Pose, exp, transform
 from acx4lib.geometry.parameters import Prior
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from support import blocks
 from support.helpers import numeric_jacobian
 

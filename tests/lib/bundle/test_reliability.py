@@ -12,8 +12,8 @@ from acx4lib.bundle.rejections import noncentrality
 from acx4lib.bundle.reliability import gains, one_ray, parameter_effects, reliability
 from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.geometry.camera import distort
-from acx4lib.least_squares.dense import Dense
 from acx4lib.least_squares.normal_equations import Equations
+from acx4lib.least_squares.reduced_system import Dense
 from acx4lib.least_squares.statistics import Group
 from support import blocks
 

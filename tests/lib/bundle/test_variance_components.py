@@ -14,7 +14,7 @@ from acx4lib.calibration import weights
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.adjustment import solve
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from acx4sim.plan import SlowErrors
 from support import blocks
 from support.flights import simulated as flown

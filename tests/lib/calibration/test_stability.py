@@ -14,7 +14,7 @@ from acx4lib.calibration.stability import LEFT, TIE_POINTS, calm_sigmas, rigidit
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.parameters import Prior
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from acx4tools.planning import design, plan, tables
 from support import blocks
 from support.flights import in_heads

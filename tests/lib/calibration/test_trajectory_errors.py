@@ -14,7 +14,7 @@ from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import not_determined, parameters
 from acx4lib.geometry.parameters import AXES, MOUNT
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
 from support import blocks

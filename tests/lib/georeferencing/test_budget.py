@@ -15,7 +15,7 @@ from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.georeferencing import budget, direct
 from acx4lib.georeferencing.budget import CALIBRATION, SOURCES
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from support import blocks
 from support.helpers import numeric_jacobian
 

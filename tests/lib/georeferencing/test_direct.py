@@ -13,7 +13,7 @@ from acx4lib.geometry.frames import Pose, log
 from acx4lib.georeferencing import direct, forgotten
 from acx4lib.georeferencing.direct import Rays, georeference, ground_points, intersect_rays
 from acx4lib.georeferencing.validation import validate
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from support import blocks
 from support.blocks import COLUMN_STEPS, SECOND, moved_calibration, moved_trajectory
 from support.blocks import SEEN as POINTS

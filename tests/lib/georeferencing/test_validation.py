@@ -20,7 +20,7 @@ from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import direct, error_sources, validation
 from acx4lib.georeferencing.validation import compare, predict, rays_of_pairs, validate
-from acx4lib.least_squares.gauss_markov import WHITE, GaussMarkov
+from acx4lib.least_squares.covariance import WHITE, GaussMarkov
 from acx4lib.stages import mounting
 from acx4lib.stages import validation as stages_validation
 from support import blocks

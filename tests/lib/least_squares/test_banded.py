@@ -6,13 +6,14 @@ from numpy.testing import assert_allclose
 from scipy import linalg
 
 from acx4lib.errors import AdjustmentError
-from acx4lib.least_squares.banded import (
+from acx4lib.least_squares.reduced_system import (
+    SINGULAR,
     Banded,
     BandedInverse,
     Bordered,
+    Dense,
     too_large,
 )
-from acx4lib.least_squares.dense import SINGULAR, Dense
 
 ROUNDING = 1e-11  # relative, for condition numbers of a few thousand
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib.bundle.free_network import Motions, with_inner_constraints
 from acx4lib.geometry.frames import rotation_from_opk
 from acx4lib.least_squares import adjustment, covariance
-from acx4lib.least_squares.datum import Motions, with_inner_constraints
-from acx4lib.least_squares.gauss_markov import WHITE, GaussMarkov
+from acx4lib.least_squares.covariance import WHITE, GaussMarkov
 from acx4lib.least_squares.normal_equations import Equations, PlainNormals
 from acx4sim.fly import gauss_markov
 

@@ -11,7 +11,7 @@ from scipy import stats
 from acx4lib.bundle.reliability import reliability
 from acx4lib.errors import AdjustmentError
 from acx4lib.least_squares import statistics as least_squares_statistics
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.least_squares.normal_equations import Equations, PlainNormals
 from acx4lib.least_squares.statistics import (
     OUT,

@@ -17,7 +17,7 @@ from acx4lib.bundle.compiled.rays import INTERIOR, POINT
 from acx4lib.bundle.compiled.small_products import aligned
 from acx4lib.compiling import load, uncounted
 from acx4lib.expected import Array, Index
-from acx4lib.least_squares.banded import Bordered, BorderedCovariance
+from acx4lib.least_squares.reduced_system import Bordered, BorderedCovariance
 
 N_INTERIOR, N_POSE = POINT - INTERIOR, 6
 PER_CAMERA = N_INTERIOR + N_POSE

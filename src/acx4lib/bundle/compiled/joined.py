@@ -16,9 +16,8 @@ import numpy as np
 from acx4lib.bundle.compiled.covariances import Tests
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares.adjustment import of_points
-from acx4lib.least_squares.banded import Bordered
-from acx4lib.least_squares.dense import Inverse, held_at_zero
 from acx4lib.least_squares.normal_equations import Equations, point_normals
+from acx4lib.least_squares.reduced_system import Bordered, Inverse, held_at_zero
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

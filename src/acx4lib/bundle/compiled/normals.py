@@ -28,16 +28,19 @@ from acx4lib.bundle.compiled.packing import Packed
 from acx4lib.bundle.compiled.rays import Scene
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.least_squares import processors
-from acx4lib.least_squares.banded import (
+from acx4lib.least_squares.normal_equations import Equations, Precision, cost_of, gather, of_pairs
+from acx4lib.least_squares.reduced_system import (
     LARGEST_DENSE,
     Banded,
     BandedInverse,
     Bordered,
     BorderedCovariance,
+    Dense,
+    Inverse,
+    held_at_zero,
+    places,
     too_large,
 )
-from acx4lib.least_squares.dense import Dense, Inverse, held_at_zero, places
-from acx4lib.least_squares.normal_equations import Equations, Precision, cost_of, gather, of_pairs
 from acx4lib.least_squares.statistics import Correlation, Group
 
 R = TypeVar("R")

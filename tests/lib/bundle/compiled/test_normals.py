@@ -14,9 +14,9 @@ from acx4lib.bundle.observations import PoseObservations
 from acx4lib.geometry.parameters import MOUNT, Prior
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.adjustment import of_points
-from acx4lib.least_squares.banded import BandedInverse
-from acx4lib.least_squares.gauss_markov import GaussMarkov
+from acx4lib.least_squares.covariance import GaussMarkov
 from acx4lib.least_squares.normal_equations import PlainNormals, point_normals
+from acx4lib.least_squares.reduced_system import BandedInverse
 from support import blocks
 from support.flights.simulated import read_back
 
