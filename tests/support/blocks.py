@@ -12,10 +12,17 @@ import numpy as np
 
 from acx4lib.bundle.unknowns import layout
 from acx4lib.calibration.estimates import Calibration
-from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.flight.block import (
+    Block,
+    Distances,
+    ImagePoints,
+    Images,
+    SurveyedPoints,
+    Trajectory,
+    lengths,
+)
 from acx4lib.geometry.camera import Camera, Interior, inside
 from acx4lib.geometry.collinearity import project, refraction_lift
-from acx4lib.geometry.distances import Distances, lengths
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame
 from acx4lib.geometry.parameters import MOUNT

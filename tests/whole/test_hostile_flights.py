@@ -18,8 +18,7 @@ import pytest
 from acx4lib import flight
 from acx4lib.errors import FlightError, visible
 from acx4lib.flight.tables import faulty, name_fault
-from acx4lib.geometry.crs import crs_fault
-from acx4lib.geometry.geodesy import GridSystem
+from acx4lib.geometry.geodesy import GridSystem, crs_fault
 from support.flights.written import write_flight
 from support.helpers import flight_problems as problems
 

@@ -18,9 +18,9 @@ from acx4lib.bundle.unknowns import State
 from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
+from acx4lib.flight.block import Distances
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import mounted_jacobian
-from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.adjustment import Solution

@@ -25,7 +25,7 @@ from acx4lib.bundle.observations import (
 )
 from acx4lib.bundle.unknowns import Layout, State, moved, named
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, ImagePoints, SurveyedPoints
+from acx4lib.flight.block import Block, Distances, ImagePoints, SurveyedPoints
 from acx4lib.geometry.collinearity import (
     Measurement,
     as_seen,
@@ -33,7 +33,6 @@ from acx4lib.geometry.collinearity import (
     image_residuals,
     mounted_jacobian,
 )
-from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.adjustment import of_points
 from acx4lib.least_squares.normal_equations import Equations, Normals, PlainNormals

@@ -16,9 +16,8 @@ from acx4lib import expected, shown
 from acx4lib.bundle.unknowns import Layout, State
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, SurveyedPoints, Trajectory
+from acx4lib.flight.block import Block, Distances, SurveyedPoints, Trajectory, lengths
 from acx4lib.geometry.camera import Camera
-from acx4lib.geometry.distances import Distances, lengths
 from acx4lib.geometry.frames import Pose, exp, log, log_jacobian, transform
 from acx4lib.geometry.parameters import DELAYS
 from acx4lib.least_squares.covariance import GaussMarkov

@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
+from acx4lib.flight.block import Block, Distances, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.flight.problems import NO_ROWS, Problem
 from acx4lib.flight.settings import Setup
 from acx4lib.flight.table_files import read_columns
 from acx4lib.flight.tables import GEOGRAPHIC, SCHEMAS, SIGMA_ATTITUDE, SIGMA_POSITION, Table
-from acx4lib.geometry.distances import Distances
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import GridSystem, MappingFrame, mean_origin
 from acx4lib.opening import opened

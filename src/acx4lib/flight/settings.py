@@ -38,9 +38,14 @@ from acx4lib.flight.toml_file import (
     text,
 )
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, distortion
-from acx4lib.geometry.crs import is_code_or_wkt
 from acx4lib.geometry.frames import Pose, rotation_from_opk
-from acx4lib.geometry.geodesy import LARGEST_UNDULATION_M, LOCAL, GridSystem, grid_system
+from acx4lib.geometry.geodesy import (
+    LARGEST_UNDULATION_M,
+    LOCAL,
+    GridSystem,
+    grid_system,
+    is_code_or_wkt,
+)
 from acx4lib.geometry.parameters import ATTITUDE, GNSS, Prior
 from acx4lib.least_squares.covariance import GaussMarkov
 

@@ -15,9 +15,8 @@ from pyproj.database import query_utm_crs_info
 from pyproj.exceptions import CRSError, ProjError
 
 from acx4lib.expected import Array
-from acx4lib.geometry.crs import crs_fault
 from acx4lib.geometry.frames import Pose, turn
-from acx4lib.geometry.geodesy import LOCAL, GridSystem, grid_system
+from acx4lib.geometry.geodesy import LOCAL, GridSystem, crs_fault, grid_system
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 """Between the library's camera axes and those with y down, z ahead."""

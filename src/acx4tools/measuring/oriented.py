@@ -16,8 +16,7 @@ from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration.picture_turns import freely_turned
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
-from acx4lib.flight.block import NO_POINTS, Block, ImagePoints, Trajectory
-from acx4lib.geometry.distances import Distances
+from acx4lib.flight.block import NO_POINTS, Block, Distances, ImagePoints, Trajectory
 from acx4lib.geometry.parameters import Prior
 from acx4tools.measuring.pairs import Found
 from acx4tools.measuring.views import Surface, View, seen_at, through

@@ -14,7 +14,7 @@ from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.bundle.reliability import parameter_effects
 from acx4lib.bundle.unknowns import holding
 from acx4lib.errors import AdjustmentError
-from acx4lib.geometry.distances import lengths
+from acx4lib.flight.block import lengths
 from acx4lib.least_squares.adjustment import cross_covariance
 from acx4lib.least_squares.normal_equations import PlainNormals
 from support import blocks

@@ -20,8 +20,8 @@ from acx4lib.bundle.observations import (
     usable,
 )
 from acx4lib.errors import AdjustmentError
+from acx4lib.flight.block import Distances, lengths
 from acx4lib.geometry.camera import mountings
-from acx4lib.geometry.distances import Distances, lengths
 from acx4lib.geometry.frames import Pose, exp, transform
 from acx4lib.geometry.parameters import Prior
 from acx4lib.least_squares.covariance import GaussMarkov
