@@ -10,7 +10,7 @@ from hypothesis import settings
 
 from acx4book.command.acx4 import GRAMMAR, main
 from acx4lib import flight
-from acx4lib.bundle import adjust, uses
+from acx4lib.bundle import adjust
 from acx4lib.calibration.heads import calibrate_heads
 from acx4lib.stages import pictures as taken
 from support import blocks
@@ -57,14 +57,14 @@ def noisy_block(exact_block):
 @pytest.fixture(scope="session")
 def mounted(noisy_block):
     """The noisy block adjusted in one step."""
-    return adjust.adjust(uses.mounted_orientation(blocks.approximate(noisy_block), free=FREE))
+    return adjust.adjust(adjust.mounted_orientation(blocks.approximate(noisy_block), free=FREE))
 
 
 @pytest.fixture(scope="session")
 def self_calibrated(noisy_block):
     """The noisy block adjusted with free exterior orientation."""
     return adjust.adjust(
-        uses.free_orientation(blocks.approximate(noisy_block), free=("xp", "yp", "k1"))
+        adjust.free_orientation(blocks.approximate(noisy_block), free=("xp", "yp", "k1"))
     )
 
 

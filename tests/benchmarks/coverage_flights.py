@@ -24,9 +24,8 @@ import acx4sim
 from acx4book.chapters import weights
 from acx4book.command.processes import on_processes
 from acx4book.notebooks.simulated import fly_and_read
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import estimates, mounting
 from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight

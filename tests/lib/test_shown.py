@@ -11,9 +11,8 @@ from numpy.testing import assert_allclose
 
 import acx4lib as acx
 import acx4sim
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.reliability import reliability
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.bundle.variance_components import components
 from acx4lib.calibration.estimates import from_bundle, given, parameters
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation

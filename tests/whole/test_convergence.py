@@ -18,7 +18,7 @@ import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.functions import Functions
 from acx4lib import flight
-from acx4lib.bundle import adjust, uses
+from acx4lib.bundle import adjust
 from acx4lib.bundle.start import recovered
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
 from acx4lib.flight.block import select_cameras
@@ -76,8 +76,8 @@ def turned_in_its_mount(block, quarters):
 def set_up(shape, block):
     """Set up a block as the stages do: heads with free orientation, the others mounted."""
     if shape == "one head":
-        return uses.free_orientation(block, free=("f", "xp", "yp", "k1", "p1", "p2"))
-    return uses.mounted_orientation(block, free=FREE)
+        return adjust.free_orientation(block, free=("f", "xp", "yp", "k1", "p1", "p2"))
+    return adjust.mounted_orientation(block, free=FREE)
 
 
 @cache
@@ -193,7 +193,7 @@ def test_most_images_need_no_control_to_be_turned():
     (camera,) = block.cameras
     T_b_c = Pose(R=camera.T_b_c.R @ turn(2, np.pi), r=camera.T_b_c.r)
     wrong = replace(block, control=block.control[::3], cameras=(replace(camera, T_b_c=T_b_c),))
-    state = recovered(uses.free_orientation(wrong, free=FREE))
+    state = recovered(adjust.free_orientation(wrong, free=FREE))
     expected = block.T_m_b_images.R @ best("268 images").state.T_b_c.R[0]
     assert rotation_angle(state.T_m_b.R, expected).max() < np.radians(8.0)
 

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 import acx4sim
-from acx4lib.bundle import uses
+from acx4lib.bundle import adjust
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import calibrate_heads
@@ -171,7 +171,7 @@ def test_a_head_with_errors_that_let_no_adjustment_converge_is_still_cleaned(hea
     spoilt = replace(block, image_points=replace(points, colrow=colrow))
 
     def network(b):
-        return uses.free_orientation(b, free=("xp", "yp", "k1", "p1", "p2"))
+        return adjust.free_orientation(b, free=("xp", "yp", "k1", "p1", "p2"))
 
     found = adjust_rejecting(spoilt, network)
     rejected = {r.row for r in found.rejected if r.kind == "image_point"}

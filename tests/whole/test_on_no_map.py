@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib.bundle.adjust import free_orientation
 from acx4lib.bundle.free_network import adjust_free
-from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.mounting import single_step
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.reader import from_tables, read

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.reference import data
-from acx4lib.bundle import adjust, uses
+from acx4lib.bundle import adjust
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.start import resected
 from acx4lib.expected import Array, Index
@@ -530,7 +530,7 @@ def _adjusted(
     is_check = np.isin(surveyed.point, CHECK_POINTS)
     origin = surveyed.x.mean(axis=0).round(-2)
     block = _block(camera, measured, names, surveyed=surveyed, is_check=is_check, origin=origin)
-    network = uses.free_orientation(block, free=free)
+    network = adjust.free_orientation(block, free=free)
     # DBAT corrects the points as they were measured
     adjusted = adjust.adjust(replace(network, distortion_at="measured"))
     return Project(

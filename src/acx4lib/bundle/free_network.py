@@ -67,7 +67,7 @@ def adjust_free(network: Network, points: Mask | None = None) -> FreeNetwork:
     Parameters
     ----------
     network : Network
-        Of `uses.free_orientation`, or of mounted cameras whose mounting is held, without lever
+        Of `adjust.free_orientation`, or of mounted cameras whose mounting is held, without lever
         arms; without refraction.
     points : ndarray of bool, shape (n_points,), optional
         The points of the inner constraints: those of them that take part; by default all.
@@ -165,7 +165,7 @@ def datum_defect(network: Network) -> int:
     Parameters
     ----------
     network : Network
-        Of `uses.free_orientation`, without refraction.
+        Of `adjust.free_orientation`, without refraction.
 
     Raises
     ------

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.adjust import Bundle, adjust, robust_start
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import usable
 from acx4lib.bundle.rejections import (
@@ -41,7 +41,6 @@ from acx4lib.bundle.start import (
     turned_alike,
 )
 from acx4lib.bundle.unknowns import State
-from acx4lib.bundle.uses import robust_start
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block

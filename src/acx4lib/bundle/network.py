@@ -1,7 +1,7 @@
 """The equations of a bundle block: one model for every use (sections 2.1 and 2.2).
 
 Every image depends on a *pose* through a *mounting*: ``T_m_c = T_m_b @ T_b_c``, eq. (14). The
-uses differ only in which of the two is free, held or observed; `uses` sets them up.
+uses differ only in which of the two is free, held or observed; `adjust` sets them up.
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ def by_course(bundle: Bundle) -> ByCourse | None:
     Parameters
     ----------
     bundle : Bundle
-        Of `uses.mounted_orientation`. A deviation that it estimated is taken off.
+        Of `adjust.mounted_orientation`. A deviation that it estimated is taken off.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def headings(bundle: Bundle) -> tuple[Array, Array]:
     Parameters
     ----------
     bundle : Bundle
-        Of `uses.mounted_orientation`. A deviation that it estimated is taken off.
+        Of `adjust.mounted_orientation`. A deviation that it estimated is taken off.
 
     Returns
     -------

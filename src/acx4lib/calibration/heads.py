@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
-from acx4lib.bundle.adjust import Bundle, adjust, qualities
+from acx4lib.bundle.adjust import Bundle, adjust, free_orientation, qualities
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import shared_errors
 from acx4lib.bundle.rejections import without
-from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.estimates import (
     from_bundle,
     not_determined,

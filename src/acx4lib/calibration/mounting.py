@@ -11,13 +11,12 @@ import numpy as np
 
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt
-from acx4lib.bundle.adjust import Bundle, adjust, qualities
+from acx4lib.bundle.adjust import Bundle, adjust, free_orientation, mounted_orientation, qualities
 from acx4lib.bundle.free_network import adjust_free, adjust_free_rejecting
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.observations import PoseObservations, shared_errors, slow_errors
 from acx4lib.bundle.rejections import Rejection, without
 from acx4lib.bundle.unknowns import Layout, State, free_mount, layout
-from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration.estimates import (
     METHODS,
     Calibration,
@@ -217,7 +216,7 @@ def single_step(
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
         ``"shift"``, ``"drift"``: those named are unknowns of the GNSS positions, as in
-        `uses.mounted_orientation`.
+        `adjust.mounted_orientation`.
     snooping : bool
         Whether gross errors are looked for, and rejected.
 

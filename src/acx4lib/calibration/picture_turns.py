@@ -30,7 +30,7 @@ LOOSE, LEAST = float(np.radians(0.1)), 1e-6
 """Standard deviation of turns, radians: so large that they are free; and the smallest one."""
 
 SetUp = Callable[..., Network]
-"""Takes a block, `turns` and `start`, as `uses.mounted_orientation` does."""
+"""Takes a block, `turns` and `start`, as `adjust.mounted_orientation` does."""
 
 
 def turned(block: Block, bundle: Bundle, set_up: SetUp) -> tuple[Bundle, Array | None]:

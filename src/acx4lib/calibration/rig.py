@@ -64,7 +64,7 @@ def calibrate(
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
-        Errors of the trajectory to estimate, as in `uses.mounted_orientation`.
+        Errors of the trajectory to estimate, as in `adjust.mounted_orientation`.
 
     Returns
     -------

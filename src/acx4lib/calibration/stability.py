@@ -510,7 +510,7 @@ def calm_sigmas(bundle: Bundle) -> Array | None:
     Parameters
     ----------
     bundle : Bundle
-        Of `uses.mounted_orientation`.
+        Of `adjust.mounted_orientation`.
 
     Returns
     -------

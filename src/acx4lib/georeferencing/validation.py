@@ -15,12 +15,11 @@ import numpy as np
 from scipy import sparse
 
 from acx4lib import expected, shown
-from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting, elsewhere, pairs_of
 from acx4lib.bundle.observations import SharedErrors
 from acx4lib.bundle.rejections import CRITICAL, Exchange, Rejection, Stopped, within_limits
 from acx4lib.bundle.unknowns import Layout
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.picture_turns import by_turns
 from acx4lib.errors import AdjustmentError, unsolvable
@@ -787,7 +786,7 @@ def predict(
     refraction : str
         ``"none"`` or ``"standard"``.
     gnss : sequence of str
-        Errors of this block's own trajectory to estimate, as in `uses.mounted_orientation`.
+        Errors of this block's own trajectory to estimate, as in `adjust.mounted_orientation`.
 
     Raises
     ------

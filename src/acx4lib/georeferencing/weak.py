@@ -147,7 +147,7 @@ def of_bundle(bundle: Bundle) -> list[Weak]:
     Parameters
     ----------
     bundle : Bundle
-        Of `uses.mounted_orientation`.
+        Of `adjust.mounted_orientation`.
     """
     calm = calm_sigmas(bundle)
     if calm is None:

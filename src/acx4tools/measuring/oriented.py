@@ -9,10 +9,9 @@ from functools import partial
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import Bundle
+from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration.picture_turns import freely_turned
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import NOT_GIVEN, Array, Index, Mask

@@ -442,7 +442,7 @@ def of_strips(network: Network, *, tie_points: int = TIE_POINTS) -> StripInforma
     Parameters
     ----------
     network : Network
-        As `uses.mounted_orientation` makes it.
+        As `adjust.mounted_orientation` makes it.
     tie_points : int
         Largest number of tie points that take part.
 

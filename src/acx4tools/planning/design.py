@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected
-from acx4lib.bundle.adjust import designed
+from acx4lib.bundle.adjust import designed, mounted_orientation
 from acx4lib.bundle.unknowns import free_mount
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import rig, trajectory_errors
 from acx4lib.calibration.estimates import RIGS, Calibration, from_bundle, given, parameters
 from acx4lib.calibration.mounting import Mounting

@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from acx4lib.bundle import uses
+from acx4lib.bundle import adjust
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.bundle.unknowns import Layout, State, layout
@@ -193,7 +193,7 @@ def fly(
 
 def network(made: Made) -> Network:
     """Return the single step of a block, with start values that lie off the truth."""
-    ready = uses.mounted_orientation(made.block, free=FREE)
+    ready = adjust.mounted_orientation(made.block, free=FREE)
     rng = np.random.default_rng(2)
     x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
     x_m[made.block.control.point_idx] = made.block.control.x_m
@@ -214,7 +214,7 @@ def pinhole_network(made: Made) -> Network:
         sigma_position=block.trajectory.sigma_position,
         sigma_attitude=np.full((len(block.images), 3), np.inf),
     )
-    ready = uses.free_orientation(block, free=PINHOLE, positions=positions)
+    ready = adjust.free_orientation(block, free=PINHOLE, positions=positions)
     rng = np.random.default_rng(2)
     x_m = made.x_m + rng.uniform(-START_TIES_M, START_TIES_M, made.x_m.shape)
     return replace(ready, start=replace(ready.start, x_m=x_m), distortion_at="measured")
@@ -386,7 +386,7 @@ def read_problem(
     ----------
     path : Path
     free, free_mount : sequence of str
-        As in `uses.mounted_orientation`; nothing of the mounting where poses are the camera's.
+        As in `adjust.mounted_orientation`; nothing of the mounting where poses are the camera's.
     """
     with path.open("rb") as file:
         n_poses, n_points, n_control, n_rays = np.fromfile(file, np.int64, 4)
@@ -460,7 +460,7 @@ def _block_read(
 def _network_read(
     block: Block, observed: PoseObservations, x_m: np.ndarray, columns: Layout
 ) -> Network:
-    """Return what `uses.mounted_orientation` does, without a search for start values."""
+    """Return what `adjust.mounted_orientation` does, without a search for start values."""
     n, camera = len(block.images), block.cameras[0]
     return Network(
         block=block,

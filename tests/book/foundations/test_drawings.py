@@ -22,8 +22,8 @@ from acx4book.foundations.drawings import (
     rotations,
 )
 from acx4book.paper import printed
+from acx4lib.bundle.adjust import free_orientation
 from acx4lib.bundle.free_network import adjust_free
-from acx4lib.bundle.uses import free_orientation
 from acx4lib.geometry.camera import Interior, distort
 from acx4lib.geometry.camera import distortion as of_library
 from acx4lib.geometry.frames import exp, rotation_from_opk

@@ -14,7 +14,7 @@ from scipy import stats
 
 from acx4book.reference import data, dbat_files, dbat_statements
 from acx4book.reference.dbat_statements import results
-from acx4lib.bundle import adjust, uses
+from acx4lib.bundle import adjust
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.flight.block import select_images
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
@@ -218,7 +218,7 @@ def block(adjusted):
 
 def campaign(block, images):
     part = select_images(block, np.isin(np.arange(len(block.images)), images))
-    network = replace(uses.free_orientation(part, free=dbat_files.FREE), distortion_at="measured")
+    network = replace(adjust.free_orientation(part, free=dbat_files.FREE), distortion_at="measured")
     bundle = adjust.adjust(network)
     return Campaign(
         name=part.images.names[0],

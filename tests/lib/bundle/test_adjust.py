@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle import uses
-from acx4lib.bundle.adjust import adjust, designed
+from acx4lib.bundle.adjust import adjust, designed, free_orientation, mounted_orientation
 from acx4lib.bundle.start import start_points
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.block import ImagePoints, Images, SurveyedPoints
@@ -30,11 +29,11 @@ SECOND = replace(
 
 
 def mounted_network(block):
-    return uses.mounted_orientation(block, free=FREE)
+    return mounted_orientation(block, free=FREE)
 
 
 def free_network(block):
-    return uses.free_orientation(block, free=FREE)
+    return free_orientation(block, free=FREE)
 
 
 # --- recovery --------------------------------------------------------------------------------
@@ -91,7 +90,7 @@ def test_start_values_may_be_degrees_off(exact_block, error_deg):
 
 def test_what_is_not_free_stays_as_declared(exact_block):
     (camera,) = exact_block.cameras
-    fit = adjust(uses.mounted_orientation(exact_block, free=("k1",), free_mount=()))
+    fit = adjust(mounted_orientation(exact_block, free=("k1",), free_mount=()))
     found = fit.cameras[0]
     assert found.interior == replace(camera.interior, k1=found.interior.k1)
     assert_allclose(found.T_b_c.r, camera.T_b_c.r, atol=0)
@@ -358,17 +357,17 @@ def test_rays_that_part_start_on_a_ray_before_the_camera(exact_block):
 def test_an_image_without_measurements_is_not_oriented(exact_block):
     points = exact_block.image_points
     block = replace(exact_block, image_points=points[points.image_idx != 4])
-    fit = adjust(uses.free_orientation(block, free=("k1",)))
+    fit = adjust(free_orientation(block, free=("k1",)))
     assert np.flatnonzero(~fit.oriented).tolist() == [4]
     assert fit.cameras[0].interior.k1 == pytest.approx(2e-6, abs=1e-12)
     # an observed pose is oriented all the same
-    assert adjust(uses.mounted_orientation(block, free=("k1",))).oriented.all()
+    assert adjust(mounted_orientation(block, free=("k1",))).oriented.all()
 
 
 def test_a_block_without_control_floats(exact_block):
     """Six of its freedoms and the scale are open: positions and attitudes of all images."""
     block = replace(exact_block, control=exact_block.control[np.zeros(9, dtype=bool)])
-    fit = adjust(uses.free_orientation(block, free=()))
+    fit = adjust(free_orientation(block, free=()))
     assert not fit.oriented.any()
     assert fit.solution.undetermined.all()
     assert fit.solution.condition > 1e11
@@ -378,7 +377,7 @@ def test_without_any_measurement_there_is_nothing_to_adjust(exact_block):
     points = exact_block.image_points[np.zeros(0, dtype=int)]
     empty = replace(exact_block, image_points=points)
     with pytest.raises(AdjustmentError, match="cannot determine"):
-        adjust(uses.free_orientation(empty, free=("f",)))
+        adjust(free_orientation(empty, free=("f",)))
 
 
 def test_surveyed_points_that_no_image_shows_play_no_part(exact_block):

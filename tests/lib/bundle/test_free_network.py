@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4lib.bundle import uses
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation, with_held_poses
 from acx4lib.bundle.compiled import packing
 from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.bundle.reliability import parameter_effects
@@ -29,7 +28,7 @@ def alone(block):
 
 
 def network(block):
-    return uses.free_orientation(block, free=FREE)
+    return free_orientation(block, free=FREE)
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +81,7 @@ def test_error_free_control_and_held_poses_are_a_datum_too(noisy_block):
     assert datum_defect(network(replace(noisy_block, control=exact))) == 1
     net = network(alone(noisy_block))
     for n, n_open in ((1, 1), (2, 0)):  # one pose leaves the scale
-        held = uses.with_held_poses(net, net.pose_names[:n], net.start.T_m_b[:n])
+        held = with_held_poses(net, net.pose_names[:n], net.start.T_m_b[:n])
         assert datum_defect(held) == n_open
 
 
@@ -249,7 +248,7 @@ def test_what_depends_on_the_datum_is_refused_in_words(net, fit):
 
 def test_other_networks_and_too_few_points_are_refused(net, noisy_block):
     with pytest.raises(ValueError, match="free_orientation"):
-        adjust_free(uses.mounted_orientation(noisy_block, free=FREE))
+        adjust_free(mounted_orientation(noisy_block, free=FREE))
     with pytest.raises(ValueError, match="refraction"):
         datum_defect(replace(net, refraction="standard"))
     with pytest.raises(ValueError, match="points"):

@@ -9,10 +9,9 @@ from scipy import stats
 
 import acx4sim
 from acx4lib import flight
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting, expected_failures
 from acx4lib.bundle.rejections import Rejection, without
-from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration import heads, mounting
 from acx4lib.calibration.estimates import from_bundle, given
 from acx4lib.errors import FlightError

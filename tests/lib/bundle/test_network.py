@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle import adjust, uses
+from acx4lib.bundle import adjust
 from acx4lib.bundle.unknowns import free_shift, layout
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk, transform
@@ -64,23 +64,23 @@ def off(net, rng):
 def networks():
     """The uses of the one model, on six exposures."""
     one, rig = small(), small((blocks.CAMERA, SECOND))
-    observed = uses.mounted_orientation(one, free=()).observed
+    observed = adjust.mounted_orientation(one, free=()).observed
     return {
-        "free": uses.free_orientation(one, free=("xp", "yp", "k1")),
-        "positions": uses.free_orientation(
+        "free": adjust.free_orientation(one, free=("xp", "yp", "k1")),
+        "positions": adjust.free_orientation(
             one,
             free=INTERIOR,
             positions=replace(observed, sigma_attitude=np.full((6, 3), np.inf)),
         ),
-        "mounted": uses.mounted_orientation(one, free=("f", "xp", "yp")),
-        "boresight held": uses.mounted_orientation(one, free=("f",), free_mount=MOUNT[:3]),
-        "mounting held": uses.mounted_orientation(one, free=("k3", "b1"), free_mount=()),
-        "rig": uses.mounted_orientation(rig, free=INTERIOR),
-        "shift": uses.mounted_orientation(rig, free=("f",), gnss=("shift",)),
-        "drift": uses.mounted_orientation(
+        "mounted": adjust.mounted_orientation(one, free=("f", "xp", "yp")),
+        "boresight held": adjust.mounted_orientation(one, free=("f",), free_mount=MOUNT[:3]),
+        "mounting held": adjust.mounted_orientation(one, free=("k3", "b1"), free_mount=()),
+        "rig": adjust.mounted_orientation(rig, free=INTERIOR),
+        "shift": adjust.mounted_orientation(rig, free=("f",), gnss=("shift",)),
+        "drift": adjust.mounted_orientation(
             blocks.in_strips(one, 3), free=("f",), free_mount=MOUNT[3:], gnss=GNSS[:2]
         ),
-        "delay": uses.mounted_orientation(timed(one), free=("f",), gnss=GNSS[2:]),
+        "delay": adjust.mounted_orientation(timed(one), free=("f",), gnss=GNSS[2:]),
     }
 
 
@@ -182,7 +182,7 @@ def test_points_move_by_their_step(net, rng):
 
 def test_residuals_of_the_truth_vanish():
     block = small()
-    net = uses.mounted_orientation(block, free=("f",))
+    net = adjust.mounted_orientation(block, free=("f",))
     x_m = np.concatenate([blocks.crosses(spacing_m=200.0), blocks.terrain(6, half_m=150.0)])
     state = replace(net.start, x_m=x_m)
     for v, sigma in net.residuals(state):
@@ -242,7 +242,7 @@ def test_a_single_component_without_error_is_a_micrometre():
     block = small()
     sigma = np.tile([0.01, 0.0, 0.02], (9, 1))
     block = replace(block, control=replace(block.control, sigma_m=sigma))
-    _, used = uses.free_orientation(block, free=()).residuals(networks()["free"].start)[1]
+    _, used = adjust.free_orientation(block, free=()).residuals(networks()["free"].start)[1]
     assert_allclose(used, np.tile([0.01, 1e-6, 0.02], (9, 1)), atol=0)
 
 
@@ -268,7 +268,7 @@ def test_at_the_adjusted_point_derivatives_leave_out_how_the_last_step_curves(ne
     assert largest_difference(net, off(net, rng)) < 1e-4
 
 
-@pytest.mark.parametrize("setup", [uses.free_orientation, uses.mounted_orientation])
+@pytest.mark.parametrize("setup", [adjust.free_orientation, adjust.mounted_orientation])
 def test_derivatives_leave_out_only_how_refraction_changes(setup, rng):
     """The lift is taken as constant: its own slope is of the size K = 3e-5 at most."""
     net = setup(small(refraction="standard"), free=("f", "xp"), refraction="standard")
@@ -279,6 +279,6 @@ def test_refraction_is_in_the_residuals():
     block = small(refraction="standard")
     x_m = np.concatenate([blocks.crosses(spacing_m=200.0), blocks.terrain(6, half_m=150.0)])
     for refraction, smallest, largest in (("standard", 0.0, 1e-8), ("none", 0.01, 1.0)):
-        net = uses.mounted_orientation(block, free=(), refraction=refraction)
+        net = adjust.mounted_orientation(block, free=(), refraction=refraction)
         v, _ = net.residuals(replace(net.start, x_m=x_m))[0]
         assert smallest <= np.abs(v).max() <= largest  # px

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle import uses
+from acx4lib.bundle import adjust
 from acx4lib.bundle.observations import (
     Strips,
     distance_equations,
@@ -38,7 +38,7 @@ def block():
 
 
 def test_positions_are_off_by_the_shift_and_what_the_drift_has_added_up():
-    net = uses.mounted_orientation(blocks.standard(), free=())
+    net = adjust.mounted_orientation(blocks.standard(), free=())
     strips = Strips(names=("A", "B"), idx=np.array([0, 1, -1]), elapsed=np.array([2.0, -3.0, 0.0]))
     drift = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, 0.01]])
     found = position_errors(
@@ -50,10 +50,10 @@ def test_positions_are_off_by_the_shift_and_what_the_drift_has_added_up():
 
 def test_observed_positions_are_the_true_ones_and_their_errors(block):
     """At the truth, positions shifted and drifting along the grid's axes leave no residual."""
-    net = uses.mounted_orientation(block, free=(), gnss=("shift", "drift"))
+    net = adjust.mounted_orientation(block, free=(), gnss=("shift", "drift"))
     shift, drift = np.array([0.3, -0.2, 0.1]), 0.01 * np.arange(9).reshape(3, 3)
     by = position_errors(net.observed, replace(net.start, shift=shift, drift=drift))
-    off = uses.mounted_orientation(
+    off = adjust.mounted_orientation(
         blocks.changed(block, "gnss", by), free=(), gnss=("shift", "drift")
     )
     truth = replace(off.start, T_m_b=net.start.T_m_b, shift=shift, drift=drift)
@@ -76,7 +76,7 @@ def straight():
 
 def test_what_is_recorded_late_is_the_pose_of_a_later_time(straight):
     """At the truth, positions and attitudes of 20 ms later leave no residual."""
-    net = uses.mounted_orientation(straight, free=(), gnss=DELAYED)
+    net = adjust.mounted_orientation(straight, free=(), gnss=DELAYED)
     motion, T = net.observed.motion, net.start.T_m_b
     R_m_g = np.swapaxes(straight.trajectory.R_g_m, -1, -2)
     late = Pose(R=T.R @ exp(0.02 * motion.rate), r=T.r + transform(R_m_g, 0.02 * motion.velocity))
@@ -90,7 +90,7 @@ def test_what_is_recorded_late_is_the_pose_of_a_later_time(straight):
 def test_derivatives_by_errors_of_the_trajectory_and_poses_agree_with_differences(
     straight, rng, errors
 ):
-    net = uses.mounted_orientation(straight, free=(), free_mount=(), gnss=errors)
+    net = adjust.mounted_orientation(straight, free=(), free_mount=(), gnss=errors)
     turned = exp(rng.normal(0, 0.02, (12, 3)))
     if net.observed.motion:
         motion = replace(net.observed.motion, rate=rng.normal(0, 0.3, (12, 3)))
@@ -138,7 +138,7 @@ def test_what_takes_no_part_is_linked_to_nothing(block):
     sigma = trajectory.sigma_position.copy()
     sigma[5] = np.inf
     trajectory = replace(trajectory, sigma_position=sigma)
-    net = uses.mounted_orientation(replace(block, trajectory=trajectory), free=())
+    net = adjust.mounted_orientation(replace(block, trajectory=trajectory), free=())
     linked = net.observed.linked
     assert linked[linked[:, 0] == 5].tolist() == [[5, 5]]
     assert [4, 6] in linked.tolist()
@@ -188,7 +188,7 @@ def test_an_exposure_alone_or_in_no_strip_does_not_drift(strips_block):
 
 def test_a_block_without_strips_cannot_drift():
     with pytest.raises(AdjustmentError, match=r"images\.csv needs its column strip"):
-        uses.mounted_orientation(blocks.standard(), free=(), gnss=("drift",))
+        adjust.mounted_orientation(blocks.standard(), free=(), gnss=("drift",))
 
 
 # --- motion ----------------------------------------------------------------------------------

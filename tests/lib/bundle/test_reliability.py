@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.rejections import noncentrality
 from acx4lib.bundle.reliability import gains, one_ray, parameter_effects, reliability
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.geometry.camera import distort
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.least_squares.reduced_system import Dense

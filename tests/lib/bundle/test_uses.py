@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle import uses
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation, with_held_poses
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.bundle.unknowns import holding, layout
 from acx4lib.errors import AdjustmentError
@@ -31,7 +30,7 @@ def cameras_of(block):
 
 def held(net, T_m_c):
     names = [net.pose_names[i] for i in HELD]
-    return adjust(uses.with_held_poses(net, names, T_m_c[np.array(HELD)]))
+    return adjust(with_held_poses(net, names, T_m_c[np.array(HELD)]))
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +46,8 @@ def pair(noisy_block):
         sigma_position=tiny,
         sigma_attitude=tiny / 1000,
     )
-    net = uses.free_orientation(noisy_block, free=FREE, positions=observed)
-    return held(uses.free_orientation(noisy_block, free=FREE), T_m_c), adjust(net)
+    net = free_orientation(noisy_block, free=FREE, positions=observed)
+    return held(free_orientation(noisy_block, free=FREE), T_m_c), adjust(net)
 
 
 def test_a_held_pose_is_the_limit_of_an_observation_without_error(pair):
@@ -89,8 +88,8 @@ def test_two_held_bodies_are_the_datum_of_all(exact_block, rng):
         exact_block.trajectory, T_m_b=off, sigma_position=sigma, sigma_attitude=sigma
     )
     alone = replace(exact_block, trajectory=trajectory, control=exact_block.control[:0])
-    net = uses.mounted_orientation(alone, free=(), free_mount=())
-    fit = adjust(uses.with_held_poses(net, ["0", "1"], T[:2]))
+    net = mounted_orientation(alone, free=(), free_mount=())
+    fit = adjust(with_held_poses(net, ["0", "1"], T[:2]))
     assert_allclose(fit.state.T_m_b.r, T.r, atol=1e-6)
     assert np.abs(log(np.swapaxes(fit.state.T_m_b.R, 1, 2) @ T.R)).max() < 1e-9
 
@@ -100,37 +99,37 @@ def test_two_held_bodies_are_the_datum_of_all(exact_block, rng):
     [(["0", "nowhere"], 2, "nowhere"), (["0", "0"], 2, "different"), (["0"], 2, "1 poses")],
 )
 def test_poses_that_cannot_be_held_are_named(exact_block, names, n, says):
-    net = uses.mounted_orientation(exact_block, free=FREE)
+    net = mounted_orientation(exact_block, free=FREE)
     with pytest.raises(ValueError, match=says):
-        uses.with_held_poses(net, names, exact_block.trajectory.T_m_b[:n])
+        with_held_poses(net, names, exact_block.trajectory.T_m_b[:n])
 
 
 def test_a_block_without_a_trajectory_begins_with_resections():
     block = blocks.noisy(blocks.standard(check=None), np.random.default_rng(3))
     alone = replace(block, trajectory=None)
     assert alone.trajectory.exposures == block.images.names
-    fit, same = (adjust(uses.free_orientation(one, free=("f",))) for one in (alone, block))
+    fit, same = (adjust(free_orientation(one, free=("f",))) for one in (alone, block))
     assert_allclose(fit.cameras[0].interior.f, same.cameras[0].interior.f, atol=1e-8)
     with pytest.raises(AdjustmentError, match="has no image with"):
-        uses.free_orientation(replace(alone, control=NO_POINTS), free=("f",))
+        free_orientation(replace(alone, control=NO_POINTS), free=("f",))
 
 
 def test_held_images_keep_the_poses_of_the_trajectory():
     block = blocks.standard(check=None)
     names = block.images.names[:2]
-    network = uses.free_orientation(replace(block, control=NO_POINTS), free=("f",), held=names)
+    network = free_orientation(replace(block, control=NO_POINTS), free=("f",), held=names)
     fit = adjust(network)
     T = cameras_of(block)
     assert_allclose(fit.T_m_c.r[:2], T.r[:2], atol=0)
     assert_allclose(fit.T_m_c.r, T.r, atol=1e-5)  # exact measurements
     with pytest.raises(ValueError, match="held"):
-        uses.free_orientation(block, free=("f",), held=("nobody",))
+        free_orientation(block, free=("f",), held=("nobody",))
 
 
 def test_no_point_is_left_out_at_an_angle_of_zero():
     block = blocks.standard(check=None)
     counts = [
-        uses.free_orientation(block, free=("f",), smallest_angle=angle).left_out
+        free_orientation(block, free=("f",), smallest_angle=angle).left_out
         for angle in (0.0, np.radians(60.0))
     ]
     assert counts[0] == {}

@@ -8,8 +8,7 @@ from scipy import stats
 
 import acx4sim
 from acx4lib.bundle import variance_components
-from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.uses import free_orientation, mounted_orientation
+from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
 from acx4lib.calibration import weights
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose

@@ -8,9 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import linalg, stats
 
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
 from acx4lib.bundle.rejections import noncentrality
-from acx4lib.bundle.uses import free_orientation, mounted_orientation
 from acx4lib.calibration import determination, mounting
 from acx4lib.calibration.determination import (
     SHARE,

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.unknowns import layout
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import estimates, mounting
 from acx4lib.calibration.estimates import (
     ENOUGH,

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.uses import free_orientation
+from acx4lib.bundle.adjust import adjust, free_orientation
 from acx4lib.calibration import heads
 from acx4lib.errors import AdjustmentError
 from acx4lib.geometry import frames

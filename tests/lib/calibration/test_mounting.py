@@ -9,9 +9,8 @@ from scipy import stats
 
 from acx4book.paper import printed as paper
 from acx4lib.attempts import Failed
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, free_orientation
 from acx4lib.bundle.rejections import Rejection
-from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import mounting_jacobians, mountings_per_image, two_step

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib.bundle.adjust import mounted_orientation
 from acx4lib.bundle.observations import picture_equations
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import picture_turns, rig
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight.block import NO_POINTS

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle import adjust, uses
+from acx4lib.bundle import adjust
 from acx4lib.calibration import heads as calibration_heads
 from acx4lib.calibration import rig
 from acx4lib.calibration.estimates import from_bundle, not_determined
@@ -232,7 +232,7 @@ def test_a_gross_measurement_leaves_no_shared_point(exact):
 
 def test_observed_heights_are_those_of_the_nearest_points(exact):
     """Points of known ground, on rays of known heads: x, y within their relief times the tilt."""
-    fit = adjust.adjust(uses.mounted_orientation(exact, free=()))
+    fit = adjust.adjust(adjust.mounted_orientation(exact, free=()))
     lonely = split(exact, shared=True)
     added = rig.observe_heights(lonely, fit, rig.one_exposure_points(lonely))
     new = added.control[len(exact.control) :]

@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from acx4lib.bundle.adjust import adjust, designed
-from acx4lib.bundle.uses import free_orientation, mounted_orientation
+from acx4lib.bundle.adjust import adjust, designed, free_orientation, mounted_orientation
 from acx4lib.calibration import stability, trajectory_errors
 from acx4lib.calibration.stability import LEFT, TIE_POINTS, calm_sigmas, rigidity
 from acx4lib.errors import AdjustmentError

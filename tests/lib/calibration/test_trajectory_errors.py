@@ -8,9 +8,8 @@ from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4book.report.words import parameter_title
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.observations import position_errors
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import not_determined, parameters
 from acx4lib.geometry.parameters import AXES, MOUNT

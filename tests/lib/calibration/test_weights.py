@@ -7,8 +7,7 @@ from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4lib.bundle import variance_components
-from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import weights
 from acx4lib.errors import AdjustmentError
 from support import blocks

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from acx4lib.bundle import uses
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.network import camera_poses
 from acx4lib.bundle.rejections import Rejection
 from acx4lib.calibration import estimates
@@ -205,7 +204,7 @@ def test_a_table_that_was_written_otherwise_is_read_whole(tmp_path):
 
 def test_distances_have_rows_of_their_own_kind(noisy_block):
     block = blocks.taped(noisy_block, [[11, 20], [3, 42]], sigma=0.1, off=[0.05, -0.02])
-    bundle = adjust(uses.mounted_orientation(block, free=("f",)))
+    bundle = adjust(mounted_orientation(block, free=("f",)))
     calibration = estimates.from_bundle(bundle)
     table = rows.bundle_tables("mounting", "single_step", bundle, calibration)["residuals"]
     found = table[table["kind"] == "distance"]

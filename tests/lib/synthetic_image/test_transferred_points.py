@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import estimates
 from acx4lib.calibration.heads import varied
 from acx4lib.calibration.mounting import single_step

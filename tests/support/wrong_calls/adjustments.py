@@ -13,7 +13,6 @@ from acx4lib.bundle import (
     observations,
     rejections,
     unknowns,
-    uses,
     variance_components,
 )
 from acx4lib.bundle.free_network import adjust_free, datum_defect
@@ -405,7 +404,7 @@ def adjusted() -> list[Wrong]:
             "refraction: expected one of none, standard, got 'air'",
         ),
         Wrong(
-            lambda: uses.mounted_orientation(BLOCK, free=FREE, free_mount=("lever_arm",)),
+            lambda: adjust.mounted_orientation(BLOCK, free=FREE, free_mount=("lever_arm",)),
             "free_mount: expected names of lever_x, .*, got 'lever_arm'",
         ),
         Wrong(lambda: mounting.calibrate(None, free=FREE), a_block("block", None)),
@@ -417,7 +416,7 @@ def adjusted() -> list[Wrong]:
             lambda: conventions.best_reading(flown(), "calibration"),
             "flight: expected a Flight, got a SimulatedFlight",
         ),
-        Wrong(lambda: uses.free_orientation(None, free=FREE), a_block("block", None)),
+        Wrong(lambda: adjust.free_orientation(None, free=FREE), a_block("block", None)),
         Wrong(
             lambda: mounting.two_step(BLOCK, free=FREE, after=fit()),
             "after: expected a Mounting, got a Bundle",
@@ -453,7 +452,7 @@ def adjusted() -> list[Wrong]:
             r"CAM: expected a focal length in mm, got f=0.05 \(metres\?\)",
         ),
         Wrong(
-            lambda: uses.free_orientation(
+            lambda: adjust.free_orientation(
                 block.select_images(BLOCK, IMAGES.exposure_idx < 6),
                 free=FREE,
                 positions=with_positions,
@@ -461,7 +460,7 @@ def adjusted() -> list[Wrong]:
             "positions: expected 6 poses, got 12",
         ),
         Wrong(
-            lambda: uses.free_orientation(BLOCK, free=FREE, positions=POSES),
+            lambda: adjust.free_orientation(BLOCK, free=FREE, positions=POSES),
             "positions: expected a PoseObservations, got a Pose",
         ),
         Wrong(
@@ -479,7 +478,7 @@ def adjusted() -> list[Wrong]:
         Wrong(lambda: datum_defect(BLOCK), "network: expected a Network, got a Block"),
         Wrong(lambda: adjust_free(None), "network: expected a Network, got None"),
         Wrong(
-            lambda: uses.with_held_poses(BLOCK, ["A1"], None),
+            lambda: adjust.with_held_poses(BLOCK, ["A1"], None),
             "network: expected a Network, got a Block",
         ),
         Wrong(lambda: exterior_orientations(BLOCK), "bundle: expected a Bundle, got a Block"),
@@ -500,19 +499,19 @@ def adjusted() -> list[Wrong]:
         ),
         Wrong(
             lambda: gross_errors.adjust_rejecting(
-                BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), critical=-3.9
+                BLOCK, lambda b: adjust.mounted_orientation(b, free=FREE), critical=-3.9
             ),
             positive("critical", -3.9),
         ),
         Wrong(
             lambda: gross_errors.adjust_rejecting(
-                BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), critical=np.nan
+                BLOCK, lambda b: adjust.mounted_orientation(b, free=FREE), critical=np.nan
             ),
             positive("critical", "nan"),
         ),
         Wrong(
             lambda: gross_errors.adjust_rejecting(
-                BLOCK, lambda b: uses.mounted_orientation(b, free=FREE), sigma0="guess"
+                BLOCK, lambda b: adjust.mounted_orientation(b, free=FREE), sigma0="guess"
             ),
             "sigma0: expected one of known, estimated, got 'guess'",
         ),

@@ -16,9 +16,8 @@ from scipy.spatial import KDTree
 
 from acx4book.paper import printed
 from acx4lib import expected, shown
-from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.adjust import Bundle, adjust, free_orientation
 from acx4lib.bundle.start import SUSPECT
-from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration.estimates import require_control
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Mask, Raster

@@ -10,9 +10,8 @@ import numpy as np
 from acx4book.teaching import flights
 from acx4book.teaching.flights import Case, Mistake, Question, Right, Rights, Sheet, computed
 from acx4book.teaching.grading import scaled, swapped, wrong_sign
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.rejections import CRITICAL
-from acx4lib.bundle.uses import mounted_orientation
 from acx4lib.stages.mounting import calibrate
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import GrossErrors, Options

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
-from acx4lib.bundle import uses
+from acx4lib.bundle import adjust
 from acx4lib.bundle.compiled import normals, packing
 from acx4lib.bundle.compiled.joined import by_points
 from acx4lib.bundle.observations import PoseObservations
@@ -43,7 +43,7 @@ def with_positions(block):
         sigma_position=block.trajectory.sigma_position[block.images.exposure_idx],
         sigma_attitude=np.full((n, 3), np.inf),
     )
-    return uses.free_orientation(block, free=("f", "xp"), positions=observed)
+    return adjust.free_orientation(block, free=("f", "xp"), positions=observed)
 
 
 def with_declared_mountings(block):
@@ -54,7 +54,7 @@ def with_declared_mountings(block):
     cameras = tuple(
         replace(camera, prior=prior) for camera, prior in zip(block.cameras, priors, strict=True)
     )
-    return uses.mounted_orientation(replace(block, cameras=cameras), free=ALL[:4])
+    return adjust.mounted_orientation(replace(block, cameras=cameras), free=ALL[:4])
 
 
 def slowly(block, gnss=()):
@@ -67,7 +67,9 @@ def slowly(block, gnss=()):
         slow_positions=GaussMarkov(share=0.9, time_constant_s=120.0),
         slow_attitudes=GaussMarkov(share=0.6, time_constant_s=30.0),
     )
-    return uses.mounted_orientation(replace(block, trajectory=trajectory), free=ALL[:4], gnss=gnss)
+    return adjust.mounted_orientation(
+        replace(block, trajectory=trajectory), free=ALL[:4], gnss=gnss
+    )
 
 
 def with_held_control(block):
@@ -75,37 +77,37 @@ def with_held_control(block):
     sigma_m[::3] = 0.0  # error-free
     sigma_m[1, 2] = np.inf  # a height that was taken out
     held = replace(block, control=replace(block.control, sigma_m=sigma_m))
-    return uses.free_orientation(held, free=ALL[:5])
+    return adjust.free_orientation(held, free=ALL[:5])
 
 
 def with_held_poses(net, every=3):
     """Some poses are held at their approximate values."""
     names = net.pose_names[1::every]
-    return uses.with_held_poses(
+    return adjust.with_held_poses(
         net, names, net.start.T_m_b[np.arange(1, len(net.start.T_m_b), every)]
     )
 
 
 NETWORKS = {
-    "single step": lambda f: uses.mounted_orientation(f.calibration, free=ALL[:8]),
-    "all interior": lambda f: uses.mounted_orientation(f.calibration, free=ALL),
-    "boresight only": lambda f: uses.mounted_orientation(
+    "single step": lambda f: adjust.mounted_orientation(f.calibration, free=ALL[:8]),
+    "all interior": lambda f: adjust.mounted_orientation(f.calibration, free=ALL),
+    "boresight only": lambda f: adjust.mounted_orientation(
         f.calibration, free=(), free_mount=("boresight_x", "boresight_z")
     ),
-    "refraction": lambda f: uses.mounted_orientation(
+    "refraction": lambda f: adjust.mounted_orientation(
         f.calibration, free=("f",), refraction="standard"
     ),
     "distortion at the measured points": lambda f: replace(
-        uses.mounted_orientation(f.calibration, free=ALL), distortion_at="measured"
+        adjust.mounted_orientation(f.calibration, free=ALL), distortion_at="measured"
     ),
-    "a rig of four heads": lambda f: uses.mounted_orientation(
+    "a rig of four heads": lambda f: adjust.mounted_orientation(
         f.heads, free=("f", "xp", "yp", "k1")
     ),
     "declared mountings of a rig": lambda f: with_declared_mountings(f.heads),
-    "free exteriors": lambda f: uses.free_orientation(f.calibration, free=ALL[:3]),
+    "free exteriors": lambda f: adjust.free_orientation(f.calibration, free=ALL[:3]),
     "positions observed": lambda f: with_positions(f.calibration),
     "held control": lambda f: with_held_control(f.calibration),
-    "a shift and drifts of GNSS positions": lambda f: uses.mounted_orientation(
+    "a shift and drifts of GNSS positions": lambda f: adjust.mounted_orientation(
         f.calibration, free=ALL[:3], gnss=("shift", "drift")
     ),
     "errors that change slowly": lambda f: slowly(f.calibration),
@@ -113,14 +115,16 @@ NETWORKS = {
         f.heads, gnss=("shift", "drift", "delay", "attitude_delay", "deviation")
     ),
     "slow errors beside held poses": lambda f: with_held_poses(slowly(f.calibration)),
-    "held poses": lambda f: with_held_poses(uses.mounted_orientation(f.calibration, free=ALL[:5])),
+    "held poses": lambda f: with_held_poses(
+        adjust.mounted_orientation(f.calibration, free=ALL[:5])
+    ),
     "held poses of free exteriors": lambda f: with_held_poses(
-        uses.free_orientation(f.calibration, free=("f",)), every=8
+        adjust.free_orientation(f.calibration, free=("f",)), every=8
     ),
     "all poses held": lambda f: with_held_poses(
-        with_held_poses(uses.mounted_orientation(f.heads, free=("f",)), every=2)
+        with_held_poses(adjust.mounted_orientation(f.heads, free=("f",)), every=2)
     ),
-    "a shift in height of a rig": lambda f: uses.mounted_orientation(
+    "a shift in height of a rig": lambda f: adjust.mounted_orientation(
         f.heads, free=("f",), free_mount=MOUNT[3:], gnss=("shift",)
     ),
 }
@@ -195,7 +199,7 @@ def test_a_point_measured_twice_in_one_image_counts_twice(flight, plain):
     block = flight.calibration
     again = np.concatenate([np.arange(len(block.image_points)), [3, 40]])
     doubled = replace(block, image_points=block.image_points[again])
-    net = uses.mounted_orientation(doubled, free=("f",))
+    net = adjust.mounted_orientation(doubled, free=("f",))
     assert_equal_normals(net.normals(net.start), plain(net, net.start))
 
 
@@ -236,7 +240,7 @@ def test_large_singular_blocks_are_refused_in_words(flight, monkeypatch):
     monkeypatch.setattr(normals, "LARGEST_DENSE", 10)
     block = flight.calibration
     without = replace(block, control=block.control[np.zeros(len(block.control), dtype=bool)])
-    net = uses.free_orientation(without, free=("f",))
+    net = adjust.free_orientation(without, free=("f",))
     with pytest.raises(adjustment.AdjustmentError, match="singular and too large"):
         net.normals(net.start).step()
 
@@ -310,14 +314,14 @@ def block(noisy_block):
 
 
 def held(net):
-    return uses.with_held_poses(net, net.pose_names[:2], net.start.T_m_b[:2])
+    return adjust.with_held_poses(net, net.pose_names[:2], net.start.T_m_b[:2])
 
 
 NETWORKS_JOINED = {
-    "mounted": lambda b: uses.mounted_orientation(b, free=("f", "xp", "yp")),
-    "free": lambda b: uses.free_orientation(b, free=("f", "k1")),
-    "held poses": lambda b: held(uses.free_orientation(b, free=("f",))),
-    "nothing but poses": lambda b: uses.mounted_orientation(b, free=(), free_mount=()),
+    "mounted": lambda b: adjust.mounted_orientation(b, free=("f", "xp", "yp")),
+    "free": lambda b: adjust.free_orientation(b, free=("f", "k1")),
+    "held poses": lambda b: held(adjust.free_orientation(b, free=("f",))),
+    "nothing but poses": lambda b: adjust.mounted_orientation(b, free=(), free_mount=()),
 }
 
 

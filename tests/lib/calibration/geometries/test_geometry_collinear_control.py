@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4lib.bundle.adjust import adjust
+from acx4lib.bundle.adjust import adjust, free_orientation
 from acx4lib.bundle.rejections import Rejection
-from acx4lib.bundle.uses import free_orientation
 from acx4lib.calibration import mounting
 from acx4lib.errors import AdjustmentError
 from support import blocks

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import acx4sim
-from acx4lib.bundle.adjust import adjust
-from acx4lib.bundle.uses import mounted_orientation
+from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import features
 from acx4lib.flight import reader
