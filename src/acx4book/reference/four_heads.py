@@ -31,7 +31,7 @@ from acx4book.typesetting.pictures import (
     smaller,
 )
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.calibration import courses
+from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.expected import Array, Mask, Raster
@@ -322,7 +322,7 @@ def compass(found: Bundle) -> Figure:
     """
     network, deviation = found.network, found.state.deviation
     by_heading = network.observed.by_heading[network.first_poses]
-    off = np.degrees(courses.headings(found)[1] + by_heading @ deviation)
+    off = np.degrees(trajectory_errors.headings(found)[1] + by_heading @ deviation)
     around = np.linspace(0, 2 * np.pi, 181)
     line = np.degrees(np.stack([np.sin(around), np.cos(around)], axis=1) @ deviation)
     rings = range(-20, 21, 10)

@@ -238,7 +238,7 @@ def components(
 
     Terms h_kl between image points of different cameras are neglected. So if the sigma of one
     camera are wrong, those of others seem wrong too until they are estimated
-    (`weights.estimated`).
+    (`mounting.estimated_factors`).
 
     References
     ----------

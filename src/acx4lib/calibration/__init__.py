@@ -2,10 +2,9 @@
 
 `heads` are calibrated one by one and oriented to each other (section 4.1, Table 1). `mounting`
 gives interior orientation, boresight and lever arm by a single step, eq. (14), or by two, the
-second of which averages mountings, eqs (12) and (13) (section 4.2, Table 3); `rig` adjusts all
-heads at once, and `picture_turns` turns the pictures of an exposure that do not share its pose.
-Each returns `estimates`. `weights` scales standard deviations, `trajectory_errors` reports the
-estimated errors of the trajectory. `determination`, `joint_tests`, `jackknife`, `confirmation`
-and `stability` assess the estimates, `courses` tests whether heading errors depend on the course.
-Begin with `mounting`.
+second of which averages mountings, eqs (12) and (13) (section 4.2, Table 3), and scales standard
+deviations; `rig` adjusts all heads at once. Each returns `estimates`. `common_errors` are those
+that the points of a picture share, `trajectory_errors` those of the trajectory, estimated, and
+whether headings depend on the course. `determination`, `confirmation` and `stability` assess the
+estimates. Begin with `mounting`.
 """

@@ -69,7 +69,7 @@ class Calibration:
     limit_boresight_deg : float
         Standard deviation above which a boresight angle is not determined.
     enlarged : tuple of float
-        Factors by which `jackknife` enlarged sigma: of interior orientations, and of heads against
+        Factors by which a jackknife enlarged sigma: of interior orientations, and of heads against
         the first one.
     turns : ndarray, shape (3,), or None
         Standard deviation of the turns of an exposure's pictures against each other, about the

@@ -17,6 +17,7 @@ from acx4lib import expected
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.unknowns import holding
+from acx4lib.calibration.common_errors import between_heads
 from acx4lib.calibration.estimates import (
     LIMIT_BORESIGHT_DEG,
     LIMIT_LEVER_M,
@@ -25,7 +26,6 @@ from acx4lib.calibration.estimates import (
     not_determined,
 )
 from acx4lib.calibration.heads import RelativeOrientation, ground_scale
-from acx4lib.calibration.jackknife import between_heads
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask

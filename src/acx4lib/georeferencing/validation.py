@@ -20,8 +20,8 @@ from acx4lib.bundle.gross_errors import adjust_rejecting, elsewhere, pairs_of
 from acx4lib.bundle.observations import SharedErrors
 from acx4lib.bundle.rejections import CRITICAL, Exchange, Rejection, Stopped, within_limits
 from acx4lib.bundle.unknowns import Layout
+from acx4lib.calibration.common_errors import by_turns
 from acx4lib.calibration.estimates import Calibration
-from acx4lib.calibration.picture_turns import by_turns
 from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight import reader

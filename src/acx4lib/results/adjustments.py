@@ -22,14 +22,7 @@ from acx4lib.bundle.variance_components import (
     sentences,
     sigma_tests,
 )
-from acx4lib.calibration import (
-    courses,
-    determination,
-    jackknife,
-    picture_turns,
-    stability,
-    trajectory_errors,
-)
+from acx4lib.calibration import common_errors, determination, stability, trajectory_errors
 from acx4lib.calibration.confirmation import confirmations
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -330,8 +323,8 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
     notes = [f"{n} tie point{'s' * (n > 1)} {reason} left out" for reason, n in left_out]
     of_sigma = (
         rough_boresights(calibration),
-        jackknife.sentence(calibration),
-        picture_turns.sentence(calibration.turns),
+        common_errors.enlarged_sentence(calibration),
+        common_errors.turned_sentence(calibration.turns),
     )
     notes += filter(None, (determination.beyond_precision(bundle), *of_sigma))
     n_measured = len(bundle.network.block.image_points)
@@ -345,7 +338,7 @@ def _notes(method: str, bundle: Bundle, calibration: Calibration) -> list[str]:
             f"control and trajectory differ by {100 * abs(scale - 1):.1f} % in scale: the height "
             "system of control or trajectory, or the focal length in flight.toml, is wrong"
         )
-    by_course = courses.by_course(bundle)
+    by_course = trajectory_errors.by_course(bundle)
     if by_course is not None and by_course.differs:
         notes.append(by_course.sentence)
     return [*notes, *trajectory_errors.notes(bundle)]

@@ -11,7 +11,6 @@ from acx4lib import expected, shown
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import mounting
-from acx4lib.calibration import weights as sigma
 from acx4lib.calibration.estimates import METHODS, from_bundle, parameters
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
@@ -169,7 +168,7 @@ def weighted(
     refraction: str = "none",
     gnss: Sequence[str] = (),
 ) -> tuple[Block, dict[str, float]]:
-    """Call `calibration.weights.weighted`; explain a failure by a fitting interpretation.
+    """Call `calibration.mounting.weighted`; explain a failure by a fitting interpretation.
 
     Parameters
     ----------
@@ -184,7 +183,7 @@ def weighted(
         Where the single step or the factors do not converge.
     """
     with solving(flight, "calibration"), explaining(flight, "calibration"):
-        return sigma.weighted(
+        return mounting.weighted(
             block, weights=weights, free=free, fix=fix, refraction=refraction, gnss=gnss
         )
 

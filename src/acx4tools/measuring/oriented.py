@@ -12,7 +12,7 @@ from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
-from acx4lib.calibration.picture_turns import freely_turned
+from acx4lib.calibration.common_errors import freely_turned
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import NOT_GIVEN, Array, Index, Mask
 from acx4lib.flight.block import NO_POINTS, Block, Distances, ImagePoints, Trajectory

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from acx4book.reference import four_heads
-from acx4lib.calibration import courses
+from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import not_determined
 from acx4lib.calibration.mounting import single_step
 from acx4lib.calibration.rig import relative_orientation
@@ -101,8 +101,8 @@ def test_self_calibrated_heads_predict_pictures_that_the_factorys_do_not(flight,
 
 
 def test_headings_are_what_the_test_by_course_compares(rig):
-    course, off = courses.headings(rig.bundle)
-    test = courses.by_course(rig.bundle)
+    course, off = trajectory_errors.headings(rig.bundle)
+    test = trajectory_errors.by_course(rig.bundle)
     assert test is not None
     assert np.isnan(off).sum() == 1  # an attitude that was rejected
     for one in test.courses:

@@ -9,7 +9,7 @@ from scipy import stats
 import acx4sim
 from acx4lib.bundle import variance_components
 from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
-from acx4lib.calibration import weights
+from acx4lib.calibration import mounting
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.adjustment import solve
@@ -82,7 +82,7 @@ def test_of_weighted_means_it_is_the_analysis_of_variance(wrong):
     survey's about that mean its own and a third of theirs.
     """
     block, survey, images = means()
-    block = weights.scaled(block, {"control plan": wrong})
+    block = mounting.scaled(block, {"control plan": wrong})
     found = variance_components.components(
         adjust(mounted_orientation(block, free=(), free_mount=()))
     )
@@ -102,7 +102,7 @@ def test_of_weighted_means_the_effective_redundancy_is_that_of_the_spread_within
     """2 n (m - 1) for the images, to which the survey adds what little it can."""
     block, _, images = means()
     # a survey ten times worse than the images' mean says nothing of them
-    block = weights.scaled(block, {"control plan": 60.0})
+    block = mounting.scaled(block, {"control plan": 60.0})
     found = variance_components.components(
         adjust(mounted_orientation(block, free=(), free_mount=()))
     )
@@ -210,7 +210,7 @@ def test_redundancies_sum_to_that_of_the_adjustment(block):
 
 def test_sigma_all_wrong_by_one_factor_show_it_in_every_group(block):
     groups = [c.group for c in of_block(block)]
-    twice = of_block(weights.scaled(block, dict.fromkeys(groups, 2.0)))
+    twice = of_block(mounting.scaled(block, dict.fromkeys(groups, 2.0)))
     for a, b in zip(of_block(block), twice, strict=True):
         assert b.factor == pytest.approx(a.factor / 2, rel=1e-5)
         assert b.effective == pytest.approx(a.effective, rel=1e-5)
@@ -229,8 +229,10 @@ def test_every_camera_is_a_group_of_its_own(block):
     noise[camera_idx == 1] *= 3
     spoilt = blocks.changed(two, "image_point", noise)
     assert component(of_block(spoilt), "image points CAM2").is_significant
-    factors = weights.estimated(spoilt, lambda b: adjust(mounted_orientation(b, free=FREE)))
-    found = of_block(weights.scaled(spoilt, factors), applied=factors)
+    factors = mounting.estimated_factors(
+        spoilt, lambda b: adjust(mounted_orientation(b, free=FREE))
+    )
+    found = of_block(mounting.scaled(spoilt, factors), applied=factors)
     for name, true in (("CAM", 1.0), ("CAM2", 3.0)):
         c = component(found, f"image points {name}")
         assert abs(c.factor - true) < 3.3 * c.sigma
@@ -248,7 +250,7 @@ def test_a_wrong_sigma_is_said_with_its_direction(block):
         ("heading", 0.4, "optimistic"),
         ("image points", 3.0, "pessimistic"),
     ):
-        found = of_block(weights.scaled(block, {group: wrong}))
+        found = of_block(mounting.scaled(block, {group: wrong}))
         factor = component(found, group).factor
         assert factor == pytest.approx(1 / wrong, rel=0.25)
         assert variance_components.sentences(found) == [
@@ -259,7 +261,7 @@ def test_a_wrong_sigma_is_said_with_its_direction(block):
 
 def test_what_was_applied_is_part_of_the_factor_and_said(block):
     applied = {"GNSS": 2.0}
-    plain, after = of_block(block), of_block(weights.scaled(block, applied), applied=applied)
+    plain, after = of_block(block), of_block(mounting.scaled(block, applied), applied=applied)
     # the same data: the same answer but for the weights, which move it by one of its sigma
     c = component(after, "GNSS")
     assert abs(c.factor - component(plain, "GNSS").factor) < c.sigma
@@ -335,7 +337,7 @@ def test_wrong_sigma_of_distances_are_found(noisy_block, rng):
     assert 0.5 * tapes.n < tapes.effective <= tapes.redundancy < tapes.n
     assert tapes.factor == pytest.approx(5.0, rel=4 / np.sqrt(2 * tapes.effective))
     assert tapes.is_significant
-    block = weights.scaled(
+    block = mounting.scaled(
         blocks.taped(noisy_block, ends, sigma=0.1, off=off), {"distances": tapes.factor}
     )
     after = component(of_block(block, applied={"distances": tapes.factor}), "distances")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4lib.calibration import jackknife
+from acx4lib.calibration import common_errors
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight.block import NO_POINTS
@@ -43,4 +43,6 @@ def test_errors_that_points_share_enlarge_sigma_of_the_lens_and_no_others(block)
     ratio = sigmas(found.calibration.cov) / sigmas(from_bundle(found.bundle).cov)
     assert ratio[0] == pytest.approx(lens, rel=0.1)  # k1, which the mounting does not know of
     assert np.allclose(ratio[3:], 1.0)
-    assert f"{lens:.1f} (interior orientations):" in jackknife.sentence(found.calibration)
+    assert f"{lens:.1f} (interior orientations):" in common_errors.enlarged_sentence(
+        found.calibration
+    )

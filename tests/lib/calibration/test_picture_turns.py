@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib.bundle.adjust import mounted_orientation
 from acx4lib.bundle.observations import picture_equations
-from acx4lib.calibration import picture_turns, rig
+from acx4lib.calibration import common_errors, rig
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight.block import NO_POINTS
 from acx4lib.geometry.camera import colrow_from_xy, correct, distort, mountings, xy_from_colrow
@@ -57,7 +57,7 @@ def test_pictures_that_share_a_pose_are_not_turned(rigid):
     found = single_step(rigid, free=FREE, fix=("lever_arm",))
     assert found.calibration.turns is None
     assert len(found.bundle.state.T_m_b) == len(rigid.trajectory)
-    assert picture_turns.sentence(found.calibration.turns) == ""
+    assert common_errors.turned_sentence(found.calibration.turns) == ""
 
 
 def test_turns_are_found_with_their_size(found):
@@ -65,7 +65,7 @@ def test_turns_are_found_with_their_size(found):
     assert 0.8 < found.bundle.solution.sigma0_sq < 1.25
     assert len(found.bundle.rejected) < 0.01 * len(found.bundle.network.block.image_points)
     about = f"{np.degrees(found.calibration.turns[2]):.4f}° about the body's axes"
-    assert about in picture_turns.sentence(found.calibration.turns)
+    assert about in common_errors.turned_sentence(found.calibration.turns)
 
 
 def test_heads_are_oriented_as_well_as_their_sigma_say(found, rigid):

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4lib.bundle import variance_components
 from acx4lib.bundle.adjust import adjust, mounted_orientation
-from acx4lib.calibration import weights
+from acx4lib.calibration import mounting
 from acx4lib.errors import AdjustmentError
 from support import blocks
 from support.flights import simulated as flown
@@ -27,12 +27,12 @@ def block():
 
 @pytest.fixture(scope="module")
 def factors(block):
-    return weights.estimated(block, adjusted)
+    return mounting.estimated_factors(block, adjusted)
 
 
 def test_with_estimated_sigma_every_group_fits_its_residuals(block, factors):
     found = variance_components.components(
-        adjusted(weights.scaled(block, factors)), applied=factors
+        adjusted(mounting.scaled(block, factors)), applied=factors
     )
     moved = [c for c in found if c.applied != 1]
     assert len(moved) >= 3
@@ -43,29 +43,29 @@ def test_with_estimated_sigma_every_group_fits_its_residuals(block, factors):
 def test_estimated_sigma_do_not_depend_on_those_given(block, factors):
     """The same sigma come out, in m and px, from weights that were wrong by up to three."""
     off = {"image points": 0.6, "GNSS": 2.0, "heading": 0.4}
-    again = weights.estimated(weights.scaled(block, off), adjusted)
+    again = mounting.estimated_factors(mounting.scaled(block, off), adjusted)
     for group in ("image points", "GNSS", "roll, pitch", "heading"):
         assert off.get(group, 1.0) * again[group] == pytest.approx(factors[group], rel=5e-3)
 
 
 def test_a_group_with_too_little_redundancy_keeps_its_sigma(block):
     two = replace(block, control=block.control[:2])
-    bare = weights.estimated(two, adjusted)
+    bare = mounting.estimated_factors(two, adjusted)
     assert bare["control height"] == 1.0
     assert bare["control plan"] == 1.0
     assert bare["image points"] != 1.0
 
 
 def test_given_sigma_stay_as_they_are(block):
-    same, none = weights.weighted(block, weights="given", free=FREE)
+    same, none = mounting.weighted(block, weights="given", free=FREE)
     assert same is block
     assert none == {}
     with pytest.raises(ValueError, match="one of given, estimated, got 'both'"):
-        weights.weighted(block, weights="both", free=FREE)
+        mounting.weighted(block, weights="both", free=FREE)
 
 
 def test_scaling_multiplies_the_sigma_of_its_groups_only(block):
-    scaled = weights.scaled(block, {"GNSS": 2.0, "roll, pitch": 3.0, "control height": 5.0})
+    scaled = mounting.scaled(block, {"GNSS": 2.0, "roll, pitch": 3.0, "control height": 5.0})
     was, now = block.trajectory, scaled.trajectory
     assert_allclose(now.sigma_position, 2 * was.sigma_position)
     assert_allclose(now.sigma_attitude, was.sigma_attitude * [3, 3, 1])
@@ -74,9 +74,9 @@ def test_scaling_multiplies_the_sigma_of_its_groups_only(block):
 
 
 def test_factors_that_do_not_settle_are_an_error_that_names_them(block, monkeypatch):
-    monkeypatch.setattr(weights, "MAX_ITERATIONS", 1)
+    monkeypatch.setattr(mounting, "MAX_ITERATIONS", 1)
     with pytest.raises(AdjustmentError, match=r'still change by .* %; use weights = "given"'):
-        weights.estimated(weights.scaled(block, {"heading": 0.4}), adjusted)
+        mounting.estimated_factors(mounting.scaled(block, {"heading": 0.4}), adjusted)
 
 
 def test_a_flights_gnss_that_is_2_5_times_worse_than_stated_is_found_so():
@@ -90,7 +90,7 @@ def test_a_flights_gnss_that_is_2_5_times_worse_than_stated_is_found_so():
     flight = flown.read_back(replace(true, toml=toml)).flight
     assert flight.weights == "estimated"
     settings = {"free": flight.estimate_mounting, "fix": flight.fix}
-    block, factors = weights.weighted(flight.calibration, weights=flight.weights, **settings)
+    block, factors = mounting.weighted(flight.calibration, weights=flight.weights, **settings)
     found = variance_components.components(
         adjust(mounted_orientation(block, free=flight.estimate_mounting)), applied=factors
     )

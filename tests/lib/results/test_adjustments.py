@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from acx4lib import flight as flights
-from acx4lib.calibration import estimates, mounting, weights
+from acx4lib.calibration import estimates, mounting
 from acx4lib.calibration import heads as calibration_heads
 from acx4lib.errors import FlightError
 from acx4lib.flight.block import select_images
@@ -204,7 +204,7 @@ def test_every_object_of_the_summary_has_the_same_keys(tmp_path, folder):
 
 
 def test_the_summary_judges_the_sigma_of_every_group_and_says_which_are_wrong(flown):
-    block = weights.scaled(flown.calibration, {"heading": 0.25})
+    block = mounting.scaled(flown.calibration, {"heading": 0.25})
     record = adjustments.of_mounting(mounting.single_step(block, **SETTINGS))
     entry = json.loads(json.dumps(record.summary["mounting/single_step"]))
     heading = entry["sigma_factors"]["heading"]
@@ -217,7 +217,7 @@ def test_the_summary_judges_the_sigma_of_every_group_and_says_which_are_wrong(fl
 
 def test_the_summary_says_by_what_sigma_were_multiplied(flown):
     applied = {"GNSS": 1.5}
-    block = weights.scaled(flown.calibration, applied)
+    block = mounting.scaled(flown.calibration, applied)
     record = adjustments.of_mounting(mounting.single_step(block, **SETTINGS), applied=applied)
     entry = record.summary["mounting/single_step"]
     assert entry["sigma_factors"]["GNSS"]["applied"] == 1.5

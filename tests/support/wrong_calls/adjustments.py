@@ -16,7 +16,7 @@ from acx4lib.bundle import (
     variance_components,
 )
 from acx4lib.bundle.free_network import adjust_free, datum_defect
-from acx4lib.calibration import estimates, heads, mounting, rig, weights
+from acx4lib.calibration import estimates, heads, mounting, rig
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight import block
 from acx4lib.geometry import camera
@@ -537,15 +537,15 @@ def adjusted() -> list[Wrong]:
             "method: expected one of two_step, two_step_gnss, single_step, got 'three_step'",
         ),
         Wrong(
-            lambda: weights.weighted(BLOCK, weights="equal", free=FREE),
+            lambda: mounting.weighted(BLOCK, weights="equal", free=FREE),
             "weights: expected one of given, estimated, got 'equal'",
         ),
-        Wrong(lambda: weights.weighted(None, weights="given", free=FREE), a_block("block", None)),
+        Wrong(lambda: mounting.weighted(None, weights="given", free=FREE), a_block("block", None)),
         Wrong(
-            lambda: weights.scaled(BLOCK, {"image_points": 2.0}),
+            lambda: mounting.scaled(BLOCK, {"image_points": 2.0}),
             "factors: expected names of image points, .*, got 'image_points'",
         ),
-        Wrong(lambda: weights.scaled(BLOCK, {"GNSS": 0.0}), positive("GNSS", 0.0)),
+        Wrong(lambda: mounting.scaled(BLOCK, {"GNSS": 0.0}), positive("GNSS", 0.0)),
         Wrong(
             lambda: variance_components.components(fit(), applied={"gnss": 2.0}),
             "applied: expected names of image points, .*, got 'gnss'",

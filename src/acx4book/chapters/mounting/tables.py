@@ -20,6 +20,7 @@ from acx4lib.calibration.determination import (
     CARRIED,
     Absorption,
     Detectable,
+    GroupTest,
     Pair,
     Part,
     effective_heights,
@@ -27,7 +28,6 @@ from acx4lib.calibration.determination import (
     weakest_combination,
 )
 from acx4lib.calibration.estimates import parameters
-from acx4lib.calibration.joint_tests import GroupTest
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.expected import Array
 from acx4lib.flight.design import flying_heights

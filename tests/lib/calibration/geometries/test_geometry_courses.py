@@ -7,7 +7,7 @@ import pytest
 
 import acx4sim
 from acx4lib.bundle.adjust import adjust, mounted_orientation
-from acx4lib.calibration import courses, mounting, trajectory_errors
+from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.flight import reader
 from acx4lib.results import adjustments
 from support import blocks
@@ -67,7 +67,7 @@ def test_seven_degrees_come_out_to_their_digits(tmp_path):
 
 def test_headings_that_differ_by_course_are_named_until_they_are_estimated(flights):
     found = single(flights[0])
-    by_course = courses.by_course(found.bundle)
+    by_course = trajectory_errors.by_course(found.bundle)
     assert by_course.differs
     for one in by_course.courses:
         angle = np.radians(one.course_deg)
@@ -75,11 +75,11 @@ def test_headings_that_differ_by_course_are_named_until_they_are_estimated(fligh
         assert one.off_deg == pytest.approx(off, abs=0.02)  # the mean of all is the boresight's
     (entry,) = adjustments.of_mounting(found).summary.values()
     assert any("the deviation of a magnetometer" in note for note in entry["notes"])
-    assert not courses.by_course(single(flights[0], "deviation").bundle).differs
+    assert not trajectory_errors.by_course(single(flights[0], "deviation").bundle).differs
 
 
 def test_a_flight_without_a_compass_has_nothing_to_name(tmp_path):
-    assert not courses.by_course(single(flown(tmp_path, 1)).bundle).differs
+    assert not trajectory_errors.by_course(single(flown(tmp_path, 1)).bundle).differs
 
 
 # --- fewer courses ---------------------------------------------------------------------------
@@ -117,8 +117,8 @@ def test_errors_that_are_declared_as_slow_are_no_courses(flights):
     process = replace(block.trajectory.slow_attitudes, share=0.9, time_constant_s=600.0)
     block = replace(block, trajectory=replace(block.trajectory, slow_attitudes=process))
     bundle = adjust(mounted_orientation(block, free=flights[0].estimate_mounting))
-    assert courses.by_course(bundle) is None
+    assert trajectory_errors.by_course(bundle) is None
 
 
 def test_one_course_alone_is_not_tested():
-    assert courses.by_course(over(90.0)) is None
+    assert trajectory_errors.by_course(over(90.0)) is None

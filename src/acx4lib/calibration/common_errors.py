@@ -1,9 +1,13 @@
-"""Jackknife over exposures: sigma that include the errors common to the points of an exposure.
+"""Errors common to the points of a picture or an exposure: turns of pictures, and larger sigma.
 
-Thousands of points of a picture share errors: heads expose at slightly different moments, relief
-and branches lie in all windows, the lens model leaves a remainder. Sigma of independent points are
-too small. Where sigma are right, the covariance of the difference between the estimates without an
-exposure and with all is the difference of their covariances [1]_.
+Thousands of points of a picture share errors: heads expose at slightly different moments or line
+by line while the aircraft turns, relief and branches lie in all windows, the lens model leaves a
+remainder. Sigma of independent points are too small.
+
+The turn of a picture is an unknown that is observed as zero (`turned`); its standard deviation
+is a variance component. Whatever remains is found by a jackknife over exposures (`enlarged`):
+where sigma are right, the covariance of the difference between the estimates without an exposure
+and with all is the difference of their covariances [1]_.
 
 References
 ----------
@@ -12,25 +16,159 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.bundle.adjust import Bundle
-from acx4lib.bundle.unknowns import Layout
+from acx4lib.bundle.adjust import Bundle, adjust
+from acx4lib.bundle.network import Network
+from acx4lib.bundle.unknowns import Layout, State, holding
 from acx4lib.calibration.estimates import Calibration, features
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, ImagePoints
+from acx4lib.geometry.frames import log
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.statistics import chi2_sf
 
-LEAST, MOST = 6, 20
+ALPHA_TURNED = 0.001
+"""Probability of finding turns of pictures that share their poses."""
+
+LOOSE_TURN, LEAST_TURN = float(np.radians(0.1)), 1e-6
+"""Standard deviation of turns, radians: so large that they are free; and the smallest one."""
+
+SetUp = Callable[..., Network]
+"""Takes a block, `turns` and `start`, as `adjust.mounted_orientation` does."""
+
+
+def turned(block: Block, bundle: Bundle, set_up: SetUp) -> tuple[Bundle, Array | None]:
+    """Return a block's adjustment with turned pictures, and the standard deviation of the turns.
+
+    The given bundle and None are returned where there are control points, where no exposure has two
+    pictures, and where the noise of image points explains the turns.
+
+    Parameters
+    ----------
+    block : Block
+    bundle : Bundle
+        Its adjustment in which the pictures of an exposure share a pose.
+    set_up : callable
+        Makes the network of a block.
+
+    Returns
+    -------
+    Bundle
+    ndarray, shape (3,), or None
+        About the body's axes, radians.
+    """
+    n_exposures = len(np.unique(block.images.exposure_idx))
+    if "control" in features(block) or len(block.images) == n_exposures:
+        return bundle, None
+    try:
+        sigma = _sigma(freely_turned(bundle, set_up))
+        if sigma is None:
+            return bundle, None
+        return by_turns(bundle, set_up, sigma), sigma
+    except (AdjustmentError, np.linalg.LinAlgError):  # too few points for a pose of every picture
+        return bundle, None
+
+
+def freely_turned(bundle: Bundle, set_up: SetUp) -> Bundle:
+    """Adjust a block whose pictures turn freely; its cameras are held at a bundle's estimates.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        Adjustment with shared poses; its rejections are kept.
+    set_up : callable
+        As in `turned`.
+
+    Raises
+    ------
+    AdjustmentError
+        Where it does not converge.
+    """
+    network = set_up(bundle.network.block, turns=np.full(3, LOOSE_TURN), start=_of_pictures(bundle))
+    cameras = np.hstack([network.layout.interior, network.layout.mount])
+    return adjust(replace(network, layout=holding(network.layout, cameras[cameras >= 0])))
+
+
+def by_turns(bundle: Bundle, set_up: SetUp, sigma: Array) -> Bundle:
+    """Adjust a block with turned pictures, without the rejections of another adjustment.
+
+    With a pose for every picture, points of one good ray slide away: a search for gross errors
+    would not converge.
+
+    Parameters
+    ----------
+    bundle, set_up
+        As in `freely_turned`.
+    sigma : ndarray, shape (3,)
+        Standard deviation of the turns, radians.
+    """
+    adjusted = adjust(set_up(bundle.network.block, turns=sigma, start=_of_pictures(bundle)))
+    return replace(adjusted, rejected=bundle.rejected)
+
+
+def turned_sentence(sigma: Array | None) -> str:
+    """Return a sentence on the turns of an exposure's pictures; empty for None."""
+    if sigma is None:
+        return ""
+    about = ", ".join(f"{value:.4f}" for value in np.degrees(sigma).tolist())
+    return (
+        f"the pictures of an exposure do not share a pose: they are turned by {about}° about the "
+        "body's axes (standard deviation, an unknown of every picture)"
+    )
+
+
+def _of_pictures(bundle: Bundle) -> State:
+    """Return the state in which every picture has the pose of its exposure."""
+    state = bundle.state
+    return replace(state, T_m_b=state.T_m_b[bundle.network.block.images.exposure_idx])
+
+
+def _sigma(loose: Bundle) -> Array | None:
+    """Return the standard deviation of turns, corrected for the noise of image points; or None."""
+    images, parts = loose.network.block.images, []
+    for exposure in np.unique(images.exposure_idx):
+        pictures = np.flatnonzero(images.exposure_idx == exposure)
+        turns, noise = _against_each_other(loose, pictures)
+        if (
+            len(pictures) > 1 and noise.max() < (LOOSE_TURN / 10) ** 2
+        ):  # its points determine the turns
+            parts.append((images.camera_idx[pictures], turns, noise))
+    if not parts:
+        return None
+    camera, turns, noise = map(np.concatenate, zip(*parts, strict=True))
+    for k in np.unique(camera):  # a turn common to all exposures of a camera is its boresight
+        turns[camera == k] -= turns[camera == k].mean(axis=0)
+    dof = len(camera) - len(parts) - (len(np.unique(camera)) - 1)
+    if dof < 1:
+        return None
+    of_noise, squares = noise.sum(axis=0), np.sum(turns**2, axis=0)
+    if chi2_sf(float(np.max(squares / of_noise)) * dof, dof) > ALPHA_TURNED:
+        return None
+    return np.maximum(np.sqrt(np.maximum(squares - of_noise, 0.0) / dof), LEAST_TURN)
+
+
+def _against_each_other(loose: Bundle, pictures: Index) -> tuple[Array, Array]:
+    """Return the turns of an exposure's pictures about their mean, radians, and their variances."""
+    R, columns = loose.state.T_m_b.R[pictures], loose.network.layout.pose[pictures, 3:].ravel()
+    middle = np.kron(np.eye(len(pictures)) - 1 / len(pictures), np.eye(3))
+    turns = middle @ log(np.swapaxes(R[:1], -1, -2) @ R).ravel()
+    cov = propagate(middle, loose.solution.inverse.at(columns[:, None], columns))
+    return turns.reshape(-1, 3), cov.diagonal().reshape(-1, 3)
+
+
+# --- jackknife over exposures -----------------------------------------------------------------
+
+
+LEAST_GROUPS, MOST_GROUPS = 6, 20
 """Smallest and largest number of groups of exposures; each is left out in turn."""
 
-ALPHA, WORTH = 0.001, 1.1
+ALPHA_ENLARGED, WORTH = 0.001, 1.1
 """Probability of enlarging right sigma, and the smallest factor that matters."""
 
 _LEFT_OUT = 1e3
@@ -51,7 +189,7 @@ def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
     have variance components of their own, and keeps its sigma.
     """
     groups = _groups(bundle.network.block, bundle.network.image_points)
-    if len(groups) < LEAST or calibration.open_columns.any():
+    if len(groups) < LEAST_GROUPS or calibration.open_columns.any():
         return calibration
     lens, between, T = between_heads(calibration, bundle.network.layout)
     chosen = np.concatenate([lens, between])
@@ -74,7 +212,7 @@ def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
     )
 
 
-def sentence(calibration: Calibration) -> str:
+def enlarged_sentence(calibration: Calibration) -> str:
     """Return a sentence on the factors of enlarged sigma and their reason; empty if unchanged."""
     groups = ("interior orientations", "heads against each other")
     phrases = [
@@ -93,9 +231,9 @@ def _groups(block: Block, points: ImagePoints) -> list[Index]:
     """Return the exposures that are left out together: neighbours, where they are many."""
     exposures = np.unique(block.images.exposure_idx[points.image_idx])
     positions = np.isfinite(block.trajectory.sigma_position[exposures]).all(axis=1)
-    if positions.sum() < LEAST or "control" in features(block):
+    if positions.sum() < LEAST_GROUPS or "control" in features(block):
         return []
-    return np.array_split(exposures, min(len(exposures), MOST))
+    return np.array_split(exposures, min(len(exposures), MOST_GROUPS))
 
 
 def between_heads(calibration: Calibration, there: Layout) -> tuple[Index, Index, Array]:
@@ -166,7 +304,7 @@ def _factor(moved: Array, cov: Array) -> float:
     variance = float(np.einsum("ei,ij,ej->", moved, inverse, moved)) / n
     share = np.einsum("ij,eji->e", inverse, cov) / n
     dof = n / float(np.sum(share**2))
-    is_more = variance > WORTH**2 and chi2_sf(variance * dof, dof) < ALPHA
+    is_more = variance > WORTH**2 and chi2_sf(variance * dof, dof) < ALPHA_ENLARGED
     return float(np.sqrt(variance)) if is_more else 1.0
 
 
