@@ -80,7 +80,7 @@ def _folder() -> Path | None:
     Every state of the sources has its own folder: numba checks the date of a function's own
     module only, but functions of other modules are compiled into it.
     """
-    cellars = sorted(_HERE.glob("**/compiled/*.py"))
+    cellars = sorted((*_HERE.glob("**/compiled.py"), *_HERE.glob("**/compiled/*.py")))
     used = [Path(__file__), _HERE / "geometry" / "collinearity.py", *cellars]
     sources = b"".join(str(p.relative_to(_HERE)).encode() + p.read_bytes() for p in used)
     name = f"compiled-{sha256(sources).hexdigest()[:16]}"

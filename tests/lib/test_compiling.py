@@ -14,7 +14,7 @@ import pytest
 
 compiling = pytest.importorskip("acx4lib.compiling")
 PACKAGE = Path(compiling.__file__).parent
-COMPILED = sorted(PACKAGE.glob("**/compiled/*.py"))
+COMPILED = sorted((*PACKAGE.glob("**/compiled.py"), *PACKAGE.glob("**/compiled/*.py")))
 CONSTANTS = [PACKAGE / "geometry" / "collinearity.py"]
 SOURCES = [PACKAGE / "compiling.py", *CONSTANTS, *COMPILED]
 

@@ -39,8 +39,7 @@ from acx4lib.least_squares.normal_equations import Equations, Normals, PlainNorm
 
 try:
     from acx4lib.bundle.compiled.chain_rule import Hanging
-    from acx4lib.bundle.compiled.joined import Joined, by_points
-    from acx4lib.bundle.compiled.normals import NetworkNormals
+    from acx4lib.bundle.compiled.normals import Joined, NetworkNormals, by_points
     from acx4lib.bundle.compiled.packing import Packed, measured, pack, weights
     from acx4lib.bundle.compiled.rays import Scene
 

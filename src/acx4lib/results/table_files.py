@@ -456,8 +456,8 @@ def lines(name: str, frame: pd.DataFrame) -> Iterator[bytes]:
         Where a cell is no number.
     """
     # tables are read without what writes them
-    from acx4lib.results.compiled.lines import LONGEST as lines_LONGEST  # noqa: PLC0415
-    from acx4lib.results.compiled.lines import put_lines  # noqa: PLC0415
+    from acx4lib.results.compiled import LONGEST as lines_LONGEST  # noqa: PLC0415
+    from acx4lib.results.compiled import put_lines  # noqa: PLC0415
 
     numbers = [column for column in SCHEMAS[name].ranges if column not in _COUNT]
     texts = [column for column in COLUMNS[name] if column not in numbers]

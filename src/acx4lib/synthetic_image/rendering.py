@@ -16,9 +16,15 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares import processors
-from acx4lib.synthetic_image.compiled.blend_weights import Heads, Recipe, Window, room
-from acx4lib.synthetic_image.compiled.interpolation import MOST_BANDS, method_number
-from acx4lib.synthetic_image.compiled.resampling import resample_cells
+from acx4lib.synthetic_image.compiled import (
+    MOST_BANDS,
+    Heads,
+    Recipe,
+    Window,
+    method_number,
+    resample_cells,
+    room,
+)
 from acx4lib.synthetic_image.head_map import HeadMap, fitting_step, head_map, levelled, window_map
 from acx4lib.synthetic_image.response import Response
 

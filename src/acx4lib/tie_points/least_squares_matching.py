@@ -9,8 +9,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.expected import Array, Index
-from acx4lib.tie_points.compiled.cross_correlation import correlate_points
-from acx4lib.tie_points.compiled.least_squares_matching import N_UNKNOWNS, RIM, match_points
+from acx4lib.tie_points.compiled import N_UNKNOWNS, RIM, correlate_points, match_points
 
 POLE = np.sqrt(3.0) - 2.0  # of the filter that gives the coefficients of a cubic spline
 REACH = 12  # px; beyond it that filter has less than 1e-6 of its weight

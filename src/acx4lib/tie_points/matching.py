@@ -14,7 +14,7 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.head_map import forget
-from acx4lib.tie_points.compiled.cross_correlation import weakest_gradients
+from acx4lib.tie_points.compiled import weakest_gradients
 from acx4lib.tie_points.least_squares_matching import correlate, match
 from acx4lib.tie_points.overlaps import SharedWindow, SyntheticWindow, grey_window
 

@@ -20,7 +20,7 @@ from acx4lib.synthetic_image.frame import (
     reduced_heads,
 )
 from acx4lib.synthetic_image.head_map import HeadMap, forget, window_map
-from acx4lib.tie_points.compiled.spline import mean_of_bands, sample_between_nodes
+from acx4lib.tie_points.compiled import mean_of_bands, sample_between_nodes
 from acx4lib.tie_points.least_squares_matching import REACH, spline_coefficients
 
 # first row, row after the last, first column, column after the last

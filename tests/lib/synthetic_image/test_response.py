@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import ndimage
 
-from acx4lib.synthetic_image.compiled.resampling import patch_means
+from acx4lib.synthetic_image.compiled import patch_means
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 from acx4lib.synthetic_image.response import (
     Response,

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import ndimage, optimize
 
-from acx4lib.tie_points.compiled.least_squares_matching import match_points
+from acx4lib.tie_points.compiled import match_points
 from acx4lib.tie_points.least_squares_matching import (
     correlate,
     match,

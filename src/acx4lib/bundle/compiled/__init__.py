@@ -1,5 +1,5 @@
 """The normal equations of a network, compiled: the twin of `least_squares.normal_equations`.
 
-In the order of a ray: `packing`, `rays`, `elimination`, `chain_rule`, `normals`; in the end
-`covariances`. `small_products` are their loops over blocks of a few rows.
+In the order of a ray: `packing`, `rays`, `elimination`, `chain_rule`, `normals`.
+`small_products` are their loops over blocks of a few rows.
 """

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acx4lib.bundle.compiled.covariances import CameraCovariances
-from acx4lib.bundle.compiled.elimination import CameraNormals
+from acx4lib.bundle.compiled.elimination import CameraCovariances, CameraNormals
 from acx4lib.bundle.compiled.packing import pose_band
 from acx4lib.bundle.compiled.rays import INTERIOR, POINT
 from acx4lib.bundle.compiled.small_products import aligned

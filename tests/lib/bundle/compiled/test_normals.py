@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import acx4sim
 from acx4lib.bundle import adjust
 from acx4lib.bundle.compiled import normals, packing
-from acx4lib.bundle.compiled.joined import by_points
+from acx4lib.bundle.compiled.normals import by_points
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.geometry.parameters import MOUNT, Prior
 from acx4lib.least_squares import adjustment, processors

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acx4lib.results.compiled import lines
-from acx4lib.results.compiled.lines import LONGEST, put_lines
+from acx4lib.results import compiled
+from acx4lib.results.compiled import LONGEST, put_lines
 
 # --- lines beside what Python's ``repr`` writes, for very many numbers -----------------------
 
@@ -68,7 +68,7 @@ def of_python(value):
 
 
 def ours(value):
-    whole, exponent = lines.shortest(np.array(value).view(np.uint64)[()])
+    whole, exponent = compiled.shortest(np.array(value).view(np.uint64)[()])
     whole = int(whole)
     while whole % 10 == 0:
         whole, exponent = whole // 10, exponent + 1
@@ -91,9 +91,9 @@ def test_powers_where_a_neighbour_is_nearer_have_the_digits_of_python():
 
 
 def test_powers_of_ten_are_rounded_up_to_128_bits():
-    for row in (0, 100, -lines.SMALLEST, 400, len(lines._POWERS) - 1):
-        high, low = map(int, lines._POWERS[row])
-        found, exponent = high << 64 | low, row + lines.SMALLEST
+    for row in (0, 100, -compiled.SMALLEST, 400, len(compiled._POWERS) - 1):
+        high, low = map(int, compiled._POWERS[row])
+        found, exponent = high << 64 | low, row + compiled.SMALLEST
         power = Decimal(10) ** exponent
         assert 1 << 127 <= found < 1 << 128
         bits = (10 ** abs(exponent)).bit_length()

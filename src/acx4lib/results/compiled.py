@@ -1,4 +1,8 @@
-"""The lines of a table, written cell by cell into one array of bytes."""
+"""The lines of a table, written cell by cell into one array of bytes, compiled.
+
+Each number has its shortest digits. Only `results.table_files` calls it; Python's ``repr`` and
+its module csv write the same.
+"""
 
 from __future__ import annotations
 

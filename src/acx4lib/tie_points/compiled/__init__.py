@@ -1,1 +1,0 @@
-"""Windows of two images compared, fitted and interpolated, compiled."""
