@@ -20,15 +20,18 @@ from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.tie_points.matching import (
+    GreyExposure,
     OverlapMatches,
     OverlapTask,
+    SharedWindow,
     TieOptions,
     match_overlap,
     match_overlaps,
     noise_level,
+    reduced_exposure,
+    shared_windows,
     shift_at,
 )
-from acx4lib.tie_points.overlaps import GreyExposure, SharedWindow, reduced_exposure, shared_windows
 from acx4lib.tie_points.ties import TiePoints
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from acx4lib.errors import FlightError
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import inside
-from acx4lib.tie_points.matching import response
-from acx4lib.tie_points.overlaps import grey
+from acx4lib.tie_points.matching import grey, response
 from acx4tools.measuring.oriented import TieRays, approximate, chosen, joined, refined
 from acx4tools.measuring.pairs import Both, Matching, MatchOptions, PairJob
 from acx4tools.measuring.views import Surface, View, ground_of, pixels_of, pixels_of_view, seen_at

@@ -26,7 +26,7 @@ from acx4lib.flight.block import Block, select_images
 from acx4lib.geometry.camera import correct, mountings, xy_from_colrow
 from acx4lib.geometry.frames import Pose, exp, log, transform
 from acx4lib.geometry.intersection import R_C_CV
-from acx4lib.tie_points.overlaps import grey
+from acx4lib.tie_points.matching import grey
 from acx4tools.measuring.oriented import WANTED, TieRays, approximate, chosen, refined
 from acx4tools.measuring.views import Surface, View, pixels_of_view, seen_at, through
 

@@ -26,7 +26,7 @@ from acx4lib.production.image_files import fingerprint
 from acx4lib.results.own_folder import OwnFolder
 from acx4lib.results.whole_files import opened_new
 from acx4lib.tie_points.least_squares_matching import REACH, correlate, match
-from acx4lib.tie_points.overlaps import grey, resample
+from acx4lib.tie_points.matching import grey, resample
 from acx4tools.measuring.views import Surface, View, pixels_of_view, transferred
 
 SPLINE = 8

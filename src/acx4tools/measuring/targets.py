@@ -16,7 +16,7 @@ from scipy.special import ndtr
 
 from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import inside
-from acx4lib.tie_points.overlaps import grey
+from acx4lib.tie_points.matching import grey
 from acx4tools.measuring.pairs import MatchOptions, found_in
 from acx4tools.measuring.views import Surface, View, pixels_of, pixels_of_view, transferred
 

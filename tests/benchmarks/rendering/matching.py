@@ -20,7 +20,7 @@ from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.production.head_images import head_files, read_heads
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
-from acx4lib.tie_points.overlaps import grey_window, shared_windows
+from acx4lib.tie_points.matching import grey_window, shared_windows
 from acx4lib.tie_points.search import find_ties
 from acx4sim.designs import acx4_plan
 from acx4sim.pictures import (

@@ -7,14 +7,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4lib.geometry.camera import inside, xy_from_colrow
-from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
-from acx4lib.synthetic_image.head_map import (
+from acx4lib.synthetic_image.frame import (
     TOLERANCE,
     HeadMap,
     between_nodes,
     fitting_step,
+    head_from_synthetic,
     head_map,
     levelled,
+    reduced_camera,
+    reduced_heads,
     window_map,
 )
 from support.pictures import taken

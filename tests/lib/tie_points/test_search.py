@@ -11,9 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from acx4lib.geometry.camera import inside, xy_from_colrow
 from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_heads, synthetic_from_head
-from acx4lib.tie_points.matching import OverlapMatches, TieOptions
-from acx4lib.tie_points.overlaps import (
+from acx4lib.tie_points.matching import (
+    OverlapMatches,
     SharedWindow,
+    TieOptions,
     grey,
     grey_window,
     reduced_exposure,

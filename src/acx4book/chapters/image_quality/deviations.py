@@ -41,8 +41,7 @@ from acx4lib.synthetic_image.frame import (
 from acx4lib.synthetic_image.rendering import FEATHER_PX, render, render_plan
 from acx4lib.synthetic_image.response import Response
 from acx4lib.tie_points.least_squares_matching import correlate, match
-from acx4lib.tie_points.matching import best_of_cells, response
-from acx4lib.tie_points.overlaps import grey
+from acx4lib.tie_points.matching import best_of_cells, grey, response
 from acx4lib.tie_points.refinement import frame_differences, refine_by_rotations, tie_differences
 from acx4lib.tie_points.ties import TiePoints, refine_by_mean_differences
 from acx4sim.designs import acx4_plan

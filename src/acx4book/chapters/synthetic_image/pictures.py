@@ -40,7 +40,7 @@ from acx4lib.synthetic_image.frame import (
     reduced_heads,
 )
 from acx4lib.synthetic_image.rendering import resample
-from acx4lib.tie_points.overlaps import SharedWindow, shared_windows
+from acx4lib.tie_points.matching import SharedWindow, shared_windows
 from acx4lib.tie_points.ties import overlaps
 
 FRAMES_WIDTH = 5.1
