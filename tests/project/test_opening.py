@@ -78,7 +78,7 @@ OTHERS = {
         "np.savez": "into the draft that is open",
         "np.load": "of a file that is open",
     },
-    "acx4lib/results/summary_entries.py": {"read_text": "of the one place that reads"},
+    "acx4lib/results/folder.py": {"read_text": "of the one place that reads"},
     "acx4lib/results/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
     "acx4tools/exchange/safe.py": {
         "zipfile.ZipFile": "of bytes",

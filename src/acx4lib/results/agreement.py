@@ -18,7 +18,7 @@ from acx4lib.flight.problems import Problem, lines_of, quoted
 from acx4lib.flight.reader import Flight
 from acx4lib.results import folder as results
 from acx4lib.results import table_files
-from acx4lib.results.summary_entries import problem_of
+from acx4lib.results.folder import problem_of
 from acx4lib.results.table_files import FIRST, OF_TRAJECTORY, STAGES, UNITS, wrong_rows
 
 SAME = 1e-6

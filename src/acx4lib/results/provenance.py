@@ -24,8 +24,8 @@ from acx4lib.flight.reader import PLACE, Flight, read_kept, table_files
 from acx4lib.flight.toml_file import read_toml
 from acx4lib.results import agreement, own_folder, whole_files
 from acx4lib.results import folder as results
+from acx4lib.results.folder import Wrong, problem_of, read_object
 from acx4lib.results.own_folder import MARK, OwnFolder, changes, is_below
-from acx4lib.results.summary_entries import Wrong, problem_of, read_object
 from acx4lib.results.table_files import NOTEBOOKS, PART_OF, STAGES, is_there
 from acx4lib.results.whole_files import SCRATCH, copy, write
 
