@@ -171,7 +171,7 @@ def render_rows(
     The weight of head k is max(0, min(d_k, d_k - d_max + feather_px)), divided by the sum over
     the heads; d is the distance from a head's border, px. Results are rounded to the nearest
     number and never stretched. A sample between saturated pixels remains saturated; where a head
-    is made darker, samples just below rise to it steadily, `resampling.SHOULDER` times as fast, so
+    is made darker, samples just below rise to it steadily, `compiled.SHOULDER` times as fast, so
     that a bright sky does not become speckled.
     """
     expected.place("stop", stop, plan.height_px + 1)
