@@ -5,6 +5,7 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from IPython.lib.pretty import pretty
 from numpy.testing import assert_allclose
@@ -17,10 +18,11 @@ from acx4lib.bundle.variance_components import components
 from acx4lib.calibration.estimates import from_bundle, given, parameters
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation
 from acx4lib.calibration.mounting import calibrate, single_step, two_step, two_step_gnss
+from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.georeferencing.direct import Rays, intersect_rays
 from acx4lib.georeferencing.validation import validate
-from acx4lib.stages import attempt, heads, mounting, rig, synthetic, validation
+from acx4lib.stages import Failed, attempt, heads, mounting, rig, synthetic, validation
 from acx4lib.synthetic_image.frame import reduced_heads
 from acx4lib.synthetic_image.transferred_points import transfer
 from acx4lib.tie_points.refinement import refine_by_rotations
@@ -288,3 +290,44 @@ def test_values_show_themselves_in_a_line_without_pandas():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "False"
+
+
+# --- A method is tried: its outcome, or why it has none --------------------------------------
+
+
+def half(n, *, of=2):
+    if n % of:
+        raise AdjustmentError(f"{n} is odd\nand so on")
+    return n // of
+
+
+def test_what_has_an_outcome_returns_it():
+    assert attempt(half, 6) == 3
+    assert attempt(half, 6, of=3) == 2
+
+
+def test_what_is_not_determined_is_a_value_that_is_false_and_says_why():
+    failed = attempt(half, 5)
+    assert isinstance(failed, Failed)
+    assert not failed
+    assert failed.reason == "5 is odd\nand so on"
+    assert repr(failed) == "Failed half: 5 is odd and so on"
+
+
+def test_a_failure_of_linear_algebra_is_one_of_the_data():
+    failed = attempt(np.linalg.inv, np.zeros((2, 2)))
+    assert failed.reason.startswith("the equations cannot be solved (Singular matrix)")
+
+
+def test_a_wrong_call_is_an_error():
+    with pytest.raises(TypeError):
+        attempt(half)
+
+
+def test_a_failure_stands_beside_outcomes_in_a_table():
+    index = pd.MultiIndex.from_tuples([("f", "mm"), ("xp", "mm")], names=["parameter", "unit"])
+    found = pd.DataFrame({"value": [74.0, 0.1], "sigma": [0.01, 0.02]}, index=index)
+    joined = pd.concat({"a": found, "b": attempt(half, 5).table()}, axis=1)
+    assert joined["a"].equals(found)
+    assert joined["b"].isna().all(axis=None)
+    assert list(joined["b"].columns) == ["value", "sigma"]
