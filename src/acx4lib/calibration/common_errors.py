@@ -33,10 +33,10 @@ from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.covariance import propagate
 from acx4lib.least_squares.statistics import chi2_sf
 
-ALPHA_TURNED = 0.001
+_ALPHA_TURNED = 0.001
 """Probability of finding turns of pictures that share their poses."""
 
-LOOSE_TURN, LEAST_TURN = float(np.radians(0.1)), 1e-6
+_LOOSE_TURN, _LEAST_TURN = float(np.radians(0.1)), 1e-6
 """Standard deviation of turns, radians: so large that they are free; and the smallest one."""
 
 SetUp = Callable[..., Network]
@@ -90,7 +90,9 @@ def freely_turned(bundle: Bundle, set_up: SetUp) -> Bundle:
     AdjustmentError
         Where it does not converge.
     """
-    network = set_up(bundle.network.block, turns=np.full(3, LOOSE_TURN), start=_of_pictures(bundle))
+    network = set_up(
+        bundle.network.block, turns=np.full(3, _LOOSE_TURN), start=_of_pictures(bundle)
+    )
     cameras = np.hstack([network.layout.interior, network.layout.mount])
     return adjust(replace(network, layout=holding(network.layout, cameras[cameras >= 0])))
 
@@ -136,7 +138,7 @@ def _sigma(loose: Bundle) -> Array | None:
         pictures = np.flatnonzero(images.exposure_idx == exposure)
         turns, noise = _against_each_other(loose, pictures)
         if (
-            len(pictures) > 1 and noise.max() < (LOOSE_TURN / 10) ** 2
+            len(pictures) > 1 and noise.max() < (_LOOSE_TURN / 10) ** 2
         ):  # its points determine the turns
             parts.append((images.camera_idx[pictures], turns, noise))
     if not parts:
@@ -148,9 +150,9 @@ def _sigma(loose: Bundle) -> Array | None:
     if dof < 1:
         return None
     of_noise, squares = noise.sum(axis=0), np.sum(turns**2, axis=0)
-    if chi2_sf(float(np.max(squares / of_noise)) * dof, dof) > ALPHA_TURNED:
+    if chi2_sf(float(np.max(squares / of_noise)) * dof, dof) > _ALPHA_TURNED:
         return None
-    return np.maximum(np.sqrt(np.maximum(squares - of_noise, 0.0) / dof), LEAST_TURN)
+    return np.maximum(np.sqrt(np.maximum(squares - of_noise, 0.0) / dof), _LEAST_TURN)
 
 
 def _against_each_other(loose: Bundle, pictures: Index) -> tuple[Array, Array]:
@@ -165,10 +167,10 @@ def _against_each_other(loose: Bundle, pictures: Index) -> tuple[Array, Array]:
 # --- jackknife over exposures -----------------------------------------------------------------
 
 
-LEAST_GROUPS, MOST_GROUPS = 6, 20
+_LEAST_GROUPS, _MOST_GROUPS = 6, 20
 """Smallest and largest number of groups of exposures; each is left out in turn."""
 
-ALPHA_ENLARGED, WORTH = 0.001, 1.1
+_ALPHA_ENLARGED, _WORTH = 0.001, 1.1
 """Probability of enlarging right sigma, and the smallest factor that matters."""
 
 _LEFT_OUT = 1e3
@@ -189,7 +191,7 @@ def enlarged(calibration: Calibration, bundle: Bundle) -> Calibration:
     have variance components of their own, and keeps its sigma.
     """
     groups = _groups(bundle.network.block, bundle.network.image_points)
-    if len(groups) < LEAST_GROUPS or calibration.open_columns.any():
+    if len(groups) < _LEAST_GROUPS or calibration.open_columns.any():
         return calibration
     lens, between, T = between_heads(calibration, bundle.network.layout)
     chosen = np.concatenate([lens, between])
@@ -231,9 +233,9 @@ def _groups(block: Block, points: ImagePoints) -> list[Index]:
     """Return the exposures that are left out together: neighbours, where they are many."""
     exposures = np.unique(block.images.exposure_idx[points.image_idx])
     positions = np.isfinite(block.trajectory.sigma_position[exposures]).all(axis=1)
-    if positions.sum() < LEAST_GROUPS or "control" in features(block):
+    if positions.sum() < _LEAST_GROUPS or "control" in features(block):
         return []
-    return np.array_split(exposures, min(len(exposures), MOST_GROUPS))
+    return np.array_split(exposures, min(len(exposures), _MOST_GROUPS))
 
 
 def between_heads(calibration: Calibration, there: Layout) -> tuple[Index, Index, Array]:
@@ -304,7 +306,7 @@ def _factor(moved: Array, cov: Array) -> float:
     variance = float(np.einsum("ei,ij,ej->", moved, inverse, moved)) / n
     share = np.einsum("ij,eji->e", inverse, cov) / n
     dof = n / float(np.sum(share**2))
-    is_more = variance > WORTH**2 and chi2_sf(variance * dof, dof) < ALPHA_ENLARGED
+    is_more = variance > _WORTH**2 and chi2_sf(variance * dof, dof) < _ALPHA_ENLARGED
     return float(np.sqrt(variance)) if is_more else 1.0
 
 

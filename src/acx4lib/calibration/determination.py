@@ -314,7 +314,7 @@ def nested_f_ratio(bundle: Bundle, test: GroupTest, against: Sequence[Camera]) -
     expected.many("against", against, len(network.block.cameras), "cameras")
     expected.one_of("test.camera", test.camera, [c.name for c in network.block.cameras])
     k = [camera.name for camera in network.block.cameras].index(test.camera)
-    _, columns = estimated(network.layout, k, test.keys)
+    _, columns = _estimated(network.layout, k, test.keys)
     state = bundle.state
     interiors, mounts = list(state.interiors), state.T_b_c
     interiors[k], T_b_c = _at(test.keys, interiors[k], mounts[k], against[k])
@@ -659,7 +659,7 @@ def _group_tests(
     for k, (camera, other) in enumerate(zip(calibration.cameras, against, strict=True)):
         differences = difference(camera, other)
         for group in GROUPS:
-            indices, columns = estimated(calibration.layout, k, group)
+            indices, columns = _estimated(calibration.layout, k, group)
             if len(indices) < 2 or calibration.open_columns[columns].any():
                 continue
             cov = calibration.sigma0_sq * calibration.cov[np.ix_(columns, columns)]
@@ -673,21 +673,8 @@ def _group_tests(
             )
 
 
-def estimated(columns: Layout, k: int, keys: Sequence[str]) -> tuple[Index, Index]:
-    """Return the estimated ones among named parameters of camera k, and their columns.
-
-    Parameters
-    ----------
-    columns : Layout
-    k : int
-    keys : sequence of str
-        The library's names of parameters.
-
-    Returns
-    -------
-    indices, columns : ndarray of int, shape (m,)
-        Indices into `KEYS`, and columns of the layout.
-    """
+def _estimated(columns: Layout, k: int, keys: Sequence[str]) -> tuple[Index, Index]:
+    """Return the indices into `KEYS` and the columns of the estimated ones of named parameters."""
     all_columns = np.concatenate([columns.interior[k], columns.mount[k]])
     indices = np.flatnonzero(np.isin(KEYS, keys) & (all_columns >= 0))
     return indices, all_columns[indices]

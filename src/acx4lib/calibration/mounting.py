@@ -527,9 +527,9 @@ def _by_exposures(block: Block, weights: Array, by_trajectory: Array, columns: L
 # --- weights of the observations --------------------------------------------------------------
 
 
-CONVERGED = 1e-3
+_CONVERGED = 1e-3
 MAX_ITERATIONS = 30
-LARGEST_STEP = 3.0  # of a factor in one iteration
+_LARGEST_STEP = 3.0  # of a factor in one iteration
 
 
 def weighted(
@@ -593,7 +593,7 @@ def estimated_factors(block: Block, adjust_block: Callable[[Block], Bundle]) -> 
         held |= {c.group for c in estimates if not c.estimable}
         steps = {c.group: 1 / c.applied if c.group in held else _step(c) for c in estimates}
         factors = {c.group: c.applied * steps[c.group] for c in estimates}
-        if all(abs(step - 1) < CONVERGED for step in steps.values()):
+        if all(abs(step - 1) < _CONVERGED for step in steps.values()):
             return factors
     worst = max(steps, key=lambda name: abs(np.log(steps[name])))
     msg = (
@@ -605,7 +605,7 @@ def estimated_factors(block: Block, adjust_block: Callable[[Block], Bundle]) -> 
 
 def _step(c: Component) -> float:
     """Return the next factor of a group's sigma."""
-    return float(np.clip(c.factor / c.applied, 1 / LARGEST_STEP, LARGEST_STEP))
+    return float(np.clip(c.factor / c.applied, 1 / _LARGEST_STEP, _LARGEST_STEP))
 
 
 def scaled(block: Block, factors: Mapping[str, float]) -> Block:

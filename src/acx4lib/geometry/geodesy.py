@@ -149,8 +149,8 @@ class GridSystem:
             return None
         try:
             if is_code_or_wkt(self.heights):
-                return geoid_of_crs(self._crs, self.heights)
-            return geoid_of_file(self.heights)
+                return _geoid_of_crs(self._crs, self.heights)
+            return _geoid_of_file(self.heights)
         except (CRSError, ProjError, OSError) as error:
             msg = (
                 f"heights {self.heights[:SHOWN]!r} is neither 'ellipsoidal', nor a geoid grid "
@@ -582,14 +582,8 @@ UNQUOTABLE = re.compile('[",\x00-\x1f]')
 """Characters that the path of a file in a pipeline of PROJ cannot have."""
 
 
-def geoid_of_file(path: str) -> pyproj.Transformer:
-    """Return the transformer of a geoid grid file to ellipsoidal heights.
-
-    Raises
-    ------
-    CRSError, ProjError
-        Where PROJ cannot read the file.
-    """
+def _geoid_of_file(path: str) -> pyproj.Transformer:
+    """Return the transformer of a geoid grid file to ellipsoidal heights; PROJ may refuse it."""
     if not Path(path).is_file():
         msg = "there is no such file"
         raise CRSError(msg)
@@ -603,21 +597,8 @@ def geoid_of_file(path: str) -> pyproj.Transformer:
     )
 
 
-def geoid_of_crs(crs: pyproj.CRS, heights: str) -> pyproj.Transformer:
-    """Return the transformer of a vertical CRS to ellipsoidal heights, never an approximate one.
-
-    Parameters
-    ----------
-    crs : CRS
-        Projected, or compound.
-    heights : str
-        The vertical CRS: a code or WKT.
-
-    Raises
-    ------
-    CRSError, ProjError
-        Where `heights` is no vertical CRS, or its grid is not installed.
-    """
+def _geoid_of_crs(crs: pyproj.CRS, heights: str) -> pyproj.Transformer:
+    """Return the transformer of a vertical CRS to ellipsoidal heights, never an approximate one."""
     horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
     geographic = horizontal.geodetic_crs
     if geographic is None:

@@ -178,7 +178,7 @@ def read(folder: str | Path) -> Results:
             tables[name] = table_files.read(path / f"{name}.csv", _cell_problems)
         except FlightError as error:
             problems += error.problems
-    summary = read_summary(path / "summary.json", problems)
+    summary = _read_summary(path / "summary.json", problems)
     if problems:
         raise FlightError(problems)
     return Results(folder=path, summary=summary, **tables)
@@ -187,7 +187,7 @@ def read(folder: str | Path) -> Results:
 def entries(folder: Path) -> dict[str, dict[str, object]]:
     """Return the objects of summary.json, without the tables; FlightError if it is invalid."""
     problems: list[str] = []
-    summary = read_summary(folder / "summary.json", problems)
+    summary = _read_summary(folder / "summary.json", problems)
     if problems:
         raise FlightError(problems)
     return summary
@@ -648,15 +648,8 @@ _ADJUSTED = ("n_observations", "n_unknowns", "redundancy", "n_rejected", "chi_sq
 _VALIDATED = (*_OF_PAIRS, "mean", "std", "rms", "points")
 
 
-def read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]]:
-    """Read summary.json; a missing file counts as empty.
-
-    Parameters
-    ----------
-    path : Path
-    problems : list of str
-        One line per problem is added to it.
-    """
+def _read_summary(path: Path, problems: list[str]) -> dict[str, dict[str, object]]:
+    """Read summary.json, empty where it is missing; problems are added as lines."""
     try:
         summary = read_object(path, "one object per stage/method") if is_there(path) else {}
     except FlightError as error:

@@ -41,12 +41,12 @@ _CATMULL_ROM = ((0, 1, 0, 0), (-0.5, 0, 0.5, 0), (1, -2.5, 2, -0.5), (-0.5, 1.5,
 
 
 def method_number(bits: int, bands: int, *, cubic: bool) -> int:
-    """Return the number that tells `sample_line` the bits, the bands and the interpolation."""
+    """Return the number that tells `_sample_line` the bits, the bands and the interpolation."""
     return _METHODS.index((bits, bands, 4 if cubic else 2))
 
 
 @_emitted
-def sample_line(
+def _sample_line(
     _typing: Any,
     method: Any,
     n: Any,  # noqa: ARG001
@@ -56,7 +56,7 @@ def sample_line(
     scratch: Any,
     out: Any,
 ) -> Any:
-    """Read n samples: ``sample_line(method, n, image, start, growth, scratch, out)``.
+    """Read n samples: ``_sample_line(method, n, image, start, growth, scratch, out)``.
 
     `method` is a `method_number`. `image` is the address of a pixel, the bytes from row to row,
     and those from pixel to pixel. `start` is the position of the first sample relative to that
@@ -120,8 +120,8 @@ def _find_places(
 
 
 @_emitted
-def read_number(_typing: Any, bits: Any, address: Any) -> Any:
-    """Return a number of an image as a float: ``read_number(bits, address)``."""
+def _read_number(_typing: Any, bits: Any, address: Any) -> Any:
+    """Return a number of an image as a float: ``_read_number(bits, address)``."""
 
     def generate(_context: Any, builder: ir.IRBuilder, _typed: Any, values: Any) -> Any:
         wide = builder.icmp_unsigned("==", values[0], ir.Constant(values[0].type, 16))
@@ -139,7 +139,7 @@ def read_number(_typing: Any, bits: Any, address: Any) -> Any:
 
 
 @_emitted
-def write_line(
+def _write_line(
     _typing: Any,
     bits: Any,
     n: Any,  # noqa: ARG001
@@ -148,7 +148,7 @@ def write_line(
     height: Any,  # noqa: ARG001
     address: Any,
 ) -> Any:
-    """Write n numbers to an image: ``write_line(bits, n, line, factors, height, address)``.
+    """Write n numbers to an image: ``_write_line(bits, n, line, factors, height, address)``.
 
     `line` is an array of float32 and the index of the first number in it. `factors` are an array
     of factors, an array that is added to them `height` times, and two numbers: the limit above
@@ -185,7 +185,7 @@ def write_line(
 
 
 @_emitted
-def add_line(
+def _add_line(
     _typing: Any,
     n: Any,  # noqa: ARG001
     line: Any,
@@ -194,9 +194,9 @@ def add_line(
     weights: Any,
     total: Any,
 ) -> Any:
-    """Add n weighted numbers: ``add_line(n, line, factors, height, weights, total)``.
+    """Add n weighted numbers: ``_add_line(n, line, factors, height, weights, total)``.
 
-    `line`, `factors` and `height` are those of `write_line`. `weights` is an array, `total` an
+    `line`, `factors` and `height` are those of `_write_line`. `weights` is an array, `total` an
     array and the index of the first number in it. Always whole groups of 16 are added.
     """
     signature = types.void(types.int64, line, factors, types.float32, weights, total)
@@ -364,7 +364,7 @@ def _store(builder: ir.IRBuilder, numbers: Any, place: Any, align: int) -> None:
 MARGIN = 4  # px; at this distance from its border an image is read without a check
 TALLEST = 1024  # px; number of rows of an image that can be reached from one position in it
 
-UNSEEN, PARTLY, AT_BORDER, WITHIN = 0, 1, 2, 3
+_UNSEEN, _PARTLY, _AT_BORDER, _WITHIN = 0, 1, 2, 3
 
 
 class Heads(NamedTuple):
@@ -451,14 +451,14 @@ class Work(NamedTuple):
     spread : ndarray of float32, shape (line,)
         Weights of a row, one for each number.
     scratch : tuple of ndarray
-        For `sample_line`.
+        For `_sample_line`.
     weights : ndarray of float32, shape (n_heads, step * step)
     best, norm : ndarray of float32, shape (step * step,)
         The largest distance from a border, px; the sum of the weights.
     places : ndarray, shape (n_heads, 8)
         Position of a cell in a head: a corner (col, row), its change by column, row and both.
     kinds : ndarray of int64, shape (n_heads,)
-        Whether a head sees the cell: `UNSEEN` and so on.
+        Whether a head sees the cell: `_UNSEEN` and so on.
     """
 
     line: int
@@ -498,14 +498,14 @@ def room(n_heads: int, step: int, bands: int) -> Work:
 
 
 @uncounted_inlined
-def find_heads(heads: Heads, recipe: Recipe, i: int, j: int, work: Work) -> int:
+def _find_heads(heads: Heads, recipe: Recipe, i: int, j: int, work: Work) -> int:
     """Set the weights of the heads in a cell; return the only one with weight, -1 for several."""
     n_used, only = 0, -1
     for k in range(len(heads.addresses)):
         work.kinds[k] = _place_cell(heads, k, i, j, recipe.step, work.places)
-        if work.kinds[k] != UNSEEN:
+        if work.kinds[k] != _UNSEEN:
             n_used, only = n_used + 1, k
-    if n_used == 1 and work.kinds[only] != PARTLY:
+    if n_used == 1 and work.kinds[only] != _PARTLY:
         return only
     work.norm[:] = 0
     if n_used == 0:
@@ -519,15 +519,15 @@ def _place_cell(heads: Heads, k: int, i: int, j: int, step: int, places: np.ndar
     width, height = heads.sizes[k, 0], heads.sizes[k, 1]
     left, right = _place_axis(heads.nodes, k, (i, j), 0, step, places)
     if not (right > -0.5 and left < width - 0.5):
-        return UNSEEN
+        return _UNSEEN
     upper, lower = _place_axis(heads.nodes, k, (i, j), 1, step, places)
     if not (lower > -0.5 and upper < height - 0.5):
-        return UNSEEN
+        return _UNSEEN
     if left < -0.5 or upper < -0.5 or right > width - 0.5 or lower > height - 0.5:
-        return PARTLY
+        return _PARTLY
     within = left >= MARGIN and right <= width - 1 - MARGIN
     within = within and upper >= MARGIN and lower <= height - 1 - MARGIN
-    return WITHIN if within and lower - upper < TALLEST else AT_BORDER
+    return _WITHIN if within and lower - upper < TALLEST else _AT_BORDER
 
 
 @uncounted_inlined
@@ -559,10 +559,10 @@ def _weigh(sizes: np.ndarray, recipe: Recipe, work: Work) -> int:
     best, norm, kinds, weights = work.best, work.norm, work.kinds, work.weights
     best[:] = 0
     for k in range(len(kinds)):
-        if kinds[k] != UNSEEN:
+        if kinds[k] != _UNSEEN:
             _set_depths(sizes, k, recipe.step, work)
     for k in range(len(kinds)):
-        if kinds[k] != UNSEEN:
+        if kinds[k] != _UNSEEN:
             for p in range(n):
                 d = weights[k, p]
                 if feather > 0:
@@ -575,10 +575,10 @@ def _weigh(sizes: np.ndarray, recipe: Recipe, work: Work) -> int:
                 norm[p] += w
     only, n_used = -1, 0
     for k in range(len(kinds)):
-        if kinds[k] != UNSEEN:
+        if kinds[k] != _UNSEEN:
             some, everywhere = _normalise(weights, k, norm)
             n_used += some
-            kinds[k] = kinds[k] if some else UNSEEN
+            kinds[k] = kinds[k] if some else _UNSEEN
             only = k if everywhere else only
     return only if n_used == 1 else -1
 
@@ -613,18 +613,18 @@ def _normalise(weights: np.ndarray, k: int, norm: np.ndarray) -> tuple[int, int]
     return int(n_some > 0), int(n_alone == len(norm))
 
 
-# --- requests for memory before it is needed, and rows ----------------------------------------
+# --- requests for memory before it is needed -------------------------------------------------
 
 
 @_emitted
-def ask_to_read(_typing: Any, address: Any) -> Any:
-    """Ask the processor to load memory that will be read: ``ask_to_read(address)``."""
+def _ask_to_read(_typing: Any, address: Any) -> Any:
+    """Ask the processor to load memory that will be read: ``_ask_to_read(address)``."""
     return types.void(address), lambda *given: _ask(given[0], given[1], given[3][0], 0)
 
 
 @_emitted
-def ask_to_write(_typing: Any, address: Any) -> Any:
-    """Ask the processor to load memory that will be written: ``ask_to_write(address)``."""
+def _ask_to_write(_typing: Any, address: Any) -> Any:
+    """Ask the processor to load memory that will be written: ``_ask_to_write(address)``."""
     return types.void(address), lambda *given: _ask(given[0], given[1], given[3][0], 1)
 
 
@@ -700,11 +700,11 @@ def resample_cells(heads: Heads, recipe: Recipe, window: Window, work: Work) -> 
     n_heads = len(heads.addresses)
     for j in range(window.cells):
         for i in range(window.rows[0] // step, (window.rows[1] + step - 1) // step):
-            only = find_heads(heads, recipe, i, j, work)
+            only = _find_heads(heads, recipe, i, j, work)
             if only < 0:
                 work.total[:] = 0
             for k in range(n_heads):
-                if work.kinds[k] == UNSEEN:
+                if work.kinds[k] == _UNSEEN:
                     continue
                 _ask_ahead(heads, recipe, k, i + 1, j)
                 _sample_cell(heads, recipe, k, work)
@@ -740,10 +740,10 @@ def _sample_cell(heads: Heads, recipe: Recipe, k: int, work: Work) -> None:
             np.float32(place[1] - row_0 + m * place[a + 1]),
         )
         growth = np.float32(place[b] + m * place[6]), np.float32(place[b + 1] + m * place[7])
-        if work.kinds[k] == WITHIN:
+        if work.kinds[k] == _WITHIN:
             image = heads.addresses[k] + row_0 * row + col_0 * pixel, row, pixel
             out = work.block, m * at_line, at_sample
-            sample_line(recipe.method, step, image, start, growth, work.scratch, out)
+            _sample_line(recipe.method, step, image, start, growth, work.scratch, out)
         else:
             for p in range(step):
                 x = start[0] + np.float32(p) * growth[0]
@@ -794,7 +794,7 @@ def _sample_at_border(
                 j = min(max(before[0] + col + c, 0), width - 1)
                 at = heads.addresses[k] + ((i * width + j) * recipe.bands + band) * size
                 weight = _weight(recipe.cubic, y - row - r) * _weight(recipe.cubic, x - col - c)
-                total += weight * read_number(recipe.bits, at)
+                total += weight * _read_number(recipe.bits, at)
         out[0][out[1] + band] = total
 
 
@@ -847,7 +847,7 @@ def _add_weighted(k: int, recipe: Recipe, work: Work) -> None:
                 work.spread[c * bands + b] = work.weights[k, r * step + c]
         at = r * work.line
         line, total = (work.block, at), (work.total, at)
-        add_line(step * bands, line, factors, np.float32(r), work.spread, total)
+        _add_line(step * bands, line, factors, np.float32(r), work.spread, total)
 
 
 @uncounted_inlined
@@ -873,9 +873,9 @@ def _write_cell(
     for r in range(max(first, i * step), min(end, (i + 1) * step)):
         to = window.address + ((r - first) * window.width + col) * size
         m = r - i * step
-        write_line(recipe.out_bits, n, (block, m * line), given, np.float32(m), to)
-        ask_to_write(to + step * window.width * size)  # for the next cell, which lies below
-        ask_to_write(to + step * window.width * size + LINE)
+        _write_line(recipe.out_bits, n, (block, m * line), given, np.float32(m), to)
+        _ask_to_write(to + step * window.width * size)  # for the next cell, which lies below
+        _ask_to_write(to + step * window.width * size + LINE)
 
 
 @uncounted_inlined
@@ -896,6 +896,6 @@ def _ask_ahead(heads: Heads, recipe: Recipe, k: int, i: int, j: int) -> None:
         at = heads.addresses[k] + r * row + int(x_0) * pixel
         end = heads.addresses[k] + r * row + (int(x_1) + 2) * pixel
         while at < end:
-            ask_to_read(at)
+            _ask_to_read(at)
             at += LINE
-        ask_to_read(end)
+        _ask_to_read(end)

@@ -16,7 +16,7 @@ from acx4lib.expected import Array, Index
 
 
 @inlined
-def window_inside(image: Array, col: int, row: int, half: int) -> bool:
+def _window_inside(image: Array, col: int, row: int, half: int) -> bool:
     """Tell whether a window lies in an image."""
     rows, cols = image.shape
     return half <= col < cols - half and half <= row < rows - half
@@ -142,7 +142,7 @@ def correlate_points(
     score = np.empty((places, places), np.float32)
     for p in range(n):
         col, row, ncol, nrow = at[p, 0], at[p, 1], near[p, 0], near[p, 1]
-        if not (window_inside(a, col, row, half) and window_inside(b, ncol, nrow, reach)):
+        if not (_window_inside(a, col, row, half) and _window_inside(b, ncol, nrow, reach)):
             continue
         energy = _centred(a, col, row, half, window)
         if not energy > 0:
@@ -170,7 +170,7 @@ def weakest_gradients(image: Array, at: Index, half: int) -> Array:
     size = (2 * half + 1) ** 2
     for p in range(len(at)):
         col, row = at[p, 0], at[p, 1]
-        if not window_inside(image, col, row, half + 1):
+        if not _window_inside(image, col, row, half + 1):
             continue
         xx, xy, yy = 0.0, 0.0, 0.0
         for r in range(row - half, row + half + 1):
@@ -189,7 +189,7 @@ def weakest_gradients(image: Array, at: Index, half: int) -> Array:
 
 
 @inlined
-def spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+def _spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Return the weights of four cubic B-spline coefficients, a fraction t after the second."""
     sixth = np.float32(1.0 / 6.0)
     s = np.float32(1) - t
@@ -248,8 +248,8 @@ def sample_between_nodes(
                     out[row, col] = np.nan
                     continue
                 c, r = int(x), int(y)
-                x0, x1, x2, x3 = spline_weights(np.float32(x - c))
-                y0, y1, y2, y3 = spline_weights(np.float32(y - r))
+                x0, x1, x2, x3 = _spline_weights(np.float32(x - c))
+                y0, y1, y2, y3 = _spline_weights(np.float32(y - r))
                 value = np.float32(0)
                 for k, weight in ((r - 1, y0), (r, y1), (r + 1, y2), (r + 2, y3)):
                     value += weight * (
@@ -354,8 +354,8 @@ def _sample(b: Array, W: Array, half: int, level: np.float32, out: Array) -> boo
             y = drow + yx * np.float32(i) + yy * np.float32(j)
             fx, fy = np.floor(x), np.floor(y)
             c, r = col0 + int(fx), row0 + int(fy)
-            x0, x1, x2, x3 = spline_weights(x - fx)
-            y0, y1, y2, y3 = spline_weights(y - fy)
+            x0, x1, x2, x3 = _spline_weights(x - fx)
+            y0, y1, y2, y3 = _spline_weights(y - fy)
             value = y0 * (
                 x0 * b[r - 1, c - 1]
                 + x1 * b[r - 1, c]
@@ -565,7 +565,7 @@ def match_points(
     W, p = np.empty(6), np.empty(N_UNKNOWNS)
     for point in range(n):
         col, row = at[point, 0], at[point, 1]
-        if np.isnan(start[point, 0] + start[point, 1]) or not window_inside(a, col, row, half + 2):
+        if np.isnan(start[point, 0] + start[point, 1]) or not _window_inside(a, col, row, half + 2):
             continue
         if not _derivatives(a, col, row, half, B):
             continue

@@ -19,7 +19,7 @@ from acx4lib.compiling import load, uncounted, uncounted_inlined
 from acx4lib.expected import Array
 
 
-def small(*shape: int, **strides: Any) -> Callable[..., None]:
+def _small(*shape: int, **strides: Any) -> Callable[..., None]:
     """Return a compiled product of matrices of rows, inner, width: see `SmallProduct`.
 
     Its callers give the position in an array at which a matrix begins: 48 k for J[k], shape
@@ -31,16 +31,16 @@ def small(*shape: int, **strides: Any) -> Callable[..., None]:
 
 
 # all have a transposed matrix on the left
-_add_squares = small(16, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1, upper=True)
-point_by_ray = small(3, 2, 16, left=(1, WIDTH), right=WIDTH, out=16)
-add_point_by_ray = small(3, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1)
-_add_gradient = small(1, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1)
-_whitened = small(3, 3, 16, left=(1, 3), right=16, out=16)
-_take_off_pair = small(6, 3, 8, left=(1, 16), right=16, out=8, add=-1)
-_take_off_border = small(6, 3, 16, left=(1, 16), right=16, out=16, add=-1)
-_take_off_corner = small(16, 3, 16, left=(1, 16), right=16, out=16, add=-1)
-_take_off_gradient = small(1, 3, 16, left=(3, 1), right=16, out=16, add=-1)
-dot_16 = dot(16)
+_add_squares = _small(16, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1, upper=True)
+_point_by_ray = _small(3, 2, 16, left=(1, WIDTH), right=WIDTH, out=16)
+_add_point_by_ray = _small(3, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1)
+_add_gradient = _small(1, 2, 16, left=(1, WIDTH), right=WIDTH, out=16, add=1)
+_whitened = _small(3, 3, 16, left=(1, 3), right=16, out=16)
+_take_off_pair = _small(6, 3, 8, left=(1, 16), right=16, out=8, add=-1)
+_take_off_border = _small(6, 3, 16, left=(1, 16), right=16, out=16, add=-1)
+_take_off_corner = _small(16, 3, 16, left=(1, 16), right=16, out=16, add=-1)
+_take_off_gradient = _small(1, 3, 16, left=(3, 1), right=16, out=16, add=-1)
+_dot_16 = dot(16)
 
 
 class CameraNormals(NamedTuple):
@@ -149,7 +149,7 @@ def room_for(rays: SortedRays, first: int, last: int, n_cameras: int) -> Room:
 
 
 @uncounted_inlined
-def factor(rays: SortedRays, scene: Scene, p: int, room: Room) -> bool:
+def _factor(rays: SortedRays, scene: Scene, p: int, room: Room) -> bool:
     """Fill W with L^-T of a point's damped normal matrix L L^T; False if that is open."""
     J, W, also, grown = room.seen.J, room.W, rays.also[p], 1 + scene.damping
     v00 = v01 = v02 = v11 = v12 = v22 = 0.0
@@ -194,7 +194,7 @@ def _eliminate(rays: SortedRays, p: int, room: Room, out: CameraNormals) -> floa
     for c in range(n_cameras):
         _whitened(Y_sums, c * 48, W, 0, room.sums, c * 48)
     for k in range(n):
-        point_by_ray(T, 0, J, k * 48 + POINT, J, k * 48)
+        _point_by_ray(T, 0, J, k * 48 + POINT, J, k * 48)
         _whitened(Y, k * 48, W, 0, T, 0)
     for k in range(n):
         i = rays.image[start + k]
@@ -250,12 +250,12 @@ def accumulate(
             i = rays.image[start + k]
             _add_squares(out.M, i * 256, J, k * 48, J, k * 48)
             _add_gradient(out.g, i * 16, J, k * 48 + RESIDUAL, J, k * 48)
-            add_point_by_ray(sums, scene.camera[i] * 48, J, k * 48 + POINT, J, k * 48)
+            _add_point_by_ray(sums, scene.camera[i] * 48, J, k * 48 + POINT, J, k * 48)
             a, b = J[k, 0, RESIDUAL], J[k, 1, RESIDUAL]
             out.cost[i] += a * a + b * b
             for c in range(3):
                 s[c] += J[k, 0, POINT + c] * a + J[k, 1, POINT + c] * b
-        if rays.free[p] and factor(rays, scene, p, room):
+        if rays.free[p] and _factor(rays, scene, p, room):
             decrement += _eliminate(rays, p, room, out)
     return True, decrement
 
@@ -287,11 +287,11 @@ def move_points(
         linearise(rays, scene, p, room.seen)
         for k in range(rays.start[p + 1] - start):
             i = rays.image[start + k]
-            a = dot_16(J, k * 48, step, i * 16) + J[k, 0, RESIDUAL]
-            b = dot_16(J, k * 48 + WIDTH, step, i * 16) + J[k, 1, RESIDUAL]
+            a = _dot_16(J, k * 48, step, i * 16) + J[k, 0, RESIDUAL]
+            b = _dot_16(J, k * 48 + WIDTH, step, i * 16) + J[k, 1, RESIDUAL]
             for c in range(3):
                 s[c] += J[k, 0, POINT + c] * a + J[k, 1, POINT + c] * b
-        if factor(rays, scene, p, room):
+        if _factor(rays, scene, p, room):
             a, b = W[0, 0] * s[0], W[0, 1] * s[0] + W[1, 1] * s[1]
             c = W[0, 2] * s[0] + W[1, 2] * s[1] + W[2, 2] * s[2]
             out[at, 0] = -(W[0, 0] * a + W[0, 1] * b + W[0, 2] * c)
@@ -306,13 +306,13 @@ load(accumulate, move_points)
 
 
 # products with V^-1 times a point's derivatives
-_gain = small(3, 3, 16, left=(3, 1), right=16, out=16)
-_take_off_by_pose = small(3, 6, 8, left=(16, 1), right=8, out=16, add=-1)
-_take_off_by_interior = small(3, 10, 8, left=(16, 1), right=8, out=16, add=-1)
-_take_off_interior_by_pose = small(3, 6, 16, left=(16, 1), right=16, out=16, add=-1)
-_take_off_interior = small(3, 10, 16, left=(16, 1), right=16, out=16, add=-1)
-_ray_times_square = small(2, 16, 16, left=(WIDTH, 1), right=16, out=16)
-_add_ray_by_point = small(3, 2, 8, left=(2, 1), right=WIDTH, out=8, add=1)
+_gain = _small(3, 3, 16, left=(3, 1), right=16, out=16)
+_take_off_by_pose = _small(3, 6, 8, left=(16, 1), right=8, out=16, add=-1)
+_take_off_by_interior = _small(3, 10, 8, left=(16, 1), right=8, out=16, add=-1)
+_take_off_interior_by_pose = _small(3, 6, 16, left=(16, 1), right=16, out=16, add=-1)
+_take_off_interior = _small(3, 10, 16, left=(16, 1), right=16, out=16, add=-1)
+_ray_times_square = _small(2, 16, 16, left=(WIDTH, 1), right=16, out=16)
+_add_ray_by_point = _small(3, 2, 8, left=(2, 1), right=WIDTH, out=8, add=1)
 
 
 class CameraCovariances(NamedTuple):
@@ -352,7 +352,7 @@ def _with_cameras(rays: SortedRays, p: int, room: Room, cov: CameraCovariances) 
     for c in range(n_cameras):
         _gain(room.Y_sums, c * 48, room.V_inv, 0, room.sums, c * 48)
     for k in range(n):
-        point_by_ray(T, 0, room.seen.J, k * 48 + POINT, room.seen.J, k * 48)
+        _point_by_ray(T, 0, room.seen.J, k * 48 + POINT, room.seen.J, k * 48)
         _gain(G, k * 48, room.V_inv, 0, T, 0)
     for k in range(n):
         i = rays.image[start + k]
@@ -390,8 +390,8 @@ def _with_rays(rays: SortedRays, scene: Scene, p: int, room: Room) -> None:
         for a in range(3):
             for row in range(2):
                 at = k * 48 + row * WIDTH
-                by_pose = dot_16(X, k * 48 + a * 16, J, at)
-                P[k, a, row] = by_pose + dot_16(X_sums, camera * 48 + a * 16, J, at)
+                by_pose = _dot_16(X, k * 48 + a * 16, J, at)
+                P[k, a, row] = by_pose + _dot_16(X_sums, camera * 48 + a * 16, J, at)
         _add_ray_by_point(S, 0, P, k * 6, J, k * 48 + POINT)
     for a in range(3):
         for b in range(a, 3):
@@ -452,9 +452,9 @@ def precision(
         linearise(rays, scene, p, room.seen)
         for k in range(n):
             camera = scene.camera[rays.image[start + k]]
-            add_point_by_ray(room.sums, camera * 48, J, k * 48 + POINT, J, k * 48)
+            _add_point_by_ray(room.sums, camera * 48, J, k * 48 + POINT, J, k * 48)
         if rays.free[p]:
-            if factor(rays, scene, p, room):
+            if _factor(rays, scene, p, room):
                 _with_cameras(rays, p, room, cov)
                 _with_rays(rays, scene, p, room)
             else:
@@ -466,7 +466,7 @@ def precision(
             at = rays.row[start + k]
             _ray_times_square(z, 0, J, k * 48, cov.K, rays.image[start + k] * 256)
             for row in range(2):
-                total = dot_16(z, row * 16, J, k * 48 + row * WIDTH)
+                total = _dot_16(z, row * 16, J, k * 48 + row * WIDTH)
                 for a in range(3):
                     total += 2 * J[k, row, POINT + a] * P[k, a, row]
                     for b in range(3):
