@@ -134,7 +134,7 @@ def _searched(block: Block, trajectory: Table, seen: Sightings) -> Found | None:
         for reading in _promising(others, started(seen, T_m_b).misfit)
     ]
     named = _best(tried, given, seen) or _best_fitted(block, seen, given)
-    return named or _of_sigma(other_unit(block, seen, given))
+    return named or other_unit(block, seen, given)
 
 
 def _readings(block: Block, trajectory: Table, seen: Sightings) -> Iterator[Reading]:
@@ -238,14 +238,6 @@ def _promising(others: list[Reading], usual: float) -> list[Reading]:
     return [r for r, m in zip(others, misfits, strict=True) if m <= limit or r.velocity is not None]
 
 
-def _of_sigma(unit: Unit | None) -> Found | None:
-    if unit is None:
-        return None
-    return Found(
-        name=unit.name, quantity=unit.quantity, given=unit.given, found=unit.found, unit="σ"
-    )
-
-
 def notes(flight: Flight) -> Iterator[str]:
     """Yield a sentence for every block that another reading fits much better."""
     expected.instance("flight", flight, Flight)
@@ -346,26 +338,7 @@ SHARED = (
 """Text in place of another unit: such an error leaves small residuals."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Unit:
-    """Another unit of some standard deviations.
-
-    Attributes
-    ----------
-    name : str
-        As in "sigma of attitude in seconds of arc", or `SHARED`.
-    quantity : str
-    given, found : float
-        Residuals in terms of sigma, as given and in this unit; NaN where it is no unit.
-    """
-
-    name: str
-    quantity: str
-    given: float
-    found: float
-
-
-def other_unit(block: Block, seen: Sightings, given: Mounted) -> Unit | None:
+def other_unit(block: Block, seen: Sightings, given: Mounted) -> Found | None:
     """Return the unit in which standard deviations agree with residuals; None if they already do.
 
     None, too, where no plausible mounting fits: residuals are no errors of observation then.
@@ -377,6 +350,11 @@ def other_unit(block: Block, seen: Sightings, given: Mounted) -> Unit | None:
         Of this block.
     given : Mounted
         The fit of the block as given.
+
+    Returns
+    -------
+    Found or None
+        Its name is as "sigma of attitude in seconds of arc", or `SHARED`.
     """
     if given.held:
         return None
@@ -407,18 +385,18 @@ def _usual(sigma: Array) -> float:
     return float(np.median(known)) if len(known) else np.nan
 
 
-def _right(quantity: str, units: dict[str, float], misfit: float, others: float) -> Iterator[Unit]:
+def _right(quantity: str, units: dict[str, float], misfit: float, others: float) -> Iterator[Found]:
     """Yield the units in which a misfit agrees with sigma."""
     before = misfit / np.hypot(1.0, others)
     if not (before > OFF or before < 1 / OFF):
         return
     for unit, factor in units.items():
         if np.isnan(factor) and before < 1 / OFF:
-            yield Unit(name=unit, quantity=quantity, given=before, found=np.nan)
+            yield Found(name=unit, quantity=quantity, given=before, found=np.nan, unit="σ")
         after = misfit / np.hypot(factor, others)
         if 1 / RIGHT < after < RIGHT:
             name = f"sigma of {quantity} in {unit}"
-            yield Unit(name=name, quantity=quantity, given=before, found=after)
+            yield Found(name=name, quantity=quantity, given=before, found=after, unit="σ")
 
 
 # --- Robust adjustment of the cameras' mountings on a trajectory assumed exact: eq. (14)
