@@ -30,15 +30,13 @@ def main() -> None:
         right = [is_right for (_, own, _, _), is_right in tried if own == size]
         tell(f"{size}: {sum(right)} of {len(right)} named rightly, or rightly silent")
     flights = enumerate(islice(cycle(VARIANTS), n_clean), 1)
-    raised = [said(clean(*variant, seed=seed), None) for seed, variant in flights]
+    raised = [
+        said(planted.clean(design, form, size, seed=seed), None)
+        for seed, (design, size, form) in flights
+    ]
     tell(
         f"{sum(map(bool, raised))} of {n_clean} clean flights got a sentence", *filter(None, raised)
     )
-
-
-def clean(design: str, size: str, form: str, *, seed: int) -> planted.SimulatedFlight:
-    """Simulate a flight of a variant."""
-    return planted.clean(design, form, size, seed=seed)
 
 
 def cases() -> Iterator[tuple[str, str, str, str]]:
