@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from inspect import Signature, signature
 from pathlib import Path
 from typing import Any
@@ -784,11 +785,14 @@ def require_all_names(
         From what they are of, what is wrong and what was expected, to the error.
     """
     for kind, names in kinds.items():
+        require_names(names, naming(partial(wrong, kind)))
 
-        def of_kind(name: str, fault: str, expected: str, kind: str = kind) -> FlightError:
-            return wrong(kind, fault if name in fault else f"{quoted(name)} {fault}", expected)
 
-        require_names(names, of_kind)
+def naming(wrong: Callable[[str, str], FlightError]) -> Callable[[str, str, str], FlightError]:
+    """Return the error for `require_names` from that of a place, by which the name must be said."""
+    return lambda name, fault, expected: wrong(
+        fault if name in fault else f"{quoted(name)} {fault}", expected
+    )
 
 
 def first_use(names: Sequence[str]) -> tuple[list[str], Index]:

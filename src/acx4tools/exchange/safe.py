@@ -410,48 +410,6 @@ def records(source: Opened, layout: np.dtype[Any]) -> NDArray[Any]:
     return np.frombuffer(source.data, dtype=layout)
 
 
-class Rows:
-    """The lines of a text, one after another, without lines of comment (#)."""
-
-    def __init__(self, file: Opened) -> None:
-        self._file = file
-        self._rows = lines(file, comment="#")
-
-    def maybe(self) -> Line | None:
-        """Return the next line, None at the end."""
-        return next(self._rows, None)
-
-    def next(self, what: str) -> Line:
-        """Return the next line; `what` is its name in the message where the text ends too early."""
-        row = self.maybe()
-        if row is None:
-            end = self._file.data.count(b"\n") + 1
-            fault = f"{what} is missing at the end of the file"
-            raise self._file.wrong(what, fault, "must be complete; is the file cut off?", line=end)
-        return row
-
-
-def first_views(
-    row: Line, start: int, n_images: int, image: str = "image"
-) -> dict[float, tuple[float, float]]:
-    """Return a point's pixel in each image; of several in one image the first.
-
-    Parameters
-    ----------
-    row : Line
-        From its cell `start` on four numbers for each view: image, feature, x, y.
-    start, n_images : int
-    image : str
-        What a message calls an image.
-    """
-    views: dict[float, tuple[float, float]] = {}
-    for k, _, x, y in row.numbers(start, None, "views", COORDINATE).reshape(-1, 4).tolist():
-        if not (0 <= k < n_images and k.is_integer()):
-            raise row.wrong("views", f"{image} {k:g}", f"must be one of {n_images}, from 0")
-        views.setdefault(k, (x, y))
-    return views
-
-
 @dataclass(kw_only=True)
 class Cursor:
     """A place in a binary file, from which values are taken.

@@ -7,7 +7,7 @@ https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -33,7 +33,7 @@ from acx4tools.exchange.project import (
     require_all_names,
     without_folders,
 )
-from acx4tools.exchange.safe import COORDINATE, Line, Opened, Rows, first_views
+from acx4tools.exchange.safe import COORDINATE, Line, Opened
 
 VERSIONS = ("# Bundle file v0.3", "# Bundle file v0.4")
 """First lines; 0.4 has the same layout."""
@@ -53,19 +53,14 @@ ASSUMED = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Bundle:
-    """The content of bundle.out.
+    """The content of bundle.out: f (px), k1, k2 of each image, 0 where it has no pose, and points.
 
-    `lenses` are f (px), k1, k2 of each image, f is 0 where it was not oriented; `xy` are px from
-    the middle of the image, y up; `again` counts points that an image has twice.
+    Measurements are px from the middle of the image, y up.
     """
 
     lenses: Array
     T_w_c: Pose
-    x_w: Array
-    image_idx: Index
-    point_idx: Index
-    xy: Array
-    again: int
+    points: _Points
 
 
 def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> Project:
@@ -94,18 +89,18 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
     called = numbered(lens_values)
     images = tuple(names[k] for k in good)
     cameras = tuple(called[values] for values in lens_values)
-    points = tuple(str(k) for k in range(len(bundle.x_w)))
-    named = {"image": images, "camera": cameras, "point": points}
+    points = bundle.points
+    named = {"image": images, "camera": cameras, "point": points.names}
     require_all_names(named, file.wrong)
     row = np.full(len(bundle.lenses), -1)
     row[good] = np.arange(len(good))
-    used = row[bundle.image_idx] >= 0
+    used = row[points.image_idx] >= 0
     measured = Measured(
-        points=points,
-        x_w=bundle.x_w,
-        image_idx=row[bundle.image_idx[used]],
-        point_idx=bundle.point_idx[used],
-        colrow=bundle.xy[used] * FLIP_Y + np.array([size[0] - 1, size[1] - 1]) / 2,
+        points=points.names,
+        x_w=points.x_w,
+        image_idx=row[points.image_idx[used]],
+        point_idx=points.point_idx[used],
+        colrow=points.xy[used] * FLIP_Y + np.array([size[0] - 1, size[1] - 1]) / 2,
     )
     return Project(
         source=file.text().split("\n", 1)[0].lstrip("# ").replace("Bundle file", "Bundler"),
@@ -118,7 +113,7 @@ def project(source: Path, *, size: tuple[int, int], crs: str | None = None) -> P
         in_grid=in_grid,
         lost={
             "images that Bundler did not orient": len(bundle.lenses) - len(good),
-            "second measurements of a point in one image": bundle.again,
+            "second measurements of a point in one image": points.again,
         },
         assumed=ASSUMED,
     )
@@ -142,29 +137,21 @@ def _bundle(file: Opened) -> _Bundle:
     first = file.text().split("\n", 1)[0].strip()
     if first not in VERSIONS:
         raise file.wrong("version", quoted(first), f"must be {quoted(VERSIONS[0])}")
-    rows = Rows(file)
+    rows = _Rows(file)
     head = rows.next("counts")
     n_cameras, n_points = (_count(head, k) for k in (0, 1))
     cameras = np.array([_camera(rows) for _ in range(n_cameras)]).reshape(-1, 15)
     R_c_w, t = cameras[:, 3:12].reshape(-1, 3, 3), cameras[:, 12:]
-    x_w, measurements, again = [], [], 0
-    for point in range(n_points):
-        x_w.append(rows.next("point").numbers(0, 3, "point", COORDINATE))
-        rows.next("color")
-        row = rows.next("views")
-        n, views = row.whole_at(0, "views"), _views(row, n_cameras)
-        measurements += [(image, point, x, y) for image, (x, y) in views.items()]
-        again += n - len(views)
-    table = np.array(measurements, dtype=float).reshape(-1, 4)
-    return _Bundle(
-        lenses=cameras[:, :3],
-        T_w_c=Pose(R=R_c_w, r=t).inverse,
-        x_w=np.array(x_w).reshape(-1, 3),
-        image_idx=table[:, 0].astype(int),
-        point_idx=table[:, 1].astype(int),
-        xy=table[:, 2:],
-        again=again,
-    )
+    listed = _points(_point(rows, n_cameras) for _ in range(n_points))
+    return _Bundle(lenses=cameras[:, :3], T_w_c=Pose(R=R_c_w, r=t).inverse, points=listed)
+
+
+def _point(rows: _Rows, n_cameras: int) -> tuple[Array, _Views, int]:
+    """Return the place of a point, and its `_views`."""
+    x_w = rows.next("point").numbers(0, 3, "point", COORDINATE)
+    rows.next("color")
+    each = "must be four for each view: camera, key, x, y"
+    return x_w, *_views(rows.next("views"), 1, n_cameras, image="camera", each=each)
 
 
 def _count(head: Line, k: int) -> int:
@@ -174,7 +161,7 @@ def _count(head: Line, k: int) -> int:
     return value
 
 
-def _camera(rows: Rows) -> Array:
+def _camera(rows: _Rows) -> Array:
     """Return f, k1, k2, the rotation and the translation of a camera, shape (15,)."""
     first = rows.next("camera")
     f = first.number_at(0, "focal length", FOCAL)
@@ -186,14 +173,6 @@ def _camera(rows: Rows) -> Array:
     t = rows.next("translation").numbers(0, 3, "translation", COORDINATE)
     k = first.numbers(1, 3, "k1, k2", COEFFICIENT)
     return np.concatenate([[f], k, (nearest_rotation(R) if f > 0 else np.eye(3)).ravel(), t])
-
-
-def _views(row: Line, n_cameras: int) -> dict[float, tuple[float, float]]:
-    """Return the measurements of a point by image, the first of each."""
-    if not 0 <= row.whole_at(0, "views") == (len(row) - 1) / 4:
-        count = f"{len(row) - 1} cells after the number {row.whole_at(0, 'views')}"
-        raise row.wrong("views", count, "must be four for each view: camera, key, x, y")
-    return first_views(row, 1, n_cameras, "camera")
 
 
 def _names(source: Path, n: int, file: Opened) -> tuple[list[Opened], tuple[str, ...]]:
@@ -260,20 +239,20 @@ def project_nvm(source: Path, *, size: tuple[int, int], crs: str | None = None) 
     """
     file = safe.read(source)
     settings, in_grid = on_no_map(file, crs, "VisualSFM")
-    rows = Rows(file)
+    rows = _Rows(file)
     centre = _nvm_centre(rows, size)
     cameras = [_nvm_camera(row) for row in _nvm_counted(rows, "camera")]
     if not cameras:
         raise file.wrong("cameras", "there is none", "must have one")
     images = _nvm_names(cameras)
-    points, again = _nvm_points(rows, len(cameras), centre)
+    points = _points(_nvm_point(row, len(cameras)) for row in _nvm_counted(rows, "point"))
     called = numbered(camera.lens for camera in cameras)
     measured = Measured(
-        points=tuple(str(k) for k in range(len(points.x_w))),
+        points=points.names,
         x_w=points.x_w,
-        image_idx=points.views[:, 0].astype(int),
-        point_idx=points.views[:, 1].astype(int),
-        colrow=points.views[:, 2:],
+        image_idx=points.image_idx,
+        point_idx=points.point_idx,
+        colrow=points.xy + centre,
     )
     first = {called[camera.lens]: camera for camera in reversed(cameras)}
     require_all_names({"image": images}, file.wrong)
@@ -292,7 +271,7 @@ def project_nvm(source: Path, *, size: tuple[int, int], crs: str | None = None) 
         in_grid=in_grid,
         proofs=(Proof(whose="the program's own points", measured=measured),),
         lost={
-            "second measurements of a point in one image": again,
+            "second measurements of a point in one image": points.again,
             "cameras of further models in the file": _nvm_further(rows),
         },
         assumed=NVM_ASSUMED,
@@ -302,14 +281,14 @@ def project_nvm(source: Path, *, size: tuple[int, int], crs: str | None = None) 
 read_nvm = reading(project_nvm)
 
 
-def _nvm_counted(rows: Rows, noun: str) -> Iterator[Line]:
+def _nvm_counted(rows: _Rows, noun: str) -> Iterator[Line]:
     """Yield as many lines as the line before them states."""
     head = rows.next(f"number of {noun}s")
     for _ in range(int(head.number_at(0, f"number of {noun}s", NVM_MOST))):
         yield rows.next(noun)
 
 
-def _nvm_centre(rows: Rows, size: tuple[int, int]) -> Array:
+def _nvm_centre(rows: _Rows, size: tuple[int, int]) -> Array:
     """Return from where measurements count, the library's pixels, by the first line."""
     first = rows.next("version")
     if first.cell(0, "version") != NVM_VERSION:
@@ -350,31 +329,14 @@ def _nvm_names(cameras: list[_NvmCamera]) -> tuple[str, ...]:
     return without_folders(whole)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _NvmPoints:
-    """Points, shape (n, 3), and rows of image, point, column and row."""
-
-    x_w: Array
-    views: Array
-
-
-def _nvm_points(rows: Rows, n_cameras: int, centre: Array) -> tuple[_NvmPoints, int]:
-    """Return the points, and how often an image has one of them again."""
-    x_w, views, again = [], [], 0
-    for point, row in enumerate(_nvm_counted(rows, "point")):
-        x_w.append(row.numbers(0, 3, "point", COORDINATE))
-        n = row.whole_at(6, "views")
-        if not 0 <= n == (len(row) - 7) / 4:
-            count = f"{len(row) - 7} cells after the number {n}"
-            raise row.wrong("views", count, "must be four for each: image, feature, x, y")
-        by_image = first_views(row, 7, n_cameras)
-        views += [(k, point, x + centre[0], y + centre[1]) for k, (x, y) in by_image.items()]
-        again += n - len(by_image)
-    table = np.array(views, dtype=float).reshape(-1, 4)
-    return _NvmPoints(x_w=np.array(x_w).reshape(-1, 3), views=table), again
+def _nvm_point(row: Line, n_cameras: int) -> tuple[Array, _Views, int]:
+    """Return the place of a point, and its `_views`."""
+    x_w = row.numbers(0, 3, "point", COORDINATE)
+    each = "must be four for each: image, feature, x, y"
+    return x_w, *_views(row, 7, n_cameras, image="image", each=each)
 
 
-def _nvm_further(rows: Rows) -> int:
+def _nvm_further(rows: _Rows) -> int:
     """Return how many cameras a further model of the file has; 0 where there is none."""
     row = rows.maybe()
     return max(0, row.whole_at(0, "number of cameras")) if row is not None and len(row) == 1 else 0
@@ -394,3 +356,81 @@ def _nvm_lens(file: Opened, camera: _NvmCamera, size: tuple[int, int], centre: A
         distortion=lambda points: inverse(ideal, points, points) if r else points,
         wrong=partial(file.wrong, "camera", line=camera.line.number),
     )
+
+
+# --- Both: lines one after another, and points with their views
+
+
+_Views = dict[float, tuple[float, float]]
+"""A point's pixel by image."""
+
+
+class _Rows:
+    """The lines of a text, one after another, without lines of comment (#)."""
+
+    def __init__(self, file: Opened) -> None:
+        self._file = file
+        self._rows = safe.lines(file, comment="#")
+
+    def maybe(self) -> Line | None:
+        """Return the next line, None at the end."""
+        return next(self._rows, None)
+
+    def next(self, what: str) -> Line:
+        """Return the next line; `what` is its name in the message where the text ends too early."""
+        row = self.maybe()
+        if row is None:
+            end = self._file.data.count(b"\n") + 1
+            fault = f"{what} is missing at the end of the file"
+            raise self._file.wrong(what, fault, "must be complete; is the file cut off?", line=end)
+        return row
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Points:
+    """Places of points, shape (n, 3); image, point and x, y of measurements; repeated ones."""
+
+    x_w: Array
+    image_idx: Index
+    point_idx: Index
+    xy: Array
+    again: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their numbers in the file."""
+        return tuple(str(k) for k in range(len(self.x_w)))
+
+
+def _points(listed: Iterable[tuple[Array, _Views, int]]) -> _Points:
+    """Return points from the place of each, and its `_views`."""
+    x_w, measurements, again = [], [], 0
+    for point, (place, views, repeated) in enumerate(listed):
+        x_w.append(place)
+        measurements += [(image, point, x, y) for image, (x, y) in views.items()]
+        again += repeated
+    table = np.array(measurements, dtype=float).reshape(-1, 4)
+    return _Points(
+        x_w=np.array(x_w).reshape(-1, 3),
+        image_idx=table[:, 0].astype(int),
+        point_idx=table[:, 1].astype(int),
+        xy=table[:, 2:],
+        again=again,
+    )
+
+
+def _views(row: Line, start: int, n_images: int, *, image: str, each: str) -> tuple[_Views, int]:
+    """Return a point's pixel in each image, the first of several, and how many are passed over.
+
+    Their number stands before the cell `start`, from which on each has four: image, feature, x, y.
+    Messages call an image `image`, and what is expected of the cells `each`.
+    """
+    n = row.whole_at(start - 1, "views")
+    if not 0 <= n == (len(row) - start) / 4:
+        raise row.wrong("views", f"{len(row) - start} cells after the number {n}", each)
+    views: _Views = {}
+    for k, _, x, y in row.numbers(start, None, "views", COORDINATE).reshape(-1, 4).tolist():
+        if not (0 <= k < n_images and k.is_integer()):
+            raise row.wrong("views", f"{image} {k:g}", f"must be one of {n_images}, from 0")
+        views.setdefault(k, (x, y))
+    return views, n - len(views)

@@ -42,6 +42,7 @@ from acx4tools.exchange.project import (
     first_use,
     flight_of,
     joined,
+    naming,
     nowhere,
     reading,
     require_all_names,
@@ -819,8 +820,4 @@ def _require_once(marks: list[_Seen], names: dict[tuple[float, ...], str]) -> No
             fault = f"{quoted(key[1])} stands twice in {quoted(key[0])}"
             raise mark.line.wrong("image", fault, "must stand once")
         before.add(key)
-        require_names(key, partial(_wrong_name, mark.line))
-
-
-def _wrong_name(line: Line, name: str, fault: str, expected: str) -> FlightError:
-    return line.wrong("name", fault if name in fault else f"{quoted(name)} {fault}", expected)
+        require_names(key, naming(partial(mark.line.wrong, "name")))

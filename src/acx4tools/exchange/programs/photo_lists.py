@@ -12,14 +12,14 @@ them. Control (.con) and orientations (.ori) are not read.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from acx4lib.errors import FlightError
 from acx4lib.flight.problems import METRES, Range, quoted
 from acx4tools.exchange import safe
 from acx4tools.exchange.coordinates import UNKNOWN, stacked
@@ -31,6 +31,7 @@ from acx4tools.exchange.project import (
     Project,
     first_use,
     flight_of,
+    naming,
     require_names,
 )
 from acx4tools.exchange.safe import Line, Opened
@@ -203,7 +204,8 @@ def _project(
     """Return a list as a project, with other fields of it."""
     cameras: dict[str, str] = {}
     for point in points:
-        require_names((point.image, point.camera, point.point), _at(point.line))
+        named = (point.image, point.camera, point.point)
+        require_names(named, naming(partial(point.line.wrong, "name")))
         if cameras.setdefault(point.image, point.camera) != point.camera:
             two = f"{quoted(cameras[point.image])} and {quoted(point.camera)}"
             fault = f"image {quoted(point.image)} has the cameras {two}"
@@ -255,10 +257,3 @@ def _control(file: Opened) -> tuple[Control | None, Counter[str]]:
         return None, others
     enh, is_check = zip(*rows.values(), strict=True)
     return Control(names=tuple(rows), enh=np.array(enh), is_check=is_check), others
-
-
-def _at(line: Line) -> Callable[[str, str, str], FlightError]:
-    def wrong(name: str, fault: str, expected: str) -> FlightError:
-        return line.wrong("name", fault if name in fault else f"{quoted(name)} {fault}", expected)
-
-    return wrong
