@@ -58,18 +58,8 @@ _DISC_M, _PAD_M = 0.3, 0.9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fields:
-    """The fields of a cell.
-
-    Attributes
-    ----------
-    shapes : Shapes
-        Their areas.
-    across : ndarray, shape (n, 2)
-        Unit vectors across their rows, east and north.
-    rows : ndarray, shape (n, 3)
-        Spacing of rows, m; contrast of rows and of wheel tracks.
-    """
+class _Fields:
+    """Areas of fields, units across their rows (n, 2), spacing (m) and contrasts of rows (n, 3)."""
 
     shapes: Shapes
     across: Array
@@ -80,7 +70,7 @@ class Fields:
 class _Cell:
     """The content of a cell of the net, in layers; later layers cover earlier ones."""
 
-    fields: Fields
+    fields: _Fields
     ground: list[Shapes]
     tracks: list[Shapes]
     roads: list[Shapes]
@@ -257,7 +247,7 @@ def _draw_all(canvas: Canvas, window: GroundWindow, layers: list[list[Shapes]]) 
             draw(canvas, window, one)
 
 
-def _sow(canvas: Canvas, window: GroundWindow, sown: list[Fields], patches: FloatImage) -> None:
+def _sow(canvas: Canvas, window: GroundWindow, sown: list[_Fields], patches: FloatImage) -> None:
     """Draw fields, their rows and wheel tracks."""
     labels = np.zeros(canvas.shape[:2], np.int16)
     first = 1
@@ -556,7 +546,7 @@ _GRASS = (122, 138, 92, 155)
 _CONCRETE = (172, 170, 164, 70)
 
 
-def _fields(country: Country, a: int, b: int) -> Fields:
+def _fields(country: Country, a: int, b: int) -> _Fields:
     """Divide a cell into strips, each with a crop."""
     rng = country.rng(a, b, 2)
     axis = int(rng.random() < 0.35)
@@ -574,7 +564,7 @@ def _fields(country: Country, a: int, b: int) -> Fields:
     along = outlines[:, _STEPS - 1] - outlines[:, 0]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    return Fields(shapes=shapes(outlines, colours), across=across, rows=crop[:, 4:7])
+    return _Fields(shapes=shapes(outlines, colours), across=across, rows=crop[:, 4:7])
 
 
 def _cuts(rng: np.random.Generator, length_m: float) -> Array:
@@ -762,16 +752,8 @@ def _sweeps(base: Array, cast: Array) -> Array:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Village:
-    """The content of a cell of a village.
-
-    Attributes
-    ----------
-    ground, shadows, roofs : list of Shapes
-        In the order of drawing.
-    trees : ndarray, shape (n, 2)
-        Positions of the trees in the gardens.
-    """
+class _Village:
+    """Layers of a village in the order of drawing, and the places of its trees, shape (n, 2)."""
 
     ground: list[Shapes]
     shadows: list[Shapes]
@@ -779,7 +761,7 @@ class Village:
     trees: Array
 
 
-def _village(country: Country, a: int, b: int) -> Village:
+def _village(country: Country, a: int, b: int) -> _Village:
     """Build a cell of a village."""
     rng = country.rng(a, b, 5)
     corner = np.array([a, b]) * PITCH
@@ -796,7 +778,7 @@ def _village(country: Country, a: int, b: int) -> Village:
     shed_shadow, shed_roof = _houses(shed, long, wide, angle, _ROOFS[rng.integers(2, 5, n)])
     garden = place + _offset(angle, rng.choice([-7.5, 7.5], n), rng.uniform(-12, 8, n))
     behind = place + _offset(angle, rng.uniform(-8, 8, n), rng.uniform(-19, -13, n))
-    return Village(
+    return _Village(
         ground=[*_gardens(country, corner, place, angle, rng), *_streets(country, corner)],
         shadows=[shadow, shed_shadow],
         roofs=[shed_roof, roof],
@@ -888,21 +870,15 @@ _FROM_LANES = 6.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trees:
-    """Trees in layers.
-
-    Attributes
-    ----------
-    floor, shadows, crowns : Shapes
-        The ground around the trees, their shadows, and their crowns.
-    """
+class _Trees:
+    """Trees in layers: the ground around them, their shadows, and their crowns."""
 
     floor: Shapes
     shadows: Shapes
     crowns: Shapes
 
 
-def _trees(places: Array, radius: Array, rng: np.random.Generator) -> Trees:
+def _trees(places: Array, radius: Array, rng: np.random.Generator) -> _Trees:
     """Build trees at positions (n, 2), with radii (n,), m."""
     n = len(places)
     bearing = np.linspace(0, 2 * np.pi, _CORNERS, endpoint=False)
@@ -928,7 +904,7 @@ def _trees(places: Array, radius: Array, rng: np.random.Generator) -> Trees:
     colours = np.concatenate(
         [dark[:, None] * tone[..., None], np.full((n, 2 + _CLUMPS, 1), _COUNTRY_ROUGH)], axis=2
     )
-    return Trees(
+    return _Trees(
         floor=shapes(places[:, None] + 1.4 * radius[:, None, None] * circle, _FLOOR),
         shadows=shapes((places + SHADOW * tall[:, None])[:, None] + 0.98 * crown, SHADE),
         crowns=replace(

@@ -122,7 +122,7 @@ def _opened(path: Path) -> safe.Opened:
     return safe.read(path, most=free_memory() // SHARE_OF_MEMORY)
 
 
-def _ahead(listed: Events, options: SbetOptions) -> float:
+def _ahead(listed: _Events, options: SbetOptions) -> float:
     """Return the seconds by which the trajectory's clock is ahead of the clock of the events."""
     events_utc, track_utc = _is_utc(options.time), _is_utc(options.trajectory_time)
     if events_utc == track_utc:
@@ -135,7 +135,7 @@ def _ahead(listed: Events, options: SbetOptions) -> float:
     return options.leap_seconds if events_utc else -options.leap_seconds
 
 
-def _refuse_outside(track: Track, listed: Events, t: Array, options: SbetOptions) -> None:
+def _refuse_outside(track: Track, listed: _Events, t: Array, options: SbetOptions) -> None:
     first, last = track.time[[0, -1]].tolist()
     file = Path(track.source.file).name
     between = _between(track.time, t)
@@ -152,7 +152,7 @@ def _refuse_outside(track: Track, listed: Events, t: Array, options: SbetOptions
         raise FlightError(lines_of(problems))
 
 
-def _refuse_without_deviation(spread: Deviations, listed: Events, t: Array) -> None:
+def _refuse_without_deviation(spread: Deviations, listed: _Events, t: Array) -> None:
     first, last = (spread.time[[0, -1]] + [-SLACK_S, SLACK_S]).tolist()
     name = Path(spread.source.file).name
     places = f"must lie between {first:.3f} and {last:.3f} s, of {name}"
@@ -162,7 +162,7 @@ def _refuse_without_deviation(spread: Deviations, listed: Events, t: Array) -> N
         raise FlightError(lines_of(problems))
 
 
-def _problems(listed: Events, where: Mask, describe: Any, expected: str) -> list[Problem]:
+def _problems(listed: _Events, where: Mask, describe: Any, expected: str) -> list[Problem]:
     rows, file = listed.listed.rows, listed.listed.source.file
     return [
         Problem(file=file, line=rows[k].number, column="time", found=describe(k), expected=expected)
@@ -172,7 +172,7 @@ def _problems(listed: Events, where: Mask, describe: Any, expected: str) -> list
 
 def _brought(
     track: Track,
-    listed: Events,
+    listed: _Events,
     spread: Deviations | None,
     t: Array,
     options: SbetOptions,
@@ -212,7 +212,7 @@ def _brought(
     )
 
 
-def _assumed(listed: Events, options: SbetOptions) -> tuple[str, ...]:
+def _assumed(listed: _Events, options: SbetOptions) -> tuple[str, ...]:
     seconds, dated = options.leap_seconds, np.isfinite(listed.stamps.weeks).all()
     shift = _is_utc(options.time) != _is_utc(options.trajectory_time)
     columns = " ".join(column.name for column in listed.listed.columns)
@@ -510,16 +510,8 @@ FIRST_DAY = dt.datetime(1980, 1, 6, tzinfo=dt.UTC)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Stamps:
-    """Times of events.
-
-    Attributes
-    ----------
-    seconds : ndarray, shape (n,)
-        Of the week.
-    weeks : ndarray, shape (n,)
-        GPS weeks; NaN where not stated.
-    """
+class _Stamps:
+    """Times of events: seconds of the week, and GPS weeks, NaN where not stated, shape (n,)."""
 
     seconds: Array
     weeks: Array
@@ -564,7 +556,7 @@ def _continued(times: Array) -> Array:
     return times + WEEK_S * np.cumsum(falls)
 
 
-def _on_clock(stamps: Stamps, times: Array, *, ahead: float, week: int | None) -> Array:
+def _on_clock(stamps: _Stamps, times: Array, *, ahead: float, week: int | None) -> Array:
     """Return the times of events on the clock of a trajectory."""
     seconds = stamps.seconds + ahead  # by leap seconds, where one counts UTC and the other GPS
     nearest = np.round((times[[0, -1]].mean() - seconds) / WEEK_S)
@@ -579,23 +571,15 @@ def _on_clock(stamps: Stamps, times: Array, *, ahead: float, week: int | None) -
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Events:
-    """Exposures with their times.
-
-    Attributes
-    ----------
-    listed : Listed
-    names : list of str
-        Of the exposures.
-    stamps : Stamps
-    """
+class _Events:
+    """Exposures with their names and times."""
 
     listed: Listed
     names: list[str]
-    stamps: Stamps
+    stamps: _Stamps
 
 
-def _read_events(source: Opened, *, columns: str, separator: str, base: str) -> Events:
+def _read_events(source: Opened, *, columns: str, separator: str, base: str) -> _Events:
     """Return the events of a text."""
     listed = read_list(source, columns, separator=separator, numbers=("time", "week"))
     name = next((column for column in ("exposure", "image") if listed.has(column)), "")
@@ -610,5 +594,5 @@ def _read_events(source: Opened, *, columns: str, separator: str, base: str) -> 
     week = position_of(listed.columns, "week")
     pairs = [_stamp(row, base, time=listed.at("time"), week=week) for row in listed.rows]
     weeks, seconds = np.array(pairs, dtype=float).T
-    stamps = Stamps(seconds=seconds, weeks=weeks)
-    return Events(listed=listed, names=listed.unique(name), stamps=stamps)
+    stamps = _Stamps(seconds=seconds, weeks=weeks)
+    return _Events(listed=listed, names=listed.unique(name), stamps=stamps)
