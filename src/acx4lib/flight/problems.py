@@ -139,8 +139,8 @@ def did_you_mean(name: str, known: Collection[str]) -> str:
 def same_but_for_writing(names: Collection[str], known: Iterable[str]) -> dict[str, str]:
     """Return the known name that a name seems to be, for names that have one.
 
-    They differ by case, blanks or hyphens between letters and digits, zeros before digits, or the
-    way in which accents are coded.
+    They differ by case, blanks or hyphens between letters and digits, zeros before digits, the
+    ".0" of a spreadsheet, or the way in which accents are coded.
     """
     if not names:
         return {}
@@ -152,7 +152,7 @@ def same_but_for_writing(names: Collection[str], known: Iterable[str]) -> dict[s
 def _bare(name: str) -> str:
     """Return a name without what is often written otherwise."""
     folded = " ".join(unicodedata.normalize("NFKC", name).casefold().split())
-    return _ZEROS.sub("", _JOINT.sub("", folded))
+    return _ZEROS.sub("", _JOINT.sub("", folded)).removesuffix(".0")
 
 
 @dataclass(frozen=True)

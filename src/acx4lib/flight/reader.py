@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
@@ -274,7 +274,7 @@ def _flight(
     assembled = {tables.name: assemble(tables, setup) for tables in blocks}
     held = _unobserved_parts(assembled.get("calibration"))
     setup = replace(setup, fix=tuple(dict.fromkeys((*setup.fix, *held))))
-    notes = [*notes, *area_notes(setup.grid, assembled)]
+    notes = [*notes, *_vertical_notes(setup.grid), *area_notes(setup.grid, assembled)]
     notes += [note for block in assembled.values() for note in _datum_notes(block)]
     for tables in blocks:
         notes += _control_notes(tables, assembled[tables.name])
@@ -627,12 +627,30 @@ def _file_problems(tables: BlockTables) -> Iterator[Problem]:
     inside, block = flight.resolve(), folder.resolve()
     faults = {name: named_file(inside, block, name)[1] for name in set(names) if name}
     rows = [row for row, name in enumerate(names) if faults.get(name)]
-    yield from counted(
-        rows,
-        lambda row: images.problem(
-            row, "file", f"{quoted(names[row])} {faults[names[row]]}", expected
-        ),
-    )
+
+    def wrong(row: int) -> Problem:
+        fault = f"{quoted(names[row])} {faults[names[row]]}"
+        hint = _other_file(inside, block, names[row]) if fault.endswith("is not there") else ""
+        return images.problem(row, "file", f"{fault}{hint}", expected)
+
+    yield from counted(rows, wrong)
+
+
+def _other_file(inside: Path, block: Path, name: str) -> str:
+    """Return " (did you mean 'x'?)" where only case, slashes or the folder are others."""
+    path = PurePosixPath(name.replace("\\", "/"))
+    if path.is_absolute() or ".." in path.parts:
+        return ""
+    for folder in dict.fromkeys((path.parent, PurePosixPath("images"), PurePosixPath())):
+        try:
+            there = sorted(one.name for one in (block / folder).iterdir())
+        except OSError:
+            continue
+        same = (str(folder / one) for one in there if one.casefold() == path.name.casefold())
+        for other in same:
+            if named_file(inside, block, other)[0]:
+                return f" (did you mean {other!r}?)"
+    return ""
 
 
 def _head_problems(images: Table, toml: Toml) -> Iterator[Problem]:
@@ -942,6 +960,18 @@ def _datum_notes(block: Block) -> Iterator[str]:
 def _observed(block: Block) -> bool:
     """Tell whether positions are observed."""
     return bool(np.isfinite(block.trajectory.sigma_position).all(axis=1).any())
+
+
+def _vertical_notes(grid: GridSystem) -> Iterator[str]:
+    """Yield a note on a CRS with heights of its own, where the flight's are ellipsoidal."""
+    if grid.is_local or grid.heights != "ellipsoidal":
+        return
+    crs = pyproj.CRS.from_user_input(grid.crs)
+    if crs.is_compound:
+        yield (
+            "heights are ellipsoidal, as heights in flight.toml says, and not those of "
+            f"{grid.crs}, {crs.sub_crs_list[1].name}"
+        )
 
 
 def area_notes(grid: GridSystem, blocks: dict[str, Block]) -> Iterator[str]:

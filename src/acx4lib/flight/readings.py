@@ -348,6 +348,10 @@ def _position_mistakes(tables: BlockTables, setup: Setup, kind: str) -> Iterator
         yield undone("lat_deg", f"{both} swapped", _swapped(table, "lat_deg", "lon_deg"))
         degrees = {name: np.degrees(table.numbers[name]) for name in ("lat_deg", "lon_deg")}
         yield undone("lat_deg", f"{both} in radians", _changed(table, **degrees))
+        for names in (("lon_deg",), ("lat_deg",), ("lat_deg", "lon_deg")):
+            negative = {name: -table.numbers[name] for name in names}
+            says = f"{', '.join(names)} were of opposite sign"
+            yield undone(names[0], says, _changed(table, **negative))
         return
     mistake = "east_m and north_m were swapped"
     yield undone("east_m", mistake, _swapped(table, "east_m", "north_m"))

@@ -413,6 +413,25 @@ def test_an_optional_column_must_be_right_too(tmp_path, file, column, values, li
     assert problems(tmp_path)[0].startswith(file + line)
 
 
+@pytest.mark.parametrize("name", ["images\\E0.tif", "images/E0.TIF", "E0.tif", "./images/e0.tif"])
+def test_a_picture_with_other_slashes_case_or_folder_is_named(tmp_path, name):
+    write_flight(tmp_path)
+    (tmp_path / "calibration/images").mkdir()
+    (tmp_path / "calibration/images/E0.tif").write_bytes(b"")
+    change(tmp_path, IMAGES, lambda t: t.assign(file=name))
+    fault = f"file: {name!r} is not there (did you mean 'images/E0.tif'?); must be a file under"
+    assert problems(tmp_path)[0].startswith(f"{IMAGES}:2: {fault}")
+
+
+def test_no_picture_is_looked_for_outside_the_flight(tmp_path):
+    write_flight(tmp_path / "flight")
+    (tmp_path / "E0.tif").write_bytes(b"")
+    (tmp_path / "flight/calibration/images").symlink_to(tmp_path)
+    change(tmp_path / "flight", IMAGES, lambda t: t.assign(file="e0.tif"))
+    (first, *_) = problems(tmp_path / "flight")
+    assert first.startswith(f"{IMAGES}:2: file: 'e0.tif' is not there; must be")
+
+
 def test_drifts_along_strips_need_strips(tmp_path):
     write_flight(tmp_path)
     replace(tmp_path, TOML, "lever_z_m = 0.2", '[stages.mounting]\ngnss = ["drift"]')

@@ -247,7 +247,14 @@ def test_a_control_point_that_is_not_measured_is_left_out_and_said(tmp_path, rol
 
 @pytest.mark.parametrize(
     ("measured", "surveyed"),
-    [("G1", "g1"), ("G1", "G1 "), ("G1", "G 1"), ("G1", "G-01"), ("G\u00e91", "Ge\u03011")],
+    [
+        ("G1", "g1"),
+        ("G1", "G1.0"),
+        ("G1", "G1 "),
+        ("G1", "G 1"),
+        ("G1", "G-01"),
+        ("G\u00e91", "Ge\u03011"),
+    ],
 )
 def test_a_control_point_that_is_measured_under_another_writing_is_said(
     tmp_path, measured, surveyed
@@ -267,6 +274,16 @@ def test_names_that_differ_by_more_than_their_writing_are_not_said(tmp_path):
     append(tmp_path / "control_points.csv", "G10,669800,7188000,900\nT-1-1,669800,7188000,900\n")
     append(tmp_path / "calibration/image_points.csv", "E0_CAM,T11,10,10\n")
     assert not any("written otherwise" in note for note in flight.read(tmp_path).notes)
+
+
+def test_a_crs_with_heights_that_are_not_the_flights_is_said(tmp_path):
+    write_flight(tmp_path)
+    toml = tmp_path / "flight.toml"
+    toml.write_text(toml.read_text().replace("EPSG:31982", "EPSG:31982+5773"))
+    assert (
+        "heights are ellipsoidal, as heights in flight.toml says, and not those of "
+        "EPSG:31982+5773, EGM96 height"
+    ) in flight.read(tmp_path).notes
 
 
 def test_what_is_odd_but_allowed_is_a_note(tmp_path):

@@ -35,6 +35,10 @@ def in_radians(*columns: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
     return lambda table: table.assign(**{c: np.radians(table[c]) for c in columns})
 
 
+def negative(*columns: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{c: -table[c] for c in columns})
+
+
 def z_down(table: pd.DataFrame) -> pd.DataFrame:
     opk = table[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy() * [1, -1, -1] + [180, 0, 0]
     return table.assign(omega_deg=opk[:, 0], phi_deg=opk[:, 1], kappa_deg=opk[:, 2])
@@ -65,6 +69,15 @@ MISFITS = [
         in_radians("lat_deg", "lon_deg"),
         "lat_deg",
         "latitude and longitude were in radians",
+    ),
+    ("geographic", TRAJECTORY, negative("lon_deg"), "lon_deg", "lon_deg were of opposite sign"),
+    ("geographic", TRAJECTORY, negative("lat_deg"), "lat_deg", "lat_deg were of opposite sign"),
+    (
+        "geographic",
+        TRAJECTORY,
+        negative("lat_deg", "lon_deg"),
+        "lat_deg",
+        "lat_deg, lon_deg were of opposite sign",
     ),
     (
         "geographic",
