@@ -1,7 +1,4 @@
-"""Validation on check points by direct georeferencing (section 4.3, Table 4).
-
-Points, differences, tests of rays.
-"""
+"""Validation on check points by direct georeferencing (section 4.3, Table 4)."""
 
 from __future__ import annotations
 
@@ -41,9 +38,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# --- Validation on check points by direct georeferencing (section 4.3, Table 4)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Validation:
     """Check points of a block, compared with one method's calibration.
@@ -78,7 +72,7 @@ class Validation:
 
     method: str
     block: Block
-    georeferenced: direct.Georeferenced
+    georeferenced: Georeferenced
     pairs: Differences
     points: Differences
     rejected: tuple[Rejection, ...]
@@ -217,14 +211,14 @@ def _validated(block: Block, calibration: Calibration, method: str, refraction: 
     )
 
 
-def _check_measurements(block: Block) -> tuple[Index, direct.Rays]:
+def _check_measurements(block: Block) -> tuple[Index, Rays]:
     """Return the measurements of check points, sorted by point and image; group = check point."""
     check_idx = np.full(len(block.points), -1)
     check_idx[block.check.point_idx] = np.arange(len(block.check))
     points = block.image_points
     rows = np.flatnonzero((check_idx[points.point_idx] >= 0) & np.isfinite(points.sigma_px))
     rows = rows[np.lexsort((points.image_idx[rows], check_idx[points.point_idx[rows]]))]
-    return rows, direct.Rays(
+    return rows, Rays(
         image_idx=points.image_idx[rows],
         group=check_idx[points.point_idx[rows]],
         colrow=points.colrow[rows],
@@ -233,8 +227,8 @@ def _check_measurements(block: Block) -> tuple[Index, direct.Rays]:
 
 
 def _without_misfits(
-    block: Block, georeferenced: direct.Georeferenced, refraction: str
-) -> tuple[direct.Rays, tuple[Rejection, ...], tuple[Stopped, ...]]:
+    block: Block, georeferenced: Georeferenced, refraction: str
+) -> tuple[Rays, tuple[Rejection, ...], tuple[Stopped, ...]]:
     """Return the measurements that fit their point, the rejections and the stopped groups."""
     rows, selected = _check_measurements(block)
     kept, statistic = _fitting(block, georeferenced, selected, refraction)
@@ -248,8 +242,8 @@ def _without_misfits(
 
 
 def _without_absurd(
-    block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays, refraction: str
-) -> tuple[direct.Rays, Mask, tuple[Rejection, ...]]:
+    block: Block, georeferenced: Georeferenced, selected: Rays, refraction: str
+) -> tuple[Rays, Mask, tuple[Rejection, ...]]:
     """Return the rays of credible check points, the mask of absurd ones and their rejections."""
     measurement = direct.measured(block, georeferenced, selected)
     absurd = elsewhere(
@@ -263,7 +257,7 @@ def _without_absurd(
 
 
 def _fitting(
-    block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays, refraction: str
+    block: Block, georeferenced: Georeferenced, selected: Rays, refraction: str
 ) -> tuple[Mask, Array]:
     """Return the mask of rays that fit the others of their point, and w of the rejected rays."""
     kept = np.ones(len(selected.group), dtype=bool)
@@ -287,8 +281,8 @@ def _fitting(
 
 def _surveyed_nowhere(
     block: Block,
-    georeferenced: direct.Georeferenced,
-    selected: direct.Rays,
+    georeferenced: Georeferenced,
+    selected: Rays,
     absurd: Mask,
     refraction: str,
 ) -> tuple[Rejection, ...]:
@@ -304,8 +298,8 @@ def _surveyed_nowhere(
 
 def _exchanged(
     block: Block,
-    georeferenced: direct.Georeferenced,
-    selected: direct.Rays,
+    georeferenced: Georeferenced,
+    selected: Rays,
     at_points: Differences,
     absurd: Mask,
     refraction: str,
@@ -343,8 +337,8 @@ def _exchanged(
 
 
 def _pairs(
-    block: Block, georeferenced: direct.Georeferenced, selected: direct.Rays
-) -> tuple[tuple[direct.Rays, Index], int]:
+    block: Block, georeferenced: Georeferenced, selected: Rays
+) -> tuple[tuple[Rays, Index], int]:
     """Return the pairs of rays of each point that meet at a sufficient angle; count the others."""
     a, b = error_sources.pairs_within(selected.group)
     group = np.repeat(np.arange(len(a)), 2)
@@ -359,11 +353,11 @@ def _pairs(
 
 def _compared(
     block: Block,
-    georeferenced: direct.Georeferenced,
-    rays: direct.Rays,
+    georeferenced: Georeferenced,
+    rays: Rays,
     idx: Index,
     refraction: str,
-) -> tuple[Differences, Mask, direct.Rays]:
+) -> tuple[Differences, Mask, Rays]:
     """Return finite differences of groups of rays, the mask of these groups, and their rays.
 
     Rays that are almost parallel may meet where the map ends, or nowhere in numbers.
@@ -377,7 +371,7 @@ def _compared(
     return differences_at(block, georeferenced, rays, idx[known], refraction), known, rays
 
 
-def _meet(measurement: Measurement, selected: direct.Rays) -> Mask:
+def _meet(measurement: Measurement, selected: Rays) -> Mask:
     """Tell which groups of rays meet, in front of all their cameras."""
     d = directions(measurement)
     x_m = intersect(measurement.T_m_c.r, d, selected.group, selected.n_groups)
@@ -387,7 +381,7 @@ def _meet(measurement: Measurement, selected: direct.Rays) -> Mask:
     return out
 
 
-def _renumbered(selected: direct.Rays, keep: Mask) -> tuple[direct.Rays, Index]:
+def _renumbered(selected: Rays, keep: Mask) -> tuple[Rays, Index]:
     """Return the rays of some check points, with new group numbers, and these points."""
     rows = np.flatnonzero(keep[selected.group])
     points, group = np.unique(selected.group[rows], return_inverse=True)
@@ -429,8 +423,8 @@ class Differences:
 
 def differences_at(
     block: Block,
-    georeferenced: direct.Georeferenced,
-    selected: direct.Rays,
+    georeferenced: Georeferenced,
+    selected: Rays,
     check_idx: Index,
     refraction: str,
 ) -> Differences:
@@ -495,9 +489,7 @@ def compare(block: Block, x_m: Array, cov: Array, check_idx: Index) -> tuple[Arr
     return d, np.sqrt(np.diagonal(cov_grid, axis1=1, axis2=2) + check.sigma_m**2)
 
 
-def rays_of_pairs(
-    block: Block, pairs: Differences, which: Sequence[int] | None = None
-) -> direct.Rays:
+def rays_of_pairs(block: Block, pairs: Differences, which: Sequence[int] | None = None) -> Rays:
     """Return the rays of pairs, one to the point from each image of a pair.
 
     Parameters
@@ -515,7 +507,7 @@ def rays_of_pairs(
     chosen = np.arange(len(pairs)) if which is None else np.asarray(which, dtype=np.intp)
     shown = block.check.point_idx[pairs.point_idx]
     rows = [row_of[int(i), int(shown[k])] for k in chosen for i in pairs.image_idx[k]]
-    return direct.Rays(
+    return Rays(
         image_idx=points.image_idx[rows],
         group=np.repeat(np.arange(len(chosen)), 2),
         colrow=points.colrow[rows],

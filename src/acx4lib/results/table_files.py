@@ -1,4 +1,8 @@
-"""The tables of a results folder: their columns, checked, read and written."""
+"""The tables of a results folder: their columns, checked, read and written.
+
+A large flight has millions of residuals: rows are written in columns, and old ones that stay are
+copied as they are.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +27,6 @@ from acx4lib.flight.problems import Problem, Range, counted, lines_of, quoted
 from acx4lib.geometry.parameters import REPORTED
 from acx4lib.least_squares import processors
 from acx4lib.opening import opened
-
-# --- The tables of a results folder: their columns, read, and written
-#
-# A large flight has millions of residuals: rows are written in columns, and old ones that stay are
-# copied as they are.
-
 
 SAID = 300
 """Largest number of characters of an error of pandas in a message; it quotes cells in full."""

@@ -230,7 +230,7 @@ def write(
 
 def _records(
     flight: Flight, validations: Sequence[Validation], calibrations: Mapping[str, Calibration]
-) -> list[adjustments.Record]:
+) -> list[Record]:
     flown = flight.blocks.get("calibration")
     with solving(flight, "validation"):
         records = of_validations(
@@ -249,8 +249,8 @@ def _records(
 
 
 def _with_prediction(
-    flight: Flight, record: adjustments.Record, validation: Validation, calibration: Calibration
-) -> adjustments.Record:
+    flight: Flight, record: Record, validation: Validation, calibration: Calibration
+) -> Record:
     """Add to a record how well exposures are predicted, for a block without check points."""
     if len(validation.block.check) or not len(validation.block.image_points):
         return record
@@ -268,7 +268,7 @@ def _with_prediction(
 def _write(
     flight: Flight,
     results_path: str | Path,
-    records: Sequence[adjustments.Record],
+    records: Sequence[Record],
     before: Earlier | folder.Results | None,
 ) -> None:
     """Write the records; the first has a note on the origin of the calibrations."""
