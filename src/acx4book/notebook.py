@@ -15,7 +15,7 @@ from IPython.display import display
 from threadpoolctl import threadpool_limits
 
 from acx4book.typesetting import tables
-from acx4book.typesetting.sentences import say
+from acx4book.typesetting.myst import say
 from acx4lib.errors import visible
 from acx4lib.flight.reader import Flight
 from acx4lib.stages import order

@@ -13,8 +13,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.chapters.from_pictures import STORED
+from acx4book.pages.benchmarks import sigma as read_by_the_book
 from acx4book.pages.benchmarks import speed
-from acx4book.pages.benchmarks import stored as read_by_the_book
 from acx4lib.calibration import mounting
 from benchmarks import bench, command, coverage_flights, harness
 from support.flights import simulated
@@ -25,7 +25,7 @@ from support.flights import simulated
 def test_the_book_reads_what_is_written(tmp_path):
     points = pd.DataFrame({"name": ["A"], "x": [1 / 3]})
     harness.write(tmp_path, "runs", {"points": points}, {"cores": 2}, digits=4)
-    about, (found,) = read_by_the_book.read(tmp_path, "runs", "points")
+    about, (found,) = read_by_the_book.read_stored(tmp_path, "runs", "points")
     assert about["cores"] == 2
     assert "date" in about
     assert_allclose(found["x"], 0.3333, rtol=0)

@@ -7,7 +7,7 @@ import pytest
 
 from acx4book.chapters import stability
 from acx4book.chapters.stability import Flown
-from acx4book.notebooks import functions, runner
+from acx4book.notebooks import runner
 from acx4sim import files
 from acx4sim.files import simulate_plan
 from acx4sim.plan import Options
@@ -25,6 +25,6 @@ def folders(tmp_path_factory):
         flight = simulate_plan(stability.plan_of(flown), year, options)
         session = f"\n[session]\ndate = {flown.date}\ntemperature_c = {flown.temperature_c}\n"
         files.write(replace(flight, toml=flight.toml + session), at / f"flight{year}")
-        way, stages = functions.Functions(), ("mounting",)
+        way, stages = runner.Functions(), ("mounting",)
         runner.run(at / f"flight{year}", at / f"year{year}", way=way, stages=stages)
     return [at / "year2021", at / "year2024"]

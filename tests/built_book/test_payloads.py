@@ -20,7 +20,7 @@ from docutils.nodes import make_id
 
 from acx4book.command import acx4
 from acx4book.notebooks import runner
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks.runner import Functions
 from acx4book.pages import flight_book
 from acx4book.typesetting.plain_text import shown
 from acx4lib import flight

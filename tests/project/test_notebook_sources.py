@@ -35,7 +35,7 @@ ROOMS = {
     "13": ["reference", "chapters.mounting.tables"],
     "14": ["chapters.failures"],
     "15": ["chapters.design"],
-    "18": ["chapters.stability", "report.campaigns"],
+    "18": ["chapters.stability", "report.comparison"],
     "16": ["chapters.error_budget", "paper"],
     "19": ["chapters.from_pictures"],
 }

@@ -14,7 +14,7 @@ import pytest
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import Notebooks
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks.runner import Functions
 from acx4book.pages import build, flight_book, release
 from acx4book.report import page
 from acx4lib.flight import reader

@@ -16,7 +16,7 @@ import pytest
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks.runner import Functions
 from acx4lib import flight
 from acx4lib.bundle import adjust
 from acx4lib.bundle.start import recovered

@@ -17,10 +17,10 @@ from acx4book.chapters.heads import mean_residuals
 from acx4book.chapters.mounting.tables import determination, reliability
 from acx4book.command import acx4
 from acx4book.notebooks import runner
-from acx4book.notebooks.functions import Functions
-from acx4book.report.words import adjustment_title, parameter_title
-from acx4book.typesetting.labels import LABELS
+from acx4book.notebooks.runner import Functions
+from acx4book.report.markdown import adjustment_title, parameter_title
 from acx4book.typesetting.matrix import correlation_matrix
+from acx4book.typesetting.myst import LABELS
 from acx4lib.calibration import mounting
 from acx4lib.calibration.determination import detectable, parameter_correlations
 from acx4lib.calibration.mounting import single_step

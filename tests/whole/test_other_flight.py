@@ -13,7 +13,7 @@ import acx4sim
 from acx4book.command import acx4
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import Notebooks, execute
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks.runner import Functions
 from acx4book.pages import release
 from acx4book.report import material
 from acx4book.report.findings import findings

@@ -8,7 +8,7 @@ import pytest
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks.runner import Functions
 from acx4lib import flight as flights
 from acx4lib.bundle.variance_components import BOUNDS, Component
 from acx4lib.calibration.confirmation import confirmations

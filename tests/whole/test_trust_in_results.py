@@ -15,7 +15,7 @@ import pytest
 from bs4 import BeautifulSoup
 
 import acx4sim
-from acx4book.notebooks import functions, runner
+from acx4book.notebooks import runner
 from acx4book.notebooks.execute import Notebooks
 from acx4lib import flight as flights
 from acx4lib.errors import FlightError, OutputError
@@ -319,7 +319,7 @@ def all_stages(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tampered")
     blocks = ("heads", "calibration", "validation")
     flight = written.write_flight(folder / "flight", blocks=blocks)
-    runner.run(flight, folder / "results", way=functions.Functions())
+    runner.run(flight, folder / "results", way=runner.Functions())
     return folder
 
 

@@ -12,7 +12,6 @@ from matplotlib.ticker import MaxNLocator
 
 from acx4book.notebooks import simulated
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.moving import (
     Column,
     Explorer,
@@ -25,6 +24,7 @@ from acx4book.typesetting.moving import (
     dots,
     logarithms,
 )
+from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4sim.designs import acx4_ideal_plan

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 from acx4book.paper import printed
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import TITLES, inside
 from acx4book.typesetting.moving import Column, Explorer, Roots, Slider, along, bars
+from acx4book.typesetting.myst import TITLES, inside
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array

@@ -17,10 +17,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from acx4book.notebooks import functions, runner
+from acx4book.notebooks import runner
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import LABELS
-from acx4book.typesetting.myst import scientific
+from acx4book.typesetting.myst import LABELS, scientific
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib import conventions
 from acx4lib.errors import Acx4Error
@@ -174,7 +173,7 @@ def examine(flight: SimulatedFlight) -> Examined:
         files.write(flight, written)
         check = _checked(written)
         try:
-            outcome = runner.run(written, results, way=functions.Functions(), stages=("mounting",))
+            outcome = runner.run(written, results, way=runner.Functions(), stages=("mounting",))
             run = outcome.not_determined + outcome.notes
             stored = folder.read(results)
             residuals, rejected = (_of_method(results / f"{n}.csv") for n in TABLES)

@@ -13,8 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from acx4book.paper import printed
 from acx4book.typesetting import matrix, style
-from acx4book.typesetting.labels import LABELS
 from acx4book.typesetting.matrix import Residuals, field_figure
+from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from acx4book.typesetting import matrix, style
-from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration import rig

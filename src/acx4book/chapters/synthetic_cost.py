@@ -18,7 +18,7 @@ from scipy import stats
 
 from acx4book.paper import printed
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import LABELS
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.estimates import parameters as parameters_of
 from acx4lib.expected import Array

@@ -12,7 +12,7 @@ from scipy import special
 
 from acx4book.paper import printed
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import TITLES, inside
+from acx4book.typesetting.myst import TITLES, inside
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4lib.flight.design import ground_sample_m

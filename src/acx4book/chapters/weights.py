@@ -15,7 +15,7 @@ from acx4book.notebooks import simulated
 from acx4book.notebooks.simulated import Flown, fly_and_read
 from acx4book.paper import printed
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import LABELS
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import Components

@@ -19,19 +19,9 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from acx4book.command import (
-    export,
-    importing,
-    new,
-    pictures,
-    planning,
-    results,
-    run,
-    teaching,
-    terminal,
-)
-from acx4book.command.endings import TERMINATED, status_of
+from acx4book.command import importing, pictures, planning, results, run, teaching, terminal
 from acx4book.command.surroundings import shut_out
+from acx4book.command.terminal import TERMINATED, status_of
 
 # Commands import the computing modules inside their functions, so that `acx4 --help` is quick.
 
@@ -184,8 +174,8 @@ def report(
 app.command(help=results.BOOK_HELP)(results.book)
 app.command(help=results.COMPARE_HELP)(results.compare)
 app.add_typer(importing.app, name="import")
-app.command(help=new.HELP)(new.new)
-app.command(help=export.HELP)(export.export)
+app.command(help=planning.NEW_HELP)(planning.new)
+app.command(help=results.EXPORT_HELP)(results.export)
 app.command(help=pictures.MEASURE_HELP)(pictures.measure)
 app.command(help=pictures.RENDER_HELP)(pictures.render)
 app.command(help=teaching.LAB_HELP)(teaching.lab)

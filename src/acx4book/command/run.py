@@ -110,7 +110,7 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
 def _run_one(flight: Path, results: Path, settings: Settings) -> None:
     """Run the stages of a flight, and print its notes and undetermined parameters."""
     from acx4book.notebooks import runner  # noqa: PLC0415 quick help
-    from acx4book.notebooks.functions import way_of  # noqa: PLC0415 quick help
+    from acx4book.notebooks.runner import way_of  # noqa: PLC0415 quick help
     from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
 
     numbers_only = settings.notebooks is None

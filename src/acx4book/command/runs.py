@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from acx4book.notebooks import runner
-from acx4book.notebooks.functions import way_of
+from acx4book.notebooks.runner import way_of
 from acx4lib import system
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
 from acx4lib.flight import reader

@@ -11,7 +11,7 @@ import numpy as np
 
 from acx4book.foundations import example
 from acx4book.foundations.designs import covariance, lines, planned
-from acx4book.foundations.drawings.distortion import UM, balance, border, grid
+from acx4book.foundations.drawings.camera import UM, balance, border, grid
 from acx4book.paper import printed
 from acx4book.typesetting.moving import (
     Column,

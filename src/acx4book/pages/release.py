@@ -19,7 +19,7 @@ from pathlib import Path
 
 import nbformat
 
-from acx4book.notebooks import functions
+from acx4book.notebooks import runner
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.pages import reproducibility
 from acx4lib.errors import Acx4Error
@@ -294,7 +294,7 @@ def _with_default(source: str, name: str, value: str) -> str:
 
 def _places(name: str) -> tuple[str, str]:
     """Return the folders of the flight and of the results of a notebook."""
-    return functions.flight_of(BEFORE[name].design), f"results-{name}"
+    return runner.flight_of(BEFORE[name].design), f"results-{name}"
 
 
 def _start(name: str, parameters: str) -> str:

@@ -19,13 +19,20 @@ import yaml
 from acx4book.chapters import synthetic_cost
 from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.pages.benchmarks import stored
+from acx4book.pages.benchmarks import sigma
 from acx4book.paper import printed
 from acx4book.reference import data as reference
-from acx4book.typesetting.labels import LABELS, TITLES, UNITS, inside, with_unit
-from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.myst import (
+    LABELS,
+    TITLES,
+    UNITS,
+    inside,
+    myst_table,
+    say,
+    sections,
+    with_unit,
+)
 from acx4book.typesetting.plain_text import Markup
-from acx4book.typesetting.sentences import say, sections
 from acx4lib.calibration.estimates import LIMIT_BORESIGHT_DEG, LIMIT_INTERIOR, LIMIT_LEVER_M, needed
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
@@ -210,7 +217,7 @@ def _of_chain(chain: synthetic_cost.Study) -> Flights:
 
 def of_ideal(benchmarks: Path, method: str) -> Flights:
     """Return the accuracy of flights with images from one ideal camera."""
-    _, (points,) = stored.read(benchmarks, "coverage", "points", make="coverage")
+    _, (points,) = sigma.read_stored(benchmarks, "coverage", "points", make="coverage")
     rows = []
     for _, group in points[points["method"] == method].groupby("seed"):
         statistics = accuracy.from_differences(
@@ -282,7 +289,7 @@ def _rms(entry: dict[str, Any]) -> tuple[float, float]:
 
 def _slow_errors(benchmarks: Path) -> str:
     """State the effect of slowly changing trajectory errors on the boresight."""
-    _, (errors,) = stored.read(benchmarks, "slow_errors", make="coverage")
+    _, (errors,) = sigma.read_stored(benchmarks, "slow_errors", make="coverage")
     rows = errors[(errors["weights"] == "white") & errors["parameter"].isin(BORESIGHT_ANGLES)]
     ratio = ((rows["error"] / rows["sigma"]) ** 2).groupby(rows["parameter"]).mean() ** 0.5
     return _say("slow errors", n=rows["seed"].nunique(), ratio=ratio)

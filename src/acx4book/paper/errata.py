@@ -20,10 +20,8 @@ from scipy import stats
 
 from acx4book.paper import printed as paper
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import LABELS, TITLES
-from acx4book.typesetting.myst import marked
+from acx4book.typesetting.myst import LABELS, TITLES, marked, say, sections
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4book.typesetting.sentences import say, sections
 from acx4lib.calibration.determination import Absorption, absorption
 from acx4lib.expected import Array, Mask
 from acx4lib.flight.reader import Flight, read_kept

@@ -13,8 +13,7 @@ import pandas as pd
 
 from acx4book.paper import printed
 from acx4book.paper.scorecard import TWO_STEP
-from acx4book.typesetting.labels import LABELS, value_and_sigma, with_unit
-from acx4book.typesetting.myst import myst_table
+from acx4book.typesetting.myst import LABELS, myst_table, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.geometry.parameters import AXES, BORESIGHT_ANGLES
 from acx4lib.results import folder

@@ -12,8 +12,14 @@ import pandas as pd
 from acx4book.paper import errata
 from acx4book.paper import printed as paper
 from acx4book.paper.printed import ROLES
-from acx4book.typesetting.labels import LABELS, TITLES, value_and_sigma, with_unit
-from acx4book.typesetting.myst import myst_table, scientific
+from acx4book.typesetting.myst import (
+    LABELS,
+    TITLES,
+    myst_table,
+    scientific,
+    value_and_sigma,
+    with_unit,
+)
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.flight.design import ground_sample_m
 from acx4lib.flight.reader import Flight

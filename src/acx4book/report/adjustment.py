@@ -11,11 +11,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from acx4book.report.markdown import Text, heading, listed, show, table
 from acx4book.report.material import Material, validated
-from acx4book.report.words import Text, heading, listed, show, table
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import LABELS, p_value
 from acx4book.typesetting.matrix import Residuals, field_figure
+from acx4book.typesetting.myst import LABELS, p_value
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.bundle.rejections import CRITICAL, noncentrality
 from acx4lib.geometry.camera import Camera

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.report.adjustment import CONTROLLED, decisive_qualities
+from acx4book.report.markdown import Text, adjustment_title, begun, listed, plural, show, table
 from acx4book.report.material import (
     Material,
     checked_points,
@@ -19,18 +20,8 @@ from acx4book.report.material import (
 )
 from acx4book.report.mounting import turns_of
 from acx4book.report.parameters import STRONG, pair_texts, strong_pairs
-from acx4book.report.words import (
-    Text,
-    adjustment_title,
-    begun,
-    listed,
-    plural,
-    show,
-    table,
-)
-from acx4book.typesetting.labels import p_value
+from acx4book.typesetting.myst import p_value, sections
 from acx4book.typesetting.plain_text import Markup
-from acx4book.typesetting.sentences import sections
 from acx4lib.bundle.rejections import CRITICAL, NAMES, too_many
 from acx4lib.calibration.estimates import LIMIT_SCALE, SIGMAS_OF_SCALE
 from acx4lib.expected import Array

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from acx4book.report.markdown import Text, adjustment_title, heading, show, table
 from acx4book.report.material import Material, validated
-from acx4book.report.words import Text, adjustment_title, heading, show, table
 from acx4book.typesetting import style
 from acx4book.typesetting.matrix import sigma_figure
 from acx4lib.calibration.estimates import Calibration

@@ -9,13 +9,11 @@ import numpy as np
 import pandas as pd
 
 from acx4book.report.findings import Finding, statement
+from acx4book.report.markdown import Text, heading, listed, parameter_title, show, table
 from acx4book.report.material import Material
 from acx4book.report.parameters import balanced, head_table, lenses
-from acx4book.report.words import Text, heading, listed, parameter_title, show, table
-from acx4book.typesetting.labels import LABELS, with_unit
-from acx4book.typesetting.myst import scientific
+from acx4book.typesetting.myst import LABELS, say, scientific, with_unit
 from acx4book.typesetting.plain_text import Markup, code
-from acx4book.typesetting.sentences import say
 from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.calibration.estimates import TWO_STEP
 from acx4lib.flight.block import Block

@@ -14,11 +14,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from acx4book.report.markdown import Text, parameter_title, show, table
 from acx4book.report.material import Material, block_of
 from acx4book.report.parameters import head_table
-from acx4book.report.words import Text, parameter_title, show, table
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import p_value, value_and_sigma
+from acx4book.typesetting.myst import p_value, value_and_sigma
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera

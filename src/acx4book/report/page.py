@@ -25,17 +25,16 @@ from acx4book.report import (
     findings,
     ground,
     identity,
+    markdown,
     mounting,
     parameters,
     typeset,
-    words,
 )
 from acx4book.report.adjustment import decisive_qualities
 from acx4book.report.findings import FAILS, LEVEL, NOT_EXAMINED, Finding
-from acx4book.report.markdown import Document, number_labels, table_labels, to_html
+from acx4book.report.markdown import Document, Text, number_labels, table_labels, to_html
 from acx4book.report.material import Material, checked_points, image_residuals, read, validated
 from acx4book.report.parameters import Lens, balanced, corners, correlations, lenses, profile
-from acx4book.report.words import Text
 from acx4book.typesetting import maps, matrix
 from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.svg import vector
@@ -431,7 +430,7 @@ def _used_blocks(material: Material) -> tuple[Block, ...]:
 def _planes(material: Material, stage: str) -> dict[str, pd.DataFrame]:
     """Return the image residuals of a stage's decisive adjustments, by their titles."""
     names = [name for name in material.decisive if name.startswith(f"{stage}/")]
-    return {words.heading(name): image_residuals(material, name) for name in names}
+    return {markdown.heading(name): image_residuals(material, name) for name in names}
 
 
 def parts(

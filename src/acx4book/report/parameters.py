@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from acx4book.report.markdown import Text, heading, listed, parameter_title, show, table
 from acx4book.report.material import Material
-from acx4book.report.words import Text, heading, listed, parameter_title, show, table
 from acx4book.typesetting import maps, style
-from acx4book.typesetting.labels import (
+from acx4book.typesetting.myst import (
     LABELS,
     group_label,
     lacking,

@@ -18,7 +18,7 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import LABELS
 from acx4lib.expected import Array, Mask
 from acx4lib.geometry.camera import Camera
 from acx4lib.georeferencing.budget import CALIBRATION, Format

@@ -18,8 +18,15 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import is_bool_dtype, is_integer_dtype, is_numeric_dtype
 
-from acx4book.typesetting.labels import LABELS, unsigned_zero, value_and_sigma, with_unit
-from acx4book.typesetting.myst import MISSING, cell_text, scientific
+from acx4book.typesetting.myst import (
+    LABELS,
+    MISSING,
+    cell_text,
+    scientific,
+    unsigned_zero,
+    value_and_sigma,
+    with_unit,
+)
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.geometry.parameters import REPORTED
 

@@ -31,7 +31,7 @@ import pandas as pd
 
 from acx4book.command.processes import on_processes
 from acx4book.notebooks import runner
-from acx4book.notebooks.functions import way_of
+from acx4book.notebooks.runner import way_of
 from acx4book.report import findings, material, page
 from acx4lib.errors import Acx4Error
 from acx4lib.least_squares.processors import as_finished

@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from acx4book.report.campaigns.written import PAGE
+from acx4book.report.comparison import PAGE
 from acx4lib.results import provenance
 from acx4tools.exchange.outward.programs import KINDS
 from support.run_results import estimated, leave_calibration

@@ -14,7 +14,7 @@ import pyproj
 import pytest
 
 from acx4book.command import terminal
-from acx4book.command.endings import status_of
+from acx4book.command.terminal import status_of
 from acx4book.typesetting import plain_text
 from acx4lib.errors import AdjustmentError, FlightError
 
@@ -64,7 +64,7 @@ class Removed:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
 
-from acx4book.command.endings import status_of
+from acx4book.command.terminal import status_of
 
 def command():
     Removed()

@@ -10,17 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from acx4book.foundations import adjusting, example
 from acx4book.foundations.designs import lines, planned
-from acx4book.foundations.drawings import (
-    bundle,
-    collinearity,
-    design,
-    distortion,
-    frames,
-    georeferencing,
-    image,
-    least_squares,
-    rotations,
-)
+from acx4book.foundations.drawings import adjustment, camera, frames, strips
 from acx4book.paper import printed
 from acx4lib.bundle.adjust import free_orientation
 from acx4lib.bundle.free_network import adjust_free
@@ -38,15 +28,15 @@ def words(ax):
 
 
 def test_the_ray_goes_through_the_image_point_to_the_ground():
-    ax = drawn(image.ray()).axes[0]
+    ax = drawn(camera.ray()).axes[0]
     said = words(ax)
     (x, y), (across, down) = said["image point $a$"].xy, said["point $A$"].xy
     assert_allclose(y / down, x / across)
-    assert_allclose([-y, -down], [image.F, image.H])
+    assert_allclose([-y, -down], [camera.F, camera.H])
 
 
 def test_no_label_of_the_ray_lies_on_another():
-    fig = drawn(image.ray())
+    fig = drawn(camera.ray())
     boxes = [text.get_window_extent() for text in words(fig.axes[0]).values()]
     overlaps = [a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i]]
     assert not np.any(overlaps)
@@ -54,7 +44,7 @@ def test_no_label_of_the_ray_lies_on_another():
 
 def test_the_same_point_has_coordinates_half_a_pixel_apart():
     found = [
-        next(t for t in words(ax) if t[0] == "(") for ax in panels(drawn(image.first_pixels()))
+        next(t for t in words(ax) if t[0] == "(") for ax in panels(drawn(camera.first_pixels()))
     ]
     assert found == ["(2, 1)", "(2.5, 1.5)"]
 
@@ -64,7 +54,7 @@ def test_the_same_point_has_coordinates_half_a_pixel_apart():
 
 @pytest.mark.parametrize("opk", example.attitudes())
 def test_the_mistakes_are_what_they_are_called(opk):
-    made = rotations.mistaken(opk)
+    made = frames.mistaken(opk)
     expected = {
         "transposed": Rotation.from_euler("xyz", -opk),
         "axes for vectors": Rotation.from_euler("XYZ", -opk),
@@ -77,11 +67,11 @@ def test_the_mistakes_are_what_they_are_called(opk):
 
 def test_every_mistake_is_missed_by_one_strip_or_seen_by_both():
     """What the points below the axes of A1 and B1 are carried by, from the angles alone."""
-    fig = drawn(rotations.mistakes(480.0))
+    fig = drawn(frames.mistakes(480.0))
     for row, small in ((0, "other order"), (2, "transposed")):
         opk, image = example.attitudes()[row], example.EXPOSURES["image"][row]
         right = Rotation.from_euler("XYZ", opk).as_matrix()
-        for ax, wrong in zip(panels(fig), rotations.mistaken(opk).values(), strict=True):
+        for ax, wrong in zip(panels(fig), frames.mistaken(opk).values(), strict=True):
             down = [480.0 * R[:2, 2] / -R[2, 2] for R in (right, wrong)]
             shift = np.hypot(*(down[1] - down[0]))
             assert f"{image}: {shift:.1f} m" in words(ax)
@@ -89,7 +79,7 @@ def test_every_mistake_is_missed_by_one_strip_or_seen_by_both():
 
 
 def test_roll_and_pitch_go_round_with_the_heading():
-    (ax,) = panels(drawn(rotations.headings()))
+    (ax,) = panels(drawn(frames.headings()))
     curves = {line.get_label(): line for line in ax.lines}
     omega, phi, _ = np.degrees(example.attitudes()[0])
     kappa, roll = curves["roll"].get_data()
@@ -100,7 +90,7 @@ def test_roll_and_pitch_go_round_with_the_heading():
 
 
 def test_sigma_of_the_angles_has_its_closed_form():
-    ax = panels(drawn(rotations.singularity()))[3]
+    ax = panels(drawn(frames.singularity()))[3]
     curves = {line.get_label(): line.get_data() for line in ax.lines}
     for label, closed in (
         ("σ of ω, the same as of κ", lambda phi: 1 / np.cos(phi)),
@@ -112,12 +102,12 @@ def test_sigma_of_the_angles_has_its_closed_form():
 
 
 def test_the_figures_draw():
-    drawn(rotations.axes())
-    fig = drawn(rotations.mistakes(480.0))
+    drawn(frames.axes())
+    fig = drawn(frames.mistakes(480.0))
     assert_labelled(fig)
     assert [title(ax) for ax in panels(fig)] == ["transposed", "axes for vectors", "other order"]
-    drawn(rotations.singularity())
-    assert_labelled(drawn(rotations.headings()))
+    drawn(frames.singularity())
+    assert_labelled(drawn(frames.headings()))
 
 
 # --- collinearity ----------------------------------------------------------------------------
@@ -134,17 +124,17 @@ def collinearity_image(turn, shift, xy):
 
 
 def test_the_columns_are_derivatives_of_the_projection():
-    xy, zero = collinearity.grid(3, 3), np.zeros(3)
+    xy, zero = strips.grid(3, 3), np.zeros(3)
     by_turn = numeric_jacobian(lambda turn: collinearity_image(turn, zero, xy), zero)
-    assert_allclose(collinearity.by_turn(xy), by_turn, atol=1e-6)
+    assert_allclose(strips.by_turn(xy), by_turn, atol=1e-6)
     by_shift = numeric_jacobian(lambda shift: collinearity_image(zero, shift, xy), zero, step=1e-3)
-    fields = collinearity.effects(xy, HEIGHT_M)
+    fields = strips.effects(xy, HEIGHT_M)
     for k, (name, sign) in enumerate((("−x", -1), ("y", 1), ("−z", -1))):
         assert_allclose(fields[f"shift along {name}"], sign * by_shift[:, :, k], atol=1e-8)
 
 
 def test_look_alikes_point_the_same_way():
-    fields = collinearity.effects(collinearity.grid(), HEIGHT_M)
+    fields = strips.effects(strips.grid(), HEIGHT_M)
     for one, other in (
         ("turn about y", "shift along −x"),
         ("turn about x", "shift along y"),
@@ -156,10 +146,10 @@ def test_look_alikes_point_the_same_way():
 
 
 def test_what_is_left_has_nothing_of_the_field_that_was_taken_out():
-    fields = collinearity.effects(collinearity.grid(), HEIGHT_M)
+    fields = strips.effects(strips.grid(), HEIGHT_M)
     turn, shift = (fields[name].ravel() for name in ("turn about y", "shift along −x"))
     (factor,), (square,), *_ = np.linalg.lstsq(shift[:, None], turn, rcond=None)
-    _, taken, left = panels(drawn(collinearity.look_alike(HEIGHT_M)))
+    _, taken, left = panels(drawn(strips.look_alike(HEIGHT_M)))
     assert title(taken).startswith(f"{factor:.2f} m along −x")
     rms = 1000 * np.sqrt(2 * square / len(turn))
     assert f"RMS {rms:.0f} µm, drawn 5 times longer" in words(left)
@@ -167,7 +157,7 @@ def test_what_is_left_has_nothing_of_the_field_that_was_taken_out():
 
 def test_differences_on_the_ground_turn_with_the_aircraft():
     down_left = np.tile([-0.1, -0.1], (4, 2, 1))
-    fig = drawn(collinearity.differences(down_left, rotation_from_opk(example.attitudes())))
+    fig = drawn(strips.differences(down_left, rotation_from_opk(example.attitudes())))
     assert_labelled(fig)
     assert_texts_apart(fig)
     to_east = [np.unique(np.sign(quiver.U)) for quiver in quivers(panels(fig)[1])]
@@ -175,10 +165,10 @@ def test_differences_on_the_ground_turn_with_the_aircraft():
 
 
 def test_the_figures_of_columns_draw():
-    fig = drawn(collinearity.columns(HEIGHT_M))
+    fig = drawn(strips.columns(HEIGHT_M))
     names = [title(ax) for ax in panels(fig) if ax.get_visible()]
-    assert names == list(collinearity.effects(collinearity.grid(), HEIGHT_M))
-    fig = drawn(collinearity.look_alike(HEIGHT_M))
+    assert names == list(strips.effects(strips.grid(), HEIGHT_M))
+    fig = drawn(strips.look_alike(HEIGHT_M))
     assert [len(quivers(ax)) for ax in panels(fig)] == [1, 1, 1]
 
 
@@ -186,7 +176,7 @@ def test_the_figures_of_columns_draw():
 
 
 def test_radial_distortion_is_that_of_the_library_along_the_x_axis():
-    ax = panels(drawn(distortion.curves()))[0]
+    ax = panels(drawn(camera.curves()))[0]
     curves = {line.get_label(): line.get_data() for line in ax.lines}
     for head in printed.HEADS:
         r, drawn_um = curves[head]
@@ -202,12 +192,12 @@ def test_radial_distortion_is_that_of_the_library_along_the_x_axis():
 def test_the_balance_leaves_a_quarter_inside_and_at_the_border():
     k1, far = 2e-6, 33.0
     r = np.linspace(0, far, 10_001)
-    left = k1 * r**3 - distortion.balance(k1, far) * r
+    left = k1 * r**3 - camera.balance(k1, far) * r
     assert_allclose([left.max(), left.min()], np.array([1, -1]) * k1 * far**3 / 4, rtol=1e-6)
 
 
 def test_mistakes_are_of_the_order_that_the_series_gives():
-    ax, k1 = panels(drawn(distortion.directions("CAM1")))[0], printed.interior(1, "CAM1").k1
+    ax, k1 = panels(drawn(camera.directions("CAM1")))[0], printed.interior(1, "CAM1").k1
     found = {line.get_label(): printed.pixel_mm("CAM1") * line.get_ydata() for line in ax.lines[:3]}
     r = ax.lines[0].get_xdata()
     assert_allclose(found["other sign"], abs(2 * k1 * r**3), rtol=2e-2)
@@ -221,13 +211,13 @@ def test_mistakes_are_of_the_order_that_the_series_gives():
 
 def test_the_figures_draw_of_distortion():
     for fig in (
-        distortion.curves(),
-        distortion.balanced("CAM1"),
-        distortion.directions("CAM1"),
-        distortion.terms("single_step"),
+        camera.curves(),
+        camera.balanced("CAM1"),
+        camera.directions("CAM1"),
+        camera.terms("single_step"),
     ):
         assert_texts_apart(drawn(fig))
-    fig = drawn(distortion.vectors("CAM1"))
+    fig = drawn(camera.vectors("CAM1"))
     for ax in panels(fig):
         (quiver,) = quivers(ax)
         lower_right = (quiver.X > 20) & (quiver.Y < -12)
@@ -246,14 +236,14 @@ def results():
 
 def test_an_ellipse_has_the_points_of_equal_probability():
     cov = np.array([[4.0, 1.5], [1.5, 2.0]])
-    (patch,) = least_squares.valley({"one": cov}).axes[0].patches
+    (patch,) = adjustment.valley({"one": cov}).axes[0].patches
     vertices = patch.get_patch_transform().transform(patch.get_path().vertices)
     square = np.einsum("ni,ij,nj->n", vertices, np.linalg.inv(cov), vertices)
     assert_allclose(square[:-1:3], 1.0)  # every third vertex of the curves is no control point
 
 
 def test_rays_of_all_images_end_in_p_and_two_ellipses_are_enlarged(results):
-    fig = drawn(least_squares.where_rays_meet(adjusting.cameras(), results))
+    fig = drawn(adjustment.where_rays_meet(adjusting.cameras(), results))
     assert_labelled(fig)
     assert_texts_apart(fig)
     side, *near = fig.axes
@@ -267,7 +257,7 @@ def test_rays_of_all_images_end_in_p_and_two_ellipses_are_enlarged(results):
 
 def test_the_histogram_is_that_of_the_repetitions(results):
     fits = [results[1][1]] * 20
-    fig = least_squares.promise(np.zeros((20, 3)), fits)
+    fig = adjustment.promise(np.zeros((20, 3)), fits)
     drawn(fig)
     errors, test = fig.axes
     assert sum(isinstance(patch, Ellipse) for patch in errors.patches) == 2
@@ -277,7 +267,7 @@ def test_the_histogram_is_that_of_the_repetitions(results):
 
 
 def test_bars_are_redundancy_numbers(results):
-    fig = least_squares.redundancy(results[0][1], results[1][1])
+    fig = adjustment.redundancy(results[0][1], results[1][1])
     bars = [bar.get_height() for bar in fig.axes[0].patches]
     assert_allclose(bars, [*results[0][1].redundancy, *results[1][1].redundancy])
     assert_allclose([sum(bars[:4]), sum(bars[4:])], [1.0, 5.0])
@@ -285,7 +275,7 @@ def test_bars_are_redundancy_numbers(results):
 
 def test_a_valley_reaches_its_sigmas():
     cov = np.array([[4.0, 3.9], [3.9, 4.0]])
-    fig = drawn(least_squares.valley({"narrow": cov, "wide": np.eye(2)}))
+    fig = drawn(adjustment.valley({"narrow": cov, "wide": np.eye(2)}))
     assert_labelled(fig)
     back = fig.axes[0].transData.inverted()
     sizes = [p.get_extents().transformed(back).size for p in fig.axes[0].patches]
@@ -294,7 +284,7 @@ def test_a_valley_reaches_its_sigmas():
 
 def test_inner_constraints_have_the_smaller_ellipses():
     block = planned(lines(90, 270), control=0)
-    fig = drawn(least_squares.datums(adjust_free(free_orientation(block, free=()))))
+    fig = drawn(adjustment.datums(adjust_free(free_orientation(block, free=()))))
     assert_labelled(fig)
     held, inner = (np.array([p.width * p.height for p in ax.patches]) for ax in fig.axes)
     assert len(held) == len(inner) > 30
@@ -316,7 +306,7 @@ def filled(patch, shape):
 
 def test_patterns_fill_a_cell_for_every_entry_and_name_the_rows():
     A, _, _ = adjusting.equations(adjusting.start())
-    fig = drawn(bundle.patterns(A, np.ones((27, 27))))
+    fig = drawn(adjustment.patterns(A, np.ones((27, 27))))
     entries = (A != 0, A.T @ A != 0, np.ones((27, 27), dtype=bool))
     for ax, entry in zip(fig.axes, entries, strict=True):
         kinds = [filled(patch, entry.shape) for patch in ax.patches]
@@ -330,7 +320,7 @@ def test_patterns_fill_a_cell_for_every_entry_and_name_the_rows():
 
 
 def test_a_block_s_images_and_points():
-    fig = drawn(bundle.of_block(example.block()))
+    fig = drawn(adjustment.of_block(example.block()))
     assert_labelled(fig)
     seen, shared = (ax.patches[0] for ax in fig.axes)
     assert filled(seen, (4, 2)).all()
@@ -338,7 +328,7 @@ def test_a_block_s_images_and_points():
 
 
 def test_cost_is_that_of_the_formulas():
-    fig = drawn(bundle.cost(points_per_image=10, rays=4, width=20))
+    fig = drawn(adjustment.cost(points_per_image=10, rays=4, width=20))
     assert_labelled(fig)
     whole, reduced, band = (dict(zip(*line.get_data(), strict=True)) for line in fig.axes[0].lines)
     assert whole[4] == adjusting.whole(4, 40, n_shared=14)
@@ -347,9 +337,9 @@ def test_cost_is_that_of_the_formulas():
 
 
 def test_a_step_of_nothing_is_drawn_at_the_foot():
-    fig = drawn(bundle.convergence({"1°": [100.0, 1e-3, 0.0], "2°": [200.0, 1e-1, 1e-5]}))
+    fig = drawn(adjustment.convergence({"1°": [100.0, 1e-3, 0.0], "2°": [200.0, 1e-1, 1e-5]}))
     assert_labelled(fig)
-    assert_allclose(fig.axes[0].lines[0].get_ydata(), [100.0, 1e-3, bundle.ROUNDING])
+    assert_allclose(fig.axes[0].lines[0].get_ydata(), [100.0, 1e-3, adjustment.ROUNDING])
     assert_allclose(fig.axes[0].lines[1].get_ydata(), [200.0, 1e-1, 1e-5])
 
 
@@ -358,7 +348,7 @@ def test_arrows_are_what_is_left_enlarged():
         "flat": adjusting.view((0, 0, 0)),
         "hills": adjusting.view((0, 0, 0), relief_m=50.0),
     }
-    fig = drawn(bundle.what_is_left(views))
+    fig = drawn(adjustment.what_is_left(views))
     change, flat, hills = (quivers(ax)[0] for ax in fig.axes[:3])
     assert_allclose(np.c_[change.U, change.V], 5.0 * views["flat"].xy / example.F_MM)
     assert_allclose([flat.U, flat.V], 0.0, atol=1e-6)
@@ -380,7 +370,7 @@ AT = np.array([[0.0, 0.0], [100.0, -50.0]])
 
 
 def moved(shift=(0, 0, 0), turned=(0, 0, 0)):
-    return georeferencing.moved_on_ground(AT, 500.0, np.array(shift), np.array(turned))
+    return strips.moved_on_ground(AT, 500.0, np.array(shift), np.array(turned))
 
 
 def test_a_shift_moves_all_points_alike_and_a_height_moves_them_outwards():
@@ -404,7 +394,7 @@ def test_a_rotation_moves_points_as_the_turned_ray_does():
 def test_opposite_lines_and_another_height_tell_the_three_errors_apart():
     """Of every flight a dashed line down to the true point, then the ray: where they end."""
     found = {}
-    for ax in georeferencing.three_flights().axes:
+    for ax in strips.three_flights().axes:
         ends = [line.get_xdata()[-1] for line in ax.lines if len(line.get_xdata()) == 2][1:]
         found[title(ax)] = np.subtract(ends[1::2], ends[::2]).tolist()
     assert found == {
@@ -418,21 +408,21 @@ def test_opposite_lines_and_another_height_tell_the_three_errors_apart():
 def test_misclosures_are_drawn_with_their_direction(strip):
     xy = np.arange(16.0).reshape(8, 2)
     d = np.tile([[3.0, 4.0]], (8, 1))
-    fig = georeferencing.misclosures(xy, 100 * d, d)
+    fig = strips.misclosures(xy, 100 * d, d)
     drawn = [q for q in fig.axes[0].collections if q.get_label() == f"strip {strip}"]
     assert_allclose(drawn[0].U / drawn[0].V, 0.75)
     assert {text.get_text() for ax in fig.axes for text in ax.texts} == {"500 µm", "5 µm"}
 
 
 def test_the_drawings_name_their_parts():
-    words = {text.get_text() for text in georeferencing.vector_sum().axes[0].texts}
+    words = {text.get_text() for text in strips.vector_sum().axes[0].texts}
     assert {"IMU, $b$", r"$R_b^m r_c^b$"} <= words
-    assert [ax.get_title(loc="left") for ax in georeferencing.three_flights().axes] == [
+    assert [ax.get_title(loc="left") for ax in strips.three_flights().axes] == [
         "boresight",
         "lever arm",
         "GNSS shift",
     ]
-    fig = georeferencing.ground_errors(
+    fig = strips.ground_errors(
         height_m=500.0, half_m=(200.0, 150.0), position_m=np.ones(3), attitude_rad=np.full(3, 1e-4)
     )
     assert isinstance(fig, Figure)
@@ -475,22 +465,22 @@ def test_the_second_axis_is_the_focal_length_that_the_scale_causes():
 
 def test_the_footprint_lies_along_the_flight():
     """30 x 40 mm at 500 m and 50 mm."""
-    fig = design.plans({"one": lines(0.0), "two": lines(90.0, height_m=1000.0)})
+    fig = strips.plans({"one": lines(0.0), "two": lines(90.0, height_m=1000.0)})
     for ax, size in zip(fig.axes, ([300.0, 400.0], [800.0, 600.0]), strict=True):
         assert_allclose(np.ptp(ax.lines[0].get_xydata(), axis=0), size)
 
 
 def test_every_plan_has_its_panel_and_its_control_points():
-    fig = design.plans({"one": lines(90), "two": lines(90, 270, height_m=900.0)})
+    fig = strips.plans({"one": lines(90), "two": lines(90, 270, height_m=900.0)})
     assert [ax.get_title(loc="left") for ax in fig.axes] == ["one", "two"]
-    assert len(fig.axes[0].lines[-1].get_xdata()) == len(design.CONTROL_M)
+    assert len(fig.axes[0].lines[-1].get_xdata()) == len(strips.CONTROL_M)
 
 
 def test_large_correlations_are_written_once_a_pair_and_side():
     names = ["f, mm", "lever z, m"]
     table = pd.DataFrame([[1.0, -0.98], [-0.98, 1.0]], names, names)
     low = pd.DataFrame(np.eye(2), names, names)
-    fig = design.correlations({"a": table, "b": low})
+    fig = strips.correlations({"a": table, "b": low})
     assert [text.get_text() for text in fig.axes[0].texts] == ["−.98", "−.98"]
     assert not fig.axes[1].texts
     assert [label.get_text() for label in fig.axes[0].get_yticklabels()] == ["f", "lever z"]
@@ -499,6 +489,6 @@ def test_large_correlations_are_written_once_a_pair_and_side():
 def test_curves_are_drawn_over_the_ratio():
     names = ["lever x, m", "lever y, m", "lever z, m", "xp, mm", "yp, mm", "f, mm"]
     table = pd.DataFrame({1.0: np.arange(1.0, 7.0), 2.0: np.arange(2.0, 8.0)}, index=names)
-    left, right = design.against_ratio(table).axes
+    left, right = strips.against_ratio(table).axes
     assert_allclose(left.lines[2].get_ydata(), [3.0, 4.0])
     assert right.get_ylabel() == "σ (mm)"

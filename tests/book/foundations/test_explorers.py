@@ -3,8 +3,8 @@ import pytest
 
 from acx4book.foundations import explorers
 from acx4book.foundations.designs import covariance, lines, planned
-from acx4book.foundations.drawings.distortion import grid
-from acx4book.foundations.drawings.georeferencing import moved_on_ground
+from acx4book.foundations.drawings.camera import grid
+from acx4book.foundations.drawings.strips import moved_on_ground
 from acx4book.paper import printed
 from acx4lib.geometry import camera
 

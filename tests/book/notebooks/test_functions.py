@@ -12,9 +12,9 @@ from threadpoolctl import threadpool_limits
 import acx4sim
 from acx4book.command.acx4 import ONE_THREAD
 from acx4book.command.terminal import BOOK
-from acx4book.notebooks import functions, runner
+from acx4book.notebooks import runner
 from acx4book.notebooks.execute import Notebooks
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks.runner import Functions
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight import reader
 from acx4lib.results import folder as results_folder
@@ -127,7 +127,7 @@ def test_a_stage_that_fails_leaves_the_results_as_they_were(
         msg = "no convergence"
         raise AdjustmentError(msg)
 
-    monkeypatch.setitem(functions.RUNS, "mounting", fail)
+    monkeypatch.setitem(runner.RUNS, "mounting", fail)
     with pytest.raises(AdjustmentError, match="no convergence"):
         runner.run(flight_path, folder, way=Functions())
     assert tables(folder) == before
@@ -141,28 +141,28 @@ def test_pictures_are_those_of_the_books_flight():
     makefile = (ROOT / "Makefile").read_text("utf-8")
     images = re.search(r"^IMAGES +\?= (\S+)$", makefile, re.MULTILINE)[1]
     reduce = re.search(r"^REDUCE +\?= (\S+)$", makefile, re.MULTILINE)[1]
-    assert (",".join(functions.PICTURES), str(functions.REDUCE)) == (images, reduce)
+    assert (",".join(runner.PICTURES), str(runner.REDUCE)) == (images, reduce)
 
 
 @pytest.mark.slow
 def test_the_flight_and_the_stages_before_are_made_once(tmp_path):
     flight, results = tmp_path / "flight-single-head", tmp_path / "results"
     given = {"design": "single-head", "stages": ("mounting",)}
-    functions.prepare(flight, results, **given)
+    runner.prepare(flight, results, **given)
     assert "mounting" in {name.partition("/")[0] for name in results_folder.read(results).summary}
     assert set(reader.read(flight).blocks) >= {"calibration"}
     made = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
-    functions.prepare(flight, results, **given)
+    runner.prepare(flight, results, **given)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == made
 
 
 def test_what_is_there_stays(tmp_path):
     (tmp_path / "flight").mkdir()
-    functions.prepare(tmp_path / "flight", tmp_path / "results")
+    runner.prepare(tmp_path / "flight", tmp_path / "results")
     assert list(tmp_path.rglob("*")) == [tmp_path / "flight"]
 
 
 def test_a_flight_of_ones_own_that_is_not_there_is_not_simulated(tmp_path):
     with pytest.raises(FlightError, match="my_flihgt:1: folder: is no folder"):
-        functions.prepare(tmp_path / "my_flihgt", tmp_path / "results", stages=("mounting",))
+        runner.prepare(tmp_path / "my_flihgt", tmp_path / "results", stages=("mounting",))
     assert not list(tmp_path.iterdir())

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acx4book.notebooks import functions, runner
+from acx4book.notebooks import runner
 from acx4book.notebooks import simulated as notebooks_simulated
 from acx4book.report.findings import findings
 from acx4book.report.material import read as read_results
@@ -426,7 +426,7 @@ def weak_run(tmp_path_factory):
         )
     )
     write_files(notebooks_simulated.simulate(plan, seed=1, options=Options()), at / "flight")
-    done = runner.run(at / "flight", at / "results", way=functions.Functions())
+    done = runner.run(at / "flight", at / "results", way=runner.Functions())
     return plan, done, at / "results"
 
 

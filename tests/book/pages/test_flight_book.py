@@ -10,7 +10,7 @@ from bs4 import BeautifulSoup
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import Notebooks
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks.runner import Functions
 from acx4book.pages import flight_book
 from acx4lib.errors import OutputError
 from support.flights import planned

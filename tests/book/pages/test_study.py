@@ -14,7 +14,7 @@ import yaml
 from acx4book.chapters import synthetic_cost
 from acx4book.pages import build, study
 from acx4book.paper import printed
-from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import LABELS
 from acx4lib.calibration import estimates
 from acx4lib.calibration.estimates import needed
 from acx4lib.geometry.parameters import REPORTED

@@ -14,9 +14,9 @@ from numpy.testing import assert_allclose
 from pypdf import PdfReader
 
 from acx4book.report import findings, page
+from acx4book.report.markdown import Text
 from acx4book.report.material import image_residuals, read
 from acx4book.report.page import DIRECTIVE, PAGE_MARK, TEXT, Part, computed, parts
-from acx4book.report.words import Text
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.results import folder
 from support.helpers import ROOT

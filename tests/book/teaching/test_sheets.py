@@ -13,16 +13,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, ttest_1samp
 
 from acx4book.notebooks import runner, simulated
-from acx4book.notebooks.functions import way_of
+from acx4book.notebooks.runner import way_of
 from acx4book.teaching import flights, grading, handed_in
 from acx4book.teaching.grading import graded
-from acx4book.teaching.sheets import (
-    estimates,
-    intersection,
-    lens,
-    mounting,
-    rotations,
-)
+from acx4book.teaching.sheets import calibrations, images
 from acx4book.teaching.sheets.every import SHEETS, sheet_of
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight.reader import read
@@ -74,12 +68,12 @@ def test_the_statistics_are_those_of_others(solved):
     single = calibrate(case.flight).mountings["single_step"].calibration
     d = validate(case.flight.block("validation"), single, method="single_step").points.d
     height = d[:, 2].tolist()
-    assert found[estimates.N] == len(d)
+    assert found[calibrations.N] == len(d)
     assert found["rms_east_m"] == pytest.approx(np.sqrt(np.mean(d[:, 0] ** 2)))
-    assert found[estimates.MEAN] == pytest.approx(statistics.mean(height))
-    assert found[estimates.STD] == pytest.approx(statistics.stdev(height))
-    assert found[estimates.T] == pytest.approx(ttest_1samp(height, 0.0).statistic)
-    assert found[estimates.CHI] == pytest.approx(
+    assert found[calibrations.MEAN] == pytest.approx(statistics.mean(height))
+    assert found[calibrations.STD] == pytest.approx(statistics.stdev(height))
+    assert found[calibrations.T] == pytest.approx(ttest_1samp(height, 0.0).statistic)
+    assert found[calibrations.CHI] == pytest.approx(
         (len(d) - 1) * statistics.variance(height) / 0.15**2
     )
 
@@ -169,8 +163,7 @@ def test_the_points_are_the_simulators_within_sigma(solved):
     for k in range(20):
         _, right = solved("lab-3", f"Student {k}")
         errors += [
-            (right[name].value - right[name].truth) / right[name].sigma
-            for name in intersection.POINT
+            (right[name].value - right[name].truth) / right[name].sigma for name in images.POINT
         ]
     low, high = chi2.ppf([0.0005, 0.9995], 60)  # three axes of a point are weakly correlated
     assert 0.6 * low < np.sum(np.square(errors)) < 1.4 * high
@@ -204,8 +197,10 @@ def test_a_mistake_made_in_the_flights_files_is_named(changed, says, key, solved
 def test_the_distortion_is_browns_formula(solved):
     case, right = solved("lab-4", "Ada")
     of = calibrate(case.flight).mountings["single_step"].calibration.cameras[0].interior
-    radial, (dx, dy) = ([right[n].value for n in names] for names in (lens.RADIAL, lens.AT_PLACE))
-    r = np.array(lens.RADII_MM)
+    radial, (dx, dy) = (
+        [right[n].value for n in names] for names in (calibrations.RADIAL, calibrations.AT_PLACE)
+    )
+    r = np.array(calibrations.RADII_MM)
     assert radial == pytest.approx(1e3 * (of.k1 * r**3 + of.k2 * r**5 + of.k3 * r**7))
     x, y, r_sq = 20.0, 15.0, 625.0
     scale = of.k1 * r_sq + of.k2 * r_sq**2 + of.k3 * r_sq**3
@@ -254,14 +249,14 @@ def by_hand(run):
 
 def of_image(lever, R):
     angles = R.as_euler("XYZ", degrees=True)
-    return dict(zip(mounting.OF_IMAGE, [*lever, *angles], strict=True))
+    return dict(zip(calibrations.OF_IMAGE, [*lever, *angles], strict=True))
 
 
 def test_a_run_answers_what_it_has(run, solved):
     case, right = solved("lab-6", "Ada")
     given = handed_in.read(run[1])
     assert (given.student, given.sheet) == ("Ada", "lab-6")
-    for name in (*mounting.BORESIGHT, *mounting.LEVER, mounting.TWO_STEP):
+    for name in (*calibrations.BORESIGHT, *calibrations.LEVER, calibrations.TWO_STEP):
         assert given.answers[name].value == pytest.approx(right[name].value, abs=1e-9)
         assert given.answers[name].sigma == pytest.approx(right[name].sigma, rel=1e-6)
     verdicts = grading.graded(SHEETS["lab-6"], case, given.answers)
@@ -286,7 +281,7 @@ def test_an_image_by_hand_gives_the_right_answer_and_mistakes_are_named(by_hand,
 
 
 def test_estimates_are_within_their_sigma_of_the_truth_of_mounting(solved):
-    for name in (*mounting.BORESIGHT, *mounting.LEVER, mounting.TWO_STEP):
+    for name in (*calibrations.BORESIGHT, *calibrations.LEVER, calibrations.TWO_STEP):
         errors = []
         for k in range(20):
             _, right = solved("lab-6", f"Student {k}")
@@ -407,7 +402,7 @@ def rotations_by_hand(key):
 
 
 def named(body, camera):
-    return dict(zip((*rotations.BODY, *rotations.CAMERA), [*body, *camera], strict=True))
+    return dict(zip((*images.BODY, *images.CAMERA), [*body, *camera], strict=True))
 
 
 def test_the_right_answers_are_scipys_and_projs(rotations_by_hand, solved):
@@ -417,14 +412,14 @@ def test_the_right_answers_are_scipys_and_projs(rotations_by_hand, solved):
     expected = named(opk_deg(body), opk_deg(body * boresight))
     values = {name: right[name].value for name in expected}
     assert values == pytest.approx(expected, abs=2e-6)
-    assert right[rotations.GAMMA].value == pytest.approx(gamma, abs=1e-9)
+    assert right[images.GAMMA].value == pytest.approx(gamma, abs=1e-9)
 
 
 def test_the_right_attitude_is_the_simulators_but_for_noise(solved):
     for k in range(5):
         case, right = solved("lab-2", f"Student {k}")
         true = case.truth["exposures"]["calibration"]["C1-02"][3:]
-        off = [right[name].value - angle for name, angle in zip(rotations.BODY, true, strict=True)]
+        off = [right[name].value - angle for name, angle in zip(images.BODY, true, strict=True)]
         assert np.all(np.abs(off) < 5 * 0.015)
 
 

@@ -14,10 +14,10 @@ from IPython.core.formatters import DisplayFormatter
 from markdown_it import MarkdownIt
 
 from acx4book.paper import printed
-from acx4book.typesetting import labels, matrix, myst, style, svg, tables
+from acx4book.typesetting import matrix, myst, style, svg, tables
 from acx4book.typesetting.matrix import sigma_figure
+from acx4book.typesetting.myst import say
 from acx4book.typesetting.plain_text import Markup
-from acx4book.typesetting.sentences import say
 from acx4book.typesetting.tables import markdown
 from acx4lib.georeferencing.budget import SOURCES, Budget, Format
 from support.figures import drawn, panels
@@ -305,12 +305,12 @@ def test_panels_have_plan_height_and_the_calibrations_part():
     ],
 )
 def test_a_value_is_rounded_to_two_digits_of_its_sigma(value, sigma, text):
-    assert labels.value_and_sigma(value, sigma) == text
+    assert myst.value_and_sigma(value, sigma) == text
 
 
 def test_every_printed_parameter_has_a_label():
     for number in (1, 2, 3, 4):
-        assert set(printed.table(number)["parameter"]) <= set(labels.LABELS)
+        assert set(printed.table(number)["parameter"]) <= set(myst.LABELS)
 
 
 # --- sentences of notebooks: templates with numbers, in which text of a flight stays text ----

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import acx4sim
-from acx4book.report.words import parameter_title
+from acx4book.report.markdown import parameter_title
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.observations import position_errors
 from acx4lib.calibration import mounting, trajectory_errors

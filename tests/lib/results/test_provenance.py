@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks.runner import Functions
 from acx4lib import flight
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.flight import reader

@@ -13,8 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from acx4book.command import endings
-from acx4book.notebooks import functions, runner
+from acx4book.command import terminal
+from acx4book.notebooks import runner
 from acx4book.report import findings, material, page
 from acx4lib.errors import UNSEEN
 from acx4lib.results.table_files import SCHEMAS
@@ -42,7 +42,7 @@ def write_good(good: Path) -> None:
     blocks = ("heads", "calibration", "validation")
     pictured.write_flight(good / "flight", ("E0",), blocks=blocks)
     written.write_flight(good / "other_flight", blocks=("calibration",), form="geographic")
-    way = functions.Functions()
+    way = runner.Functions()
     stages = ("heads", "mounting", "validation")
     runner.run(good / "flight", good / "results", way=way, stages=stages)
     runner.run(good / "other_flight", good / "other", way=way, stages=("mounting",))
@@ -111,7 +111,7 @@ def _said(command: str, good: Path, folder: Path, case: int) -> tuple[int, str, 
         ),
     }
     if command == "record":
-        return said_by(lambda: sys.exit(endings.status_of(lambda: _record(folder), ["record"])))
+        return said_by(lambda: sys.exit(terminal.status_of(lambda: _record(folder), ["record"])))
     name = "compare" if command == "rigidity" else command
     return said(name, *arguments[command]())
 

@@ -9,8 +9,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.typesetting.labels import LABELS, UNITS, group_label, lacking, value_and_sigma
-from acx4book.typesetting.myst import scientific
+from acx4book.typesetting.myst import (
+    LABELS,
+    UNITS,
+    group_label,
+    lacking,
+    scientific,
+    value_and_sigma,
+)
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4book.typesetting.tables import SYMBOLS
 from acx4lib.attempts import Failed

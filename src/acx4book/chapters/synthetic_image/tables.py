@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from acx4book.paper import printed
-from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.flight.reader import Flight

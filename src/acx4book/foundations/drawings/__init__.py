@@ -1,1 +1,1 @@
-"""The figures of part I, a module for every chapter."""
+"""The figures of part I, by topics."""

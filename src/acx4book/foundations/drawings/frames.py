@@ -1,4 +1,4 @@
-"""Figures of the chapter on frames: the Earth, its heights, and a map projection."""
+"""Figures of the chapters on rotations and frames: axes and angles, the Earth, a map projection."""
 
 from __future__ import annotations
 
@@ -7,11 +7,205 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from scipy.spatial.transform import Rotation
 
 from acx4book.foundations import example
 from acx4book.typesetting import maps, style
 from acx4lib.expected import Array
+from acx4lib.geometry.frames import (
+    opk_jacobian,
+    rotation_from_opk,
+    rph_from_rotation,
+    turn,
+)
 from acx4lib.geometry.geodesy import GridSystem
+
+# --- turned axes, matrices mistaken for each other, phi near 90 degrees ----------------------
+
+
+TIMES = 20
+"""Factor by which omega and phi are drawn too large; in true size they would be invisible."""
+
+COLOURS = (style.ORANGE, style.TEAL, style.PLUM)
+"""Colours of the three angles."""
+
+
+def axes() -> Figure:
+    """Draw the body axes of A1 and B1 above the ground, omega and phi `TIMES` too large."""
+    view = maps.view(18, 22)
+    with style.applied():
+        fig, ax = style.subplots(figsize=(style.WIDTH, 3.4))
+        ground = np.array([[-7.2, -3, 0], [8.6, -3, 0], [8.6, 4, 0], [-7.2, 4, 0]])
+        ax.add_patch(Polygon(view.apply(ground)[:, :2], fc=style.PAPER, ec=style.LAND_EDGE, lw=1))
+        corner = np.array([-6.2, -2.2, 0.0])
+        maps.triad(ax, view, corner, 1.6 * np.eye(3), ("east", "north", "up"), maps.MAPPING)
+        for row, east in ((0, -4.0), (2, 5.6)):
+            place = np.array([east, 0.6, 4.2])
+            _body(ax, view, place, example.attitudes()[row] * [TIMES, TIMES, 1])
+            ax.plot(
+                *view.apply([place, place * [1, 1, 0]])[:, :2].T, color=style.SOFT, lw=0.8, ls=":"
+            )
+            name = f"{example.EXPOSURES['image'][row]}, flown {'east' if row == 0 else 'west'}"
+            maps.note(ax, view.apply(place)[:2], name, style.INK, shift=(44, -46))
+        maps.blank(fig)
+    return fig
+
+
+def _body(ax: Axes, view: Rotation, place: Array, opk: Array) -> None:
+    """Draw the axes of a body, and thin ones that point to the east, to the north and up."""
+    for axis in 1.9 * np.eye(3):
+        ax.plot(*view.apply([place, place + axis])[:, :2].T, color=maps.MAPPING, lw=1, ls="--")
+    names = ("$x$ forward", "$y$ left", "$z$ up")
+    maps.triad(ax, view, place, 2.1 * rotation_from_opk(opk).T, names, maps.BODY)
+
+
+# --- mistakes --------------------------------------------------------------------------------
+
+
+def mistaken(opk: Array) -> dict[str, Array]:
+    """Return the matrices of omega, phi, kappa by three usual mistakes, in place of M^T.
+
+    Parameters
+    ----------
+    opk : ndarray, shape (3,)
+        Radians.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (3, 3)
+        By the name of the mistake.
+    """
+    omega, phi, kappa = opk
+    return {
+        "transposed": rotation_from_opk(opk).T,
+        "axes for vectors": turn(0, -omega) @ turn(1, -phi) @ turn(2, -kappa),
+        "other order": turn(2, kappa) @ turn(1, phi) @ turn(0, omega),
+    }
+
+
+def mistakes(height_m: float) -> Figure:
+    """Draw where the axes of A1 and of B1 meet the ground with each mistaken matrix."""
+    with style.applied():
+        fig, panels = style.subplots(1, 3, figsize=(style.WIDTH, 3.2), sharex=True, sharey=True)
+        for row, colour in ((0, style.BLUE), (2, style.ORANGE)):
+            opk, image = example.attitudes()[row], example.EXPOSURES["image"][row]
+            R = rotation_from_opk(opk)
+            for ax, (name, wrong) in zip(panels, mistaken(opk).items(), strict=True):
+                ax.set(title=name, xlabel="to the east (m)", aspect="equal")
+                _shift(ax, _nadir_shift(R, wrong, height_m), image, colour)
+        panels[0].set(xlim=(-19, 19), ylim=(-17, 11), ylabel="to the north (m)")
+    return fig
+
+
+def _nadir_shift(R: Array, wrong: Array, height_m: float) -> Array:
+    """Return the shift of the point below the axis by a wrong matrix, east and north, m."""
+    right, false = (height_m * axis[:2, 2] / -axis[2, 2] for axis in (R, wrong))
+    shift: Array = false - right
+    return shift
+
+
+def _shift(ax: Axes, shift: Array, image: str, colour: str) -> None:
+    """Draw the shift of the point below an image's axis."""
+    length = np.hypot(*shift)
+    if long := length > 1:
+        maps.arrow(ax, np.zeros(2), shift, colour)
+    else:
+        ax.plot(*shift, "o", color=colour, ms=7)
+    text = f"{image}: {length:.1f} m"
+    maps.note(ax, shift, text, colour, shift=(0, -10) if long else (10, 11))
+
+
+# --- roll and pitch --------------------------------------------------------------------------
+
+
+NED_ENU = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+FLU_FRD = np.diag([1, -1, -1])
+"""North-east-down from east-north-up, and forward-left-up from forward-right-down."""
+
+
+def headings() -> Figure:
+    """Draw roll and pitch while kappa goes round and omega and phi stay those of A1."""
+    kappa = np.linspace(-180, 180, 181)
+    omega, phi, _ = example.attitudes()[0]
+    opk = np.stack([omega + 0 * kappa, phi + 0 * kappa, np.radians(kappa)], axis=-1)
+    roll, pitch, _ = np.degrees(rph_from_rotation(NED_ENU @ rotation_from_opk(opk) @ FLU_FRD)).T
+    with style.applied():
+        fig, ax = style.subplots(figsize=(style.WIDTH, 2.8))
+        ax.axhline(0, color=style.SOFT, lw=0.6)
+        for angles, angle, name, colour in (
+            (roll, omega, "roll", COLOURS[0]),
+            (pitch, -phi, "pitch", COLOURS[1]),
+        ):
+            ax.plot(kappa, angles, color=colour, lw=2, label=name)
+            symbol = "ω" if name == "roll" else "−φ"
+            ax.axhline(np.degrees(angle), color=colour, lw=1, ls="--", label=symbol)
+        for row in (0, 2):
+            flown = np.degrees(example.attitudes()[row, 2])
+            ax.axvline(flown, color=style.INK, lw=0.8, ls=":")
+            strip = example.EXPOSURES["image"][row][0]
+            ax.annotate(f"strip {strip}", (flown, -0.95), (-4, 0), textcoords="offset points",
+                        ha="right", va="center")  # fmt: skip
+        ax.set(xlim=(-180, 180), ylim=(-1.05, 1.05), xticks=range(-180, 181, 45))
+        ax.set(xlabel="κ (deg)", ylabel="roll and pitch (deg)")
+        style.legend_below(fig, ax.get_legend_handles_labels()[0], ncols=4)
+    return fig
+
+
+# --- phi near 90 degrees ---------------------------------------------------------------------
+
+
+def singularity() -> Figure:
+    """Draw the axes of the three turns at phi = 0, 60 and 90 degrees, and sigma of the angles."""
+    with style.applied():
+        fig = style.figure(figsize=(style.WIDTH, 5.0))
+        panels = fig.subplot_mosaic("abc;ddd", height_ratios=(1.1, 1))
+        for name, degrees in zip("abc", (0, 60, 90), strict=True):
+            _turning(panels[name], np.radians(degrees))
+            panels[name].set_title(f"φ = {degrees}°")
+        _sigmas(panels["d"])
+        for name in "abc":
+            panels[name].set_aspect("equal")
+            panels[name].axis("off")
+    return fig
+
+
+def _turning(ax: Axes, phi: float) -> None:
+    view = maps.view(-18, 26)
+    for axis, name, colour in zip(_turning_axes(phi), ("ω", "φ", "κ"), COLOURS, strict=True):
+        ends = view.apply(np.array([-0.55, 1.0])[:, None] * axis)[:, :2]
+        last = name == "κ"
+        maps.arrow(ax, ends[0], ends[1], colour, width=3.2 if last else 1.8)
+        maps.note(ax, ends[1], name, colour, shift=(-9 if last else 9, 9))
+    ax.set(xlim=(-1.15, 1.15), ylim=(-0.85, 1.25))
+
+
+def _turning_axes(phi: float) -> Array:
+    """Return the axes about which omega, phi and kappa turn, rows, in the mapping frame."""
+    return np.stack([np.eye(3)[0], np.eye(3)[1], turn(1, phi)[:, 2]])
+
+
+def _sigmas(ax: Axes) -> None:
+    degrees = np.linspace(0, 88, 177)
+    sigma, correlation = _angle_sigmas(np.radians(degrees))
+    ax.plot(degrees, sigma[:, 0], color=COLOURS[0], lw=2.4, label="σ of ω, the same as of κ")
+    ax.plot(degrees, sigma[:, 1], color=COLOURS[1], label="σ of φ")
+    ax.plot(degrees, correlation, color=style.INK, ls="--", label="correlation of ω and κ")
+    ax.axhline(0, color=style.SOFT, lw=0.6)
+    ax.set(xlim=(0, 90), ylim=(-1.3, 10), xlabel="φ (deg)", ylabel="σ over σ about an axis (1)")
+    ax.legend(loc="upper left")
+
+
+def _angle_sigmas(phi: Array) -> tuple[Array, Array]:
+    """Return the sigma of the three angles of a camera with equal sigma about all its axes."""
+    J = opk_jacobian(np.stack([0 * phi, phi, 0 * phi], axis=-1))
+    cov = J @ np.swapaxes(J, -1, -2)
+    sigma = np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1))
+    return sigma, cov[:, 0, 2] / (sigma[:, 0] * sigma[:, 2])
+
+
+# --- the Earth, its heights, and a map projection --------------------------------------------
+
 
 FLAT = 0.75
 """Drawn ratio of the ellipsoid's axes; the true one is 0.9966."""

@@ -5,6 +5,7 @@ Tests of errors over their standard deviations, and biases.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -17,10 +18,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import special, stats
 
-from acx4book.pages.benchmarks import stored
 from acx4book.typesetting import style
-from acx4book.typesetting.labels import LABELS, TITLES, inside
-from acx4book.typesetting.myst import at_commit, myst_table
+from acx4book.typesetting.myst import LABELS, TITLES, at_commit, inside, myst_table
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
@@ -103,7 +102,7 @@ def _wide(rows: pd.DataFrame, values: str) -> pd.DataFrame:
 
 def read(folder: Path) -> Errors:
     """Read the errors of ``make coverage`` from a folder."""
-    about, (parameters, points, heads) = stored.read(
+    about, (parameters, points, heads) = read_stored(
         folder, "coverage", "parameters", "points", "heads", make="coverage"
     )
     return Errors(parameters=pd.concat([parameters, heads]), points=points, about=about)
@@ -517,7 +516,7 @@ def bias_read(folder: Path) -> pd.DataFrame:
     DataFrame
         Columns seed, distortion_at, parameter, error (the mean of a pair), sigma (of one flight).
     """
-    _, (pairs,) = stored.read(folder, "coverage", "bias", make="coverage")
+    _, (pairs,) = read_stored(folder, "coverage", "bias", make="coverage")
     return pairs
 
 
@@ -563,3 +562,33 @@ def _bias_table(pairs: pd.DataFrame) -> pd.DataFrame:
 
 def _shown(row: pd.Series, *, digits: int) -> str:
     return f"{row['bias']:+z.{digits}f} ± {row['error']:.{digits}f}".replace("-", "−")
+
+
+# --- results of long runs in ``data/benchmarks``: tables, and a file about the machine -------
+
+
+def read_stored(
+    folder: Path, name: str, *parts: str, make: str = "bench"
+) -> tuple[dict[str, Any], list[pd.DataFrame]]:
+    """Return the content of ``NAME.json``, and the tables.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+    parts : str
+        The tables are ``NAME_PART.csv``; without parts the table is ``NAME.csv``.
+    make : str
+        The target of ``make`` that writes these files.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a file is missing: the message says how to make it.
+    """
+    tables = [folder / f"{name}_{part}.csv" for part in parts] or [folder / f"{name}.csv"]
+    about = folder / f"{name}.json"
+    if not all(path.is_file() for path in (about, *tables)):
+        msg = f"no benchmark of {name} in {folder}: make {make}"
+        raise FileNotFoundError(msg)
+    return json.loads(about.read_text(encoding="utf-8")), [pd.read_csv(path) for path in tables]

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from acx4book.pages.benchmarks import stored
+from acx4book.pages.benchmarks import sigma
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import at_commit, myst_table, scientific
 from acx4book.typesetting.plain_text import Markup
@@ -49,7 +49,7 @@ def read(folder: Path) -> dict[str, Benchmark]:
     """Read the results of ``make bench`` from a folder, by the names of the benchmarks."""
     benchmarks = {}
     for name in NAMES:
-        about, (runs,) = stored.read(folder, name)
+        about, (runs,) = sigma.read_stored(folder, name)
         benchmarks[name] = Benchmark(runs=runs, about=about)
     return benchmarks
 
@@ -425,7 +425,7 @@ def of_imports(folder: Path) -> Iterator[tuple[str, str]]:
     FileNotFoundError
         If it is not there.
     """
-    about, (table,) = stored.read(folder, "imports", make="reference-results")
+    about, (table,) = sigma.read_stored(folder, "imports", make="reference-results")
     for kind, rows in table.groupby("kind", sort=False):
         lines = [f"$ {about['commands'][kind]}", *rows["line"]]
         yield f"imports-{kind}.txt", wrapped("\n".join(lines) + "\n")

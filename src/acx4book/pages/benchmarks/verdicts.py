@@ -11,10 +11,9 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from acx4book.pages.benchmarks import sigma, stored
+from acx4book.pages.benchmarks import sigma
 from acx4book.pages.benchmarks.sigma import Share
-from acx4book.typesetting.labels import LABELS
-from acx4book.typesetting.myst import at_commit, myst_table
+from acx4book.typesetting.myst import LABELS, at_commit, myst_table
 from acx4lib.least_squares.adjustment import two_sided_p
 from acx4lib.least_squares.statistics import holm
 
@@ -105,7 +104,7 @@ class Verdicts:
 
 def read(folder: Path) -> Verdicts:
     """Read the verdicts of ``make coverage`` from a folder."""
-    about, (flights,) = stored.read(folder, "verdicts", make="coverage")
+    about, (flights,) = sigma.read_stored(folder, "verdicts", make="coverage")
     return Verdicts(flights=flights.fillna({"fault": ""}), about=about)
 
 
@@ -405,7 +404,7 @@ def slow_errors_read(folder: Path) -> pd.DataFrame:
         Columns seed, weights (a key of `HEADINGS`), parameter, error, sigma (a priori), and the
         error made independent of those of the other parameters and divided by its sigma.
     """
-    _, (errors,) = stored.read(folder, "slow_errors", make="coverage")
+    _, (errors,) = sigma.read_stored(folder, "slow_errors", make="coverage")
     return errors
 
 
@@ -443,7 +442,7 @@ def read_validated(folder: Path) -> pd.DataFrame:
         A row for each flight: fault, what is declared of the errors; size, the share of σ that
         changes slowly; holds, of the report as a whole; a column with the state of every question.
     """
-    _, (flights,) = stored.read(folder, "slow_validations", make="coverage")
+    _, (flights,) = sigma.read_stored(folder, "slow_validations", make="coverage")
     return flights
 
 

@@ -1,4 +1,4 @@
-"""The nine lab sheets: a module for each, with its questions, solution and mistakes.
+"""The nine lab sheets: the questions of each, its solution, and the common mistakes.
 
 `every` lists them. The text for students is in the book, page by page.
 """

@@ -1,31 +1,21 @@
 """All lab sheets."""
 
 from acx4book.teaching.flights import Sheet
-from acx4book.teaching.sheets import (
-    design,
-    estimates,
-    gross_errors,
-    intersection,
-    lens,
-    mounting,
-    pixels,
-    planning,
-    rotations,
-)
+from acx4book.teaching.sheets import calibrations, images, plans
 
 _ORDER = (
-    pixels,
-    rotations,
-    intersection,
-    lens,
-    gross_errors,
-    mounting,
-    estimates,
-    design,
-    planning,
+    images.LAB_1,
+    images.LAB_2,
+    images.LAB_3,
+    calibrations.LAB_4,
+    calibrations.LAB_5,
+    calibrations.LAB_6,
+    calibrations.LAB_7,
+    plans.LAB_8,
+    plans.LAB_9,
 )
 
-SHEETS: dict[str, Sheet] = {module.SHEET.name: module.SHEET for module in _ORDER}
+SHEETS: dict[str, Sheet] = {sheet.name: sheet for sheet in _ORDER}
 """By name, in the order of the course."""
 
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from acx4book.chapters.mounting import tables
 from acx4book.paper import printed
-from acx4book.typesetting.labels import LABELS
+from acx4book.typesetting.myst import LABELS
 from acx4lib.attempts import attempt
 from acx4lib.bundle.rejections import noncentrality
 from acx4lib.calibration import mounting

@@ -17,8 +17,8 @@ import pytest
 import acx4sim
 from acx4book.command import processes, runs
 from acx4book.command.processes import ProcessDiedError
-from acx4book.notebooks import functions, runner
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks import runner
+from acx4book.notebooks.runner import Functions
 from acx4lib.errors import AdjustmentError, OutputError
 from acx4lib.results import folder as results
 from acx4lib.results import provenance
@@ -81,7 +81,7 @@ def test_a_stage_that_fails_is_status_1_with_what_was_found_before_and_no_old_nu
         raise AdjustmentError(message)
 
     with monkeypatch.context() as patched:
-        patched.setitem(functions.RUNS, "mounting", fail)
+        patched.setitem(runner.RUNS, "mounting", fail)
         found = run(job)
     assert (found.status, found.row) == (1, {})
     assert found.reason == "mounting: does (and 1 more)"

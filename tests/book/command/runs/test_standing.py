@@ -9,7 +9,7 @@ import pytest
 
 from acx4book.command import runs
 from acx4book.notebooks import runner
-from acx4book.notebooks.functions import Functions
+from acx4book.notebooks.runner import Functions
 from acx4lib.flight import reader
 from acx4lib.results import folder, provenance
 from acx4lib.results.provenance import EXECUTED

@@ -6,7 +6,7 @@ import pytest
 
 from acx4book.chapters import stability
 from acx4book.chapters.stability import Flown
-from acx4book.report.campaigns.tables import study
+from acx4book.report.comparison_tables import study
 from support.run_results import campaign
 
 WARM = {2021: 8.0, 2022: 32.0, 2024: 20.0}

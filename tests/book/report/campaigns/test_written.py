@@ -11,11 +11,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.chapters import stability
-from acx4book.notebooks import functions, runner
-from acx4book.report.campaigns import figures, written
-from acx4book.report.campaigns import tables as campaigns_tables
-from acx4book.report.campaigns.tables import study
-from acx4book.report.campaigns.written import ADDED
+from acx4book.notebooks import runner
+from acx4book.report import comparison
+from acx4book.report import comparison_tables as campaigns_tables
+from acx4book.report.comparison import ADDED
+from acx4book.report.comparison_tables import study
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import SUPERSCRIPTS
 from acx4lib.errors import FlightError, OutputError
@@ -36,36 +36,36 @@ TABLES = {"campaigns", "tests", "differences", "pooled", "trends", "covariance"}
 @pytest.fixture(scope="module")
 def folder(three, tmp_path_factory):
     out = tmp_path_factory.mktemp("campaigns") / "out"
-    written.write(three, out)
+    comparison.write(three, out)
     return out
 
 
 def test_a_folder_has_a_page_and_tables(three, folder):
     files = {path.name for path in folder.iterdir()}
-    assert files == {written.PAGE, MARK, *(f"{name}.csv" for name in TABLES)}
+    assert files == {comparison.PAGE, MARK, *(f"{name}.csv" for name in TABLES)}
     found = pd.read_csv(folder / "differences.csv")
     columns = ["difference", "sigma", "p"]
     np.testing.assert_allclose(found[columns], three.tables["differences"][columns], rtol=1e-9)
-    text = (folder / written.PAGE).read_text(encoding="utf-8")
+    text = (folder / comparison.PAGE).read_text(encoding="utf-8")
     assert "2022-05 less 2021-05" in text
     assert text.count('<svg role="img"') == 4
     assert "{numref}" not in text
 
 
 def test_the_same_comparison_gives_the_same_bytes_and_replaces_the_old_one(three, folder, tmp_path):
-    written.write(study(three.comparison.campaigns[:2]), tmp_path / "out")
-    written.write(three, tmp_path / "out")
+    comparison.write(study(three.comparison.campaigns[:2]), tmp_path / "out")
+    comparison.write(three, tmp_path / "out")
     for path in folder.iterdir():
         if path.name != MARK:
             assert path.read_bytes() == (tmp_path / "out" / path.name).read_bytes()
     said = json.loads((tmp_path / "out" / MARK).read_text())
-    assert written.COMMAND in str(said)
+    assert comparison.COMMAND in str(said)
 
 
 def test_a_folder_of_somebody_else_is_left_alone(three, tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(OutputError, match="holds what acx4 compare did not write"):
-        written.write(three, tmp_path)
+        comparison.write(three, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
@@ -73,7 +73,7 @@ def test_a_folder_of_somebody_else_is_left_alone(three, tmp_path):
 
 
 def test_texts_tables_and_figures_are_numbered(folder):
-    text = (folder / written.PAGE).read_text(encoding="utf-8")
+    text = (folder / comparison.PAGE).read_text(encoding="utf-8")
     assert "<b>Figure 2.</b>" in text
     assert "<b>Table 2.</b>" in text
     assert not re.search(r"<script|<link|src=|url\(http|@import", text)
@@ -226,17 +226,17 @@ def test_a_trend_is_said_or_what_it_would_need(three):
 
 
 def test_what_sigma_was_used_is_said(three, folder, tmp_path):
-    text = (folder / written.PAGE).read_text(encoding="utf-8")
+    text = (folder / comparison.PAGE).read_text(encoding="utf-8")
     assert "multiplied by the root of each campaign" in text
-    written.write(study(three.comparison.campaigns[:2], apriori=True), tmp_path / "out")
-    text = (tmp_path / "out" / written.PAGE).read_text(encoding="utf-8")
+    comparison.write(study(three.comparison.campaigns[:2], apriori=True), tmp_path / "out")
+    text = (tmp_path / "out" / comparison.PAGE).read_text(encoding="utf-8")
     assert "as they were stated before the adjustments" in text
 
 
 def test_notes_are_shown_as_they_are(three, tmp_path):
     noted = replace(three.comparison, notes=("*a* is <b>",))
-    written.write(replace(three, comparison=noted), tmp_path / "out")
-    text = (tmp_path / "out" / written.PAGE).read_text(encoding="utf-8")
+    comparison.write(replace(three, comparison=noted), tmp_path / "out")
+    text = (tmp_path / "out" / comparison.PAGE).read_text(encoding="utf-8")
     assert "<li>*a* is &lt;b&gt;.</li>" in text
 
 
@@ -244,7 +244,7 @@ def test_notes_are_shown_as_they_are(three, tmp_path):
 
 
 def test_the_time_line_has_a_panel_for_each_parameter_with_error_bars(three):
-    fig = drawn(figures.time_line(three))
+    fig = drawn(comparison.time_line(three))
     assert_texts_apart(fig)
     shown = [ax for ax in panels(fig) if ax.lines]
     assert len(shown) == 14
@@ -266,12 +266,12 @@ def test_the_time_line_has_a_panel_for_each_parameter_with_error_bars(three):
 def test_without_dates_campaigns_stand_in_their_order(three):
     first, second = three.comparison.campaigns[:2]
     same_day = study([first, first.__class__(**{**vars(second), "session": first.session})])
-    ax = panels(drawn(figures.time_line(same_day)))[0]
+    ax = panels(drawn(comparison.time_line(same_day)))[0]
     assert [label.get_text() for label in ax.get_xticklabels()] == ["2021-05", "2022-05"]
 
 
 def test_arrows_on_the_ground_are_the_difference(three):
-    (ax,) = [ax for ax in panels(drawn(figures.on_the_ground(three))) if quivers(ax)]
+    (ax,) = [ax for ax in panels(drawn(comparison.on_the_ground(three))) if quivers(ax)]
     (arrows,) = quivers(ax)
     one = min(three.found, key=lambda found: found.test().p)
     moved = three.ground.of["CAM"].moved(one.d)
@@ -282,7 +282,7 @@ def test_arrows_on_the_ground_are_the_difference(three):
 
 
 def test_lines_over_temperature_go_through_the_campaigns(three):
-    fig = drawn(figures.over(three, "temperature"))
+    fig = drawn(comparison.over(three, "temperature"))
     ax = panels(fig)[0]
     assert ax.get_title(loc="left") == "$f$"
     line = next(one for one in ax.lines if len(one.get_xdata()) == 2)
@@ -290,7 +290,7 @@ def test_lines_over_temperature_go_through_the_campaigns(three):
     slope = np.ptp(line.get_ydata()) / 24
     assert 0.3 < slope < 0.9
     two = study(three.comparison.campaigns[:2])
-    assert "no temperatures to fit" in sentence(figures.over(two, "temperature"))
+    assert "no temperatures to fit" in sentence(comparison.over(two, "temperature"))
 
 
 # --- The rig of one flight: a table, a figure, sentences; and folders that have no heads
@@ -301,30 +301,32 @@ def figures_folder(tmp_path_factory):
     """Results of a rig of which one head turned."""
     at = tmp_path_factory.mktemp("rig")
     files.write(stability.turning(stability.flown(1)), at / "flight")
-    runner.run(at / "flight", at / "results", way=functions.Functions(), stages=("heads",))
+    runner.run(at / "flight", at / "results", way=runner.Functions(), stages=("heads",))
     return at / "results"
 
 
 @pytest.fixture(scope="module")
 def found(figures_folder):
-    return figures.read(figures_folder)
+    return comparison.read_rigidity(figures_folder)
 
 
 def test_the_turned_head_is_named(found):
-    table = figures.table(campaigns.rigidity(found), level=0.05).set_index("Exposure")
+    table = comparison.rigidity_table(campaigns.rigidity(found), level=0.05).set_index("Exposure")
     assert table.loc[stability.EXPOSURE, "Turned"] == "yes"
     assert table.loc[stability.EXPOSURE, "Head that turned most"] == stability.HEAD
     assert (table["Turned"] == "yes").sum() == 1
     assert table.index[-1] == "all at once"
-    assert f"these exposures deviate: {stability.EXPOSURE}." in figures.verdict(found, level=0.05)
-    assert figures.for_terminal(found, level=0.05)[1].startswith(
+    assert f"these exposures deviate: {stability.EXPOSURE}." in comparison.rigidity_verdict(
+        found, level=0.05
+    )
+    assert comparison.rigidity_lines(found, level=0.05)[1].startswith(
         f"exposure {stability.EXPOSURE} deviates"
     )
 
 
 def test_of_many_exposures_those_that_deviate_are_listed(found):
     many = pd.concat([campaigns.rigidity(found)] * 3)
-    shown = figures.table(many, level=0.05)["Exposure"].tolist()
+    shown = comparison.rigidity_table(many, level=0.05)["Exposure"].tolist()
     assert shown == [stability.EXPOSURE, "all at once"] * 3
 
 
@@ -335,7 +337,7 @@ def test_the_turn_is_that_which_was_planted(found):
 
 
 def test_dots_are_the_turns(found):
-    ax = panels(drawn(figures.turns(found)))[1]
+    ax = panels(drawn(comparison.turns(found)))[1]
     heads = [line.get_label() for line in ax.get_legend_handles_labels()[0]]
     assert len(heads) == 3  # the first head is what others turn against
     value = np.degrees(found.turns[found.exposures.index(stability.EXPOSURE), 2, 1]) * 3600
@@ -343,8 +345,8 @@ def test_dots_are_the_turns(found):
 
 
 def test_a_page_and_a_table_are_left(found, tmp_path):
-    written.write_rigidity(found, tmp_path / "out", name="<b>", level=0.05)
-    text = (tmp_path / "out" / written.PAGE).read_text(encoding="utf-8")
+    comparison.write_rigidity(found, tmp_path / "out", name="<b>", level=0.05)
+    text = (tmp_path / "out" / comparison.PAGE).read_text(encoding="utf-8")
     assert "Rigidity of the rig" in text
     assert "&lt;b&gt;" in text
     assert (tmp_path / "out" / "rigidity.csv").is_file()
@@ -355,11 +357,11 @@ def test_a_rigid_rig_is_said_to_be(found):
         replace(test, explained=test.dof * 1.0, left=1.0 * test.redundancy) for test in found.tests
     )
     rigid = replace(found, tests=still)
-    text = figures.verdict(rigid, level=1e-9)
+    text = comparison.rigidity_verdict(rigid, level=1e-9)
     assert text.startswith("**The heads keep their places.**")
     assert text.endswith("No exposure by itself deviates at the joint level.")
 
 
 def test_a_flight_without_heads_has_no_rig(folders):
     with pytest.raises(FlightError, match="name two or more folders to compare campaigns"):
-        figures.read(folders[0])
+        comparison.read_rigidity(folders[0])

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.report.words import listed, plural
-from acx4book.typesetting.labels import LABELS, TITLES, p_value, value_and_sigma, with_unit
+from acx4book.report.markdown import listed, plural
+from acx4book.typesetting.myst import LABELS, TITLES, p_value, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4lib.calibration.estimates import Parameter
 from acx4lib.errors import FlightError

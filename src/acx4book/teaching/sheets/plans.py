@@ -1,4 +1,4 @@
-"""Lab 9: a flight planned for a target, simulated, and compared with its plan."""
+"""Labs 8 and 9, on the design of flights: fewer strips, and strips planned for a target."""
 
 from __future__ import annotations
 
@@ -9,37 +9,164 @@ from typing import Any
 import numpy as np
 
 from acx4book.notebooks import simulated
+from acx4book.teaching import flights
 from acx4book.teaching.flights import Case, Mistake, Question, Right, Rights, Sheet, computed
-from acx4book.teaching.grading import named, scaled, values, variances
-from acx4book.teaching.sheets.estimates import parameters
+from acx4book.teaching.grading import named, scaled, values, variances, wrong_sign
+from acx4book.teaching.sheets.calibrations import parameters
 from acx4lib.calibration.mounting import single_step
+from acx4lib.expected import Array
+from acx4lib.flight.block import select_images
+from acx4lib.results import tables
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import Options
-from acx4tools.planning import choosing, design
+from acx4tools.planning import choosing
+from acx4tools.planning import design as designs
 from acx4tools.planning import plan as plans
 from acx4tools.planning.choosing import BLOCK, Candidates, Chosen
 from acx4tools.planning.flown import flying_time_s
 from acx4tools.planning.plan import TURN_S, Plan
 from acx4tools.planning.tables import unknowns
 
-ASKED = {"f_mm": "mm", "lever_z_m": "m", "boresight_kappa_deg": "deg"}
-PLANNED = tuple(f"planned_{name}" for name in ASKED)
-FLOWN = ("f_mm", "lever_z_m")
-DIGITS = {"f_mm": 4, "lever_z_m": 3, "boresight_kappa_deg": 4}
-SHARE = 0.04
+# --- lab 8: a flight with all strips and with fewer strips -----------------------------------
+
+
+DESIGNS = {
+    "all": ("1", "2", "3", "4"),
+    "one_height": ("1", "2"),
+    "one_direction": ("1", "3"),
+}
+"""Strips by design: two heights and all directions, one height, no opposite strips."""
+
+WORDS = {
+    "all": "all strips",
+    "one_height": "strips 1 and 2 alone, which have one height",
+    "one_direction": "strips 1 and 3 alone, of which none has an opposite",
+}
+ASKED_DESIGN = {"f_mm": "mm", "lever_x_m": "m", "lever_z_m": "m"}
+CORRELATION = "corr_f_lever_z_{}"
+SHARE_DESIGN = 0.04
 """Part of a standard deviation by which an answer may differ."""
 
-QUESTIONS = (
+QUESTIONS_DESIGN = (
+    *(
+        Question(
+            name=f"sigma_{design}_{name}", unit=unit, asks=f"σ of {name}, {WORDS[design]}", digits=4
+        )
+        for design in DESIGNS
+        for name, unit in ASKED_DESIGN.items()
+    ),
+    *(
+        Question(
+            name=CORRELATION.format(design),
+            unit="",
+            asks=f"correlation of f_mm and lever_z_m, {WORDS[design]}",
+            digits=2,
+        )
+        for design in ("all", "one_height")
+    ),
+)
+
+
+def _fly_design(truth: int, errors: int, title: str) -> SimulatedFlight:
+    """Fly the whole block."""
+    return flights.fly(errors, title, flights.drawn_camera(truth), flights.WHOLE)
+
+
+def _given_design(case: Case) -> Sequence[str]:
+    """Return the number of strips, in a sentence."""
+    return [f"The block has {len({*case.block.images.strips})} strips; images.csv names them."]
+
+
+def _covariance(case: Case, strips: Sequence[str]) -> Array:
+    """Return the covariance of `ASKED` from given strips alone, shape (3, 3)."""
+    is_flown = np.isin(case.block.images.strips, strips)
+    block = select_images(case.block, is_flown)
+    calibration = single_step(block, free=case.flight.estimate_mounting).calibration
+    names = [f"CAM/{name}" for name in ASKED_DESIGN]
+    return tables.covariance(calibration).loc[names, names].to_numpy()
+
+
+def _solve_design(case: Case) -> Rights:
+    """Adjust the block with the strips of each design."""
+    covariances = {design: _covariance(case, strips) for design, strips in DESIGNS.items()}
+    right = {
+        f"sigma_{design}_{name}": computed(float(sigma), 4, share=SHARE_DESIGN)
+        for design, cov in covariances.items()
+        for name, sigma in zip(ASKED_DESIGN, np.sqrt(np.diagonal(cov)), strict=True)
+    }
+    for design in ("all", "one_height"):
+        cov = covariances[design]
+        correlation = cov[0, 2] / np.sqrt(cov[0, 0] * cov[2, 2])
+        right[CORRELATION.format(design)] = computed(float(correlation), 2)
+    return right
+
+
+def _mistakes_design(case: Case, right: Rights) -> Iterator[Mistake]:
+    """Yield common mistakes with designs."""
+    names = [name for name in right if name.startswith("sigma_")]
+    yield Mistake(
+        says="these are variances: take the square root",
+        gives=named(names, values(right, names) ** 2),
+    )
+    yield scaled(right, names, 1000.0, "given in µm or mm; asked for in mm or m")
+    correlations = [name for name in right if name not in names]
+    yield wrong_sign(right, correlations, "the correlation has the wrong sign")
+    products = [
+        right[f"sigma_{d}_f_mm"].value * right[f"sigma_{d}_lever_z_m"].value
+        for d in ("all", "one_height")
+    ]
+    yield Mistake(
+        says="these are covariances: divide by both standard deviations",
+        gives=named(correlations, values(right, correlations) * np.array(products)),
+    )
+    for design, strips in DESIGNS.items():
+        for other in [name for name in DESIGNS if name != design]:
+            of_other = [f"sigma_{other}_{name}" for name in ASKED_DESIGN]
+            yield Mistake(
+                says=f"these are the numbers of {WORDS[other]}",
+                gives=named([f"sigma_{design}_{n}" for n in ASKED_DESIGN], values(right, of_other)),
+            )
+        others = sorted({*DESIGNS["all"]} - {*strips})
+        if others:
+            sigma = np.sqrt(np.diagonal(_covariance(case, others)))
+            yield Mistake(
+                says="these are the strips that were to be left out",
+                gives=named([f"sigma_{design}_{n}" for n in ASKED_DESIGN], sigma),
+            )
+
+
+LAB_8 = Sheet(
+    name="lab-8",
+    title="What the flight does not determine",
+    fly=_fly_design,
+    questions=QUESTIONS_DESIGN,
+    given=_given_design,
+    solve=_solve_design,
+    mistakes=_mistakes_design,
+)
+
+
+# --- lab 9: a flight planned for a target, simulated, compared with its plan -----------------
+
+
+ASKED_PLANNING = {"f_mm": "mm", "lever_z_m": "m", "boresight_kappa_deg": "deg"}
+PLANNED = tuple(f"planned_{name}" for name in ASKED_PLANNING)
+FLOWN = ("f_mm", "lever_z_m")
+DIGITS = {"f_mm": 4, "lever_z_m": 3, "boresight_kappa_deg": 4}
+SHARE_PLANNING = 0.04
+"""Part of a standard deviation by which an answer may differ."""
+
+QUESTIONS_PLANNING = (
     Question(name="strips", unit="", asks="number of strips that you fly", digits=0),
     Question(name="minutes", unit="min", asks="flying time, first to last exposure", digits=1),
     *(
         Question(name=f"planned_{name}", unit=unit, asks=f"σ of {name} by the plan", digits=4)
-        for name, unit in ASKED.items()
+        for name, unit in ASKED_PLANNING.items()
     ),
     *(
         Question(
             name=name,
-            unit=ASKED[name],
+            unit=ASKED_PLANNING[name],
             asks=f"{name} of your flight, single-step method",
             digits=DIGITS[name],
             with_sigma=True,
@@ -52,7 +179,7 @@ SEED, PLAN, TARGET = "lab_seed", "lab_plan", "lab_target"
 """Entries of the truth of a flight of this sheet."""
 
 
-def _fly(truth: int, errors: int, title: str) -> SimulatedFlight:
+def _fly_planning(truth: int, errors: int, title: str) -> SimulatedFlight:
     """Fly the cheapest strips that reach the student's target, with the student's seed."""
     plan, seed = _plan(truth, title), errors % 1_000_000
     cheap = _cheap(truth, plan)
@@ -106,7 +233,7 @@ def _plan(truth: int, title: str) -> Plan:
 def _cheap(truth: int, plan: Plan) -> Chosen:
     """Return the cheapest strips for drawn limits, which all strips together fall below."""
     rng = np.random.default_rng([truth, *b"target"])
-    every = _candidates(plan, {"sigma": dict.fromkeys(ASKED, 1.0)})
+    every = _candidates(plan, {"sigma": dict.fromkeys(ASKED_PLANNING, 1.0)})
     limits = [float(f"{goal.with_all * rng.uniform(1.25, 1.6):.2g}") for goal in every.wanted]
     wanted = [replace(goal, limit=x) for goal, x in zip(every.wanted, limits, strict=True)]
     return choosing.choose(replace(every, wanted=tuple(wanted)))
@@ -124,7 +251,7 @@ def _candidates(plan: Plan, wanted: Mapping[str, Any]) -> Candidates:
     return choosing.of(choosing.from_values(wanted, plan))
 
 
-def _given(case: Case) -> Sequence[str]:
+def _given_planning(case: Case) -> Sequence[str]:
     """Return the student's seed."""
     return [
         "`plan.toml` has the strips that you may fly, `target.toml` what is wanted and the longest",
@@ -145,21 +272,21 @@ def _values(case: Case) -> dict[str, Any]:
     return {**case.truth[PLAN], "name": case.flight.name}
 
 
-def _solve(case: Case) -> Rights:
+def _solve_planning(case: Case) -> Rights:
     """Predict the flown strips, the cheapest ones, and adjust their flight."""
     plan = plans.from_values(_values(case))
     flown = {*case.block.images.strips}
     order = [k for k, name in enumerate(plan.blocks[BLOCK].strips) if name in flown]
     cheap = choosing.with_strips(plan, tuple(order))
-    sigma = {p.name: p.sigma for p in unknowns(design.of(cheap).mountings["single_step"].bundle)}
+    sigma = {p.name: p.sigma for p in unknowns(designs.of(cheap).mountings["single_step"].bundle)}
     calibration = single_step(case.block, free=case.flight.estimate_mounting).calibration
     estimates = parameters(calibration, case.true_camera)
     return {
         "strips": Right(value=len(flown), truth=len(flown), bound=0.5),
         "minutes": computed(_minutes(cheap), 1),
         **{
-            planned: computed(sigma[name], 4, share=SHARE)
-            for planned, name in zip(PLANNED, ASKED, strict=True)
+            planned: computed(sigma[name], 4, share=SHARE_PLANNING)
+            for planned, name in zip(PLANNED, ASKED_PLANNING, strict=True)
         },
         **{name: estimates[name] for name in FLOWN},
     }
@@ -169,7 +296,7 @@ def _minutes(plan: Plan) -> float:
     return flying_time_s(tuple(plan.blocks[BLOCK].strips.values())) / 60
 
 
-def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
+def _mistakes_planning(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield common mistakes with plans."""
     plan = plans.from_values(_values(case))
     every = _candidates(plan, case.truth[TARGET])
@@ -202,13 +329,13 @@ def _mistakes(case: Case, right: Rights) -> Iterator[Mistake]:
     yield variances(right)
 
 
-SHEET = Sheet(
+LAB_9 = Sheet(
     name="lab-9",
     title="Plan a flight, and fly it",
-    fly=_fly,
-    questions=QUESTIONS,
-    given=_given,
-    solve=_solve,
-    mistakes=_mistakes,
+    fly=_fly_planning,
+    questions=QUESTIONS_PLANNING,
+    given=_given_planning,
+    solve=_solve_planning,
+    mistakes=_mistakes_planning,
     hand_out=_hand_out,
 )
