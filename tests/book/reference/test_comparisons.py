@@ -1,8 +1,13 @@
-"""The comparisons as they are stored for machines that do not have the measurements."""
+"""Data sets of others, and the comparisons with their reports."""
 
 from __future__ import annotations
 
+import hashlib
 import re
+import shutil
+import threading
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pandas as pd
@@ -10,9 +15,12 @@ import pytest
 
 from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.reference import comparisons, dbat_files, nist
+from acx4book.reference import comparisons, data, dbat_files, nist
 from acx4book.reference.heads import FIVE, TEN
 from support.helpers import needs
+
+# --- The comparisons as they are stored for machines that do not have the measurements -------
+
 
 NOTEBOOK = NOTEBOOKS_PATH / "05-reference-data.ipynb"
 
@@ -117,3 +125,152 @@ def test_the_answer_counts_what_is_stored(nowhere):
         ("39", "40"),  # BoxBOD does not converge from its far start
     ]
     assert "680 tie points" in said
+
+
+# --- Where other people's files are found, and how they are fetched --------------------------
+
+
+"""The flight's own files have other images, points seen once, and blanks at the ends of lines."""
+
+SETS = (
+    *(
+        "applanix_pdal",
+        "dbat-camcal",
+        "dbat-sxb",
+        "formats",
+        "ign-uce-m3",
+        "nist-strd",
+        "noaa-dss-dg",
+        "opensfm_berlin",
+    ),
+    *("rededge-dual", "rededge3-flight", "sequoia-flight", "sxb-photos"),
+)
+
+
+REAL = str(data.folder())
+"""Before any test names another."""
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves files without a line per request."""
+
+    def log_message(self, *args):
+        pass
+
+
+@pytest.fixture
+def server(tmp_path):
+    """A server on this machine, and the folder that it serves."""
+    folder = tmp_path / "server"
+    folder.mkdir()
+    httpd = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=folder))
+    thread = threading.Thread(target=httpd.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{httpd.server_port}", folder
+    httpd.shutdown()
+    thread.join()
+    httpd.server_close()
+
+
+@pytest.fixture
+def empty(tmp_path, monkeypatch):
+    """An empty folder in the place of the reference data."""
+    folder = tmp_path / "files"
+    folder.mkdir()
+    monkeypatch.setenv("ACX4_REFERENCE_DATA", str(folder))
+    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
+    return folder
+
+
+def publish(folder, entry, content):
+    """Put a file where the repositories would have it."""
+    place = folder / entry.repository / entry.commit / entry.path
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_bytes(content)
+
+
+def test_index_is_complete():
+    entries = data.index()
+    assert {entry.file.split("/")[0] for entry in entries} == set(SETS)
+    for entry in entries:
+        assert len(entry.sha256) == 64
+        assert entry.licence
+        assert len(entry.commit) == 40
+        assert entry.path
+
+
+def test_a_missing_file_is_one_line_with_the_way_out(empty):
+    with pytest.raises(data.ReferenceDataError) as raised:
+        data.path("nist-strd/BoxBOD.dat")
+    message = str(raised.value)
+    assert "\n" not in message
+    assert message.startswith(f"nist-strd/BoxBOD.dat is missing in {empty}: run `make reference")
+    assert not data.is_here("nist-strd")
+
+
+def test_another_file_of_the_same_name_is_refused(empty):
+    file = empty / "nist-strd" / "BoxBOD.dat"
+    file.parent.mkdir()
+    file.write_text("NIST/ITL StRD\n")
+    with pytest.raises(data.ReferenceDataError, match="is not the file that was indexed"):
+        data.path("nist-strd/BoxBOD.dat")
+
+
+def test_an_unknown_name_is_the_programmers_mistake():
+    with pytest.raises(ValueError, match=r"no file 'nist-strd/BoxBox\.dat'"):
+        data.path("nist-strd/BoxBox.dat")
+
+
+def test_nothing_is_lost_where_the_server_has_nothing(empty, server):
+    url, _ = server
+    outcomes = list(data.fetch(base=url))
+    assert len(outcomes) == len(data.index())
+    for outcome in outcomes:
+        assert not outcome.is_here
+        assert "cannot be fetched" in outcome.text
+        assert "\n" not in outcome.text
+    assert not [file for file in empty.rglob("*") if file.is_file()]
+
+
+@needs("ign-uce-m3")
+@needs("nist-strd")
+def test_files_are_fetched_selected_and_verified(server, tmp_path, monkeypatch):
+    url, folder = server
+    entries = {entry.file: entry for entry in data.index()}
+    for file, entry in entries.items():
+        if file.startswith(("ign-uce-m3/", "nist-strd/")):
+            content = data.path(file).read_bytes()
+            if file in data.TIE_POINTS:
+                # the flight's own files: other images, points seen once, blanks at the line ends
+                other = (
+                    b"MES_1 23FD1305x00001_00001 1.0 2.0 \nMES_2 23FD1305x00026_01306 1.0 2.0 \n"
+                )
+                content = other + content.replace(b"\n", b" \n")
+            publish(folder, entry, content)
+    publish(folder, entries["nist-strd/Rat42.dat"], b"something else")
+
+    files = tmp_path / "files"
+    monkeypatch.setenv("ACX4_REFERENCE_DATA", str(files))
+    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
+    failed = {outcome.text.split()[0] for outcome in data.fetch(base=url) if not outcome.is_here}
+    expected = {"nist-strd/Rat42.dat"} | {
+        file for file in entries if not file.startswith(("ign-uce-m3/", "nist-strd/"))
+    }
+    assert failed == expected
+    assert data.is_here("ign-uce-m3")
+    for file in set(entries) - expected:
+        found = hashlib.sha256(data.path(file).read_bytes()).hexdigest()
+        assert found == entries[file].sha256
+
+
+@needs("noaa-dss-dg")
+def test_what_is_there_is_not_fetched_again(empty):
+    file = "noaa-dss-dg/C19748959.geom"
+    with data.at(REAL):
+        original = data.path(file)
+    with data.at(""):  # an empty name changes nothing
+        assert data.folder() == empty
+    (empty / file).parent.mkdir()
+    shutil.copy(original, empty / file)
+    outcomes = data.fetch(base="http://127.0.0.1:9")
+    assert next(o.text for o in outcomes if o.text.startswith(file)) == f"{file} is here"

@@ -4,12 +4,14 @@ import csv
 import errno
 import json
 import os
+import re
 import shutil
 import signal
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import distributed
 import pytest
@@ -20,11 +22,15 @@ from acx4book.command.processes import ProcessDiedError
 from acx4book.notebooks import runner
 from acx4book.notebooks.runner import Functions
 from acx4lib.errors import AdjustmentError, OutputError
+from acx4lib.flight import reader
+from acx4lib.results import folder, provenance
 from acx4lib.results import folder as results
-from acx4lib.results import provenance
+from acx4lib.results.provenance import EXECUTED
 from acx4tools.planning import plan as plans
+from support.flights import written
 from support.flights.planned import values
 from support.flights.written import change
+from support.helpers import write_notebook
 
 
 def run(job):
@@ -326,3 +332,182 @@ def test_a_cluster_leaves_the_same_bytes_also_where_a_worker_is_killed(
     assert [one.reason for one in found.values()] == ["", "", ""]
     assert contents(folder) == one_by_one
     assert (folder / runs.TABLE).read_bytes() == (in_one_process / runs.TABLE).read_bytes()
+
+
+# --- Names and folders of many flights -------------------------------------------------------
+
+
+SETTINGS = runs.Settings(stages=("mounting",))
+
+
+def named(*paths):
+    return [job.name for job in runs.of_flights([Path(p) for p in paths], Path("out"), SETTINGS)]
+
+
+def test_names_are_those_of_the_folders_and_longer_only_where_they_clash():
+    assert named("/a/north", "/b/south") == ["north", "south"]
+    assert named("/x/a/flight", "/x/b/flight", "/x/other") == ["a-flight", "b-flight", "other"]
+    assert named("/x/a/1/f", "/x/b/1/f", "/x/b/2/f") == ["a-1-f", "b-1-f", "2-f"]
+    assert named("/f", "/a/f") == ["f", "a-f"]
+
+
+def test_a_name_is_that_of_the_folder_however_it_is_called(tmp_path, monkeypatch):
+    flight = tmp_path / "real"
+    flight.mkdir()
+    (tmp_path / "link").symlink_to(flight)
+    monkeypatch.chdir(flight)
+    assert named(".", "../link", "../other/") == ["real", "link", "other"]
+    (job, *_) = runs.of_flights([Path()], Path("../out"), SETTINGS)
+    assert (job.flight, job.results) == (flight, tmp_path / "out" / "real")
+
+
+@pytest.mark.parametrize(
+    ("paths", "says"),
+    [
+        (["/a/f", "/a/../a/f"], "/a/f: is given twice"),
+        (["/a/b-f", "/a-b/f", "/c/f", "/c/b-f"], "another flight would be called a-b-f"),
+        (["/a/flights.csv"], "a folder of results cannot be called 'flights.csv'; rename"),
+        (["/a/.hidden"], "cannot be called '.hidden'"),
+        (["/"], "cannot be called ''"),
+        (["/a/=1+1"], "'=1+1' would be computed as a formula by a spreadsheet; rename"),
+        (["/a/b\nc"], "holds the character U+000A; rename"),
+    ],
+)
+def test_flights_that_cannot_be_named_are_refused(paths, says):
+    with pytest.raises(ValueError, match=re.escape(says)):
+        named(*paths)
+
+
+def test_seeds_are_of_every_design_and_have_places_for_their_flights(tmp_path):
+    found = runs.of_seeds(["acx4", "single-head", "acx4"], [2, 5], tmp_path, SETTINGS)
+    assert [job.name for job in found] == ["acx4-2", "acx4-5", "single-head-2", "single-head-5"]
+    assert (found[3].design, found[3].seed) == ("single-head", 5)
+    assert found[3].flight == tmp_path / "simulated" / "single-head-5"
+    assert found[3].results == tmp_path / "single-head-5"
+
+
+def test_plans_that_would_have_one_name_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"/a/p\.toml: another flight would be called p-1, too"):
+        runs.of_seeds(["/a/p.toml", "/b/p.toml"], [1], tmp_path, SETTINGS)
+
+
+def test_seeds_are_ranges_and_numbers_each_once():
+    assert runs.seeds_of("1-3") == [1, 2, 3]
+    assert runs.seeds_of("7, 1-3,2,0") == [7, 1, 2, 3, 0]
+
+
+@pytest.mark.parametrize("text", ["", "1-", "-1", "3-1", "1.5", "1,,2", "a", "²", "1-2-3"])
+def test_what_names_no_seeds_is_refused(text):
+    with pytest.raises(ValueError, match="names no seeds; give whole numbers, as in 1-200"):
+        runs.seeds_of(text)
+
+
+# --- Which results are kept: those that a run would leave as they are ------------------------
+
+
+@pytest.fixture
+def flight(small_flights):
+    return reader.read(small_flights[0])
+
+
+@pytest.fixture
+def left(small_flights, tmp_path):
+    runner.run(small_flights[0], tmp_path / "results", way=Functions())
+    return tmp_path / "results"
+
+
+def test_results_of_the_flight_as_it_is_are_whole(flight, left, settings, tmp_path):
+    assert runs.is_whole(flight, left, settings)
+    assert not runs.is_whole(flight, tmp_path / "nowhere", settings)
+
+
+def test_results_of_another_flight_are_not(small_flights, left, settings):
+    assert not runs.is_whole(reader.read(small_flights[1]), left, settings)
+
+
+@pytest.mark.parametrize("name", ["parameters.csv", "summary.json", "flight/flight.toml"])
+def test_results_that_were_changed_are_not(flight, left, settings, name):
+    with (left / name).open("a") as file:
+        file.write(" ")
+    assert not runs.is_whole(flight, left, settings)
+
+
+def test_results_of_another_version_are_not(flight, left, settings, monkeypatch):
+    before = provenance.versions()
+    monkeypatch.setattr(provenance, "versions", lambda: before | {"numpy": "0.1"})
+    assert not runs.is_whole(flight, left, settings)
+
+
+def test_a_stage_that_is_missing_counts(tmp_path, settings):
+    path = written.write_flight(tmp_path / "flight", blocks=("heads",))
+    flight, results = reader.read(path), tmp_path / "results"
+    runner.run(path, results, way=Functions(), stages=["heads"])
+    assert runs.is_whole(flight, results, replace(settings, stages=("heads",)))
+    assert not runs.is_whole(flight, results, settings)
+    runner.run(path, results, way=Functions())
+    assert runs.is_whole(flight, results, settings)
+    (results / ".acx4.json").unlink()
+    summary = json.loads((results / "summary.json").read_text())
+    del summary["mounting/rig"]  # as of a run that was killed before its last part
+    (results / "summary.json").write_text(json.dumps(summary))
+    shutil.move(results, tmp_path / "killed")
+    with runner.own_folder.claim(results, command=runner.COMMAND) as own:
+        own.expect(str(p.relative_to(tmp_path / "killed")) for p in files(tmp_path / "killed"))
+        shutil.copytree(tmp_path / "killed", results, dirs_exist_ok=True)
+        own.seal()
+    assert not runs.is_whole(flight, results, settings)
+
+
+def files(folder):
+    return [path for path in folder.rglob("*") if path.is_file()]
+
+
+def test_notebooks_that_are_wanted_must_be_there_with_the_cells_that_they_have(
+    flight, left, settings, tmp_path
+):
+    for place, more in ((tmp_path / "notebooks", ""), (left / EXECUTED, "seed = 2")):
+        for part in ("flight", "mounting"):
+            write_notebook(place / f"{runner.NOTEBOOKS[part]}.ipynb", f"seed = 1\n{more}", "seed")
+    wanted = replace(settings, notebooks=tmp_path / "notebooks")
+    assert runs.is_whole(flight, left, wanted)
+    write_notebook(
+        tmp_path / "notebooks" / f"{runner.NOTEBOOKS['mounting']}.ipynb", "seed = 1", "seed + 1"
+    )
+    assert not runs.is_whole(flight, left, wanted)
+    (left / EXECUTED / f"{runner.NOTEBOOKS['flight']}.ipynb").unlink()
+    assert not runs.is_whole(flight, left, wanted)
+    assert runs.is_whole(flight, left, settings)
+
+
+# --- The table of many flights, beside what the results of each say
+
+
+def test_a_row_has_the_single_step_as_it_is_written(run_here, small_flights, tmp_path):
+    row = run_here(small_flights[:1], tmp_path / "all")["flight1"].row
+    found = folder.read(tmp_path / "all" / "flight1")
+    parameters = folder.parameters(found, "mounting/single_step", row["camera"])
+    assert len(parameters) >= 12
+    for name, one in parameters.iterrows():
+        assert float(row[name]) == one["value"]
+        assert float(row[f"sigma_{name}"]) == one["sigma"]
+    entry = found.summary["mounting/single_step"]
+    assert float(row["sigma0_squared"]) == entry["sigma0_squared"]
+    assert int(row["redundancy"]) == entry["redundancy"]
+    assert "n_check_points" not in row  # there is no such block
+    with (tmp_path / "all" / runs.TABLE).open(newline="", encoding="utf-8") as file:
+        (written_row,) = csv.DictReader(file)
+    assert tuple(written_row) == runs.COLUMNS
+    assert (
+        written_row == dict.fromkeys(runs.COLUMNS, "") | {"flight": "flight1", "status": "0"} | row
+    )
+
+
+def test_check_points_are_those_of_the_validation(run_here, tmp_path):
+    flight = written.write_flight(tmp_path / "flight", blocks=("validation",))
+    row = run_here([flight], tmp_path / "all")["flight"].row
+    entry = folder.read(tmp_path / "all" / "flight").summary["validation/given"]
+    assert int(row["n_check_points"]) == entry["n_points"]
+    keys = ("rms_east_m", "rms_north_m", "rms_height_m")
+    assert [float(row[key]) for key in keys] == entry["points"]["rms"]
+    assert float(row["mean_height_m"]) == entry["points"]["mean"][2]
+    assert row["normalised_rms_east"] == repr(entry["points"]["normalised_rms"][0])
