@@ -73,7 +73,7 @@ def say(*lines: str) -> None:
             sys.stderr.write(f"{shown(line, 'terminal')}\n")
         sys.stderr.flush()
     except OSError:  # its reader is gone
-        abandon(sys.stderr)
+        _abandon(sys.stderr)
 
 
 def say_if_not_kept() -> None:
@@ -93,10 +93,10 @@ def show(text: object) -> None:
             sys.stdout.write(f"{shown(line, 'terminal')}\n")
         sys.stdout.flush()
     except BrokenPipeError:
-        abandon(sys.stdout)
+        _abandon(sys.stdout)
         sys.exit(NOBODY_READS)
     except OSError as error:
-        abandon(sys.stdout)
+        _abandon(sys.stdout)
         raise OSError(error.errno, error.strerror, "standard output") from None
 
 
@@ -112,7 +112,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-def abandon(stream: IO[str]) -> None:
+def _abandon(stream: IO[str]) -> None:
     """Discard the remaining output of a stream, so that Python ends without an error."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
@@ -344,10 +344,10 @@ def _flushed(status: int) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
     except BrokenPipeError:
-        abandon(sys.stdout)
+        _abandon(sys.stdout)
         return status or NOBODY_READS
     except OSError as error:
-        abandon(sys.stdout)
+        _abandon(sys.stdout)
         say(f"standard output: {error.strerror}")
         return status or 2
     return status

@@ -219,33 +219,25 @@ if importlib.util.find_spec("acx4lib") is None:  # some minutes, once
 
 
 @dataclass(frozen=True, kw_only=True)
-class Before:
-    """Flight and stages needed before a notebook can run.
-
-    Attributes
-    ----------
-    design : str
-        The flight, of `acx4sim.DESIGNS`.
-    stages : tuple of str
-        Whose results it reads.
-    """
+class _Before:
+    """Flight, of `acx4sim.DESIGNS`, and stages needed before a notebook can run."""
 
     design: str = "acx4"
     stages: tuple[str, ...] = ()
 
 
 ALL = ("heads", "synthetic", "mounting", "validation")
-BEFORE: Mapping[str, Before] = {
-    "00-flight": Before(),
-    "01-head-calibration": Before(),
-    "02-synthetic-image": Before(stages=ALL[:1]),
-    "03-mounting-calibration": Before(design="acx4-ideal"),
-    "04-validation": Before(design="acx4-ideal", stages=("mounting",)),
-    "06-errata": Before(stages=ALL),
-    "08-rig": Before(stages=ALL[:1]),
-    "09-weights": Before(design="acx4-ideal", stages=("mounting",)),
-    "16-error-budget": Before(design="acx4-ideal", stages=("mounting",)),
-    "study": Before(design="acx4-ideal"),
+BEFORE: Mapping[str, _Before] = {
+    "00-flight": _Before(),
+    "01-head-calibration": _Before(),
+    "02-synthetic-image": _Before(stages=ALL[:1]),
+    "03-mounting-calibration": _Before(design="acx4-ideal"),
+    "04-validation": _Before(design="acx4-ideal", stages=("mounting",)),
+    "06-errata": _Before(stages=ALL),
+    "08-rig": _Before(stages=ALL[:1]),
+    "09-weights": _Before(design="acx4-ideal", stages=("mounting",)),
+    "16-error-budget": _Before(design="acx4-ideal", stages=("mounting",)),
+    "study": _Before(design="acx4-ideal"),
 }
 """Notebooks that need a flight: the one shown on their pages."""
 

@@ -25,7 +25,7 @@ UNANSWERED = "This flight has no data for this question."
 
 
 @dataclass(frozen=True, kw_only=True)
-class Question:
+class _Question:
     """One question of the paper.
 
     Attributes
@@ -100,7 +100,7 @@ def _validation() -> str:
 
 
 QUESTIONS = (
-    Question(
+    _Question(
         asked="Can the heads be calibrated, and oriented to each other, from aerial images alone "
         "instead of in a laboratory?",
         sections="sections 2.1 and 4.1",
@@ -109,7 +109,7 @@ QUESTIONS = (
         short="Can the heads be calibrated from aerial images?",
         independence="values given, σ not",
     ),
-    Question(
+    _Question(
         asked="Is the synthetic image that is made from the heads geometrically good?",
         sections="sections 2.1 and 4.1",
         chapter="02-synthetic-image",
@@ -117,7 +117,7 @@ QUESTIONS = (
         short="Is the synthetic image geometrically good?",
         independence="nothing was set for it",
     ),
-    Question(
+    _Question(
         asked="How does the synthetic camera sit on the GNSS/INS, and do the two-step and the "
         "single-step method agree?",
         sections="sections 2.2 and 4.2",
@@ -126,7 +126,7 @@ QUESTIONS = (
         short="Do the two-step and the single-step method agree?",
         independence="nothing was set for it",
     ),
-    Question(
+    _Question(
         asked="How accurate is direct georeferencing with these parameters, and for which maps is "
         "that enough?",
         sections="sections 4.3 and 5",
@@ -214,7 +214,7 @@ def _beside(
 
 
 def _section(
-    number: int, question: Question, paragraphs: Mapping[str, Sequence[str]], beside_print: bool
+    number: int, question: _Question, paragraphs: Mapping[str, Sequence[str]], beside_print: bool
 ) -> str:
     of_paper = (
         f"**The paper** ({question.sections}). {question.answered()}\n\n" if beside_print else ""

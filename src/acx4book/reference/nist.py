@@ -213,17 +213,8 @@ CONVERGED = "converged"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Regression:
-    """A curve through data, as a problem for `adjustment.solve`: no points, one group.
-
-    Attributes
-    ----------
-    dataset : Dataset
-    number : callable
-        It converts a text to a number: ``float`` or ``Decimal``.
-    n_points : int
-        Zero.
-    """
+class _Regression:
+    """A curve through data, as a problem for `adjustment.solve`: no points, one group."""
 
     dataset: Dataset
     number: Callable[[str], Any]
@@ -309,7 +300,7 @@ def results() -> pd.DataFrame:
 
 
 def _compared(data: Dataset, start: int) -> pd.DataFrame:
-    problem = Regression(dataset=data, number=Decimal if data.name in EXACT else float)
+    problem = _Regression(dataset=data, number=Decimal if data.name in EXACT else float)
     names = problem.column_names()
     outcome, iterations = CONVERGED, 0
     ours = np.full(2 * len(names) + 1, np.nan)

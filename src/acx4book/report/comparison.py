@@ -433,12 +433,12 @@ def _claimed(out: Path, listed: Mapping[str, pd.DataFrame]) -> Iterator[Callable
         folder.seal()
 
 
-def _parts(study: Study) -> Iterator[str | Drawn]:
+def _parts(study: Study) -> Iterator[str | _Drawn]:
     yield f"## Has the camera changed?\n\n{comparison_tables.verdict(study)}"
     yield "## The campaigns"
     yield myst_table(comparison_tables.campaigns(study), "What is compared", name="tab-campaigns")
     yield "\n".join(f"- {shown(note)}." for note in study.comparison.notes)
-    yield Drawn(
+    yield _Drawn(
         figure=time_line(study),
         name="fig-time-line",
         caption=(
@@ -451,7 +451,7 @@ def _parts(study: Study) -> Iterator[str | Drawn]:
     yield myst_table(
         comparison_tables.tests(study), "Joint tests of all parameters", name="tab-tests"
     )
-    yield Drawn(
+    yield _Drawn(
         figure=on_the_ground(study),
         name="fig-ground",
         caption=(
@@ -494,10 +494,10 @@ def _differences(study: Study) -> Iterator[str]:
         yield f"In {n_hidden} more differences nothing is significant; differences.csv has them."
 
 
-def _trends(study: Study) -> Iterator[str | Drawn]:
+def _trends(study: Study) -> Iterator[str | _Drawn]:
     yield f"## Time and temperature\n\n{comparison_tables.trend(study)}"
     for variable in trends_of(study.comparison):
-        yield Drawn(
+        yield _Drawn(
             figure=over(study, variable),
             name=f"fig-over-{variable}",
             caption=(
@@ -531,9 +531,9 @@ def _how(study: Study) -> str:
     )
 
 
-def _parts_of_rig(rigidity: Rigidity, table: pd.DataFrame, level: float) -> Iterator[str | Drawn]:
+def _parts_of_rig(rigidity: Rigidity, table: pd.DataFrame, level: float) -> Iterator[str | _Drawn]:
     yield f"## Do the heads keep their places?\n\n{rigidity_verdict(rigidity, level=level)}"
-    yield Drawn(
+    yield _Drawn(
         figure=turns(rigidity),
         name="fig-turns",
         caption=(
@@ -579,15 +579,8 @@ _PAGE = """<!DOCTYPE html>
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Drawn:
-    """A figure of a page.
-
-    Attributes
-    ----------
-    figure : Figure
-    name, caption, alt : str
-        The caption is Markdown.
-    """
+class _Drawn:
+    """A figure of a page; its caption is Markdown."""
 
     figure: Figure
     name: str
@@ -595,17 +588,17 @@ class Drawn:
     alt: str
 
 
-def _page(title: str, name: str, parts: Sequence[str | Drawn]) -> str:
+def _page(title: str, name: str, parts: Sequence[str | _Drawn]) -> str:
     """Return texts and figures as a page."""
     labels = [
         name
         for part in parts
-        for name in ([part.name] if isinstance(part, Drawn) else table_labels(part))
+        for name in ([part.name] if isinstance(part, _Drawn) else table_labels(part))
     ]
     document = Document(numbers=number_labels(labels))
     known: set[str] = set()
     body = [
-        _figure(part, document, known) if isinstance(part, Drawn) else to_html(part, document)
+        _figure(part, document, known) if isinstance(part, _Drawn) else to_html(part, document)
         for part in parts
     ]
     return _PAGE.format(
@@ -623,7 +616,7 @@ def _style() -> str:
     return f"{base}\n:root {{\n{colours}}}\n{added}"
 
 
-def _figure(part: Drawn, document: Document, known: set[str]) -> str:
+def _figure(part: _Drawn, document: Document, known: set[str]) -> str:
     document.n_figures += 1
     name = f"f{document.n_figures}-"
     drawn = inline(vector(part.figure), alt=part.alt, name=name, known=known)

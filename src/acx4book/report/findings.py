@@ -772,7 +772,7 @@ def _said(material: Material) -> Iterator[Finding]:
 # --- What a finding that fails means for the user of a calibration, and what to do
 
 
-class Consequence(NamedTuple):
+class _Consequence(NamedTuple):
     """Meaning and cure of a failed question; both continue a sentence."""
 
     means: str
@@ -782,11 +782,11 @@ class Consequence(NamedTuple):
 TEXT = Path(__file__).with_name("consequences.md")
 
 CONSEQUENCES = {
-    question: Consequence(*text.split("\n\n")) for question, text in sections(TEXT).items()
+    question: _Consequence(*text.split("\n\n")) for question, text in sections(TEXT).items()
 }
 """By question, the gravest first; the first meaning covers the later ones, too."""
 
-UNKNOWN = Consequence("the results must not be used before the cause is known", "see below")
+UNKNOWN = _Consequence("the results must not be used before the cause is known", "see below")
 
 
 def _by_gravity(questions: Iterable[str]) -> list[str]:

@@ -51,23 +51,8 @@ verdict tests them.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """One estimated parameter with its test.
-
-    Attributes
-    ----------
-    camera, parameter, unit : str
-        Names as in the results.
-    value, sigma : float
-    reference : float
-        Zero, or the declared value of `FROM_DECLARED`.
-    t, critical : float
-        (value - reference) / sigma, and its critical value.
-    strongest : str
-        ``camera/parameter`` with the largest correlation; empty if there is no other parameter.
-    rho : float
-        This correlation.
-    """
+class _Estimate:
+    """One estimated parameter, its test, and its largest correlation: `rho`, with `strongest`."""
 
     camera: str
     parameter: str
@@ -96,7 +81,7 @@ class Pair:
     rho: float
 
 
-def _estimates(material: Material, stage_method: str) -> list[Estimate]:
+def _estimates(material: Material, stage_method: str) -> list[_Estimate]:
     """Return a method's parameters with their tests."""
     rows = folder.rows(material.found, "parameters", stage_method)
     related = correlations(material, stage_method)
@@ -108,7 +93,7 @@ def _estimates(material: Material, stage_method: str) -> list[Estimate]:
 
 def _estimate(
     material: Material, row: pd.Series, *, related: pd.DataFrame, critical: float
-) -> Estimate:
+) -> _Estimate:
     camera, name = str(row["camera"]), str(row["parameter"])
     value, sigma = float(row["value"]), float(row["sigma"])
     reference = _reference(material, camera, name)
@@ -116,7 +101,7 @@ def _estimate(
     if name in BORESIGHT_ANGLES:
         difference = (difference + 180.0) % 360.0 - 180.0
     strongest, rho = _strongest(related, f"{camera}/{name}" if camera else name)
-    return Estimate(
+    return _Estimate(
         camera=camera,
         parameter=name,
         unit=str(row["unit"]),
@@ -762,7 +747,7 @@ def _correlation(rho: float, is_diagonal: bool) -> str:
     return Markup(f"**{rho:+.2f}**") if abs(rho) > STRONG else f"{rho:+.2f}"
 
 
-def _strongest_text(p: Estimate) -> Markup:
+def _strongest_text(p: _Estimate) -> Markup:
     if not p.strongest:
         return Markup("–")
     return Markup(f"{p.rho:+.2f} with {shown(parameter_title(p.strongest))}")

@@ -63,28 +63,28 @@ class TypesetError(Acx4Error):
 
 
 @dataclass(kw_only=True)
-class Element:
+class _Element:
     """An element of the page: tag, attributes and content."""
 
     tag: str
     attributes: Mapping[str, str]
-    inside: list[Element | str] = field(default_factory=list)
+    inside: list[_Element | str] = field(default_factory=list)
 
-    def all(self, *tags: str) -> Iterator[Element]:
+    def all(self, *tags: str) -> Iterator[_Element]:
         """Yield the elements with these names at any depth."""
         for child in self.inside:
-            if isinstance(child, Element):
+            if isinstance(child, _Element):
                 if child.tag in tags:
                     yield child
                 yield from child.all(*tags)
 
-    def take(self, tag: str) -> Element | None:
+    def take(self, tag: str) -> _Element | None:
         """Take out the first child with a name."""
         taken = next(
-            (child for child in self.inside if isinstance(child, Element) and child.tag == tag),
+            (child for child in self.inside if isinstance(child, _Element) and child.tag == tag),
             None,
         )
-        if isinstance(taken, Element):
+        if isinstance(taken, _Element):
             self.inside.remove(taken)
             return taken
         return None
@@ -95,10 +95,10 @@ class _Reader(HTMLParser):
 
     def __init__(self) -> None:
         super().__init__(convert_charrefs=True)
-        self.open = [Element(tag="page", attributes={})]
+        self.open = [_Element(tag="page", attributes={})]
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        element = Element(tag=tag, attributes={key: value or "" for key, value in attrs})
+        element = _Element(tag=tag, attributes={key: value or "" for key, value in attrs})
         self.open[-1].inside.append(element)
         if tag not in VOID:
             self.open.append(element)
@@ -153,7 +153,7 @@ class _Files:
 
     pictures: dict[str, bytes] = field(default_factory=dict)
 
-    def document(self, page: Element) -> str:
+    def document(self, page: _Element) -> str:
         """Return the Typst document of a page."""
         metas = (meta.attributes for meta in page.all("meta"))
         date = next(
@@ -170,15 +170,15 @@ class _Files:
         )
         return head + self.inside(page)
 
-    def inside(self, element: Element) -> str:
+    def inside(self, element: _Element) -> str:
         """Return the content of an element."""
         return "".join(
             f"#{_quoted(_seen(child))};" if isinstance(child, str) else self.element(child)
             for child in element.inside
-            if isinstance(child, Element) or child.strip(" \t\n\r") or element.tag in INLINE
+            if isinstance(child, _Element) or child.strip(" \t\n\r") or element.tag in INLINE
         )
 
-    def element(self, element: Element) -> str:
+    def element(self, element: _Element) -> str:
         """Return a call of Typst for an element."""
         writers = {
             "table": self.table,
@@ -197,28 +197,28 @@ class _Files:
         ends = "" if element.tag in INLINE else "\n"
         return f"#({call})[{self.inside(element)}];{ends}" if call else self.inside(element)
 
-    def paragraph(self, element: Element) -> str:
+    def paragraph(self, element: _Element) -> str:
         """Return the Typst function of a paragraph: one of the page head, a note or plain text."""
         kind = element.attributes.get("class", "")
         if [getattr(part, "tag", "") for part in element.inside] == ["em"]:
             return "note"
         return kind if kind in {"kind", "name", "date"} else "par"
 
-    def first_page(self, element: Element) -> str:
+    def first_page(self, element: _Element) -> str:
         """Return the certificate on a page of its own, without its heading."""
         element.take("h2")
         return f"{self.inside(element)}#pagebreak(weak: true);\n"
 
-    def listed(self, element: Element) -> str:
+    def listed(self, element: _Element) -> str:
         """Return a list."""
         items = "".join(f"[{self.inside(item)}]" for item in element.all("li"))
         return f"#{CALLS[element.tag]}{items};\n"
 
-    def code(self, element: Element) -> str:
+    def code(self, element: _Element) -> str:
         """Return text in a monospaced font."""
         return f"#code({_quoted(''.join(_words(element)))});"
 
-    def table(self, element: Element) -> str:
+    def table(self, element: _Element) -> str:
         """Return a table with its caption, or the lines to sign on."""
         if element.attributes.get("class") == "signatures":
             signed = "".join(f"[{self.inside(cell)}], " for cell in element.all("td"))
@@ -235,7 +235,7 @@ class _Files:
         body = f"{head}{''.join(cells[heads:])}"
         return f"#numbered({caption_text}, {width}, ({body}));\n"
 
-    def cell(self, element: Element) -> str:
+    def cell(self, element: _Element) -> str:
         """Return a cell of a table."""
         content = self.inside(element)
         state = element.attributes.get("class", "").removeprefix("state ")
@@ -243,7 +243,7 @@ class _Files:
         content = f"#state({_quoted(state)})[{content}]" if state else content
         return f"table.cell(align: {right})[{content}], "
 
-    def figure(self, element: Element) -> str:
+    def figure(self, element: _Element) -> str:
         """Return a figure with its caption and the words in its place."""
         (picture,), caption = element.all("img"), element.take("figcaption")
         name = f"{len(self.pictures)}.svg"
@@ -256,7 +256,7 @@ INLINE = {"b", "code", "em", "i", "strong", "sub", "sup", "p", "td", "th", "capt
 """Elements in which white space between others counts."""
 
 
-def _words(element: Element) -> Iterator[str]:
+def _words(element: _Element) -> Iterator[str]:
     for part in element.inside:
         yield from [part] if isinstance(part, str) else _words(part)
 

@@ -44,17 +44,8 @@ class Range:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Item:
-    """A question of a bank.
-
-    Attributes
-    ----------
-    name, asks : str
-        Its title, and its text with the unit and the digits.
-    right : Range
-    mistakes : tuple of Range
-        In the order in which they are looked at.
-    """
+class _Item:
+    """A question of a bank; its mistakes stand in the order in which they are looked at."""
 
     name: str
     asks: str
@@ -81,13 +72,13 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
     whole_files.write(folder / QTI, _qti(items, title))
 
 
-def _gift(bank: Sequence[Item], title: str) -> str:
+def _gift(bank: Sequence[_Item], title: str) -> str:
     """Return questions as GIFT."""
     category = title.replace("/", "-")  # a slash would begin a subcategory
     return "\n\n".join([f"$CATEGORY: {category}", *map(_gift_item, bank)]) + "\n"
 
 
-def _qti(bank: Sequence[Item], title: str) -> bytes:
+def _qti(bank: Sequence[_Item], title: str) -> bytes:
     """Return questions as a zip archive of QTI 1.2; the same bytes every time."""
     root = ET.Element("questestinterop", xmlns=NAMESPACE)
     section = ET.SubElement(root, "objectbank", ident="bank")
@@ -103,7 +94,7 @@ def _qti(bank: Sequence[Item], title: str) -> bytes:
     return out.getvalue()
 
 
-def _items(sheet: Sheet, case: Case) -> list[Item]:
+def _items(sheet: Sheet, case: Case) -> list[_Item]:
     """Return the questions of a sheet on one flight, with a question for each sigma."""
     right = sheet.solve(case)
     mistakes = [*sheet.mistakes(case, right)]
@@ -116,11 +107,11 @@ def _items(sheet: Sheet, case: Case) -> list[Item]:
     return items
 
 
-def _value(question: Question, right: Right, mistakes: Sequence[Mistake], facts: str) -> Item:
+def _value(question: Question, right: Right, mistakes: Sequence[Mistake], facts: str) -> _Item:
     name, digits = question.name, question.digits
     unit = f" ({question.unit})" if question.unit else ""
     after = f"{digits} digits after the decimal point" if digits else "a whole number"
-    return Item(
+    return _Item(
         name=name,
         asks=" ".join(filter(None, [facts, f"{question.asks}{unit}, {after}."])),
         right=_around(right.truth, right.bound, RIGHT),
@@ -143,7 +134,7 @@ def _around(value: float, bound: float, says: str) -> Range:
     return Range(low=value - bound, high=value + bound, says=says)
 
 
-def _sigma(question: Question, right: Right, mistakes: Sequence[Mistake], facts: str) -> Item:
+def _sigma(question: Question, right: Right, mistakes: Sequence[Mistake], facts: str) -> _Item:
     unit, known = question.unit, right.sigma or 0.0
     others = {f"σ is given in {u}; asked for in {unit}": f for u, f in UNITS.get(unit, {}).items()}
     ranges = [
@@ -157,7 +148,7 @@ def _sigma(question: Question, right: Right, mistakes: Sequence[Mistake], facts:
         Range(low=0.0, high=known / SIGMA_FACTOR, says="σ is too small"),
         Range(low=known * SIGMA_FACTOR, high=LARGE, says="σ is too large"),
     ]
-    return Item(
+    return _Item(
         name=f"sigma_{question.name}",
         asks=" ".join(filter(None, [facts, f"Standard deviation of: {question.asks} ({unit})."])),
         right=_by_factor(known, SIGMA_FACTOR, RIGHT),
@@ -175,7 +166,7 @@ def _by_factor(value: float, factor: float, says: str) -> Range:
 SPECIAL = re.compile(r"([~=#{}:\\])")
 
 
-def _gift_item(item: Item) -> str:
+def _gift_item(item: _Item) -> str:
     lines = [
         f"={points}{_number(interval.low)}..{_number(interval.high)}#{_escaped(interval.says)}"
         for points, interval in [
@@ -226,7 +217,7 @@ def _metadata(parent: ET.Element, kind: str, fields: dict[str, str]) -> None:
         ET.SubElement(field, "fieldentry").text = entry
 
 
-def _qti_item(item: Item) -> ET.Element:
+def _qti_item(item: _Item) -> ET.Element:
     root = ET.Element("item", ident=item.name, title=item.name)
     kind = {"question_type": "numerical_question", "points_possible": "1"}
     _metadata(ET.SubElement(root, "itemmetadata"), "qtimetadata", kind)

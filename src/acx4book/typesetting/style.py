@@ -190,7 +190,7 @@ def applied() -> AbstractContextManager[None]:
     return mpl.rc_context(RC)
 
 
-class Shown(Figure):
+class _Shown(Figure):
     """A figure shown as a picture by any notebook, without pyplot."""
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
@@ -220,7 +220,7 @@ def shown_part(fig: Figure, box: Bbox) -> Bbox:
 
 def figure(*, figsize: tuple[float, float]) -> Figure:
     """Return an empty figure of a size in inches."""
-    fig = Shown(figsize=figsize)
+    fig = _Shown(figsize=figsize)
     FigureCanvasAgg(fig)
     return fig
 
@@ -317,7 +317,7 @@ def bare(ax: Axes) -> None:
     ax.spines[:].set_visible(False)
 
 
-class Nothing(Shown):
+class Nothing(_Shown):
     """A figure replaced by a sentence on the reason; a notebook shows the text.
 
     Attributes
