@@ -112,7 +112,7 @@ def run(
     flight_path, results_path : path
         The flight, and the folder for the results: new, empty, or that of an earlier run.
     way : Way
-        `execute.Notebooks` or `functions.Functions`; both leave the same results.
+        `execute.Notebooks` or `Functions`; both leave the same results.
     stages : sequence of str
         Stages to run, of `folder.STAGES`; the others keep their results.
     calibration : path, optional
