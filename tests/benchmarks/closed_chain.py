@@ -1,8 +1,8 @@
 """Fly the closed chain 48 times, with a synthetic image and without one (``make chain``).
 
-Every flight of the design `acx4` is measured in its heads. Once its measurements are carried into
-the synthetic image and adjusted in a single step; once the same measurements are adjusted as a rig
-of four heads. Both are validated on the same check points. Exact flights beside them sweep the
+Every flight of the design `acx4` is measured in its heads. Once its measurements are transferred
+into the synthetic image and adjusted in a single step; once the same measurements are adjusted as
+a rig of four heads. Both are validated on the same check points. Exact flights beside them sweep the
 focal length of head 1, and 64 flights are flown with noise and without. The results replace those
 in data/benchmarks when all are there. Needs PYTHONPATH=tests.
 """
@@ -68,7 +68,7 @@ NOISE_SEEDS = range(1, 65)
 """Of the flights that are flown with noise and without."""
 
 SHARING = 16
-"""Flights that are carried through one calibration of the heads."""
+"""Flights that are transferred through one calibration of the heads."""
 
 DIGITS = 7
 """Of the numbers written down."""
@@ -141,15 +141,15 @@ def in_synthetic_images(flight: Flight) -> tuple[Mounting, Validation]:
     orientation = find_head_truth.calibrated_heads(flight)
     refined, synthetic = refine(flight, orientation, None).orientation, flight.cameras["SYN"]
 
-    def carried(block: Block) -> Block:
+    def transferred(block: Block) -> Block:
         return synthetic_block(block, transfer(block, refined, synthetic), synthetic)
 
-    found = mounting.single_step(carried(flight.calibration), free=flight.estimate_mounting)
-    return found, validate(carried(flight.validation), found.calibration, method="single_step")
+    found = mounting.single_step(transferred(flight.calibration), free=flight.estimate_mounting)
+    return found, validate(transferred(flight.validation), found.calibration, method="single_step")
 
 
 def through_heads_of_others(seed: int) -> list[Row]:
-    """Return the single step of a flight whose points are carried through the heads of another.
+    """Return the single step of a flight whose points are transferred through the heads of another.
 
     `SHARING` flights have the heads of one, as where a camera is calibrated once and flown often.
     """
@@ -229,7 +229,7 @@ def of_differences(over: str, found: Differences) -> list[Row]:
 def at_focal_length(f_mm: float) -> list[Row]:
     """Return the single step of exact data, where head 1 has a focal length and Table 1 holds.
 
-    Points are carried through the heads as they were calibrated, and as tie points refine them.
+    Points are transferred through the heads as they were calibrated, and as tie points refine them.
     """
     flight = find_head_truth.exact_flight(find_head_truth.fitted_to_table_1(f_mm))
     orientation = find_head_truth.calibrated_heads(flight)
@@ -309,7 +309,7 @@ def of_single_step(row: Row, parameter: str) -> bool:
 def pattern() -> list[Row]:
     """Return what the single step of exact data leaves over the synthetic image, by flying height.
 
-    A pixel is followed through its head: as it is carried, and as the head saw it from where it
+    A pixel is followed through its head: as it is transferred, and as the head saw it from where it
     was, onto level ground, and from there into the camera that the single step found.
     """
     flight = find_head_truth.exact_flight(optics.HEADS)

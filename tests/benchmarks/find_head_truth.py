@@ -3,8 +3,8 @@
 Table 1 prints what a self-calibration with f held at 74 mm gives; Table 3 what a single step makes
 of synthetic images. Starting from the constants in `acx4sim.optics`, this script changes
 the heads until exact data of seed 1 give Table 1's omega, phi, kappa, x_p, y_p, k1, p1, p2 and Zc
-and, measured in the heads, carried into the synthetic image and adjusted in a single step, Table
-3's f. It prints the new constants:
+and, measured in the heads, transferred into the synthetic image and adjusted in a single step,
+Table 3's f. It prints the new constants:
 
     PYTHONPATH=src:tests python -m benchmarks.find_head_truth
 """
@@ -58,15 +58,15 @@ def chain(flight: Flight) -> Chain:
 
 def single_step(flight: Flight, heads: RelativeOrientation) -> mounting.Mounting:
     """Carry the calibration block through the heads, and adjust it."""
-    return mounting.single_step(carried(flight, heads), free=flight.estimate_mounting)
+    return mounting.single_step(transferred(flight, heads), free=flight.estimate_mounting)
 
 
 def mountings(flight: Flight, heads: RelativeOrientation) -> mounting.Mountings:
     """Do what `single_step` does by all methods."""
-    return mounting.calibrate(carried(flight, heads), free=flight.estimate_mounting)
+    return mounting.calibrate(transferred(flight, heads), free=flight.estimate_mounting)
 
 
-def carried(flight: Flight, heads: RelativeOrientation) -> Block:
+def transferred(flight: Flight, heads: RelativeOrientation) -> Block:
     """Return the calibration block as its synthetic images have it."""
     block, synthetic = flight.calibration, flight.cameras["SYN"]
     return synthetic_block(block, transfer(block, heads, synthetic), synthetic)

@@ -79,7 +79,7 @@ HALF = 16  # px; half of what is photographed around a target
 
 @dataclass(frozen=True, kw_only=True)
 class Targets:
-    """Targets of one exposure, as the heads measured them, carried, and photographed.
+    """Targets of one exposure, as the heads measured them, transferred, and photographed.
 
     Attributes
     ----------
@@ -99,18 +99,18 @@ class Targets:
 def targets():
     flight = simulated.fly("acx4", seed=1, blocks=("heads", "calibration"), exact=True).flight
     orientation = refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
-    carried = transfer(flight.calibration, orientation, flight.cameras["SYN"])
-    rows = _of_the_exposure(flight.calibration, carried)
+    transferred = transfer(flight.calibration, orientation, flight.cameras["SYN"])
+    rows = _of_the_exposure(flight.calibration, transferred)
     return Targets(
         orientation=orientation,
-        colrow=carried.colrow[rows],
+        colrow=transferred.colrow[rows],
         pictures=_photographed(flight.calibration),
     )
 
 
-def _of_the_exposure(block: Block, carried: TransferredPoints):
-    here = carried.exposure_idx == block.trajectory.exposures.index(EXPOSURE)
-    return here & np.array([block.points[i].startswith("P") for i in carried.point_idx])
+def _of_the_exposure(block: Block, transferred: TransferredPoints):
+    here = transferred.exposure_idx == block.trajectory.exposures.index(EXPOSURE)
+    return here & np.array([block.points[i].startswith("P") for i in transferred.point_idx])
 
 
 def _photographed(block: Block):
@@ -137,7 +137,7 @@ def _photographed(block: Block):
 def test_targets_measured_in_the_rendered_image_are_where_they_were_carried(
     targets, interpolation, atol_px
 ):
-    """Centroids of discs of 8 px in pictures, carried measurements from image_points.csv.
+    """Centroids of discs of 8 px in pictures, transferred measurements from image_points.csv.
 
     Bilinear interpolation blurs a disc by up to half a pixel, differently at its two edges.
     """

@@ -215,7 +215,7 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
             return False
         record = provenance.read(results)
         calibration = (
-            earlier.read(settings.calibration, flight).told if settings.calibration else None
+            earlier.read(settings.calibration, flight).origin if settings.calibration else None
         )
     except Acx4Error:  # a run reports or mends the error
         return False

@@ -172,7 +172,7 @@ def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
     """Return the summary of the results of an earlier flight."""
     from acx4lib.results import earlier  # noqa: PLC0415 loads what adjusts
 
-    return earlier.read(calibration, flight).told
+    return earlier.read(calibration, flight).origin
 
 
 def _run_steps(

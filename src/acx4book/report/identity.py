@@ -227,7 +227,7 @@ def _method_text(material: Material) -> str:
     values = {
         "heads": any(name.startswith("heads/bundle") for name in material.adjustments),
         "of_heads": Markup(_names(flight.estimate_heads)),
-        "carried": bool(flight.carried),
+        "transferred": bool(flight.transferred),
         "method": "two_step" if chosen in TWO_STEP else chosen,
         "estimated": Markup(_names(flight.estimate_mounting)),
         "held": _spelled(flight.fix),

@@ -140,7 +140,7 @@ def block_of(material: Material, stage_method: str) -> Block:
     name = "heads" if (stage, method) == ("mounting", "rig") else BLOCK[stage]
     if name not in material.flight.blocks:
         raise FlightError([f"{material.folder}: {stage_method} without block {name}; run again"])
-    if method in RIGS or name not in material.flight.carried:
+    if method in RIGS or name not in material.flight.transferred:
         return material.flight.blocks[name]
     from acx4lib.results.adjustments import mounted_block  # noqa: PLC0415 few reports need what adjusts
 

@@ -430,10 +430,10 @@ class Bundle:
         """Describe the adjustment and its fit in one line."""
         n = shown.count(self.solution.n_observations, "observation")
         redundancy = f"redundancy {self.solution.redundancy}"
-        return shown.line(f"Bundle of {self.network.block.name!r}", n, redundancy, *self.said)
+        return shown.line(f"Bundle of {self.network.block.name!r}", n, redundancy, *self.summary)
 
     @property
-    def said(self) -> tuple[str, str, str]:
+    def summary(self) -> tuple[str, str, str]:
         """The fit in phrases: variance factor, iterations, rejections."""
         p = self.solution.chi_square_p
         probability = f"p {p:.3f}" if p >= 5e-4 else "p < 0.0005"

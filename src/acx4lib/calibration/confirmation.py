@@ -75,7 +75,7 @@ class Confirmation:
         y, z axes, m or degrees; NaN where nothing is declared.
     p : float
         Probability of such differences or larger ones; NaN where there is no sigma.
-    told : str
+    statement : str
         The difference in words, with possible causes; empty where nothing is declared.
     mistake : str
         The known mistake that explains the difference; empty if none does.
@@ -85,14 +85,14 @@ class Confirmation:
     part: str
     difference: tuple[float, float, float]
     p: float
-    told: str = ""
+    statement: str = ""
     mistake: str = ""
 
     @property
     def objection(self) -> str:
         """Why the declared value is not confirmed: its sigma, or a known mistake; else empty."""
         if self.mistake or self.p < ALPHA:
-            return "; ".join(filter(None, (self.told, self.mistake)))
+            return "; ".join(filter(None, (self.statement, self.mistake)))
         return ""
 
     @property
@@ -105,9 +105,9 @@ class Confirmation:
         """A remark on a declared approximation, without sigma, that is far off; else empty."""
         size = np.linalg.norm(np.nan_to_num(self.difference))
         far = FAR_M if self.part == "lever arm" else FAR_DEG
-        if self.objection or not self.told or np.isfinite(self.p) or not size > far:
+        if self.objection or not self.statement or np.isfinite(self.p) or not size > far:
             return ""
-        return f"{self.part} of {self.camera} {self.told}"
+        return f"{self.part} of {self.camera} {self.statement}"
 
 
 def confirmations(bundle: Bundle) -> list[Confirmation]:
@@ -229,7 +229,7 @@ def _of_part(
         part=part,
         difference=(x, y, z),
         p=difference.p,
-        told=text,
+        statement=text,
         mistake=mistake,
     )
 

@@ -75,7 +75,7 @@ class Mounting:
         """Describe the estimates and their fit in one line."""
         cameras = shown.names([camera.name for camera in self.calibration.cameras])
         n = shown.count(self.calibration.n_columns, "parameter")
-        return shown.line(f"Mounting by {self.method}", cameras, n, *self.bundle.said)
+        return shown.line(f"Mounting by {self.method}", cameras, n, *self.bundle.summary)
 
     def table(self) -> pd.DataFrame:
         """Return the calibration's parameters with their units and sigma."""

@@ -128,7 +128,7 @@ class Flight(Setup):
         return tuple(name for name in named if name in present)
 
     @property
-    def carried(self) -> tuple[str, ...]:
+    def transferred(self) -> tuple[str, ...]:
         """Blocks measured in head images and transferred into the synthetic image."""
         here = [name for name in ("calibration", "validation") if name in self.blocks]
         return tuple(here) if self.measured_in_heads else ()
@@ -136,10 +136,10 @@ class Flight(Setup):
     def mounted(self, name: str) -> Block:
         """Return a block as its mounted camera exposed it.
 
-        For a block in `carried` these are its synthetic images, without measurements.
+        For a block in `transferred` these are its synthetic images, without measurements.
         """
         synthetic = self.synthetic_camera
-        if name not in self.carried or synthetic is None:
+        if name not in self.transferred or synthetic is None:
             return self.block(name)
         return synthetic_images(self.block(name), synthetic)
 

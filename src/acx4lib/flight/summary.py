@@ -27,7 +27,7 @@ def summary(flight: Flight) -> str:
     ]
     for block in flight.blocks.values():
         lines += ["", f"block {block.name}", *(_row(*row) for row in _block_rows(block))]
-        if block.name in flight.carried:
+        if block.name in flight.transferred:
             lines += [_row(*row) for row in _synthetic_rows(flight.mounted(block.name))]
         files = [file for file in flight.image_files[block.name] if file is not None]
         lines.append(_row("image files", f"{len(files)} of {len(block.images)}"))

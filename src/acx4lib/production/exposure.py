@@ -319,7 +319,7 @@ def _about(job: RenderJob, notes: Sequence[str]) -> dict[str, Any]:
 def _about_head(job: RenderJob, k: int) -> dict[str, Any]:
     camera, path = job.orientation.heads[k], job.files[k]
     response = None if job.response is None else job.response.coefficients[k].tolist()
-    reach = None if job.response is None else _reach(job.response, k)
+    valid_range = None if job.response is None else _valid_range(job.response, k)
     return {
         "camera": camera.name,
         "file": path.name,
@@ -332,13 +332,13 @@ def _about_head(job: RenderJob, k: int) -> dict[str, Any]:
         "Xc_Yc_Zc_mm": job.orientation.xyz_mm[k].tolist(),
         "omega_phi_kappa_deg": np.degrees(job.orientation.opk[k]).tolist(),
         "response": response,
-        "response_reach": reach,
+        "response_reach": valid_range,
     }
 
 
-def _reach(response: Response, k: int) -> list[float | None]:
+def _valid_range(response: Response, k: int) -> list[float | None]:
     """Return the valid range of q of a head; None for infinity, which JSON lacks."""
-    limits = [] if response.reach is None else response.reach[k].tolist()
+    limits = [] if response.valid_range is None else response.valid_range[k].tolist()
     return [limit if np.isfinite(limit) else None for limit in limits]
 
 

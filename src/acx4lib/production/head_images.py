@@ -127,7 +127,9 @@ def flight_files(flight: Flight, heads: Sequence[str]) -> FlightFiles:
     FlightError
         Where no image of a head has a file.
     """
-    blocks = [name for name in ("heads", *flight.carried) if any(flight.image_files.get(name, ()))]
+    blocks = [
+        name for name in ("heads", *flight.transferred) if any(flight.image_files.get(name, ()))
+    ]
     files_of_block = {name: head_files(flight, heads, block=name) for name in blocks or ("heads",)}
     places = [
         (name, exposure)

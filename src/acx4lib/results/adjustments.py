@@ -269,7 +269,7 @@ def _declared_entries(key: str, method: str, bundle: Bundle) -> dict[str, object
                 "difference": list(c.difference),
                 "p": c.p,
                 "confirmed": not c.objection,
-                "told": c.told,
+                "told": c.statement,
                 "mistake": c.mistake,
             }
             for c in declared
@@ -687,22 +687,22 @@ MEASURED = ("images.csv", "image_points.csv")
 """Tables of a block on which the transferred points depend."""
 
 
-def of_carried(flight: Flight, carried: Mapping[str, TransferredPoints]) -> Record:
+def of_transferred(flight: Flight, transferred: Mapping[str, TransferredPoints]) -> Record:
     """Return the record of the transferred points of all blocks.
 
     Parameters
     ----------
     flight : Flight
-    carried : mapping of str to TransferredPoints
+    transferred : mapping of str to TransferredPoints
         By block.
     """
-    tables = [_table(flight.block(name), points) for name, points in carried.items()]
+    tables = [_table(flight.block(name), points) for name, points in transferred.items()]
     entry: dict[str, object] = {
         **NO_ADJUSTMENT,
         "converged": True,
-        "n_observations": 2 * sum(map(len, carried.values())),
-        "n_left_out": sum(points.n_left_out for points in carried.values()),
-        "measured": {file: flight.sha256[file] for name in carried for file in _files(name)},
+        "n_observations": 2 * sum(map(len, transferred.values())),
+        "n_left_out": sum(points.n_left_out for points in transferred.values()),
+        "measured": {file: flight.sha256[file] for name in transferred for file in _files(name)},
     }
     return Record(
         stage="synthetic",
@@ -716,18 +716,18 @@ def _files(block: str) -> list[str]:
     return [f"{block}/{name}" for name in MEASURED]
 
 
-def _table(block: Block, carried: TransferredPoints) -> pd.DataFrame:
+def _table(block: Block, transferred: TransferredPoints) -> pd.DataFrame:
     heads = [camera.name for camera in block.cameras]
     return pd.DataFrame(
         {
             "block": block.name,
-            "image": [block.trajectory.exposures[i] for i in carried.exposure_idx],
-            "point": [block.points[i] for i in carried.point_idx],
-            "head": [heads[i] for i in carried.camera_idx],
-            "col_px": carried.colrow[:, 0],
-            "row_px": carried.colrow[:, 1],
-            "sigma_col_px": carried.sigma_px[:, 0],
-            "sigma_row_px": carried.sigma_px[:, 1],
+            "image": [block.trajectory.exposures[i] for i in transferred.exposure_idx],
+            "point": [block.points[i] for i in transferred.point_idx],
+            "head": [heads[i] for i in transferred.camera_idx],
+            "col_px": transferred.colrow[:, 0],
+            "row_px": transferred.colrow[:, 1],
+            "sigma_col_px": transferred.sigma_px[:, 0],
+            "sigma_row_px": transferred.sigma_px[:, 1],
         }
     )
 
@@ -750,7 +750,7 @@ def mounted_block(flight: Flight, name: str, found: results.Results) -> Block:
         they were measured again later.
     """
     block, synthetic = flight.block(name), flight.synthetic_camera
-    if name not in flight.carried or synthetic is None:
+    if name not in flight.transferred or synthetic is None:
         return block
     return synthetic_block(block, read_carried(flight, block, found), synthetic)
 
@@ -773,14 +773,14 @@ def read_carried(flight: Flight, block: Block, found: results.Results) -> Transf
     table = results.rows(found, "synthetic_points", METHOD)
     table = table[table["block"] == block.name]
     checksums = found.summary.get(METHOD, {}).get("measured", {})
-    carried = TransferredPoints(
+    transferred = TransferredPoints(
         exposure_idx=index_of(table["image"], block.trajectory.exposures),
         point_idx=index_of(table["point"], block.points),
         camera_idx=index_of(table["head"], [camera.name for camera in block.cameras]),
         colrow=table[["col_px", "row_px"]].to_numpy(),
         sigma_px=table[["sigma_col_px", "sigma_row_px"]].to_numpy(),
     )
-    known = np.stack([carried.exposure_idx, carried.point_idx, carried.camera_idx])
+    known = np.stack([transferred.exposure_idx, transferred.point_idx, transferred.camera_idx])
     now = {file: flight.sha256[file] for file in _files(block.name)}
     if not isinstance(checksums, dict) or not now.items() <= checksums.items() or np.any(known < 0):
         problem = (
@@ -788,4 +788,4 @@ def read_carried(flight: Flight, block: Block, found: results.Results) -> Transf
             "the synthetic image; run stage synthetic again"
         )
         raise FlightError([problem])
-    return carried
+    return transferred

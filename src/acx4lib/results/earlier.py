@@ -41,7 +41,7 @@ class Earlier:
     run: Run
 
     @property
-    def told(self) -> dict[str, object]:
+    def origin(self) -> dict[str, object]:
         """Origin of the calibration as results record it: flight, dates and checksums."""
         flight, results_path = self.run.flight, self.run.folder
         computed = dt.datetime.fromtimestamp(
@@ -60,7 +60,7 @@ class Earlier:
     @property
     def sentence(self) -> str:
         """Sentence on the origin of the validated calibration."""
-        flight, origin = self.run.flight, self.told
+        flight, origin = self.run.flight, self.origin
         flown = f", flown {origin['flown']}" if origin["flown"] else ""
         return (
             f"the calibration is that of an earlier flight, {flight.name!r} "
@@ -74,7 +74,7 @@ class Earlier:
         If it is measured in heads, the earlier flight's heads transfer its points.
         """
         block, synthetic = flight.block("validation"), self.run.flight.synthetic_camera
-        if "validation" not in flight.carried or synthetic is None:
+        if "validation" not in flight.transferred or synthetic is None:
             return block
         oriented = self._heads()
         return synthetic_block(block, transfer(block, oriented, synthetic), synthetic)
@@ -145,7 +145,7 @@ def _differences(earlier: Earlier, flight: Flight) -> Iterator[str]:
             yield from _other_camera(before.cameras[camera.name], camera)
     if before.refraction != flight.refraction:
         yield f"refraction is {before.refraction!r}, in {flight.path} {flight.refraction!r}"
-    if "validation" in flight.carried:
+    if "validation" in flight.transferred:
         yield from _other_heads(earlier, flight)
 
 

@@ -389,7 +389,7 @@ def written(
         ``mounting``, or ``mounting/rig`` for a part that leaves the others.
     flight : Flight
     calibration : mapping, optional
-        Origin of the validated calibration of an earlier flight, `earlier.Earlier.told`.
+        Origin of the validated calibration of an earlier flight, `earlier.Earlier.origin`.
 
     Raises
     ------
@@ -556,7 +556,7 @@ def replaced(
     stage : str
         Of `table_files.NOTEBOOKS`.
     calibration : mapping, optional
-        Origin of the validated calibration of an earlier flight, `earlier.Earlier.told`.
+        Origin of the validated calibration of an earlier flight, `earlier.Earlier.origin`.
     """
     folder = own.path
     with tempfile.TemporaryDirectory(dir=folder, prefix=whole_files.SCRATCH) as temporary:

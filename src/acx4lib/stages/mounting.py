@@ -131,7 +131,7 @@ def calibrate(flight: Flight, block: Block | None = None) -> MountingStage:
 
 
 def _as_measured(flight: Flight) -> Block:
-    if "calibration" in flight.carried:
+    if "calibration" in flight.transferred:
         msg = "block calibration is measured in heads: give it with points transferred, as `block`"
         raise ValueError(msg)
     return flight.block("calibration")
@@ -152,7 +152,7 @@ def measured(flight: Flight, results_path: str | Path) -> Block:
     FlightError
         Where these are missing or of another flight, or this one has no block calibration.
     """
-    if "calibration" not in flight.carried:
+    if "calibration" not in flight.transferred:
         return flight.block("calibration")
     run_results = provenance.results_before(results_path, ["synthetic"], flight)
     return mounted_block(flight, "calibration", run_results)
@@ -228,7 +228,7 @@ def write(
         )
         records = explained(records, flight, "calibration")
         single = mountings.methods.get("single_step")
-        if single is not None and "calibration" in flight.carried:
+        if single is not None and "calibration" in flight.transferred:
             entries = {"sigma_of_heads": _sigma_of_heads(flight, results_path, single.bundle)}
             records = [_with(record, "mounting/single_step", entries) for record in records]
     methods = METHODS if rig_leads(flight) else ()  # the rig has been written before

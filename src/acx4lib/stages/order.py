@@ -32,7 +32,7 @@ def is_end(flight: Flight, stage: str) -> bool:
 
     Points measured in heads are transferred by stage synthetic for all later stages.
     """
-    return stage == "synthetic" and not flight.carried
+    return stage == "synthetic" and not flight.transferred
 
 
 def ordered(flight: Flight, parts: Sequence[str]) -> tuple[str, ...]:
@@ -56,7 +56,7 @@ def rig_leads(flight: Flight) -> bool:
     block = flight.blocks.get("heads")
     return (
         block is not None
-        and bool(flight.carried)
+        and bool(flight.transferred)
         and bool(not_calibrated(block))
         and not missing(flight, "rig")
     )
@@ -67,7 +67,7 @@ def missing(flight: Flight, stage: str) -> str:
     block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
     if block not in flight.blocks:
         return NO_RIG if stage == "rig" else f"the flight has no block {block}"
-    if block in flight.carried and "heads" not in flight.blocks:
+    if block in flight.transferred and "heads" not in flight.blocks:
         return (
             f"block {block} is measured in heads, which the flight has no block heads to calibrate"
         )

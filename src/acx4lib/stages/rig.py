@@ -53,7 +53,9 @@ class RigStage:
     def __repr__(self) -> str:
         """Summarize the rig in one line."""
         cameras = shown.names([camera.name for camera in self.block.cameras])
-        return shown.line("RigStage", cameras, *(self.rig.bundle.said if self.rig else ["no rig"]))
+        return shown.line(
+            "RigStage", cameras, *(self.rig.bundle.summary if self.rig else ["no rig"])
+        )
 
     def table(self) -> pd.DataFrame:
         """Return the parameters of all heads; an empty table without a rig."""
@@ -90,7 +92,7 @@ def methods(flight: Flight) -> tuple[str, ...]:
     flight : Flight
         With a block heads.
     """
-    if "calibration" not in flight.carried:
+    if "calibration" not in flight.transferred:
         return RIGS[:1]
     heads, calibration = (flight.block(name) for name in ("heads", "calibration"))
     same = heads.images.names == calibration.images.names and np.array_equal(
@@ -178,7 +180,7 @@ def write(flight: Flight, results_path: str | Path, stages: Sequence[RigStage]) 
     stages : sequence of RigStage
         As `gathered` makes them.
     """
-    over_ground, explained_records = "validation" not in flight.carried, []
+    over_ground, explained_records = "validation" not in flight.transferred, []
     for stage in stages:
         with solving(flight, stage.block.name):
             records = _records(stage, over_ground=over_ground)

@@ -16,7 +16,7 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.results import adjustments, folder, provenance
-from acx4lib.results.adjustments import Record, of_carried, of_left_out, of_relative_orientation
+from acx4lib.results.adjustments import Record, of_left_out, of_relative_orientation, of_transferred
 from acx4lib.results.read_back import read_relative_orientation
 from acx4lib.stages.order import solving
 from acx4lib.stages.pictures import FoundTies, Pictures, find, read_pictures
@@ -122,7 +122,7 @@ class SyntheticStage:
     found : FoundTies or None
         From the pictures.
     refinement : Refinement
-    carried : dict of str to TransferredPoints
+    transferred : dict of str to TransferredPoints
         By block; empty where the flight is measured in synthetic images.
     """
 
@@ -131,13 +131,13 @@ class SyntheticStage:
     pictures: Pictures | None
     found: FoundTies | None
     refinement: Refinement
-    carried: dict[str, TransferredPoints]
+    transferred: dict[str, TransferredPoints]
 
     def __repr__(self) -> str:
         """Summarize the stage in one line."""
         n = shown.count(len(self.refinement.ties), "tie point")
-        carried = [f"{name} carried" for name in self.carried]
-        return shown.line("SyntheticStage", self.synthetic.name, n, *carried)
+        transferred = [f"{name} transferred" for name in self.transferred]
+        return shown.line("SyntheticStage", self.synthetic.name, n, *transferred)
 
     def table(self) -> pd.DataFrame:
         """Return the orientation of the heads before and after every refinement side by side."""
@@ -175,18 +175,18 @@ def run(flight: Flight, results_path: str | Path, *, reduce: int = 1) -> Synthet
     with solving(flight, "heads"):
         pixel_ties = find(pictures, orientation) if pictures else None
         refinement = refine(flight, orientation, pixel_ties)
-        carried = {
+        transferred = {
             name: transfer(flight.block(name), refinement.orientation, synthetic)
-            for name in flight.carried
+            for name in flight.transferred
         }
-    write(flight, results_path, refinement, carried)
+    write(flight, results_path, refinement, transferred)
     return SyntheticStage(
         synthetic=synthetic,
         orientation=orientation,
         pictures=pictures,
         found=pixel_ties,
         refinement=refinement,
-        carried=carried,
+        transferred=transferred,
     )
 
 
@@ -278,7 +278,7 @@ def write(
     flight: Flight,
     results_path: str | Path,
     refinement: Refinement,
-    carried: Mapping[str, TransferredPoints],
+    transferred: Mapping[str, TransferredPoints],
 ) -> None:
     """Write the refined heads, and the points transferred into the synthetic image.
 
@@ -287,10 +287,10 @@ def write(
     flight : Flight
     results_path : path
     refinement : Refinement
-    carried : mapping of str to TransferredPoints
+    transferred : mapping of str to TransferredPoints
         By block; empty where the flight is measured in synthetic images.
     """
-    points = [of_carried(flight, carried)] if carried else []
+    points = [of_transferred(flight, transferred)] if transferred else []
     rows = [*_records(refinement), *points]
     adjustments.write(results_path, "synthetic", rows, flight=flight)
 

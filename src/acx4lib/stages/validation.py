@@ -163,7 +163,7 @@ def _before(
     """Read the results of the previous stages, or those of an earlier flight."""
     if str(calibration_path):
         return earlier.read(calibration_path, flight)
-    needed = {"synthetic": "validation" in flight.carried, "mounting": bool(flight.calibration)}
+    needed = {"synthetic": "validation" in flight.transferred, "mounting": bool(flight.calibration)}
     stages = [stage for stage, is_needed in needed.items() if is_needed]
     return provenance.results_before(results_path, stages, flight)
 
@@ -183,7 +183,7 @@ def _calibrations(
 
 
 def _rigs(flight: Flight, before: Earlier | folder.Results) -> ByName[Calibration]:
-    if "validation" not in flight.carried:
+    if "validation" not in flight.transferred:
         return ByName()
     block = flight.block("validation")
     if isinstance(before, Earlier):
@@ -274,7 +274,7 @@ def _write(
     """Write the records; the first has a note on the origin of the calibrations."""
     origin = None
     if isinstance(before, Earlier):
-        origin = before.told
+        origin = before.origin
         first, *others = records
         notes = [f"validation: {before.sentence}"]
         records = [_named(first, before, notes=notes)]
@@ -287,7 +287,7 @@ def _named(record: Record, earlier: Earlier, *, notes: Sequence[str] = ()) -> Re
     entries = {}
     for key, entry in record.summary.items():
         method = key.rpartition("/")[2]
-        origin: dict[str, object] = {**earlier.told, "method": f"mounting/{method}"}
+        origin: dict[str, object] = {**earlier.origin, "method": f"mounting/{method}"}
         all_notes = [*folder.messages(entry, "notes"), *notes]
         entries[key] = {**entry, "calibration": origin, "notes": all_notes}
     return Record(stage=record.stage, method=record.method, tables=record.tables, summary=entries)

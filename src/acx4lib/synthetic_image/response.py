@@ -60,25 +60,25 @@ class Response:
     ----------
     coefficients : ndarray, shape (n_heads, n_bands, 3)
         g, a, b. The mean of g over the heads is zero in each band.
-    reach : ndarray, shape (n_heads, 2), optional
+    valid_range : ndarray, shape (n_heads, 2), optional
         Smallest and largest valid q; beyond, the response at the limit is used. The range is the
         same for all bands, so that colours do not change beyond it. By default, the response is
         valid everywhere.
     """
 
     coefficients: Array
-    reach: Array | None = None
+    valid_range: Array | None = None
 
     def __post_init__(self) -> None:
         expected.shape("coefficients", self.coefficients, ("n_heads", "n_bands", 3))
-        if self.reach is not None:
-            expected.shape("reach", self.reach, (len(self.coefficients), 2))
+        if self.valid_range is not None:
+            expected.shape("valid_range", self.valid_range, (len(self.coefficients), 2))
 
     def within(self, k: int, q: NDArray[Q]) -> NDArray[Q]:
         """Clip q of a head to the valid range of its response."""
-        if self.reach is None:
+        if self.valid_range is None:
             return q
-        return np.clip(q, *self.reach[k].astype(q.dtype))
+        return np.clip(q, *self.valid_range[k].astype(q.dtype))
 
 
 @shown.briefly
@@ -204,7 +204,7 @@ def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> R
         to_zero_mean = _zero_mean_gain(n_heads)
         coefficients[:, band] = (to_zero_mean @ x).reshape(n_heads, 3)
         sigma[:, band] = sigmas(to_zero_mean @ cov @ to_zero_mean.T).reshape(n_heads, 3)
-    response = Response(coefficients=coefficients, reach=_reach(samples, n_heads))
+    response = Response(coefficients=coefficients, valid_range=_valid_range(samples, n_heads))
     pairs = sorted({(s.head_a, s.head_b) for s in samples})
     return ResponseFit(
         response=response,
@@ -213,7 +213,7 @@ def fit_response(samples: Sequence[Samples], *, n_heads: int, n_bands: int) -> R
     )
 
 
-def _reach(samples: Sequence[Samples], n_heads: int) -> Array:
+def _valid_range(samples: Sequence[Samples], n_heads: int) -> Array:
     """Return the range of q covered by samples of any band, shape (n_heads, 2)."""
     out = np.tile([-np.inf, np.inf], (n_heads, 1))
     for k in range(n_heads):

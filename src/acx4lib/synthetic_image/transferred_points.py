@@ -184,14 +184,14 @@ def _nearest_to_the_middle(block: Block, heads: Index, cameras: Sequence[Camera]
     return chosen[np.argsort(first, kind="stable")]
 
 
-def synthetic_block(block: Block, carried: TransferredPoints, synthetic: Camera) -> Block:
+def synthetic_block(block: Block, transferred: TransferredPoints, synthetic: Camera) -> Block:
     """Return a block's synthetic images with the transferred measurements.
 
     Parameters
     ----------
     block : Block
         As it was measured, in heads.
-    carried : TransferredPoints
+    transferred : TransferredPoints
     synthetic : Camera
 
     Returns
@@ -205,10 +205,10 @@ def synthetic_block(block: Block, carried: TransferredPoints, synthetic: Camera)
     return replace(
         images,
         image_points=ImagePoints(
-            image_idx=image_of_exposure[carried.exposure_idx],
-            point_idx=carried.point_idx,
-            colrow=carried.colrow,
-            sigma_px=np.sqrt(np.mean(carried.sigma_px**2, axis=1)),
+            image_idx=image_of_exposure[transferred.exposure_idx],
+            point_idx=transferred.point_idx,
+            colrow=transferred.colrow,
+            sigma_px=np.sqrt(np.mean(transferred.sigma_px**2, axis=1)),
         ),
     )
 
@@ -220,7 +220,7 @@ def synthetic_block(block: Block, carried: TransferredPoints, synthetic: Camera)
 
 
 def parameter_covariance(
-    bundle: Bundle, block: Block, carried: TransferredPoints, orientation: RelativeOrientation
+    bundle: Bundle, block: Block, transferred: TransferredPoints, orientation: RelativeOrientation
 ) -> Array:
     """Return the covariance of a synthetic camera's parameters due to its heads' calibration.
 
@@ -234,7 +234,7 @@ def parameter_covariance(
         One synthetic camera, mounted, adjusted with the points.
     block : Block
         As it was measured, in heads.
-    carried : TransferredPoints
+    transferred : TransferredPoints
         All points of the bundle's block, in its order.
     orientation : RelativeOrientation
         The heads by which they were transferred.
@@ -252,7 +252,9 @@ def parameter_covariance(
     standard deviation to both sides.
     """
     expected.instance("bundle", bundle, Bundle)
-    expected.many("carried", carried, len(bundle.network.block.image_points), "measurements")
+    expected.many(
+        "transferred", transferred, len(bundle.network.block.image_points), "measurements"
+    )
     calibration = from_bundle(bundle)
     columns = np.arange(calibration.n_columns)
     network, solution = bundle.network, bundle.solution
@@ -262,23 +264,23 @@ def parameter_covariance(
         g for e, g in zip(equations, gain_matrices, strict=True) if e.kind == "image_point"
     )
     (camera,) = network.block.cameras
-    moved = _moved(block, carried, orientation, camera)[network.rows]
+    moved = _moved(block, transferred, orientation, camera)[network.rows]
     J = to_reported(calibration) @ np.einsum("mdc,mdk->ck", by_points, moved)
     known = np.flatnonzero(sigmas(orientation.cov_joint) > 0)
     return J @ orientation.cov_joint[np.ix_(known, known)] @ J.T
 
 
 def _moved(
-    block: Block, carried: TransferredPoints, orientation: RelativeOrientation, camera: Camera
+    block: Block, transferred: TransferredPoints, orientation: RelativeOrientation, camera: Camera
 ) -> Array:
     """Return d(points) / d(parameters of the heads that have a sigma), pixels, shape (n, 2, k)."""
     sigma = sigmas(orientation.cov_joint)
     known = np.flatnonzero(sigma > 0)
     names = [head.name for head in orientation.heads]
     of_block = np.array([names.index(head.name) for head in block.cameras])
-    heads = of_block[carried.camera_idx]
-    xy = xy_from_colrow(camera, carried.colrow)
-    out = np.zeros((len(carried), 2, len(known)))
+    heads = of_block[transferred.camera_idx]
+    xy = xy_from_colrow(camera, transferred.colrow)
+    out = np.zeros((len(transferred), 2, len(known)))
     n = len(names)
     for column, i in enumerate(known.tolist()):
         k = i // 6 if i < 6 * n else (i - 6 * n) // ((len(sigma) - 6 * n) // n)

@@ -393,7 +393,7 @@ def _offset(view: View, x_m: Array, place: Array, colrow: Array) -> tuple[float,
 NATURAL = MatchOptions(search_px=8)
 
 
-def carried(
+def places_in_other_views(
     view: View, others: Sequence[View], surface: Surface, colrow: Array
 ) -> tuple[Index, Array, Array]:
     """Match a point of one picture in the other pictures.
@@ -501,7 +501,7 @@ def _natural(
     view = of_name[row.image]
     others = [other for other in views if other is not view]
     colrow = view.own(np.array([[row.col_px, row.row_px]]))[0]
-    for k, place, sigma in zip(*carried(view, others, surface, colrow), strict=True):
+    for k, place, sigma in zip(*places_in_other_views(view, others, surface, colrow), strict=True):
         matched_view = others[k]
         given_px = row.sigma_px / matched_view.shrink
         yield _row(matched_view, row.point, place, float(np.hypot(sigma, given_px)))

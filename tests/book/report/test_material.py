@@ -13,7 +13,7 @@ from acx4book.report.material import Material, block_of, image_residuals
 from acx4lib import flight as flights
 from acx4lib.flight.settings import Certificate, Device, Session
 from acx4lib.results import adjustments, folder
-from acx4lib.results.adjustments import of_carried
+from acx4lib.results.adjustments import of_transferred
 from acx4lib.results.provenance import Provenance
 from acx4lib.synthetic_image.transferred_points import transfer
 from support import figures
@@ -30,8 +30,10 @@ def material(tmp_path_factory):
     flight = flights.read(in_heads.write(tmp_path_factory.mktemp("flight") / "in_heads"))
     results = tmp_path_factory.mktemp("results")
     orientation, camera = pictured.orientation(), flight.synthetic_camera
-    carried = {name: transfer(flight.block(name), orientation, camera) for name in flight.carried}
-    adjustments.write(results, "synthetic", [of_carried(flight, carried)])
+    transferred = {
+        name: transfer(flight.block(name), orientation, camera) for name in flight.transferred
+    }
+    adjustments.write(results, "synthetic", [of_transferred(flight, transferred)])
     return Material(
         found=folder.read(results),
         flight=flight,

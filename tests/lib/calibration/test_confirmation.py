@@ -141,7 +141,7 @@ def test_a_rough_mounting_gets_no_name(fitted, rng):
         R = exp(np.radians(3.0) * axis) @ blocks.CAMERA.T_b_c.R
         turn = differing(fitted, "boresight", R=R)
         lever = differing(fitted, "lever arm", lever_m=lever_m)
-        named += bool(turn.mistake or lever.mistake or "would look" in lever.told)
+        named += bool(turn.mistake or lever.mistake or "would look" in lever.statement)
     assert named <= 10
 
 
@@ -199,8 +199,8 @@ def test_a_lever_arm_along_the_flight_is_given_as_a_delay(exact_block):
     """The simulated strips fly 220 m in 4 s."""
     timed = blocks.in_strips(exact_block, 3)
     found = compared(declared(timed, lever_m=(1.2, 0.0, 0.0), prior=known()))
-    assert "ms off, or positions of an antenna" in found["lever arm"].told
-    delay = float(found["lever arm"].told.split("clock that is ")[1].split(" ms")[0])
+    assert "ms off, or positions of an antenna" in found["lever arm"].statement
+    delay = float(found["lever arm"].statement.split("clock that is ")[1].split(" ms")[0])
     assert delay == pytest.approx(1000 * 1.2 / 55, rel=0.15)
 
 

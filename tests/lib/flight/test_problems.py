@@ -561,7 +561,7 @@ def test_a_geoid_grid_that_is_none_is_named_without_a_pipeline(tmp_path):
 
 def test_a_block_that_is_measured_in_heads_has_no_other_cameras(tmp_path):
     in_heads.write(tmp_path / "a")
-    assert flight.read(tmp_path / "a").carried == ("calibration", "validation")
+    assert flight.read(tmp_path / "a").transferred == ("calibration", "validation")
     replace(tmp_path / "a", IMAGES, "LEFT,E", "CAM,E")
     table = (tmp_path / "a" / IMAGES).read_text().splitlines()
     assert table[1].split(",")[1] == "CAM"

@@ -17,7 +17,7 @@ from acx4lib.flight.block import select_images
 from acx4lib.georeferencing import validation
 from acx4lib.results import adjustments, read_back
 from acx4lib.results import folder as results
-from acx4lib.results.adjustments import METHOD, mounted_block, of_carried
+from acx4lib.results.adjustments import METHOD, mounted_block, of_transferred
 from acx4lib.synthetic_image.transferred_points import synthetic_block, transfer
 from support.flights import in_heads, pictured, simulated
 
@@ -300,7 +300,7 @@ def test_a_validation_says_how_many_measurements_chance_rejects(flown):
     assert entry["expected_rejections"] == pytest.approx(2 * n * 9.62e-5, rel=1e-3)
 
 
-# --- Points carried into synthetic images: written, read back, and refused where they are stale
+# --- Points transferred into synthetic images: written, read back, and refused where they are stale
 
 
 @pytest.fixture(scope="module")
@@ -309,21 +309,21 @@ def flight(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def carried(flight):
+def transferred(flight):
     orientation, camera = pictured.orientation(), flight.synthetic_camera
-    return {name: transfer(flight.block(name), orientation, camera) for name in flight.carried}
+    return {name: transfer(flight.block(name), orientation, camera) for name in flight.transferred}
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory, flight, carried):
+def kept(tmp_path_factory, flight, transferred):
     path = tmp_path_factory.mktemp("results")
-    adjustments.write(path, "synthetic", [of_carried(flight, carried)])
+    adjustments.write(path, "synthetic", [of_transferred(flight, transferred)])
     return path
 
 
-def test_both_blocks_come_back_as_they_were_carried(flight, carried, kept):
-    assert flight.carried == ("calibration", "validation") == tuple(carried)
-    for name, points in carried.items():
+def test_both_blocks_come_back_as_they_were_transferred(flight, transferred, kept):
+    assert flight.transferred == ("calibration", "validation") == tuple(transferred)
+    for name, points in transferred.items():
         block = mounted_block(flight, name, results.read(kept))
         expected = synthetic_block(flight.block(name), points, flight.synthetic_camera)
         assert block.images.names == expected.images.names
@@ -335,27 +335,27 @@ def test_both_blocks_come_back_as_they_were_carried(flight, carried, kept):
         assert len(block.image_points) == len(points) > 40
 
 
-def test_the_table_has_a_row_for_every_image_and_point(flight, carried, kept):
+def test_the_table_has_a_row_for_every_image_and_point(flight, transferred, kept):
     table = results.rows(results.read(kept), "synthetic_points", METHOD)
     assert list(table) == [
         *("block", "image", "point", "head"),
         *("col_px", "row_px", "sigma_col_px", "sigma_row_px"),
     ]
-    assert len(table) == sum(map(len, carried.values()))
+    assert len(table) == sum(map(len, transferred.values()))
     assert not table.duplicated(["block", "image", "point"]).any()
     assert set(table["head"]) == {"LEFT", "RIGHT"}
     assert set(table["image"]) == set(flight.calibration.trajectory.exposures)
     entry = results.read(kept).summary[METHOD]
-    assert entry["n_left_out"] == sum(points.n_left_out for points in carried.values())
+    assert entry["n_left_out"] == sum(points.n_left_out for points in transferred.values())
 
 
 def test_a_block_measured_in_synthetic_images_is_taken_as_it_is(flight, tmp_path):
     plain = replace(flight, synthetic=replace(flight.synthetic, measured_in="synthetic"))
-    assert plain.carried == ()
+    assert plain.transferred == ()
     assert mounted_block(plain, "calibration", results.read(tmp_path)) is flight.calibration
 
 
-def test_without_carried_points_the_stage_to_run_is_named(flight, tmp_path):
+def test_without_transferred_points_the_stage_to_run_is_named(flight, tmp_path):
     with pytest.raises(FlightError, match=r"no results of synthetic/points; run stage synthetic"):
         mounted_block(flight, "calibration", results.read(tmp_path))
 

@@ -60,8 +60,10 @@ def synthetic_by_hand(flight, results):
     ways = {"rotations": turned, "six": six}
     refinement = synthetic.gathered(oriented, ties, ways, shifted)
     camera, refined = flight.synthetic_camera, refinement.orientation
-    carried = {name: transfer(flight.block(name), refined, camera) for name in flight.carried}
-    synthetic.write(flight, results, refinement, carried)
+    transferred = {
+        name: transfer(flight.block(name), refined, camera) for name in flight.transferred
+    }
+    synthetic.write(flight, results, refinement, transferred)
 
 
 def mounting_by_hand(flight, results):

@@ -100,7 +100,7 @@ def test_a_flight_measured_in_heads_goes_on_with_its_synthetic_camera(flown, gon
     residuals = folder.rows(found, "residuals", "mounting/single_step")
     of_points = residuals[residuals["kind"] == "image_point"]
     assert set(of_points["image_or_exposure"]) <= set(calibrated.block.images.names)
-    assert of_points["sigma"].nunique() > 100  # carried, each by the map where it lies
+    assert of_points["sigma"].nunique() > 100  # transferred, each by the map where it lies
 
 
 def test_what_errors_of_the_heads_add_stands_beside_the_single_step(gone_through):

@@ -320,8 +320,10 @@ def test_far_from_saturation_grey_values_are_divided_by_the_response():
     assert_allclose(render(plan, [levels]), levels / 1.2, atol=0.5001)
 
 
-def test_beyond_its_reach_a_response_is_that_of_the_limit():
-    limited = Response(coefficients=np.array([[[0.0, 0.0, 1.0]]]), reach=np.array([[0.2, 0.5]]))
+def test_beyond_its_valid_range_a_response_is_that_of_the_limit():
+    limited = Response(
+        coefficients=np.array([[[0.0, 0.0, 1.0]]]), valid_range=np.array([[0.2, 0.5]])
+    )
     plan = replace(identity(161, 161), response=limited)
     out = render(plan, [np.full((161, 161, 1), 20000, np.uint16)])[..., 0]
     assert_allclose(out[80, 80], 20000 * np.exp(-0.04), atol=1)

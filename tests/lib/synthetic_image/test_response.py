@@ -208,7 +208,7 @@ def test_beyond_the_samples_a_response_goes_on_as_it_was_for_all_bands():
         dark=nothing,
     )
     response = fit_response([samples], n_heads=2, n_bands=3).response
-    assert_allclose(response.reach, [[0.1, 0.6], [0.1, 0.6]], atol=0.01)
+    assert_allclose(response.valid_range, [[0.1, 0.6], [0.1, 0.6]], atol=0.01)
     camera = ORIENTATION.heads[0]
     corner, middle = np.array([[-0.5, -0.5]]), np.array([[4491.5, 3365.5]])
     inner = middle + np.sqrt(0.6) * (corner - middle)
@@ -220,7 +220,7 @@ def test_beyond_the_samples_a_response_goes_on_as_it_was_for_all_bands():
 
 
 def test_where_overlaps_reach_the_corners_nothing_is_limited(fit):
-    assert not np.isfinite(fit.response.reach[:, 1]).any()
+    assert not np.isfinite(fit.response.valid_range[:, 1]).any()
 
 
 def test_dark_samples_are_left_out_and_counted(images):

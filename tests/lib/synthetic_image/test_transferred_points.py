@@ -39,28 +39,28 @@ def seen():
 
 
 @pytest.fixture(scope="module")
-def carried(measured, seen):
+def transferred(measured, seen):
     return transfer(measured, in_heads.true_orientation(), seen.cameras[0])
 
 
-def test_carried_points_are_where_an_ideal_camera_sees_them(measured, seen, carried):
+def test_transferred_points_are_where_an_ideal_camera_sees_them(measured, seen, transferred):
     points = seen.image_points
     where = {
         (int(seen.images.exposure_idx[i]), int(j)): colrow
         for i, j, colrow in zip(points.image_idx, points.point_idx, points.colrow, strict=True)
     }
-    keys = zip(carried.exposure_idx.tolist(), carried.point_idx.tolist(), strict=True)
+    keys = zip(transferred.exposure_idx.tolist(), transferred.point_idx.tolist(), strict=True)
     both = [(i, where[key]) for i, key in enumerate(keys) if key in where]
     assert len(both) > 0.8 * len(points)
     rows, colrow = zip(*both, strict=True)
     # measurements are rounded to a millionth of a pixel
-    assert_allclose(carried.colrow[list(rows)], np.array(colrow), atol=3e-6)
-    assert carried.n_left_out > 0  # the heads see more than the frame
-    assert inside(seen.cameras[0], carried.colrow).all()
+    assert_allclose(transferred.colrow[list(rows)], np.array(colrow), atol=3e-6)
+    assert transferred.n_left_out > 0  # the heads see more than the frame
+    assert inside(seen.cameras[0], transferred.colrow).all()
 
 
-def test_a_single_step_on_carried_points_finds_the_ideal_camera(measured, seen, carried):
-    block = synthetic_block(measured, carried, seen.cameras[0])
+def test_a_single_step_on_transferred_points_finds_the_ideal_camera(measured, seen, transferred):
+    block = synthetic_block(measured, transferred, seen.cameras[0])
     free = ("f", "xp", "yp", "k1", "k2", "k3", "p1", "p2")
     found = single_step(block, free=free).calibration
     true = in_heads.one_centre_plan().cameras["SYN"]
@@ -244,10 +244,10 @@ def synthetic():
 
 
 def calibrated(measured, orientation, synthetic):
-    """Return the carried points and the bundle of the synthetic camera."""
-    carried = transfer(measured, orientation, synthetic)
-    block = synthetic_block(measured, carried, synthetic)
-    return carried, adjust(mounted_orientation(block, free=FREE))
+    """Return the transferred points and the bundle of the synthetic camera."""
+    transferred = transfer(measured, orientation, synthetic)
+    block = synthetic_block(measured, transferred, synthetic)
+    return transferred, adjust(mounted_orientation(block, free=FREE))
 
 
 def reported(bundle):
@@ -261,8 +261,8 @@ def test_heads_that_are_off_move_the_parameters_as_their_covariance_says(
     """Of one direction in which all heads are off, the covariance is the square of the change."""
     off = SIZES * np.random.default_rng(seed).normal(size=len(SIZES))
     right = replace(in_heads.true_orientation(), cov_joint=np.outer(off, off))
-    carried, bundle = calibrated(head_errors_measured, right, synthetic)
-    cov = parameter_covariance(bundle, head_errors_measured, carried, right)
+    transferred, bundle = calibrated(head_errors_measured, right, synthetic)
+    cov = parameter_covariance(bundle, head_errors_measured, transferred, right)
     wrong = right
     for i in np.flatnonzero(off):
         wrong = varied(wrong, int(i), float(off[i]))
@@ -274,21 +274,21 @@ def test_heads_that_are_off_move_the_parameters_as_their_covariance_says(
 
 def test_heads_without_errors_add_nothing(head_errors_measured, synthetic):
     right = in_heads.true_orientation()
-    carried, bundle = calibrated(head_errors_measured, right, synthetic)
-    assert not parameter_covariance(bundle, head_errors_measured, carried, right).any()
+    transferred, bundle = calibrated(head_errors_measured, right, synthetic)
+    assert not parameter_covariance(bundle, head_errors_measured, transferred, right).any()
 
 
 def test_independent_errors_add_their_squares(head_errors_measured, synthetic):
     right = in_heads.true_orientation()
-    carried, bundle = calibrated(head_errors_measured, right, synthetic)
+    transferred, bundle = calibrated(head_errors_measured, right, synthetic)
     parts = []
     for i in (0, 3, 10, 24, 40):
         one = np.zeros(len(SIZES))
         one[i] = SIZES[i] ** 2
         heads = replace(right, cov_joint=np.diag(one))
-        parts.append(parameter_covariance(bundle, head_errors_measured, carried, heads))
+        parts.append(parameter_covariance(bundle, head_errors_measured, transferred, heads))
     every = np.zeros(len(SIZES))
     every[[0, 3, 10, 24, 40]] = SIZES[[0, 3, 10, 24, 40]] ** 2
     together = replace(right, cov_joint=np.diag(every))
-    found = parameter_covariance(bundle, head_errors_measured, carried, together)
+    found = parameter_covariance(bundle, head_errors_measured, transferred, together)
     assert_allclose(found, np.sum(parts, axis=0), rtol=1e-6, atol=1e-12 * np.abs(found).max())

@@ -30,7 +30,7 @@ LENS = ("xp", "yp", "k1", "k2", "k3", "p1", "p2")
 def one_centre_plan():
     """Return a plan whose heads look from one place, and a distortion-free camera beside them.
 
-    Its frame is the body's. What the heads see, carried into the synthetic image, is what this
+    Its frame is the body's. What the heads see, transferred into the synthetic image, is what this
     camera sees: the simulator projects into it without any head.
     """
     plan = acx4_plan()

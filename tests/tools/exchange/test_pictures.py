@@ -396,7 +396,7 @@ def test_every_second_exposure_of_heads_is_held_out(tmp_path):
         "calibration": ("IMG_0000", "IMG_0002"),
         "validation": ("IMG_0001", "IMG_0003"),
     }
-    assert flight.carried == ("calibration", "validation")
+    assert flight.transferred == ("calibration", "validation")
     assert all(path.is_file() for files in flight.image_files.values() for path in files)
     assert flight.fix == ("lever_arm",)
     assert flight.estimate_mounting == ()
@@ -407,7 +407,7 @@ def test_heads_are_calibrated_together_where_there_are_exposures_to_do_so(tmp_pa
     flight_folder.write(read_folder(flown(tmp_path / "p")), tmp_path / "flight")
     flight = read_unmeasured(tmp_path / "flight").flight
     assert set(flight.blocks) == {"heads", "calibration"}
-    assert flight.carried == ("calibration",)
+    assert flight.transferred == ("calibration",)
     assert flight.fix == ("lever_arm",)
     alone = read_folder(flown(tmp_path / "one", n=1))
     assert {name.partition("/")[0] for name in alone.pictures} == {"heads"}

@@ -6,11 +6,11 @@ from acx4tools.measuring.measure import read_unmeasured
 from acx4tools.measuring.targets import (
     Candidate,
     Measured,
-    carried,
     discs,
     elected,
     find_surveyed,
     find_targets,
+    places_in_other_views,
 )
 from support.pictures import measured
 
@@ -129,7 +129,7 @@ def test_a_tie_point_is_found_again_between_the_pixels(whole):
         own = rays[rays.point == point]
         others = [matched.views[v] for v in own.view[1:]]
         view = matched.views[own.view[0]]
-        which, places, sigma = carried(view, others, matched.surface, own.colrow[0])
+        which, places, sigma = places_in_other_views(view, others, matched.surface, own.colrow[0])
         off += list(np.hypot(*(places - own.colrow[1:][which]).T))
         assert np.all(sigma > 0)
     assert len(off) > 80

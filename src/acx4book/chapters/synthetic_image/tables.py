@@ -94,10 +94,12 @@ def printed_heads(flight: Flight) -> dict[str, RelativeOrientation]:
 # --- points transferred from the heads -------------------------------------------------------
 
 
-def carried(flight: Flight, carried: Mapping[str, TransferredPoints]) -> pd.DataFrame:
+def transferred_points(
+    flight: Flight, transferred: Mapping[str, TransferredPoints]
+) -> pd.DataFrame:
     """Count the points measured in heads and transferred from them, a row for each block."""
     rows = {}
-    for name, points in carried.items():
+    for name, points in transferred.items():
         sigma = np.median(points.sigma_px, axis=0) if len(points) else np.full(2, np.nan)
         measured = len(flight.block(name).image_points)
         rows[name] = [

@@ -251,13 +251,13 @@ def test_tables_of_what_a_flight_does_not_have_are_empty(flight, refinement):
     )
     assert len(tables.ways(without, flight.synthetic_camera)) == 0
     assert tables.turns(without).xs("value", axis=1, level=1).eq(0).all(axis=None)
-    assert len(tables.carried(flight, {})) == 0
+    assert len(tables.transferred_points(flight, {})) == 0
 
 
 def test_carried_points_are_counted_by_block(tmp_path):
     small = flights.read(in_heads.write(tmp_path))
     points = transfer(small.calibration, flights_pictured.orientation(), small.synthetic_camera)
-    row = tables.carried(small, {"calibration": points}).loc["calibration"]
+    row = tables.transferred_points(small, {"calibration": points}).loc["calibration"]
     assert row["Measured in heads"] == len(small.calibration.image_points)
     assert row["Transferred"] + row["outside the frame"] == row["Points of exposures"]
 
