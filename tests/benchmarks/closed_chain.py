@@ -2,9 +2,9 @@
 
 Every flight of the design `acx4` is measured in its heads. Once its measurements are transferred
 into the synthetic image and adjusted in a single step; once the same measurements are adjusted as
-a rig of four heads. Both are validated on the same check points. Exact flights beside them sweep the
-focal length of head 1, and 64 flights are flown with noise and without. The results replace those
-in data/benchmarks when all are there. Needs PYTHONPATH=tests.
+a rig of four heads. Both are validated on the same check points. Exact flights beside them sweep
+the focal length of head 1, and 64 flights are flown with noise and without. The results replace
+those in data/benchmarks when all are there. Needs PYTHONPATH=tests.
 """
 
 from __future__ import annotations

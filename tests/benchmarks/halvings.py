@@ -11,7 +11,7 @@ import numpy as np
 import acx4lib as acx
 from acx4book.reference import four_heads
 from acx4lib.bundle.rejections import without
-from acx4lib.calibration.determination import difference
+from acx4lib.calibration.estimates import difference
 from acx4lib.calibration.heads import declared_orientation
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight.block import select_images

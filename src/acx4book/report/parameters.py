@@ -23,8 +23,7 @@ from acx4book.typesetting.myst import (
     with_unit,
 )
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib.calibration.determination import GroupTest, group_tests, undistorted
-from acx4lib.calibration.estimates import METHODS
+from acx4lib.calibration.estimates import METHODS, GroupTest, group_tests, undistorted
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, xy_from_colrow
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES, MOUNT, REPORTED

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy
 
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
@@ -214,7 +214,7 @@ def reported_covariance(bundle: Bundle) -> Array:
 def jacobian(bundle: Bundle) -> Array:
     """Return d(parameters of `reported_covariance`) / d(first columns of the bundle), (n, n)."""
     scale = [unknown.scale for unknown in _unknowns(bundle)]
-    return block_diag(to_reported(from_bundle(bundle)), np.diag(scale))
+    return scipy.linalg.block_diag(to_reported(from_bundle(bundle)), np.diag(scale))
 
 
 def is_determined(bundle: Bundle, cov: Array | None = None) -> Mask:

@@ -9,8 +9,8 @@ from scipy import stats
 
 from acx4lib.bundle.unknowns import layout
 from acx4lib.calibration.confirmation import ALPHA, confirmations
-from acx4lib.calibration.determination import GROUPS, group_tests, nested_f_ratio
-from acx4lib.calibration.estimates import Calibration, parameters
+from acx4lib.calibration.determination import nested_f_ratio
+from acx4lib.calibration.estimates import GROUPS, Calibration, group_tests, parameters
 from acx4lib.calibration.mounting import single_step
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk

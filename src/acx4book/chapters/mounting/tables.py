@@ -26,14 +26,13 @@ from acx4lib.calibration.determination import (
     CARRIED,
     Absorption,
     Detectable,
-    GroupTest,
     Pair,
     Part,
     effective_heights,
     strong_correlations,
     weakest_combination,
 )
-from acx4lib.calibration.estimates import parameters
+from acx4lib.calibration.estimates import GroupTest, parameters
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.expected import Array
 from acx4lib.flight.design import flying_heights

@@ -15,12 +15,11 @@ from acx4lib.calibration import mounting
 from acx4lib.calibration.determination import (
     absorption,
     detectable,
-    group_tests,
     nested_f_ratio,
     parameter_correlations,
     strong_correlations,
-    undistorted,
 )
+from acx4lib.calibration.estimates import group_tests, undistorted
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight import design
 from support import blocks
