@@ -304,7 +304,7 @@ def _start(name: str, parameters: str) -> str:
         call = call.replace("\n", "\n    ")
         call = f'if results_path == "{results}":  # others are there, or a mistake\n    {call}'
     return (
-        "from acx4book.notebooks import functions as alone\n\n"
+        "from acx4book.notebooks import runner as alone\n\n"
         "# simulates the flight and runs the stages before this one, where they are not there\n"
         f"{call}"
     )

@@ -14,7 +14,6 @@ from typing import Protocol
 import numpy as np
 import scipy
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
-from scipy import linalg
 
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
@@ -310,27 +309,31 @@ class Banded:
         m = len(system.D)
         self.scale = 1 / np.sqrt(np.where(system.diagonal > 0, system.diagonal, 1.0))
         _scale(system.P, self.scale[m:])
-        self.band = linalg.cholesky_banded(
+        self.band = scipy.linalg.cholesky_banded(
             system.P.T, lower=True, overwrite_ab=True, check_finite=False
         )
         self.Y = self._through_band(system.C.T * self.scale[m:, None] * self.scale[:m])
         corner = system.D * self.scale[:m, None] * self.scale[:m] - self.Y.T @ self.Y
-        self.corner = linalg.cholesky(corner, lower=True) if m else np.zeros((0, 0))
+        self.corner = scipy.linalg.cholesky(corner, lower=True) if m else np.zeros((0, 0))
         pivots = np.concatenate([self.band[0], np.diagonal(self.corner)])
         if not np.min(pivots) ** 2 > SINGULAR:  # nor where one is not a number
-            raise linalg.LinAlgError("singular to working precision")
+            raise scipy.linalg.LinAlgError("singular to working precision")
 
     def _through_band(self, g: Array, *, transposed: bool = False) -> Array:
         """Return L^-1 g or L^-T g of the band's factor L, for g of shape (n,) or (n, k)."""
         if not g.size:
             return g
-        solved, _ = linalg.lapack.dtbtrs(self.band, g, uplo="L", trans="T" if transposed else "N")
+        solved, _ = scipy.linalg.lapack.dtbtrs(
+            self.band, g, uplo="L", trans="T" if transposed else "N"
+        )
         return np.asarray(solved.reshape(g.shape))
 
     def _solve_scaled(self, g: Array) -> Array:
         m = len(self.corner)
         poses = self._through_band(g[m:])
-        border = linalg.cho_solve((self.corner, True), g[:m] - self.Y.T @ poses) if m else g[:0]
+        border = (
+            scipy.linalg.cho_solve((self.corner, True), g[:m] - self.Y.T @ poses) if m else g[:0]
+        )
         return np.concatenate(
             [border, self._through_band(poses - self.Y @ border, transposed=True)]
         )
@@ -344,7 +347,7 @@ class Banded:
         """Return border and band of the inverse."""
         m = len(self.corner)
         border, poses = self.scale[:m], self.scale[m:]
-        D = linalg.cho_solve((self.corner, True), np.eye(m)) if m else np.zeros((0, 0))
+        D = scipy.linalg.cho_solve((self.corner, True), np.eye(m)) if m else np.zeros((0, 0))
         X = self._through_band(self.Y, transposed=True) * poses[:, None]
         D = border[:, None] * D * border
         X = X / border
@@ -361,14 +364,14 @@ class Banded:
             largest_of_inverse, weakest = eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
             largest = eigsh(itself, k=1, which="LA", v0=start, tol=1e-6, return_eigenvectors=False)
         except scipy.sparse.linalg.ArpackError as error:
-            raise linalg.LinAlgError(str(error)) from error
+            raise scipy.linalg.LinAlgError(str(error)) from error
         return float(largest[0] * largest_of_inverse[0]), weakest[:, 0]
 
     def _times_scaled(self, x: Array) -> Array:
         m, depth = len(self.corner), len(self.band) - 1
-        poses = linalg.blas.dtbmv(depth, self.band, x[m:], lower=1, trans=1) + self.Y @ x[:m]
+        poses = scipy.linalg.blas.dtbmv(depth, self.band, x[m:], lower=1, trans=1) + self.Y @ x[:m]
         border = self.corner @ (self.corner.T @ x[:m]) + self.Y.T @ poses
-        poses = linalg.blas.dtbmv(depth, self.band, poses, lower=1)
+        poses = scipy.linalg.blas.dtbmv(depth, self.band, poses, lower=1)
         return np.concatenate([border, poses])
 
 
@@ -403,9 +406,9 @@ def _selected_inverse(factor: Array, scale: Array, X: Array, D: Array) -> Array:
         stop = min(start + size, n)
         here, ahead = slice(start, stop), slice(stop, min(stop + size, n))
         L_00, L_10 = _factor_block(factor, here, ahead)
-        G = linalg.blas.dtrsm(1.0, L_00, L_10, side=1, lower=1).T if L_10.size else L_10.T
+        G = scipy.linalg.blas.dtrsm(1.0, L_00, L_10, side=1, lower=1).T if L_10.size else L_10.T
         Z_01 = -G @ Z_11
-        lower, _ = linalg.lapack.dpotri(L_00, lower=1)
+        lower, _ = scipy.linalg.lapack.dpotri(L_00, lower=1)
         Z_11 = np.where(np.tri(len(lower), dtype=bool), lower, lower.T) - Z_01 @ G.T
         rows = np.zeros((stop - start, stop - start + size))
         used = slice(start, ahead.stop)

@@ -16,7 +16,7 @@ from acx4lib.expected import Raster
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 from acx4lib.production.image_files import ImageFile, image_from_file
-from acx4lib.synthetic_image.frame import forget
+from acx4lib.synthetic_image.head_map import forget
 
 MAKE_FILES = (
     "give heads/images.csv a column 'file' with the TIFF of every head's image, relative to heads/"

@@ -25,7 +25,7 @@ from acx4lib.synthetic_image.compiled import (
     resample_cells,
     room,
 )
-from acx4lib.synthetic_image.frame import HeadMap, fitting_step, head_map, levelled, window_map
+from acx4lib.synthetic_image.head_map import HeadMap, fitting_step, head_map, levelled, window_map
 from acx4lib.synthetic_image.response import Response
 
 Interpolation = Literal["bilinear", "cubic"]
@@ -106,7 +106,7 @@ def render_plan(
     feather_px, interpolation
         As in `RenderPlan`.
     step_px : int, optional
-        Pixels from node to node of the maps; `frame.fitting_step` by default.
+        Pixels from node to node of the maps; `head_map.fitting_step` by default.
     """
     expected.whole("step_px", 1 if step_px is None else step_px)
     step = step_px or fitting_step(orientation, synthetic)

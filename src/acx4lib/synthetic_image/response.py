@@ -21,7 +21,8 @@ from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.least_squares import processors
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.synthetic_image.compiled import patch_means
-from acx4lib.synthetic_image.frame import footprint, forget, head_from_synthetic
+from acx4lib.synthetic_image.frame import footprint, head_from_synthetic
+from acx4lib.synthetic_image.head_map import forget
 
 # --- Radiometric response of the heads, from their overlaps: gain, and falloff towards the border
 #

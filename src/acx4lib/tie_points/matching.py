@@ -14,15 +14,13 @@ from acx4lib.expected import Array, Index, Mask
 from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy
 from acx4lib.least_squares import processors
 from acx4lib.synthetic_image.frame import (
-    HeadMap,
     coverage,
     footprint,
-    forget,
     head_from_synthetic,
     reduced_camera,
     reduced_heads,
-    window_map,
 )
+from acx4lib.synthetic_image.head_map import HeadMap, forget, window_map
 from acx4lib.tie_points.compiled import mean_of_bands, sample_between_nodes, weakest_gradients
 from acx4lib.tie_points.least_squares_matching import REACH, correlate, match, spline_coefficients
 

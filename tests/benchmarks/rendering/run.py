@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from acx4lib.synthetic_image.frame import between_nodes
+from acx4lib.synthetic_image.head_map import between_nodes
 from acx4lib.synthetic_image.rendering import RenderPlan, render_rows
 from acx4lib.synthetic_image.response import Response
 from benchmarks.harness import clocked, memory_mb, report

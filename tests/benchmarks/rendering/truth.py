@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from acx4lib.geometry.camera import inside, xy_from_colrow
-from acx4lib.synthetic_image.frame import between_nodes, head_from_synthetic
+from acx4lib.synthetic_image.frame import head_from_synthetic
+from acx4lib.synthetic_image.head_map import between_nodes
 from acx4lib.synthetic_image.rendering import render_rows
 from acx4lib.synthetic_image.response import Response, ResponseFit, estimate_response
 from benchmarks.harness import report

@@ -8,7 +8,7 @@ import tifffile
 from acx4lib import flight as flights
 from acx4lib.errors import FlightError
 from acx4lib.production.head_images import flight_files, head_files, read_heads
-from acx4lib.synthetic_image.frame import mapped_file
+from acx4lib.synthetic_image.head_map import mapped_file
 from support.flights import pictured
 
 CAMERAS = pictured.orientation().heads

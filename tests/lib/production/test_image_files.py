@@ -14,7 +14,7 @@ import tifffile
 from acx4lib.errors import FlightError
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.production.image_files import fingerprint, image_from_file
-from acx4lib.synthetic_image.frame import mapped_file
+from acx4lib.synthetic_image.head_map import mapped_file
 
 CAMERA = Camera(name="CAM1", width_px=120, height_px=90, pixel_mm=0.006, interior=Interior(f=74.0))
 GOOD = "uncompressed"

@@ -25,23 +25,25 @@ from acx4lib.geometry.collinearity import pinhole
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
 from acx4lib.synthetic_image import frame
 from acx4lib.synthetic_image.frame import (
-    TOLERANCE,
     TYPICAL_BASES_M,
-    HeadMap,
     bases,
-    between_nodes,
     coverage,
-    fitting_step,
     flight_parallax,
     footprint,
     head_from_synthetic,
-    head_map,
-    levelled,
     parallax,
     reduced_camera,
     reduced_heads,
     synthetic_from_head,
     synthetic_from_head_jacobian,
+)
+from acx4lib.synthetic_image.head_map import (
+    TOLERANCE,
+    HeadMap,
+    between_nodes,
+    fitting_step,
+    head_map,
+    levelled,
     window_map,
 )
 from support import blocks

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from acx4lib.synthetic_image.compiled import SHOULDER
-from acx4lib.synthetic_image.frame import HeadMap, reduced_camera, reduced_heads
+from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads
+from acx4lib.synthetic_image.head_map import HeadMap
 from acx4lib.synthetic_image.rendering import (
     RenderPlan,
     render,

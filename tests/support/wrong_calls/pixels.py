@@ -10,7 +10,7 @@ from acx4book.chapters.image_quality import deviations
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight import block
 from acx4lib.production import exposure, tiff
-from acx4lib.synthetic_image import frame, rendering, response, transferred_points
+from acx4lib.synthetic_image import frame, head_map, rendering, response, transferred_points
 from acx4lib.tie_points import least_squares_matching, matching, refinement, search
 from acx4lib.tie_points import ties as tie_points
 from support.pictures import taken
@@ -112,7 +112,7 @@ def pixels() -> list[Wrong]:
             lambda: rendering.render_plan(small, synthetic, interpolation="lanczos"),
             "interpolation",
         ),
-        Wrong(lambda: frame.head_map(small, 0, synthetic, step_px=0), count("step_px", 0)),
+        Wrong(lambda: head_map.head_map(small, 0, synthetic, step_px=0), count("step_px", 0)),
         Wrong(
             lambda: rendering.render(rendering.render_plan(small, synthetic), pictures[:2]),
             "2 images for 4 heads",

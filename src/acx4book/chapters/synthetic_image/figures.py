@@ -41,8 +41,8 @@ from acx4lib.synthetic_image.frame import (
     reduced_camera,
     reduced_heads,
     synthetic_from_head,
-    window_map,
 )
+from acx4lib.synthetic_image.head_map import window_map
 from acx4lib.synthetic_image.rendering import FEATHER_PX, RenderPlan, render
 from acx4lib.synthetic_image.response import OverlapResponse, ResponseFit
 from acx4lib.tie_points.ties import Overlap
