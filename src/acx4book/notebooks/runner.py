@@ -82,7 +82,7 @@ class RunOutcome:
         methods, on parameters of `order.DECISIVE` methods that the data do not determine, and on
         the error that stopped a stage that is an end.
     notes : tuple of str
-        Other remarks of the stages on the data.
+        Remarks on the flight's files, and of the stages on the data.
     left_out : tuple of str
         Methods that were left out, with the reasons.
     """
@@ -155,6 +155,7 @@ def run(
             name for stage in {"flight"} - steps.keys() for name in provenance.beside(stage)
         )
         ends = {stage for stage in steps if order.is_end(flight, stage)}
+        remarks = flight.notes
         del flight  # a notebook reads it in its own process
         done, failed = _run_steps(steps, ends, claimed, tell, earlier_results)
     return RunOutcome(
@@ -164,7 +165,7 @@ def run(
         ),
         not_determined=(*wrong(folder, done), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
-        notes=tuple(line for key in NOTED for line in _messages(folder, done, key, done)),
+        notes=(*remarks, *(line for key in NOTED for line in _messages(folder, done, key, done))),
     )
 
 

@@ -5,6 +5,7 @@ import shutil
 import pandas as pd
 import pytest
 
+import acx4lib as acx
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import NotebookError, Notebooks
@@ -238,6 +239,16 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
         assert report.left_out == ("mounting/rig: no",)
         assert report.notes == ("hm",)
         assert report.not_determined == ()
+
+
+def test_a_run_repeats_what_reading_the_flight_remarked(tmp_path, flight_path, notebooks_path):
+    flight = shutil.copytree(flight_path, tmp_path / "flight")
+    (flight / "old").mkdir()
+    (flight / "old" / "images.csv").write_text("image\n")
+    notes = acx.read(flight).notes
+    assert any(note.startswith("old/images.csv is in no block") for note in notes)
+    report = runner.run(flight, tmp_path / "results", stages=[], way=Notebooks(path=notebooks_path))
+    assert report.notes == notes
 
 
 def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):
