@@ -99,6 +99,7 @@ def test_nothing_that_draws_or_runs_notebooks_is_loaded(told):
         "validation: done",
         "heads: skipped, the flight has no block heads",
         "synthetic: skipped, the flight has no block heads",
+        "validation: 1 of 60 images have no measurements: V3-01",
         f"results in {results}",
         "loaded []",
     ]
