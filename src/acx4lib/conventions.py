@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from acx4lib import expected
 from acx4lib.expected import Array, Index, Mask
@@ -745,6 +746,9 @@ ROUNDS = 2, 3
 """How often the sizes of a pattern are estimated, each time after an adjustment without it; where
 the reading is promising, once more."""
 
+SEARCHED_PX = 10.0
+"""Misfit, px, from which the size of a pattern that has a limit is searched."""
+
 LEAST_SURVEYED = 4
 """Number of surveyed points from which they may be moved or scaled."""
 
@@ -761,12 +765,16 @@ class _Pattern:
         Image coordinates, radians, or meters, per unit of each size; one of them is empty.
     units : tuple of float
         By which the sizes are multiplied for the name.
+    limit : float
+        Of a size that is searched from minus to plus this limit where residuals are large, since
+        linear steps do not lead to it; zero where they do.
     """
 
     name: str
     units: tuple[float, ...]
     by_image: Array | None = None
     by_point: Array | None = None
+    limit: float = 0.0
 
 
 def _numbered_readings(
@@ -784,18 +792,47 @@ def _fitted(
     pattern: _Pattern, seen: Sightings, T_m_b: Pose, given: Mounted
 ) -> tuple[Reading, Mounted]:
     """Return the reading with a pattern removed, and its fitted cameras."""
-    total, undone, fit = np.zeros(len(pattern.units)), seen, given
+    total, undone, fit = _start(pattern, seen, T_m_b, given)
     usual, most = ROUNDS
     for done in range(most):
         if done >= usual and fit.misfit * FITTED > given.misfit:
             break
-        total = total + _pattern_sizes(undone, T_m_b, fit, _in_residuals(pattern, seen, T_m_b, fit))
-        undone = _without(pattern, seen, total)
-        fit = mounted(undone, T_m_b)
+        by_size = _in_residuals(pattern, seen, T_m_b, fit)
+        sizes = total + _pattern_sizes(undone, T_m_b, fit, by_size)
+        without, adjusted = _fitted_without(pattern, seen, T_m_b, sizes)
+        if pattern.limit and adjusted.misfit > fit.misfit:
+            break
+        total, undone, fit = sizes, without, adjusted
     shown = (unit * size for unit, size in zip(pattern.units, total, strict=True))
     quantity = "image" if pattern.by_point is None else "position"
     name = pattern.name.format(*shown)
     return Reading(name=name, quantity=quantity, seen=undone, T_m_b=T_m_b), fit
+
+
+def _start(
+    pattern: _Pattern, seen: Sightings, T_m_b: Pose, given: Mounted
+) -> tuple[Array, Sightings, Mounted]:
+    """Return the sizes to begin with, the sightings without them, and their fitted cameras."""
+    camera, zero = seen.cameras[0], np.zeros(len(pattern.units))
+    if not pattern.limit or given.misfit < SEARCHED_PX * camera.pixel_mm / camera.interior.f:
+        return zero, seen, given
+    best = scipy.optimize.minimize_scalar(
+        lambda size: _fitted_without(pattern, seen, T_m_b, np.array([size]))[1].misfit,
+        bounds=(-pattern.limit, pattern.limit),
+        method="bounded",
+        options={"xatol": 0.005},
+    )
+    sizes = np.array([best.x])
+    undone, fit = _fitted_without(pattern, seen, T_m_b, sizes)
+    return (sizes, undone, fit) if fit.misfit < given.misfit else (zero, seen, given)
+
+
+def _fitted_without(
+    pattern: _Pattern, seen: Sightings, T_m_b: Pose, sizes: Array
+) -> tuple[Sightings, Mounted]:
+    """Return the sightings without a pattern of these sizes, and their fitted cameras."""
+    undone = _without(pattern, seen, sizes)
+    return undone, mounted(undone, T_m_b)
 
 
 def _in_residuals(pattern: _Pattern, seen: Sightings, T_m_b: Pose, fit: Mounted) -> Array:
@@ -855,9 +892,10 @@ def _mounted_of_images(
         xy[of_camera] = xy_from_colrow(camera, seen.colrow[of_camera]) / camera.interior.f
         height[of_camera] = camera.height_px
     yield _Pattern(
-        name="image coordinates scaled by {:+.1f} %, as by another focal_mm or pixel_um,",
+        name="image coordinates scaled by about {:+.0f} %, as by another focal_mm or pixel_um,",
         units=(100.0,),
         by_image=xy[:, :, None],
+        limit=0.5,
     )
     wider = np.zeros((len(seen), 2, 1))
     wider[:, 0, 0] = xy[:, 0]

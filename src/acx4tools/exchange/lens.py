@@ -805,6 +805,7 @@ OPENSFM = {
     "fisheye": _formula("> k1 k2"),
     "fisheye_opencv": _formula("> k1 k2 k3 k4"),
     "fisheye62": _formula("> k1 k2 k3 k4 k5 k6 p1=u p2=v"),
+    "fisheye624": _formula("> k1 k2 k3 k4 k5 k6 p1=u p2=v s0 s1 s2 s3"),
     "dual": _formula("k1 k2 transition", _dual),
 }
 """By `projection_type`: https://opensfm.org/docs/geometry.html."""

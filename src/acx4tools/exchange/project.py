@@ -337,7 +337,8 @@ def reading(project: Callable[..., Project], **orientations: str) -> Callable[..
     project : callable
         From a source and options to a project.
     **orientations : str
-        ``orientations``, where `project` has no such option: its value by default.
+        ``orientations``, the value by default of this option, where `project` lacks it. If it is
+        not given either, the reader does not have the option.
 
     Returns
     -------

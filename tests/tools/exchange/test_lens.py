@@ -110,6 +110,21 @@ def test_fisheyes_are_opencv_s_with_more_terms(formula, more):
     assert_allclose(seen.colrow(IDEAL), by_opencv(IDEAL, k, fisheye=True), atol=1e-12)
 
 
+def test_a_fisheye624_is_the_sum_of_its_three_parts_at_the_angle():
+    """OpenSfM's order of steps, written out in polar coordinates."""
+    angle, azimuth = np.arctan(np.hypot(*IDEAL.T)), np.arctan2(*IDEAL.T[::-1])
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    radial = angle + sum(0.01 * i * angle ** (2 * i + 1) for i in range(1, 7))
+    across = angle**2 * (2e-3 * 2 * s * c + 3e-3 * (1 + 2 * c * c)) + 4e-3 * angle**2
+    down = angle**2 * (2e-3 * (1 + 2 * s * s) + 3e-3 * 2 * s * c) + 6e-3 * angle**2
+    expected = np.stack(
+        [radial * c + across + 5e-3 * angle**4, radial * s + down + 7e-3 * angle**4], axis=1
+    )
+    values = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3, 7e-3]
+    seen = lens_of(OPENSFM["fisheye624"], values, hole=Pinhole(fx=1.0, fy=1.0, cx=0.0, cy=0.0))
+    assert_allclose(seen.colrow(IDEAL), expected, atol=1e-14)
+
+
 def test_a_dual_lens_is_between_perspective_and_fisheye():
     for weight, kind in ((1.0, "perspective"), (0.0, "fisheye")):
         dual = lens_of(OPENSFM["dual"], [-0.02, 0.01, weight])

@@ -216,7 +216,7 @@ ROWS = [
         "expected a ray for every pixel",
     ),
     ("opensfm", "reconstruction.json", '"brown"', '"spherical"', "has rays in all directions"),
-    ("opensfm", "reconstruction.json", '"brown"', '"fisheye624"', "must be one of perspective"),
+    ("opensfm", "reconstruction.json", '"brown"', '"division"', "must be one of perspective"),
     ("opensfm", "reconstruction.json", '"brown"', "3.5", "projection_type: 3.5; must be text"),
     ("opensfm", "reconstruction.json", '"focal_x": 0.9', '"x": 0.9', "'focal_x' is missing"),
     ("opensfm", "reconstruction.json", '"focal_x": 0.9', '"focal_x": 0', "divided by the longer"),

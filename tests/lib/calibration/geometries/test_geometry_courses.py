@@ -1,4 +1,4 @@
-"""One flying direction, a single strip, and few courses with a compass that deviates."""
+"""A compass that deviates: courses all around tell it, named and estimated; fewer do not."""
 
 from dataclasses import replace
 
@@ -8,130 +8,9 @@ import pytest
 import acx4sim
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
-from acx4lib.calibration.estimates import not_determined, parameters
 from acx4lib.flight import reader
 from acx4lib.results import adjustments
 from support import blocks
-
-# --- one flying direction and no control points: a lever arm is a shift of the whole ground --
-
-
-ONE_WAY = ((1000.0, -150.0, 0.0), (1000.0, 150.0, 0.0), (1500.0, -80.0, 0.0), (1500.0, 80.0, 0.0))
-BOTH_WAYS = tuple((h, y, way) for (h, y, _), way in zip(ONE_WAY, (0.0, 180.0) * 2, strict=True))
-
-
-def calibrated(strips, *, with_control=False):
-    block = blocks.simulate(
-        blocks.fly(strips, per_strip=4),
-        ties=blocks.terrain(40, relief_m=5.0),
-        control=blocks.crosses() if with_control else None,
-    )
-    block = blocks.noisy(block, np.random.default_rng(1))
-    return mounting.single_step(block, free=("f", "xp", "yp")).calibration
-
-
-def named(calibration):
-    return {line.split()[1] for line in not_determined(calibration)}
-
-
-@pytest.fixture(scope="module")
-def one_way():
-    return calibrated(ONE_WAY)
-
-
-def test_the_lever_arm_is_not_determined(one_way):
-    assert named(one_way) == {"lever_x_m", "lever_y_m", "lever_z_m"}
-
-
-def test_no_pair_of_parameters_gives_it_away(one_way):
-    """The twin is the ground, which is no parameter: pairwise correlations stay small."""
-    for line in not_determined(one_way):
-        largest = float(line.split("correlation ")[1].split()[0])
-        assert abs(largest) < 0.9
-
-
-def test_what_would_help_is_named(one_way):
-    for line in not_determined(one_way):
-        if "lever_z" not in line:
-            assert line.endswith("control points or strips flown in opposite directions")
-
-
-def test_opposite_directions_leave_only_the_height_open():
-    assert named(calibrated(BOTH_WAYS)) == {"lever_z_m"}
-
-
-def test_control_points_determine_all_of_it():
-    assert named(calibrated(ONE_WAY, with_control=True)) == set()
-
-
-# --- A single strip: as one height and one direction, and the block may roll about the strip -
-
-
-STRIP = ((1000.0, 0.0, 0.0),)
-THERE_AND_BACK = (*STRIP, (1000.0, 0.0, 180.0))
-FREE = ("f", "xp", "yp")
-
-
-def calibrated_single_strip(strips, *, with_control, fix=(), per_strip=6):
-    """Flat ground: hills would be a second height."""
-    flat = blocks.crosses() * [1, 1, 0] + [0, 0, blocks.GROUND_M]
-    block = blocks.simulate(
-        blocks.fly(strips, per_strip=per_strip),
-        ties=blocks.terrain(40, relief_m=5.0),
-        control=flat if with_control else None,
-    )
-    block = blocks.noisy(block, np.random.default_rng(1))
-    return mounting.single_step(block, free=FREE, fix=fix).calibration
-
-
-def lines(calibration):
-    return {line.split()[1]: line for line in not_determined(calibration)}
-
-
-@pytest.fixture(scope="module")
-def floating():
-    return calibrated_single_strip(STRIP, with_control=False)
-
-
-def test_also_the_boresight_about_the_strip_is_not_determined(floating):
-    """With a mount that hardly turns, omega tilts across the strip: ground and block roll."""
-    assert set(lines(floating)) == {
-        *("f_mm", "xp_mm", "yp_mm"),
-        *("lever_x_m", "lever_y_m", "lever_z_m"),
-        "boresight_omega_deg",
-    }
-
-
-def test_the_cure_of_the_boresight_is_named(floating):
-    line = lines(floating)["boresight_omega_deg"]
-    assert line.endswith("it would need: strips flown in opposite directions, and control points")
-
-
-def test_control_points_or_the_way_back_determine_the_boresight(floating):
-    """Either is enough to come below the limit of 0.1 degrees; both are better than one."""
-    found = [
-        calibrated_single_strip(STRIP, with_control=True),
-        calibrated_single_strip(THERE_AND_BACK, with_control=False),
-        calibrated_single_strip(THERE_AND_BACK, with_control=True),
-    ]
-    sigma = [{p.key: p.sigma for p in parameters(c)}["boresight_x"] for c in [floating, *found]]
-    assert sigma[0] > 0.1
-    assert max(sigma[1:]) < 0.1
-    assert sigma[3] < min(sigma[1:3])
-
-
-def test_one_height_leaves_the_rest_open_whatever_else_there_is():
-    assert {"f_mm", "lever_x_m", "lever_y_m", "lever_z_m"} <= set(
-        lines(calibrated_single_strip(THERE_AND_BACK, with_control=True))
-    )
-
-
-def test_a_held_lever_arm_and_control_points_make_a_strip_enough():
-    assert lines(calibrated_single_strip(STRIP, with_control=True, fix=("lever_arm",))) == {}
-
-
-# --- A compass that deviates: courses all around tell it, named and estimated; fewer do not --
-
 
 COMPASS_DEG = (-0.05, 0.06)
 """As B and C; ten times what a single heading of the simulated flights is off by."""
@@ -221,13 +100,13 @@ def over(*azimuths):
 
 
 def test_on_one_line_the_part_across_it_is_a_boresight():
-    (line,) = not_determined_courses(over(0.0, 180.0))
+    (line,) = not_determined(over(0.0, 180.0))
     assert line.startswith("deviation_cos_deg is not determined")
     assert "strips across the others" in line
-    assert not_determined_courses(over(0.0, 90.0, 180.0, 270.0)) == []
+    assert not_determined(over(0.0, 90.0, 180.0, 270.0)) == []
 
 
-def not_determined_courses(bundle):
+def not_determined(bundle):
     """What is not determined by sigma a priori: the measurements are exact."""
     cov = trajectory_errors.reported_covariance(bundle) / bundle.solution.sigma0_sq
     return trajectory_errors.not_determined(bundle, cov)
