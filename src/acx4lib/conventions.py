@@ -40,7 +40,7 @@ freedom, and the logarithm of a ratio of two has the standard deviation 1 / sqrt
 """
 
 FITTED, FITTED_CERTAIN = 1.5, 2.5
-"""The same for readings with a fitted number, of which there are four and not a hundred."""
+"""The same for readings with a fitted number, of which there are six and not a hundred."""
 
 GROSS = 10.0
 """Ratio of the residuals of the worst images above which a reading of some images is named."""
