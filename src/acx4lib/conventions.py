@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from acx4lib import expected
 from acx4lib.expected import Array, Index, Mask
@@ -816,7 +815,9 @@ def _start(
     camera, zero = seen.cameras[0], np.zeros(len(pattern.units))
     if not pattern.limit or given.misfit < SEARCHED_PX * camera.pixel_mm / camera.interior.f:
         return zero, seen, given
-    best = scipy.optimize.minimize_scalar(
+    from scipy import optimize  # noqa: PLC0415 the check is quick where nothing is wrong
+
+    best = optimize.minimize_scalar(
         lambda size: _fitted_without(pattern, seen, T_m_b, np.array([size]))[1].misfit,
         bounds=(-pattern.limit, pattern.limit),
         method="bounded",

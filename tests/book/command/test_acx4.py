@@ -221,6 +221,7 @@ def test_a_run_says_one_line_per_stage(acx4, flight, tmp_path, notebooks):
         "validation: done",
         "heads: skipped, the flight has no block heads",
         "synthetic: skipped, the flight has no block heads",
+        "validation: 1 of 60 images have no measurements: V3-01",
         f"results in {folder}",
     ]
     assert {path.name for path in folder.iterdir()} == {*LEFT, "notebooks"}
