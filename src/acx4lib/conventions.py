@@ -742,8 +742,8 @@ def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
 
 
 ROUNDS = 2, 3
-"""How often the sizes of a pattern are estimated, each time after an adjustment without it; where
-the reading is promising, once more."""
+"""How often the sizes of a pattern are estimated, each time after an adjustment without it, and
+how often where the reading is promising."""
 
 SEARCHED_PX = 10.0
 """Misfit, px, from which the size of a pattern that has a limit is searched."""
@@ -765,7 +765,7 @@ class _Pattern:
     units : tuple of float
         By which the sizes are multiplied for the name.
     limit : float
-        Of a size that is searched from minus to plus this limit where residuals are large, since
+        Where residuals are large, the size is searched between minus and plus this limit, since
         linear steps do not lead to it; zero where they do.
     """
 
@@ -800,7 +800,7 @@ def _fitted(
         sizes = total + _pattern_sizes(undone, T_m_b, fit, by_size)
         without, adjusted = _fitted_without(pattern, seen, T_m_b, sizes)
         if pattern.limit and adjusted.misfit > fit.misfit:
-            break
+            break  # a searched size is not left for a linear step that fits worse
         total, undone, fit = sizes, without, adjusted
     shown = (unit * size for unit, size in zip(pattern.units, total, strict=True))
     quantity = "image" if pattern.by_point is None else "position"
@@ -812,9 +812,9 @@ def _start(
     pattern: _Pattern, seen: Sightings, T_m_b: Pose, given: Mounted
 ) -> tuple[Array, Sightings, Mounted]:
     """Return the sizes to begin with, the sightings without them, and their fitted cameras."""
-    camera, zero = seen.cameras[0], np.zeros(len(pattern.units))
+    camera, unchanged = seen.cameras[0], (np.zeros(len(pattern.units)), seen, given)
     if not pattern.limit or given.misfit < SEARCHED_PX * camera.pixel_mm / camera.interior.f:
-        return zero, seen, given
+        return unchanged
     from scipy import optimize  # noqa: PLC0415 the check is quick where nothing is wrong
 
     best = optimize.minimize_scalar(
@@ -825,7 +825,7 @@ def _start(
     )
     sizes = np.array([best.x])
     undone, fit = _fitted_without(pattern, seen, T_m_b, sizes)
-    return (sizes, undone, fit) if fit.misfit < given.misfit else (zero, seen, given)
+    return (sizes, undone, fit) if fit.misfit < given.misfit else unchanged
 
 
 def _fitted_without(

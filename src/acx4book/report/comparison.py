@@ -552,7 +552,7 @@ def _parts_of_rig(rigidity: Rigidity, table: pd.DataFrame, level: float) -> Iter
 # --- The page of a comparison: one HTML file, by day and by night, without external files
 
 
-ADDED = resources.files("acx4book.report") / "campaigns.css"
+ADDED = resources.files("acx4book.report") / "comparison.css"
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">

@@ -1,4 +1,4 @@
-"""Weakest combination, correlations, joint tests and detectable errors of an adjustment."""
+"""Weakest combination, correlations, nested tests and detectable errors of an adjustment."""
 
 from __future__ import annotations
 
