@@ -139,17 +139,10 @@ def in_synthetic_images(flight: Flight) -> tuple[Mounting, Validation]:
     orientation = find_head_truth.calibrated_heads(flight)
     refined, synthetic = refine(flight, orientation, None).orientation, flight.cameras["SYN"]
 
-    found = single_step(flight, refined)
+    found = find_head_truth.single_step(flight, refined)
     points = transfer(flight.validation, refined, synthetic)
     checked = synthetic_block(flight.validation, points, synthetic)
     return found, validate(checked, found.calibration, method="single_step")
-
-
-def single_step(flight: Flight, heads: RelativeOrientation) -> Mounting:
-    """Return the single step of transferred points, its sigma with the part of the heads."""
-    points = transfer(flight.calibration, heads, flight.cameras["SYN"])
-    step = find_head_truth.single_step(flight, heads)
-    return with_heads(step, flight.calibration, points, heads)
 
 
 def through_heads_of_others(seed: int) -> list[Row]:
@@ -161,7 +154,7 @@ def through_heads_of_others(seed: int) -> list[Row]:
     calibrated = simulated.fly(DESIGN, seed=heads_of, blocks=("heads",)).flight
     orientation = refine(calibrated, find_head_truth.calibrated_heads(calibrated), None).orientation
     flight = simulated.fly(DESIGN, seed=seed, blocks=("heads", "calibration")).flight
-    step = single_step(flight, orientation)
+    step = find_head_truth.single_step(flight, orientation)
     return [{"seed": seed, "heads_of": heads_of} | row for row in of_mounting(step)]
 
 
@@ -178,11 +171,21 @@ def with_noise_and_without(seed: int) -> list[Row]:
         refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
         for flight in (noisy, exact)
     )
-    of_noisy = of_calibration(single_step(noisy, heads).calibration)
+    points = transfer(noisy.calibration, heads, noisy.cameras["SYN"])
+    step = find_head_truth.single_step(noisy, heads)
+    total = parameters(with_heads(step, noisy.calibration, points, heads).calibration)
     of_exact = of_calibration(find_head_truth.single_step(exact, exact_heads).calibration)
     return [
-        {"seed": seed, **row, "exact": true["value"]}
-        for row, true in zip(of_noisy, of_exact, strict=True)
+        {
+            "seed": seed,
+            "camera": p.camera,
+            "parameter": p.name,
+            "value": p.value,
+            "sigma": p.sigma,
+            "sigma_before": p.sigma_before,
+            "exact": true["value"],
+        }
+        for p, true in zip(total, of_exact, strict=True)
     ]
 
 
@@ -196,19 +199,13 @@ def of_mounting(found: Mounting) -> list[Row]:
     """Return every parameter with its sigma, and the variance factor as a parameter."""
     solution = found.bundle.solution
     factor = {"camera": "", "parameter": "sigma0_squared", "value": solution.sigma0_sq}
-    return [*of_calibration(found.calibration), factor | {"sigma": np.nan, "sigma_before": np.nan}]
+    return [*of_calibration(found.calibration), factor | {"sigma": np.nan}]
 
 
 def of_calibration(found: Calibration) -> list[Row]:
-    """Return every parameter with its a posteriori sigma, and the part of it from the heads."""
+    """Return every parameter with its a posteriori sigma."""
     return [
-        {
-            "camera": p.camera,
-            "parameter": p.name,
-            "value": p.value,
-            "sigma": p.sigma,
-            "sigma_before": p.sigma_before,
-        }
+        {"camera": p.camera, "parameter": p.name, "value": p.value, "sigma": p.sigma}
         for p in parameters(found)
     ]
 

@@ -214,7 +214,7 @@ def parameters(calibration: Calibration) -> list[Parameter]:
     """Return every estimated parameter with its a posteriori standard deviation."""
     expected.instance("calibration", calibration, Calibration)
     sigma = sigmas(reported_covariance(calibration))
-    before = np.zeros(calibration.n_columns)
+    before: Array = np.zeros(calibration.n_columns)
     if calibration.cov_before is not None:
         before = sigmas(propagate(to_reported(calibration), calibration.cov_before))
     open_columns = _open_reported(calibration)
