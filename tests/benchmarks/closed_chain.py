@@ -21,25 +21,23 @@ import pandas as pd
 
 from acx4book.chapters.rig import true_head
 from acx4book.paper import printed
-from acx4lib.calibration import mounting, rig
+from acx4lib.calibration import rig
 from acx4lib.calibration.determination import ABSORBING, absorption
 from acx4lib.calibration.estimates import Calibration, parameters
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import Mounting, Mountings
-from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, border_distance, xy_from_colrow
 from acx4lib.geometry.collinearity import project, rays
 from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import accuracy
 from acx4lib.georeferencing.validation import Differences, Validation, validate
-from acx4lib.least_squares.covariance import sigmas
 from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.synthetic_image.transferred_points import (
-    parameter_covariance,
     synthetic_block,
     transfer,
+    with_heads,
 )
 from acx4sim import optics
 from benchmarks import find_head_truth, harness
@@ -141,11 +139,10 @@ def in_synthetic_images(flight: Flight) -> tuple[Mounting, Validation]:
     orientation = find_head_truth.calibrated_heads(flight)
     refined, synthetic = refine(flight, orientation, None).orientation, flight.cameras["SYN"]
 
-    def transferred(block: Block) -> Block:
-        return synthetic_block(block, transfer(block, refined, synthetic), synthetic)
-
-    found = mounting.single_step(transferred(flight.calibration), free=flight.estimate_mounting)
-    return found, validate(transferred(flight.validation), found.calibration, method="single_step")
+    found = find_head_truth.single_step(flight, refined)
+    points = transfer(flight.validation, refined, synthetic)
+    checked = synthetic_block(flight.validation, points, synthetic)
+    return found, validate(checked, found.calibration, method="single_step")
 
 
 def through_heads_of_others(seed: int) -> list[Row]:
@@ -162,7 +159,7 @@ def through_heads_of_others(seed: int) -> list[Row]:
 
 
 def with_noise_and_without(seed: int) -> list[Row]:
-    """Return the single step of a flight with both of its sigma, beside that of exact data.
+    """Return the single step of a flight, beside that of exact data.
 
     The exact data are of the same geometry: the same wind, and the same points in the images.
     """
@@ -174,15 +171,21 @@ def with_noise_and_without(seed: int) -> list[Row]:
         refine(flight, find_head_truth.calibrated_heads(flight), None).orientation
         for flight in (noisy, exact)
     )
-    step = find_head_truth.single_step(noisy, heads)
     points = transfer(noisy.calibration, heads, noisy.cameras["SYN"])
-    of_heads = sigmas(parameter_covariance(step.bundle, noisy.calibration, points, heads))
+    step = find_head_truth.single_step(noisy, heads)
+    total = parameters(with_heads(step, noisy.calibration, points, heads).calibration)
     of_exact = of_calibration(find_head_truth.single_step(exact, exact_heads).calibration)
     return [
-        {"seed": seed, **row, "sigma_of_heads": sigma, "exact": true["value"]}
-        for row, sigma, true in zip(
-            of_calibration(step.calibration), of_heads.tolist(), of_exact, strict=True
-        )
+        {
+            "seed": seed,
+            "camera": p.camera,
+            "parameter": p.name,
+            "value": p.value,
+            "sigma": p.sigma,
+            "sigma_before": p.sigma_before,
+            "exact": true["value"],
+        }
+        for p, true in zip(total, of_exact, strict=True)
     ]
 
 

@@ -43,7 +43,7 @@ def test_differences_at_check_points_are_the_stored_ones(computed):
 def test_a_flight_with_noise_and_without_is_the_stored_one():
     own, kept = pd.DataFrame(closed_chain.with_noise_and_without(1)), stored("noise")
     assert own["parameter"].tolist() == kept["parameter"].tolist()
-    for name in ("value", "exact", "sigma", "sigma_of_heads"):
+    for name in ("value", "exact", "sigma", "sigma_before"):
         assert own[name].to_numpy() == pytest.approx(kept[name].astype(float), rel=1e-4)
 
 

@@ -23,7 +23,6 @@ from acx4lib.calibration.estimates import Calibration
 from acx4lib.calibration.estimates import parameters as parameters_of
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import REPORTED, SHOWN
-from acx4lib.least_squares.covariance import sigmas
 from acx4sim import optics
 
 # --- Flights with a synthetic image and without one, as ``make chain`` left them
@@ -48,17 +47,18 @@ class Study:
     Attributes
     ----------
     parameters : DataFrame
-        seed, way, camera, parameter, value, sigma.
+        seed, way, camera, parameter, value, and sigma as the adjustment gives it by itself.
     points : DataFrame
         seed, way, over (points or pairs), axis, n, rms_m, mean_m, sigma_m.
     classes : DataFrame
         seed, way, and the class of PEC-PCD in plan and in height by scale.
     shared : DataFrame
         Single steps of flights that share the heads of one flight: seed, heads_of (the
-        seed of that one), camera, parameter, value, sigma.
+        seed of that one), camera, parameter, value, sigma by itself.
     noise : DataFrame
-        Single steps of flights with noise, with the sigma that heads add, beside those of exact
-        data of the same geometry: seed, camera, parameter, value, sigma, sigma_of_heads, exact.
+        Single steps of flights with noise beside those of exact data of the same geometry: seed,
+        camera, parameter, value, sigma as a run has it, and of it sigma_before, the part of the
+        heads, exact.
     sweep : DataFrame
         Of exact data: f_1_mm, heads (calibrated or refined), camera, parameter, value, sigma.
     pattern : DataFrame
@@ -113,7 +113,7 @@ def read(folder: str | Path = "") -> Study:
 
 
 def scatter(study: Study, way: str) -> pd.DataFrame:
-    """Return the scatter of estimates over flights, beside their a posteriori sigma.
+    """Return the scatter of estimates over flights, beside the sigma of their adjustment.
 
     Returns
     -------
@@ -210,34 +210,35 @@ def _variance_factors(study: Study, way: str) -> Array:
 
 
 def scatter_with_heads(study: Study) -> pd.DataFrame:
-    """Return the synthetic camera's scatter over a sigma that includes that of its heads.
+    """Return the synthetic camera's scatter over sigma, in flights with noise and without.
 
     Returns
     -------
     DataFrame
-        By parameter: sigma, and that of the heads (root mean squares over flights); the scatter
-        over flights over the root of the sum of both squares: of the flights as they are
-        (``ratio``), of their noise alone (``noise``), which is what they differ by from exact data
-        of the same geometry, and of these exact data (``exact``); the bounds of noise, ``low`` and
-        ``high``, from the chi-square distribution.
+        By parameter: sigma, its part ``alone`` from the single step by itself and ``sigma_before``
+        from the heads (root mean squares over flights); the scatter over flights over sigma: of
+        the flights as they are (``ratio``), of their noise alone (``noise``), which is what they
+        differ by from exact data of the same geometry, and of these exact data (``exact``); the
+        bounds of noise, ``low`` and ``high``, from the chi-square distribution.
     """
     estimates = study.noise.assign(
         noise=study.noise["value"] - study.noise["exact"],
         variance=study.noise["sigma"] ** 2,
-        of_heads=study.noise["sigma_of_heads"] ** 2,
+        before=study.noise["sigma_before"] ** 2,
     )
     grouped = estimates.groupby("parameter", sort=False)
-    mean = grouped[["variance", "of_heads"]].mean()
-    combined_sigma = np.sqrt(mean.sum(axis=1))
+    mean = grouped[["variance", "before"]].mean()
+    sigma = np.sqrt(mean["variance"])
     dof, tail = study.noise["seed"].nunique() - 1, ALPHA / len(mean) / 2
     low, high = np.sqrt(stats.chi2.ppf([tail, 1 - tail], dof) / dof)
     return pd.DataFrame(
         {
-            "sigma": np.sqrt(mean["variance"]),
-            "sigma_of_heads": np.sqrt(mean["of_heads"]),
-            "ratio": grouped["value"].std() / combined_sigma,
-            "noise": grouped["noise"].std() / combined_sigma,
-            "exact": grouped["exact"].std() / combined_sigma,
+            "sigma": sigma,
+            "alone": np.sqrt(mean["variance"] - mean["before"]),
+            "sigma_before": np.sqrt(mean["before"]),
+            "ratio": grouped["value"].std() / sigma,
+            "noise": grouped["noise"].std() / sigma,
+            "exact": grouped["exact"].std() / sigma,
             "low": low,
             "high": high,
         }
@@ -405,7 +406,7 @@ DASHES = dict(zip(HEADS, ("-", "--"), strict=True))
 
 
 def scatter_over_sigma(found: Study) -> Figure:
-    """Draw, for every parameter, the scatter over flights over the stated sigma."""
+    """Draw, for every parameter, the scatter over flights over the sigma of its adjustment."""
     ways = {way: scatter(found, way) for way in (RIG, SYNTHETIC)}
     names = list(dict.fromkeys(ways[SYNTHETIC]["parameter"]))
     with style.applied():
@@ -415,7 +416,7 @@ def scatter_over_sigma(found: Study) -> Figure:
             _draw_ratios(ax, known, names, TINTS[way])
         ax.axhline(1, color=style.INK, lw=0.7)
         ax.set_xticks(range(len(names)), [LABELS[n] for n in names], rotation=40, ha="right")
-        ax.set(ylabel="scatter over stated σ (1)", xlim=(-0.6, len(names) - 0.4))
+        ax.set(ylabel="scatter over σ of the adjustment (1)", xlim=(-0.6, len(names) - 0.4))
         ax.set_ylim(bottom=0)
         style.heading(ax, "What σ promises, and what flights keep", "one: σ is right; bars ±2σ")
         handles = [
@@ -640,29 +641,26 @@ def _accuracy(study: Study) -> pd.DataFrame:
 
 
 def parameters(found: Study) -> pd.DataFrame:
-    """Return the synthetic camera: mean and scatter over flights, and scatter over stated sigma."""
+    """Return the synthetic camera: mean and scatter over flights, and that over its own sigma."""
     spread = scatter(found, SYNTHETIC)
     columns = {
         ("mean and scatter over flights", "value"): spread["mean"],
         ("mean and scatter over flights", "sigma"): spread["scatter"],
-        ("scatter over stated σ", "value"): spread["ratio"],
-        ("scatter over stated σ", "sigma"): spread["sigma_ratio"],
+        ("scatter over σ of the single step", "value"): spread["ratio"],
+        ("scatter over σ of the single step", "sigma"): spread["sigma_ratio"],
     }
     return pd.DataFrame(columns).set_index(_index(spread["parameter"]))
 
 
-def both_sigma(calibration: Calibration, of_heads: Array) -> pd.DataFrame:
-    """Return the stated sigma of a calibration, and that of its heads.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    of_heads : ndarray, shape (n, n)
-        From `transferred_points.parameter_covariance`.
-    """
-    estimates = parameters_of(calibration)
+def both_sigma(alone: Calibration, total: Calibration) -> pd.DataFrame:
+    """Return sigma of a calibration without and with the part of its heads, and this part."""
+    estimates = parameters_of(total)
     table = pd.DataFrame(
-        {"σ stated": [p.sigma for p in estimates], "σ of the heads": sigmas(of_heads)}
+        {
+            "σ of the single step": [p.sigma for p in parameters_of(alone)],
+            "σ of the heads": [p.sigma_before for p in estimates],
+            "σ": [p.sigma for p in estimates],
+        }
     )
     return _formatted(
         table.set_index(_index(p.name for p in estimates)), dict.fromkeys(table, ".2g")
@@ -670,18 +668,19 @@ def both_sigma(calibration: Calibration, of_heads: Array) -> pd.DataFrame:
 
 
 def with_heads(found: Study) -> pd.DataFrame:
-    """Return the two parts of sigma, and the scatter over flights over both together."""
+    """Return sigma and its two parts, and the scatter over flights over sigma."""
     spread = scatter_with_heads(found)
     columns = {
-        "σ stated": spread["sigma"],
-        "σ of the heads": spread["sigma_of_heads"],
-        "scatter over both": spread["ratio"],
+        "σ of the single step": spread["alone"],
+        "σ of the heads": spread["sigma_before"],
+        "σ": spread["sigma"],
+        "scatter over σ": spread["ratio"],
         "of noise alone": spread["noise"],
         "of exact data": spread["exact"],
     }
     table = pd.DataFrame(columns).set_index(_index(spread.index))
     return _formatted(
-        table, dict.fromkeys(list(columns)[:2], ".2g") | dict.fromkeys(list(columns)[2:], ".2f")
+        table, dict.fromkeys(list(columns)[:3], ".2g") | dict.fromkeys(list(columns)[3:], ".2f")
     )
 
 

@@ -196,11 +196,15 @@ def _table_3(results: folder.Results, flight: Flight, name: str, column: str) ->
     method = f"mounting/{_method(column)}"
     if name == "sigma0_squared":
         return _variance(results, method)
-    camera = flight.synthetic.camera if flight.synthetic else next(iter(flight.cameras))
+    camera = _synthetic(flight)
     if name not in folder.parameters(results, method, camera).index:
         return None
     value, sigma = _parameter(results, method, camera, name)
     return Ours(value=value, sigma=sigma)
+
+
+def _synthetic(flight: Flight) -> str:
+    return flight.synthetic.camera if flight.synthetic else next(iter(flight.cameras))
 
 
 def _sigma_of(
@@ -213,8 +217,16 @@ def _sigma_of(
     ours = find(results, flight, name, column)
     if ours is None:
         return None
-    latitude = LATITUDE_OF_SIGMA * ours.sigma
-    return Ours(value=ours.sigma, sigma=latitude)
+    sigma = ours.sigma if number == 1 else _own_sigma(results, flight, name, column)
+    return Ours(value=sigma, sigma=LATITUDE_OF_SIGMA * sigma)
+
+
+def _own_sigma(results: folder.Results, flight: Flight, name: str, column: str) -> float:
+    """Return the standard deviation that a mounting's adjustment gives by itself."""
+    rows = folder.rows(results, "parameters", f"mounting/{_method(column)}")
+    row = rows[(rows["camera"] == _synthetic(flight)) & (rows["parameter"] == name)].iloc[0]
+    before = np.nan_to_num(row["sigma_before"])  # unknown in older results, whose sigma is the own
+    return float(np.sqrt(row["sigma"] ** 2 - before**2))
 
 
 def _table_4(results: folder.Results, flight: Flight, name: str, column: str) -> Ours | None:
@@ -346,7 +358,7 @@ RULE = (
 """The rule of the verdict, by `scorecard.line`."""
 
 OUR_SIGMA = (
-    ("a parameter", "as the adjustment has it, a posteriori"),
+    ("a parameter", "a posteriori, with the part of calibrations before"),
     (
         Markup("a mean over $n$ points that scatter by $s$"),
         Markup("$s/\\sqrt{n}$, times what the covariance between the points adds"),
@@ -359,7 +371,7 @@ OUR_SIGMA = (
     ),
     (
         "a standard deviation",
-        "20 %, since it depends on tie points that the paper does not tell",
+        "20 % of the adjustment's own, since it depends on tie points that the paper does not tell",
     ),
 )
 """Printed numbers, and our standard deviations of them."""

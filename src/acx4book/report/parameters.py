@@ -58,6 +58,7 @@ class _Estimate:
     unit: str
     value: float
     sigma: float
+    sigma_before: float
     reference: float
     t: float
     critical: float
@@ -106,6 +107,7 @@ def _estimate(
         unit=str(row["unit"]),
         value=value,
         sigma=sigma,
+        sigma_before=float(row["sigma_before"]),
         reference=reference,
         t=difference / sigma if sigma > 0 else np.nan,
         critical=critical,
@@ -608,11 +610,13 @@ def _parameter_table(material: Material) -> pd.DataFrame:
         return pd.DataFrame()
     estimates = _estimates(material, material.calibration)
     several = len({p.camera for p in estimates}) > 1
+    heads = any(p.sigma_before > 0 for p in estimates)
     rows = [
         {
             **({"Camera": p.camera} if several else {}),
             "Parameter": with_unit(parameter_title(p.parameter), p.unit),
             "Value and σ": value_and_sigma(p.value, p.sigma),
+            **({"Of σ from the heads": f"{p.sigma_before:.2g}"} if heads else {}),
             "Against": f"{p.reference:g}",
             "t": p.t,
             "Significant": SIGNIFICANT[p.significant],
@@ -624,27 +628,24 @@ def _parameter_table(material: Material) -> pd.DataFrame:
 
 
 def _heads_sentence(material: Material) -> str:
-    """Return a sentence on the heads' contribution to sigma; empty if not computed."""
-    sigma_of_heads = material.found.summary.get(material.calibration, {}).get("sigma_of_heads")
-    if not isinstance(sigma_of_heads, dict) or not sigma_of_heads:
+    """Return sentences on the part of sigma that comes from the heads; empty without any."""
+    estimates = _estimates(material, material.calibration) if material.calibration else []
+    shares = {p.parameter: p.sigma_before / p.sigma for p in estimates if p.sigma_before > 0}
+    if not shares:
         return ""
-    sigma = {
-        f"{p.camera}/{p.parameter}": p.sigma for p in _estimates(material, material.calibration)
-    }
-    ratios = {
-        name: float(s) / sigma[name]
-        for name, s in sigma_of_heads.items()
-        if sigma.get(name, 0.0) > 0
-    }
-    if not ratios:
-        return ""
-    largest = max(ratios, key=lambda name: ratios[name])
-    return (
+    largest = max(shares, key=lambda name: shares[name])
+    said = (
         "The points were transferred into the synthetic image by calibrated heads. Errors of this "
-        "calibration move all points of a head together, which is not in the σ above. They add "
-        f"{min(ratios.values()):.2g} to {ratios[largest]:.2g} times these σ, most to "
-        f"{parameter_title(largest.rpartition('/')[2])}; flights whose points the same "
-        "heads transfer share this error."
+        "calibration move all points of a head together, which the adjustment cannot see; their "
+        f"part is in σ, as the root of a sum of squares. It is {min(shares.values()):.2g} to "
+        f"{shares[largest]:.2g} times σ, most in {parameter_title(largest)}. Flights whose points "
+        "the same heads transfer share this part."
+    )
+    if "f" in material.flight.estimate_heads:
+        return said
+    return (
+        f"{said} The heads' focal lengths are held: what is wrong with them scatters with the path "
+        "of the flight that calibrates the heads, and is in no σ."
     )
 
 

@@ -20,7 +20,6 @@ from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares.adjustment import require_own_datum
 from acx4lib.least_squares.normal_equations import Equations, point_normals, units
-from acx4lib.least_squares.reduced_system import Inverse
 from acx4lib.least_squares.statistics import LEAST, Group
 
 WEAK = 0.1
@@ -115,7 +114,9 @@ def parameter_effects(bundle: Bundle, columns: Index) -> list[Array]:
     expected.whole_numbers("columns", columns)
     expected.places("columns", columns, network.n_columns)
     equations = network.equations(bundle.state)
-    derivatives = gains(equations, solution.inverse, network.free_points, columns)
+    chosen = np.zeros((len(columns), network.n_columns))
+    chosen[np.arange(len(columns)), columns] = 1.0
+    derivatives = gains(equations, solution.inverse.times(chosen), network.free_points)
     sigma = np.sqrt(solution.inverse.at(columns, columns))
     out: list[Array] = []
     for e, by_part, group in zip(equations, derivatives, solution.groups, strict=True):
@@ -158,33 +159,31 @@ def _hardly_controlled(gain: Array, control: Array, own_control: Array) -> Array
     return out
 
 
-def gains(
-    equations: Sequence[Equations], inverse: Inverse, free_points: Mask, columns: Index
-) -> list[Array]:
-    """Return the derivatives of adjusted unknowns by observations.
+def gains(equations: Sequence[Equations], cov: Array, free_points: Mask) -> list[Array]:
+    """Return the derivatives of functions of adjusted unknowns by observations.
 
     Parameters
     ----------
     equations : sequence of Equations
         Linearised at the solution.
-    inverse : Inverse
-        Inverse of the reduced normal matrix.
+    cov : ndarray, shape (c, n_columns)
+        J Q, of functions with the derivatives J by the unknowns, and the inverse Q of the reduced
+        normal matrix.
     free_points : ndarray, shape (n_points,)
-    columns : ndarray, shape (c,)
 
     Returns
     -------
     list of ndarray, shape (m, d, c)
-        For each group, d(unknown) / d(observation).
+        For each group, d(function) / d(observation).
 
     Notes
     -----
-    They are Cov(x, l) P, with the covariance of unknowns x and adjusted observations l. Its part
+    They are Cov(y, l) P, with the covariance of functions y and adjusted observations l. Its part
     by the points is summed over the observations of each point.
     """
-    directly = [_by_columns(e, inverse, columns) for e in equations]
+    directly = [_by_columns(e, cov) for e in equations]
     V, _ = point_normals(free_points, equations)
-    total = np.zeros((len(V), 3, len(columns)))
+    total = np.zeros((len(V), 3, len(cov)))
     for e, part in zip(equations, directly, strict=True):
         if e.B is not None and e.point is not None:
             for piece in _pieces(len(part)):
@@ -206,11 +205,11 @@ def _pieces(n: int) -> Iterator[slice]:
         yield slice(begin, begin + TOGETHER)
 
 
-def _by_columns(e: Equations, inverse: Inverse, columns: Index) -> Array:
-    """Return A times the covariance of its unknowns with those in `columns`."""
-    out = np.zeros((*e.v.shape, len(columns)))
+def _by_columns(e: Equations, cov: Array) -> Array:
+    """Return A times the covariance of its unknowns with the functions."""
+    out = np.zeros((*e.v.shape, len(cov)))
     for rows, unit_columns, held in units(e):
-        out[rows] = e.A[rows][:, :, ~held] @ inverse.at(unit_columns[:, None], columns[None, :])
+        out[rows] = e.A[rows][:, :, ~held] @ cov[:, unit_columns].T
     return out
 
 

@@ -75,6 +75,10 @@ class Calibration:
     turns : ndarray, shape (3,), or None
         Standard deviation of the turns of an exposure's pictures against each other, about the
         body's axes, radians; None where they share a pose.
+    cov_before : ndarray, shape (n, n), or None
+        A posteriori covariance due to errors of calibrations before this one, in the units of
+        `cov`, which does not have it; None without any, and where `cov` has it already, as in a
+        calibration that is read from results.
     """
 
     cameras: tuple[Camera, ...]
@@ -85,10 +89,14 @@ class Calibration:
     limit_boresight_deg: float = LIMIT_BORESIGHT_DEG
     enlarged: tuple[float, float] = (1.0, 1.0)
     turns: Array | None = None
+    cov_before: Array | None = None
 
     def __post_init__(self) -> None:
         expected.sequence("cameras", self.cameras, Camera)
         n = self.layout.n_columns
+        if self.cov_before is not None:
+            expected.shape("cov_before", self.cov_before, (n, n))
+            expected.symmetric("cov_before", self.cov_before)
         expected.shape("cov", self.cov, (n, n))
         expected.symmetric("cov", self.cov)
         expected.size("sigma0_sq", self.sigma0_sq)
@@ -110,6 +118,13 @@ class Calibration:
     def n_columns(self) -> int:
         """Number of estimated parameters."""
         return self.layout.n_columns
+
+    @property
+    def total_cov(self) -> Array:
+        """Covariance with that of calibrations before, a priori: times `sigma0_sq` a posteriori."""
+        if self.cov_before is None:
+            return self.cov
+        return self.cov + self.cov_before / self.sigma0_sq
 
 
 def _size(calibration: Calibration) -> tuple[str, str]:
@@ -137,6 +152,9 @@ class Parameter:
         `key` is the library's name; `name` is that of the results and ends in the unit.
     value, sigma : float
         `sigma` a posteriori; infinite where the observations leave it open.
+    sigma_before : float
+        The part of `sigma` that comes from calibrations before; `sigma` is the root of the sum of
+        its square and that of the adjustment's own part.
     """
 
     camera: str
@@ -145,6 +163,7 @@ class Parameter:
     unit: str
     value: float
     sigma: float
+    sigma_before: float = 0.0
 
     @property
     def full_name(self) -> str:
@@ -195,6 +214,9 @@ def parameters(calibration: Calibration) -> list[Parameter]:
     """Return every estimated parameter with its a posteriori standard deviation."""
     expected.instance("calibration", calibration, Calibration)
     sigma = sigmas(reported_covariance(calibration))
+    before: Array = np.zeros(calibration.n_columns)
+    if calibration.cov_before is not None:
+        before = sigmas(propagate(to_reported(calibration), calibration.cov_before))
     open_columns = _open_reported(calibration)
     out = []
     for k, camera in enumerate(calibration.cameras):
@@ -210,6 +232,7 @@ def parameters(calibration: Calibration) -> list[Parameter]:
                         unit=unit,
                         value=values[name],
                         sigma=np.inf if open_columns[column] else float(sigma[column]),
+                        sigma_before=float(before[column]),
                     )
                 )
     return sorted(out, key=lambda p: _position(calibration, p))
@@ -260,8 +283,11 @@ def to_reported(calibration: Calibration) -> Array:
 
 
 def reported_covariance(calibration: Calibration) -> Array:
-    """Return the a posteriori covariance of the reported parameters, shape (n, n)."""
-    return calibration.sigma0_sq * propagate(to_reported(calibration), calibration.cov)
+    """Return the a posteriori covariance of the reported parameters, shape (n, n).
+
+    It includes the errors of calibrations before.
+    """
+    return calibration.sigma0_sq * propagate(to_reported(calibration), calibration.total_cov)
 
 
 def _open_reported(calibration: Calibration) -> Mask:

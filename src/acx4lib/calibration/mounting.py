@@ -64,7 +64,8 @@ class Mounting:
     averaged : ndarray, optional
         Two-step only: which images entered the mean, shape (n_images,).
     by_bundle : ndarray, optional
-        Two-step only: d(columns of the calibration) / d(columns of the bundle).
+        Two-step only: d(columns of the calibration) / d(columns of the bundle); of the single step
+        they are the first columns of the bundle.
     """
 
     method: str
@@ -391,14 +392,14 @@ def _two_step(
     method: str, bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
 ) -> Mounting:
     """Return the second step of a method whose bundle is the first."""
-    calibration, per_image, entering, J = _averaged(bundle, free=free, estimated=estimated)
+    calibration, per_image, entering, by_bundle = _averaged(bundle, free=free, estimated=estimated)
     return Mounting(
         method=method,
         calibration=calibration,
         bundle=bundle,
         per_image=per_image,
         averaged=entering,
-        by_bundle=J,
+        by_bundle=by_bundle,
     )
 
 

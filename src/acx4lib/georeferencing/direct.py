@@ -121,7 +121,7 @@ def georeference(block: Block, calibration: Calibration) -> Georeferenced:
         by_parameters=by_parameters[:, :, :-1],
         layout=layout,
         cov_body=block.trajectory.cov,
-        cov_parameters=calibration.cov,
+        cov_parameters=calibration.total_cov,
         shared=shared_errors(block.trajectory),
     )
 

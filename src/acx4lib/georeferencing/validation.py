@@ -824,7 +824,8 @@ def _by_cameras(bundle: Bundle, calibration: Calibration) -> float:
         scale = 1 / sigmas(cov)
         z = scale * adjustment.normals(network, bundle.state).step()[0][:n]
         alone, joint = (
-            c * scale[:, None] * scale for c in (cov, cov + calibration.sigma0_sq * calibration.cov)
+            c * scale[:, None] * scale
+            for c in (cov, cov + calibration.sigma0_sq * calibration.total_cov)
         )
         return float(z @ (np.linalg.solve(alone, z) - np.linalg.solve(joint, z)))
     except (AdjustmentError, np.linalg.LinAlgError):  # the block alone leaves cameras open

@@ -17,7 +17,6 @@ from acx4lib.calibration.estimates import (
     ENOUGH,
     Calibration,
     Parameter,
-    from_bundle,
     is_determined,
     needed,
     parameters,
@@ -141,18 +140,19 @@ def of_calibration(
     ]
 
 
-def of_bundle(bundle: Bundle) -> list[Weak]:
+def of_bundle(bundle: Bundle, calibration: Calibration) -> list[Weak]:
     """Return the parameters of a bundle that rest on wind and hills.
 
     Parameters
     ----------
     bundle : Bundle
         Of `adjust.mounted_orientation`.
+    calibration : Calibration
+        Of the bundle, with the sigma that is told.
     """
     calm = calm_sigmas(bundle)
     if calm is None:
         return []
-    calibration = from_bundle(bundle)
     listed = [*parameters(calibration), *trajectory_errors.parameters(bundle)]
     determined = [*is_determined(calibration), *trajectory_errors.is_determined(bundle)]
     return [

@@ -206,7 +206,7 @@ def of_bundle(
         **_declared_entries(key, method, bundle),
         **_turns_entry(calibrated.turns),
         "boresight_stability": {} if bundle.stopped else stability.as_json(bundle),
-        **_weak_entries(key, method, bundle, over_ground=over_ground),
+        **_weak_entries(key, method, bundle, calibrated, over_ground=over_ground),
         "not_determined": unknown,
         "left_out": unknown if method in OPTIONAL else [],
         "sigma_factors": as_json(sigma_components),
@@ -312,7 +312,9 @@ def _declared_entries(key: str, method: str, bundle: Bundle) -> dict[str, object
     }
 
 
-def _weak_entries(key: str, method: str, bundle: Bundle, *, over_ground: bool) -> dict[str, object]:
+def _weak_entries(
+    key: str, method: str, bundle: Bundle, calibration: Calibration, *, over_ground: bool
+) -> dict[str, object]:
     """Return the entries of summary.json on weak parameters.
 
     None for heads one by one and for two steps, whose poses are not those of strips, nor where the
@@ -320,8 +322,8 @@ def _weak_entries(key: str, method: str, bundle: Bundle, *, over_ground: bool) -
     """
     if bundle.stopped or method not in ("single_step", *RIGS):
         return {}
-    calibration, block = from_bundle(bundle), bundle.network.block
-    weak_parameters = weak.of_bundle(bundle)
+    block = bundle.network.block
+    weak_parameters = weak.of_bundle(bundle, calibration)
     if over_ground:
         shares = weak.shares_at_corners(calibration, block)
         weak_parameters += weak.of_calibration(calibration, shares, of=weak.CORNERS)

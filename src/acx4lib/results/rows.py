@@ -87,7 +87,7 @@ def _with_gnss(
     everything = [*parameters(calibration), *trajectory_errors.parameters(bundle)]
     keep = np.flatnonzero(determined)
     cov = trajectory_errors.reported_covariance(bundle)
-    if max(calibration.enlarged) > 1:
+    if max(calibration.enlarged) > 1 or calibration.cov_before is not None:
         n = calibration.n_columns
         cov[:n, :n] = reported_covariance(calibration)
     cov = cov[np.ix_(keep, keep)]
@@ -98,12 +98,18 @@ def parameter_tables(
     stage: str, method: str, listed: Sequence[Parameter], cov: Array
 ) -> dict[str, pd.DataFrame]:
     """Return the table of parameters and the table of their covariance."""
-    rows = [(stage, method, p.camera, p.name, p.value, p.sigma, p.unit) for p in listed]
     names = [p.full_name for p in listed]
     return {
-        "parameters": _frame("parameters", rows),
+        "parameters": _parameter_table(stage, method, listed),
         "covariance": _covariance_table(stage, method, names, cov),
     }
+
+
+def _parameter_table(stage: str, method: str, listed: Sequence[Parameter]) -> pd.DataFrame:
+    rows = [
+        (stage, method, p.camera, p.name, p.value, p.sigma, p.unit, p.sigma_before) for p in listed
+    ]
+    return _frame("parameters", rows)
 
 
 def of_method(stage: str, method: str, frame: pd.DataFrame) -> pd.DataFrame:
@@ -310,13 +316,12 @@ def orientation_tables(
 ) -> dict[str, pd.DataFrame]:
     """Return the parameters of heads in the synthetic frame, and their joint covariance."""
     listed = _orientation_parameters(orientation)
-    rows = [(stage, method, p.camera, p.name, p.value, p.sigma, p.unit) for p in listed]
     degrees = np.repeat([1.0, np.degrees(1.0)], 3)
     names, scale = joint_names([head.name for head in orientation.heads], degrees)
     cov = orientation.cov_joint * scale[:, None] * scale
-    kept = np.flatnonzero((np.arange(len(cov)) < len(rows)) | (np.diag(cov) > 0))
+    kept = np.flatnonzero((np.arange(len(cov)) < len(listed)) | (np.diag(cov) > 0))
     return {
-        "parameters": _frame("parameters", rows),
+        "parameters": _parameter_table(stage, method, listed),
         "covariance": _covariance_table(
             stage, method, [names[i] for i in kept], cov[np.ix_(kept, kept)]
         ),

@@ -80,6 +80,8 @@ class Schema:
         which are only counted.
     often : tuple of mapping
         Words of rows that may repeat a key: separately adjusted heads share points and exposures.
+    later : tuple of str
+        The last columns, which older files lack: their numbers are then unknown.
     """
 
     columns: tuple[str, ...]
@@ -88,6 +90,7 @@ class Schema:
     words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     key: tuple[str, ...] = ()
     often: tuple[Mapping[str, tuple[str, ...]], ...] = ()
+    later: tuple[str, ...] = ()
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -113,11 +116,12 @@ _OFTEN = (
 
 SCHEMAS: Mapping[str, Schema] = {
     "parameters": Schema(
-        columns=(*_METHOD, "camera", "parameter", "value", "sigma", "unit"),
-        ranges={"value": ANY, "sigma": SIGMA},
+        columns=(*_METHOD, "camera", "parameter", "value", "sigma", "unit", "sigma_before"),
+        ranges={"value": ANY, "sigma": SIGMA, "sigma_before": SIGMA},
         needed=("value",),
         words=_OF_STAGE,
         key=(*_METHOD, "camera", "parameter"),
+        later=("sigma_before",),
     ),
     "validation": Schema(
         columns=("method", "point", "image_a", "image_b", *_DIFFERENCE, *_SIGMA),
@@ -293,8 +297,9 @@ def read_some(path: Path, begin: tuple[bytes, ...], check: Check | None = None) 
         last = max(content.rfind(b"\n" + prefix, 0, len(content) - 1) for prefix in begin)
         end = content.find(b"\n", last + 1)
         part = content[min(firsts) + 1 : end + 1 if end >= 0 else None]
+        first = content[: content.find(b"\n") + 1]
     try:
-        return _parsed(path, io.BytesIO(header(path.stem) + part), check)
+        return _parsed(path, io.BytesIO(first + part), check)
     except FlightError:  # the whole file has the numbers of the lines
         return read(path, check)
 
@@ -302,8 +307,8 @@ def read_some(path: Path, begin: tuple[bytes, ...], check: Check | None = None) 
 def _parsed(path: Path, file: BinaryIO, check: Check | None) -> pd.DataFrame:
     """Return the table in an open file."""
     schema = SCHEMAS[path.stem]
-    _check_header(path, sorted, file.readline(LONGEST))
-    if not _is_even(file, len(schema.columns)):
+    width = _check_header(path, sorted, file.readline(LONGEST))
+    if not _is_even(file, width):
         raise _broken(path, file, "has rows of another width than its header")
     file.seek(0)
     try:
@@ -336,15 +341,16 @@ def _is_even(file: BinaryIO, width: int) -> bool:
     return last == b"\n" and commas == lines * (width - 1)
 
 
-def _check_header(path: Path, order: Callable[[Iterable[str]], list[str]], first: bytes) -> None:
-    """Refuse a file that does not begin with the columns of its table."""
-    columns = COLUMNS[path.stem]
+def _check_header(path: Path, order: Callable[[Iterable[str]], list[str]], first: bytes) -> int:
+    """Return the number of columns; refuse a file that does not begin with those of its table."""
+    columns, later = COLUMNS[path.stem], SCHEMAS[path.stem].later
     cells = _cells_of(first)
-    if order(cells) != order(columns):
+    if order(cells) not in (order(columns), order(columns[: len(columns) - len(later)])):
         fault = quoted(",".join(cells)) if any(cells) else "is empty"
         expected = f"must be {','.join(columns)}; {CURE}"
         problem = Problem(file=str(path), line=1, column="header", found=fault, expected=expected)
         raise FlightError([str(problem)])
+    return len(cells)
 
 
 def _cells_of(header: bytes) -> list[str]:
@@ -354,7 +360,7 @@ def _cells_of(header: bytes) -> list[str]:
 def _typed(file: BinaryIO, schema: Schema) -> pd.DataFrame:
     """Read a table with typed columns, one row per line unless a cell has several lines."""
     numbers = list(schema.ranges)
-    return pd.read_csv(
+    frame = pd.read_csv(
         file,
         encoding="utf-8",
         dtype={**dict.fromkeys(schema.texts, "str"), **dict.fromkeys(numbers, "float64")},
@@ -363,6 +369,7 @@ def _typed(file: BinaryIO, schema: Schema) -> pd.DataFrame:
         skip_blank_lines=False,
         **_EXACT,
     )
+    return frame.assign(**{name: np.nan for name in schema.later if name not in frame})
 
 
 # --- where a file is broken ------------------------------------------------------------------
@@ -403,7 +410,7 @@ def _no_cells(content: bytes, schema: Schema) -> Iterator[Wrong]:
     """Yield rows that are cut or too wide, and cells that are no numbers."""
     reader = csv.reader(io.StringIO(content.decode(), newline=""))
     names = _cells_of(content.partition(b"\n")[0])
-    numbers = [names.index(name) for name in schema.ranges]
+    numbers = [names.index(name) for name in schema.ranges if name in names]
     try:
         for row in reader:
             if len(row) != len(names):
@@ -528,14 +535,19 @@ def holds(path: Path, begin: tuple[bytes, ...]) -> bool:
 def others(path: Path, begin: tuple[bytes, ...]) -> Iterator[tuple[str, bytes]]:
     """Yield the rows without these beginnings, many at a time, with their first cell.
 
+    Rows of an older file get empty cells in the columns that it lacks.
+
     Raises
     ------
     FlightError
         Where the file does not begin with the header of such a table.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
+        lacking = len(COLUMNS[path.stem]) - _check_header(path, list, file.readline(LONGEST))
         while chunk := _rows(file):
             kept = [row for row in chunk if not row.startswith(begin)]
+            if lacking:
+                kept = [row.removesuffix(b"\n") + b"," * lacking + b"\n" for row in kept]
             for cell, alike in groupby(kept, lambda row: row.partition(b",")[0]):
                 yield cell.decode(), b"".join(alike)
 

@@ -33,8 +33,9 @@ def parameters(calibration: Calibration) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``camera``, ``parameter``, ``value``, ``sigma``, ``unit`` as parameters.csv has them,
-        sigma a posteriori, infinite where the data say nothing; and whether the data determine it.
+        ``camera``, ``parameter``, ``value``, ``sigma``, ``unit``, ``sigma_before`` as
+        parameters.csv has them, sigma a posteriori, infinite where the data say nothing; and
+        whether the data determine it.
     """
     listed = estimates.parameters(calibration)
     return pd.DataFrame(
@@ -44,6 +45,7 @@ def parameters(calibration: Calibration) -> pd.DataFrame:
             "value": [p.value for p in listed],
             "sigma": [p.sigma for p in listed],
             "unit": [p.unit for p in listed],
+            "sigma_before": [p.sigma_before for p in listed],
             "determined": estimates.is_determined(calibration),
         }
     )

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, TypedDict, overload
 
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed
-from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import mounting
-from acx4lib.calibration.estimates import METHODS, from_bundle, parameters
+from acx4lib.calibration.estimates import METHODS
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.flight.block import Block
 from acx4lib.flight.reader import Flight
-from acx4lib.least_squares.covariance import sigmas
 from acx4lib.results import adjustments, folder, provenance
 from acx4lib.results.adjustments import mounted_block, read_carried
 from acx4lib.results.earlier import ORIENTED
 from acx4lib.results.read_back import read_relative_orientation
 from acx4lib.stages.order import explained, explaining, rig_leads, solving
-from acx4lib.synthetic_image.transferred_points import parameter_covariance
+from acx4lib.synthetic_image import transferred_points
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -88,6 +87,9 @@ def run(flight: Flight, results_path: str | Path) -> MountingStage:
         As `calibrate`.
     """
     stage = calibrate(flight, measured(flight, results_path))
+    share = partial(with_heads, flight, results_path)
+    methods = {name: share(found) for name, found in stage.mountings.methods.items()}
+    stage = replace(stage, mountings=replace(stage.mountings, methods=methods))
     write(flight, results_path, stage.mountings, stage.sigma_factors)
     return stage
 
@@ -156,6 +158,50 @@ def measured(flight: Flight, results_path: str | Path) -> Block:
         return flight.block("calibration")
     run_results = provenance.results_before(results_path, ["synthetic"], flight)
     return mounted_block(flight, "calibration", run_results)
+
+
+@overload
+def with_heads(flight: Flight, results_path: str | Path, outcome: Mounting) -> Mounting: ...
+
+
+@overload
+def with_heads(flight: Flight, results_path: str | Path, outcome: Failed) -> Failed: ...
+
+
+def with_heads(
+    flight: Flight, results_path: str | Path, outcome: Mounting | Failed
+) -> Mounting | Failed:
+    """Return a method's outcome with standard deviations that include errors of the heads.
+
+    It is returned unchanged where it failed, where the block is not measured in heads, and where
+    these are as declared, without a covariance.
+
+    Parameters
+    ----------
+    flight : Flight
+    results_path : path
+        With the results of stage synthetic, where the block is measured in heads.
+    outcome : Mounting or Failed
+        Of the block that `measured` returns.
+
+    Raises
+    ------
+    FlightError
+        As `measured`.
+    """
+    if isinstance(outcome, Failed) or "calibration" not in flight.transferred:
+        return outcome
+    run_results = provenance.results_before(results_path, ["synthetic"], flight)
+    source = next((name for name in ORIENTED if folder.has(run_results, name)), "")
+    if not source:
+        return outcome
+    block = flight.block("calibration")
+    return transferred_points.with_heads(
+        outcome,
+        block,
+        read_carried(flight, block, run_results),
+        read_relative_orientation(run_results, source, flight.cameras),
+    )
 
 
 def weighted(
@@ -227,31 +273,5 @@ def write(
             mountings, applied=factors, over_ground=flight.validation is None
         )
         records = explained(records, flight, "calibration")
-        single = mountings.methods.get("single_step")
-        if single is not None and "calibration" in flight.transferred:
-            entries = {"sigma_of_heads": _sigma_of_heads(flight, results_path, single.bundle)}
-            records = [_with(record, "mounting/single_step", entries) for record in records]
     methods = METHODS if rig_leads(flight) else ()  # the rig has been written before
     adjustments.write(results_path, "mounting", records, flight=flight, methods=methods)
-
-
-def _with(
-    record: adjustments.Record, key: str, entries: Mapping[str, object]
-) -> adjustments.Record:
-    """Add entries to an object of a record's summary, if the record has it."""
-    if key not in record.summary:
-        return record
-    return replace(record, summary={**record.summary, key: {**record.summary[key], **entries}})
-
-
-def _sigma_of_heads(flight: Flight, results_path: str | Path, bundle: Bundle) -> dict[str, float]:
-    """Return the standard deviations caused by the heads' calibration, by parameter."""
-    run_results = provenance.results_before(results_path, ["synthetic"], flight)
-    source = next((name for name in ORIENTED if folder.has(run_results, name)), "")
-    if not source:  # heads as declared, which have no covariance
-        return {}
-    heads = read_relative_orientation(run_results, source, flight.cameras)
-    block = flight.block("calibration")
-    cov = parameter_covariance(bundle, block, read_carried(flight, block, run_results), heads)
-    names = [p.full_name for p in parameters(from_bundle(bundle))]
-    return dict(zip(names, sigmas(cov).tolist(), strict=True))

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
-from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import gains
-from acx4lib.calibration.estimates import from_bundle, to_reported
 from acx4lib.calibration.heads import RelativeOrientation, varied
+from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, ImagePoints, first_images, synthetic_images
 from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy, inside, xy_from_colrow
@@ -219,8 +218,25 @@ def synthetic_block(block: Block, transferred: TransferredPoints, synthetic: Cam
 # standard deviation of single points: the adjustment does not average it, and does not see it.
 
 
+def with_heads(
+    mounting: Mounting,
+    block: Block,
+    transferred: TransferredPoints,
+    orientation: RelativeOrientation,
+) -> Mounting:
+    """Return the outcome of a method, its standard deviations with those due to the heads.
+
+    Arguments are those of `parameter_covariance`, which is the `cov_before` of the calibration.
+    """
+    cov = parameter_covariance(mounting, block, transferred, orientation)
+    return replace(mounting, calibration=replace(mounting.calibration, cov_before=cov))
+
+
 def parameter_covariance(
-    bundle: Bundle, block: Block, transferred: TransferredPoints, orientation: RelativeOrientation
+    mounting: Mounting,
+    block: Block,
+    transferred: TransferredPoints,
+    orientation: RelativeOrientation,
 ) -> Array:
     """Return the covariance of a synthetic camera's parameters due to its heads' calibration.
 
@@ -230,42 +246,41 @@ def parameter_covariance(
 
     Parameters
     ----------
-    bundle : Bundle
-        One synthetic camera, mounted, adjusted with the points.
+    mounting : Mounting
+        Of one synthetic camera, by any method, adjusted with the points.
     block : Block
         As it was measured, in heads.
     transferred : TransferredPoints
-        All points of the bundle's block, in its order.
+        All points of the mounting's block, in its order.
     orientation : RelativeOrientation
         The heads by which they were transferred.
 
     Returns
     -------
     ndarray, shape (n, n)
-        Of the parameters as results report them, in the order of the bundle's columns; it adds to
-        the covariance of the adjustment.
+        A posteriori, in the columns and units of the calibration's `cov`; it adds to the covariance
+        of the adjustment.
 
     Notes
     -----
     J S_h J^T with the joint covariance S_h of the heads and J = d(parameters) / d(heads): by the
-    normal equations d(parameters) / d(points), times d(points) / d(heads) by differences of a
-    standard deviation to both sides.
+    normal equations d(parameters) / d(points), in the two-step methods by way of eqs (12) and (13),
+    times d(points) / d(heads) by differences of a standard deviation to both sides.
     """
-    expected.instance("bundle", bundle, Bundle)
-    expected.many(
-        "transferred", transferred, len(bundle.network.block.image_points), "measurements"
-    )
-    calibration = from_bundle(bundle)
-    columns = np.arange(calibration.n_columns)
-    network, solution = bundle.network, bundle.solution
-    equations = network.equations(bundle.state)
-    gain_matrices = gains(equations, solution.inverse, network.free_points, columns)
+    expected.instance("mounting", mounting, Mounting)
+    network, solution = mounting.bundle.network, mounting.bundle.solution
+    expected.many("transferred", transferred, len(network.block.image_points), "measurements")
+    by_bundle = mounting.by_bundle
+    if by_bundle is None:
+        by_bundle = np.eye(mounting.calibration.n_columns, network.n_columns)
+    equations = network.equations(mounting.bundle.state)
+    gain_matrices = gains(equations, solution.inverse.times(by_bundle), network.free_points)
     by_points = next(
         g for e, g in zip(equations, gain_matrices, strict=True) if e.kind == "image_point"
     )
     (camera,) = network.block.cameras
     moved = _moved(block, transferred, orientation, camera)[network.rows]
-    J = to_reported(calibration) @ np.einsum("mdc,mdk->ck", by_points, moved)
+    J = np.einsum("mdc,mdk->ck", by_points, moved)
     known = np.flatnonzero(sigmas(orientation.cov_joint) > 0)
     return J @ orientation.cov_joint[np.ix_(known, known)] @ J.T
 

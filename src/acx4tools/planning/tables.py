@@ -300,7 +300,10 @@ def _weak(design: Design, method: str) -> list[Weak]:
     if shares is None:
         shares = weak.shares_at_corners(mean.calibration, bundle.network.block)
         where = weak.CORNERS
-    weaknesses = [*weak.of_calibration(mean.calibration, shares, of=where), *weak.of_bundle(bundle)]
+    weaknesses = [
+        *weak.of_calibration(mean.calibration, shares, of=where),
+        *weak.of_bundle(bundle, from_bundle(bundle)),
+    ]
     named = {p.full_name: p for p in mean.listed}
     return [replace(w, parameter=named[w.parameter.full_name]) for w in weak.together(weaknesses)]
 

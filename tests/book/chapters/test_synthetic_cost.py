@@ -95,8 +95,9 @@ def test_noise_scatters_by_the_sigma_that_has_the_part_of_the_heads(found):
     both = synthetic_cost.scatter_with_heads(found)
     assert found.noise["seed"].nunique() >= 60
     assert both["noise"].between(both["low"], both["high"]).all()
-    stated = both["noise"] * np.hypot(1, both["sigma_of_heads"] / both["sigma"])
-    assert (stated > both["high"]).sum() > 5  # without that part they do not
+    alone = both["noise"] * both["sigma"] / both["alone"]
+    assert (alone > both["high"]).sum() > 5  # without that part they do not
+    assert np.sqrt(np.mean(both["noise"] ** 2)) == pytest.approx(1, abs=0.07)
 
 
 def test_scatter_with_heads_is_that_of_planted_noise(found):
@@ -107,14 +108,14 @@ def test_scatter_with_heads_is_that_of_planted_noise(found):
     value = exact + rng.normal(0, 1, (2000, 2)) * np.hypot(sigma, of_heads)
     rows = [
         {"seed": i, "parameter": name, "value": value[i, k], "exact": exact[i, k]}
-        | {"sigma": sigma[k], "sigma_of_heads": of_heads[k]}
+        | {"sigma": np.hypot(sigma[k], of_heads[k]), "sigma_before": of_heads[k]}
         for i in range(2000)
         for k, name in enumerate("ab")
     ]
     both = synthetic_cost.scatter_with_heads(replace(found, noise=pd.DataFrame(rows)))
     assert both["noise"].to_numpy() == pytest.approx(1, abs=0.06)
     assert both["exact"].to_numpy() == pytest.approx(4 / np.hypot(sigma, of_heads), rel=0.06)
-    assert both["sigma"].to_numpy() == pytest.approx(sigma)
+    assert both["alone"].to_numpy() == pytest.approx(sigma)
     assert both["low"].iloc[0] == pytest.approx(1 - 2.81 / np.sqrt(2 * 1999), abs=0.002)
 
 
@@ -291,14 +292,15 @@ def test_parameters_are_those_over_flights(found):
     )
     row = table.loc[("lever z", "m")]
     assert row["mean and scatter over flights", "value"] == own["mean"]
-    assert row["scatter over stated σ", "value"] == own["ratio"]
+    assert row["scatter over σ of the single step", "value"] == own["ratio"]
 
 
 def test_both_parts_of_sigma_stand_beside_the_scatter(found):
     table = synthetic_cost.with_heads(found)
     own = synthetic_cost.scatter_with_heads(found).loc["xp_mm"]
     row = table.loc[("xp", "mm")]
-    assert row["σ of the heads"] == own["sigma_of_heads"]
+    assert row["σ of the heads"] == own["sigma_before"]
+    assert row["σ"] == pytest.approx(np.hypot(own["alone"], own["sigma_before"]))
     assert row["of noise alone"] == own["noise"]
 
 

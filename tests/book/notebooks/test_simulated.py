@@ -386,7 +386,9 @@ def test_delays_of_strips_at_two_speeds_come_out_without_bias(planted):
         )
         found = calibrated(flights_of_a_plan_flown(plan, seed, blocks=("calibration",), **how))
         (delay,) = gnss_parameters(found.bundle)
-        assert "gnss_delay_s" not in {w.parameter.name for w in weak.of_bundle(found.bundle)}
+        assert "gnss_delay_s" not in {
+            w.parameter.name for w in weak.of_bundle(found.bundle, found.calibration)
+        }
         z.append((delay.value - DELAY_S) / delay.sigma)
     assert abs(np.mean(z)) < 2.6 / np.sqrt(N_DELAYED)
     assert np.std(z) == pytest.approx(1.0, abs=2.6 / np.sqrt(2 * N_DELAYED))
@@ -401,9 +403,11 @@ def test_a_delay_at_one_speed_is_weak_in_plan_and_flight_and_without_bias():
         flight = flights_of_a_plan_flown(
             plan, seed, blocks=("calibration",), change=late_by_the_strips_speed
         )
-        bundle = calibrated(flight).bundle
-        assert "gnss_delay_s" in {w.parameter.name for w in weak.of_bundle(bundle)}
-        (delay,) = gnss_parameters(bundle)
+        found = calibrated(flight)
+        assert "gnss_delay_s" in {
+            w.parameter.name for w in weak.of_bundle(found.bundle, found.calibration)
+        }
+        (delay,) = gnss_parameters(found.bundle)
         assert delay.sigma > 0.002  # not carried by the jitter of single exposures
         z.append((delay.value - DELAY_S) / delay.sigma)
     assert abs(np.mean(z)) < 2.6 / np.sqrt(len(z))

@@ -35,7 +35,7 @@ from acx4lib.geometry.camera import INTERIOR, Camera, Interior, distortion
 from acx4lib.results import folder as results
 from support import figures
 from support.figures import drawn
-from support.run_results import SINGLE, edit, edit_summary
+from support.run_results import SINGLE, edit
 
 # --- the drawn image and the distortion table: axes, corners, numbers of the library ---------
 
@@ -213,15 +213,34 @@ def test_parameters_stand_with_their_sigma(run):
     assert methods.loc["lever arm $x$ (m)", "Two-step, GNSS positions"] == "held"
 
 
-def test_what_errors_of_the_heads_add_is_told_in_multiples_of_sigma(folder):
+def test_the_part_of_the_heads_stands_beside_sigma_and_is_told_as_a_share(folder):
     assert "transferred into the synthetic image" not in parameters.section(read(folder)).markdown
-    sigma = results.parameters(read(folder).found, SINGLE, "CAM")["sigma"]
-    told = {f"CAM/{name}": 0.25 * s for name, s in sigma.items()} | {
-        "CAM/f_mm": 1.5 * sigma["f_mm"]
-    }
-    edit_summary(folder, SINGLE, sigma_of_heads=told)
+    assert "Of σ from the heads" not in shown(read(folder))
+
+    def with_heads(table):
+        rows = (table["method"] == "single_step") & (table["stage"] == "mounting")
+        share = np.where(table.loc[rows, "parameter"] == "f_mm", 0.75, 0.25)
+        table.loc[rows, "sigma_before"] = share * table.loc[rows, "sigma"].astype(float)
+
+    edit(folder, "parameters", with_heads)
     said = parameters.section(read(folder)).markdown
-    assert "They add 0.25 to 1.5 times these σ, most to $f$;" in said
+    assert "It is 0.25 to 0.75 times σ, most in $f$." in said
+    own = results.parameters(read(folder).found, SINGLE, "CAM").loc["f_mm", "sigma"]
+    row = shown(read(folder)).set_index("Parameter").loc["$f$ (mm)"]
+    assert float(row["Of σ from the heads"]) == pytest.approx(0.75 * own, rel=0.05)
+
+
+def test_focal_lengths_that_the_heads_hold_are_named_beside_sigma(folder):
+    def with_heads(table):
+        table.loc[table["stage"] == "mounting", "sigma_before"] = 1e-12
+
+    edit(folder, "parameters", with_heads)
+    material = read(folder)
+    said = "focal lengths are held: what is wrong with them"
+    for free, told in ((("xp", "yp"), True), (("f", "xp"), False)):
+        flight = replace(material.flight, estimate_heads=free)
+        section = parameters.section(replace(material, flight=flight)).markdown
+        assert (said in section) == told
 
 
 # --- estimates of the report: significance, declared values, strong pairs --------------------

@@ -72,7 +72,7 @@ def test_what_a_straight_line_takes_over_from_a_point():
         unit=np.zeros(5, dtype=int),
     )
     inverse = Dense(N=N, diagonal=np.diagonal(N)).inverse()
-    (found,) = gains([line], inverse, np.zeros(0, dtype=bool), np.array([1, 0]))
+    (found,) = gains([line], inverse.dense[[1, 0]], np.zeros(0, dtype=bool))
     spread = x - x.mean()
     assert_allclose(found[:, 0, 0], spread / np.sum(spread**2), rtol=1e-12)
     assert_allclose(found[:, 0, 1], 1 / 5, rtol=1e-12)
@@ -93,9 +93,8 @@ def test_gains_are_what_changed_observations_do(exact_block, kind, row, componen
 
     exact, ahead, behind = (adjusted(sign) for sign in (0.0, 1.0, -1.0))
     network, columns = exact.network, columns_of(exact)[: len(FREE) + 3]  # and the lever arm
-    found = gains(
-        network.equations(exact.state), exact.solution.inverse, network.free_points, columns
-    )
+    inverse = exact.solution.inverse.dense
+    found = gains(network.equations(exact.state), inverse[columns], network.free_points)
     number = [g.kind for g in exact.solution.groups].index(kind)
     at = np.flatnonzero(network.rows == row)[0] if kind == "image_point" else row
     numeric = (parameters(ahead) - parameters(behind)) / (2 * by[row, component])

@@ -86,7 +86,7 @@ def test_without_check_points_the_ground_under_the_corners_counts():
 
 def test_what_two_reasons_make_weak_is_named_once_with_both():
     mounting = of(**BARE, calibration=ONE_HEIGHT).mountings["single_step"]
-    by_wind = weak.of_bundle(mounting.bundle)
+    by_wind = weak.of_bundle(mounting.bundle, mounting.calibration)
     shares = np.zeros((3, len(parameters(mounting.calibration))))
     shares[1, 0] = 0.4
     by_share = weak.of_calibration(mounting.calibration, shares)

@@ -17,14 +17,15 @@ def parameters(*rows):
 
 
 def heads(value=THIRD):
+    row = ("heads", "bundle", "001", "k1", value, 0.1, "mm^-2", 0.0)
     return {
-        "tables": {"parameters": parameters(("heads", "bundle", "001", "k1", value, 0.1, "mm^-2"))},
+        "tables": {"parameters": parameters(row)},
         "summary": {"heads/bundle/001": {"redundancy": 7}},
     }
 
 
 def mounting(method, value):
-    row = ("mounting", method, "NA", "f_mm", value, np.nan, "mm")
+    row = ("mounting", method, "NA", "f_mm", value, np.nan, "mm", np.nan)
     return {
         "tables": {"parameters": parameters(row)},
         "summary": {f"mounting/{method}": {"redundancy": 1}},
@@ -40,7 +41,8 @@ def test_every_file_is_there_with_its_header_where_it_has_no_rows(tmp_path):
     written = contents(tmp_path / "new" / "folder")
     assert sorted(written) == sorted(results.FILES)
     assert written["summary.json"] == b"{}\n"
-    assert written["parameters.csv"] == b"stage,method,camera,parameter,value,sigma,unit\n"
+    header = b"stage,method,camera,parameter,value,sigma,unit,sigma_before\n"
+    assert written["parameters.csv"] == header
     assert written["validation.csv"].decode().split(",")[:4] == [
         "method",
         "point",
@@ -84,11 +86,11 @@ def test_numbers_that_are_not_finite_are_null_or_empty(tmp_path):
     summary = {
         "heads/bundle/A": {"p": np.float64("nan"), "rms": np.array([1.0, np.inf]), "n": np.int64(3)}
     }
-    tables = {"parameters": parameters(("heads", "bundle", "A", "k1", 1.0, np.inf, "mm^-2"))}
+    tables = {"parameters": parameters(("heads", "bundle", "A", "k1", 1.0, np.inf, "mm^-2", 0.0))}
     results.replace(tmp_path, ["heads"], tables=tables, summary=summary)
     text = (tmp_path / "summary.json").read_text()
     assert json.loads(text)["heads/bundle/A"] == {"p": None, "rms": [1.0, None], "n": 3}
-    assert (tmp_path / "parameters.csv").read_text().endswith("k1,1.0,,mm^-2\n")
+    assert (tmp_path / "parameters.csv").read_text().endswith("k1,1.0,,mm^-2,0.0\n")
 
 
 def test_validation_belongs_to_its_stage_though_no_column_says_so(tmp_path):

@@ -126,7 +126,8 @@ OLD = [
 def test_rows_that_stay_are_copied_as_they_are(tmp_path, monkeypatch, at_a_time, gone, left):
     monkeypatch.setattr(table_files, "BYTES", at_a_time)
     columns = table_files.COLUMNS["parameters"]
-    frame = pd.DataFrame([(*row, "f_mm", 0.1, np.nan, "mm") for row in OLD], columns=list(columns))
+    cells = [(*row, "f_mm", 0.1, np.nan, "mm", 0.0) for row in OLD]
+    frame = pd.DataFrame(cells, columns=list(columns))
     path = tmp_path / "parameters.csv"
     path.write_bytes(text_of("parameters", frame))
     begin = table_files.begins("parameters", gone)
@@ -138,6 +139,44 @@ def test_rows_that_stay_are_copied_as_they_are(tmp_path, monkeypatch, at_a_time,
     )
     if len(left) < len(OLD):
         assert table_files.holds(path, begin)
+
+
+BEFORE = b"stage,method,camera,parameter,value,sigma,unit\n"
+"""Header of parameters.csv without the part of sigma from calibrations before."""
+
+
+def test_a_file_without_a_later_column_is_read_and_its_rows_go_on(tmp_path):
+    path = tmp_path / "parameters.csv"
+    rows = b'heads,bundle,"a,\n""b""",f_mm,74.5,0.1,mm\nmounting,rig,C,f_mm,74.25,0.25,mm\n'
+    path.write_bytes(BEFORE + rows)
+    found = table_files.read(path)
+    assert list(found.columns) == list(table_files.COLUMNS["parameters"])
+    assert found["sigma"].tolist() == [0.1, 0.25]
+    assert found["sigma_before"].isna().all()
+    some = table_files.read_some(path, table_files.begins("parameters", ["mounting"]))
+    assert some["camera"].tolist() == ["C"]
+    kept = b"".join(text for _, text in table_files.others(path, ()))
+    path.write_bytes(table_files.header("parameters") + kept)
+    pd.testing.assert_frame_equal(table_files.read(path), found)
+
+
+def test_a_stage_that_is_run_again_in_an_older_folder_keeps_the_other_stages(tmp_path):
+    path = tmp_path / "parameters.csv"
+    path.write_bytes(BEFORE + b"heads,bundle,A,f_mm,74.5,0.1,mm\n")
+    row = ("mounting", "single_step", "S", "f_mm", 74.4, 0.5, "mm", 0.4)
+    new = pd.DataFrame([row], columns=list(table_files.COLUMNS["parameters"]))
+    folder.replace(tmp_path, ["mounting"], tables={"parameters": new}, summary={})
+    assert path.read_text().splitlines()[1:] == [
+        "heads,bundle,A,f_mm,74.5,0.1,mm,",
+        "mounting,single_step,S,f_mm,74.4,0.5,mm,0.4",
+    ]
+
+
+def test_a_cell_that_is_no_number_is_named_in_a_file_without_a_later_column(tmp_path):
+    path = tmp_path / "parameters.csv"
+    path.write_bytes(BEFORE + b"heads,bundle,A,f_mm,long,0.1,mm\n")
+    with pytest.raises(FlightError, match=r"parameters.csv:2: value: 'long'; must be a finite"):
+        table_files.read(path)
 
 
 @pytest.mark.parametrize(
@@ -268,7 +307,7 @@ PIXELS = {"image": IMAGES, "col_px": [2000.0, 10.0], "row_px": [1500, 20], "heig
 def test_parameters_and_covariance_are_those_of_the_results_folder():
     found, cov = tables.parameters(CALIBRATION), tables.covariance(CALIBRATION)
     kept = rows.calibration_tables("mounting", "single_step", CALIBRATION)["parameters"]
-    columns = ["camera", "parameter", "value", "sigma", "unit"]
+    columns = ["camera", "parameter", "value", "sigma", "unit", "sigma_before"]
     determined = found.loc[found["determined"], columns].reset_index(drop=True)
     pd.testing.assert_frame_equal(determined, kept[columns])
     assert cov.index.tolist() == cov.columns.tolist()

@@ -75,7 +75,8 @@ def mounting_by_hand(flight, results):
     single = attempt(single_step, block, free=free, fix=fix, gnss=gnss)
     two = attempt(two_step, block, free=free, fix=fix, after=single)
     with_gnss = attempt(two_step_gnss, block, free=free, fix=fix, after=single)
-    methods = mounting.gathered(flight, [single, two, with_gnss])
+    found = [mounting.with_heads(flight, results, one) for one in (single, two, with_gnss)]
+    methods = mounting.gathered(flight, found)
     mounting.write(flight, results, methods, factors)
 
 

@@ -7,14 +7,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4lib import flight as flights
+from acx4lib.calibration.estimates import reported_covariance
 from acx4lib.conventions import Found
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight.block import select_cameras
+from acx4lib.georeferencing.validation import validate
 from acx4lib.results import folder, read_back
-from acx4lib.results.adjustments import of_failure
+from acx4lib.results.adjustments import mounted_block, of_failure
 from acx4lib.stages import heads, mounting, order, rig, synthetic, validation
 from support.flights import in_heads
 from support.flights.simulated import HEADS
@@ -103,16 +106,32 @@ def test_a_flight_measured_in_heads_goes_on_with_its_synthetic_camera(flown, gon
     assert of_points["sigma"].nunique() > 100  # transferred, each by the map where it lies
 
 
-def test_what_errors_of_the_heads_add_stands_beside_the_single_step(gone_through):
-    found = folder.read(gone_through[0])
-    own = folder.parameters(found, "mounting/single_step", "SYN")["sigma"]
-    told = found.summary["mounting/single_step"]["sigma_of_heads"]
-    assert set(told) == {f"SYN/{name}" for name in own.index}
-    added = np.array([told[f"SYN/{name}"] for name in own.index]) / own.to_numpy()
-    assert np.all(added > 0)
-    # heads that were calibrated with as many points are as good as the camera made of them
-    assert 0.1 < np.median(added) < 10
-    assert "sigma_of_heads" not in found.summary["mounting/two_step"]
+def test_what_errors_of_the_heads_add_is_in_every_sigma_and_stands_beside_it(gone_through):
+    results, calibrated, _ = gone_through
+    found = folder.read(results)
+    for method, outcome in calibrated.mountings.methods.items():
+        rows = folder.rows(found, "parameters", f"mounting/{method}")
+        own = reported_covariance(replace(outcome.calibration, cov_before=None))
+        total = np.diag(folder.covariance(found, f"mounting/{method}"))
+        assert_allclose(rows["sigma"] ** 2, np.diag(own) + rows["sigma_before"] ** 2)
+        assert_allclose(total, rows["sigma"] ** 2)
+        added = rows["sigma_before"] / np.sqrt(np.diag(own))
+        assert np.all(added > 0)
+        # heads that were calibrated with as many points are as good as the camera made of them
+        assert 0.1 < np.median(added) < 10
+    for method in ("heads/bundle", "mounting/rig"):
+        assert not folder.rows(found, "parameters", method)["sigma_before"].any()
+
+
+def test_the_validation_takes_the_total(flown, gone_through):
+    results, calibrated, checked = gone_through
+    block = mounted_block(flown, "validation", folder.read(results))
+    for one in checked.validations:
+        calibration = calibrated.mountings[one.method].calibration
+        with_heads = validate(block, calibration, method=one.method).points
+        alone = validate(block, replace(calibration, cov_before=None), method=one.method).points
+        assert_allclose(one.points.sigma, with_heads.sigma, rtol=1e-6)
+        assert np.all(with_heads.sigma > alone.sigma)
 
 
 def test_measurements_of_heads_are_not_calibrated_as_if_they_were_of_one_camera(flown):

@@ -6,21 +6,23 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from acx4lib.bundle.adjust import adjust, mounted_orientation
-from acx4lib.calibration import estimates
-from acx4lib.calibration.heads import varied
+from acx4lib.calibration import mounting
+from acx4lib.calibration.estimates import METHODS, parameters, reported_covariance, to_reported
+from acx4lib.calibration.heads import calibrate_heads, relative_orientation, varied
 from acx4lib.calibration.mounting import single_step
 from acx4lib.flight.block import ImagePoints, Images, select_cameras
 from acx4lib.geometry.camera import inside, xy_from_colrow
+from acx4lib.least_squares.covariance import half
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.synthetic_image.rendering import render, render_plan
 from acx4lib.synthetic_image.transferred_points import (
     parameter_covariance,
     synthetic_block,
     transfer,
+    with_heads,
 )
 from support.flights import in_heads
-from support.flights.simulated import HEADS
+from support.flights.simulated import HEADS, read_back
 from support.pictures import taken
 
 K = 8
@@ -243,15 +245,26 @@ def synthetic():
     return select_cameras(in_heads.one_centre(), ["SYN"]).cameras[0]
 
 
-def calibrated(measured, orientation, synthetic):
-    """Return the transferred points and the bundle of the synthetic camera."""
+def calibrated(measured, orientation, synthetic, free=FREE):
+    """Return the transferred points, and all methods on them without a search for gross errors."""
     transferred = transfer(measured, orientation, synthetic)
     block = synthetic_block(measured, transferred, synthetic)
-    return transferred, adjust(mounted_orientation(block, free=FREE))
+    single = single_step(block, free=free, snooping=False)
+    others = (
+        method(block, free=free, after=single)
+        for method in (mounting.two_step, mounting.two_step_gnss)
+    )
+    return transferred, mounting.together([single, *others]).methods
 
 
-def reported(bundle):
-    return np.array([p.value for p in estimates.parameters(estimates.from_bundle(bundle))])
+def reported(found):
+    return np.array([p.value for p in parameters(found.calibration)])
+
+
+def due_to_heads(found, measured, transferred, orientation):
+    """Return the covariance due to the heads, of the parameters as results report them."""
+    J = to_reported(found.calibration)
+    return J @ parameter_covariance(found, measured, transferred, orientation) @ J.T
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -261,34 +274,101 @@ def test_heads_that_are_off_move_the_parameters_as_their_covariance_says(
     """Of one direction in which all heads are off, the covariance is the square of the change."""
     off = SIZES * np.random.default_rng(seed).normal(size=len(SIZES))
     right = replace(in_heads.true_orientation(), cov_joint=np.outer(off, off))
-    transferred, bundle = calibrated(head_errors_measured, right, synthetic)
-    cov = parameter_covariance(bundle, head_errors_measured, transferred, right)
+    transferred, methods = calibrated(head_errors_measured, right, synthetic)
     wrong = right
     for i in np.flatnonzero(off):
         wrong = varied(wrong, int(i), float(off[i]))
     _, moved = calibrated(head_errors_measured, wrong, synthetic)
-    change = reported(moved) - reported(bundle)
-    assert_allclose(np.sqrt(np.diag(cov)), np.abs(change), rtol=0.01)
-    assert_allclose(cov, np.outer(change, change), rtol=0.02)
+    for name, found in methods.items():
+        cov = due_to_heads(found, head_errors_measured, transferred, right)
+        J, own = to_reported(found.calibration), found.calibration.cov
+        unit = np.sqrt(np.diag(J @ own @ J.T))
+        change = (reported(moved[name]) - reported(found)) / unit
+        cov = cov / unit / unit[:, None]
+        # to 1 %, where it is no more than a thousandth of a standard deviation
+        assert_allclose(np.sqrt(np.diag(cov)), np.abs(change), rtol=0.01, atol=1e-3)
+        assert_allclose(cov, np.outer(change, change), rtol=0.02, atol=1e-3)
 
 
 def test_heads_without_errors_add_nothing(head_errors_measured, synthetic):
     right = in_heads.true_orientation()
-    transferred, bundle = calibrated(head_errors_measured, right, synthetic)
-    assert not parameter_covariance(bundle, head_errors_measured, transferred, right).any()
+    transferred, methods = calibrated(head_errors_measured, right, synthetic)
+    for found in methods.values():
+        assert not parameter_covariance(found, head_errors_measured, transferred, right).any()
 
 
 def test_independent_errors_add_their_squares(head_errors_measured, synthetic):
     right = in_heads.true_orientation()
-    transferred, bundle = calibrated(head_errors_measured, right, synthetic)
-    parts = []
+    transferred, methods = calibrated(head_errors_measured, right, synthetic)
+    single, parts = methods["single_step"], []
     for i in (0, 3, 10, 24, 40):
         one = np.zeros(len(SIZES))
         one[i] = SIZES[i] ** 2
         heads = replace(right, cov_joint=np.diag(one))
-        parts.append(parameter_covariance(bundle, head_errors_measured, transferred, heads))
+        parts.append(due_to_heads(single, head_errors_measured, transferred, heads))
     every = np.zeros(len(SIZES))
     every[[0, 3, 10, 24, 40]] = SIZES[[0, 3, 10, 24, 40]] ** 2
     together = replace(right, cov_joint=np.diag(every))
-    found = parameter_covariance(bundle, head_errors_measured, transferred, together)
+    found = due_to_heads(single, head_errors_measured, transferred, together)
     assert_allclose(found, np.sum(parts, axis=0), rtol=1e-6, atol=1e-12 * np.abs(found).max())
+
+
+# --- the total of a small flight, whose heads are calibrated from their noisy measurements
+
+
+@pytest.fixture(scope="module")
+def small():
+    """Return a flight measured in four heads, its heads, and their calibration."""
+    flight = read_back(in_heads.small()).flight
+    fits = calibrate_heads(flight.heads, flight.head_names, free=flight.estimate_heads)
+    return flight, relative_orientation(fits, flight.synthetic_camera)
+
+
+@pytest.fixture(scope="module")
+def before_and_after(small):
+    """Return all methods without and with the heads' part, and a step of the heads along S_h."""
+    flight, oriented = small
+    draw = np.random.default_rng(3).normal(size=len(oriented.cov_joint))
+    step = half(oriented.cov_joint) @ draw
+    one = replace(oriented, cov_joint=np.outer(step, step))
+    args = (flight.calibration, flight.synthetic_camera, flight.estimate_mounting)
+    transferred, methods = calibrated(args[0], one, *args[1:])
+    total = {
+        name: with_heads(found, flight.calibration, transferred, one)
+        for name, found in methods.items()
+    }
+    moved = []
+    for sign in (1, -1):
+        off = oriented
+        for i in np.flatnonzero(step):
+            off = varied(off, int(i), sign * float(step[i]))
+        moved.append(calibrated(args[0], off, *args[1:])[1])
+    return methods, total, moved
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_total_is_the_methods_own_part_and_what_other_heads_do(before_and_after, method):
+    methods, total, (ahead, behind) = before_and_after
+    change = (reported(ahead[method]) - reported(behind[method])) / 2
+    own, both = (reported_covariance(m[method].calibration) for m in (methods, total))
+    unit = np.sqrt(np.diag(own))
+    expected = own + np.outer(change, change)
+    # weights of the transferred points, and of images in the mean, change with the heads, too
+    assert_allclose(both / unit / unit[:, None], expected / unit / unit[:, None], atol=0.02)
+    assert np.abs(change / unit).max() > 1  # or there would be nothing to see
+    for p, part, alone in zip(
+        parameters(total[method].calibration),
+        change,
+        parameters(methods[method].calibration),
+        strict=True,
+    ):
+        assert p.sigma_before == pytest.approx(abs(part), rel=0.05, abs=0.02 * alone.sigma)
+        assert p.sigma == pytest.approx(np.hypot(alone.sigma, p.sigma_before), rel=1e-9)
+        assert alone.sigma_before == 0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_tests_within_the_block_keep_its_own_covariance(before_and_after, method):
+    methods, total, _ = before_and_after
+    assert_array_equal(total[method].calibration.cov, methods[method].calibration.cov)
+    assert total[method].bundle is methods[method].bundle

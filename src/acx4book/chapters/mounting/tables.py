@@ -297,7 +297,7 @@ def _cov_lever(single: Mounting, k: int) -> Array:
     columns = calibration.layout.mount[k, :3]
     if np.any(columns < 0):
         return np.zeros((3, 3))
-    return calibration.sigma0_sq * calibration.cov[np.ix_(columns, columns)]
+    return calibration.sigma0_sq * calibration.total_cov[np.ix_(columns, columns)]
 
 
 # --- the same adjustment with something else ---------------------------------------------------
