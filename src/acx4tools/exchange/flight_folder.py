@@ -239,7 +239,9 @@ def _settings(folder: Path, imported: Mapping[str, Any]) -> str:
             raise OutputError(msg)
     name = folder.resolve().name
     named = {} if "name" in known or name_fault(name) else {"name": name}
-    return added(before, named | dict(imported))
+    is_new_on_map = "crs" not in known and imported.get("crs", LOCAL) != LOCAL
+    air = {"refraction": "standard"} if is_new_on_map and "refraction" not in known else {}
+    return added(before, named | dict(imported) | air)
 
 
 def _read(path: Path) -> str:
@@ -371,7 +373,7 @@ HEAD = """\
 name = {name}
 crs = {crs}  # projected CRS, in metres, of all east and north
 heights = {heights}  # "ellipsoidal", a vertical CRS, a geoid grid file, or an undulation in m
-refraction = "none"  # or "standard"
+refraction = {refraction}  # or {other}
 """
 
 CAMERA = """
@@ -420,7 +422,9 @@ def files(name: str, *, cameras: Sequence[str], crs: str, heights: str | float) 
     heights : str or float
         As flight.toml takes them.
     """
+    of_air = ("none", "standard") if crs == LOCAL else ("standard", "none")
     known = {"name": name, "crs": crs, "heights": heights}
+    known |= dict(zip(("refraction", "other"), of_air, strict=True))
     value = {key: _value_of(entry) for key, entry in known.items()}
     text = HEAD.format(**value)
     is_rig = len(cameras) > 1
