@@ -280,16 +280,19 @@ def with_no_control(imported: ImportedFlight, folder: Path) -> ImportedFlight:
 def with_synthetic(imported: ImportedFlight) -> ImportedFlight:
     """Return imported data of heads with the synthetic camera that their flight needs.
 
-    It has the size, the focal length and the direction of the first head: right for heads whose
-    fields coincide, and to be enlarged where they look apart.
+    The first head, the reference of the others, is the one whose own angles in the rig are zero;
+    where there is none or more than one, that of the first image. The synthetic camera has its
+    size, its focal length and its direction: right for heads whose fields coincide, and to be
+    enlarged where they look apart.
     """
     images = imported.tables.get("heads/images.csv")
     cameras = imported.settings.get("cameras", {})
     heads = [] if images is None else [*dict.fromkeys(images["camera"])]
     if len(heads) < 2 or "synthetic" in imported.settings or SYNTHETIC in cameras:
         return imported
-    if heads[0] not in cameras:
+    if not cameras.keys() >= {*heads}:
         return imported
+    heads.sort(key=lambda name: not _looks_along_the_rig(cameras[name]))
     first = cameras[heads[0]]
     virtual = {key: first[key] for key in (*SEEN, *SEEN_FROM) if key in first}
     settings = dict(imported.settings) | {
@@ -300,6 +303,13 @@ def with_synthetic(imported: ImportedFlight) -> ImportedFlight:
         f"The synthetic camera {SYNTHETIC} has size, focal length and direction of {heads[0]}"
     )
     return replace(imported, settings=settings, assumed=(*imported.assumed, sentence))
+
+
+def _looks_along_the_rig(camera: Mapping[str, Any]) -> bool:
+    """Tell whether the mounting of a camera is turned by right angles about its axis alone."""
+    omega, phi, kappa = (float(camera.get(key, 0.0)) for key in SEEN_FROM)
+    off = max(abs(omega), abs(phi), abs((kappa + 45) % 90 - 45))
+    return off < 1e-6
 
 
 # --- Imported data in the form of a flight, and the sentences on them

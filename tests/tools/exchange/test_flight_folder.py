@@ -162,6 +162,16 @@ def test_heads_get_the_camera_that_they_make_together_as_the_first_of_them_sees(
     assert flight_folder.with_synthetic(alone) is alone
 
 
+def test_the_first_head_is_the_one_that_is_not_turned_in_the_rig():
+    down = {**CAMERA["cameras"]["C 1"], "mount_kappa_deg": -90.0}
+    turned = {name: {**down, "mount_omega_deg": 0.2 * k} for k, name in enumerate("ABC", 1)}
+    images = {"heads/images.csv": {"image": [*"1234"], "camera": [*"ABDC"]}}
+    settings = {"cameras": {**turned, "D": {**down, "focal_mm": 9.0}}}
+    brought = flight_folder.with_synthetic(control(settings=settings, tables=images))
+    assert brought.settings["synthetic"]["heads"] == ["D", "A", "B", "C"]
+    assert brought.settings["cameras"]["SYN"]["focal_mm"] == 9.0
+
+
 def test_rows_that_others_take_the_place_of_are_told(tmp_path):
     flight_folder.write(control(), tmp_path)
     assert flight_folder.write(control(), tmp_path) == ()
