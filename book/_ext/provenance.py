@@ -1,4 +1,7 @@
-"""One line under every figure and table: the notebook, the flight, the commit, and the code."""
+"""One line under every figure and table: the notebook, the flight, the commit, and the code.
+
+Under one that is made of stored numbers stands the commit at which these were computed.
+"""
 
 from __future__ import annotations
 
@@ -34,16 +37,18 @@ def tell(app: Sphinx, doctree: nodes.document, page: str) -> None:
     flight = known["flights"].get(page.removeprefix("_executed/"), "")
     told = [f"flight {flight}"] if flight else []
     told.append(known.get("made_by") or f"commit {known['commit']}")
+    stored = known.get("stored", {})
     if page in OTHER_PAGES:
         for shown in _numbered(doctree):
-            _write(app, page, shown, ["", *told], OTHER_PAGES[page])
+            _write(app, page, shown, ["", *_of(shown, told, stored)], OTHER_PAGES[page])
     elif app.env.doc2path(page).endswith(".ipynb"):
         cells = json.loads(Path(app.env.doc2path(page)).read_text("utf-8"))["cells"]
         for cell in doctree.findall(lambda node: "cell_index" in getattr(node, "attributes", ())):
             number = cell["cell_index"]
             told[:0] = [f"{Path(page).name}.ipynb, cell {number + 1}"]
             for shown in _numbered(cell):
-                _write(app, page, shown, told, _code(cells, number, table=_is_table(shown)))
+                made_by = _code(cells, number, table=_is_table(shown))
+                _write(app, page, shown, _of(shown, told, stored), made_by)
             del told[0]
 
 
@@ -51,6 +56,15 @@ def _numbered(node: nodes.Element) -> list[nodes.Element]:
     """Return the figures and tables with a caption."""
     both = node.findall(lambda n: isinstance(n, nodes.figure | nodes.table))
     return [n for n in both if any(isinstance(c, nodes.caption | nodes.title) for c in n.children)]
+
+
+def _of(shown: nodes.Element, told: list[str], stored: Mapping[str, str]) -> list[str]:
+    """Put the commit of stored numbers in the place of flight and commit of the page."""
+    labels = [label for label in stored for name in shown["ids"] if name.startswith(label)]
+    if not labels:
+        return told
+    notebook = [text for text in told if ".ipynb" in text]
+    return [*notebook, stored[max(labels, key=len)]]
 
 
 def _is_table(node: nodes.Element) -> bool:

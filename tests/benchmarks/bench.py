@@ -40,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     if unknown := {*given.names} - BENCHMARKS.keys():
         parser.error(f"{', '.join(sorted(unknown))}: not one of {', '.join(BENCHMARKS)}")
+    harness.refuse_changes(given.out)
     for name in given.names or BENCHMARKS:
         with tempfile.TemporaryDirectory() as folder:
             rows, about = BENCHMARKS[name](Path(folder), given.repeat)

@@ -82,6 +82,7 @@ def main() -> None:
     parser.add_argument("--only", choices=("noise",), help="the flights with noise and without")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
+    harness.refuse_changes(options.out)
     about = harness.about()
     about["design"] = DESIGN
     with ProcessPoolExecutor(options.processes) as pool:

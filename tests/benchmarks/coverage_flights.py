@@ -62,6 +62,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
+    harness.refuse_changes(options.out)
     about = harness.about()
     about |= {"design": DESIGN, "heads_design": HEADS_DESIGN}
     n, m = options.flights, options.pairs

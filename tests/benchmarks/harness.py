@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -47,7 +48,7 @@ def computer() -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)),
         "memory_gb": round(int(_first("/proc/meminfo", "MemTotal").split()[0]) / 2**20, 1),
         "system": _first("/etc/os-release", "PRETTY_NAME", by="=").strip('"'),
-        "commit": _commit(),
+        "commit": commit(),
     }
 
 
@@ -69,13 +70,30 @@ def package_versions(names: Iterable[str]) -> dict[str, str]:
     return out
 
 
-def _commit() -> str:
+def refuse_changes(out: Path) -> None:
+    """End the program where numbers of the project would come from files that no commit has.
+
+    What stands in `OUT` names one commit, at which anybody can compute it again. So this is called
+    before the first flight.
+    """
+    if out.resolve() == OUT and "differ" in commit():
+        sys.exit(f"{commit()}: commit them before, or write to another folder with --out")
+
+
+@cache
+def commit() -> str:
+    """Return the commit at the start of this program, and count the changed files.
+
+    Results in `OUT` do not count: a long run replaces them one by one.
+    """
+
     def git(*arguments: str) -> str:
         command = ["git", "-C", str(ROOT), *arguments]
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
     try:
-        changed = len(git("status", "--porcelain", "--untracked-files=no").splitlines())
+        own = (".", f":(exclude){OUT.relative_to(ROOT)}")
+        changed = len(git("status", "--porcelain", "--untracked-files=no", "--", *own).splitlines())
         return git("rev-parse", "HEAD") + (f", {changed} files differ" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"

@@ -48,10 +48,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     given = parser.parse_args(arguments)
+    harness.refuse_changes(given.out)
     if missing := [name for name in SETS if not data.is_here(name)]:
         sys.exit(f"{', '.join(missing)}: {data.HINT}")
     table = pd.DataFrame(list(said()))
-    about = {"commands": COMMANDS, "versions": harness.package_versions(["acx4lib"])}
+    versions = harness.package_versions(["acx4lib"])
+    about = {"commands": COMMANDS, "commit": harness.commit(), "versions": versions}
     harness.write(given.out, "imports", {"": table}, about)
 
 

@@ -29,6 +29,7 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=SEEDS, help=f"seeds 1 to this ({SEEDS})")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
+    harness.refuse_changes(options.out)
     rows: list[dict[str, Any]] = []
     for seed in range(1, options.flights + 1):
         rows += of_seed(seed)

@@ -40,6 +40,34 @@ def test_files_are_replaced_whole_or_not_at_all(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["runs.csv", "runs.json"]
 
 
+@pytest.fixture
+def changed_file(tmp_path, monkeypatch):
+    """A repository with one changed source and one changed result."""
+    out = tmp_path / "data" / "benchmarks"
+    out.mkdir(parents=True)
+    names = ("model.py", "data/benchmarks/runs.csv")
+    for name in names:
+        (tmp_path / name).write_text("one\n")
+    who = ("-c", "user.name=A", "-c", "user.email=a@b.c")
+    for step in (["init"], ["add", *names], ["commit", "-m", "one"]):
+        subprocess.run(["git", *who, *step], cwd=tmp_path, check=True, capture_output=True)
+    monkeypatch.setattr(harness, "ROOT", tmp_path)
+    monkeypatch.setattr(harness, "OUT", out)
+    monkeypatch.setattr(harness, "commit", harness.commit.__wrapped__)
+    (out / "runs.csv").write_text("two\n")
+    return tmp_path / "model.py"
+
+
+def test_numbers_of_the_project_come_from_a_commit(changed_file, tmp_path):
+    assert len(harness.commit()) == 40
+    harness.refuse_changes(harness.OUT)
+    changed_file.write_text("two\n")
+    assert harness.commit().endswith(", 1 files differ")
+    with pytest.raises(SystemExit, match="1 files differ: commit them before"):
+        harness.refuse_changes(harness.OUT)
+    harness.refuse_changes(tmp_path)
+
+
 # --- one harness times all benchmarks and stores what the page on speed reads ----------------
 
 

@@ -1,5 +1,6 @@
 """The book's own extensions of Sphinx."""
 
+import json
 from types import SimpleNamespace
 
 import pandas as pd
@@ -176,6 +177,30 @@ def test_the_glossary_does_not_link_itself(built):
 
 short_signatures, offline = map(book_extension, ("short_signatures", "offline"))
 foot_and_downloads = book_extension("foot_and_downloads")
+
+
+def shown(label, kind):
+    table = nodes.table("", nodes.title("", "caption"), ids=[label])
+    return table if kind == "table" else nodes.figure("", nodes.caption("", "c"), ids=[label])
+
+
+@pytest.mark.parametrize("kind", ["table", "figure"])
+def test_stored_numbers_have_their_own_commit_below_them(tmp_path, kind):
+    facts = {
+        "commit": "aaaaaaaaaa",
+        "flights": {"coverage": "acx4"},
+        "stored": {"tab-coverage": "stored: bbb", "tab-coverage-clean": "stored: ccc"},
+    }
+    provenance = book_extension("provenance")
+    facts_file = tmp_path / provenance.MADE_FROM
+    facts_file.parent.mkdir()
+    facts_file.write_text(json.dumps(facts))
+    labels = ("tab-coverage-points", "tab-coverage-clean", "tab-own")
+    doctree = nodes.document(None, None, "", *(shown(label, kind) for label in labels))
+    app = SimpleNamespace(srcdir=tmp_path, env=SimpleNamespace(domaindata={"py": {"objects": {}}}))
+    provenance.tell(app, doctree, "coverage")
+    lines = [n.astext() for n in doctree.findall(nodes.paragraph) if "provenance" in n["classes"]]
+    assert lines == ["stored: bbb", "stored: ccc", "flight acx4 · commit aaaaaaaaaa"]
 
 
 def page(name, body):

@@ -49,6 +49,23 @@ from acx4sim.files import truth_path
 BENCHMARKS = Path("data", "benchmarks")
 """Results of long runs, below the current folder: that of the working copy."""
 
+STORED: Mapping[str, str] = {
+    "tab-cost": "closed_chain",
+    "fig-cost": "closed_chain",
+    "tab-quality-models": "closed_chain",
+    **dict.fromkeys(("tab-coverage", "fig-coverage"), "coverage"),
+    "tab-verdicts-": "verdicts",
+    "tab-coverage-slow": "slow_errors",
+    "tab-coverage-validated": "slow_validations",
+    "tab-speed-commands": "commands",
+    "tab-speed-many": "many",
+    "tab-speed-measuring": "measuring",
+    **dict.fromkeys(("tab-speed-adjustment", "tab-speed-pycolmap", "fig-speed"), "adjustment"),
+    **dict.fromkeys(("tab-speed-rendering", "tab-speed-files", "tab-speed-ties"), "rendering"),
+}
+"""What begins the labels of tables and figures made of stored numbers, and the file with their
+commit below `BENCHMARKS`; of several beginnings the longest counts."""
+
 FRONT = "```{{figure}} _generated/front.svg\n:alt: {alt}\n:width: 100%\n\n{caption}\n```\n"
 
 RUN_PAGES = ("first-flight", "library", "your-files")
@@ -233,7 +250,14 @@ def _made_from(flight_path: Path, *, ideal: bool, simulated: bool = False) -> di
     return {
         "commit": reproducibility.short(reproducibility.commit()),
         "flights": {**named, **of_ideal},
+        "stored": {label: _commit_of(name) for label, name in STORED.items()},
     }
+
+
+def _commit_of(name: str) -> str:
+    """Return the commit of the stored numbers of a long run, as the lines under tables tell it."""
+    about = json.loads((BENCHMARKS / f"{name}.json").read_text("utf-8"))
+    return reproducibility.of_stored(about["commit"])
 
 
 def fold(executed: Path, page: Path, note: str = "") -> None:

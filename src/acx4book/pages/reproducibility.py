@@ -45,6 +45,23 @@ def short(commit: str) -> str:
     return f"{name[:10]}{' with changes' if changed else ''}" if " " not in name else name
 
 
+def of_stored(commit: str) -> str:
+    """Return the commit of stored numbers, and by how many commits the library has changed since.
+
+    Parameters
+    ----------
+    commit : str
+        As `commit` returned it when the numbers were computed.
+    """
+    name, code = commit.partition(",")[0], ("src/acx4lib", "src/acx4sim")
+    command = ["git", "rev-list", "--count", f"{name}..HEAD", "--", *code]
+    counted = subprocess.run(command, capture_output=True, text=True, check=False)
+    n = int(counted.stdout or 0)
+    later = f"; the library has changed in {n} later commit{'s' if n > 1 else ''}" if n else ""
+    unknown = "; not in this history" if counted.returncode else ""
+    return f"stored numbers of commit {short(commit)}{later or unknown}"
+
+
 def _table(name: str, caption: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Compose a numbered table in MyST."""
     lines = [header, ["---"] * len(header), *rows]

@@ -469,16 +469,24 @@ def _significance(parameter: str, method: str) -> float:
 
 def _synthetic_distortion() -> Values:
     """Item 9: distortion that is left in the synthetic image."""
-    interior = paper.interior(3, "two_step")
+    return {
+        "border": _whole(paper.statement("synthetic_border_distortion_px")),
+        "edge": float(paper.corners("SYN")[0, 1]),
+        "single": _left_in_image("single_step"),
+        "two": _left_in_image("two_step"),
+    }
+
+
+def _left_in_image(method: str) -> dict[str, float]:
+    """Return significance and distortion, px, by the coefficients of a column of Table 3."""
+    interior = paper.interior(3, method)
     edge, corner = float(paper.corners("SYN")[0, 1]), _corner_radius()
     edge_px, corner_px = (_radial_mm(interior, r) / paper.pixel_mm("SYN") for r in (edge, corner))
     component, length = _decentring_px(interior)
     return {
-        "border": _whole(paper.statement("synthetic_border_distortion_px")),
-        **{name: _significance(name, "two_step") for name in ("p1", "p2")},
+        **{name: _significance(name, method) for name in ("p1", "p2")},
         "component": component,
         "length": length,
-        "edge": edge,
         "edge_px": edge_px,
         "corner_px": corner_px,
     }

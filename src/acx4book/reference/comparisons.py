@@ -184,14 +184,17 @@ def answer(
     """
     agrees = pd.concat([camcal.table["agrees"], sxb.table["agrees"]])
     converged = nist.table["outcome"] == reference_nist.CONVERGED
+    by_normals = nist.table["quantity"].str.endswith(reference_nist.BY_NORMALS)
+    n_sets = nist.table["dataset"].nunique()
     runs = nist.table.assign(good=converged).groupby(["dataset", "start"])["good"].first()
     height = ign.table.loc[ign.table["kind"] == "tie point", "d_height_m"]
     return (
         f"Yes. {int(agrees.sum())} of {len(agrees)} values and statements in the reports of DBAT "
         "are met to one unit of the last printed digit. "
-        f"{int(runs.sum())} of {len(runs)} of NIST's regressions converge, all to at least "
-        f"{nist.table.loc[converged, 'digits'].min():.1f} certified digits; one that does not is "
-        "reported as not determined. OSSIM's ground points are met to "
+        f"Of NIST's {n_sets + len(reference_nist.NOT_RUN)} nonlinear regressions {n_sets} were "
+        f"run, from two starts each. {int(runs.sum())} of {len(runs)} converge, all to at least "
+        f"{nist.table.loc[converged & ~by_normals, 'digits'].min():.1f} certified digits; one that "
+        "does not is reported as not determined. OSSIM's ground points are met to "
         f"{1e3 * noaa.table['distance_m'].max():.0f} mm, and the agency's {len(height)} tie points "
         f"to {1e3 * height.mean():+.0f} mm in height on average, with a standard deviation of "
         f"{height.std():.2f} m."

@@ -57,6 +57,9 @@ SYMBOLS = {
 LEAST, MOST = 1e-4, 1e6
 """Limits of numbers without powers of ten; columns of very different sizes have them, too."""
 
+LOWER_CASE_UNITS = ("mm", "cm", "km", "px", "rad", "mrad", "deg")
+"""Units of two letters and more that may begin a heading."""
+
 DIGITS = 4
 """Digits of the largest number of a column."""
 
@@ -179,9 +182,14 @@ def _of_index(index: pd.Index) -> list[Column]:
 
 
 def _heading(name: object) -> str:
-    """Return the heading of a level of the index, with a capital."""
+    """Return the heading of a level of the index, with a capital if it begins with a word.
+
+    Units and the letters of quantities keep their case: mm, σ, f.
+    """
     text = str(name or "")
-    return text if isinstance(name, Markup) else text[:1].upper() + text[1:]
+    word = re.match(r"[a-z]{2,}", text)
+    is_word = word is not None and word[0] not in LOWER_CASE_UNITS
+    return text[:1].upper() + text[1:] if is_word and not isinstance(name, Markup) else text
 
 
 def _title(key: object) -> str:

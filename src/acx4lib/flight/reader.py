@@ -32,6 +32,7 @@ from acx4lib.flight.block_from_tables import (
     read_block,
     used_exposures,
 )
+from acx4lib.flight.design import SAME_HEIGHT, flying_heights
 from acx4lib.flight.problems import (
     SHOWN,
     Problem,
@@ -47,6 +48,7 @@ from acx4lib.flight.table_files import Columns, named_file, table_in_memory
 from acx4lib.flight.tables import SCHEMAS, Table
 from acx4lib.flight.toml_file import Toml, read_toml
 from acx4lib.geometry.camera import INTERIOR, Camera, inside
+from acx4lib.geometry.collinearity import refraction_taken_up
 from acx4lib.geometry.geodesy import LOCAL, GridSystem
 from acx4lib.geometry.parameters import DELAYS
 from acx4lib.least_squares.covariance import medians
@@ -279,6 +281,8 @@ def _flight(
     notes += _held_notes(setup)
     for tables in blocks:
         notes += _control_notes(tables, assembled[tables.name])
+    if not (setup.simulated or setup.grid.is_local or "refraction" in toml.table()):
+        notes += _refraction_notes(setup, assembled)
     files = {table.file: table.sha256 for tables in blocks for table in tables.tables}
     files[toml.file] = toml.sha256
     return Flight(
@@ -973,6 +977,29 @@ def _datum_notes(block: Block) -> Iterator[str]:
 def _observed(block: Block) -> bool:
     """Tell whether positions are observed."""
     return bool(np.isfinite(block.trajectory.sigma_position).all(axis=1).any())
+
+
+def _refraction_notes(setup: Setup, blocks: Mapping[str, Block]) -> Iterator[str]:
+    """Yield a note on what it costs that flight.toml says nothing of refraction."""
+    block = next(blocks[name] for name in ("calibration", "heads", "validation") if name in blocks)
+    above, camera = flying_heights(block), block.cameras[0]
+    if not above.min() > 0:
+        return
+    at_heights = above.max() > (1 + SAME_HEIGHT) * above.min()
+    height = block.frame.to_geographic(block.trajectory.T_m_b.r)[:, 2]
+    f_mm, z_m = refraction_taken_up(
+        camera.interior.f,
+        0.5 * camera.pixel_mm * float(np.hypot(camera.width_px, camera.height_px)),
+        height,
+        float(height[0] - above[0]),
+        lever_arm=at_heights and "lever_arm" not in setup.fix,
+    )
+    lever = f" and the lever arm's z {100 * z_m:.2g} cm" if z_m else ""
+    yield (
+        "flight.toml says nothing of refraction, so rays are taken for straight; from "
+        f"{np.median(above):.0f} m this makes f {1000 * f_mm:.2g} µm{lever} too large in vertical "
+        'images: write refraction = "standard", or "none" to keep straight rays'
+    )
 
 
 def _vertical_notes(grid: GridSystem) -> Iterator[str]:

@@ -368,6 +368,46 @@ def refraction_lift(r_m_c: Array, x_m: Array) -> Array:
     return -K * np.sum(down * down, axis=1) / down[:, 2]
 
 
+def refraction_taken_up(
+    f: float, radius_mm: float, height_m: Array, ground_m: float, *, lever_arm: bool
+) -> tuple[float, float]:
+    """Return what a calibration without refraction adds to f and to the lever arm's height.
+
+    Vertical images of level ground are compared with straight rays, along a radius of the image.
+    By least squares the focal length, the radial distortion and the height of the cameras take up
+    the difference.
+
+    Parameters
+    ----------
+    f, radius_mm : float
+        Focal length, and half of the image's diagonal, mm.
+    height_m : ndarray, shape (n,)
+        Of the cameras above the ellipsoid, m, up to 11 km.
+    ground_m : float
+        Height of the ground above the ellipsoid, m.
+    lever_arm : bool
+        Whether the height of the cameras against GNSS is free; cameras at one height do not tell
+        it from f.
+
+    Returns
+    -------
+    f_mm, z_m : float
+        `z_m` is zero where it is not free.
+    """
+    s = np.linspace(0, 1, 51)[1:] * radius_mm
+    rho, above = (part.ravel() for part in np.meshgrid(s, height_m - ground_m))
+    zero = np.zeros_like(rho)
+    camera = np.stack([zero, zero, above + ground_m], axis=1)
+    point = np.stack([above * rho / f, zero, zero + ground_m], axis=1)
+    seen = rho * above / (above - refraction_lift(camera, point))
+    distortion = [(rho / radius_mm) ** power for power in (3, 5, 7)]
+    lowered = [-rho / above] if lever_arm else []
+    A = np.stack([rho / f, *lowered, *distortion], axis=1)
+    scale = np.linalg.norm(A, axis=0)
+    taken = np.linalg.lstsq(A / scale, seen - rho)[0] / scale
+    return float(taken[0]), float(taken[1]) if lever_arm else 0.0
+
+
 def as_seen(r_m_c: Array, x_m: Array, *, refraction: str) -> Array:
     """Return the apparent positions of points, to which rays are straight, m.
 

@@ -239,7 +239,9 @@ def _settings(folder: Path, imported: Mapping[str, Any]) -> str:
             raise OutputError(msg)
     name = folder.resolve().name
     named = {} if "name" in known or name_fault(name) else {"name": name}
-    return added(before, named | dict(imported))
+    is_new_on_map = "crs" not in known and imported.get("crs", LOCAL) != LOCAL
+    air = {"refraction": "standard"} if is_new_on_map and "refraction" not in known else {}
+    return added(before, named | dict(imported) | air)
 
 
 def _read(path: Path) -> str:
@@ -278,16 +280,19 @@ def with_no_control(imported: ImportedFlight, folder: Path) -> ImportedFlight:
 def with_synthetic(imported: ImportedFlight) -> ImportedFlight:
     """Return imported data of heads with the synthetic camera that their flight needs.
 
-    It has the size, the focal length and the direction of the first head: right for heads whose
-    fields coincide, and to be enlarged where they look apart.
+    The first head, the reference of the others, is the one whose own angles in the rig are zero;
+    where there is none or more than one, that of the first image. The synthetic camera has its
+    size, its focal length and its direction: right for heads whose fields coincide, and to be
+    enlarged where they look apart.
     """
     images = imported.tables.get("heads/images.csv")
     cameras = imported.settings.get("cameras", {})
     heads = [] if images is None else [*dict.fromkeys(images["camera"])]
     if len(heads) < 2 or "synthetic" in imported.settings or SYNTHETIC in cameras:
         return imported
-    if heads[0] not in cameras:
+    if not cameras.keys() >= {*heads}:
         return imported
+    heads.sort(key=lambda name: not _looks_along_the_rig(cameras[name]))
     first = cameras[heads[0]]
     virtual = {key: first[key] for key in (*SEEN, *SEEN_FROM) if key in first}
     settings = dict(imported.settings) | {
@@ -298,6 +303,13 @@ def with_synthetic(imported: ImportedFlight) -> ImportedFlight:
         f"The synthetic camera {SYNTHETIC} has size, focal length and direction of {heads[0]}"
     )
     return replace(imported, settings=settings, assumed=(*imported.assumed, sentence))
+
+
+def _looks_along_the_rig(camera: Mapping[str, Any]) -> bool:
+    """Tell whether the mounting of a camera is turned by right angles about its axis alone."""
+    omega, phi, kappa = (float(camera.get(key, 0.0)) for key in SEEN_FROM)
+    off = max(abs(omega), abs(phi), abs((kappa + 45) % 90 - 45))
+    return off < 1e-6
 
 
 # --- Imported data in the form of a flight, and the sentences on them
@@ -371,7 +383,7 @@ HEAD = """\
 name = {name}
 crs = {crs}  # projected CRS, in metres, of all east and north
 heights = {heights}  # "ellipsoidal", a vertical CRS, a geoid grid file, or an undulation in m
-refraction = "none"  # or "standard"
+refraction = {refraction}  # or {other}
 """
 
 CAMERA = """
@@ -420,7 +432,9 @@ def files(name: str, *, cameras: Sequence[str], crs: str, heights: str | float) 
     heights : str or float
         As flight.toml takes them.
     """
+    of_air = ("none", "standard") if crs == LOCAL else ("standard", "none")
     known = {"name": name, "crs": crs, "heights": heights}
+    known |= dict(zip(("refraction", "other"), of_air, strict=True))
     value = {key: _value_of(entry) for key, entry in known.items()}
     text = HEAD.format(**value)
     is_rig = len(cameras) > 1

@@ -534,11 +534,21 @@ def rotation(relatives_deg: Sequence[float]) -> Array:
 
 
 def in_order(heads: Sequence[Head]) -> list[Head]:
-    """Return the heads by number, but first the reference that a head names before all others."""
+    """Return the heads by number, but first the reference of all angles.
+
+    It is the one that a head names before all others; where none names any, the one whose own
+    angles are zero.
+    """
     sorted_heads = sorted(heads, key=lambda head: (head.index, head.name))
     named = [head.reference for head in heads if head.reference is not None]
-    first = next((h for h in sorted_heads if named and h.index == named[0]), sorted_heads[0])
+    leading = [h for h in sorted_heads if (h.index == named[0] if named else is_unturned(h))]
+    first = (leading or sorted_heads)[0]
     return [first, *(head for head in sorted_heads if head is not first)]
+
+
+def is_unturned(head: Head) -> bool:
+    """Tell whether a head has angles, and all of them are zero."""
+    return len(head.relatives_deg) > 0 and not any(head.relatives_deg)
 
 
 def sentence(heads: Sequence[Head]) -> str:
@@ -547,9 +557,11 @@ def sentence(heads: Sequence[Head]) -> str:
     references = dict.fromkeys(h.reference for h in heads if h.reference is not None)
     turned = [h for h in heads if h.relatives_deg]
     if turned and not references:
+        first = in_order(heads)[0]
+        why = "whose own angles are zero" if is_unturned(first) else "the first"
         return (
             "RigRelatives a, b, c are degrees; Rx(a) Ry(b) Rz(c) turns a ray of a head into its "
-            f"reference, which no file names: {in_order(heads)[0].name}, the first; y down, z ahead"
+            f"reference, which no file names: {first.name}, {why}; y down, z ahead"
         )
     if not references:
         return "the heads look in one direction: the metadata have no RigRelatives"

@@ -3,8 +3,9 @@
 200 clean flights of each plan show how often a verdict is wrong; 60 flights of each plan with each
 fault, how often that is found. Every flight is written to disk, run as by ``acx4 run
 --numbers-only`` and judged by the record of its report. The table in data/benchmarks has a row for
-every flight; a flight that has one is not flown again. Plans and faults take turns, so that the
-flights that are there at any time are spread evenly over them. Needs PYTHONPATH=tests.
+every flight; a flight that has one of the same code is not flown again. Plans and faults take
+turns, so that the flights that are there at any time are spread evenly over them. Needs
+PYTHONPATH=tests.
 
 The size of a fault is predicted before by `sizes`: a few flights with other seeds, the pilots, tell
 what it does to every test, and the theory of the tests at which size 80 % are found. At that size
@@ -102,6 +103,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="flights at a time")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
     options = parser.parse_args()
+    harness.refuse_changes(options.out)
     flown = fly_all(in_turns([*pilots(options.pilots)]), options.out, options.jobs, name=PILOTS)
     good, spoiled = [*clean(options.clean)], [*spoilt(sizes_of(flown), options.spoilt)]
     first = in_turns([kind[:N_FIRST] for kind in good])
@@ -237,9 +239,12 @@ def source() -> str:
 
 
 def fly_all(orders: Sequence[Order], folder: Path, jobs: int, *, name: str = NAME) -> pd.DataFrame:
-    """Fly what has no row yet; return the table, which is written again and again meanwhile."""
+    """Fly what has no row of this code yet; return the table.
+
+    It is written again and again meanwhile. Rows of another state of the code are dropped.
+    """
     path = folder / f"{name}.csv"
-    rows = rows_of(path)
+    rows = [row for row in rows_of(path) if row["source"] == source()]
     planned = Counter(order.purpose for order in orders)
     done = {tuple(row[key] for key in KEYS) for row in rows}
     missing = [order for order in orders if tuple(asdict(order).values()) not in done]

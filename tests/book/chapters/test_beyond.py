@@ -1,5 +1,7 @@
 """Chapters beyond the paper: designs, failures, and weights."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pyproj
@@ -21,6 +23,9 @@ from acx4book.chapters.failures import (
 from acx4book.notebooks.simulated import fly_and_read
 from acx4book.typesetting import style
 from acx4lib.calibration import mounting, trajectory_errors
+from acx4lib.calibration.mounting import single_step
+from acx4lib.flight.design import flying_heights
+from acx4lib.geometry.collinearity import refraction_taken_up
 from acx4sim.designs import acx4_ideal_plan
 from acx4tools.planning import choosing
 from acx4tools.planning.choosing import choose
@@ -370,3 +375,28 @@ def test_a_printed_sigma_outside_of_the_curve_is_met_nowhere(sigma_f_mm, met):
     noise = {"gnss_height_m": (0.005, 0.015), "sigma_lever_z_m": (0.01, 0.02)}
     table = pd.DataFrame(noise | {"sigma_f_mm": sigma_f_mm})
     assert weights.met_at_cm(table, "f_mm") == pytest.approx(met, nan_ok=True)
+
+
+# --- refraction that is left out ---
+
+
+@pytest.mark.slow
+def test_refraction_taken_up_is_what_a_calibration_is_wrong_by():
+    """The simulator bends its rays by Snell's law; the measurements have no noise.
+
+    The block's points are in other places of the images than on a radius: within a sixth.
+    """
+    exact = fly_and_read("acx4-ideal", 1, replace(weights.EXACT, refraction="standard"))
+    fit = single_step(exact.block, free=exact.flight.estimate_mounting, snooping=False)
+    errors = weights.errors(exact, fit)["value"]
+    block = exact.block
+    camera, height = block.cameras[0], block.frame.to_geographic(block.trajectory.T_m_b.r)[:, 2]
+    f_mm, z_m = refraction_taken_up(
+        camera.interior.f,
+        0.5 * camera.pixel_mm * np.hypot(camera.width_px, camera.height_px),
+        height,
+        height[0] - flying_heights(block)[0],
+        lever_arm=True,
+    )
+    assert f_mm == pytest.approx(errors.loc[("f", "mm")], rel=1 / 6)
+    assert z_m == pytest.approx(errors.loc[("lever z", "m")], rel=1 / 6)

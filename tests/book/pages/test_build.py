@@ -1,15 +1,19 @@
 """The pages are built: what is executed, the programming interface, and how it is reproduced."""
 
+import json
 import re
 import subprocess
 import tomllib
+from pathlib import Path
 from subprocess import CalledProcessError
 
 import nbformat
 import pytest
 import yaml
 
+from acx4book.chapters.from_pictures import STORED
 from acx4book.pages import build, reproducibility
+from acx4book.pages.benchmarks import sigma, speed
 from support.helpers import ROOT
 
 # --- executed notebooks as pages of the book -------------------------------------------------
@@ -194,6 +198,43 @@ def test_only_files_of_the_clone_count_as_changes(tmp_path, monkeypatch):
     (tmp_path / "a.py").write_text("two\n")
     assert reproducibility.commit().endswith(", 1 files differ")
     assert reproducibility.short(reproducibility.commit()).endswith(" with changes")
+
+
+def test_stored_numbers_name_their_commit_and_what_changed_since(tmp_path, monkeypatch):
+    def git(*arguments):
+        who = ("-c", "user.name=A", "-c", "user.email=a@b.c")
+        command = ["git", *who, *arguments]
+        done = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True)
+        return done.stdout.strip()
+
+    def committed(file):
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text(file)
+        git("add", file)
+        git("commit", "-m", file)
+        return git("rev-parse", "HEAD")
+
+    git("init")
+    monkeypatch.chdir(tmp_path)
+    first, second = committed("src/acx4lib/a.py"), committed("src/acx4lib/b.py")
+    last = committed("book/page.md")
+    said = reproducibility.of_stored
+    assert said(last) == f"stored numbers of commit {last[:10]}"
+    assert said(second) == f"stored numbers of commit {second[:10]}"
+    assert said(f"{first}, 2 files differ") == (
+        f"stored numbers of commit {first[:10]} with changes; "
+        "the library has changed in 1 later commit"
+    )
+    assert said("0" * 40) == "stored numbers of commit 0000000000; not in this history"
+
+
+def test_every_table_of_the_pages_on_long_runs_names_its_stored_numbers():
+    texts = build._texts_of_benchmarks(speed.read(STORED), sigma.read(STORED))
+    labels = re.findall(r":name: (\S+)", "".join(text for _, text in texts))
+    assert len(labels) > 15
+    assert all(any(label.startswith(begin) for begin in build.STORED) for label in labels)
+    commit = json.loads((STORED / "verdicts.json").read_text())["commit"][:10]
+    assert build._made_from(Path("x"), ideal=False)["stored"]["tab-verdicts-"].count(commit) == 1
 
 
 # --- What others made of the built book

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from acx4book.reference import nist
@@ -21,8 +23,15 @@ def table():
     return nist.results()
 
 
-def test_all_twenty_are_there(table):
+DIGITS_BY_QR = 9.5
+"""Parameters, sigma by QR, and sigma0; BoxBOD's six points give 9.8."""
+
+
+def test_the_collection_has_27_sets_of_which_20_are_run(table):
+    assert len({*nist.MODELS, *nist.NOT_RUN}) == 27
     assert len(nist.MODELS) == 20
+    page = Path("notebooks", "05-reference-data.ipynb").read_text("utf-8")
+    assert f"{', '.join(nist.NOT_RUN[:-1])} and {nist.NOT_RUN[-1]} are not there" in page
     assert set(table["dataset"]) == set(nist.MODELS)
     assert set(table["start"]) == {1, 2}
 
@@ -45,3 +54,20 @@ def test_where_it_does_not_get_there_it_says_so(table):
     assert (own["outcome"] == "no step reduces the cost any more").all()
     others = table[~table.index.isin(own.index)]
     assert (others["outcome"] == nist.CONVERGED).all()
+
+
+def test_sigma_by_qr_keeps_the_digits_that_the_normal_matrix_loses(table):
+    """A condition of 1e4 is 1e8 in the normal matrix: two of the eleven digits in Lanczos3."""
+    own = table[table["start"] == 2]
+    by_normals = own["quantity"].str.endswith(nist.BY_NORMALS)
+    assert own[~by_normals]["digits"].min() > DIGITS_BY_QR
+    lanczos = own[own["dataset"] == "Lanczos3"]
+    sigma = lanczos[lanczos["quantity"].str.startswith("sigma of")].set_index("quantity")["digits"]
+    normal = sigma[sigma.index.str.endswith(nist.BY_NORMALS)]
+    assert normal.min() < 9.5
+    assert sigma.drop(normal.index).min() > 10.5
+
+
+def test_the_summary_shows_both_ways_to_sigma(table):
+    row = nist.summary(table).set_index("data set").loc["Lanczos3"]
+    assert float(row["digits 2"]) > float(row["σ by normal matrix"]) + 1

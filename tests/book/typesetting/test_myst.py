@@ -169,6 +169,21 @@ def test_what_was_held_and_what_is_left_open_is_said():
     ]
 
 
+@pytest.mark.parametrize(
+    ("name", "heading"),
+    [
+        ("mm", "mm"),
+        ("σ (mm)", "σ (mm)"),
+        ("f (mm)", "f (mm)"),
+        ("head", "Head"),
+        ("px off", "px off"),
+    ],
+)
+def test_a_heading_begins_with_a_capital_where_it_begins_with_a_word(name, heading):
+    table = pd.DataFrame({"x": [1.0]}, index=pd.Index(["a"], name=name))
+    assert tables_rows(table)[0][0] == heading
+
+
 def test_tables_side_by_side_have_one_column_a_method_and_the_print_as_printed():
     one = estimates([74.4, 0.0, 0.1, 90.0], [0.1, np.nan, 0.01, 0.1])
     paper = pd.DataFrame({("paper", "printed"): ["74.4376", "ND", "", "x"]}, index=INDEX)

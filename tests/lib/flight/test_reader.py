@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import datetime as dt
 import io
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +29,7 @@ from acx4lib.flight.settings import Apriori, Synthetic, camera_of, camera_table,
 from acx4lib.flight.summary import summary
 from acx4lib.flight.tables import read_header, read_rows
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
-from acx4lib.geometry.collinearity import pinhole, to_camera
+from acx4lib.geometry.collinearity import pinhole, refraction_lift, to_camera
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem
 from acx4lib.geometry.parameters import Prior
@@ -108,6 +109,28 @@ def test_stages_and_refraction_are_as_flight_toml_says(tmp_path):
     assert read.fix == ("lever_arm",)
     assert read.gnss == ("shift", "drift")
     assert read.refraction == "standard"
+
+
+def of_refraction(folder, line=""):
+    toml = folder / "flight.toml"
+    toml.write_text(line + toml.read_text())
+    return [note for note in flight.read(folder).notes if "refraction" in note]
+
+
+def test_what_it_costs_to_say_nothing_of_refraction_is_a_note(tmp_path):
+    (note,) = of_refraction(write_flight(tmp_path))
+    camera = flight.read(tmp_path).cameras["CAM"]
+    r, nadir = np.array([[0.0, 0.0, 1900.0]]), np.array([[0.0, 0.0, 900.0]])
+    at_nadir_um = 1000 * camera.interior.f * refraction_lift(r, nadir)[0] / 1000.0
+    said = re.search(r"from 1000 m this makes f (\S+) µm too large", note)
+    assert float(said[1]) == pytest.approx(at_nadir_um, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "line", ["simulated = true\n", 'refraction = "none"\n', 'refraction = "standard"\n']
+)
+def test_a_flight_that_speaks_of_refraction_or_is_simulated_gets_no_note(tmp_path, line):
+    assert of_refraction(write_flight(tmp_path), line) == []
 
 
 def test_a_camera_has_the_units_of_the_library(tmp_path):
@@ -295,7 +318,7 @@ def test_what_is_odd_but_allowed_is_a_note(tmp_path):
     )
     append(block / "images.csv", "E6_CAM,CAM,E6,2\n")
     change(block / "trajectory.csv", sigma_eats_m=1.0, sensor="x")
-    assert flight.read(tmp_path).notes == (
+    assert flight.read(tmp_path).notes[:-1] == (
         f"{block}/image_points.csv: 3 blank lines at the end",
         f"{block}/trajectory.csv: column 'sigma_eats_m' is not read (did you mean 'sigma_east_m'?)",
         f"{block}/trajectory.csv: column 'sensor' is not read",
@@ -725,7 +748,7 @@ def test_missing_columns_and_rows_are_told():
 def test_a_control_point_that_lies_elsewhere_is_noted_with_its_row():
     far = CONTROL.assign(east_m=CONTROL["east_m"] + 3000.0 * (np.arange(9) == 4))
     found = from_tables(SETTINGS, control_points=far, calibration=TABLES)
-    assert "'G4' (row 4)" in found.notes[-1]
+    assert any("'G4' (row 4)" in note for note in found.notes)
 
 
 # --- a block from arrays ---------------------------------------------------------------------

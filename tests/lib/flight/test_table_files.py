@@ -83,7 +83,7 @@ def test_a_last_line_without_an_end_is_noted(tmp_path):
     text = (write_flight(tmp_path) / POINTS).read_text()
     (tmp_path / POINTS).write_text(text[:-3])
     expected = f"{tmp_path / POINTS}: the last line has no line end; was the file cut off?"
-    assert flight.read(tmp_path).notes == (expected,)
+    assert flight.read(tmp_path).notes[0] == expected
 
 
 def test_a_pipe_is_not_waited_for(tmp_path):

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from acx4lib.geometry import collinearity
 from acx4lib.geometry.camera import Camera, Interior, distortion, xy_from_colrow
-from acx4lib.geometry.collinearity import Measurement, refraction_lift
+from acx4lib.geometry.collinearity import Measurement, refraction_lift, refraction_taken_up
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform
 from support.helpers import numeric_jacobian
 from support.strategies import interiors, opk, poses, vectors, visible_points
@@ -356,6 +356,19 @@ def test_refraction_is_least_at_the_nadir_and_grows_outwards():
     x = np.array([[0.0, 0.0, 900.0], [1600.0, 0.0, 900.0], [0.0, -1600.0, 900.0]])
     lift = refraction_lift(r, x)
     assert_allclose(lift[1:] / lift[0], 2.0)  # 1 / cos^2 at 45 degrees
+
+
+def test_at_two_heights_refraction_is_taken_up_by_f_and_lever_arm_as_a_lens_formula():
+    """Nadir lifts are c H^2 for small H: f' = f (1 + c (H1 + H2)), and the arm grows c H1 H2."""
+    ground, H = 0.0, np.array([50.0, 80.0])
+    r = np.stack([0 * H, 0 * H, H], axis=1)
+    c = (refraction_lift(r, 0 * r) / H**2).mean()
+    f_mm, z_m = refraction_taken_up(74.0, 5.0, H, ground, lever_arm=True)
+    assert f_mm == pytest.approx(74.0 * c * H.sum(), rel=0.02)
+    assert z_m == pytest.approx(c * H.prod(), rel=0.02)
+    alone, none = refraction_taken_up(74.0, 5.0, H[:1], ground, lever_arm=False)
+    assert alone == pytest.approx(74.0 * c * H[0], rel=0.02)
+    assert none == 0
 
 
 def test_no_points_are_not_lifted():

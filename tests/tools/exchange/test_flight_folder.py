@@ -44,12 +44,30 @@ def test_tables_settings_and_what_is_said_are_written(tmp_path):
         'point,east_m,north_m,height_m\nA,1.5,0.1,3\n"B,1",2.0,0.2,4\n'
     )
     assert (tmp_path / "f" / "flight.toml").read_text() == (
-        'name = "f"\ncrs = "EPSG:31982"\n\n[cameras."C 1"]\nwidth_px = 10\nfocal_mm = 8.25\n'
+        'name = "f"\ncrs = "EPSG:31982"\nrefraction = "standard"\n\n'
+        '[cameras."C 1"]\nwidth_px = 10\nfocal_mm = 8.25\n'
     )
     assert (tmp_path / "f" / "import.md").read_text() == (
         "# Program 1\n\n## Read\n\n- a.txt, SHA-256 12\n\n## Assumed\n\n- Rows grow down.\n\n"
         "## Left out\n\n- One.\n\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("before", "crs"),
+    [("", "local"), ('crs = "EPSG:31982"', "EPSG:31982"), ('refraction = "none"', "EPSG:31982")],
+    ids=["no map", "a flight that is there", "one that says it"],
+)
+def test_refraction_is_only_set_where_a_flight_gets_its_map(tmp_path, before, crs):
+    flight_folder.begin(tmp_path / "f", {"flight.toml": f'name = "f"\n{before}\n'})
+    flight_folder.write(control(settings={"crs": crs, **CAMERA}), tmp_path / "f")
+    assert "standard" not in (tmp_path / "f" / "flight.toml").read_text()
+
+
+@pytest.mark.parametrize(("crs", "refraction"), [("EPSG:31982", "standard"), ("local", "none")])
+def test_a_new_flight_has_refraction_where_it_has_a_map(crs, refraction):
+    texts = flight_folder.files("f", cameras=["C"], crs=crs, heights="ellipsoidal")
+    assert tomllib.loads(texts["flight.toml"])["refraction"] == refraction
 
 
 def test_a_second_import_adds_tables_and_settings(tmp_path):
@@ -142,6 +160,16 @@ def test_heads_get_the_camera_that_they_make_together_as_the_first_of_them_sees(
     assert flight_folder.with_synthetic(brought) is brought
     alone = control(settings={"cameras": heads}, tables={"calibration/images.csv": {}})
     assert flight_folder.with_synthetic(alone) is alone
+
+
+def test_the_first_head_is_the_one_that_is_not_turned_in_the_rig():
+    down = {**CAMERA["cameras"]["C 1"], "mount_kappa_deg": -90.0}
+    turned = {name: {**down, "mount_omega_deg": 0.2 * k} for k, name in enumerate("ABC", 1)}
+    images = {"heads/images.csv": {"image": [*"1234"], "camera": [*"ABDC"]}}
+    settings = {"cameras": {**turned, "D": {**down, "focal_mm": 9.0}}}
+    brought = flight_folder.with_synthetic(control(settings=settings, tables=images))
+    assert brought.settings["synthetic"]["heads"] == ["D", "A", "B", "C"]
+    assert brought.settings["cameras"]["SYN"]["focal_mm"] == 9.0
 
 
 def test_rows_that_others_take_the_place_of_are_told(tmp_path):

@@ -243,6 +243,19 @@ def test_the_reference_leads_wherever_it_stands():
     assert "1" in metadata.sentence(heads)
 
 
+def test_where_no_head_names_a_reference_the_one_that_is_not_turned_leads():
+    angles = ((0.1, 0, 0), (0.0, 0, 0), (0, 0.2, 0))
+    heads = [
+        metadata.Head(name=str(i), index=i, reference=None, relatives_deg=a)
+        for i, a in enumerate(angles)
+    ]
+    assert [head.name for head in metadata.in_order(heads)] == ["1", "0", "2"]
+    assert "no file names: 1, whose own angles are zero" in metadata.sentence(heads)
+    turned = [heads[0], heads[2]]
+    assert [head.name for head in metadata.in_order(turned)] == ["0", "2"]
+    assert "no file names: 0, the first" in metadata.sentence(turned)
+
+
 def test_a_camera_looks_down_with_the_top_of_its_image_ahead():
     ahead, up = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
     assert pytest.approx(ahead) == metadata.DOWN @ [0, 1, 0]
