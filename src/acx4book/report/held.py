@@ -65,15 +65,10 @@ def effect(material: Material, stage: str, names: Sequence[str]) -> tuple[float,
     held = values(material, names)
     moves = [abs(m) for key in rejected(material, names) for m in held[key]["moves"].values()]
     by_move = max(moves, default=0.0), MOVED, "σ"
-    ground = [float(r) for n in names for r in _ground(material.found.summary[n])]
+    told = [material.found.summary[n].get("held_effect_sigma") for n in names]
+    ground = [float(ratio) for axes in told if isinstance(axes, list) for ratio in axes]
     by_ground = max(ground, default=0.0), DISPLACED, "σ on the ground"
     return max(by_move, by_ground, key=lambda of: of[0] / of[1])
-
-
-def _ground(entry: Mapping[str, Any]) -> Sequence[float]:
-    """Return the largest displacement on the ground over its predicted sigma, by coordinate."""
-    told = entry.get("held_effect_m")
-    return told["ratio"] if isinstance(told, dict) else ()
 
 
 def _sigma_px(material: Material, names: Sequence[str]) -> float:

@@ -74,9 +74,9 @@ def test_a_rejected_value_matters_where_it_moves_another_estimate(single, move, 
 @pytest.mark.parametrize(("ratio", "expected"), [(0.45, "minor"), (0.47, "fails")])
 def test_a_rejected_value_matters_where_it_moves_the_ground(single, ratio, expected):
     """A displacement of 0.458 sigma makes errors a tenth larger."""
-    effect = {"displacement": [0.0, 0.01, 0.05], "ratio": [0.0, 0.1, ratio]}
     f = told(p=1e-9, cost=40.0)
-    hold(single, SINGLE, {"CAM/f_mm": f}, ["CAM/f_mm"], held_effect_m=effect)
+    effect = [0.0, 0.1, ratio]
+    hold(single, SINGLE, {"CAM/f_mm": f}, ["CAM/f_mm"], held_effect_sigma=effect)
     assert state(single, QUESTION)[0] == expected
 
 
