@@ -86,7 +86,8 @@ class ChanceTest:
     def measured(self) -> str:
         """The probability, the size and its limit, in words."""
         p = p_value(self.p)
-        size, limit = (_measure(value, self.unit) for value in (self.size, self.limit))
+        size = _measure(self.size, self.unit) if self.size else "less"
+        limit = _measure(self.limit, self.unit)
         return f"p {p if p.startswith('<') else f'= {p}'}; {size}, limit {limit}"
 
 
