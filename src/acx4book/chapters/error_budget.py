@@ -325,7 +325,7 @@ def groups(
                 rows[TITLES[method], rays, name] = row
     table = pd.DataFrame(rows.values())
     table.index = pd.MultiIndex.from_tuples(rows, names=["method", "rays", "coordinate"])
-    sizes = dict.fromkeys(("RMS predicted (m)", "RMS of d / σ"), ".2f")
+    sizes = {"RMS predicted (m)": ".2f", "RMS of d / σ": ".3f"}
     table.attrs["formats"] = sizes | dict.fromkeys(table.columns[2:], ".1f")
     return table
 

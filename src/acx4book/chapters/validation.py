@@ -347,10 +347,10 @@ def printed_counts(flight: Flight, titles: Mapping[str, str]) -> pd.DataFrame | 
 
 
 def normalised(tests: Mapping[str, NormalisedTest]) -> pd.DataFrame:
-    """Return the tests of predicted standard deviations, by their titles."""
-    table = _stacked({title: test.table() for title, test in tests.items()})
-    limits = dict.fromkeys(("RMS of d / σ", "lower limit", "upper limit"), ".2f")
-    return _formatted(table, {**limits, "counts as": ".0f"})
+    """Return the tests of predicted standard deviations, by their titles, judged together."""
+    table = accuracy.spread_table(tests)
+    three = ("RMS of d / σ", "lower limit", "upper limit", "p", "p joint")
+    return _formatted(table, {**dict.fromkeys(three, ".3f"), "counts as": ".0f"})
 
 
 def together(validations: Mapping[str, Validation]) -> pd.DataFrame:

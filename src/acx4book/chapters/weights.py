@@ -24,7 +24,7 @@ from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose
-from acx4lib.geometry.parameters import AXES, SHOWN
+from acx4lib.geometry.parameters import SHOWN
 from acx4lib.georeferencing import accuracy, error_sources
 from acx4lib.georeferencing.validation import Differences, compare
 from acx4lib.least_squares.covariance import GaussMarkov
@@ -421,24 +421,30 @@ def largest_change(table: pd.DataFrame) -> float:
 
 
 def reached(points: Mapping[str, Differences]) -> pd.DataFrame:
-    """Return the RMS at check points: predicted from a geometry, and of the differences.
+    """Return the RMS at check points: predicted with each of several sigma, and found.
 
     Parameters
     ----------
     points : mapping of str to Differences
-        Of the same check points, by the calibration that a geometry predicts and by the one that
-        was found; empty where there are none.
+        Of the same check points, by whose sigma they are: that which a geometry promises, and last
+        that which was found. Empty where there are none.
 
     Returns
     -------
     DataFrame
-        By coordinate: points, RMS in m, that of d / σ, and the limits of this one that chance
-        leaves in 95 % of all cases. Empty where the points are not the same.
+        By sigma and coordinate: points, RMS in m, and as `accuracy.spread_table`. All differences
+        are those of the last calibration. Empty where the points are not the same.
     """
     if len({len(differences) for differences in points.values()} - {0}) != 1:
         return pd.DataFrame()
-    predicted, actual = points.values()
-    return _reached(actual.d, predicted.sigma, error_sources.axis_covariances(predicted.sources))
+    *_, actual = points.values()
+    return _reached(
+        actual.d,
+        {
+            f"σ {title}": (of.sigma, error_sources.axis_covariances(of.sources))
+            for title, of in points.items()
+        },
+    )
 
 
 def reached_in_block(bundle: Bundle) -> pd.DataFrame:
@@ -447,7 +453,8 @@ def reached_in_block(bundle: Bundle) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        As `reached` has it; the limits take the points for independent. Empty without points.
+        As `reached` has it, with the sigma found; the limits take the points for independent.
+        Empty without points.
     """
     block, point_idx = bundle.network.block, bundle.network.image_points.point_idx
     rays = np.bincount(point_idx, minlength=bundle.network.n_points)
@@ -456,36 +463,30 @@ def reached_in_block(bundle: Bundle) -> pd.DataFrame:
         return pd.DataFrame()
     idx = block.check.point_idx[check]
     d, sigma = compare(block, bundle.state.x_m[idx], bundle.solution.cov_points[idx], check)
-    return _reached(d, sigma, np.stack([np.diag(axis**2) for axis in sigma.T]))
+    return _reached(d, {"σ found": (sigma, np.stack([np.diag(axis**2) for axis in sigma.T]))})
 
 
-def _reached(d: Array, sigma: Array, axes: Array) -> pd.DataFrame:
-    test = accuracy.normalised_test(d, sigma, axes, probability=0.95)
-    table = pd.DataFrame(
-        {
-            "points": len(d),
-            "predicted RMS (m)": np.sqrt(np.mean(sigma**2, axis=0)),
-            "found RMS (m)": np.sqrt(np.mean(d**2, axis=0)),
-            D_OVER_SIGMA: test.rms,
-            "lower limit": test.limits[:, 0],
-            "upper limit": test.limits[:, 1],
-        },
-        index=pd.Index(AXES, name="coordinate"),
+def _reached(d: Array, predicted: Mapping[str, tuple[Array, Array]]) -> pd.DataFrame:
+    """Return the table of differences beside sigma and covariances of every axis, by titles."""
+    table = (
+        accuracy.spread_table(
+            {
+                title: accuracy.normalised_test(d, sigma, axes, probability=0.95)
+                for title, (sigma, axes) in predicted.items()
+            }
+        )
+        .drop(columns="counts as")
+        .rename_axis(["predicted with", "coordinate"])
     )
-    table.attrs["formats"] = {name: ".3f" if "(m)" in name else ".2f" for name in table.columns[1:]}
+    sigmas = [sigma for sigma, _ in predicted.values()]
+    table.insert(0, "points", len(d))
+    table.insert(
+        1, "predicted RMS (m)", np.hstack([np.sqrt(np.mean(s**2, axis=0)) for s in sigmas])
+    )
+    table.insert(2, "found RMS (m)", np.tile(np.sqrt(np.mean(d**2, axis=0)), len(sigmas)))
+    numbers = table.select_dtypes("float").columns
+    table.attrs["formats"] = dict.fromkeys(numbers, ".3f")
     return table
-
-
-D_OVER_SIGMA = "RMS of d / σ"
-
-
-def outside(table: pd.DataFrame) -> list[str]:
-    """Return the coordinates of `reached` whose differences exceed the limits of chance."""
-    if table.empty:
-        return []
-    ratio = table[D_OVER_SIGMA]
-    wrong = (ratio < table["lower limit"]) | (ratio > table["upper limit"])
-    return [str(axis) for axis in table.index[wrong]]
 
 
 def wrong_sigma(

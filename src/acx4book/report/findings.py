@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from acx4book.report import held
 from acx4book.report.adjustment import CONTROLLED, decisive_qualities
 from acx4book.report.markdown import Text, adjustment_title, begun, listed, plural, show, table
 from acx4book.report.material import (
@@ -26,21 +27,28 @@ from acx4lib.bundle.rejections import CRITICAL, NAMES, too_many
 from acx4lib.calibration.estimates import LIMIT_SCALE, SIGMAS_OF_SCALE
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
+from acx4lib.georeferencing.accuracy import rms_p
 from acx4lib.least_squares import statistics
-from acx4lib.least_squares.statistics import holm
+from acx4lib.least_squares.verdict import (
+    FAILS,
+    HOLDS,
+    LEVEL,
+    MATTERS,
+    MINOR,
+    UNTESTED,
+    Verdict,
+    gravest,
+    off_by,
+    verdicts,
+)
 from acx4lib.results import folder as results
 from acx4lib.results.folder import messages, rows
 
 # --- The questions of the verdict: their answers, the tests behind them, and one level for all
 
 
-HOLDS, FAILS, NOTE = "holds", "fails", "note"
-
-LEVEL = 0.05
-"""Joint error probability of all tests: of any failure in the report of a right flight."""
-
-MATTERS = 1.1
-"""Ratio of errors to their σ from which a difference is relevant, as in the run's messages."""
+NOTE = "note"
+"""State of what is information; the others are those of a `verdict`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,29 +63,32 @@ class ChanceTest:
         Probability of such a value, or a more extreme one, where everything is right.
     said : str
         What is said where it is significant.
-    relevant : bool
-        Whether what is found is large enough to matter. Of many observations, a σ that is wrong by
-        a hundredth is significant.
+    size, limit, unit : float, float, str
+        Size of what is found, and that from which it matters. Of many observations, a σ that is
+        wrong by a hundredth is significant. By default every size matters.
     p_joint : float
         Of the same among all tests of the report, by Holm; comparable with `LEVEL`. NaN before
         all tests are known.
+    state : str
+        Of its verdict among all tests.
     """
 
     name: str
     p: float
     said: str
-    relevant: bool = True
+    size: float = np.inf
+    limit: float = 0.0
+    unit: str = "%"
     p_joint: float = np.nan
+    state: str = UNTESTED
 
     @property
-    def significant(self) -> bool:
-        """Whether the test is significant among all tests of the report."""
-        return self.p_joint < LEVEL
-
-    @property
-    def fails(self) -> bool:
-        """Whether the test is significant and relevant."""
-        return self.significant and self.relevant
+    def measured(self) -> str:
+        """The probability, the size and its limit, in words."""
+        p = p_value(self.p)
+        size = _measure(self.size, self.unit) if self.size else "less"
+        limit = _measure(self.limit, self.unit)
+        return f"p {p if p.startswith('<') else f'= {p}'}; {size}, limit {limit}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,13 +100,17 @@ class Finding:
     question : str
         The question.
     state : str
-        `HOLDS`, `FAILS`, or `NOTE` for information. A finding with tests holds or fails by these.
+        `HOLDS`, `MINOR`, `FAILS`, `UNTESTED`, where the answer has the reason, or `NOTE` for
+        information. A finding with tests has the gravest state of these.
     answer : str
         One or two sentences, text or `Markup`.
     passed : str
         What is added where no test is significant.
     tests : tuple of ChanceTest
         Empty where nothing depends on chance.
+    restriction : str
+        What the results can be used for where the state is `MINOR`, as Markdown; by default for
+        all.
     """
 
     question: str
@@ -103,6 +118,7 @@ class Finding:
     answer: str
     passed: str = ""
     tests: tuple[ChanceTest, ...] = ()
+    restriction: str = ""
 
     @property
     def p(self) -> float:
@@ -124,32 +140,41 @@ def judged(findings: Iterable[Finding]) -> list[Finding]:
         Their tests are not judged; those without a probability are left out.
     """
     drafts = [replace(f, tests=tuple(t for t in f.tests if np.isfinite(t.p))) for f in findings]
-    joint = iter(holm(np.array([test.p for f in drafts for test in f.tests], dtype=float)).tolist())
+    columns = np.array([(t.p, t.size, t.limit) for f in drafts for t in f.tests]).reshape(-1, 3)
+    found = iter(verdicts(*columns.T))
     return [
-        _answered(replace(f, tests=tuple(replace(t, p_joint=next(joint)) for t in f.tests)))
-        for f in drafts
+        _answered(replace(f, tests=tuple(_judged(t, next(found)) for t in f.tests))) for f in drafts
     ]
+
+
+def _judged(test: ChanceTest, verdict: Verdict) -> ChanceTest:
+    return replace(test, p_joint=verdict.p_joint, state=verdict.state)
 
 
 def _answered(finding: Finding) -> Finding:
     """Return a finding with state and answer from its tests."""
     if not finding.tests:
         return finding
-    failures = [test.said for test in finding.tests if test.fails]
-    little = [test.said for test in finding.tests if test.significant and not test.relevant]
-    passed = "" if little else finding.passed
+    failures = [
+        t.said if t.unit == "%" else f"{t.said} ({t.measured})"
+        for t in finding.tests
+        if t.state == FAILS
+    ]
+    minor = [f"{t.said} ({t.measured})" for t in finding.tests if t.state == MINOR]
+    passed = "" if minor else finding.passed
     parts = (
         finding.answer,
         f"Significant: {'; '.join(failures)}." if failures else passed,
-        f"Significant, but too little to matter: {'; '.join(little)}." if little else "",
+        f"Rejected, but below the size that matters: {'; '.join(minor)}." if minor else "",
     )
     answer = type(finding.answer)(" ".join(filter(None, parts)))
-    return replace(finding, state=FAILS if failures else finding.state, answer=answer)
+    state = gravest([finding.state, *(test.state for test in finding.tests)])
+    return replace(finding, state=state, answer=answer)
 
 
-def _matters(ratio: float) -> bool:
-    """Tell whether a ratio of errors to their σ differs from one by a tenth or more."""
-    return not 1 / MATTERS < ratio < MATTERS
+def _measure(value: float, unit: str) -> str:
+    """Return a size with its unit; a share in percent."""
+    return f"{100 * value:.2g} %" if unit == "%" else f"{value:.2g} {unit}"
 
 
 def _all_tests(findings: Sequence[Finding]) -> list[ChanceTest]:
@@ -247,7 +272,7 @@ def _determined(material: Material) -> Iterator[Finding]:
         yield Finding(question=question, state=FAILS, answer=answer)
     elif material.decisive and material.found.parameters.empty:
         answer = "No parameter of a camera was estimated."
-        yield Finding(question=question, state=NOTE, answer=answer)
+        yield Finding(question=question, state=UNTESTED, answer=answer)
     elif material.decisive:
         answer = (
             "Every estimated parameter has a standard deviation below the limit of what counts "
@@ -286,13 +311,24 @@ def _other_methods(material: Material) -> Iterator[Finding]:
     others = [name for name in material.found.summary if name not in tested]
     lines = [line for name in others for line in _open(material, name)]
     lines += _stopped(material, others)
-    refined = material.found.summary.get("synthetic/refined", {}).get("sigma0_squared")
-    if refined is not None:
-        sigma0_sq = float(str(refined))
-        lines.append(f"heads refined in the synthetic image: σ₀² = {sigma0_sq:.2f}, not tested")
     if lines:
         answer = "; ".join(dict.fromkeys(lines)) + ". This report does not certify these methods."
         yield Finding(question="Other methods", state=NOTE, answer=answer)
+
+
+def _refined(material: Material) -> Iterator[Finding]:
+    """Say why the fit of matched points between heads is not tested, and what takes its place."""
+    refined = material.found.summary.get("synthetic/refined", {}).get("sigma0_squared")
+    if refined is not None:
+        sigma0_sq = float(str(refined))
+        answer = (
+            f"σ₀² = {sigma0_sq:.2f} is not tested against one: the σ of a matched point holds the "
+            "noise of its pixels alone, and not what lenses, relief and shutters leave between two "
+            f"heads. The results do not rest on it: σ₀ = {np.sqrt(sigma0_sq):.2f}, found from the "
+            "differences, multiplies the σ of the refined heads, and what exposures say of a head "
+            "beyond that is added."
+        )
+        yield Finding(question="Heads refined by tie points", state=UNTESTED, answer=answer)
 
 
 def _global_test(material: Material) -> Iterator[Finding]:
@@ -315,7 +351,8 @@ def _global_test(material: Material) -> Iterator[Finding]:
                 said=f"{adjustment_title(name)} (σ₀² = {_sigma0(entry):.2f}): residuals are "
                 f"{'larger' if _sigma0(entry) > 1 else 'smaller'} than the a priori standard "
                 "deviations promise",
-                relevant=_matters(np.sqrt(_sigma0(entry))),
+                size=off_by(np.sqrt(_sigma0(entry))),
+                limit=MATTERS,
             )
             for name, entry in entries.items()
         ),
@@ -335,7 +372,8 @@ def _weights(material: Material) -> Iterator[Finding]:
             p=g.p,
             said=f"{g.group} of {adjustment_title(g.adjustment)}: {_factor(g.ratio)} (stated "
             f"{g.sigma:.2g} {g.unit}, by the residuals {g.sigma * g.ratio:.2g} {g.unit})",
-            relevant=_matters(g.ratio),
+            size=off_by(g.ratio),
+            limit=MATTERS,
         )
         for g in groups
     ]
@@ -412,13 +450,13 @@ def _gross_errors(material: Material) -> Iterator[Finding]:
     if mixed:
         answer = f"{begun('; '.join(mixed))}. Correct the names and run again. {answer}"
     elif any(messages(entry, "stopped") for entry in entries):
-        answer = "Not tested: observations contradict each other, so rejections say nothing."
-        yield Finding(question=question, state=NOTE, answer=answer)
+        answer = "Observations contradict each other, so rejections say nothing."
+        yield Finding(question=question, state=UNTESTED, answer=answer)
         return
     where = "; they are listed below or in rejected.csv." if n_rejected else "."
     if any(entry.get("expected_rejections") is None for entry in entries):
         answer += f"{where} These results do not say how many chance takes out; run again."
-        yield Finding(question=question, state=FAILS if mixed else NOTE, answer=answer)
+        yield Finding(question=question, state=FAILS if mixed else UNTESTED, answer=answer)
         return
     chance = sum(float(str(entry["expected_rejections"])) for entry in entries)
     largest, n_apart = _rejected(material)
@@ -496,17 +534,17 @@ def _stable(material: Material) -> Iterator[Finding]:
     stability = material.found.summary.get(material.certified, {}).get("boresight_stability")
     if not isinstance(stability, dict):
         answer = "These results have no test of the boresight over time; run again."
-        yield Finding(question=question, state=NOTE, answer=answer)
+        yield Finding(question=question, state=UNTESTED, answer=answer)
         return
     turns = turns_of(material)
     if not turns:
         answer = (
-            "Not tested: observations contradict each other."
+            "Observations contradict each other."
             if _stopped(material, [material.certified])
-            else "Not tested: it needs attitudes of two strips or of exposures at several times, "
-            "and more of them than turns."
+            else "It needs attitudes of two strips or of exposures at several times, and more of "
+            "them than turns."
         )
-        yield Finding(question=question, state=NOTE, answer=answer)
+        yield Finding(question=question, state=UNTESTED, answer=answer)
         return
     yield Finding(
         question=question,
@@ -517,7 +555,62 @@ def _stable(material: Material) -> Iterator[Finding]:
     )
 
 
-# --- What the results are held against: declared mountings, heights, independent check points
+# --- What the results are held against: held values, declared mountings, heights, check points
+
+
+HELD = "Held values"
+
+
+def _held(material: Material) -> Iterator[Finding]:
+    """Test the values at which adjustments hold parameters, and what they change."""
+    stages = held.tested(material)
+    if not stages:
+        if material.decisive:
+            answer = "These results have no test of what the adjustments hold; run again."
+            yield Finding(question=HELD, state=UNTESTED, answer=answer)
+        return
+    told = {stage: held.values(material, names) for stage, names in stages.items()}
+    out = {stage: held.rejected(material, names) for stage, names in stages.items()}
+    parts = [
+        f"{begun(held.in_words(told[stage], keys))}. To free "
+        f"{'it' if len(keys) == 1 else 'them'}: {held.freeing(material, stage, keys)}."
+        for stage, keys in out.items()
+        if keys
+    ]
+    tests = tuple(_held_test(material, stage, names) for stage, names in stages.items())
+    tests = tuple(test for test in tests if np.isfinite(test.p))
+    yield Finding(
+        question=HELD,
+        state=HOLDS if tests else UNTESTED,
+        answer=Markup(" ".join(parts) if tests else "The data cannot tell any of them."),
+        passed="The data reject no value at which an adjustment holds a parameter."
+        if not any(out.values())
+        else "Among all tests of this report none of this is significant.",
+        tests=tests,
+        restriction=RESTRICTION if out.get("heads") else "",
+    )
+
+
+RESTRICTION = (
+    "The calibrations of the single heads can be used for their relative orientation and the "
+    "synthetic image, where what they hold changes less than matters. Their $x_p$, $y_p$, "
+    "$\\omega$ and $\\varphi$ are not those of the cameras: they take up the values that are held "
+    f"(“{HELD}”)"
+)
+
+
+def _held_test(material: Material, stage: str, names: Sequence[str]) -> ChanceTest:
+    size, limit, unit = held.effect(material, stage, names)
+    of = f"held values of {'the heads' if stage == 'heads' else adjustment_title(names[0])}"
+    known = np.isfinite(size)
+    return ChanceTest(
+        name=of,
+        p=held.joint_p(held.values(material, names)),
+        said=of if known else f"{of}, whose effect on a synthetic image is not known",
+        size=size,
+        limit=limit,
+        unit=unit if known else "%",
+    )
 
 
 FEWEST = 2
@@ -542,7 +635,7 @@ def _mountings(material: Material) -> Iterator[Finding]:
             tests=tests,
         )
     elif material.calibration:
-        yield Finding(question=question, state=NOTE, answer=note or _not_compared(material))
+        yield Finding(question=question, state=UNTESTED, answer=note or _not_compared(material))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -657,7 +750,7 @@ def _check_points(material: Material) -> Iterator[Finding]:
         answer = "There are no check points, so the accuracy on the ground is not shown."
         if entry.get("rays_rms_px") is not None:
             answer += f" {_predicted(entry)}"
-        yield Finding(question=CHECKED, state=NOTE, answer=answer)
+        yield Finding(question=CHECKED, state=UNTESTED, answer=answer)
         return
     parts, tests = [], [*_single_tests(single)]
     if len(single):
@@ -672,7 +765,7 @@ def _check_points(material: Material) -> Iterator[Finding]:
             parts.append("These results have no test of all differences together; run again.")
     yield Finding(
         question=CHECKED,
-        state=HOLDS if tests else NOTE,
+        state=HOLDS if tests else UNTESTED,
         answer=" ".join(parts),
         passed="No difference, no mean and no spread is significant.",
         tests=tuple(tests),
@@ -732,7 +825,8 @@ def _together(entry: Mapping[str, Any]) -> Iterator[ChanceTest]:
             p=entry["chi_square_p"],
             said=f"rays meet {'more' if closer else 'less'} closely than predicted "
             f"(σ₀² = {entry['sigma0_squared']:.2f})",
-            relevant=_matters(np.sqrt(entry["sigma0_squared"])),
+            size=off_by(np.sqrt(entry["sigma0_squared"])),
+            limit=MATTERS,
         )
 
 
@@ -750,12 +844,12 @@ def _spreads(points: Mapping[str, Any]) -> Iterator[ChanceTest]:
     """Yield the tests of the RMS of differences over their sigma, two-sided."""
     by_axis = zip(points["normalised_rms"], points["effective_number"], AXES, strict=True)
     for ratio, n, axis in by_axis:
-        square = n * ratio**2
-        below, above = statistics.chi2_cdf(square, n), statistics.chi2_sf(square, n)
         yield ChanceTest(
             name=f"spread in {axis}",
-            p=2 * min(below, above),
-            said=f"an RMS in {axis} that is {ratio:.2f} times the predicted one",
+            p=rms_p(ratio, n),
+            said=f"an RMS in {axis} that is {ratio:.3f} times the predicted one",
+            size=off_by(ratio),
+            limit=MATTERS,
         )
 
 
@@ -801,10 +895,22 @@ def _by_gravity(questions: Iterable[str]) -> list[str]:
 QUESTIONS = (
     *(_one_flight, _converged, _contradictions, _determined, _weak, _global_test, _weights),
     *(_estimated_weights, _apart, _gross_errors, _controlled, _stable, _earlier, _mountings),
-    *(_heights, _check_points, _other_methods, _said),
+    *(_heights, _held, _check_points, _refined, _other_methods, _said),
 )
 
-STATES = {"holds": "✓ holds", "fails": "✗ fails", "note": "• note"}
+STATES = {
+    HOLDS: "✓ holds",
+    MINOR: "≈ rejected, below {}",
+    FAILS: "✗ fails",
+    UNTESTED: "– not tested",
+    NOTE: "• note",
+}
+
+
+def _result(finding: Finding) -> str:
+    """Return the state in words; of `MINOR` with the sizes from which it matters."""
+    minor = [_measure(t.limit, t.unit) for t in finding.tests if t.state == MINOR]
+    return STATES[finding.state].format(listed([*dict.fromkeys(minor)]))
 
 
 def findings(material: Material) -> list[Finding]:
@@ -852,7 +958,9 @@ def statement(found: Sequence[Finding]) -> str:
             "is expected of it, so this report neither confirms nor refutes them."
         )
     if not failed:
-        return f"**The results hold.** {_level(found)}"
+        limits = [f.restriction for f in found if f.state == MINOR and f.restriction]
+        said = "The results hold, with a restriction" if limits else "The results hold"
+        return "\n\n".join([f"**{said}.** {_level(found)}", *(f"**{limit}.**" for limit in limits)])
     gravest, *less_grave = _by_gravity(failed)
     means, cure = CONSEQUENCES.get(gravest, UNKNOWN)
     whole = f"**Not everything holds. “{gravest}” fails: {means}; {cure}.**"
@@ -865,11 +973,12 @@ def statement(found: Sequence[Finding]) -> str:
 def _level(found: Sequence[Finding]) -> str:
     """State the number of tests, and the probability that right results fail any."""
     tests = _all_tests(found)
-    n = sum(test.fails for test in tests)
+    n, minor = (sum(test.state == state for test in tests) for state in (FAILS, MINOR))
     if not tests:
         return "No statistical test was made."
+    rejected = f"; {minor} rejected, but below the size that matters" if minor else ""
     return (
-        f"{n or 'None'} of {plural(len(tests), 'test')} {'fails' if n < 2 else 'fail'}. "
+        f"{n or 'None'} of {plural(len(tests), 'test')} {'fails' if n < 2 else 'fail'}{rejected}. "
         f"The tests share an error probability of {100 * LEVEL:g} % (Holm): of right results with "
         f"right standard deviations, at most {100 * LEVEL:g} % fail any of them."
     )
@@ -877,8 +986,8 @@ def _level(found: Sequence[Finding]) -> str:
 
 def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
     """Return the table of findings, failures first."""
-    order = sorted(found, key=lambda f: f.state != FAILS)
-    rows = [(f.question, STATES[f.state], _p(f.p), _p(f.p_joint), f.answer) for f in order]
+    order = sorted(found, key=lambda f: (f.state != FAILS, f.state != MINOR))
+    rows = [(f.question, _result(f), _p(f.p), _p(f.p_joint), f.answer) for f in order]
     return pd.DataFrame(rows, columns=["Question", "Result", "p", "p joint", "Explanation"])
 
 

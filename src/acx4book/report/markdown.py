@@ -145,11 +145,11 @@ GREEK = {
     "sigma": "σ",
     "varphi": "φ",
 }
-STATE = re.compile(r"<td([^>]*)>(✓|✗|•) (\w+)</td>")
+STATE = re.compile(r"<td([^>]*)>(✓|≈|✗|–|•) (\w+|not tested|rejected, below [\w ,.%]+)</td>")
 VERDICT = "tab-report-verdict"
 """The table with marked answers."""
 
-STATES = {"✓": "holds", "✗": "fails", "•": "note"}
+STATES = {"✓": "holds", "≈": "minor", "✗": "fails", "–": "untested", "•": "note"}
 
 
 @dataclass(kw_only=True)

@@ -107,7 +107,11 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "p": finding.p,
         "p_joint": finding.p_joint,
         "tests": [
-            {"name": t.name, "p": t.p, "p_joint": t.p_joint, "fails": t.fails}
+            {
+                **{key: getattr(t, key) for key in ("name", "p", "p_joint", "state")},
+                **{key: getattr(t, key) for key in ("size", "limit", "unit")},
+                "fails": t.state == FAILS,
+            }
             for t in finding.tests
         ],
     }

@@ -6,7 +6,7 @@ Size, bias, precision, and the classes of PEC-PCD, NSSDA, ASPRS 2014 and 2023.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import resources
@@ -19,6 +19,7 @@ from acx4lib.expected import Array, Mask
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import correlation, sigmas
+from acx4lib.least_squares.verdict import MATTERS, off_by, verdicts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -163,18 +164,24 @@ class NormalisedTest:
         """Which axes have an RMS inside the limits, shape (3,)."""
         return (self.limits[:, 0] <= self.rms) & (self.rms <= self.limits[:, 1])
 
+    @property
+    def p(self) -> Array:
+        """Two-sided probability of such an RMS of an axis, or one farther from one, shape (3,)."""
+        return np.array([rms_p(*axis) for axis in zip(self.rms, self.effective, strict=True)])
+
     def table(self) -> pd.DataFrame:
         """Return the test of every axis."""
         import pandas as pd  # noqa: PLC0415 few need a table, and it loads long
 
-        wrong = np.where(self.rms > self.limits[:, 1], "too small", "too large")
+        wrong = np.where(self.rms > self.limits[:, 1], "above", "below")
         return pd.DataFrame(
             {
                 "RMS of d / σ": self.rms,
                 "counts as": self.effective,
                 "lower limit": self.limits[:, 0],
                 "upper limit": self.limits[:, 1],
-                "prediction": np.where(self.accepted, "holds", wrong),
+                "limits": np.where(self.accepted, "inside", wrong),
+                "p": self.p,
             },
             index=pd.Index(AXES, name="coordinate"),
         )
@@ -202,6 +209,33 @@ def normalised_test(
         rms=np.sqrt(np.mean((d / sigma) ** 2, axis=0)),
         effective=effective,
         limits=np.array([rms_limits(n, probability=probability) for n in effective]),
+    )
+
+
+def spread_table(tests: Mapping[str, NormalisedTest]) -> pd.DataFrame:
+    """Judge tests of predicted standard deviations jointly; return those of every axis.
+
+    Parameters
+    ----------
+    tests : mapping of str to NormalisedTest
+        By their titles.
+
+    Returns
+    -------
+    DataFrame
+        By title and coordinate: as `NormalisedTest.table`, ``p joint`` and the ``state`` of the
+        verdict. What matters is the share by which errors differ from their sigma.
+    """
+    import pandas as pd  # noqa: PLC0415 few need a table, and it loads long
+
+    parts = {title: test.table() for title, test in tests.items()}
+    if not parts:
+        return pd.DataFrame()
+    table = pd.concat(parts, names=["method", "coordinate"])
+    size = table["RMS of d / σ"].map(off_by).to_numpy()
+    judged = verdicts(table["p"].to_numpy(), size, np.full(len(table), MATTERS))
+    return table.assign(
+        **{"p joint": [v.p_joint for v in judged], "state": [v.state for v in judged]}
     )
 
 
@@ -333,6 +367,20 @@ def rms_limits(n: float, *, probability: float = 0.95) -> tuple[float, float]:
     tail = (1 - probability) / 2
     least, most = statistics.chi2_ppf(tail, n), statistics.chi2_isf(tail, n)
     return float(np.sqrt(least / n)), float(np.sqrt(most / n))
+
+
+def rms_p(rms: float, n: float) -> float:
+    """Return the two-sided probability of such an RMS by chance, or one farther from one.
+
+    Parameters
+    ----------
+    rms : float
+        Over its expectation.
+    n : float
+        Number of independent errors; of correlated ones their `effective_number`.
+    """
+    square = n * rms**2
+    return 2 * min(statistics.chi2_cdf(square, n), statistics.chi2_sf(square, n))
 
 
 def effective_number(cov: Array) -> float:

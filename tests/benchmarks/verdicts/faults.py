@@ -6,6 +6,7 @@ flight: that is what a sigma promises.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ import pandas as pd
 
 from acx4book.notebooks import simulated
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
+from acx4sim.designs import DESIGNS
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import Options, SlowErrors
 from acx4tools.planning import plan as plans
@@ -113,12 +115,14 @@ def fly(
     Parameters
     ----------
     plan : str
-        Of `PLANS`.
+        Of `PLANS` or `HELD`.
     seed : int
     fault : str
         Of `FAULTS` or `SLOW`; empty for a clean flight.
     size : float
     """
+    if plan in HELD:
+        return holding(plan, seed, size), []
     of = {**FAULTS, **SLOW}[fault] if fault else Fault(guess=0.0)
     values = tomllib.loads((FOLDER / f"{plan}.toml").read_text(encoding="utf-8"))
     rng = np.random.default_rng([seed, 1])
@@ -133,6 +137,24 @@ def fly(
     tables = {path: table.copy() for path, table in clean.tables.items()}
     planted = of.makes(Flown(tables=tables, size=size, rng=rng, again=again))
     return replace(clean, tables=tables), planted
+
+
+def holding(design: str, seed: int, off_mm: float) -> SimulatedFlight:
+    """Return a flight of a design, with a focal length that the mounting holds at a wrong value.
+
+    Parameters
+    ----------
+    design : str
+        Of `HELD`.
+    seed : int
+    off_mm : float
+        Of the focal length; zero leaves the flight as it is.
+    """
+    flight = DESIGNS[design](seed=seed)
+    if not off_mm:
+        return flight
+    wrong = re.sub(r"(?<=focal_mm = )\S+", lambda f: f"{float(f[0]) + off_mm}", flight.toml)
+    return replace(flight, toml=wrong.replace('estimate = ["f_mm", ', "estimate = ["))
 
 
 def declare(values: Values, rng: np.random.Generator) -> None:
@@ -288,3 +310,7 @@ SLOW: Mapping[str, Fault] = {
     "not declared, in the validation alone": Fault(guess=0.95, makes=_slow_validation),
 }
 """Trajectories whose errors change slowly, with the share of each sigma that does."""
+
+HELD: Mapping[str, float] = {"single-head": 0.4, "acx4": 0.0}
+"""Designs of flights whose adjustments hold a wrong focal length, and by how many mm that of the
+mounting is off: the heads of acx4 hold theirs at the value that the paper states."""

@@ -10,7 +10,7 @@ PYTHONPATH=tests.
 The size of a fault is predicted before by `sizes`: a few flights with other seeds, the pilots, tell
 what it does to every test, and the theory of the tests at which size 80 % are found. At that size
 the 60 are flown. Sizes of gross errors are those that ``acx4 plan`` predicts. Last come flights
-whose trajectory's errors change slowly.
+whose trajectory's errors change slowly, and flights that hold a wrong focal length.
 """
 
 from __future__ import annotations
@@ -33,22 +33,23 @@ import pandas as pd
 from acx4book.command.processes import on_processes
 from acx4book.notebooks import runner
 from acx4book.notebooks.runner import way_of
-from acx4book.report import findings, material, page
+from acx4book.report import findings, held, material, page
 from acx4lib.errors import Acx4Error
 from acx4lib.least_squares.processors import as_finished
 from acx4lib.results import folder as results
 from acx4sim.files import write_files
 from benchmarks import harness
 from benchmarks.verdicts import sizes
-from benchmarks.verdicts.faults import FAULTS, PLANS, SLOW, Planted, fly
+from benchmarks.verdicts.faults import FAULTS, HELD, PLANS, SLOW, Planted, fly
 
 OUT = harness.OUT
 NAME, PILOTS, SLOWLY = "verdicts", "verdicts_pilots", "slow_validations"
+HOLDING, N_HELD = "held_values", 6
 N_CLEAN, N_SPOILT, N_THIRD, N_PILOT = 200, 60, 20, 4
 N_FIRST = 60
 """Clean flights of a plan that are flown before any spoilt one."""
 
-SEEDS = {"clean": 0, "spoilt": 300, "third": 400, "pilot": 500, "slow": 600}
+SEEDS = {"clean": 0, "spoilt": 300, "third": 400, "pilot": 500, "slow": 600, "held": 700}
 """Before the first seed of a plan's flights; every plan has a thousand of its own."""
 
 THIRD = 1.5
@@ -90,7 +91,7 @@ class Order:
 
 
 KEYS = [field.name for field in fields(Order)]
-TEXTS = ("purpose", "plan", "fault", "source", "error")
+TEXTS = ("purpose", "plan", "fault", "source", "error", "rejected")
 """Columns that are text, and empty where there is none."""
 
 
@@ -110,6 +111,7 @@ def main() -> None:
     rest = in_turns([*(kind[N_FIRST:] for kind in good), *spoiled])
     fly_all([*first, *rest], options.out, options.jobs)
     fly_all(in_turns([*slow(options.spoilt)]), options.out, options.jobs, name=SLOWLY)
+    fly_all(in_turns([*holding(N_HELD)]), options.out, options.jobs, name=HOLDING)
 
 
 # --- what is flown ---------------------------------------------------------------------------
@@ -151,9 +153,15 @@ def slow(n: int) -> Iterator[list[Order]]:
         yield of_kind("slow", PLANS[0], kind, of.begin(PLANS[0]), n)
 
 
+def holding(n: int) -> Iterator[list[Order]]:
+    """Yield flights whose adjustments hold a wrong focal length."""
+    for design, off_mm in HELD.items():
+        yield of_kind("held", design, "focal length" if off_mm else "", off_mm, n)
+
+
 def of_kind(purpose: str, plan: str, fault: str, size: float, n: int) -> list[Order]:
     """Return flights of one kind, with the seeds that were fixed for them."""
-    first = 1 + 1000 * PLANS.index(plan) + SEEDS[purpose]
+    first = 1 + 1000 * [*PLANS, *HELD].index(plan) + SEEDS[purpose]
     size = float(f"{size:.{DIGITS}g}")
     return [
         Order(purpose=purpose, plan=plan, fault=fault, size=size, seed=first + k) for k in range(n)
@@ -178,8 +186,8 @@ def judged(order: Order) -> Row:
         The order; ``source``, a digest of the code; ``status`` as of ``acx4 run``; ``error`` of a
         flight without results; ``holds``, the smallest ``p_joint``, the number ``n_tests``, and the
         state of every question of the report; of clean flights p of every test; ``n_rejected``, and
-        of planted gross errors, by their kind, whether they are rejected; of pilots the statistics
-        of the tests in the place of their p.
+        of planted gross errors, by their kind, whether they are rejected; of held values the names
+        of the ``rejected`` ones; of pilots the statistics of the tests in the place of their p.
     """
     row: Row = {**asdict(order), "source": source(), "status": 0, "error": ""}
     simulated, planted = fly(order.plan, order.seed, order.fault, order.size)
@@ -192,6 +200,8 @@ def judged(order: Order) -> Row:
             return row | {"status": 2, "error": str(error).splitlines()[0].replace(scratch, "")}
         row["status"] = int(bool(outcome.not_determined))
         whole = material.read(found)
+        if order.purpose == "held":
+            row["rejected"] = " ".join(held_values(whole))
         if order.purpose == "pilot":
             return row | said(whole, tests=False) | sizes.as_row([*sizes.statistics(whole)])
         return row | said(whole, tests=not order.fault) | taken_out(found, planted)
@@ -213,6 +223,11 @@ def said(whole: material.Material, *, tests: bool) -> Row:
         **{finding["question"]: finding["state"] for finding in statement["findings"]},
         **({f"p: {question}: {t['name']}": t["p"] for question, t in each} if tests else {}),
     }
+
+
+def held_values(whole: material.Material) -> list[str]:
+    """Return the held values that the certified adjustments reject, as the report names them."""
+    return [key for names in held.tested(whole).values() for key in held.rejected(whole, names)]
 
 
 def taken_out(found: Path, planted: Sequence[Planted]) -> Row:

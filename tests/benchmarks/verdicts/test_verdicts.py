@@ -1,5 +1,7 @@
 """Flights of five plans, clean and spoilt, and what becomes of them."""
 
+import tomllib
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -90,6 +92,25 @@ def test_a_step_turns_the_camera_before_the_second_half_of_the_strips():
     second = clean["exposure"].str[1].astype(int) > 2
     assert turn_deg[second] == pytest.approx(np.tile([0.3, 0, 0], (second.sum(), 1)))
     assert turn_deg[~second] == pytest.approx(0.0)
+
+
+def test_a_held_focal_length_is_off_by_its_size_and_the_tables_are_those_of_the_design():
+    right, wrong = (faults.holding("single-head", 1, size) for size in (0.0, 0.4))
+    (right_mm, free), (wrong_mm, held) = (
+        (toml["cameras"]["CAM"]["focal_mm"], toml["stages"]["mounting"]["estimate"])
+        for toml in (tomllib.loads(flight.toml) for flight in (right, wrong))
+    )
+    assert wrong_mm - right_mm == pytest.approx(0.4)
+    assert [name for name in free if name not in held] == ["f_mm"]
+    assert all(right.tables[path].equals(wrong.tables[path]) for path in right.tables)
+
+
+@pytest.mark.slow
+def test_a_wrong_focal_length_that_the_mounting_holds_fails_and_is_named_first():
+    (orders, *_) = flights.holding(1)
+    row = flights.judged(orders[0])
+    assert (row["holds"], row["Held values"]) == (0, "fails")
+    assert row["rejected"].split()[0] == "CAM/f_mm"
 
 
 def test_sigma_is_stated_too_small_and_not_changed_with_the_noise():

@@ -80,6 +80,7 @@ def test_correlated_points_leave_wider_limits(found):
     rms = np.sqrt(np.mean((found.points.d / found.points.sigma) ** 2, axis=0))
     assert_allclose(table["RMS of d / σ"], rms)
     assert np.all((table["counts as"] > 1) & (table["counts as"] < 9))
+    assert np.all(table["p joint"] >= table["p"])
 
 
 def test_means_stand_over_the_sigma_of_correlated_points(found, sizes):

@@ -411,8 +411,48 @@ def test_where_nothing_was_adjusted_the_report_says_that_nothing_was_tested(fold
     assert statement(found).startswith("**Nothing was tested.**")
 
 
-def test_what_is_significant_and_too_small_to_matter_is_said_and_holds():
-    test = ChanceTest(name="σ₀²", p=1e-12, said="σ is 1.03 times too small", relevant=False)
-    (found,) = judged([Finding(question="Q", state="holds", answer="A.", tests=(test,))])
-    assert found.state == "holds"
-    assert found.answer == "A. Significant, but too little to matter: σ is 1.03 times too small."
+def test_what_is_rejected_and_too_small_to_matter_has_its_own_state_with_both_numbers():
+    test = ChanceTest(name="σ₀²", p=1e-12, said="σ is 1.03 times too small", size=0.03, limit=0.1)
+    found = judged([Finding(question="Q", state="holds", answer="A.", tests=(test,))])
+    assert found[0].state == "minor"
+    assert found[0].answer == (
+        "A. Rejected, but below the size that matters: σ is 1.03 times too small "
+        "(p <\N{NO-BREAK SPACE}0.0005; 3 %, limit 10 %)."
+    )
+    assert list(verdict_table(found)["Result"]) == ["≈ rejected, below 10 %"]
+    said = statement(found)
+    assert said.startswith("**The results hold.** None of 1 test fails; 1 rejected, but below the")
+
+
+def test_no_tick_stands_beside_a_test_that_is_rejected(rng):
+    """Whatever the tests say: 200 reports with sizes on both sides of their limits."""
+    for p, size in zip(
+        10 ** rng.uniform(-6, 0, (200, 3)), rng.uniform(0, 0.2, (200, 3)), strict=True
+    ):
+        tests = tuple(
+            ChanceTest(name=f"{i}", p=one, said="it", size=of, limit=0.1)
+            for i, (one, of) in enumerate(zip(p, size, strict=True))
+        )
+        table = verdict_table(
+            judged([Finding(question="Q", state="holds", answer="", tests=tests)])
+        )
+        rejected = 3 * p.min() < LEVEL
+        assert rejected == ("✓" not in table["Result"][0])
+
+
+def test_a_restriction_stands_with_the_verdict_where_it_applies():
+    def asked_held(size):
+        test = ChanceTest(name="held", p=1e-9, said="held", size=size, limit=0.2, unit="px")
+        return statement(
+            judged(
+                [
+                    Finding(
+                        question="Q", state="holds", answer="", tests=(test,), restriction="Only a"
+                    )
+                ]
+            )
+        )
+
+    assert asked_held(0.1).startswith("**The results hold, with a restriction.** None of 1 test")
+    assert asked_held(0.1).endswith("**Only a.**")
+    assert "Only a" not in asked_held(0.3)

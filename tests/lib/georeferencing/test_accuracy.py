@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy import stats
 
 from acx4lib.georeferencing import accuracy
 
@@ -172,13 +173,41 @@ def test_normalised_errors_are_tested_with_as_many_points_as_they_are_worth():
     assert_allclose(test.effective, [1.0, 25.0, 25.0])
     assert_allclose(test.limits[0], np.sqrt([0.000982, 5.024]), rtol=1e-3)
     assert test.accepted.tolist() == [True, False, False]
-    table = test.table()
-    assert list(table["prediction"]) == ["holds", "too small", "too small"]
+    assert list(test.table()["limits"]) == ["inside", "above", "above"]
+    # printed tables: chi-square of 1 exceeds 3.841 in 5 % and 5.024 in 2.5 % of all cases
+    assert_allclose(accuracy.rms_p(np.sqrt(3.841), 1), 0.10, rtol=2e-3)
+    assert_allclose(test.p[0], 2 * stats.norm.sf(2.0) * 2)
     assert repr(test) == "RMS of d / sigma 2.00, 2.00, 2.00; 1 of 3 inside their limits"
-    assert (
-        list(accuracy.normalised_test(0.1 * d, sigma, np.stack([own] * 3)).table()["prediction"])
-        == ["too large"] * 3
-    )
+    small = accuracy.normalised_test(0.1 * d, sigma, np.stack([own] * 3))
+    assert list(small.table()["limits"]) == ["below"] * 3
+
+
+def test_one_rms_of_nine_outside_of_its_limits_is_chance_and_a_far_one_is_not(rng):
+    """Chi-square of 36 at 2.2 % and at 1e-6: 9 tests make the first no reason to doubt, by Holm."""
+    own = np.stack([np.eye(36)] * 3)
+
+    def tested(*ratios):
+        d = np.ones((36, 3)) * np.array(ratios) * rng.choice([-1, 1], (36, 3))
+        return accuracy.normalised_test(d, np.ones((36, 3)), own)
+
+    odd = np.sqrt(stats.chi2.ppf(0.022, 36) / 36)
+    tests = {"a": tested(1.0, 1.05, 0.95), "b": tested(1.1, 1.0, odd), "c": tested(0.9, 1.0, 1.0)}
+    table = accuracy.spread_table(tests)
+    assert list(table["limits"] != "inside") == [False] * 5 + [True] + [False] * 3
+    assert table["p"].min() == pytest.approx(0.044)
+    assert table["p joint"].min() == pytest.approx(9 * 0.044)
+    assert set(table["state"]) == {"holds"}
+    far = np.sqrt(stats.chi2.isf(1e-6, 36) / 36)
+    states = accuracy.spread_table(tests | {"d": tested(1.0, far, 1.0)})["state"]
+    assert states["d"].tolist() == ["holds", "fails", "holds"]
+
+
+def test_a_rejected_sigma_that_is_wrong_by_less_than_a_tenth_does_not_matter():
+    d, own = np.full((2000, 3), 1.08), np.stack([np.eye(2000)] * 3)
+    test = accuracy.normalised_test(d, np.ones((2000, 3)), own)
+    assert list(accuracy.spread_table({"": test})["state"]) == ["minor"] * 3
+    test = accuracy.normalised_test(d / 1.08 / 1.11, np.ones((2000, 3)), own)
+    assert list(accuracy.spread_table({"": test})["state"]) == ["fails"] * 3
 
 
 # --- PEC-PCD -------------------------------------------------------------------------------
