@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -83,6 +84,33 @@ def beside_truth(flight: Flight, table: pd.DataFrame, camera: str = "") -> pd.Da
     )
     known.attrs["formats"] = {"error (σ)": ".1f"}
     return known
+
+
+def beside_truths(
+    flight: Flight, tables: Mapping[str, pd.DataFrame], camera: str = ""
+) -> pd.DataFrame:
+    """Return the truth once, and the errors of several ways to estimate the same parameters.
+
+    Parameters
+    ----------
+    flight, camera
+        As `values` takes them.
+    tables : mapping of str to DataFrame
+        At least one, by the words above their columns; each as `beside_truth` takes it.
+
+    Returns
+    -------
+    DataFrame
+        Columns of two levels: ``truth``, and ``error (σ)`` below the words of each way.
+    """
+    known = {words: beside_truth(flight, table, camera) for words, table in tables.items()}
+    longest = max(known.values(), key=len)
+    if "truth" not in longest:
+        return pd.DataFrame(index=longest.index, columns=pd.MultiIndex.from_arrays([[], []]))
+    errors = {(words, "error (σ)"): beside["error (σ)"] for words, beside in known.items()}
+    out = pd.DataFrame({("truth", ""): longest["truth"]} | errors)
+    out.attrs["formats"] = {f"{words}, error (σ)": ".1f" for words in tables}
+    return out
 
 
 def _exactly(value: float, unit: str) -> str:

@@ -16,7 +16,7 @@ from acx4book.chapters.rig import (
     rig_deformations,
     rig_gains,
 )
-from acx4book.notebooks.truth import beside_truth
+from acx4book.notebooks.truth import beside_truth, beside_truths
 from acx4lib import flight as flights
 from acx4lib.calibration import heads
 from acx4lib.calibration import rig as calibration_rig
@@ -276,7 +276,16 @@ def test_a_table_of_one_camera_is_told_its_name(flight, stage):
     assert alone.equals(beside_truth(flight, table).xs("CAM3", level="camera"))
 
 
+def test_ways_side_by_side_have_the_truth_once(flight, stage):
+    table = stage.rig.table()
+    off = table.assign(value=table["value"] + 2 * table["sigma"])
+    known = beside_truths(flight, {"as found": table, "two off": off})
+    assert [*known] == [("truth", ""), ("as found", "error (σ)"), ("two off", "error (σ)")]
+    np.testing.assert_allclose((known["two off"] - known["as found"]).dropna(), 2.0)
+
+
 def test_a_flight_that_was_not_simulated_has_no_truth(flight, stage, tmp_path):
     measured = replace(flight, pictures=tmp_path)
     assert rig.true_orientation(measured, stage.rig) is None
     assert beside_truth(measured, stage.rig.table()).shape == (48, 0)
+    assert beside_truths(measured, {"rig": stage.rig.table()}).shape == (48, 0)
