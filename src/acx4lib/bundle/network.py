@@ -205,6 +205,13 @@ class Network:
             vars(out)["packed"] = self.packed
         return out
 
+    def with_layout(self, columns: Layout) -> Network:
+        """Return the network with other columns, of the same poses and points."""
+        out = replace(self, layout=columns)
+        if "packed" in vars(self):
+            vars(out)["packed"] = self.packed
+        return out
+
     def with_sigma(
         self,
         *,

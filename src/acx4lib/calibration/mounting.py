@@ -63,6 +63,8 @@ class Mounting:
         Two-step only: the mounting T_b_c of every image by eqs (12) and (13).
     averaged : ndarray, optional
         Two-step only: which images entered the mean, shape (n_images,).
+    by_bundle : ndarray, optional
+        Two-step only: d(columns of the calibration) / d(columns of the bundle).
     """
 
     method: str
@@ -70,6 +72,7 @@ class Mounting:
     bundle: Bundle
     per_image: Pose | None = None
     averaged: Mask | None = None
+    by_bundle: Array | None = None
 
     def __repr__(self) -> str:
         """Describe the estimates and their fit in one line."""
@@ -388,13 +391,14 @@ def _two_step(
     method: str, bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
 ) -> Mounting:
     """Return the second step of a method whose bundle is the first."""
-    calibration, per_image, entering = _averaged(bundle, free=free, estimated=estimated)
+    calibration, per_image, entering, J = _averaged(bundle, free=free, estimated=estimated)
     return Mounting(
         method=method,
         calibration=calibration,
         bundle=bundle,
         per_image=per_image,
         averaged=entering,
+        by_bundle=J,
     )
 
 
@@ -403,7 +407,7 @@ def _two_step(
 
 def _averaged(
     bundle: Bundle, *, free: Sequence[str], estimated: Sequence[str]
-) -> tuple[Calibration, Pose, Mask]:
+) -> tuple[Calibration, Pose, Mask, Array]:
     """Average the mountings of all images, camera by camera, and propagate their covariance.
 
     Images have the weights that they have by themselves; the covariance of the mean holds for
@@ -444,7 +448,7 @@ def _averaged(
         open_columns=np.abs(J) @ bundle.solution.undetermined > 1e-9,
         limit_boresight_deg=boresight_limit(block),
     )
-    return calibration, T_b_c, entering
+    return calibration, T_b_c, entering, J
 
 
 def mountings_per_image(bundle: Bundle) -> Pose:

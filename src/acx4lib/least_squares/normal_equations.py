@@ -161,6 +161,13 @@ class Normals(Protocol):
         """Return the step of columns and points."""
         ...
 
+    def first_rows(self, n: int) -> tuple[Array, Array]:
+        """Return the first n rows of the matrix and of its right side A^T P v, points eliminated.
+
+        The columns of the border come first: shape (n, n_columns) and (n,).
+        """
+        ...
+
     def precision(self) -> Precision:
         """Return covariances, residuals and redundancy numbers, all without damping."""
         ...
@@ -334,22 +341,33 @@ class PlainNormals:
         """Return the step of columns and points."""
         return self._step[:2]
 
+    def first_rows(self, n: int) -> tuple[Array, Array]:
+        """Return the first n rows of matrix and right side, points eliminated."""
+        N, g, _, _ = self._reduced
+        return N[:n], g[:n]
+
     @cached_property
-    def _step(self) -> tuple[Array, Array, float]:
-        n, free_points = self.n_columns, self.free_points
-        if not free_points.any():
-            dx, decrement = self._orthogonal_step()
-            return dx, np.zeros((len(free_points), 3)), decrement
+    def _reduced(self) -> tuple[Array, Array, Array, Array]:
+        """The damped matrix and right side, points eliminated, and those of the points."""
         N, g = (part.copy() for part in self._columns)
-        V, h = point_normals(free_points, self.equations)
+        V, h = point_normals(self.free_points, self.equations)
         N[np.diag_indices_from(N)] += self.damping * self.diagonal
         V = V + self.damping * (V * np.eye(3))
-        V_inv = np.linalg.inv(V)
-        for points, strip in strips(n, free_points, self.equations):
+        for points, strip in strips(self.n_columns, self.free_points, self.equations):
             L_inv = np.linalg.inv(np.linalg.cholesky(V[points]))
             Z = (L_inv @ strip).reshape(3 * len(strip), -1)
             N -= Z.T @ Z
             g -= Z.T @ np.einsum("pij,pj->pi", L_inv, h[points]).ravel()
+        return N, g, V, h
+
+    @cached_property
+    def _step(self) -> tuple[Array, Array, float]:
+        free_points = self.free_points
+        if not free_points.any():
+            dx, decrement = self._orthogonal_step()
+            return dx, np.zeros((len(free_points), 3)), decrement
+        N, g, V, h = self._reduced
+        V_inv = np.linalg.inv(V)
         dx = -Dense(N=N, diagonal=self._columns[0].diagonal()).solve(g)
         cross = np.zeros_like(h)
         for e in self.equations:

@@ -22,7 +22,13 @@ from acx4lib.bundle.variance_components import (
     sentences,
     sigma_tests,
 )
-from acx4lib.calibration import common_errors, determination, stability, trajectory_errors
+from acx4lib.calibration import (
+    common_errors,
+    determination,
+    held,
+    stability,
+    trajectory_errors,
+)
 from acx4lib.calibration.confirmation import confirmations
 from acx4lib.calibration.estimates import (
     LIMIT_SCALE,
@@ -37,6 +43,7 @@ from acx4lib.calibration.estimates import (
     rough_boresights,
 )
 from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.calibration.held import ONE_SIGMA, Held
 from acx4lib.calibration.mounting import Mounting, Mountings
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
@@ -219,6 +226,32 @@ def of_bundle(
     )
 
 
+def with_held(record: Record, tested: Held) -> Record:
+    """Return the record of an adjustment with what it holds, tested.
+
+    Moves of less than `ONE_SIGMA` are left out.
+    """
+    columns = (tested.value, tested.estimate, tested.sigma, tested.reduction, tested.p)
+    names = ("value", "estimate", "sigma", "cost", "p")
+    held_values = {
+        name: {
+            **dict(zip(names, map(float, row), strict=True)),
+            "moves": {
+                estimate: float(move)
+                for estimate, move in zip(tested.estimates, moves, strict=True)
+                if abs(move) >= ONE_SIGMA
+            },
+        }
+        for name, moves, *row in zip(tested.names, tested.moves, *columns, strict=True)
+    }
+    entries: dict[str, object] = {
+        "held": held_values,
+        "held_p": tested.joint[2],
+        "held_rejected": list(tested.rejected),
+    }
+    return replace(record, summary={k: {**of, **entries} for k, of in record.summary.items()})
+
+
 def _turns_entry(turns: Array | None) -> dict[str, object]:
     """Return the entry of summary.json on picture turns; empty without any."""
     return {} if turns is None else {"picture_turns_deg": np.degrees(turns).tolist()}
@@ -376,7 +409,7 @@ def of_mounting(
     mounting: Mounting, *, applied: Mapping[str, float] | None = None, over_ground: bool = False
 ) -> Record:
     """Return the record of one method of the mounting stage; keywords as in `of_bundle`."""
-    return of_bundle(
+    record = of_bundle(
         "mounting",
         mounting.method,
         mounting.bundle,
@@ -384,6 +417,7 @@ def of_mounting(
         applied=applied,
         over_ground=over_ground,
     )
+    return with_held(record, held.of_mounting(mounting))
 
 
 def of_mountings(

@@ -562,6 +562,18 @@ def _is_sigma_test(value: Any) -> bool:
     )
 
 
+def _is_held(value: Any) -> bool:
+    """Tell whether a held parameter has its numbers, and the moves of others."""
+    return (
+        isinstance(value, dict)
+        and _number(value.get("value"))
+        and _or_null(_number)(value.get("estimate"))
+        and all(_or_null(_not_negative)(value.get(key)) for key in ("sigma", "cost"))
+        and _or_null(_probability)(value.get("p"))
+        and _by_name(_number)(value.get("moves"))
+    )
+
+
 def _has_words(value: Any, keys: tuple[str, ...]) -> bool:
     return isinstance(value, dict) and all(isinstance(value.get(key), str) for key in keys)
 
@@ -607,14 +619,14 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     ),
     **dict.fromkeys(_NOT_NEGATIVE, (_or_null(_not_negative), "zero, positive or null")),
     **dict.fromkeys(
-        ("chi_square_p", "joint_chi_square_p"),
+        ("chi_square_p", "joint_chi_square_p", "held_p"),
         (_or_null(_probability), "between 0 and 1, or null"),
     ),
     "condition": (_or_null(_is_condition), "a positive number or null"),
     **dict.fromkeys(
         (
             *("left_out", "not_determined", "weak", "stopped", "exchanged", "not_confirmed"),
-            *("approximations", "sigma_beyond", "notes"),
+            *("approximations", "sigma_beyond", "notes", "held_rejected"),
         ),
         (_sentences, "a list of sentences"),
     ),
@@ -630,6 +642,7 @@ TESTS: Mapping[str, tuple[Test, str]] = {
         ("weakest", "largest_correlations", "left_out_points"),
         (_by_name(_or_null(_number)), "numbers by name"),
     ),
+    "held": (_by_name(_is_held), "value, estimate, sigma, cost, p and moves by parameter"),
     "sigma_of_heads": (_by_name(_not_negative), "numbers by parameter, zero or positive"),
     "weak_parameters": (_by_name(_by_name(_or_null(_number))), "numbers by parameter and name"),
     "sigma_tests": (_by_name(_is_sigma_test), "ratio, redundancy, effective and p by group"),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from acx4lib import shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
+from acx4lib.calibration import held
 from acx4lib.calibration.determination import interior_exterior, largest_pairs
 from acx4lib.calibration.heads import (
     Heads,
@@ -124,5 +125,6 @@ def _record(name: str, fit: Bundle) -> adjustments.Record:
     """Return the record of a head, with its largest correlations in the summary."""
     key = f"heads/bundle/{name}"
     record = adjustments.of_bundle("heads", "bundle", fit, summary_key=key)
+    record = adjustments.with_held(record, held.of_bundle(fit))
     largest: dict[str, object] = {**largest_pairs(interior_exterior(fit))}
     return replace(record, summary={key: {**record.summary[key], "largest_correlations": largest}})

@@ -238,6 +238,11 @@ class NetworkNormals:
         h[number[self.joined.points]] += self.joined.pulled(dx)
         return self.scene._replace(h=h)
 
+    def first_rows(self, n: int) -> tuple[Array, Array]:
+        """Return the first n rows of matrix and right side, points eliminated."""
+        system = self._system
+        return np.hstack([system.D[:n], system.C[:n]])[:, places(self._order)], system.g[:n]
+
     def covariance(self, columns: Index) -> Array:
         """Return the covariance of some unknowns, without that of all, shape (k, k)."""
         if not isinstance(self._solver, Banded):
