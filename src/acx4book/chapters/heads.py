@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from acx4book.paper import printed
 from acx4book.typesetting import matrix, style
 from acx4book.typesetting.matrix import Residuals, field_figure
-from acx4book.typesetting.myst import LABELS
+from acx4book.typesetting.myst import LABELS, p_value
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
@@ -26,9 +26,11 @@ from acx4lib.calibration.heads import (
     corner_radius,
     radial_profile,
 )
+from acx4lib.calibration.held import Held
 from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.frames import log
+from acx4lib.geometry.parameters import REPORTED, SHOWN
 
 # --- Figures of the heads: residuals, distortion, correlations, a wrong focal length (4.1)
 
@@ -261,7 +263,7 @@ def _reactions(fits: Sequence[Bundle], start: int) -> list[Array]:
     ]
 
 
-# --- Tables of the heads from several adjustments: effects of a wrong focal length
+# --- Tables of the heads: what they hold, and effects of a wrong focal length
 
 
 INTERIOR = ("f_mm", "xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
@@ -293,6 +295,46 @@ def printed_border_px(flight: Flight) -> dict[str, float]:
 def claim(flight: Flight, statement: str) -> float | None:
     """Return a number of the paper's text; None for other cameras than the paper's."""
     return printed.statement(statement) if printed.applies(flight) else None
+
+
+# --- what is held ----------------------------------------------------------------------------
+
+
+COSTS = Markup("costs in $v^TPv$")
+
+WORDS = {name: SHOWN[key][0] for key, (name, _) in REPORTED.items()}
+"""Names of parameters in tables, by those in results."""
+
+
+def held_values(tested: Mapping[str, Held]) -> pd.DataFrame:
+    """Return the focal lengths that heads hold, and whatever else the images reject.
+
+    Parameters
+    ----------
+    tested : mapping of str to Held
+        By head.
+
+    Returns
+    -------
+    DataFrame
+        By ``camera``, ``parameter``, ``unit``: the value held; ``value`` and ``sigma`` that it
+        would have if it were free, with the rejected ones above it; by how much holding it raises
+        v'Pv; p, which is NaN where the images cannot tell. Empty if no head holds any of them.
+    """
+    rows = {}
+    for camera, test in tested.items():
+        rejected = list(test.rejected)
+        others = [name for name in test.names if name.endswith("/f_mm") and name not in rejected]
+        for i, name in enumerate([*rejected, *others]):
+            freed = test.after(rejected[:i]).table()
+            (_, unit), row = next(item for item in freed.iterrows() if item[0][0] == name)
+            rows[camera, WORDS[name.partition("/")[2]], unit] = [*row]
+    index = pd.MultiIndex.from_tuples(rows, names=["camera", "parameter", "unit"]) if rows else None
+    columns = ["held", "value", "sigma", COSTS, "p"]
+    table = pd.DataFrame([*rows.values()], index=index, columns=columns)
+    table["p"] = ["cannot tell" if np.isnan(p) else p_value(p) for p in table["p"]]
+    table.attrs["formats"] = {COSTS: ".1f"}
+    return table
 
 
 # --- a wrong focal length --------------------------------------------------------------------
@@ -372,7 +414,7 @@ def _orientation(heads: RelativeOrientation | Failed) -> dict[str, object]:
     xyz = heads.xyz_mm
     return {
         PLACE: np.abs(xyz[:, :2]).max(),
-        Markup("$Z_c$ less the first head's (mm)"): ", ".join(
+        Markup("$Z_c$ minus the first head's (mm)"): ", ".join(
             f"{z:.3f}" for z in xyz[1:, 2] - xyz[0, 2]
         ),
     }

@@ -26,6 +26,7 @@ from acx4lib.calibration.heads import (
     focal_lengths_by_gnss,
     relative_orientation,
 )
+from acx4lib.calibration.held import of_bundle
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.design import with_focal_lengths
 from acx4lib.stages import attempt
@@ -206,6 +207,28 @@ def test_the_paper_is_beside_no_other_choice_of_heads(flight):
     three = replace(flight.synthetic, heads=HEADS[:3])
     assert printed.applies(flight)
     assert not printed.applies(replace(flight, synthetic=three))
+
+
+# --- What the heads hold
+
+
+def test_every_held_focal_length_stands_with_what_holding_costs(heads):
+    table = chapter.held_values({name: of_bundle(fit) for name, fit in heads.bundles.items()})
+    costs = table[chapter.COSTS].xs("f", level="parameter")
+    assert_allclose(costs, [36.3, 8.1, 9.7, 30.0], atol=0.15)  # by really estimating f
+    assert all(float(p.lstrip("<\N{NO-BREAK SPACE}")) < 0.005 for p in table["p"])
+
+
+def test_where_f_is_estimated_nothing_of_it_is_held(flown, heads):
+    free = calibrate_heads(
+        flown.flight.heads,
+        HEADS[1:2],
+        free=("f", *flown.flight.estimate_heads),
+        after=heads,
+    )
+    tested = {name: of_bundle(fit) for name, fit in free.bundles.items()}
+    assert chapter.held_values(tested).empty
+    assert chapter.held_values({}).empty
 
 
 # --- Heads with wrong focal lengths: what must show, and what must not
