@@ -45,6 +45,7 @@ GROUPS = {
         ("boresight", f"mount_{angle}_deg"): "declared boresight"
         for angle in ("omega", "phi", "kappa")
     },
+    **{("interior", name): "declared interior orientation" for name in ("f_mm", "xp_mm", "yp_mm")},
 }
 """The group of every kind and component of an observation."""
 

@@ -18,6 +18,7 @@ from acx4lib.bundle.observations import (
     attitude_equations,
     control_equations,
     distance_equations,
+    interior_equations,
     mounting_equations,
     of_halves,
     picture_equations,
@@ -242,6 +243,7 @@ def _other_equations(network: Network, state: State) -> list[Equations]:
         distance_equations(network.distances, state.x_m, columns.joint),
         *picture_equations(observed.pictures, state, columns),
         *mounting_equations(network.block.cameras, state.T_b_c, columns.mount),
+        *interior_equations(network.block.cameras, state.interiors, columns.interior),
     ]
 
 

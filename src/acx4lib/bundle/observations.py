@@ -1,7 +1,8 @@
 """Observations of a bundle besides image points.
 
-Poses by GNSS and INS with the strips along which they drift, declared mountings, surveyed points
-and distances. `least_squares.statistics` has the weights of slowly changing errors.
+Poses by GNSS and INS with the strips along which they drift, declared mountings and interior
+orientations, surveyed points and distances. `least_squares.statistics` has the weights of slowly
+changing errors.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from acx4lib.bundle.unknowns import Layout, State
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
 from acx4lib.flight.block import Block, Distances, SurveyedPoints, Trajectory, lengths
-from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, exp, log, log_jacobian, transform
 from acx4lib.geometry.parameters import DELAYS
 from acx4lib.least_squares.covariance import GaussMarkov
@@ -631,6 +632,50 @@ def observed_mountings(cameras: Sequence[Camera], part: str, columns: Index) -> 
         [c.prior.lever_sigma if part == "lever_arm" else c.prior.boresight_sigma for c in cameras]
     )
     return np.flatnonzero(np.isfinite(sigma).any(axis=1) & np.all(part_columns >= 0, axis=1))
+
+
+# --- Interior orientations known from a laboratory, as observations where they are estimated
+
+
+def interior_equations(
+    cameras: Sequence[Camera], interiors: Sequence[Interior], columns: Index
+) -> Iterator[Equations]:
+    """Linearise the declared f, xp and yp that have sigma; what is held is no observation.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+        As declared.
+    interiors : sequence of Interior
+        Estimates.
+    columns : ndarray, shape (n_cameras, 10)
+        Columns of the interior orientations.
+    """
+    if len(rows := observed_interiors(cameras, columns)):
+        sigma = np.array([cameras[k].prior.interior for k in rows])
+        estimated = np.array([interiors[k].to_array()[:3] for k in rows])
+        declared = np.array([cameras[k].interior.to_array()[:3] for k in rows])
+        yield Equations(
+            kind="interior",
+            v=estimated - declared,
+            sigma=np.where(columns[rows, :3] >= 0, sigma, np.inf),
+            A=np.tile(np.eye(3), (len(rows), 1, 1)),
+            columns=columns[rows, :3],
+            unit=np.arange(len(rows)),
+        )
+
+
+def observed_interiors(cameras: Sequence[Camera], columns: Index) -> Index:
+    """Return the cameras of which f, xp or yp is estimated and declared with sigma.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+    columns : ndarray, shape (n_cameras, 10)
+        Columns of the interior orientations.
+    """
+    sigma = np.array([camera.prior.interior for camera in cameras])
+    return np.flatnonzero((np.isfinite(sigma) & (columns[:, :3] >= 0)).any(axis=1))
 
 
 # --- Observations of points besides their rays: surveyed coordinates, and distances between them

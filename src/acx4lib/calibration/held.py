@@ -19,7 +19,7 @@ from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import position_equations
-from acx4lib.bundle.unknowns import Layout, State
+from acx4lib.bundle.unknowns import Layout, holding
 from acx4lib.calibration.estimates import (
     LIMIT_INTERIOR,
     LIMIT_LEVER_M,
@@ -162,7 +162,7 @@ class Held:
         ratio = reduction / n / float(_sigma0_sq(self, reduction, n))
         return reduction, n, f_sf(ratio, n, freedom)
 
-    def after(self, names: Sequence[str]) -> Held:
+    def _after(self, names: Sequence[str]) -> Held:
         """Return the tests of the other held values where some parameters are free.
 
         Parameters
@@ -198,23 +198,34 @@ class Held:
         if not holm(self.p)[worst] < LEVEL:
             return ()
         name = self.names[worst]
-        return (name, *self.after([name]).rejected)
+        return (name, *self._after([name]).rejected)
 
-    def freed(self, state: State, names: Sequence[str]) -> State:
-        """Return the state after the linear step that frees some parameters together.
-
-        Points stay where they are.
+    def change(self, names: Sequence[str]) -> Array:
+        """Return the change of all columns of `network` by freeing some parameters together.
 
         Parameters
         ----------
-        state : State
-            Of the adjustment.
         names : sequence of str
             Of held parameters.
+
+        Returns
+        -------
+        ndarray, shape (n_columns,)
         """
         at = [self.names.index(name) for name in names]
-        change = -np.linalg.solve(self.normal[np.ix_(at, at)], self.gradient[at])
-        return self.network.moved(state, self.step[:, at] @ change, np.zeros_like(state.x_m))
+        return -self.step[:, at] @ np.linalg.solve(self.normal[np.ix_(at, at)], self.gradient[at])
+
+    def freed(self, bundle: Bundle) -> Bundle:
+        """Return the tested bundle with the state that it has if its rejected values are free.
+
+        By the linear step and one of Gauss and Newton: angles turn by milliradians, whose squares
+        matter. Its covariances are those of the bundle.
+        """
+        linear, state = self.change(self.rejected), bundle.state
+        state = self.network.moved(state, linear, np.zeros_like(state.x_m))
+        stays = [i for i, name in enumerate(self.names) if name not in self.rejected]
+        network = bundle.network.with_layout(holding(self.network.layout, np.array(stays, int)))
+        return replace(bundle, state=network.moved(state, *normals(network, state).step()))
 
     def table(self) -> pd.DataFrame:
         """Return value held, estimate if freed alone, its sigma, v'Pv that holding costs, and p.

@@ -42,11 +42,11 @@ from acx4lib.flight.problems import (
     same_but_for_writing,
 )
 from acx4lib.flight.readings import FOOT, fit_problems, misfit
-from acx4lib.flight.settings import Setup, flight_table, setup_of
+from acx4lib.flight.settings import KNOWN, Setup, flight_table, setup_of
 from acx4lib.flight.table_files import Columns, named_file, table_in_memory
 from acx4lib.flight.tables import SCHEMAS, Table
 from acx4lib.flight.toml_file import Toml, read_toml
-from acx4lib.geometry.camera import Camera, inside
+from acx4lib.geometry.camera import INTERIOR, Camera, inside
 from acx4lib.geometry.geodesy import LOCAL, GridSystem
 from acx4lib.geometry.parameters import DELAYS
 from acx4lib.least_squares.covariance import medians
@@ -276,6 +276,7 @@ def _flight(
     setup = replace(setup, fix=tuple(dict.fromkeys((*setup.fix, *held))))
     notes = [*notes, *_vertical_notes(setup.grid), *area_notes(setup.grid, assembled)]
     notes += [note for block in assembled.values() for note in _datum_notes(block)]
+    notes += _held_notes(setup)
     for tables in blocks:
         notes += _control_notes(tables, assembled[tables.name])
     files = {table.file: table.sha256 for tables in blocks for table in tables.tables}
@@ -934,6 +935,18 @@ def _unobserved_parts(block: Block | None) -> tuple[str, ...]:
         *(() if positions and attitudes else ("lever_arm",)),
         *(() if attitudes else ("boresight",)),
     )
+
+
+def _held_notes(setup: Setup) -> Iterator[str]:
+    """Yield notes on laboratory sigma of parameters that a stage holds."""
+    heads = setup.synthetic.heads if setup.synthetic else ()
+    for name, camera in setup.cameras.items():
+        stage = "heads" if name in heads else "mounting"
+        estimated = setup.estimate_heads if name in heads else setup.estimate_mounting
+        known = zip(KNOWN.items(), INTERIOR, camera.prior.interior, strict=False)
+        for (key, value), parameter, sigma in known:
+            if np.isfinite(sigma) and parameter not in estimated:
+                yield f"{name}: stage {stage} holds {value}, {key} takes no part in it"
 
 
 def _datum_notes(block: Block) -> Iterator[str]:

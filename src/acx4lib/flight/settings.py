@@ -154,8 +154,9 @@ def _whole_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
 
 
 def _sigma_problems(toml: Toml, keys: Keys) -> Iterator[Problem]:
-    """Yield a sigma of a mounting whose values are not declared."""
-    for key, values in zip(SIGMAS, (LEVER, MOUNT), strict=True):
+    """Yield a sigma of values that are not declared."""
+    of = {**dict(zip(SIGMAS, (LEVER, MOUNT), strict=True)), **{k: (v,) for k, v in KNOWN.items()}}
+    for key, values in of.items():
         if key in toml.table(*keys) and not any(name in toml.table(*keys) for name in values):
             cure = f"needs the values it is of: {', '.join(values)}"
             yield toml.problem((*keys, key), "sigma of nothing", cure)
@@ -266,6 +267,8 @@ MOUNT = ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg")
 SIGMAS = ("lever_sigma_m", "mount_sigma_deg")
 """Standard deviations of the declared mounting: a number, or a list of three."""
 LEVER = ("lever_x_m", "lever_y_m", "lever_z_m")
+KNOWN = {"focal_sigma_mm": "focal_mm", "xp_sigma_mm": "xp_mm", "yp_sigma_mm": "yp_mm"}
+"""Standard deviations of a laboratory, and the values that they are of."""
 
 
 def camera_of(name: str, table: dict[str, Any]) -> Camera:
@@ -285,17 +288,19 @@ def camera_of(name: str, table: dict[str, Any]) -> Camera:
 
 
 def _prior(table: dict[str, Any]) -> Prior:
-    """Return the prior of a camera's mounting; a value in the table counts as declared."""
+    """Return the prior of a camera; a value of its mounting in the table counts as declared."""
     declared = [key in table for key in (*LEVER, *MOUNT)]
     sigmas = [np.broadcast_to(table.get(key, np.inf), 3).astype(float) for key in SIGMAS]
     sigma = np.where(declared, np.concatenate([sigmas[0], np.radians(sigmas[1])]), np.inf)
-    return Prior(declared=tuple(declared), sigma=tuple(sigma.tolist()))
+    interior = tuple(float(table.get(key, np.inf)) for key in KNOWN)
+    return Prior(declared=tuple(declared), sigma=tuple(sigma.tolist()), interior=interior)
 
 
 CAMERA = Table(
     keys={
         **{key: number(RANGES[key]) for key in (*SIZE, *LENS, *MOUNT, *LEVER)},
         **dict.fromkeys(SIGMAS, _SIGMA),
+        **dict.fromkeys(KNOWN, number(POSITIVE)),
     },
     required=SIZE,
     default=dict.fromkeys((*LENS, *MOUNT, *LEVER), 0.0),
@@ -588,7 +593,8 @@ def camera_table(camera: Camera) -> dict[str, Any]:
     for key, sigma in zip(SIGMAS, (lever_sigma, np.degrees(mount_sigma)), strict=True):
         if np.isfinite(sigma).all():
             table[key] = sigma.tolist()
-    return table
+    known = zip(KNOWN, camera.prior.interior, strict=True)
+    return table | {key: sigma for key, sigma in known if np.isfinite(sigma)}
 
 
 def camera_toml(camera: Camera) -> str:

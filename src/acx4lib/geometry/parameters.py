@@ -76,12 +76,12 @@ RELATIVE = (("Xc", "mm"), ("Yc", "mm"), ("Zc", "mm"), ("ω", "°"), ("φ", "°")
 """Names and units of a head's relative orientation, likewise."""
 
 
-# --- Prior knowledge of a camera's mounting
+# --- Prior knowledge of a camera
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """Prior knowledge of a camera's mounting, in the order of `parameters.MOUNT`.
+    """Prior knowledge of a camera: of its mounting, in the order of `MOUNT`, and of f, xp, yp.
 
     Attributes
     ----------
@@ -90,23 +90,29 @@ class Prior:
     sigma : tuple of float
         Standard deviations of the declared values: the lever arm along the body's axes, m, the
         boresight about them, radians. Infinite where a value is an approximation only.
+    interior : tuple of float
+        Standard deviations of f, xp and yp, mm, from a laboratory; infinite likewise.
 
     Raises
     ------
     ValueError
-        Where there are not six of them, or a sigma is not positive.
+        Where there are not six and three of them, or a sigma is not positive.
     """
 
     declared: tuple[bool, ...] = (False,) * len(MOUNT)
     sigma: tuple[float, ...] = (np.inf,) * len(MOUNT)
+    interior: tuple[float, ...] = (np.inf,) * 3
 
     def __post_init__(self) -> None:
         if len(self.declared) != len(MOUNT) or len(self.sigma) != len(MOUNT):
             msg = f"declared and sigma: expected {len(MOUNT)} values each"
             raise ValueError(msg)
-        if not all(sigma > 0 for sigma in self.sigma):
-            msg = f"sigma: expected positive numbers, got {self.sigma}"
-            raise ValueError(msg)
+        if len(self.interior) != 3:
+            raise ValueError(f"interior: expected 3 values, got {len(self.interior)}")
+        for name in ("sigma", "interior"):
+            if not all(sigma > 0 for sigma in getattr(self, name)):
+                msg = f"{name}: expected positive numbers, got {getattr(self, name)}"
+                raise ValueError(msg)
 
     @property
     def lever_sigma(self) -> Array:

@@ -50,7 +50,7 @@ from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.flight.block_from_tables import index_of
 from acx4lib.flight.reader import Flight
-from acx4lib.georeferencing import accuracy, error_sources, weak
+from acx4lib.georeferencing import accuracy, error_sources, freed, weak
 from acx4lib.georeferencing.direct import pose_covariances
 from acx4lib.georeferencing.validation import Differences, Prediction, Validation
 from acx4lib.georeferencing.weak import Weak
@@ -417,7 +417,16 @@ def of_mounting(
         applied=applied,
         over_ground=over_ground,
     )
-    return with_held(record, held.of_mounting(mounting))
+    tested = held.of_mounting(mounting)
+    record = with_held(record, tested)
+    if mounting.by_bundle is not None or (moved := freed.on_ground(mounting, tested)) is None:
+        return record
+    ((key, entry),) = record.summary.items()
+    effect = {
+        "held_effect_m": moved.largest_m.tolist(),
+        "held_effect_sigma": moved.largest_sigma.tolist(),
+    }
+    return replace(record, summary={key: {**entry, **effect}})
 
 
 def of_mountings(

@@ -648,7 +648,11 @@ TESTS: Mapping[str, tuple[Test, str]] = {
     "sigma_tests": (_by_name(_is_sigma_test), "ratio, redundancy, effective and p by group"),
     "sigma_factors": (_by_name(_by_name(_or_null(_number))), "numbers by name and group"),
     "rays_rms_px": (_or_null(_not_negative), "zero, positive or null"),
-    "picture_turns_deg": (_three, "a list of three numbers"),
+    **dict.fromkeys(
+        ("picture_turns_deg", "held_effect_m", "held_effect_sigma"),
+        (_three, "a list of three numbers"),
+    ),
+    "held_effect_px": (_by_name(_not_negative), "numbers by head, zero or positive"),
     **dict.fromkeys(("mean", "std", "rms", "position_rms_m"), (_three, "a list of three numbers")),
     "points": (_points, "mean, std, rms and classes over the points"),
     "flight": (_is_named, "name and sha256 of a flight"),

@@ -10,7 +10,7 @@ import pandas as pd
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
-from acx4lib.bundle.observations import observed_mountings
+from acx4lib.bundle.observations import observed_interiors, observed_mountings
 from acx4lib.bundle.rejections import Rejection
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
@@ -234,6 +234,9 @@ def _observed_at(network: Network, kind: str) -> tuple[Named, Named]:
         return (block.points, b), (block.points, a)
     if kind in ("lever_arm", "boresight"):
         known = observed_mountings(block.cameras, kind, network.layout.mount)
+        return ([camera.name for camera in block.cameras], known), _alike(len(known))
+    if kind == "interior":
+        known = observed_interiors(block.cameras, network.layout.interior)
         return ([camera.name for camera in block.cameras], known), _alike(len(known))
     exposure = network.exposure_idx
     return (block.trajectory.exposures, exposure), _alike(len(exposure))

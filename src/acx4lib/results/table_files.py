@@ -51,6 +51,7 @@ COMPONENTS = {
     "lever_arm": ("lever_x_m", "lever_y_m", "lever_z_m"),
     "distance": ("distance_m",),
     "boresight": ("mount_omega_deg", "mount_phi_deg", "mount_kappa_deg"),
+    "interior": ("f_mm", "xp_mm", "yp_mm"),
 }
 """Components of the residuals of every kind; angles are about the body's x, y, z axes."""
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from acx4lib import shown
 from acx4lib.attempts import Failed, attempt
 from acx4lib.bundle.adjust import Bundle
@@ -18,8 +20,10 @@ from acx4lib.calibration.heads import (
     relative_orientation,
 )
 from acx4lib.flight.reader import Flight
+from acx4lib.geometry.camera import Camera
 from acx4lib.results import adjustments
 from acx4lib.stages.order import explained, solving
+from acx4lib.synthetic_image.frame import displacements
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -102,11 +106,11 @@ def write(
 
 def _write(flight: Flight, results_path: str | Path, stage: HeadsStage) -> None:
     with solving(flight, "heads"):
-        records = explained(_records(stage), flight, "heads")
+        records = explained(_records(stage, flight.synthetic_camera), flight, "heads")
     adjustments.write(results_path, "heads", records, flight=flight)
 
 
-def _records(stage: HeadsStage) -> list[adjustments.Record]:
+def _records(stage: HeadsStage, synthetic: Camera | None) -> list[adjustments.Record]:
     """Return the records of the heads for a results folder, failures included."""
     out = [_record(name, fit) for name, fit in stage.heads.bundles.items()]
     for name, reason in stage.heads.failures.items():
@@ -115,10 +119,28 @@ def _records(stage: HeadsStage) -> list[adjustments.Record]:
     if stage.orientation is None:
         out.append(adjustments.of_left_out("heads", "relative_orientation", stage.left_out))
     else:
+        effect = {} if synthetic is None else _held_effect(stage, stage.orientation, synthetic)
         out.append(
-            adjustments.of_relative_orientation("heads", "relative_orientation", stage.orientation)
+            adjustments.of_relative_orientation(
+                "heads", "relative_orientation", stage.orientation, **effect
+            )
         )
     return out
+
+
+def _held_effect(
+    stage: HeadsStage, orientation: RelativeOrientation, synthetic: Camera
+) -> dict[str, dict[str, float]]:
+    """Return the RMS displacement of each head's pixels if rejected held values were free, px."""
+    tested = {name: held.of_bundle(fit) for name, fit in stage.heads.bundles.items()}
+    if not any(of.rejected for of in tested.values()):
+        return {}
+    freed = {name: of.freed(stage.heads.bundles[name]) for name, of in tested.items()}
+    heads = Heads(bundles=freed, failures={})
+    after = relative_orientation(heads, synthetic, weak=True)
+    px = [d / synthetic.pixel_mm for d in displacements(orientation, after)]
+    rms = [float(np.sqrt(np.mean(np.sum(d**2, axis=1)))) for d in px]
+    return {"held_effect_px": dict(zip(freed, rms, strict=True))}
 
 
 def _record(name: str, fit: Bundle) -> adjustments.Record:

@@ -149,6 +149,40 @@ def footprint(orientation: RelativeOrientation, k: int, *, per_side: int = 1) ->
     return synthetic_from_head(orientation, k, np.concatenate([*sides, corners[:1]]))
 
 
+def displacements(
+    before: RelativeOrientation, after: RelativeOrientation, *, n: int = 9
+) -> list[Array]:
+    """Return how far the heads' pixels move in the synthetic image by another orientation.
+
+    Without the shift, turn and scale that all have in common: the calibration of the synthetic
+    camera takes these up, as x_p, y_p, kappa and f.
+
+    Parameters
+    ----------
+    before, after : RelativeOrientation
+        Of the same heads.
+    n : int
+        Pixels along each side of a head's format.
+
+    Returns
+    -------
+    list of ndarray, shape (n^2, 2)
+        By head, mm.
+    """
+    xy, moved = [], []
+    for k, head in enumerate(before.heads):
+        sides = [np.linspace(0, size - 1, n) for size in (head.width_px, head.height_px)]
+        colrow = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+        xy.append(synthetic_from_head(before, k, colrow))
+        moved.append(synthetic_from_head(after, k, colrow) - xy[k])
+    x, y = np.concatenate(xy).T
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    A = np.stack([np.stack([one, zero, x, -y], 1), np.stack([zero, one, y, x], 1)], axis=1)
+    d = np.concatenate(moved)
+    common = np.linalg.lstsq(A.reshape(-1, 4), d.ravel(), rcond=None)[0]
+    return list(np.split(d - A @ common, len(xy)))
+
+
 def coverage(
     orientation: RelativeOrientation, synthetic: Camera, *, spacing_px: int = 60
 ) -> Coverage:

@@ -370,6 +370,7 @@ SAID = {
     "attitude": "attitudes",
     "lever_arm": "surveyed lever arm",
     "boresight": "declared boresight",
+    "interior": "declared interior orientation",
     "distance": "distances",
 }
 """Names of the groups of observations."""

@@ -53,6 +53,7 @@ GROUPS = {
     "distance": "Distances",
     "lever_arm": "Declared lever arm",
     "boresight": "Declared boresight",
+    "interior": "Declared interior orientation",
 }
 """Names of the kinds of observations."""
 
