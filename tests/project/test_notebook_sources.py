@@ -20,7 +20,7 @@ PAPER = [path for path in OPEN if path.stem[:2] in ("01", "02", "03", "04", "08"
 BANNED = (*(ast.AsyncFunctionDef, ast.ClassDef, ast.For, ast.While, ast.Try, ast.Global, ast.With),)
 ROOMS = {
     "00": ["chapters.flight", "paper"],
-    "01": ["chapters.heads", "chapters.rig", "paper"],
+    "01": ["chapters.heads", "paper"],
     "02": ["chapters.synthetic_image", "paper"],
     "03": ["chapters.mounting", "paper"],
     "04": ["chapters.validation", "paper"],

@@ -318,17 +318,16 @@ def held_values(tested: Mapping[str, Held]) -> pd.DataFrame:
     -------
     DataFrame
         By ``camera``, ``parameter``, ``unit``: the value held; ``value`` and ``sigma`` that it
-        would have if it were free, with the rejected ones above it; by how much holding it raises
-        v'Pv; p, which is NaN where the images cannot tell. Empty if no head holds any of them.
+        would have if it alone were free; by how much holding it raises v'Pv; p, or that the images
+        cannot tell. Empty if no head holds any of them.
     """
     rows = {}
     for camera, test in tested.items():
-        rejected = list(test.rejected)
-        others = [name for name in test.names if name.endswith("/f_mm") and name not in rejected]
-        for i, name in enumerate([*rejected, *others]):
-            freed = test.after(rejected[:i]).table()
-            (_, unit), row = next(item for item in freed.iterrows() if item[0][0] == name)
-            rows[camera, WORDS[name.partition("/")[2]], unit] = [*row]
+        of_f = [name for name in test.names if name.endswith("/f_mm")]
+        alone = test.table()
+        for name, unit in alone.index:
+            if name in (*of_f, *test.rejected):
+                rows[camera, WORDS[name.partition("/")[2]], unit] = [*alone.loc[(name, unit)]]
     index = pd.MultiIndex.from_tuples(rows, names=["camera", "parameter", "unit"]) if rows else None
     columns = ["held", "value", "sigma", COSTS, "p"]
     table = pd.DataFrame([*rows.values()], index=index, columns=columns)
