@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from acx4book.paper import printed
 from acx4book.typesetting import matrix, style
 from acx4book.typesetting.matrix import Residuals, field_figure
-from acx4book.typesetting.myst import LABELS
+from acx4book.typesetting.myst import LABELS, p_value
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
@@ -26,9 +26,11 @@ from acx4lib.calibration.heads import (
     corner_radius,
     radial_profile,
 )
+from acx4lib.calibration.held import Held
 from acx4lib.expected import Array
 from acx4lib.flight.reader import Flight
 from acx4lib.geometry.frames import log
+from acx4lib.geometry.parameters import REPORTED, SHOWN
 
 # --- Figures of the heads: residuals, distortion, correlations, a wrong focal length (4.1)
 
@@ -214,10 +216,12 @@ def held_focal_lengths(held: Mapping[float, Heads]) -> Figure:
         fig, axes = style.subplots(2, 3, figsize=(style.WIDTH, 4.6), sharex=True)
         for i, name in enumerate(names):
             curves = _reactions([h.bundles[name] for h in tried], start)
-            for ax, values in zip(axes.flat, curves, strict=True):
-                ax.plot(change, values, "o-", color=style.colour(i), label=style.plain(name))
+            first, *others = zip(axes.flat, curves, strict=True)
+            _parabola(*first, change, colour=style.colour(i), label=style.plain(name))
+            for ax, values in others:
+                ax.plot(change, values, "o-", color=style.colour(i))
         labels = (
-            "variance factor (1)",
+            "change of $v^TPv$ (1)",
             "rms at control points (mm)",
             "camera above GNSS (m)",
             "change of $x_p$ (mm)",
@@ -228,7 +232,6 @@ def held_focal_lengths(held: Mapping[float, Heads]) -> Figure:
         for ax, label in zip(axes.flat, labels, strict=True):
             ax.set_ylabel(label)
             ax.set_xticks(change, ticks)
-        axes[0, 0].set_ylim(0, 1.35 * max(map(_variance, tried)))
         axes[0, 1].set_ylim(0, 1600 * max(map(_control_rms, tried)))
         axes[0, 2].axhline(0.0, color=style.BRICK, lw=0.9, zorder=1)
         for ax in axes[1]:
@@ -237,14 +240,22 @@ def held_focal_lengths(held: Mapping[float, Heads]) -> Figure:
     return fig
 
 
+def _parabola(ax: Axes, cost: Array, change: Array, *, colour: str, label: str) -> None:
+    """Draw the change of v'Pv, which is of second degree in a parameter, through its values."""
+    ax.plot(change, cost, "o", color=colour)
+    fine = np.linspace(change.min(), change.max(), 61)
+    curve = np.polynomial.Polynomial.fit(change, cost, min(2, len(change) - 1))
+    ax.plot(fine, curve(fine), color=colour, label=label)
+
+
 def _reactions(fits: Sequence[Bundle], start: int) -> list[Array]:
-    """Return how one head reacts: variance, control (mm), height, principal point, attitude (°)."""
+    """Return how one head reacts: v'Pv, control (mm), height, principal point, attitude (°)."""
     control = [fit.solution.group("control_point").v for fit in fits]
     xy = np.array([[fit.cameras[0].interior.xp, fit.cameras[0].interior.yp] for fit in fits])
     R_m_c = fits[start].T_m_c.R
     turned = [log(np.swapaxes(R_m_c, -1, -2) @ fit.T_m_c.R).mean(axis=0) for fit in fits]
     return [
-        np.array([fit.solution.sigma0_sq for fit in fits]),
+        np.array([fit.solution.cost - fits[start].solution.cost for fit in fits]),
         np.array([1000 * np.sqrt(np.mean(v**2)) if len(v) else np.nan for v in control]),
         np.array([above_gnss(fit) for fit in fits]),
         *(xy - xy[start]).T,
@@ -252,7 +263,7 @@ def _reactions(fits: Sequence[Bundle], start: int) -> list[Array]:
     ]
 
 
-# --- Tables of the heads from several adjustments: effects of a wrong focal length
+# --- Tables of the heads: what they hold, and effects of a wrong focal length
 
 
 INTERIOR = ("f_mm", "xp_mm", "yp_mm", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
@@ -286,6 +297,45 @@ def claim(flight: Flight, statement: str) -> float | None:
     return printed.statement(statement) if printed.applies(flight) else None
 
 
+# --- what is held ----------------------------------------------------------------------------
+
+
+COSTS = Markup("costs in $v^TPv$")
+
+WORDS = {name: SHOWN[key][0] for key, (name, _) in REPORTED.items()}
+"""Names of parameters in tables, by those in results."""
+
+
+def held_values(tested: Mapping[str, Held]) -> pd.DataFrame:
+    """Return the focal lengths that heads hold, and whatever else the images reject.
+
+    Parameters
+    ----------
+    tested : mapping of str to Held
+        By head.
+
+    Returns
+    -------
+    DataFrame
+        By ``camera``, ``parameter``, ``unit``: the value held; ``value`` and ``sigma`` that it
+        would have if it alone were free; by how much holding it raises v'Pv; p, or that the images
+        cannot tell. Empty if no head holds any of them.
+    """
+    rows = {}
+    for camera, test in tested.items():
+        of_f = [name for name in test.names if name.endswith("/f_mm")]
+        alone = test.table()
+        for name, unit in alone.index:
+            if name in (*of_f, *test.rejected):
+                rows[camera, WORDS[name.partition("/")[2]], unit] = [*alone.loc[(name, unit)]]
+    index = pd.MultiIndex.from_tuples(rows, names=["camera", "parameter", "unit"]) if rows else None
+    columns = ["held", "value", "sigma", COSTS, "p"]
+    table = pd.DataFrame([*rows.values()], index=index, columns=columns)
+    table["p"] = ["cannot tell" if np.isnan(p) else p_value(p) for p in table["p"]]
+    table.attrs["formats"] = {COSTS: ".1f"}
+    return table
+
+
 # --- a wrong focal length --------------------------------------------------------------------
 
 
@@ -308,7 +358,7 @@ def held(
     Returns
     -------
     DataFrame
-        A row for each that has a head: the mean variance of unit weight; the RMS of all
+        A row for each that has a head: by how much v'Pv of all heads changed; the RMS of all
         components of the residuals at control points; how high the cameras stand above GNSS, and
         by how much they were lifted at most; by how much the principal points moved; and the
         relative orientation.
@@ -320,12 +370,13 @@ def held(
     }
     table = pd.DataFrame.from_dict(rows, orient="index")
     table.index.name = "held f"
-    formats = {"Variance of unit weight": ".3f", "RMS at control points (mm)": ".1f"}
+    formats = {COST: "+.1f", "RMS at control points (mm)": ".1f"}
     heights = ("Cameras above GNSS, lowest (m)", "highest (m)", "Lifted by up to (m)")
     table.attrs["formats"] = formats | dict.fromkeys(heights, ".1f") | {MOVED: ".3f", PLACE: ".3f"}
     return table
 
 
+COST = Markup("Change of $v^TPv$")
 MOVED = Markup("$x_p$, $y_p$ moved by up to (mm)")
 PLACE = Markup("$X_c$, $Y_c$ up to (mm)")
 
@@ -340,18 +391,13 @@ def _reaction(heads: Heads, before: Heads) -> dict[str, object]:
         [[sound[name].cameras[0].interior.xp, sound[name].cameras[0].interior.yp] for name in fits]
     )
     return {
-        "Variance of unit weight": _variance(heads),
+        COST: sum(fit.solution.cost - sound[name].solution.cost for name, fit in fits.items()),
         "RMS at control points (mm)": 1000 * _control_rms(heads),
         "Cameras above GNSS, lowest (m)": min(rise.values()),
         "highest (m)": max(rise.values()),
         "Lifted by up to (m)": max(abs(rise[name] - above_gnss(sound[name])) for name in fits),
         MOVED: np.abs(xy - xy_before).max(),
     }
-
-
-def _variance(heads: Heads) -> float:
-    """Return the variance of unit weight, mean of the heads."""
-    return float(np.mean([fit.solution.sigma0_sq for fit in heads.bundles.values()]))
 
 
 def _control_rms(heads: Heads) -> float:
@@ -367,7 +413,7 @@ def _orientation(heads: RelativeOrientation | Failed) -> dict[str, object]:
     xyz = heads.xyz_mm
     return {
         PLACE: np.abs(xyz[:, :2]).max(),
-        Markup("$Z_c$ less the first head's (mm)"): ", ".join(
+        Markup("$Z_c$ minus the first head's (mm)"): ", ".join(
             f"{z:.3f}" for z in xyz[1:, 2] - xyz[0, 2]
         ),
     }
@@ -384,15 +430,14 @@ def by_wrong_lengths(reactions: pd.DataFrame) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        ``_variance`` in per cent, ``control_mm``, ``moved_mm``, ``lifted_m``; empty where no head
-        can be adjusted with its focal length unchanged.
+        ``control_mm``, ``moved_mm``, ``lifted_m``; empty where no head can be adjusted with its
+        focal length unchanged.
     """
     if "unchanged" not in reactions.index:
         return {}
     right, wrong = reactions.loc["unchanged"], reactions.iloc[:-1].drop(index="unchanged")
-    variances, controls = ("Variance of unit weight", "RMS at control points (mm)")
+    controls = "RMS at control points (mm)"
     return {
-        "variance": 100 * (wrong[variances].max() / right[variances] - 1),
         "control_mm": wrong[controls].max() - right[controls],
         "moved_mm": wrong[MOVED].max(),
         "lifted_m": wrong["Lifted by up to (m)"].max(),

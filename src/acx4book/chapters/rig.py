@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
@@ -421,27 +420,6 @@ def true_head(camera: Camera, told: Mapping[str, Any]) -> Camera:
             r=np.array([told[f"lever_{axis}_m"] for axis in "xyz"]),
         ),
     )
-
-
-def off_truth(flight: Flight, together: Mounting) -> pd.Series:
-    """Return the errors of the estimates, in standard deviations.
-
-    Parameters
-    ----------
-    flight : Flight
-    together : Mounting
-        Of several cameras.
-
-    Returns
-    -------
-    Series
-        By the rows of the mounting's table; empty where the flight was not simulated.
-    """
-    true, table = _true_heads(flight, together.calibration.cameras), together.table()
-    if not true:
-        return pd.Series(index=table.index[:0], dtype=float)
-    exact = replace(together.calibration, cameras=true).table()["value"]
-    return (table["value"] - exact).abs() / table["sigma"]
 
 
 def true_orientation(flight: Flight, together: Mounting) -> RelativeOrientation | None:

@@ -187,7 +187,7 @@ def _write_of_run(
     study.leave_out(book, pages if whole else [*pages, API])
     for name, text in (
         *_texts_of_run(flight_path, results_path, ideal_path),
-        *_texts_of_front(results_path, executed, ideal_path),
+        *_texts_of_front(flight_path, results_path, executed, ideal_path),
     ):
         whole_files.write(generated / name, text)
     made_from = _made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
@@ -382,8 +382,7 @@ def _texts_of_run(
     """Yield names and texts: scorecard, certificate, simulation, geometry, provenance."""
     run, flown = _run(results_path)
     ideal = None if ideal_path is None else _run(ideal_path)
-    true = truth_path(flight_path)
-    truth = json.loads(true.read_text("utf-8")) if true.is_file() else None
+    truth = _truth(flight_path)
     simulated = truth is not None
     yield from scorecard.texts(run, flown, simulated=simulated, ideal=ideal).items()
     yield "certificate.md", certificate_page(material.read(results_path), REPORT.as_posix())
@@ -392,8 +391,14 @@ def _texts_of_run(
     yield "provenance.md", reproducibility.page(flight_path, results_path)
 
 
+def _truth(flight_path: Path) -> dict[str, Any] | None:
+    """Return what a simulated flight was given; None for another one."""
+    path = truth_path(flight_path)
+    return json.loads(path.read_text("utf-8")) if path.is_file() else None
+
+
 def _texts_of_front(
-    results_path: Path, executed: Path, ideal_path: Path | None = None
+    flight_path: Path, results_path: Path, executed: Path, ideal_path: Path | None = None
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts, and a drawing, of the front page and of the four questions."""
     book_run, flown = _run(results_path)
@@ -402,7 +407,9 @@ def _texts_of_front(
     yield "front.md", FRONT.format(alt=flight.ALT, caption=flight.caption(flown))
     applies = printed.applies(flown)
     notebooks = executed if ideal_path is None else results_path / "notebooks"
-    four, ideal = questions.Told(found=book_run, answers=questions.answers(notebooks)), None
+    true = (_truth(flight_path) or {}).get("cameras", {})
+    answered = questions.answers(notebooks)
+    four, ideal = questions.Told(found=book_run, answers=answered, truth=true), None
     if ideal_path is not None:
         answers = questions.answers(ideal_path / "notebooks")
         ideal = questions.Told(found=results.read(ideal_path), answers=answers)

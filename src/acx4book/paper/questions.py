@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import nbformat
@@ -20,6 +20,9 @@ from acx4lib.results import folder
 
 TAG = "answer"
 """Tag of a chapter's last cell, the answer; its first paragraph is one sentence."""
+
+SENTENCE = re.compile(r"(?<=\.) (?=[A-Z$])")
+"""The blank between two sentences."""
 
 UNANSWERED = "This flight has no data for this question."
 
@@ -107,7 +110,7 @@ QUESTIONS = (
         chapter="01-head-calibration",
         answered=_heads,
         short="Can the heads be calibrated from aerial images?",
-        independence="values given, σ not",
+        independence="values of the adjustment given, σ not",
     ),
     _Question(
         asked="Is the synthetic image that is made from the heads geometrically good?",
@@ -115,7 +118,7 @@ QUESTIONS = (
         chapter="02-synthetic-image",
         answered=_synthetic,
         short="Is the synthetic image geometrically good?",
-        independence="nothing was set for it",
+        independence="noise, response and lens places of the pictures were chosen",
     ),
     _Question(
         asked="How does the synthetic camera sit on the GNSS/INS, and do the two-step and the "
@@ -124,7 +127,7 @@ QUESTIONS = (
         chapter="03-mounting-calibration",
         answered=_mounting,
         short="Do the two-step and the single-step method agree?",
-        independence="nothing was set for it",
+        independence="follows from given values, once a reading is chosen",
     ),
     _Question(
         asked="How accurate is direct georeferencing with these parameters, and for which maps is "
@@ -200,17 +203,25 @@ def text(
 def _beside(
     chapter: str, flown: Mapping[str, Sequence[str]], ideal: Mapping[str, Sequence[str]]
 ) -> list[str]:
-    """Return the paragraphs of an answer, an ideal camera's after the flight's own."""
+    """Return the paragraphs of an answer; an ideal camera's sentences follow where they differ."""
     paragraphs, of_ideal = flown[chapter], ideal.get(chapter, [])
     if not of_ideal or of_ideal == [UNANSWERED]:
         return list(paragraphs)
     first = (
         f"*With images made of four heads:* {paragraphs[0]} *With one ideal camera:* {of_ideal[0]}"
     )
-    ideally = (
-        [f"*With one ideal camera.* {of_ideal[1]}", *of_ideal[2:]] if len(of_ideal) > 1 else []
-    )
+    said = {sentence for text in paragraphs[1:] for sentence in _sentences(text)}
+    rest = [
+        " ".join(sentence for sentence in _sentences(text) if sentence not in said)
+        for text in of_ideal[1:]
+    ]
+    ideally = [f"*With one ideal camera.* {text}" for text in rest if text]
     return [first, *paragraphs[1:], *ideally]
+
+
+def _sentences(text: str) -> list[str]:
+    """Return the sentences of a paragraph, each on one line."""
+    return SENTENCE.split(" ".join(text.split()))
 
 
 def _section(
@@ -239,10 +250,13 @@ class Told:
         Of all stages, or of the mounting and the validation.
     answers : mapping of str to sequence of str
         As `answers` returns it.
+    truth : mapping of str to mapping
+        True values of the cameras, by the names of results; none of a flight without truth.
     """
 
     found: folder.Results
     answers: Mapping[str, Sequence[str]]
+    truth: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def side_by_side(four: Told, ideal: Told | None, camera: str) -> str:
@@ -287,18 +301,28 @@ def _sigma_of_heads_printed() -> str:
 
 def _sigma_of_heads(run: Told) -> str:
     rows = folder.rows(run.found, "parameters", "heads/bundle")
-    return _between(list(1e3 * rows[rows["parameter"].isin(["xp_mm", "yp_mm"])]["sigma"]))
+    rows = rows[rows["parameter"].isin(["xp_mm", "yp_mm"])]
+    text = _between(list(1e3 * rows["sigma"]))
+    if not run.truth:
+        return text
+    true = [run.truth[c][p] for c, p in zip(rows["camera"], rows["parameter"], strict=True)]
+    return f"{text}, true error up to {1e3 * (rows['value'] - true).abs().max():.0f} µm"
 
 
 def _quality_printed() -> str:
-    return f"residuals of about {printed.statement('synthetic_quality_um'):g} µm"
+    return f"residuals of about {printed.statement('synthetic_quality_um'):g} µm, of image points"
 
 
 def _quality(run: Told) -> str:
-    """Return the number with which the chapter answers."""
+    """Return the numbers with which the chapter answers."""
     sentence = run.answers["02-synthetic-image"][0]
-    share = re.search(r"[\d.]+ µm", sentence)
-    return f"{share[0]} where heads overlap" if share else UNANSWERED
+    um, px = (re.findall(rf"([\d.]+) {unit}", sentence) for unit in ("µm", "px"))
+    if not um:
+        return UNANSWERED
+    share = f"{um[0]} µm where heads overlap, one head's share of the differences of matched points"
+    if len(px) < 2:
+        return share
+    return f"{share}: {px[0]} px after rotations, {px[1]} px after mean differences"
 
 
 def _both(four: Told, ideal: Told | None, camera: str) -> tuple[str, str]:

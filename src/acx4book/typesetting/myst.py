@@ -36,6 +36,9 @@ KEPT = re.compile(
 )
 """A space without line break: behind a sign of comparison or ±, and between number and unit."""
 
+TAG = re.compile(r"{%.*?%}")
+"""A tag of Jinja."""
+
 POWER = re.compile(r"(?<=mm)\^(-\d)")
 """Exponent of a unit, in the notation of results files."""
 
@@ -315,8 +318,19 @@ def say(template: str, **values: Any) -> Sentence:
     jinja2.UndefinedError
         For a name without a value.
     """
-    lines = [line.strip() for line in _jinja().from_string(template).render(values).splitlines()]
-    return Sentence("\n".join(lines).strip())
+    rendered = _jinja().from_string(_lines_kept(template)).render(values)
+    return Sentence("\n".join(line.strip() for line in rendered.splitlines()).strip())
+
+
+def _lines_kept(template: str) -> str:
+    """Return a template whose lines of text do not run into the next where they end in a tag.
+
+    Jinja's `trim_blocks` removes the line break after a tag: right for a line of tags alone.
+    """
+    return "\n".join(
+        f"{line} " if line.endswith("%}") and TAG.sub("", line).strip() else line
+        for line in template.splitlines()
+    )
 
 
 def sections(path: Path) -> dict[str, str]:

@@ -26,6 +26,7 @@ from acx4lib.calibration.heads import (
     focal_lengths_by_gnss,
     relative_orientation,
 )
+from acx4lib.calibration.held import of_bundle
 from acx4lib.errors import AdjustmentError
 from acx4lib.flight.design import with_focal_lengths
 from acx4lib.stages import attempt
@@ -137,7 +138,7 @@ def test_held_focal_lengths_have_a_line_per_head_in_every_panel(held):
     fig = drawn(held_focal_lengths(held))
     assert_texts_apart(fig)
     assert all(UNIT.search(ax.get_ylabel()) for ax in panels(fig))
-    assert [len(ax.lines) for ax in panels(fig)] == [4, 4, 5, 4, 4, 4]
+    assert [len(ax.lines) for ax in panels(fig)] == [8, 4, 5, 4, 4, 4]
     assert legend(fig) == list(HEADS)
 
 
@@ -208,6 +209,29 @@ def test_the_paper_is_beside_no_other_choice_of_heads(flight):
     assert not printed.applies(replace(flight, synthetic=three))
 
 
+# --- What the heads hold
+
+
+def test_every_held_focal_length_stands_with_what_holding_costs(heads):
+    table = chapter.held_values({name: of_bundle(fit) for name, fit in heads.bundles.items()})
+    costs = table[chapter.COSTS].xs("f", level="parameter")
+    assert_allclose(costs, [36.3, 8.1, 9.7, 30.0], atol=0.15)  # by really estimating f
+    p = table["p"].xs("f", level="parameter")
+    assert all(float(one.lstrip("<\N{NO-BREAK SPACE}")) < 0.005 for one in p)
+
+
+def test_where_f_is_estimated_nothing_of_it_is_held(flown, heads):
+    free = calibrate_heads(
+        flown.flight.heads,
+        HEADS[1:2],
+        free=("f", *flown.flight.estimate_heads),
+        after=heads,
+    )
+    tested = {name: of_bundle(fit) for name, fit in free.bundles.items()}
+    assert chapter.held_values(tested).empty
+    assert chapter.held_values({}).empty
+
+
 # --- Heads with wrong focal lengths: what must show, and what must not
 
 
@@ -233,11 +257,30 @@ def test_what_was_rejected_before_stays_out(held, heads):
     assert sum(len(fit.rejected) for fit in heads.bundles.values()) > 0
 
 
-def test_the_fit_hardly_minds_a_wrong_focal_length(held):
-    """Two flying heights do not determine f beside free exterior orientation: sigma 0.06 mm."""
+def test_only_the_sum_of_squares_minds_a_wrong_focal_length(held, heads, flown):
+    """It rises by ((f - f_free) / sigma)^2 from the f of an adjustment that estimates it."""
     nothing = {title: Failed(method="", reason="", error=AdjustmentError("")) for title in held}
     table = chapter.held(held, nothing, held[0.0])
-    variances = table["Variance of unit weight"]
+    free = calibrate_heads(
+        flown.flight.heads, HEADS, free=("f", *flown.flight.estimate_heads), after=heads
+    )
+    off = {
+        change: [
+            (74.0 + change - row["value"]) / row["sigma"] * fit.solution.sigma0_sq**0.5
+            for fit, (_, row) in zip(
+                free.bundles.values(),
+                free.table().xs("f", level="parameter").iterrows(),
+                strict=True,
+            )
+        ]
+        for change in held
+    }
+    expected = [np.sum(np.square(off[change])) - np.sum(np.square(off[0.0])) for change in held]
+    assert_allclose(table[chapter.COST], expected, rtol=0.02, atol=0.1)
+    assert expected[0] > 100
+    variances = [
+        np.mean([fit.solution.sigma0_sq for fit in h.bundles.values()]) for h in held.values()
+    ]
     assert max(variances) < 1.05 * min(variances)
     assert max(table["RMS at control points (mm)"]) < 5  # control's sigma is 1 and 2 cm
 

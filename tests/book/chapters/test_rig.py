@@ -16,6 +16,7 @@ from acx4book.chapters.rig import (
     rig_deformations,
     rig_gains,
 )
+from acx4book.notebooks.truth import beside_truth, beside_truths
 from acx4lib import flight as flights
 from acx4lib.calibration import heads
 from acx4lib.calibration import rig as calibration_rig
@@ -256,13 +257,35 @@ def test_the_truth_is_that_of_the_simulation(flight, stage):
     assert np.degrees(exact.opk[1]) == pytest.approx(known.boresight_deg)
 
 
-def test_estimates_lie_within_four_standard_deviations_of_the_truth(flight, stage):
-    off = rig.off_truth(flight, stage.rig)
-    assert len(off) == 48
-    assert off.max() < 4
+def test_estimates_lie_within_four_standard_deviations_of_the_truth_beside_them(flight, stage):
+    table = stage.rig.table()
+    beside = beside_truth(flight, table)
+    assert beside["error (σ)"].notna().sum() == 48
+    assert beside["error (σ)"].abs().max() < 4
+    known = optics.HEADS["CAM2"]
+    for parameter, unit, told in (("f", "mm", known.f_mm), ("lever z", "m", known.lever_m[2])):
+        at = ("CAM2", parameter, unit)
+        error = (table.loc[at, "value"] - told) / table.loc[at, "sigma"]
+        assert beside.loc[at, "error (σ)"] == pytest.approx(error)
+        assert float(beside.loc[at, "truth"].replace("−", "-")) == pytest.approx(told, abs=6e-5)
+
+
+def test_a_table_of_one_camera_is_told_its_name(flight, stage):
+    table = stage.rig.table()
+    alone = beside_truth(flight, table.xs("CAM3", level="camera"), "CAM3")
+    assert alone.equals(beside_truth(flight, table).xs("CAM3", level="camera"))
+
+
+def test_ways_side_by_side_have_the_truth_once(flight, stage):
+    table = stage.rig.table()
+    off = table.assign(value=table["value"] + 2 * table["sigma"])
+    known = beside_truths(flight, {"as found": table, "two off": off})
+    assert [*known] == [("truth", ""), ("as found", "error (σ)"), ("two off", "error (σ)")]
+    np.testing.assert_allclose((known["two off"] - known["as found"]).dropna(), 2.0)
 
 
 def test_a_flight_that_was_not_simulated_has_no_truth(flight, stage, tmp_path):
     measured = replace(flight, pictures=tmp_path)
     assert rig.true_orientation(measured, stage.rig) is None
-    assert len(rig.off_truth(measured, stage.rig).groupby("parameter").max()) == 0
+    assert beside_truth(measured, stage.rig.table()).shape == (48, 0)
+    assert beside_truths(measured, {"rig": stage.rig.table()}).shape == (48, 0)

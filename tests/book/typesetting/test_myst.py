@@ -356,6 +356,14 @@ def test_a_case_of_a_flight_that_lacks_something_leaves_no_trace():
     assert str(say(template, n=2)) == "There are 2.\nAlways."
 
 
+def test_a_sentence_that_ends_in_a_tag_does_not_run_into_the_next():
+    template = """{% if n %}Yes.{% endif %}
+    {% if n %}Where{% else %}Nowhere{% endif %}, once
+    more{% for x in "ab" %}, {{ x }}{% endfor %}
+    {%- if n %}; end{% endif %}."""
+    assert str(say(template, n=1)) == "Yes.\nWhere, once\nmore, a, b; end."
+
+
 def test_a_name_without_a_value_is_an_error():
     with pytest.raises(jinja2.UndefinedError, match="'m' is undefined"):
         say("{{ m }}", n=1)
