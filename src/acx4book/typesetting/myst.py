@@ -293,6 +293,10 @@ class Sentence:
         return self.text
 
 
+SENTENCE_IN_BLOCK = re.compile(r"([.!?])(\{% endif %\}\n)(?=[ \t]*\S)")
+"""A sentence that a block ends with the line; the line break behind a block is left out."""
+
+
 def say(template: str, **values: Any) -> Sentence:
     """Fill a Jinja template with values.
 
@@ -315,7 +319,8 @@ def say(template: str, **values: Any) -> Sentence:
     jinja2.UndefinedError
         For a name without a value.
     """
-    lines = [line.strip() for line in _jinja().from_string(template).render(values).splitlines()]
+    spaced = SENTENCE_IN_BLOCK.sub(r"\1 \2", template)
+    lines = [line.strip() for line in _jinja().from_string(spaced).render(values).splitlines()]
     return Sentence("\n".join(lines).strip())
 
 

@@ -353,6 +353,12 @@ def test_a_case_of_a_flight_that_lacks_something_leaves_no_trace():
         Always.
     """
     assert str(say(template, n=0)) == "Always."
+
+
+def test_a_sentence_of_a_block_and_the_next_line_stay_apart():
+    template = "{% if n %}As far as it shows, yes.{% endif %}\n    Where heads overlap, {{ n }}."
+    assert str(say(template, n=2)) == "As far as it shows, yes. Where heads overlap, 2."
+    assert str(say(template, n=0)) == "Where heads overlap, 0."
     assert str(say(template, n=2)) == "There are 2.\nAlways."
 
 
