@@ -293,8 +293,11 @@ class Sentence:
         return self.text
 
 
-SENTENCE_IN_BLOCK = re.compile(r"([.!?])(\{% endif %\}\n)(?=[ \t]*\S)")
-"""A sentence that a block ends with the line; the line break behind a block is left out."""
+SENTENCE_IN_BLOCK = re.compile(r"([.!?])(\{% endif %\}\n)(?=[ \t]*\{%)")
+"""A sentence that ends with its block and its line, where the next line begins with a block.
+
+Jinja leaves out the line break behind a block, and the blanks before one.
+"""
 
 
 def say(template: str, **values: Any) -> Sentence:
