@@ -104,7 +104,7 @@ def test_many_columns_that_are_not_read_are_few_notes(tmp_path):
     (tmp_path / POINTS).write_text(
         "".join(f"{line},{more}\n" for line, more in zip(lines, extra, strict=True))
     )
-    notes = flight.read(tmp_path).notes
+    notes = [note for note in flight.read(tmp_path).notes if "column" in note]
     assert len(notes) == 11
     assert notes[-1].endswith("image_points.csv: 890 more columns are not read")
 

@@ -392,5 +392,7 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
             row[f"digits {start}"] = least if outcome == CONVERGED else outcome
         rows.append(row)
     digits = table[by_normals & (table["start"] == 2)].groupby("dataset")["digits"].min()
-    least = [f"{digits[row['data set']]:.1f}" for row in rows]
-    return pd.DataFrame(rows).assign(**{"σ by normal matrix": least})
+    shown = pd.DataFrame(rows)
+    return shown.assign(
+        **{"σ by normal matrix": shown["data set"].map(digits).map("{:.1f}".format)}
+    )

@@ -438,8 +438,7 @@ class Bundle:
         p = self.solution.chi_square_p
         probability = f"p {p:.3f}" if p >= 5e-4 else "p < 0.0005"
         fit = f"σ0² {self.solution.sigma0_sq:.3f} ({probability})"
-        n = self.solution.iterations  # none after the last rejections
-        steps = shown.count(n, "iteration") if n else ""
+        steps = shown.count(self.solution.iterations, "iteration")
         return fit, steps, f"{len(self.rejected)} rejected" if self.rejected else ""
 
     def quality(self) -> pd.DataFrame:

@@ -96,8 +96,9 @@ def adjust_rejecting(
     Returns
     -------
     Bundle
-        Adjustment of the block without the rejected observations. The statistic of a rejection
-        is the w that the observation would have if it alone were put back.
+        Adjustment of the block without the rejected observations, with the iterations of all
+        adjustments on the way. The statistic of a rejection is the w that the observation would
+        have if it alone were put back.
 
     Raises
     ------
@@ -126,21 +127,31 @@ def adjust_rejecting(
     observed = _observations(network)
     test = partial(_judge, w_limits if sigma0 == "known" else tau_limits, critical)
     bundle, search = _first(network, _nothing_out(len(observed.kind)), test)
-    verdict = test(bundle, search.out)
+    verdict, iterations = test(bundle, search.out), bundle.solution.iterations
     for _ in range(MOST_ROUNDS):
         fits = ~(_misfits_after(bundle, search.out) > SUSPECT)
         following = _next(search, observed, verdict, fits)
         if np.array_equal(following.out, search.out):
             break
         bundle, search = _following(network, bundle.state, search, following)
-        verdict = test(bundle, search.out)
+        verdict, iterations = test(bundle, search.out), iterations + bundle.solution.iterations
     rejections = (*_tested(block, bundle, absurd), *_rejections(search, observed, verdict))
     if not rejections:
-        return bundle
+        return _after(bundle, iterations)
     kept, stopped = within_limits(block, network.rows, rejections)
     mixed = _exchanges(block, set_up, bundle, rejections, partial(_failed, test))
     best = _without(block, set_up, bundle, kept, stopped)
+    best = _after(best, iterations + best.solution.iterations)
     return replace(best, rejected=kept, stopped=stopped, exchanged=mixed)
+
+
+def _after(bundle: Bundle, iterations: int) -> Bundle:
+    """Return the last of several adjustments with the iterations of all.
+
+    Each begins where the one before ended, the last one often at the minimum: by itself it has
+    none.
+    """
+    return replace(bundle, solution=replace(bundle.solution, iterations=iterations))
 
 
 def _failed(test: Callable[[Bundle, Mask], _Verdict], bundle: Bundle) -> set[tuple[str, int]]:

@@ -56,6 +56,8 @@ class Solution:
     cost : float
         Weighted sum of squared residuals.
     iterations : int
+        Steps, zero where the start values are the minimum; of a search for gross errors, those of
+        all its adjustments.
     n_observations, n_unknowns : int
     inverse : Inverse
         Of the reduced normal matrix: the a priori covariance of the reduced unknowns

@@ -173,8 +173,8 @@ def test_what_was_held_and_what_is_left_open_is_said():
     ("name", "heading"),
     [
         ("mm", "mm"),
-        ("σ (mm)", "σ (mm)"),
-        ("f (mm)", "f (mm)"),
+        ("σ", "σ"),
+        ("f", "f"),
         ("head", "Head"),
         ("px off", "px off"),
     ],

@@ -139,6 +139,17 @@ def test_the_statistic_of_a_rejection_is_about_its_error_over_its_sigma(noisy_bl
     assert fit.rejected[0].statistic == pytest.approx(100 * np.sqrt(share), abs=4)
 
 
+def test_the_iterations_are_those_of_all_adjustments(noisy_block):
+    """The last one begins at the minimum, and has none of its own."""
+    by = np.zeros((len(noisy_block.image_points), 2))
+    by[100, 1] = 50.0  # px; of 0.5 px
+    spoilt = blocks.changed(noisy_block, "image_point", by)
+    _, fit = rejections(spoilt)
+    last = adjust(fit.network.beginning_at(fit.state))
+    assert last.solution.iterations == 0
+    assert fit.solution.iterations > 1
+
+
 def test_a_wrong_weight_is_no_gross_error(noisy_block):
     """Sigmas five times too small make all w five times too large, and reject nothing."""
     points = noisy_block.image_points
