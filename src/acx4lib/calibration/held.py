@@ -127,8 +127,8 @@ class Held:
 
     @property
     def told(self) -> Mask:
-        """Which held values the data can test: sigma is finite and within its limit."""
-        return np.nan_to_num(self.sigma, nan=np.inf) <= self.limit
+        """Which held values the data can test: sigma is within its limit."""
+        return (np.nan_to_num(self.sigma, nan=np.inf) <= self.limit) & (self.redundancy > 1)
 
     @property
     def p(self) -> Array:
