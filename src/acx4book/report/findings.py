@@ -111,6 +111,8 @@ class Finding:
     restriction : str
         What the results can be used for where the state is `MINOR`, as Markdown; by default for
         all.
+    is_cause : bool
+        Whether other questions fail by what this one found, so that it is named first.
     """
 
     question: str
@@ -119,6 +121,7 @@ class Finding:
     passed: str = ""
     tests: tuple[ChanceTest, ...] = ()
     restriction: str = ""
+    is_cause: bool = False
 
     @property
     def p(self) -> float:
@@ -588,6 +591,7 @@ def _held(material: Material) -> Iterator[Finding]:
         else "Among all tests of this report none of this is significant.",
         tests=tests,
         restriction=RESTRICTION if out.get("heads") else "",
+        is_cause=any(held.explains(material, name) for names in stages.values() for name in names),
     )
 
 
@@ -961,7 +965,8 @@ def statement(found: Sequence[Finding]) -> str:
         limits = [f.restriction for f in found if f.state == MINOR and f.restriction]
         said = "The results hold, with a restriction" if limits else "The results hold"
         return "\n\n".join([f"**{said}.** {_level(found)}", *(f"**{limit}.**" for limit in limits)])
-    gravest, *less_grave = _by_gravity(failed)
+    causes = [f.question for f in found if f.state == FAILS and f.is_cause]
+    gravest, *less_grave = dict.fromkeys([*causes, *_by_gravity(failed)])
     means, cure = CONSEQUENCES.get(gravest, UNKNOWN)
     whole = f"**Not everything holds. “{gravest}” fails: {means}; {cure}.**"
     others = "\n".join(
@@ -986,7 +991,7 @@ def _level(found: Sequence[Finding]) -> str:
 
 def verdict_table(found: Sequence[Finding]) -> pd.DataFrame:
     """Return the table of findings, failures first."""
-    order = sorted(found, key=lambda f: (f.state != FAILS, f.state != MINOR))
+    order = sorted(found, key=lambda f: (f.state != FAILS, f.state != MINOR, not f.is_cause))
     rows = [(f.question, _result(f), _p(f.p), _p(f.p_joint), f.answer) for f in order]
     return pd.DataFrame(rows, columns=["Question", "Result", "p", "p joint", "Explanation"])
 

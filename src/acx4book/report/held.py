@@ -50,6 +50,17 @@ def rejected(material: Material, names: Sequence[str]) -> list[str]:
     return sorted(found, key=lambda key: -float(held[key]["cost"]))
 
 
+def explains(material: Material, name: str) -> bool:
+    """Tell whether one held value of a camera explains most of an adjustment's misfit.
+
+    Then groups of observations contradict each other because of it.
+    """
+    entry = material.found.summary[name]
+    excess = (float(str(entry["sigma0_squared"])) - 1) * int(str(entry["redundancy"]))
+    of_cameras = [key for key in entry.get("held_rejected", ()) if "/" in key]
+    return any(2 * float(entry["held"][key]["cost"]) > excess for key in of_cameras[:1])
+
+
 def effect(material: Material, stage: str, names: Sequence[str]) -> tuple[float, float, str]:
     """Return what freeing the rejected values changes, from which size it matters, and the unit.
 

@@ -37,7 +37,7 @@ def test_every_parameter_of_a_clean_flight_is_determined(plan):
 def test_a_row_has_the_state_of_every_question_of_the_report():
     row = flights.judged(order("no-control"))
     states = {value for key, value in row.items() if key not in flights.KEYS}
-    assert {"holds", "note"} <= states
+    assert {"holds", "untested", "note"} <= states
     assert row["Independent check points"] in {"holds", "fails"}
     assert row["holds"] == int("fails" not in states)
 
@@ -111,6 +111,15 @@ def test_a_wrong_focal_length_that_the_mounting_holds_fails_and_is_named_first()
     row = flights.judged(orders[0])
     assert (row["holds"], row["Held values"]) == (0, "fails")
     assert row["rejected"].split()[0] == "CAM/f_mm"
+
+
+@pytest.mark.repeats
+@pytest.mark.slow
+def test_the_studys_flight_holds_and_names_the_focal_lengths_of_its_four_heads():
+    (_, orders) = flights.holding(1)
+    row = flights.judged(orders[0])
+    assert (row["holds"], row["Held values"]) == (1, "minor")
+    assert {f"CAM{k}/f_mm" for k in (1, 2, 3, 4)} <= set(row["rejected"].split())
 
 
 def test_sigma_is_stated_too_small_and_not_changed_with_the_noise():

@@ -80,6 +80,26 @@ def test_a_rejected_value_matters_where_it_moves_the_ground(single, ratio, expec
     assert state(single, QUESTION)[0] == expected
 
 
+@pytest.mark.parametrize(
+    ("key", "cost", "first"),
+    [("CAM/f_mm", 900.0, True), ("CAM/f_mm", 400.0, False), ("gnss_shift_east_m", 900.0, False)],
+)
+def test_a_value_that_explains_most_of_the_misfit_is_named_before_what_it_makes_fail(
+    single, key, cost, first
+):
+    """v'Pv exceeds its expectation by (2 - 1) x 1000; a shift may be a wrong datum as well."""
+    group = f"{SINGLE}: data snooping would reject 36 of 37 GNSS positions (height)"
+    values = {key: told(p=1e-9, cost=cost, moves={"CAM/lever_z_m": 9.0})}
+    fit = {"sigma0_squared": 2.0, "redundancy": 1000, "stopped": [group]}
+    hold(single, SINGLE, values, [key], **fit)
+    found = findings.findings(read(single))
+    other = "Observations agree with each other"
+    assert findings.statement(found).startswith(
+        f"**Not everything holds. “{QUESTION if first else other}” fails: "
+    )
+    assert (findings.verdict_table(found)["Question"][0] == QUESTION) == first
+
+
 def test_the_value_that_costs_most_stands_first(single):
     values = {"CAM/b1": told(p=1e-4, cost=15.0), "CAM/f_mm": told(p=1e-9, cost=40.0)}
     hold(single, SINGLE, values, ["CAM/b1", "CAM/f_mm"])

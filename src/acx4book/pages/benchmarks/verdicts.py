@@ -70,6 +70,15 @@ PURPOSES: Mapping[str, str] = {
 }
 """Titles of the flights by purpose."""
 
+STATES: Mapping[str, str] = {
+    "holds": "Holds",
+    "minor": "Rejected, below the limit",
+    "fails": "Fails",
+    "untested": "Not tested",
+    "note": "Note",
+}
+"""Headings of the states of a question."""
+
 TEST = "p: "
 """Prefix of the columns with probabilities, before question and name of the test."""
 
@@ -98,7 +107,7 @@ class Verdicts:
     @property
     def questions(self) -> list[str]:
         """Names of the questions of the reports."""
-        states = self.flights.select_dtypes(exclude="number").isin(["holds", "fails", "note"])
+        states = self.flights.select_dtypes(exclude="number").isin([*STATES])
         return [str(name) for name in states.columns[states.any()]]
 
 
@@ -131,23 +140,22 @@ def good(verdicts: Verdicts) -> str:
 
 
 def _question_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how often every question holds, fails or is a note on clean flights."""
+    """Return how often every question has each of its states on clean flights."""
     clean = verdicts.of("clean")
     rows = []
     for question in verdicts.questions:
         asking = clean.loc[clean[question].notna(), "source"].unique()  # states of the code
         states = clean[question].dropna()
-        count = {state: int((states == state).sum()) for state in ("holds", "fails", "note")}
-        tested = count["holds"] + count["fails"]
+        count = {state: int((states == state).sum()) for state in STATES}
+        tested = count["holds"] + count["minor"] + count["fails"]
         share = _percent(sigma.binomial(count["fails"], tested)) if tested else None
         rows.append(
             {
                 "Question": question,
                 "Flights": int(clean["source"].isin(asking).sum()),
-                "Holds": count["holds"],
-                "Fails": count["fails"],
+                **{STATES[state]: count[state] for state in ("holds", "minor", "fails")},
                 "Share of failures": share,
-                "Note": count["note"],
+                **{STATES[state]: count[state] for state in ("untested", "note")},
             }
         )
     return pd.DataFrame(rows)

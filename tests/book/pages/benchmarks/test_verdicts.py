@@ -36,6 +36,8 @@ def rows(purpose, plan, n, k, *, fault="", size=0.0):
             "holds": 1 - failed,
             QUESTION: np.where(failed, "fails", "holds"),
             "Parameters told apart": "note",
+            "Declared mounting confirmed": "untested",
+            "Global χ² test": "minor",
         }
     )
 
@@ -85,6 +87,9 @@ def test_notes_are_no_failures():
         *("0", "0", "40")
     ]
     assert table.loc["Parameters told apart", "Share of failures"] == "–"
+    assert table.loc["Declared mounting confirmed", "Not tested"] == "40"
+    assert table.loc["Global χ² test", "Rejected, below the limit"] == "40"
+    assert table.loc["Global χ² test", "Share of failures"].startswith("0.0 %")
 
 
 @pytest.mark.parametrize(("k", "said"), [(10, "None of the 1 tests"), (25, "heading (25 of 200)")])
