@@ -417,7 +417,9 @@ def _texts_of_front(
     methods = "" if ideal is None else study.methods_page(ideal.found, camera, BENCHMARKS)
     yield "methods.md", f"{methods}\n"
     ideal_answers = None if ideal is None else ideal.answers
-    yield "four-questions.md", questions.text(four.answers, ideal_answers, beside_print=applies)
+    many = "" if ideal is None else study.many(BENCHMARKS)
+    asked = questions.text(four.answers, ideal_answers, beside_print=applies, many=many)
+    yield "four-questions.md", asked
     runs = {"this book" if ideal is None else "four heads": book_run}
     if ideal is not None:
         runs["ideal camera"] = ideal.found
@@ -426,7 +428,9 @@ def _texts_of_front(
     table = questions.small_table_3(runs, camera) if applies and has_both else ""
     yield "front-table.md", f"{table}\n"
     whole = applies and has_both and "validation/single_step" in book_run.summary
-    yield "side-by-side.md", questions.side_by_side(four, ideal, camera) if whole else "\n"
+    spread = "" if ideal is None else study.spread(BENCHMARKS)
+    beside = questions.side_by_side(four, ideal, camera, spread) if whole else "\n"
+    yield "side-by-side.md", beside
     for name, pages in DOORS.items():
         beside = "; code and exercises are not counted" if name == "read" else ""
         yield f"minutes-{name}.md", f"{words.minutes(*pages)} minutes to read{beside}\n"

@@ -21,6 +21,7 @@ from acx4book.notebooks import execute
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.pages.benchmarks import sigma
 from acx4book.paper import printed
+from acx4book.paper.scorecard import TWO_STEP
 from acx4book.reference import data as reference
 from acx4book.typesetting.myst import (
     LABELS,
@@ -207,6 +208,33 @@ def page(benchmarks: Path) -> str:
     return f"{_say('accuracy')}\n\n{myst_table(table, caption, name='tab-front-accuracy')}\n"
 
 
+def many(benchmarks: Path) -> str:
+    """Return the RMS of many flights in a sentence: medians, and where nine of ten lie.
+
+    Parameters
+    ----------
+    benchmarks : Path
+        As `page` takes it.
+    """
+    ways = {
+        "with images made of four heads": _of_chain(synthetic_cost.read(benchmarks)),
+        "with one ideal camera": of_ideal(benchmarks, "single_step"),
+    }
+    at = [SPREAD[0], 0.5, SPREAD[1]]
+    values = {
+        title: {part: flights[part].quantile(at).to_list() for part in ("plan", "height")}
+        for title, flights in ways.items()
+    }
+    return _say("many", ways=values)
+
+
+def spread(benchmarks: Path) -> str:
+    """Return the RMS over check points of many flights of an ideal camera, for a table."""
+    flights = of_ideal(benchmarks, "single_step")
+    at = [SPREAD[0], 0.5, SPREAD[1]]
+    return _say("spread", plan=flights["plan"].quantile(at), height=flights["height"].quantile(at))
+
+
 def _of_chain(chain: synthetic_cost.Study) -> Flights:
     """Return the accuracy of flights with synthetic images from four heads."""
     rms = synthetic_cost.rms_by_flight(chain, synthetic_cost.SYNTHETIC)
@@ -270,7 +298,16 @@ def methods_page(found: folder.Results, camera: str, benchmarks: Path) -> str:
     two, single = (folder.parameters(found, f"mounting/{m}", camera) for m in names)
     ratios = {name: two["sigma"][name] / single["sigma"][name] for name in COMPARED}
     rms = [_rms(found.summary[f"validation/{m}"]) for m in names]
+    flights = {m: of_ideal(benchmarks, m) for m in names}
     values: dict[str, Any] = dict(zip(names, rms, strict=True))
+    values |= {"n": len(flights["single_step"]), "gnss_ratio": None}
+    parts = ["plan", "height"]
+    values |= {"median": {m: of[parts].median().to_list() for m, of in flights.items()}}
+    below = int((flights["single_step"]["height"] < rms[1][1]).sum())
+    values |= {"draw": Markup(_say("draw", below=below, n=values["n"]))}
+    if f"mounting/{TWO_STEP}" in found.summary:
+        gnss = folder.parameters(found, f"mounting/{TWO_STEP}", camera)["sigma"]
+        values |= {"gnss_ratio": gnss["f_mm"] / single["sigma"]["f_mm"]}
     values |= {"f": LABELS["f_mm"], "f_ratio": ratios["f_mm"]}
     values |= {"lever": LABELS["lever_z_m"], "lever_ratio": ratios["lever_z_m"]}
     values |= {

@@ -178,6 +178,7 @@ def text(
     ideal: Mapping[str, Sequence[str]] | None = None,
     *,
     beside_print: bool,
+    many: str = "",
 ) -> str:
     """Return a section for each of the four questions.
 
@@ -190,10 +191,14 @@ def text(
         the others.
     beside_print : bool
         Whether the flight has the paper's cameras, so that its answers stand beside the paper's.
+    many : str
+        The accuracy of many flights, which stands before that of one.
     """
     paragraphs = {
         question.chapter: _beside(question.chapter, found, ideal or {}) for question in QUESTIONS
     }
+    if many:
+        paragraphs["04-validation"].insert(0, many)
     whole = [
         _section(i, question, paragraphs, beside_print) for i, question in enumerate(QUESTIONS, 1)
     ]
@@ -259,7 +264,7 @@ class Told:
     truth: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
-def side_by_side(four: Told, ideal: Told | None, camera: str) -> str:
+def side_by_side(four: Told, ideal: Told | None, camera: str, spread: str = "") -> str:
     """Return a row for each question: the paper's number, and this book's, as a MyST table.
 
     Parameters
@@ -270,9 +275,12 @@ def side_by_side(four: Told, ideal: Told | None, camera: str) -> str:
         Of the same flight with one ideal camera; mounting and validation are then of both.
     camera : str
         Name of the synthetic camera.
+    spread : str
+        The accuracy of many flights, which stands before that of one.
     """
     printed = (_sigma_of_heads_printed(), _quality_printed(), _shifts_printed(), _rms_printed())
-    ours = (_sigma_of_heads(four), _quality(four), *_both(four, ideal, camera))
+    *ours, accuracy = (_sigma_of_heads(four), _quality(four), *_both(four, ideal, camera))
+    ours.append(f"{spread} {accuracy}".strip())
     rows = [
         {
             "question": question.short,
@@ -300,12 +308,24 @@ def _sigma_of_heads_printed() -> str:
 
 
 def _sigma_of_heads(run: Told) -> str:
-    rows = folder.rows(run.found, "parameters", "heads/bundle")
+    return principal_points(folder.rows(run.found, "parameters", "heads/bundle"), run.truth)
+
+
+def principal_points(rows: pd.DataFrame, truth: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the standard deviations of principal points, and the largest true error if known.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of `parameters.csv`.
+    truth : mapping of str to mapping
+        As `Told` has it.
+    """
     rows = rows[rows["parameter"].isin(["xp_mm", "yp_mm"])]
     text = _between(list(1e3 * rows["sigma"]))
-    if not run.truth:
+    if not truth:
         return text
-    true = [run.truth[c][p] for c, p in zip(rows["camera"], rows["parameter"], strict=True)]
+    true = [truth[c][p] for c, p in zip(rows["camera"], rows["parameter"], strict=True)]
     return f"{text}, true error up to {1e3 * (rows['value'] - true).abs().max():.0f} µm"
 
 
@@ -365,7 +385,7 @@ def _accuracy(rms: Sequence[float], title: str) -> str:
     return f"{title}{math.hypot(*rms[:2]):.2f} m in plan, {rms[2]:.2f} m in height"
 
 
-RMS = "RMS "
+RMS = "RMS over pairs of images "
 
 
 def _rms_printed() -> str:
@@ -393,10 +413,15 @@ def small_table_3(runs: Mapping[str, folder.Results], camera: str) -> str:
     """
     columns: dict[str, list[str]] = {}
     for title, column, method in (
-        ("two-step", "two_step", TWO_STEP),
+        ("two-step", "two_step", ""),
+        ("plain two-step", "", "two_step"),
+        ("two-step, GNSS positions", "", TWO_STEP),
         ("single-step", "single_step", "single_step"),
     ):
-        columns[f"paper, {title}"] = [printed.shown(3, name, column) for name in TABLE_3]
+        if column:
+            columns[f"paper, {title}"] = [printed.shown(3, name, column) for name in TABLE_3]
+        if not method:
+            continue
         for made_of, results in runs.items():
             ours = folder.parameters(results, f"mounting/{method}", camera)
             columns[f"{made_of}, {title}"] = [

@@ -528,11 +528,12 @@ def _shift_of_methods(card: pd.DataFrame, absorbed_arm: pd.DataFrame) -> str:
     )
     if "expected_mm" not in absorbed_arm:
         return text
+    block = "the block of the ideal camera" if "chain" in card else "this block"
     off_um = 1e3 * (absorbed_arm["shift_mm"] - absorbed_arm["expected_mm"]).abs()
     in_sigma = off_um / (1e3 * absorbed_arm["sigma_mm"])
     rest_mm = 1e3 * absorbed_arm["sum_effective_m"].abs()
     return (
-        f"{text} By least squares over this block, the printed lever arm must shift them by "
+        f"{text} By least squares over {block}, the printed lever arm must shift them by "
         f"{', '.join(f'{x:+.4f}' for x in absorbed_arm['expected_mm'])} mm. The paper's own "
         f"two columns agree with that to {off_um.max():.1f} µm, a lever arm of "
         f"{rest_mm.min():.0f} to {rest_mm.max():.0f} mm; this is {in_sigma.max():.0f} times the "

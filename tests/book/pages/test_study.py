@@ -84,6 +84,15 @@ def test_flights_of_four_heads_stand_first():
     assert f"| {synthetic_cost.read().n_flights} |" in said
 
 
+def test_medians_and_ranges_stand_before_one_flight(ideal):
+    low, middle, high = np.quantile(ideal["height"], [0.05, 0.5, 0.95])
+    many, spread = study.many(STORED), study.spread(STORED)
+    assert f"{middle:.2f} m in height with one ideal camera" in many
+    assert f"{low:.2f} to {high:.2f} m)" in many
+    assert many.endswith("one draw of these.")
+    assert f"{middle:.2f} m in height ({low:.2f}–{high:.2f}" in spread
+
+
 # --- One verdict on the two methods, from a run and from stored flights
 
 
@@ -99,6 +108,8 @@ def test_the_verdict_has_the_ratios_of_sigma_and_slow_errors_of_all_stored_fligh
     assert f"{ratio:.0f} times smaller" in said
     rms = json.loads((results / "summary.json").read_text())["validation/single_step"]
     assert f"{rms['points']['rms'][2]:.2f} m in height with the single step" in said
+    middle = study.of_ideal(STORED, "single_step")["height"].median()
+    assert f"and {middle:.2f} m in height with the single step" in said
     errors = pd.read_csv(synthetic_cost.STORED / "slow_errors.csv")
     assert f"Over {errors['seed'].nunique()} flights" in said
     assert "2.3 to 4.9 times its standard deviation" in said

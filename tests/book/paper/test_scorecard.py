@@ -147,6 +147,32 @@ def test_the_page_has_the_papers_answer_and_ours():
     assert text.count("**This book.**") == 4
 
 
+def test_a_sentence_that_both_cameras_share_is_said_once():
+    chapter = "04-validation"
+    four = {**ANSWERS, chapter: ["Four.", "It fits: $p$ = 0.76.\nThat is class A."]}
+    ideal = {chapter: ["One.", "It fits: $p$ = 0.10.\nThat is class A.", "It fits: $p$ = 0.76."]}
+    text = questions.text(four, ideal, beside_print=True, many="Of many flights first.")
+    assert text.count("That is class A.") == 1
+    assert text.count("It fits: $p$ = 0.76.") == 1
+    assert "*With one ideal camera.* It fits: $p$ = 0.10.\n" in text
+    assert text.index("Of many flights first.") < text.index("Four.")
+
+
+def test_the_front_page_has_the_largest_true_error():
+    rows = pd.DataFrame(
+        {
+            "camera": ["A", "A", "B"],
+            "parameter": ["xp_mm", "yp_mm", "k1"],
+            "value": [0.053, -0.02, 1.0],
+            "sigma": [0.0077, 0.0071, 9.0],
+        }
+    )
+    truth = {"A": {"xp_mm": -0.081, "yp_mm": -0.021}, "B": {"k1": 0.0}}
+    sigma = "σ of principal points 7.1–7.7 µm"
+    assert questions.principal_points(rows, truth) == f"{sigma}, true error up to 134 µm"
+    assert questions.principal_points(rows, {}) == sigma
+
+
 def test_beside_another_camera_the_paper_says_nothing():
     assert "**The paper**" not in questions.text(ANSWERS, beside_print=False)
 
