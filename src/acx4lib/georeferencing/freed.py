@@ -76,7 +76,7 @@ def _extended(calibration: Calibration, held: Held) -> Calibration:
     """Return the calibration with columns of the held parameters before its own, without sigma."""
     n, columns = len(held.names), held.network.layout
     cov = np.zeros((n + calibration.n_columns,) * 2)
-    cov[n:, n:] = calibration.cov
+    cov[n:, n:] = calibration.total_cov
     return replace(
         calibration,
         layout=replace(
@@ -86,5 +86,6 @@ def _extended(calibration: Calibration, held: Held) -> Calibration:
             shift=np.where(columns.shift < n, columns.shift, -1),
         ),
         cov=cov,
+        cov_before=None,  # it is in the total
         open_columns=np.append(np.zeros(n, dtype=bool), calibration.open_columns),
     )
