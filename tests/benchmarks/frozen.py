@@ -351,7 +351,11 @@ def compare_values(before: Any, now: Any, *, exact: bool, at: str = "") -> list[
     elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
         own = [(str(i), *pair) for i, pair in enumerate(zip(before, now, strict=True))]
     else:
-        return [] if _same(before, now, exact=exact) else [f"{at[1:]}: {before!r}, now {now!r}"]
+        return (
+            []
+            if _same(before, now, exact=exact)
+            else [f"{at[1:]}: {before!r:.80}, now {now!r:.80}"]
+        )
     return [s for key, *two in own for s in compare_values(*two, exact=exact, at=f"{at}/{key}")]
 
 
