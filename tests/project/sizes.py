@@ -1,73 +1,147 @@
-"""Files, lines and public names of each house, beside those of the last release.
+"""How large each package is, beside the largest it may be and the size that is aimed at.
 
-`make check` prints them: a house that grows must say why. Run by `python -m project.sizes`.
+`make check` runs `python -m project.sizes`, which prints the numbers and fails where one is above
+its ratchet. A package may only shrink: whoever lowers a number lowers its ratchet with it, and
+raising a ratchet is a change that somebody has to defend.
+
+Code is counted by the syntax tree, without docstrings, comments and blank lines, so that no
+docstring is paid for with code.
 """
 
 from __future__ import annotations
 
 import ast
-import io
-import subprocess
 import sys
-import tarfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 
+import click
+import typer
+
+from acx4book.command import acx4
 from support.helpers import ROOT
 
-HOUSES = ("src/acx4lib", "src/acx4tools", "src/acx4sim", "src/acx4book", "tests")
+PACKAGES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "src").glob("acx4*/"))
 
-NAMED = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+WHAT = ("code", "lines", "names")
+
+PAGES = ("book/_ext", "book/_moving", "book/_static")
+
+RATCHET = {
+    "src/acx4book code": 26_465,
+    "src/acx4book names": 834,
+    "src/acx4lib code": 24_500,
+    "src/acx4lib names": 1_037,
+    "src/acx4sim code": 2_585,
+    "src/acx4sim names": 84,
+    "src/acx4tools code": 13_640,
+    "src/acx4tools names": 355,
+    "src code": 67_190,
+    "src names": 2_310,
+    "tests lines": 75_500,
+    "commands": 30,
+    "options": 179,
+    "pages lines": 1_928,
+}
+"""The largest that each number may be; a package that has none may have no code."""
+
+CEILING = {
+    "src/acx4lib code": 11_000,
+    "src/acx4files code": 11_000,
+    "src/acx4sim code": 2_400,
+    "src/acx4book code": 13_600,
+    "src code": 38_000,
+    "src lines": 60_000,
+    "src names": 1_300,
+    "tests lines": 40_000,
+    "commands": 26,
+    "options": 130,
+    "pages lines": 900,
+}
+"""What is aimed at."""
+
+FUNCTION = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
-def sizes(sources: Mapping[str, str]) -> dict[str, tuple[int, int, int]]:
-    """Return files, lines and public names by house, from the text of every module."""
-    made = {}
-    for house in HOUSES:
-        texts = [text for path, text in sources.items() if path.startswith(f"{house}/")]
-        lines = sum(len(text.splitlines()) for text in texts)
-        made[house] = (len(texts), lines, sum(map(public_names, texts)))
-    return made
+def code_lines(text: str, tree: ast.Module) -> int:
+    """Count the lines of a module that are neither docstring nor comment nor blank."""
+    strings = (node for node in ast.walk(tree) if _is_docstring(node))
+    said = {i for node in strings for i in range(node.lineno, node.end_lineno + 1)}
+    lines = enumerate(map(str.strip, text.splitlines()), start=1)
+    return sum(bool(line) and not line.startswith("#") and i not in said for i, line in lines)
 
 
-def public_names(text: str) -> int:
-    """Count functions and classes at the top of a module whose names have no underscore before."""
-    top = ast.parse(text).body
-    return sum(isinstance(one, NAMED) and not one.name.startswith("_") for one in top)
+def _is_docstring(node: ast.AST) -> bool:
+    """Tell whether a node is a string alone, as below a function's head or an attribute."""
+    alone = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    return alone and isinstance(node.value.value, str)
 
 
-def here() -> dict[str, str]:
-    """Return the modules of the working copy."""
-    paths = [path for house in HOUSES for path in (ROOT / house).rglob("*.py")]
-    return {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in paths}
+def public_names(tree: ast.Module) -> int:
+    """Count public functions of a module, and public methods of its public classes."""
+    top = tree.body
+    classes = [one for one in top if isinstance(one, ast.ClassDef) and _is_public(one)]
+    places = [top, *(one.body for one in classes)]
+    return sum(isinstance(one, FUNCTION) and _is_public(one) for body in places for one in body)
 
 
-def released() -> tuple[str, dict[str, str]]:
-    """Return the name of the last release, empty where there is none, and its modules."""
-    name = _git("describe", "--tags", "--abbrev=0").decode().strip()
-    if not name:
-        return "", {}
-    with tarfile.open(fileobj=io.BytesIO(_git("archive", name, *HOUSES))) as archive:
-        members = [one for one in archive.getmembers() if one.name.endswith(".py")]
-        opened = {one.name: archive.extractfile(one) for one in members}
-        return name, {path: file.read().decode() for path, file in opened.items() if file}
+def _is_public(node: ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    return not node.name.startswith("_")
 
 
-def _git(*arguments: str) -> bytes:
-    done = subprocess.run(["git", "-C", ROOT, *arguments], capture_output=True, check=False)
-    return done.stdout
+def of_package(folder: Path) -> dict[str, int]:
+    """Return code, lines and public names of the modules below a folder."""
+    texts = [path.read_text("utf-8") for path in folder.rglob("*.py")]
+    trees = [ast.parse(text) for text in texts]
+    return {
+        "code": sum(map(code_lines, texts, trees)),
+        "lines": sum(len(text.splitlines()) for text in texts),
+        "names": sum(map(public_names, trees)),
+    }
+
+
+def of_command(command: click.Command) -> tuple[int, int]:
+    """Count the commands below a command that do something, and their options."""
+    below = getattr(command, "commands", {})
+    found = [of_command(one) for one in below.values()]
+    options = sum(one.param_type_name == "option" for one in command.params)
+    return sum(n for n, _ in found) + (not below), sum(n for _, n in found) + options
+
+
+def measured() -> dict[str, int]:
+    """Return all numbers of the working copy, by what they count."""
+    sizes = {name: of_package(ROOT / name) for name in PACKAGES}
+    sizes["src"] = {what: sum(of[what] for of in sizes.values()) for what in WHAT}
+    numbers = {f"{name} {what}": n for name, of in sizes.items() for what, n in of.items()}
+    numbers["tests lines"] = _lines((ROOT / "tests").rglob("*.py"))
+    numbers["commands"], numbers["options"] = of_command(typer.main.get_command(acx4.app))
+    pages = (path for name in PAGES for path in (ROOT / name).iterdir() if path.is_file())
+    return numbers | {"pages lines": _lines(pages)}
+
+
+def _lines(paths: Iterable[Path]) -> int:
+    return sum(len(path.read_text("utf-8").splitlines()) for path in paths)
+
+
+def above(numbers: Mapping[str, int], ratchet: Mapping[str, int]) -> list[str]:
+    """Return the names of the numbers above their ratchets; lines of src have none."""
+    return [
+        name
+        for name, n in numbers.items()
+        if name in ratchet or " lines" not in name
+        if n > ratchet.get(name, 0)
+    ]
 
 
 def main() -> None:
-    """Print a line for each house."""
-    name, modules = released()
-    before, now = sizes(modules), sizes(here())
-    for house in HOUSES:
-        counts = "  ".join(
-            f"{n:6d} {what}" + (f" ({n - before[house][k]:+d})" if name else "")
-            for k, (n, what) in enumerate(zip(now[house], ("files", "lines", "names"), strict=True))
-        )
-        sys.stdout.write(f"{house:14s}{counts}\n")
-    sys.stdout.write(f"since {name}\n" if name else "")
+    """Print every number beside what is aimed at, and end with status 1 where one is too large."""
+    numbers = measured()
+    too_large = above(numbers, RATCHET)
+    for name, n in numbers.items():
+        goal = f"{CEILING[name]:8d} in the end" if name in CEILING else ""
+        fault = f"; must be at most {RATCHET.get(name, 0)}" if name in too_large else ""
+        sys.stdout.write(f"{name:20s}{n:8d}{goal}{fault}\n")
+    sys.exit(1 if too_large else 0)
 
 
 if __name__ == "__main__":
