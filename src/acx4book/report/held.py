@@ -47,7 +47,8 @@ def rejected(material: Material, names: Sequence[str]) -> list[str]:
     """Return the values that their own adjustments reject, those that cost most first."""
     found = [key for n in names for key in material.found.summary[n].get("held_rejected", ())]
     held = values(material, names)
-    return sorted(found, key=lambda key: -float(held[key]["cost"]))
+    told = [key for key in found if key in held and None not in held[key].values()]
+    return sorted(told, key=lambda key: -float(held[key]["cost"]))
 
 
 def explains(material: Material, name: str) -> bool:
@@ -57,7 +58,7 @@ def explains(material: Material, name: str) -> bool:
     """
     entry = material.found.summary[name]
     excess = (float(str(entry["sigma0_squared"])) - 1) * int(str(entry["redundancy"]))
-    of_cameras = [key for key in entry.get("held_rejected", ()) if "/" in key]
+    of_cameras = [key for key in rejected(material, [name]) if "/" in key]
     return any(2 * float(entry["held"][key]["cost"]) > excess for key in of_cameras[:1])
 
 
@@ -100,10 +101,10 @@ def in_words(held: Mapping[str, Mapping[str, Any]], names: Sequence[str]) -> Mar
 def _in_words(key: str, told: Mapping[str, Any]) -> str:
     camera, _, parameter = key.rpartition("/")
     moves = sorted(told["moves"].items(), key=lambda of: -abs(of[1]))[:MOST]
-    moved = listed([f"{parameter_title(name)} by {move:+.1f} σ" for name, move in moves])
+    moved = listed([f"{shown(parameter_title(name))} by {move:+.1f} σ" for name, move in moves])
     of = f" of {shown(camera)}" if camera else ""
     return (
-        f"{parameter_title(parameter)}{of} is held at {told['value']:g}, and "
+        f"{shown(parameter_title(parameter))}{of} is held at {told['value']:g}, and "
         f"{value_and_sigma(told['estimate'], told['sigma'])} if it is free"
         + (f", which moves {moved}" if moved else "")
     )

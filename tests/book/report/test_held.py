@@ -100,6 +100,15 @@ def test_a_value_that_explains_most_of_the_misfit_is_named_before_what_it_makes_
     assert (findings.verdict_table(found)["Question"][0] == QUESTION) == first
 
 
+def test_names_in_results_are_text(single):
+    """A held value that is not there, and one whose camera and moves are named as markup."""
+    f = told(p=1e-9, cost=40.0, moves={"<b>/<i>": 9.0})
+    hold(single, SINGLE, {"<b>C</b>/f_mm": f}, ["<b>C</b>/f_mm", "CAM/nothing"])
+    answer = state(single, QUESTION)[1]
+    assert "<b>" not in answer
+    assert "<i>" not in answer
+
+
 def test_the_value_that_costs_most_stands_first(single):
     values = {"CAM/b1": told(p=1e-4, cost=15.0), "CAM/f_mm": told(p=1e-9, cost=40.0)}
     hold(single, SINGLE, values, ["CAM/b1", "CAM/f_mm"])
