@@ -76,6 +76,8 @@ class Run:
     correlations : mapping of str to float
         Largest correlations between interior and exterior orientation of the heads, by names
         such as ``CAM1 xp_mm/omega_deg``; for item 11.
+    held_f : mapping of str to float
+        v'Pv that the held focal length costs, by the heads whose images reject it; for item 7.
     absorbed : Absorption, optional
         The part of a lever arm that the interior orientation takes up; for item 14.
     predicted_m : ndarray, shape (3,), optional
@@ -83,6 +85,7 @@ class Run:
     """
 
     correlations: Mapping[str, float] = field(default_factory=dict)
+    held_f: Mapping[str, float] = field(default_factory=dict)
     absorbed: Absorption | None = None
     predicted_m: Array | None = None
 
@@ -175,6 +178,7 @@ def read_run(results_path: str | Path) -> Run:
         return Run(correlations=_largest_correlations(stored))
     return Run(
         correlations=_largest_correlations(stored),
+        held_f=rejected_focal_lengths(stored),
         absorbed=absorbed_of_run(flight, stored),
         predicted_m=_predicted(stored),
     )
@@ -215,6 +219,22 @@ def _largest_correlations(stored: folder.Results) -> dict[str, float]:
         if name.startswith(stage) and isinstance(pairs := entry.get("largest_correlations"), dict)
         for pair, correlation in pairs.items()
     }
+
+
+def rejected_focal_lengths(stored: folder.Results) -> dict[str, float]:
+    """Return what holding the focal length costs in v'Pv, by the heads whose images reject it.
+
+    Parameters
+    ----------
+    stored : Results
+        With the stage heads.
+    """
+    costs = {}
+    for key, entry in stored.summary.items():
+        head, name = key.rpartition("/")[2], f"{key.rpartition('/')[2]}/f_mm"
+        if key.startswith("heads/bundle/") and name in entry.get("held_rejected", ()):
+            costs[head] = float(entry["held"][name]["cost"])
+    return costs
 
 
 def _predicted(stored: folder.Results) -> Array | None:
@@ -417,8 +437,8 @@ def _focal_lengths_of_heads() -> Array:
     return f
 
 
-def _focal_length() -> Values:
-    """Item 7: two nominal focal lengths."""
+def _focal_length(run: Run) -> Values:
+    """Item 7: two nominal focal lengths, and what the images of a run say of the fixed one."""
     nominal, fixed = paper.statement("head_f_nominal_mm"), paper.statement("head_f_fixed_mm")
     printed_cm = 100 * np.array([paper.statement(f"block_1_{k}_gsd_m") for k in ("high", "low")])
     pixels = {_whole(f): 100 * np.array(_ground_pixels_m(f)) for f in (nominal, fixed)}
@@ -429,6 +449,7 @@ def _focal_length() -> Values:
         "pixels": list(pixels.items()),
         "synthetic": paper.value(3, "f_mm", "single_step"),
         "heads": _focal_lengths_of_heads(),
+        "costs": list(run.held_f.values()),
         "missed": [np.abs(computed - printed_cm).max() for computed in pixels.values()],
     }
 
@@ -903,7 +924,7 @@ _NUMBERS: Mapping[int, Callable[[Run], Values]] = {
     4: lambda _: _units(),
     5: lambda _: _rms_and_sigma(),
     6: lambda _: _small_errors(),
-    7: lambda _: _focal_length(),
+    7: _focal_length,
     8: lambda _: _missing_digit(),
     9: lambda _: _synthetic_distortion(),
     10: lambda _: _border_distortion(),

@@ -431,7 +431,7 @@ def texts(
         card, judged = beside_chain(card, _scorecard(*ideal, tables=(3, 4))), ideal
     return {
         "roles.md": f"{WHY} {paper.sentence(card)}\n",
-        "standing-out.md": _standing_out(card, *judged),
+        "standing-out.md": _standing_out(card, *judged, heads=found),
         "scorecard.md": _tables(card),
     }
 
@@ -482,9 +482,12 @@ def _roles_table() -> str:
     return myst_table(rows, "Roles of the printed numbers", name="tab-roles")
 
 
-def _standing_out(card: pd.DataFrame, results: folder.Results, flight: Flight) -> str:
-    """Return the main findings on the methods, Table 3 and Table 4, as a list."""
+def _standing_out(
+    card: pd.DataFrame, results: folder.Results, flight: Flight, *, heads: folder.Results
+) -> str:
+    """Return the main findings on Table 1, the methods, Table 3 and Table 4, as a list."""
     lines = (
+        *_held(heads),
         _shift_of_methods(
             card, errata.lever_arm_in_interior(errata.absorbed_of_run(flight, results))
         ),
@@ -492,6 +495,30 @@ def _standing_out(card: pd.DataFrame, results: folder.Results, flight: Flight) -
         _rms_of_table_4(card, results),
     )
     return "\n".join(f"- {line}" for line in lines) + f"\n\n{MORE}\n"
+
+
+def _held(results: folder.Results) -> list[str]:
+    """Write what the images say of the held focal length; nothing where they do not reject it."""
+    costs = errata.rejected_focal_lengths(results)
+    if not costs:
+        return []
+    moves = [
+        abs(move)
+        for head in costs
+        for name, move in results.summary[f"heads/bundle/{head}"]["held"][f"{head}/f_mm"][
+            "moves"
+        ].items()
+        if name.endswith(("/xp_mm", "/yp_mm"))
+    ]
+    return [
+        f"**Held.** The paper's Table 1 holds $f$ at {paper.statement('head_f_fixed_mm'):g} mm, "
+        f"and so do the heads here. The images of {len(costs)} heads reject that: it costs "
+        f"{sum(costs.values()):.0f} in $v^TPv$, where right values would cost about {len(costs)}. "
+        f"Freeing it moves $x_p$ and $y_p$ by up to {max(moves):.0f} of their standard deviations. "
+        "Where they agree with print, two adjustments have the same held value, and neither has "
+        "the camera's. The relative orientation and the synthetic image take it up "
+        "({doc}`_executed/01-head-calibration`)."
+    ]
 
 
 def _pick(card: pd.DataFrame, table: int, quantity: str, column: str) -> tuple[float, float]:

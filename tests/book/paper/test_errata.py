@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -106,6 +107,20 @@ def test_printed_numbers_are_those_of_the_paper(findings, number, numbers):
 def test_heads_are_as_long_as_table_3_and_their_z_say():
     """A trial with a closed chain found 74.440, 74.169, 74.292, 74.370 mm."""
     assert_allclose(errata.numbers(7)["heads"], (74.440, 74.169, 74.292, 74.370), atol=0.006)
+
+
+def test_what_the_images_say_of_the_fixed_focal_length_comes_from_a_run():
+    rejected = {"value": 74.0, "cost": 36.3, "moves": {}}
+    summary = {
+        "heads/bundle/CAM1": {"held": {"CAM1/f_mm": rejected}, "held_rejected": ["CAM1/f_mm"]},
+        "heads/bundle/CAM2": {"held": {"CAM2/f_mm": rejected}, "held_rejected": []},
+        "mounting/single_step": {},
+    }
+    costs = errata.rejected_focal_lengths(SimpleNamespace(summary=summary))
+    assert costs == {"CAM1": 36.3}
+    (said, silent) = (errata.audit(errata.Run(held_f=of))[6].verdict for of in (costs, {}))
+    assert "reject the fixed value: it costs 36 in v'Pv" in said
+    assert "reject" not in silent
 
 
 def test_neither_nominal_focal_length_is_proved_by_rounded_ground_pixels(findings):
