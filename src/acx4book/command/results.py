@@ -156,10 +156,6 @@ KIND, cameras:
 KIND, cameras, and with --orientations BLOCK its images:
   metashape        calibrations; cameras.xml with sensors, covariances, slaves of a rig
   colmap           cameras.txt, rigs.txt; a whole model as text
-  opensfm          cameras.json, which is ODM's, too; rig_cameras.json; reconstruction.json
-  opf              sensors, rig relatives with sigma; a project of Pix4D's open format
-  pix4d            text like Pix4D's: .cam; external parameters
-  micmac           AutoCal-NAME.xml; Orientation-IMAGE.xml
 KIND, images of --orientations BLOCK:
   opk              east, north, height, omega, phi, kappa in the flight's grid, with sigma
   opk-topocentric  the same in Cartesian axes east, north, up at the middle of the block

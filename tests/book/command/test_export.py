@@ -89,7 +89,8 @@ def test_a_later_flight_that_is_none_is_refused(acx4, rig, tmp_path):
         (["--to", "toml", "--orientations", "heads"], "--to toml has no place for orientations"),
         (["--to", "toml", "--flight", "x"], "--flight needs --orientations"),
         (["--to", "opencv", "--allow", "1e-9"], "the other program's lens differs by"),
-        (["--to", "pix4d"], "more than 0.05 px; --allow "),
+        (["--to", "pix4d"], "pix4d is gone; instead: acx4 export --to opencv"),
+        (["--to=opf"], "opf is gone; instead: acx4 export --to colmap, metashape or opencv"),
     ],
 )
 def test_what_cannot_be_exported_is_one_line_and_status_2(acx4, rig, tmp_path, options, line):
