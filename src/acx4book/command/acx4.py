@@ -176,7 +176,6 @@ def report(
 
 
 app.command(help=results.BOOK_HELP)(results.book)
-app.command(help=results.COMPARE_HELP)(results.compare)
 app.add_typer(importing.app, name="import")
 app.command(help=planning.NEW_HELP)(planning.new)
 app.command(help=results.EXPORT_HELP)(results.export)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 GONE = {
+    r"(compare)": "papermill notebooks/compare.ipynb OUT.ipynb -p results_a DIR -p results_b DIR",
     r"import (bundler|visualsfm)": "write COLMAP's or Metashape's form, and import that",
     r"export .*--to[ =](opensfm|micmac|opf)": "acx4 export --to colmap, metashape or opencv",
     r"export .*--to[ =](pix4d)": "acx4 export --to opencv, and --to opk for orientations",
