@@ -377,17 +377,11 @@ def test_control_points_never_make_anything_worse(as_it_is_15):
     assert relative.max(axis=None) < 0.01
 
 
-def test_sigma_by_the_sum_of_strips_is_the_library_s(as_it_is_15):
-    expected = as_it_is_15["candidates"].given((0, 1, 3))
-    np.testing.assert_allclose(as_it_is_15["by_sum"], expected, rtol=1e-5)
-
-
-def test_the_chosen_flight_is_cheaper_and_within_what_is_allowed(as_it_is_15):
-    assert as_it_is_15["chosen"].met
-    table, wanted = as_it_is_15["table"], as_it_is_15["wanted"]
-    assert table.loc["minutes", "chosen"] < 0.8 * table.loc["minutes", "the paper's"]
-    ratio = table["chosen"] / table["the paper's"]
-    assert ratio[wanted].max() <= 1.25
+def test_the_cheapest_good_flight_is_cheaper_and_within_what_is_allowed(as_it_is_15):
+    table, cheapest = as_it_is_15["table"], as_it_is_15["cheapest"]
+    assert table.loc["minutes", cheapest] < table.loc["minutes", "the paper's"]
+    ratio = table[cheapest] / table["the paper's"]
+    assert ratio[as_it_is_15["wanted"]].max() <= 1.5
 
 
 def test_a_held_lever_arm_leaves_f_to_the_shift_of_gnss(as_it_is_15):
@@ -395,24 +389,18 @@ def test_a_held_lever_arm_leaves_f_to_the_shift_of_gnss(as_it_is_15):
     assert held > 5 * as_it_is_15["by_ratio"].loc["f_mm", 1.5]
 
 
-def test_what_a_left_out_strip_does_is_told_by_sums_as_well(as_it_is_15):
-    harm, by_sums = as_it_is_15["harm"].loc[as_it_is_15["wanted"]], as_it_is_15["by_sums"]
-    assert (harm > 1).all(axis=None)
-    assert by_sums.to_numpy() == pytest.approx(harm.to_numpy(), rel=0.12)
-    assert harm.max()[by_sums.max().idxmin()] < 1.02 * harm.max().min()
+def test_every_strip_left_out_does_harm(as_it_is_15):
+    assert (as_it_is_15["harm"].loc[as_it_is_15["wanted"]] > 1).all(axis=None)
 
 
-def test_a_shorter_time_keeps_to_it(as_it_is_15):
-    short = as_it_is_15["short"]
-    assert short.minutes <= 6
-    assert 1 < short.excess < as_it_is_15["excess"]
-    heights = {one.flying_height_m for one in short.plan.blocks["calibration"].strips.values()}
-    assert heights == {1000.0, 1500.0}
+def test_six_minutes_are_two_strips_and_long_ones_are_better(as_it_is_15):
+    assert as_it_is_15["six"].loc["minutes", "short"] < 6
+    assert 1 < as_it_is_15["excess"]["long"] < as_it_is_15["excess"]["short"]
 
 
 def test_what_is_allowed_is_an_argument(as_it_is_15):
-    poorer = changed("15", {NEVER: "None"}, allowed=2.0)
-    assert poorer["chosen"].minutes < as_it_is_15["chosen"].minutes
+    strict = changed("15", {NEVER: "None"}, allowed=1.0)
+    assert strict["cheapest"] == "the paper's" != as_it_is_15["cheapest"]
 
 
 # --- Chapter 16 changed as it suggests, and what it computes by hand and in its exercises
