@@ -14,10 +14,9 @@ from sphinx.util.docutils import SphinxDirective
 
 from acx4lib.flight.settings import FLIGHT
 from acx4lib.flight.toml_file import NAME, Keys, Table, rows
-from acx4tools.planning.choosing import TARGET
 from acx4tools.planning.plan import PLAN
 
-TABLES = {"flight": FLIGHT, "plan": Table(keys=PLAN), "target": TARGET}
+TABLES = {"flight": FLIGHT, "plan": Table(keys=PLAN)}
 
 FORM = "* - {}\n  - {}\n  - {}"
 

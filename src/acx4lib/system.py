@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -138,14 +137,6 @@ def free_addresses() -> int | None:
     except OSError:
         return int(limit)
     return int(limit) - pages * os.sysconf("SC_PAGE_SIZE")
-
-
-def peak_memory() -> float:
-    """Return the peak memory of this process, bytes; NaN where the system does not report it."""
-    if _resource is None:
-        return float("nan")
-    unit = 1 if sys.platform == "darwin" else 2**10
-    return float(_resource.getrusage(_resource.RUSAGE_SELF).ru_maxrss * unit)
 
 
 # --- interruptions ---------------------------------------------------------------------------

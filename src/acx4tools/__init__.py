@@ -2,5 +2,5 @@
 
 `exchange` reads and writes other programs' files, `measuring` makes image points of pictures,
 `planning` says what a flight will determine before it is flown, and `campaigns` compares the
-results of several flights of a camera. All stand on `acx4lib`, which needs none of them.
+results of two flights of a camera. All stand on `acx4lib`, which needs none of them.
 """

@@ -22,7 +22,7 @@ import pandas as pd
 
 import acx4sim
 from acx4book.chapters import weights
-from acx4book.command.processes import on_processes
+from acx4book.command.runs import executor
 from acx4book.notebooks.simulated import fly_and_read
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
@@ -67,7 +67,7 @@ def main() -> None:
     about |= {"design": DESIGN, "heads_design": HEADS_DESIGN}
     n, m = options.flights, options.pairs
     files = {"coverage": ((mountings, n), (heads, n), (pair, m)), "slow_errors": ((slowly, n),)}
-    with on_processes(options.jobs) as pool:
+    with executor(options.jobs, None) as pool:
         for file in [options.only] if options.only else files:
             tables: Tables = {}
             for study, number in files[file]:

@@ -1,23 +1,17 @@
-"""Runs of many seeds by `acx4 run`: one process, two, and a cluster of two workers.
-
-All three must leave the same bytes.
-"""
+"""Runs of many seeds by `acx4 run`: one process, and two, which must leave the same bytes."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-
-import pandas as pd
 
 from benchmarks import harness
 
 DESIGN = "single-head"
 N_FLIGHTS = 200
-WORKERS = {"one process": 1, "two processes": 2, "cluster": 2}
+WORKERS = {"one process": 1, "two processes": 2}
 """Ways to run flights, and how many at a time."""
 
 
@@ -38,35 +32,19 @@ def measured(made: Path, n: int) -> Iterator[dict[str, Any]]:
     for way, workers in WORKERS.items():
         folder = made / way
         seeds = ("--seeds", f"1-{n}", "--results", str(folder))
-        with options(way) as where:
-            took = harness.timed(harness.ACX4, "run", DESIGN, *seeds, *where)
+        took = harness.timed(harness.ACX4, "run", DESIGN, *seeds, "--jobs", str(workers))
         if left(folder) != left(first):
             sys.exit(f"{way} leaves other bytes than {first.name}")
-        times = pd.read_csv(folder / "times.csv")
         row = {
             "way": way,
             "workers": workers,
             "flights": n,
             "wall_s": took["wall_s"],
-            "cpu_s": times["cpu_s"].sum(),
-            "worker_mb": times["peak_mb"].max(),
+            "cpu_s": took["cpu_s"],
+            "worker_mb": took["peak_mb"],
         }
         sys.stderr.write(f"{way}: {row['wall_s']:.1f} s\n")
         yield row
-
-
-@contextmanager
-def options(way: str) -> Iterator[list[str]]:
-    """Yield the options of a way, as long as what they name is there."""
-    if way != "cluster":
-        yield ["--jobs", str(WORKERS[way])]
-        return
-    from distributed import LocalCluster  # noqa: PLC0415 the other ways do without
-
-    with LocalCluster(
-        n_workers=WORKERS[way], threads_per_worker=1, processes=True, dashboard_address=":0"
-    ) as started:
-        yield ["--cluster", started.scheduler_address]
 
 
 def left(folder: Path) -> dict[str, bytes]:

@@ -99,7 +99,6 @@ OTHERS = {
         "path.read_bytes": "the project's sources",
         "path.read_text": "the project's sources",
     },
-    "acx4book/report/comparison.py": {"sheet.read_text": "a style of the library"},
     "acx4book/report/page.py": {
         "STYLE.read_text": "a style of the library",
         "TEXT.read_text": "a text of the library",

@@ -139,7 +139,6 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     sources = [path for path in (ROOT / "src").rglob("*.py") if "__pycache__" not in path.parts]
     expected = {path.relative_to(ROOT / "src").as_posix() for path in sources}
     expected |= {f"{house}/py.typed" for house in HOUSES}
-    expected.add("acx4book/report/comparison.css")
     expected |= {"acx4book/pages/study.md", "acx4book/paper/errata.md"}
     expected |= {f"acx4book/report/report.{kind}" for kind in ("css", "md", "typ")}
     expected |= {f"acx4book/report/{name}.md" for name in ("consequences", "method")}

@@ -124,7 +124,7 @@ SECONDS = 60
 
 LOADED = (
     *("acx4lib.conventions", "acx4lib.flight.summary", "acx4tools.exchange.programs.opf"),
-    *("acx4book.report.page", "acx4book.report.comparison", "acx4tools.planning.design"),
+    *("acx4book.report.page", "acx4tools.planning.design"),
     *("acx4book.command.runs", "acx4book.notebooks.runner", "acx4book.teaching.class_table"),
 )
 

@@ -15,12 +15,10 @@ from support.pictures import measured
 def material(folder):
     """Return a folder with flights, results and files of other programs, made below another."""
     flight, results = run_results.leave_results(folder / "one")
-    other = run_results.leave_results(folder / "two", seed=3)[1]
     heads = pictured.write_flight(folder / "heads")
     made = {
         "flown": flight,
         "results": results,
-        "other": other,
         "heads": heads,
         "of_heads": pictured.write_results(folder / "of_heads", heads),
         "pictured": measured.flown(folder / "pictures", ("C1-04", "C2-04"), reduce=16),
@@ -46,7 +44,6 @@ TYPED = {
     "simulate": [["simulate", "single-head", "--out", "out"]],
     "report": [["report", "results", "--out", "out.html", "--pdf"]],
     "book": [["book", "flown", "--out", "out"]],
-    "compare": [["compare", "results", "other", "--out", "out"]],
     "new": [
         ["new", "out", "--cameras", "A", "--crs", "EPSG:32633", "--heights", "ellipsoidal"],
         ["new", "out", "--cameras", "A", "--crs", "EPSG:32633", "--heights", "EPSG:5773"],

@@ -9,24 +9,19 @@ import numpy as np
 import pandas as pd
 
 import acx4sim
-from acx4book.chapters import stability
-from acx4book.notebooks import runner, simulated
+from acx4book.notebooks import runner
 from acx4book.report.findings import findings
 from acx4book.report.material import Material, read
 from acx4lib import flight
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import Calibration
-from acx4lib.calibration.mounting import single_step
-from acx4lib.calibration.stability import rigidity
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.georeferencing import validation
 from acx4lib.results import adjustments, own_folder, provenance, read_back
 from acx4lib.results import folder as results
 from acx4lib.results.rows import calibration_tables, orientation_tables
-from acx4lib.stages import rig
-from acx4tools.campaigns import of_mounting
 from support.flights import written
 
 SINGLE = "mounting/single_step"
@@ -149,18 +144,3 @@ def _camera(declared, k):
         interior=lens,
         T_b_c=Pose(R=rotation_from_opk(opk), r=np.array([0.1, -0.2 + 0.3 * k, 0.25])),
     )
-
-
-# --- campaigns of simulated flights, and a rig of which one head turned ------------------------
-
-
-def campaign(flight):
-    """Adjust a flight's calibration block in a single step."""
-    found = single_step(flight.calibration, free=flight.estimate_mounting)
-    return of_mounting(found, name=f"{flight.session.date:%Y-%m}", session=flight.session)
-
-
-def rigidity_of_a_turned_head(seed):
-    """Adjust the heads of a flight together, of which one turned, and test whether they turn."""
-    stage = rig.calibrate(simulated.read(stability.turning(stability.flown(seed))))
-    return rigidity(stage.rig.bundle)

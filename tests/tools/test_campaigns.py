@@ -1,6 +1,5 @@
-"""Campaigns of one simulated camera, the same in all of them, each adjusted for itself."""
+"""Two campaigns of one simulated camera, the same in both, each adjusted for itself."""
 
-import datetime as dt
 import json
 import shutil
 from dataclasses import replace
@@ -14,30 +13,19 @@ from scipy import linalg, stats
 
 import acx4sim
 from acx4lib import flight
-from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import parameters, reported_covariance, with_reported
 from acx4lib.calibration.mounting import single_step
-from acx4lib.calibration.stability import FTest, Rigidity
 from acx4lib.errors import FlightError
-from acx4lib.flight.settings import Session
+from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.least_squares.statistics import holm
 from acx4lib.results.own_folder import MARK
 from acx4sim.designs import single_head_plan
 from acx4sim.files import simulate_plan
-from acx4tools import campaigns as acx4tools_campaigns
-from acx4tools.campaigns import (
-    JointTest,
-    compare,
-    difference,
-    differences,
-    fit,
-    ground_effects,
-    ground_of,
-    joint_test,
-    same_values,
-)
+from acx4tools import campaigns
+from acx4tools.campaigns import Campaign, compare, ground_of, joint_test, on_ground, pooled
+from support.changed_notebook import changed
 from support.flights.simulated import read_back
 from support.run_results import leave_results
 
@@ -49,147 +37,81 @@ def flown(seed, *, f_um=0.0, free=()):
     """Fly and adjust a campaign; the true focal length is longer by some micrometres."""
     plan = single_head_plan()
     camera = plan.cameras["CAM"]
-    changed = {"CAM": replace(camera, f_mm=camera.f_mm + f_um / 1000)}
+    longer = {"CAM": replace(camera, f_mm=camera.f_mm + f_um / 1000)}
     options = acx4sim.Options(blocks=("calibration",), tie_points=TIES)
-    flight = read_back(simulate_plan(replace(plan, cameras=changed), seed, options)).flight
+    flight = read_back(simulate_plan(replace(plan, cameras=longer), seed, options)).flight
     return single_step(flight.calibration, free=free or flight.estimate_mounting)
 
 
-def one(seed, *, name="", date=None, temperature_c=float("nan"), **changes):
-    session = Session(date=date, temperature_c=temperature_c)
-    return acx4tools_campaigns.of_mounting(
-        flown(seed, **changes), name=name or f"campaign {seed}", session=session
+def of_mounting(mounting, name):
+    block = mounting.bundle.network.block
+    return Campaign(
+        name=name,
+        method=mounting.method,
+        calibration=mounting.calibration,
+        redundancy=mounting.bundle.solution.redundancy,
+        height_m=float(np.median(flying_heights(block))),
     )
 
 
-@pytest.fixture
-def fly():
-    return one
+def one(seed, **changes):
+    return of_mounting(flown(seed, **changes), f"campaign {seed}")
 
 
 # --- Campaigns side by side: levels, planted changes, and campaigns that cannot be compared
 
 
 @pytest.fixture
-def three(fly):
-    return compare([fly(seed) for seed in (1, 2, 3)])
+def two():
+    return compare(one(1), one(2))
 
 
 @pytest.mark.slow
-def test_chi_squares_of_campaigns_of_the_same_camera_are_of_their_distribution(fly):
-    campaigns = [fly(seed) for seed in range(1, 17)]
-    whole = acx4tools_campaigns.stability(compare(campaigns))
-    assert whole.dof == 15 * 14
-    low, high = stats.chi2.ppf([0.0005, 0.9995], whole.dof)
-    assert low < whole.chi_square < high
-    pairs = [difference(compare(campaigns[i : i + 2]), 0, 1) for i in range(0, 16, 2)]
-    total = sum(one.test().chi_square for one in pairs)
+def test_chi_squares_of_campaigns_of_the_same_camera_are_of_their_distribution():
+    pairs = [compare(one(seed), one(seed + 1)) for seed in range(1, 17, 2)]
     low, high = stats.chi2.ppf([0.0005, 0.9995], 8 * 14)
-    assert low < total < high
-    t = np.concatenate([one.d / one.sigma for one in pairs])
+    assert low < sum(pair.test().chi_square for pair in pairs) < high
+    t = np.concatenate([pair.d / sigmas(pair.cov) for pair in pairs])
     rejected = int(np.sum(np.abs(t) > stats.norm.isf(0.025)))
     assert stats.binom.ppf(0.0005, len(t), 0.05) <= rejected
     assert rejected <= stats.binom.ppf(0.9995, len(t), 0.05) + 8  # parameters are correlated
 
 
 @pytest.mark.repeats
-def test_levels_hold_over_many_pairs(fly):
-    pairs = [compare([fly(seed), fly(seed + 1)]) for seed in range(101, 221, 2)]
-    p = np.array([difference(pair, 0, 1).test().p for pair in pairs])
+def test_levels_hold_over_many_pairs():
+    p = np.array([compare(one(seed), one(seed + 1)).test().p for seed in range(101, 221, 2)])
     assert stats.kstest(p, "uniform").pvalue > 1e-3
     for level in (0.05, 0.2):
         low, high = stats.binom.ppf([0.0005, 0.9995], len(p), level)
         assert low <= np.sum(p < level) <= high
 
 
-def test_a_longer_focal_length_is_found(fly):
-    found = compare([fly(1), fly(2, f_um=15.0)])
-    one = difference(found, 0, 1)
-    i = found.names.index("CAM/f_mm")
-    assert abs(one.d[i] - 0.015) < 4 * one.sigma[i]
-    assert one.test().p < 1e-6
-    own = {part: one.test(places).p for _, part, places in found.parts()}
-    assert own["interior orientation"] < 1e-3
-    assert min(own["lever arm"], own["boresight"]) > 1e-3
+def test_a_longer_focal_length_is_found():
+    found = compare(one(1), one(2, f_um=15.0))
+    i = [p.name for p in found.parameters].index("f_mm")
+    assert abs(found.d[i] - 0.015) < 4 * sigmas(found.cov)[i]
+    assert found.test().p < 1e-6
+    p = campaigns.tests(found, ground_of(found)).set_index("part")["p"]
+    assert p["interior orientation"] < 1e-3
+    assert min(p["lever arm"], p["boresight"]) > 1e-3
 
 
-def test_a_difference_has_the_sum_of_both_covariances(three):
-    one = difference(three, 0, 2)
-    assert_allclose(one.d, three.values[2] - three.values[0])  # noqa: PD011 of a comparison
-    assert_allclose(one.cov, three.covs[0] + three.covs[2])
-    back = difference(three, 2, 0)
-    assert_allclose(back.d, -one.d)
-    assert_allclose(back.test().chi_square, one.test().chi_square)
+def test_a_difference_has_the_sum_of_both_covariances(two):
+    assert_allclose(two.cov, two.covs[0] + two.covs[1])
+    back = compare(one(2), one(1))
+    assert_allclose(back.d, -two.d)
+    assert_allclose(back.test().chi_square, two.test().chi_square)
 
 
-def test_values_and_sigma_are_those_of_the_results(three, fly):
-    listed = parameters(fly(2).calibration)
-    assert_allclose(three.values[1], [p.value for p in listed])  # noqa: PD011 of a comparison
-    assert_allclose(sigmas(three.covs[1]), [p.sigma for p in listed])
-    assert three.names == tuple(f"CAM/{p.name}" for p in listed)
+def test_values_and_sigma_are_those_of_the_results(two):
+    listed = parameters(one(2).calibration)
+    assert_allclose(two.values[1], [p.value for p in listed])  # noqa: PD011 of a comparison
+    assert_allclose(sigmas(two.covs[1]), [p.sigma for p in listed])
 
 
-def test_covariances_a_priori_are_without_the_variance_factor(three, fly):
-    plain = compare([fly(seed) for seed in (1, 2, 3)], apriori=True)
-    for scaled, unscaled, campaign in zip(three.covs, plain.covs, three.campaigns, strict=True):
-        assert_allclose(scaled, unscaled * campaign.calibration.sigma0_sq)
-    assert np.isinf(plain.redundancy())
-    assert three.redundancy() == min(c.redundancy for c in three.campaigns)
-
-
-def test_pooled_values_are_better_than_each_and_test_the_stability(three):
-    found = acx4tools_campaigns.pooled(three)
-    assert np.all(sigmas(found.cov[0, :, 0]) < sigmas(three.covs).min(axis=0))
-    whole = acx4tools_campaigns.stability(three)
-    assert (whole.chi_square, whole.dof) == (found.chi_square, 28)
-    assert len(acx4tools_campaigns.stable(three)) == 14
-
-
-def test_differences_are_to_the_previous_or_to_the_first(three):
-    pairs = {
-        against: [(one.earlier, one.later) for one in differences(three, against=against)]
-        for against in ("previous", "first")
-    }
-    assert pairs == {"previous": [(0, 1), (1, 2)], "first": [(0, 1), (0, 2)]}
-
-
-def test_campaigns_with_dates_are_in_the_order_of_time(fly):
-    late = fly(1, name="late", date=dt.date(2024, 5, 1))
-    early = fly(2, name="early", date=dt.date(2021, 1, 31))
-    found = compare([late, early])
-    assert [c.name for c in found.campaigns] == ["early", "late"]
-    assert_allclose(acx4tools_campaigns.years(found), [0.0, 1186 / 365.25])
-    undated = compare([late, fly(2, name="undated")])
-    assert [c.name for c in undated.campaigns] == ["late", "undated"]
-    assert acx4tools_campaigns.years(undated) is None
-
-
-def test_a_slope_over_temperature_is_recovered(fly):
-    warm = {1: 5.0, 2: 15.0, 3: 25.0, 4: 35.0}
-    found = compare([fly(s, f_um=0.8 * t, temperature_c=t) for s, t in warm.items()])
-    line = acx4tools_campaigns.trend(found, acx4tools_campaigns.temperatures(found))
-    i, sigma = found.names.index("CAM/f_mm"), sigmas(line.cov)
-    assert abs(line.slope[i] - 0.8e-3) < 4 * sigma[i]
-    assert line.sloping.p < 1e-6
-    assert line.scatter.p > 1e-3
-    assert (line.sloping.dof, line.scatter.dof) == (14, 28)
-    constant = acx4tools_campaigns.stability(
-        found
-    )  # what a constant leaves, slopes and scatter share
-    parts = line.sloping.chi_square + line.scatter.chi_square
-    assert_allclose(constant.chi_square, parts, rtol=1e-6)
-
-
-def test_temperatures_must_be_known_and_differ(fly):
-    assert acx4tools_campaigns.temperatures(compare([fly(1, temperature_c=3.0), fly(2)])) is None
-    same = [fly(seed, temperature_c=3.0) for seed in (1, 2)]
-    assert acx4tools_campaigns.temperatures(compare(same)) is None
-
-
-def test_angles_do_not_jump(fly):
-    a, b = with_kappa(fly(1), 179.99), with_kappa(fly(2), -179.99)
-    found = compare([a, b])
-    i = found.names.index("CAM/boresight_kappa_deg")
+def test_angles_do_not_jump():
+    found = compare(with_kappa(one(1), 179.99), with_kappa(one(2), -179.99))
+    i = [p.name for p in found.parameters].index("boresight_kappa_deg")
     assert_allclose(found.values[:, i], [179.99, 180.01])  # noqa: PD011 of a comparison
 
 
@@ -198,42 +120,11 @@ def with_kappa(campaign, kappa_deg):
     return replace(campaign, calibration=replace(campaign.calibration, cameras=(camera,)))
 
 
-def test_parameters_that_one_campaign_lacks_are_left_out_and_named(fly):
+def test_parameters_that_one_campaign_lacks_are_left_out():
     few = tuple(name for name in INTERIOR if name not in {"b1", "b2", "k3"})
-    found = compare([fly(1), fly(2, free=few)])
-    assert "CAM/k3" not in found.names
-    assert len(found.names) == 13
-    assert found.notes == ("campaign 2 does not determine CAM/k3: not compared",)
-
-
-def test_what_differs_besides_the_camera_is_said(fly):
-    other = replace(fly(2), refraction="standard", method="two_step")
-    method, refraction = compare([fly(1), other]).notes
-    assert method == "method is not the same: single_step in campaign 1, two_step in campaign 2"
-    assert refraction.startswith("refraction is not the same: none in campaign 1")
-
-
-def test_common_control_points_are_said(fly):
-    control = frozenset({"P01,1,2,3", "P02,4,5,6"})
-    a = replace(fly(1), control=control)
-    (note,) = compare([a, replace(fly(2), control=control | {"P03,7,8,9"})]).notes
-    assert note.startswith("campaign 1 and campaign 2 have 2 control points with the same")
-
-
-def refused(*campaigns):
-    with pytest.raises(FlightError) as error:
-        compare(campaigns)
-    return error.value.problems
-
-
-def test_one_campaign_is_not_compared(fly):
-    (line,) = refused(fly(1))
-    assert line.startswith("one campaign alone")
-
-
-def test_the_same_flight_is_not_compared_with_itself(fly):
-    (line,) = refused(*(replace(fly(1), name=name, flight="ab") for name in ("a", "b")))
-    assert line.startswith("a and b are results of the same flight: their errors are the same")
+    names = [p.name for p in compare(one(1), one(2, free=few)).parameters]
+    assert len(names) == 13
+    assert "k3" not in names
 
 
 def with_camera(campaign, **changes):
@@ -241,25 +132,28 @@ def with_camera(campaign, **changes):
     return replace(campaign, calibration=replace(campaign.calibration, cameras=cameras))
 
 
-def test_other_cameras_are_refused(fly):
-    (names,) = refused(fly(1), with_camera(fly(2), name="NEW"))
-    assert names.startswith("campaign 1 has the cameras CAM, campaign 2 has NEW: none is the same")
-    (size,) = refused(fly(1), with_camera(fly(2), width_px=4000))
-    assert "not the same camera: 11608 x 8708 pixels of 4.6 µm in campaign 1, 4000 x" in size
+def nothing(campaign):
+    calibration = campaign.calibration
+    none = np.ones(calibration.n_columns, dtype=bool)
+    return replace(campaign, calibration=replace(calibration, open_columns=none))
 
 
-def test_synthetic_images_in_another_frame_are_refused(fly):
-    a, b = (replace(fly(1), frame_deg=(0.5, -1.6, k)) for k in (0.1, 0.2))
-    (line,) = refused(a, b)
-    assert line.startswith("mount_* of the synthetic camera define another frame")
-    assert line.endswith("--method rig")
-
-
-def test_where_nothing_is_determined_there_is_nothing_to_compare(fly):
-    calibration = fly(1).calibration
-    nothing = replace(calibration, open_columns=np.ones(calibration.n_columns, dtype=bool))
-    (line,) = refused(replace(fly(1), calibration=nothing), fly(2))
-    assert line == "no parameter was determined by all campaigns: nothing to compare"
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda c: replace(c, flight="ab"), "are results of the same flight"),
+        (lambda c: replace(c, frame_deg=(0.0, 0.0, float(c.name[-1]))), "another frame of synth"),
+        (
+            lambda c: with_camera(c, width_px=4000 + int(c.name[-1])),
+            r"CAM is not the same camera: \(4001, 8708, 0.0046\) is not \(4002",
+        ),
+        (lambda c: with_camera(c, name=c.name), "no parameter of a camera of the same name"),
+        (nothing, "no parameter of a camera of the same name was determined by both"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(change, says):
+    with pytest.raises(FlightError, match=f"campaign 1 and campaign 2.*{says}"):
+        compare(change(one(1)), change(one(2)))
 
 
 # --- What parameters move on the ground: closed forms of a camera that looks straight down
@@ -275,20 +169,19 @@ CAMERA = Camera(name="CAM", width_px=6001, height_px=4001, pixel_mm=0.005, inter
 
 @pytest.fixture(scope="module")
 def effects():
-    return ground_effects(CAMERA, NAMES, np.full(len(NAMES), 1e-6), height_m=HEIGHT)
-
-
-def xy_mm(effects):
-    middle = np.array([3000.0, 2000.0])
-    return (effects.colrow - middle) * CAMERA.pixel_mm * [1, -1]
+    return on_ground(CAMERA, NAMES, np.full(len(NAMES), 1e-6), height_m=HEIGHT)
 
 
 def test_nodes_lie_where_their_rays_meet_the_ground(effects):
-    assert_allclose(effects.xy, HEIGHT / F * xy_mm(effects), atol=1e-9)
+    xy, J = effects
+    assert len(xy) == len(J) == 15**2
+    corner = 0.005 * np.array([3000.0, 2000.0])
+    assert_allclose(xy.max(axis=0), HEIGHT / F * corner)
+    assert_allclose(xy.min(axis=0), -HEIGHT / F * corner)
 
 
 def test_derivatives_are_those_of_the_pinhole(effects):
-    x, y = xy_mm(effects).T
+    x, y = F / HEIGHT * effects[0].T
     zero, one, scale = np.zeros_like(x), np.ones_like(x), HEIGHT / F
     degree = np.radians(1) * HEIGHT
     r2 = x**2 + y**2
@@ -304,44 +197,21 @@ def test_derivatives_are_those_of_the_pinhole(effects):
         "boresight_kappa_deg": (-degree * y / F, degree * x / F),
     }
     for name, (forward, left) in expected.items():
-        J = effects.J[:, :, NAMES.index(name)]
+        J = effects[1][:, :, NAMES.index(name)]
         assert_allclose(J, np.column_stack([forward, left]), rtol=1e-5, atol=1e-6, err_msg=name)
-    radial = effects.J[:, :, NAMES.index("k1")]
+    radial = effects[1][:, :, NAMES.index("k1")]
     assert_allclose(
         np.abs(radial), scale * np.abs(np.column_stack([x, y])) * r2[:, None], rtol=1e-4, atol=1e-2
     )
 
 
-def test_sizes_are_those_of_the_vectors(effects):
-    d = np.zeros(len(NAMES))
-    d[4] = 0.3
-    assert_allclose(effects.rms(d)[4], 0.3, rtol=1e-6)
-    assert_allclose(np.hypot(*effects.moved(d).T), 0.3, rtol=1e-6)
-    cov = np.zeros((len(NAMES),) * 2)
-    cov[4, 4], cov[5, 5] = 0.3**2, 0.4**2
-    assert_allclose(effects.sigma(cov), 0.5, rtol=1e-6)
-    part = effects.of(np.array([4]))
-    assert_allclose(part.moved(d[[4]]), effects.moved(d))
-
-
 def test_what_correlates_may_cancel_on_the_ground(effects):
     d = np.zeros(len(NAMES))
     d[0], d[6] = 0.1, 0.1 * HEIGHT / F  # a longer focal length, and a higher camera
-    assert np.abs(effects.moved(d)).max() < 1e-6 < effects.rms(d)[0]
+    assert np.abs(effects[1] @ d).max() < 1e-6 < np.abs(effects[1] * d).max()
 
 
-@pytest.mark.parametrize(("steps", "height"), [(np.zeros(1), 10.0), (np.ones(1), 0.0)])
-def test_steps_and_height_are_positive(steps, height):
-    with pytest.raises(ValueError, match=r"must|expected"):
-        ground_effects(CAMERA, ["f_mm"], steps, height_m=height)
-
-
-# --- Tables of campaigns, and one campaign
-
-
-# --- campaign --------------------------------------------------------------------------------
-#
-# A campaign as it is read from results, and as it was made; and folders that have none.
+# --- A campaign as it is read from results, and folders that have none
 
 
 @pytest.fixture(scope="module")
@@ -357,49 +227,29 @@ def spoilt(made, tmp_path):
 
 
 def test_what_is_read_is_what_was_adjusted(made):
-    found = acx4tools_campaigns.read(made[1])
-    flown = flight.read(made[0])
-    again = acx4tools_campaigns.of_mounting(
-        mounting.single_step(flown.calibration, free=flown.estimate_mounting), name="again"
-    )
+    found, flown = campaigns.read(made[1]), flight.read(made[0])
+    again = of_mounting(single_step(flown.calibration, free=flown.estimate_mounting), "results")
     assert (found.name, found.method, found.redundancy) == (
         "results",
         "single_step",
         again.redundancy,
     )
-    for one, other in zip(
+    for own, other in zip(
         parameters(found.calibration), parameters(again.calibration), strict=True
     ):
-        assert (one.name, one.unit) == (other.name, other.unit)
-        assert_allclose([one.value, one.sigma], [other.value, other.sigma], rtol=1e-9)
+        assert (own.name, own.unit) == (other.name, other.unit)
+        assert_allclose([own.value, own.sigma], [other.value, other.sigma], rtol=1e-9)
     covs = (reported_covariance(c.calibration) for c in (found, again))
     assert_allclose(*covs, rtol=1e-6, atol=1e-30)
     assert_allclose(found.height_m, again.height_m)
-    assert_allclose(found.chi_square_p, again.chi_square_p)
-    assert found.session == again.session == Session() or np.isnan(found.session.temperature_c)
-    assert len(found.control) == 20
     assert found.flight
-    assert acx4tools_campaigns.sensors(found) == {"CAM": (11608, 8708, 0.0046)}
-
-
-def test_another_method_is_read_by_its_name(made):
-    assert acx4tools_campaigns.read(made[1], method="two_step", name="B").method == "two_step"
-    with pytest.raises(ValueError, match="one of single_step"):
-        acx4tools_campaigns.read(made[1], method="three_step")
+    assert campaigns.read(made[1], method="two_step").method == "two_step"
 
 
 def problems(folder, **chosen):
     with pytest.raises(FlightError) as error:
-        acx4tools_campaigns.read(folder, **chosen)
+        campaigns.read(folder, **chosen)
     return error.value.problems
-
-
-def test_a_covariance_that_lost_a_row_is_refused(spoilt):
-    rows = (spoilt / "covariance.csv").read_text(encoding="utf-8").splitlines(keepends=True)
-    lost = next(k for k, row in enumerate(rows) if row.startswith("mounting,single_step")) + 1
-    (spoilt / "covariance.csv").write_text("".join(rows[:lost] + rows[lost + 1 :]))
-    (line,) = problems(spoilt)
-    assert line.endswith("row: 'CAM/xp_mm'; must have a row with row and column exchanged")
 
 
 def test_results_without_the_method_say_so(made, tmp_path):
@@ -423,15 +273,6 @@ def test_changed_results_are_refused(made, tmp_path):
     with (folder / "covariance.csv").open("a") as file:
         file.write("mounting,single_step,a,b,1\n")
     assert any("covariance.csv" in line for line in problems(folder))
-
-
-def test_a_changed_flight_is_refused(made, tmp_path):
-    folder = tmp_path / "changed"
-    shutil.copytree(made[1], folder)
-    points = folder / "flight" / "calibration" / "image_points.csv"
-    points.write_text(points.read_text(encoding="utf-8").replace(",", ",x", 1), encoding="utf-8")
-    (line,) = problems(folder)
-    assert line.endswith("calibration/image_points.csv changed since the run; run all stages again")
 
 
 # --- Vectors with known covariances: closed forms, SciPy, and dense least squares
@@ -469,55 +310,25 @@ def test_with_an_estimated_variance_factor_it_is_fishers(rng):
     assert found.p > joint_test(d, cov).p
 
 
-def test_nothing_is_no_test():
-    assert np.isnan(joint_test(np.zeros(0), np.zeros((0, 0))).p)
-
-
-def test_the_constant_of_independent_values_is_their_weighted_mean():
+def test_the_mean_of_independent_values_is_weighted():
     values, sigma = np.array([[5.0], [8.0], [6.0]]), np.array([1.0, 2.0, 0.5])
-    found = fit(values, (sigma**2)[:, None, None], np.ones((3, 1)))
+    mean, cov = pooled(values, (sigma**2)[:, None, None])
     weight = sigma**-2
-    mean = weight @ values[:, 0] / weight.sum()
-    assert_allclose(found.coefficients, [[mean]])
-    assert_allclose(found.cov.ravel(), 1 / weight.sum())
-    assert_allclose(found.chi_square, np.sum(weight * (values[:, 0] - mean) ** 2))
-    assert found.dof == 2
-
-
-def test_a_line_of_independent_values_is_that_of_numpy():
-    t, y, sigma = np.array([3.0, 8.0, 20.0, 31.0]), np.array([1.0, 2.5, 2.0, 6.0]), 0.3
-    found = fit(y[:, None], np.full((4, 1, 1), sigma**2), np.column_stack([np.ones(4), t]))
-    line, cov = np.polyfit(t, y, 1, w=np.full(4, 1 / sigma), cov="unscaled")
-    assert_allclose(found.coefficients[::-1, 0], line)
-    assert_allclose(found.cov[:, 0, :, 0][::-1, ::-1], cov)
+    assert_allclose(mean, [weight @ values[:, 0] / weight.sum()])
+    assert_allclose(cov.ravel(), 1 / weight.sum())
 
 
 def test_with_full_covariances_it_is_dense_least_squares(rng):
     n, k = 5, 4
     covs = covariances(rng, n)
     values = rng.standard_normal((n, k)) * SCALES
-    X = np.column_stack([np.ones(n), rng.uniform(-10, 10, n)])
-    found = fit(values, covs, X)
+    mean, cov = pooled(values, covs)
     half = [np.linalg.inv(np.linalg.cholesky(C / SCALES[:, None] / SCALES)) for C in covs]
-    A = np.concatenate([H @ np.kron(x, np.eye(k)) for H, x in zip(half, X, strict=True)])
+    A = np.concatenate(half)
     b = np.concatenate([H @ (v / SCALES) for H, v in zip(half, values, strict=True)])
-    solved = np.linalg.lstsq(A, b, rcond=None)[0]
-    assert_allclose(found.coefficients, solved.reshape(2, k) * SCALES, rtol=1e-6)
-    assert_allclose(found.chi_square, np.sum((A @ solved - b) ** 2), rtol=1e-6)
-    assert_allclose(found.residuals, X @ found.coefficients - values)
-    cov = np.linalg.inv(A.T @ A).reshape(2, k, 2, k) * SCALES[:, None, None] * SCALES
-    assert_allclose(found.cov, cov, rtol=1e-5, atol=0)
-
-
-def test_of_two_vectors_the_constant_tests_their_difference(rng):
-    covs = covariances(rng, 2)
-    values = rng.standard_normal((2, 4)) * SCALES
-    d = joint_test(values[1] - values[0], covs.sum(axis=0))
-    assert_allclose(fit(values, covs, np.ones((2, 1))).chi_square, d.chi_square, rtol=1e-6)
-    alone = same_values(values, covs)
-    t = (values[1] - values[0]) / np.sqrt(np.diagonal(covs.sum(axis=0)))
-    assert_allclose([one.chi_square for one in alone], t**2)
-    assert {one.dof for one in alone} == {1}
+    assert_allclose(mean, np.linalg.lstsq(A, b, rcond=None)[0] * SCALES, rtol=1e-6)
+    wanted = np.linalg.inv(A.T @ A) * SCALES[:, None] * SCALES
+    assert_allclose(cov, wanted, rtol=1e-5, atol=0)
 
 
 def test_levels_hold_where_the_variance_factor_is_estimated_from_little(rng):
@@ -528,109 +339,47 @@ def test_levels_hold_where_the_variance_factor_is_estimated_from_little(rng):
     assert stats.kstest(p, "uniform").pvalue > 1e-3
 
 
-@pytest.mark.parametrize("dof", [1, 14])
-def test_probabilities_are_those_of_the_distribution(dof):
-    assert_allclose(JointTest(chi_square=7.0, dof=dof).p, stats.chi2.sf(7.0, dof))
-
-
-# --- tables of a comparison: their rows, and numbers that must agree with each other ---------
+# --- the tables, whose numbers must agree with each other, and the notebook
 
 
 @pytest.fixture
-def compared(fly):
-    warm = {1: 5.0, 2: 15.0, 3: 30.0}
-    return compare([fly(s, f_um=1.5 * t, temperature_c=t) for s, t in warm.items()])
+def tables(two):
+    ground = ground_of(two, height_m=1000.0)
+    return campaigns.tests(two, ground), campaigns.differences(two, ground)
 
 
-@pytest.fixture
-def every(compared):
-    found = differences(compared)
-    return acx4tools_campaigns.every(compared, found, ground_of(compared, height_m=1000.0))
+def test_tests_are_of_all_of_each_camera_and_of_its_parts(tables):
+    tests, differences = tables
+    assert tests["dof"].tolist() == [14, 14, 8, 3, 3]
+    assert np.all(tests["chi_square"] <= tests["chi_square"][0] + 1e-9)
+    assert_allclose(tests["p_joint"][2:], holm(tests["p"][2:].to_numpy()))
+    assert_allclose(differences["p_joint"], holm(differences["p"].to_numpy()))
+    assert np.all(differences["t"] ** 2 <= tests["chi_square"][0])
 
 
-def test_every_table_has_its_rows(every):
-    assert {name: len(table) for name, table in every.items()} == {
-        "campaigns": 3,
-        "tests": 1 + 2 + 2 * 3 + 2,
-        "differences": 2 * 14,
-        "pooled": 14,
-        "trends": 14,
-        "covariance": 3 * 14 * 14,
-    }
-    assert set(every["campaigns"]["sigma"]) == {"a posteriori"}
+def test_what_pooled_values_leave_of_both_is_the_joint_test(two, tables):
+    differences = tables[1]
+    assert np.all(differences["pooled_sigma"] < sigmas(two.covs).min(axis=0))
+    left = 0.0
+    for x, cov in zip(two.values, two.covs, strict=True):
+        s = sigmas(cov)
+        v = (x - differences["pooled"].to_numpy()) / s
+        left += v @ np.linalg.solve(cov / np.outer(s, s), v)
+    assert_allclose(left, two.test().chi_square, rtol=1e-6)
 
 
-def test_probabilities_are_at_a_joint_level_over_their_rows(every):
-    for name in ("differences", "pooled", "trends"):
-        assert_allclose(every[name]["p_joint"], holm(every[name]["p"].to_numpy()))
-    tests = every["tests"]
-    parts = tests[(tests["part"] != "all")]
-    assert_allclose(parts["p_joint"], holm(parts["p"].to_numpy()))
-
-
-def test_differences_tests_and_covariances_agree(every):
-    listed, cov = every["differences"], every["covariance"]
-    later = listed[listed["later"] == "campaign 2"]
-    own = cov[cov["of"] == "campaign 2 - campaign 1"].pivot_table(
-        index="row", columns="column", values="value"
-    )
-    names = "CAM/" + later["parameter"]
-    C = own.loc[names, names].to_numpy()
-    assert_allclose(np.sqrt(np.diag(C)), later["sigma"])
-    d = later["difference"].to_numpy()
-    z = d / later["sigma"].to_numpy()
-    s = later["sigma"].to_numpy()
-    whole = every["tests"].set_index(["test", "part"]).loc[("campaign 2 - campaign 1", "all")]
-    assert_allclose(z @ np.linalg.solve(C / s[:, None] / s, z), whole["chi_square"], rtol=1e-6)
-    assert whole["dof"] == 14
-
-
-def test_what_a_focal_length_moves_on_the_ground_grows_with_the_height(compared):
-    found = differences(compared)
-    by_height = [
-        acx4tools_campaigns.every(compared, found, ground_of(compared, height_m=h))["differences"]
+def test_what_a_focal_length_moves_on_the_ground_grows_with_the_height(two):
+    low, high = (
+        campaigns.differences(two, ground_of(two, height_m=h))["ground_rms_m"].to_numpy()
         for h in (500.0, 1000.0)
-    ]
-    low, high = (table["ground_rms_m"].to_numpy() for table in by_height)
-    of_lever = by_height[0]["parameter"].str.startswith("lever").to_numpy()
+    )
+    of_lever = np.array([p.name.startswith("lever") for p in two.parameters])
     assert_allclose(high[of_lever], low[of_lever], rtol=1e-4)
     assert_allclose(high[~of_lever], 2 * low[~of_lever], rtol=2e-3)
-    assert ground_of(compared).height_m == 610.0
 
 
-def test_the_slope_of_the_focal_length_is_significant(every):
-    slopes = every["trends"].set_index("parameter")
-    assert slopes.loc["f_mm", "unit"] == "mm per °C"
-    assert abs(slopes.loc["f_mm", "slope"] - 1.5e-3) < 4 * slopes.loc["f_mm", "sigma"]
-    assert slopes.loc["f_mm", "p_joint"] < 1e-3
-
-
-def test_two_campaigns_have_no_trend(fly):
-    two = compare([fly(1, temperature_c=1.0), fly(2, temperature_c=9.0)])
-    assert acx4tools_campaigns.trends_of(two) == {}
-    trends = acx4tools_campaigns.every(two, differences(two), ground_of(two))["trends"]
-    assert list(trends.columns) == list(acx4tools_campaigns.SLOPES)
-
-
-def test_the_rig_has_a_row_for_each_exposure_and_one_for_all():
-    turns = np.radians([[[0, 0, 0], [1, -8, 2]], [[0, 0, 0], [1, 1, 1]]]) / 3600
-    sigma = np.radians([[[0, 0, 0], [2, 2, 2]]] * 2) / 3600
-    test = FTest(explained=12.0, left=97.0, dof=3, redundancy=97)
-    small = FTest(explained=3.0, left=97.0, dof=3, redundancy=97)
-    found = acx4tools_campaigns.rigidity(
-        Rigidity(
-            heads=("A", "B"),
-            exposures=("E1", "E2"),
-            turns=turns,
-            sigma=sigma,
-            tests=(test, small),
-            whole=test,
-        )
-    )
-    assert found["exposure"].tolist() == ["E1", "E2", ""]
-    assert_allclose(found["f"], [4.0, 1.0, 4.0])
-    first = found.iloc[0]
-    assert first["head"] == "B"
-    assert_allclose([first["turn_arcsec"], first["sigma_arcsec"]], [-8, 2])
-    assert_allclose(found["p_joint"][:2], holm(found["p"].to_numpy()[:2]))
-    assert isinstance(found, pd.DataFrame)
+def test_the_notebook_compares_two_folders(made, tmp_path):
+    other = leave_results(tmp_path, seed=3)[1]
+    names = changed("compare", results_a=made[1], results_b=other)
+    found = compare(campaigns.read(made[1]), campaigns.read(other))
+    pd.testing.assert_frame_equal(names["tests"], campaigns.tests(found, ground_of(found)))

@@ -155,7 +155,7 @@ def content(disk):
     return {
         str(path.relative_to(disk)): path.read_bytes()
         for path in disk.rglob("*")
-        if path.is_file() and path.name not in (".acx4.json", "times.csv")
+        if path.is_file() and path.name != ".acx4.json"
     }
 
 

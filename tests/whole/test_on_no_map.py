@@ -14,10 +14,8 @@ from acx4lib.flight.reader import from_tables, read
 from acx4lib.flight.summary import summary
 from acx4lib.geometry.frames import opk_from_rotation
 from acx4lib.stages import mounting, order
-from acx4tools.exchange.programs import bundler as reading
 from support import blocks
 from support.flights.written import write_flight
-from support.projects import bundler
 
 FREE = ("f", "xp", "yp", "k1")
 SETTINGS = {
@@ -177,13 +175,3 @@ def test_longitudes_and_latitudes_need_a_map(tmp_path):
     path.write_text(path.read_text().replace('"EPSG:31982"', '"local"'))
     with pytest.raises(FlightError, match="must be east_m, north_m, … kappa_deg, since crs"):
         read(tmp_path)
-
-
-def test_bundler_s_coordinates_may_be_taken_as_they_are(tmp_path):
-    path = tmp_path / "bundle.out"
-    path.write_text(bundler.text())
-    brought = reading.read(path, size=bundler.SIZE, crs="local")
-    assert brought.settings["crs"] == "local"
-    assert {"east_m", "kappa_deg"} <= set(brought.tables["calibration/trajectory.csv"])
-    with pytest.raises(FlightError, match="must be 'local': Bundler's coordinates are in no CRS"):
-        reading.read(path, size=bundler.SIZE, crs="EPSG:31982")

@@ -29,7 +29,6 @@ from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4sim.designs import acx4_ideal_plan
 from acx4tools.planning import plan as plans
-from acx4tools.planning.choosing import BLOCK, Chosen
 from acx4tools.planning.design import sigmas
 from acx4tools.planning.flown import flying_time_s
 from acx4tools.planning.plan import Plan, Strip, image_length_m, strip_of
@@ -116,7 +115,7 @@ def maps(flights: Mapping[str, Plan]) -> Figure:
 
 
 def _map(ax: Axes, plan: Plan) -> None:
-    block = plan.blocks[BLOCK]
+    block = plan.blocks["calibration"]
     lowest = min(strip.flying_height_m for strip in block.strips.values())
     for strip in block.strips.values():
         high = strip.flying_height_m > 1.01 * lowest
@@ -130,7 +129,7 @@ def _map(ax: Axes, plan: Plan) -> None:
 
 
 def _middle(plan: Plan) -> Array:
-    area = plan.blocks[BLOCK].area
+    area = plan.blocks["calibration"].area
     return np.array([area.east_m, area.north_m])
 
 
@@ -139,7 +138,7 @@ def _placed(plan: Plan, strip: Strip) -> tuple[Array, Array]:
 
     Strips are drawn a little to the right, so that opposite ones do not coincide.
     """
-    camera, area = plan.cameras(BLOCK)[0], plan.blocks[BLOCK].area
+    camera, area = plan.cameras("calibration")[0], plan.blocks["calibration"].area
     course = np.radians(strip.course_deg)
     forward = np.array([np.sin(course), np.cos(course)])
     right = np.array([forward[1], -forward[0]])
@@ -248,7 +247,7 @@ def _shown(plan: Plan, ratio: float, turn_deg: float, control: int) -> Array:
 
 
 def _strip(plan: Plan, height_m: float, turn_deg: float) -> Strip:
-    camera = plan.cameras(BLOCK)[0]
+    camera = plan.cameras("calibration")[0]
     return strip_of(camera, height_m, COURSE_DEG + turn_deg, images=N_IMAGES)
 
 
@@ -272,7 +271,7 @@ def _explorer_map(plan: Plan) -> Panel:
 
 def _outline(plan: Plan, height_m: float, turn_deg: float) -> Array:
     """Return a strip with an arrow's head, then its middle footprint; right and up, km."""
-    strip, camera = _strip(plan, height_m, turn_deg), plan.cameras(BLOCK)[0]
+    strip, camera = _strip(plan, height_m, turn_deg), plan.cameras("calibration")[0]
     half = 0.5 * strip.base_m * (N_IMAGES - 1)
     x = 0.5 * image_length_m(camera, height_m)
     y = 0.5 * image_length_m(camera, height_m, across=True)
@@ -305,10 +304,6 @@ def _square(plane: Plane, place: Array, k: int) -> Mark:
 # --- Tables of planned flights
 
 
-BRIEF = {"f_mm": "f, mm", "lever_z_m": "z, m", "lever_x_m": "x, m", "boresight_kappa_deg": "κ, °"}
-"""Parameters shown after every strip, with their titles."""
-
-
 def flights(plans: Mapping[str, Plan], names: Sequence[str]) -> pd.DataFrame:
     """Return strips, images, minutes and standard deviations, a column for every flight.
 
@@ -323,7 +318,7 @@ def flights(plans: Mapping[str, Plan], names: Sequence[str]) -> pd.DataFrame:
 
 
 def _column(plan: Plan, names: Sequence[str]) -> pd.Series:
-    strips = [*plan.blocks[BLOCK].strips.values()]
+    strips = [*plan.blocks["calibration"].strips.values()]
     of_flight = {
         "strips": len(strips),
         "images": sum(strip.n_exposures for strip in strips),
@@ -340,31 +335,6 @@ def written(numbers: pd.DataFrame) -> pd.DataFrame:
     units = {name: name.rpartition("_")[2].replace("deg", "°") for name in numbers.index[3:]}
     names = {name: Markup(f"σ of {LABELS[name]}, {unit}") for name, unit in units.items()}
     return text.rename(index=names).reset_index(names="")
-
-
-def bought(found: Chosen) -> pd.DataFrame:
-    """Return σ after each chosen strip, and the cost of leaving the strip out, as text.
-
-    A row for every strip in the order of `Chosen`; the last column names the parameter that
-    suffers most without the strip, and the ratio of its σ to the wanted one.
-    """
-    limits = pd.Series({wanted.name: wanted.limit for wanted in found.wanted})
-    rows = []
-    for k, strip in enumerate(found.plan.blocks[BLOCK].strips.values()):
-        excess = pd.Series(found.without[k], index=limits.index) / limits
-        after = dict(zip(limits.index, found.after[k], strict=True))
-        rows.append(
-            {
-                "strip": f"{k + 1}",
-                "height, m": f"{strip.flying_height_m:.0f}",
-                "course": f"{strip.course_deg:.0f}°",
-                "images": f"{strip.n_exposures}",
-                "minutes": f"{found.minutes_after[k]:.1f}",
-                **{f"σ of {short}": f"{after[sigma]:.2g}" for sigma, short in BRIEF.items()},
-                "left out": Markup(f"{LABELS[str(excess.idxmax())]}: {excess.max():.2g} times"),
-            }
-        )
-    return pd.DataFrame(rows)
 
 
 # --- The plan of the paper's calibration flight

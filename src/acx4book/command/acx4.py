@@ -20,6 +20,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from acx4book.command import importing, pictures, planning, results, run, teaching, terminal
+from acx4book.command.gone import instead
 from acx4book.command.surroundings import shut_out
 from acx4book.command.terminal import TERMINATED, status_of
 
@@ -62,6 +63,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         logging.getLogger(library).addHandler(logging.NullHandler())
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))  # so that a run cleans up
     given = sys.argv[1:] if arguments is None else [*arguments]
+    if answer := instead(given):
+        terminal.say(answer)
+        sys.exit(2)
     command = partial(_parser(), given, prog_name="acx4", standalone_mode=False)
     sys.exit(status_of(command, given))
 
@@ -172,7 +176,6 @@ def report(
 
 
 app.command(help=results.BOOK_HELP)(results.book)
-app.command(help=results.COMPARE_HELP)(results.compare)
 app.add_typer(importing.app, name="import")
 app.command(help=planning.NEW_HELP)(planning.new)
 app.command(help=results.EXPORT_HELP)(results.export)

@@ -35,9 +35,7 @@ KINDS = {
     "Points measured in images, and surveyed": ("image-points", "control-points"),
     "Pictures alone": ("pictures",),
     "Projects": ("metashape", "colmap", "opf", "pix4d"),
-    "Blocks and adjustments": (
-        *("opensfm", "micmac", "bundler", "visualsfm", "bingo", "patb", "odm-control"),
-    ),
+    "Blocks and adjustments": ("opensfm", "micmac", "bingo", "patb", "odm-control"),
 }
 """The kinds grouped by their content, in the order of the help."""
 
@@ -743,14 +741,6 @@ Examples:
 )
 
 
-LOCAL_CRS = _parameter(
-    "crs",
-    Literal["local"] | None,
-    typer.Option(help="local takes its coordinates as they are.", show_default=False),
-    None,
-)
-
-
 _program(
     "micmac",
     """Read MicMac's XML, version 1 or 2: calibration, orientations, measured, surveyed points.
@@ -766,37 +756,6 @@ Examples:
   acx4 import micmac my_project/Ori-Ground --orientations adjusted --crs EPSG:2154 --out my_flight
 """,
     [BLOCK, OWN_CRS, ORIENTATIONS, *LENSES],
-)
-
-
-_program(
-    "bundler",
-    """Read Bundler's bundle.out (v0.3): images, lenses, tie points; many programs write it.
-
-Names come from list.txt beside it. Its coordinates are in no CRS: without --crs local its
-orientations are left out.
-
-\b
-Example:
-  acx4 import bundler bundle.out --size 4000x3000 --crs local --out my_flight
-""",
-    [SIZE, BLOCK, LOCAL_CRS, *LENSES],
-)
-
-
-_program(
-    "visualsfm",
-    """Read VisualSFM's .nvm (NVM_V3): images, lenses, tie points.
-
-Its coordinates are in no CRS: without --crs local its orientations are left out. The formulas are
-those of its documentation; it is untried on a file that VisualSFM wrote.
-
-\b
-Example:
-  acx4 import visualsfm model.nvm --size 4000x3000 --crs local --out my_flight
-""",
-    [SIZE, BLOCK, LOCAL_CRS, *LENSES],
-    reader="bundler.read_nvm",
 )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,9 +16,7 @@ if TYPE_CHECKING:
 
     from acx4sim.files import SimulatedFlight
     from acx4sim.plan import Options
-    from acx4tools.planning.choosing import Chosen, Wanted
     from acx4tools.planning.design import Design
-    from acx4tools.planning.plan import Plan
 
 
 # --- The command ``acx4 plan``: what a flight will determine, before it is flown
@@ -42,24 +39,10 @@ FILE is TOML: the keys of flight.toml, and besides
   [validation]     a mapping flight with [validation.check] points
 A whole plan to begin with: acx4 simulate single-head --plan my_plan.toml
 
-With --target the cheapest strips are chosen, by flying time, that give what is wanted, and what
-each of them buys is shown. The status is 1 where no strips give it. Strips to choose from are those
-of [calibration.strips] and all combinations of TARGET's [candidates].
-
-\b
-TARGET is TOML, too:
-  minutes = 60     the longest flying time; without it, as long as is needed
-  [sigma]          sigma wanted, by the names of parameters.csv: f_mm = 0.002
-  [check_points]   RMS wanted: east_m, north_m, height_m
-  [candidates]     strips in which a key may have several values:
-                   c = {flying_height_m = [600, 900], course_deg = [0, 180], ...}
-
 \b
 Examples:
   acx4 plan my_plan.toml
   acx4 plan my_plan.toml --out my_prediction
-  acx4 plan my_plan.toml --target my_target.toml --out my_choice
-  acx4 simulate my_choice/plan.toml --out my_flight
   acx4 simulate my_plan.toml --out my_flight
 """
 
@@ -75,9 +58,6 @@ def plan(
     out: Annotated[
         Path | None, terminal.option("FOLDER", "Folder for tables, summary and picture.")
     ] = None,
-    target: Annotated[
-        Path | None, terminal.option("TARGET", "What is wanted, TOML: choose the strips.")
-    ] = None,
 ) -> None:
     """Predict what a flight will determine."""
     from acx4lib.opening import text_of  # noqa: PLC0415 quick help
@@ -87,23 +67,20 @@ def plan(
     if out is not None:
         terminal.need_book("plan --out")
     planned = plans.read(file)
-    chosen = None if target is None else _choose(planned, target)
-    flown = planned if chosen is None else chosen.plan
-    predicted = design.of(flown, winds=design.usual_winds(flown))
+    predicted = design.of(planned, winds=design.usual_winds(planned))
     terminal.show("\n".join(tables.lines(predicted)))
     if out is not None:
-        source = text_of(file) if chosen is None else plans.written(chosen.plan.values)
-        _write(predicted, source, out, chosen)
-    if tables.sentences(predicted) or (chosen is not None and not chosen.met):
+        _write(predicted, text_of(file), out)
+    if tables.sentences(predicted):
         raise typer.Exit(NOT_DETERMINED)
 
 
-def _write(design: Design, source: str, out: Path, chosen: Chosen | None = None) -> None:
+def _write(design: Design, source: str, out: Path) -> None:
     """Write the tables, the summary, the picture and the plan itself into a folder."""
     from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
     from acx4book.typesetting.svg import vector  # noqa: PLC0415 quick help
     from acx4lib.results import own_folder, whole_files  # noqa: PLC0415 quick help
-    from acx4tools.planning import choosing, tables  # noqa: PLC0415 quick help
+    from acx4tools.planning import tables  # noqa: PLC0415 quick help
 
     design_tables = (
         tables.parameter_table(design),
@@ -117,9 +94,6 @@ def _write(design: Design, source: str, out: Path, chosen: Chosen | None = None)
     drawing = vector(block_maps(*design.blocks.values()))
     content["plan.svg"] = drawing.replace("<svg ", '<svg style="background: #fff" ', 1) + "\n"
     content["plan.toml"] = source
-    if chosen is not None:
-        content["target.csv"] = _csv(choosing.wanted(chosen))
-        content["strips.csv"] = _csv(choosing.strips(chosen))
     with own_folder.claim(out, command="acx4 plan") as folder:
         folder.expect(content)
         whole_files.write_all({out / name: written for name, written in content.items()})
@@ -129,101 +103,6 @@ def _write(design: Design, source: str, out: Path, chosen: Chosen | None = None)
 
 def _csv(table: pd.DataFrame) -> str:
     return table.to_csv(index=False, lineterminator="\n")
-
-
-# --- ``acx4 plan PLAN --target TARGET``: the cheapest strips that give what is wanted
-
-
-MISSED = 1
-"""Exit status if the target is not met."""
-
-
-def _choose(plan: Plan, target: Path) -> Chosen:
-    """Return the strips chosen for a target, and show them."""
-    import numpy as np  # noqa: PLC0415 quick help
-
-    from acx4tools.planning import choosing  # noqa: PLC0415 quick help
-
-    wanted = choosing.read(target, plan)
-    all_strips = choosing.of(wanted)
-    if all_strips.failing:
-        terminal.say(*(_unreachable(goal, len(all_strips.seconds)) for goal in all_strips.failing))
-        if not np.isfinite(wanted.minutes):
-            raise typer.Exit(MISSED)
-    chosen = choosing.choose(all_strips, minutes=wanted.minutes)
-    terminal.show("\n".join(_lines(chosen, len(all_strips.seconds))))
-    if not chosen.met and not all_strips.failing:
-        enough = choosing.choose(all_strips)
-        terminal.say(
-            *(_missed(goal, float(x), wanted.minutes) for goal, x in _missing(chosen)),
-            f"{enough.minutes:.0f} min reach the target: {', '.join(enough.strips)}",
-        )
-    return chosen
-
-
-def _unreachable(goal: Wanted, n: int) -> str:
-    """Say that no choice of strips meets a goal, and which geometry would."""
-    return (
-        f"{_named(goal)}: no choice of strips gives {goal.limit:g}; with all {n} candidates it is "
-        f"{goal.with_all:.3g}, {goal.with_all / goal.limit:.2g} times that"
-        + (f"; it would need {goal.needs}" if goal.needs else "")
-    )
-
-
-def _missed(goal: Wanted, reached: float, minutes: float) -> str:
-    """Say by how much the best choice within the flying time misses a goal."""
-    return (
-        f"{_named(goal)}: {reached:.3g}, {reached / goal.limit:.2g} times the {goal.limit:g} that "
-        f"is wanted; no better choice was found for {minutes:g} min"
-    )
-
-
-def _missing(chosen: Chosen) -> Iterator[tuple[Wanted, float]]:
-    for goal, reached in zip(chosen.wanted, chosen.given, strict=True):
-        if reached > goal.limit:
-            yield goal, float(reached)
-
-
-def _lines(chosen: Chosen, n: int) -> list[str]:
-    """Return a choice as lines: its results, then the gain by each strip."""
-    names = [_named(goal) for goal in chosen.wanted]
-    limits = [goal.limit for goal in chosen.wanted]
-    rows = [
-        ["", "", *names],
-        ["wanted", "", *map(_digits, limits)],
-        [f"all {n} candidates", "", *(_digits(goal.with_all) for goal in chosen.wanted)],
-        ["chosen", "", *map(_digits, chosen.given)],
-        ["", "min", *[""] * len(names)],
-        *(
-            [f"{'+ ' if k else '  '}{strip}", f"{minutes:.1f}", *map(_digits, after)]
-            for k, (strip, minutes, after) in enumerate(
-                zip(chosen.strips, chosen.minutes_after, chosen.after, strict=True)
-            )
-        ),
-    ]
-    return [
-        f"{len(chosen.strips)} of {n} strips, {chosen.minutes:.1f} min from first exposure to last",
-        *terminal.aligned(rows),
-        *(
-            f"without {strip}: {_worst(chosen, without)}"
-            for strip, without in zip(chosen.strips, chosen.without, strict=True)
-        ),
-    ]
-
-
-def _worst(chosen: Chosen, without: Sequence[float]) -> str:
-    """Name the goal that suffers most without a strip, with its value before and after."""
-    shares = [x / goal.limit for x, goal in zip(without, chosen.wanted, strict=True)]
-    k = shares.index(max(shares))
-    return f"{_named(chosen.wanted[k])} {_digits(chosen.given[k])} -> {_digits(without[k])}"
-
-
-def _named(goal: Wanted) -> str:
-    return f"{goal.camera} {goal.name}".strip()
-
-
-def _digits(x: float) -> str:
-    return f"{x:#.3g}".rstrip(".")
 
 
 # --- The command ``acx4 simulate``: a flight of a design or of a plan, or the plan of a design

@@ -1,4 +1,4 @@
-"""The commands ``acx4 book``, ``acx4 compare`` and ``acx4 export`` on results of runs."""
+"""The commands ``acx4 book`` and ``acx4 export`` on results of runs."""
 
 from __future__ import annotations
 
@@ -61,84 +61,6 @@ def book(
         raise typer.Exit(1)
 
 
-# --- acx4 compare
-
-
-COMPARE_HELP = """Compare the results of two or more flights of the same cameras.
-
-FOLDER gets a page, compare.html, and tables: differences of interior orientation, lever arm and
-boresight with their joint covariance and tests at a joint level, their effect on the ground, values
-of all flights together, and lines over time and temperature, where flight.toml has [session] with
-date and temperature_c. Flights must be independent: not two results of the same one.
-
-With one results folder of a rig of heads: an F test, exposure by exposure, of the rig being rigid.
-
-\b
-Examples:
-  acx4 compare results_2024 results_2025 results_2026 --out compared
-  acx4 compare before after --out compared --method rig --height 1000
-  acx4 compare my_results --out rigidity
-"""
-
-
-def compare(
-    results: Annotated[list[Path], terminal.argument("RESULTS...", "Folders of runs.")],
-    out: Annotated[Path, terminal.option("FOLDER", "Folder for page and tables.")],
-    method: Annotated[
-        str,
-        terminal.option(
-            "NAME[,NAME...]",
-            "single_step, rig, ...: one for all, or one for each; else the best of each.",
-        ),
-    ] = "",
-    against: Annotated[
-        str, typer.Option(metavar="previous|first", help="What each is compared with.")
-    ] = "previous",
-    height: Annotated[
-        float | None,
-        terminal.option(
-            "M", "Height above ground for effects there; else that of the first flight.", min=1.0
-        ),
-    ] = None,
-    level: Annotated[
-        float,
-        typer.Option(metavar="P", min=1e-6, max=0.5, help="Probability of a false alarm, jointly."),
-    ] = 0.05,
-    apriori: Annotated[
-        bool, typer.Option("--apriori", help="Sigma as stated, not multiplied by sigma0.")
-    ] = False,
-) -> None:
-    """Compare results, or test the rig of one."""
-    methods = [name.strip() for name in method.split(",") if name.strip()]
-    _check(methods, against, len(results))
-    terminal.need_book("compare")
-    from acx4book.report import comparison, comparison_tables  # noqa: PLC0415 quick help
-
-    if len(results) == 1:
-        rigidity = comparison.read_rigidity(results[0])
-        comparison.write_rigidity(rigidity, out, name=results[0].resolve().name, level=level)
-        lines = comparison.rigidity_lines(rigidity, level=level)
-    else:
-        campaigns = comparison_tables.read(results, methods=methods)
-        compared = comparison_tables.study(
-            campaigns, against=against, height_m=height, level=level, apriori=apriori
-        )
-        comparison.write(compared, out)
-        lines = comparison_tables.for_terminal(compared)
-    terminal.show("\n".join([*lines, str(out / comparison.PAGE)]))
-
-
-def _check(methods: list[str], against: str, n: int) -> None:
-    """Refuse invalid or contradicting options."""
-    known = ("single_step", "rig", "rig_calibration", "two_step_gnss", "two_step")
-    if unknown := [name for name in methods if name not in known]:
-        terminal.refuse(f"--method {unknown[0]}: must be one of {', '.join(known)}")
-    if len(methods) not in {0, 1, n}:
-        terminal.refuse(f"--method names {len(methods)} methods for {n} folders; name one, or {n}")
-    if against not in {"previous", "first"}:
-        terminal.refuse(f"--against {against}: must be previous or first")
-
-
 # --- acx4 export -----------------------------------------------------------------------------
 
 
@@ -156,10 +78,6 @@ KIND, cameras:
 KIND, cameras, and with --orientations BLOCK its images:
   metashape        calibrations; cameras.xml with sensors, covariances, slaves of a rig
   colmap           cameras.txt, rigs.txt; a whole model as text
-  opensfm          cameras.json, which is ODM's, too; rig_cameras.json; reconstruction.json
-  opf              sensors, rig relatives with sigma; a project of Pix4D's open format
-  pix4d            text like Pix4D's: .cam; external parameters
-  micmac           AutoCal-NAME.xml; Orientation-IMAGE.xml
 KIND, images of --orientations BLOCK:
   opk              east, north, height, omega, phi, kappa in the flight's grid, with sigma
   opk-topocentric  the same in Cartesian axes east, north, up at the middle of the block

@@ -187,11 +187,9 @@ class Where:
 
     def executor(self) -> AbstractContextManager[Executor]:
         """Return an executor for them, as a context."""
-        from acx4book.command import processes  # noqa: PLC0415 quick help
+        from acx4book.command import runs  # noqa: PLC0415 quick help
 
-        if self.cluster is not None:
-            return processes.on_cluster(self.cluster)
-        return processes.on_processes(self.jobs)
+        return runs.executor(self.jobs, self.cluster)
 
     def maybe_executor(self) -> AbstractContextManager[Executor | None]:
         """Return an executor, or None if this process is enough, as a context."""

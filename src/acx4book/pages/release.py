@@ -241,7 +241,7 @@ BEFORE: Mapping[str, _Before] = {
 }
 """Notebooks that need a flight: the one shown on their pages."""
 
-PAGES = ("*.ipynb", "foundations/*.ipynb", "template/study.ipynb")
+PAGES = ("[0-9]*.ipynb", "foundations/*.ipynb", "template/study.ipynb")
 """The notebooks that are pages of the book, below their folder."""
 
 

@@ -494,7 +494,6 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     "13-four-real-heads": ("data/reference/four-heads/**/*",),
     "14-failure-clinic": (),
     "15-which-flight": (),
-    "18-over-the-years": (),
     "16-error-budget": ("data/paper/*.csv",),
 }
 """The notebooks, and the files of the working copy that they read; *measured* are the measurements

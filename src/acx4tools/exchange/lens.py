@@ -819,5 +819,4 @@ METASHAPE = {
 OPF = _formula("R1=k1 R2=k2 R3=k3 T1=u T2=v")
 """Internals of type perspective; a fisheye is `fisheye`."""
 
-BUNDLER = _formula("k1 k2")
 OPENCV = _formula("k1 k2 p1=u p2=v k3")

@@ -378,22 +378,6 @@ def as_they_are(T: Pose) -> tuple[Array, Array]:
     return T.r, T.opk
 
 
-def on_no_map(file: Opened, crs: str | None, program: str) -> tuple[dict[str, Any], InGrid | None]:
-    """Return settings and place of a frame that is in no CRS: as they are where `crs` is local.
-
-    Raises
-    ------
-    FlightError
-        Where any other is given.
-    """
-    if crs is None:
-        return {}, None
-    if crs != LOCAL:
-        expected = f"must be {LOCAL!r}: {program}'s coordinates are in no CRS"
-        raise file.wrong("--crs", quoted(crs), expected)
-    return {"crs": crs, "heights": "ellipsoidal"}, as_they_are
-
-
 def numbered(lenses: Iterable[Hashable]) -> dict[Any, str]:
     """Return names of cameras that a program has no names for, by their lenses."""
     different = list(dict.fromkeys(lenses))
@@ -809,10 +793,3 @@ def without_doubles(names: Sequence[str], ids: Sequence[object]) -> tuple[list[s
         counts[name] = counts.get(name, 0) + 1
     new = [f"{name}#{i}" if counts[name] > 1 else name for name, i in zip(names, ids, strict=True)]
     return new, sum(n for n in counts.values() if n > 1)
-
-
-def without_folders(paths: Sequence[str]) -> tuple[str, ...]:
-    """Return names of files without their folders; with them where two would be the same."""
-    whole = [path.replace("\\", "/") for path in paths]
-    short = [path.rpartition("/")[2] for path in whole]
-    return tuple(short if len(set(short)) == len(short) else whole)

@@ -272,9 +272,6 @@ _CELL = re.compile(r'"([^"]*+)"|\'([^\']*+)\'|(\S++)')
 
 _SPACES = re.compile(r"\s*+")
 
-COORDINATE = Range(-1e9, 1e9)
-"""Of places in a program's own frame, and in images."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Line:

@@ -167,7 +167,7 @@ def _smallest_change(sigma: float) -> float:
     """Return the change of a parameter that a second campaign of the same plan finds in 80 %.
 
     The difference of two independent campaigns has the variance 2 sigma^2. It is tested alone, two
-    sided, at 5 %, as `acx4 compare` tests differences with covariances a priori.
+    sided, at 5 %, with covariances a priori.
     """
     both = -norm_ppf(FOUND_AT / 2) + norm_ppf(POWER)
     return float(both * np.sqrt(2) * sigma)

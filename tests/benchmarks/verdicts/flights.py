@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4book.command.processes import on_processes
+from acx4book.command.runs import executor
 from acx4book.notebooks import runner
 from acx4book.notebooks.runner import way_of
 from acx4book.report import findings, held, material, page
@@ -263,7 +263,7 @@ def fly_all(orders: Sequence[Order], folder: Path, jobs: int, *, name: str = NAM
     planned = Counter(order.purpose for order in orders)
     done = {tuple(row[key] for key in KEYS) for row in rows}
     missing = [order for order in orders if tuple(asdict(order).values()) not in done]
-    with on_processes(jobs) as pool:
+    with executor(jobs, None) as pool:
         try:
             for k, (order, call) in enumerate(as_finished(pool, judged, missing), 1):
                 rows.append(call.result())

@@ -6,7 +6,6 @@ import shutil
 
 import pytest
 
-from acx4book.report.comparison import PAGE
 from acx4lib.results import provenance
 from acx4tools.exchange.outward.programs import KINDS
 from support.run_results import estimated, leave_calibration
@@ -89,7 +88,8 @@ def test_a_later_flight_that_is_none_is_refused(acx4, rig, tmp_path):
         (["--to", "toml", "--orientations", "heads"], "--to toml has no place for orientations"),
         (["--to", "toml", "--flight", "x"], "--flight needs --orientations"),
         (["--to", "opencv", "--allow", "1e-9"], "the other program's lens differs by"),
-        (["--to", "pix4d"], "more than 0.05 px; --allow "),
+        (["--to", "pix4d"], "pix4d is gone; instead: acx4 export --to opencv"),
+        (["--to=opf"], "opf is gone; instead: acx4 export --to colmap, metashape or opencv"),
     ],
 )
 def test_what_cannot_be_exported_is_one_line_and_status_2(acx4, rig, tmp_path, options, line):
@@ -169,58 +169,10 @@ def test_a_geoid_grid_is_brought_into_the_flight(acx4, tmp_path):
     assert "PROJ cannot read it as a geoid grid" in said
 
 
-# --- `acx4 compare` as its user meets it: what it leaves, its lines and statuses -------------
-
-
-@pytest.fixture
-def compare(acx4, tmp_path):
-    """Compare into a folder; return status, lines of standard output and of standard error."""
-
-    def run(*arguments):
-        status, *said = acx4("compare", *arguments, "--out", tmp_path / "out")
-        return status, *(text.splitlines() for text in said)
-
-    return run
-
-
-def test_two_folders_are_compared(compare, folders, tmp_path):
-    status, said, wrong = compare(*folders)
-    assert (status, wrong) == (0, [])
-    assert said[0].startswith("2 campaigns are not the same: chi-square ")
-    assert any(line.startswith("CAM f_mm: +0.01") for line in said)
-    assert said[-1] == str(tmp_path / "out" / PAGE)
-    assert (tmp_path / "out" / PAGE).is_file()
-    options = ("--method", "two_step", "--against", "first", "--height", 1000, "--apriori")
-    status, said, wrong = compare(*folders, *options, "--level", 1e-6)
-    assert (status, wrong) == (0, [])
-    text = (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
-    assert "1000\N{NO-BREAK SPACE}m" in text
-
-
-def test_what_cannot_be_compared_is_one_line_and_status_2(compare, folders, tmp_path):
-    status, said, wrong = compare(folders[0], folders[0])
-    assert (status, said, len(wrong)) == (2, [], 1)
-    assert "are results of the same flight" in wrong[0]
-    status, said, wrong = compare(folders[0])
-    assert (status, said, len(wrong)) == (2, [], 1)
-    assert "without a block of several heads" in wrong[0]
-    status, said, wrong = compare(folders[0], tmp_path / "none")
-    assert (status, said, len(wrong)) == (2, [], 1)
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("options", "line"),
-    [
-        (["--method", "best"], "--method best: must be one of single_step, rig,"),
-        (["--method", "rig,rig,rig"], "--method names 3 methods for 2 folders; name one, or 2"),
-        (["--against", "last"], "--against last: must be previous or first"),
-    ],
-)
-def test_options_that_mean_nothing_are_refused(compare, folders, options, line):
-    status, said, wrong = compare(*folders, *options)
-    assert (status, said) == (2, [])
-    assert wrong[0].startswith(line)
+def test_compare_names_the_notebook(acx4):
+    status, said, wrong = acx4("compare", "a", "b", "--out", "c")
+    assert (status, said, wrong.count("\n")) == (2, "", 1)
+    assert wrong.startswith("compare is gone; instead: papermill notebooks/compare.ipynb")
 
 
 # --- the commands `acx4 lab` and `acx4 grade`, as a lecturer meets them ----------------------

@@ -34,22 +34,10 @@ MODEL = {"projection_type": "perspective", "width": 400, "height": 300, "focal":
 MICMAC = """<SetOfMesureAppuisFlottants><MesureAppuiFlottant1Im><NameIm>a.JPG</NameIm>
 <OneMesureAF1I><NamePt>P</NamePt><PtIm>1 2</PtIm></OneMesureAF1I>
 </MesureAppuiFlottant1Im></SetOfMesureAppuisFlottants>"""
-BUNDLE = """# Bundle file v0.3
-1 1
-700 0 0
-1 0 0
-0 1 0
-0 0 1
-0 0 0
-0 0 -10
-1 2 3
-1 0 0 5 6
-"""
 SIZED = ("--size", "400x300")
 KINDS_BLOCKS = {
     "opensfm": (json.dumps({"m": MODEL}), ()),
     "micmac": (MICMAC, ()),
-    "bundler": (BUNDLE, SIZED),
     "bingo": (LIST, (*SIZED, "--pixel-um", 20)),
     "patb": (LIST, (*SIZED, "--pixel-um", 20, "--unit", "mm")),
     "odm-control": (CONTROL, ("--camera", "C")),
@@ -84,12 +72,20 @@ def test_a_file_of_something_else_is_one_line(acx4, tmp_path, kind):
 
 @pytest.mark.parametrize("size", ["400", "400x0", "x", "4000000000x1", "-4x3"])
 def test_a_size_is_width_and_height(acx4, tmp_path, size):
-    (tmp_path / "a").write_text(BUNDLE)
-    status, _, wrong = acx4(
-        "import", "bundler", tmp_path / "a", "--out", tmp_path / "f", "--size", size
-    )
+    (tmp_path / "a").write_text(LIST)
+    options = ("--out", tmp_path / "f", "--pixel-um", "20", "--size", size)
+    status, _, wrong = acx4("import", "bingo", tmp_path / "a", *options)
     assert status == 2
     assert "must be width x height in pixels, such as 4000x3000" in wrong
+
+
+@pytest.mark.parametrize("kind", ["bundler", "visualsfm"])
+def test_a_kind_that_is_gone_says_what_takes_its_place(acx4, kind):
+    status, said, wrong = acx4("import", kind, "a.out", "--size", "400x300", "--out", "f")
+    assert (status, said) == (2, "")
+    assert (
+        wrong == f"{kind} is gone; instead: write COLMAP's or Metashape's form, and import that\n"
+    )
 
 
 # --- what all imports have in common ---------------------------------------------------------
@@ -150,8 +146,6 @@ def test_every_kind_has_its_place_in_the_help(acx4):
         ("opf", "opf.read"),
         ("opensfm", "opensfm.read"),
         ("micmac", "micmac.read"),
-        ("bundler", "bundler.read"),
-        ("visualsfm", "bundler.read_nvm"),
         ("bingo", "photo_lists.read_bingo"),
         ("patb", "photo_lists.read_patb"),
         ("odm-control", "opensfm.read_control"),

@@ -1,6 +1,5 @@
 """acx4 plan, as its user meets it."""
 
-import csv
 import json
 import re
 import subprocess
@@ -87,68 +86,24 @@ def test_a_mistake_is_one_line_with_file_line_and_cure(acx4, written):
     assert err.startswith(f"{path}:{line}: field.releif_m: unknown key (did you mean 'relief_m'?)")
 
 
-# --- `acx4 plan --target`: the page's hour of flying, and what is said of targets out of reach
+def test_the_pages_hour_of_flying_wants_two_heights(acx4, tmp_path):
+    section = (ROOT / "book" / "planning.md").read_text("utf-8").partition("**One hour of")[2]
+    text = re.search(r"```toml\n(.*?)```", section, re.DOTALL)[1]
+    sigma = []
+    for k, height in enumerate((1400, 800)):
+        path, out = tmp_path / f"{k}.toml", tmp_path / f"{k}"
+        changed = re.sub(r"(?m)^((?:south|west) = .*_height_m = )1400", rf"\g<1>{height}", text)
+        path.write_text(changed, encoding="utf-8")
+        acx4("plan", path, "--out", out)
+        table = pd.read_csv(out / "parameters.csv").set_index("parameter")["sigma"]
+        sigma.append(table[["f_mm", "lever_z_m"]])
+    assert (sigma[0] > 3 * sigma[1]).all()
 
 
-PAGE = (ROOT / "book" / "planning.md").read_text("utf-8")
-
-
-@pytest.fixture
-def hour(tmp_path):
-    """Write the files of the page's example, and return their paths."""
-    section = PAGE.partition("**One hour of flying.**")[2]
-    plan, target = re.findall(r"```toml\n(.*?)```", section, re.DOTALL)[:2]
-    (tmp_path / "hour.toml").write_text(plan, encoding="utf-8")
-    (tmp_path / "hour.target.toml").write_text(target, encoding="utf-8")
-    return tmp_path / "hour.toml", tmp_path / "hour.target.toml"
-
-
-def test_one_hour_at_one_height_says_what_will_be_known(acx4, hour, tmp_path):
-    plan, target = hour
-    folder = tmp_path / "choice"
-    status, out, err = acx4("plan", plan, "--target", target, "--out", folder)
-    assert status == 1
-    assert re.match(r"1\d of 13 strips, 5\d\.\d min from first exposure to last\n", out)
-    assert "CAM f_mm: no choice of strips gives 0.002; with all 13 candidates it is" in err
-    assert "two flying heights" in err
-    assert "CAM f_mm" in out.partition("mounting/single_step")[2]  # the prediction follows
-    flown = plans.read(folder / "plan.toml")
-    with (folder / "strips.csv").open() as file:
-        rows = [*csv.DictReader(file)]
-    assert [*dict.fromkeys(row["strip"] for row in rows)] == [*flown.blocks["calibration"].strips]
-    assert float(rows[-1]["minutes"]) <= 60
-
-
-@pytest.mark.repeats
-def test_a_second_height_reaches_the_target_and_says_what_each_strip_buys(acx4, hour):
-    plan, target = hour
-    words = target.read_text("utf-8").replace("flying_height_m = 1400", "flying_height_m = [800]")
-    target.write_text(words.replace("f_mm = 0.002", "f_mm = 0.003"), encoding="utf-8")
-    status, out, err = acx4("plan", plan, "--target", target)
-    assert (status, err) == (0, "")
-    chosen = re.findall(r"(?m)^without (\S+): CAM \S+ \S+ -> \S+$", out)
-    assert f"{len(chosen)} of 13 strips" in out
-    assert "first" in chosen  # the only strip at the other height
-
-
-def test_a_short_time_says_what_is_missed_and_what_would_be_enough(acx4, hour):
-    plan, target = hour
-    words = target.read_text("utf-8").replace("flying_height_m = 1400", "flying_height_m = [800]")
-    words = words.replace("f_mm = 0.002", "f_mm = 0.003").replace("minutes = 60", "minutes = 6")
-    target.write_text(words, encoding="utf-8")
-    status, out, err = acx4("plan", plan, "--target", target)
-    assert status == 1
-    assert "2 of 13 strips" in out
-    assert re.search(r"times the \S+ that is wanted; no better choice was found for 6 min", err)
-    assert re.search(r"\d+ min reach the target: ", err)
-
-
-def test_without_a_time_limit_nothing_is_chosen_for_a_target_out_of_reach(acx4, hour):
-    plan, target = hour
-    target.write_text("[sigma]\nf_mm = 1e-9\n", encoding="utf-8")
-    status, out, err = acx4("plan", plan, "--target", target)
-    assert (status, out) == (1, "")
-    assert err.startswith("CAM f_mm: no choice of strips gives 1e-09; with all 1 candidates it is")
+def test_the_search_over_targets_is_gone(acx4, written):
+    status, said, wrong = acx4("plan", written(), "--target=a.toml")
+    assert (status, said) == (2, "")
+    assert wrong.startswith("--target is gone; instead: leave strips out of a copy of the plan")
 
 
 # --- acx4 simulate of plans, and plans of its designs

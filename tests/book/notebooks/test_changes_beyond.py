@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import acx4sim
-from acx4book.chapters import error_budget, failures, stability, weights
+from acx4book.chapters import error_budget, failures, weights
 from acx4book.chapters.failures import GROUPS, standardised, worst
 from acx4book.chapters.image_quality import examined
 from acx4book.typesetting.plain_text import shown
@@ -377,17 +377,11 @@ def test_control_points_never_make_anything_worse(as_it_is_15):
     assert relative.max(axis=None) < 0.01
 
 
-def test_sigma_by_the_sum_of_strips_is_the_library_s(as_it_is_15):
-    expected = as_it_is_15["candidates"].given((0, 1, 3))
-    np.testing.assert_allclose(as_it_is_15["by_sum"], expected, rtol=1e-5)
-
-
-def test_the_chosen_flight_is_cheaper_and_within_what_is_allowed(as_it_is_15):
-    assert as_it_is_15["chosen"].met
-    table, wanted = as_it_is_15["table"], as_it_is_15["wanted"]
-    assert table.loc["minutes", "chosen"] < 0.8 * table.loc["minutes", "the paper's"]
-    ratio = table["chosen"] / table["the paper's"]
-    assert ratio[wanted].max() <= 1.25
+def test_the_cheapest_good_flight_is_cheaper_and_within_what_is_allowed(as_it_is_15):
+    table, cheapest = as_it_is_15["table"], as_it_is_15["cheapest"]
+    assert table.loc["minutes", cheapest] < table.loc["minutes", "the paper's"]
+    ratio = table[cheapest] / table["the paper's"]
+    assert ratio[as_it_is_15["wanted"]].max() <= 1.5
 
 
 def test_a_held_lever_arm_leaves_f_to_the_shift_of_gnss(as_it_is_15):
@@ -395,24 +389,18 @@ def test_a_held_lever_arm_leaves_f_to_the_shift_of_gnss(as_it_is_15):
     assert held > 5 * as_it_is_15["by_ratio"].loc["f_mm", 1.5]
 
 
-def test_what_a_left_out_strip_does_is_told_by_sums_as_well(as_it_is_15):
-    harm, by_sums = as_it_is_15["harm"].loc[as_it_is_15["wanted"]], as_it_is_15["by_sums"]
-    assert (harm > 1).all(axis=None)
-    assert by_sums.to_numpy() == pytest.approx(harm.to_numpy(), rel=0.12)
-    assert harm.max()[by_sums.max().idxmin()] < 1.02 * harm.max().min()
+def test_every_strip_left_out_does_harm(as_it_is_15):
+    assert (as_it_is_15["harm"].loc[as_it_is_15["wanted"]] > 1).all(axis=None)
 
 
-def test_a_shorter_time_keeps_to_it(as_it_is_15):
-    short = as_it_is_15["short"]
-    assert short.minutes <= 6
-    assert 1 < short.excess < as_it_is_15["excess"]
-    heights = {one.flying_height_m for one in short.plan.blocks["calibration"].strips.values()}
-    assert heights == {1000.0, 1500.0}
+def test_six_minutes_are_two_strips_and_long_ones_are_better(as_it_is_15):
+    assert as_it_is_15["six"].loc["minutes", "short"] < 6
+    assert 1 < as_it_is_15["excess"]["long"] < as_it_is_15["excess"]["short"]
 
 
 def test_what_is_allowed_is_an_argument(as_it_is_15):
-    poorer = changed("15", {NEVER: "None"}, allowed=2.0)
-    assert poorer["chosen"].minutes < as_it_is_15["chosen"].minutes
+    strict = changed("15", {NEVER: "None"}, allowed=1.0)
+    assert strict["cheapest"] == "the paper's" != as_it_is_15["cheapest"]
 
 
 # --- Chapter 16 changed as it suggests, and what it computes by hand and in its exercises
@@ -497,68 +485,3 @@ def test_a_flight_of_another_camera_ends_before_the_papers_budget(tmp_path):
     names = changed("16", flight_path=tmp_path / "flight", results_path=tmp_path / "results")
     assert "the flight of the study" in names["ended"]
     assert "at_heights" in names
-
-
-# --- Chapter 18: what it computes by hand, its tests and its exercises, and another seed
-
-
-"""Chapters of the paper are changed in every run of the tests; these take minutes."""
-
-FLIGHTS_18 = "flights = chapter.flights(seed)"
-
-
-@pytest.fixture(scope="module")
-def as_it_is_18():
-    return changed("18")
-
-
-def test_chi_square_by_hand_is_the_library_s(as_it_is_18):
-    assert as_it_is_18["chi_square"] == pytest.approx(as_it_is_18["test"].chi_square, rel=1e-6)
-    assert as_it_is_18["by_hand"] == pytest.approx(as_it_is_18["turn_test"].f, rel=1e-12)
-
-
-def test_chi_squares_of_the_pair_and_of_the_others_add_up(as_it_is_18):
-    others = np.flatnonzero(~as_it_is_18["is_pair"])
-    total = as_it_is_18["alone"].chi_square + as_it_is_18["later"].test(others).chi_square
-    assert total == pytest.approx(as_it_is_18["later"].test().chi_square, rel=1e-6)
-
-
-def test_the_pair_is_in_micrometres_and_millimetres(as_it_is_18):
-    later, own = as_it_is_18["later"], as_it_is_18["is_pair"]
-    d, cov = as_it_is_18["pair"]
-    np.testing.assert_allclose(d, 1e3 * later.d[own])
-    np.testing.assert_allclose(np.sqrt(np.diag(cov)), 1e3 * later.sigma[own])
-
-
-def test_holm_and_the_joint_test_keep_their_level(as_it_is_18):
-    levels, shares = as_it_is_18["levels"], as_it_is_18["shares"]
-    spread = np.sqrt(levels * (1 - levels) / 4000)
-    assert np.all(np.abs(shares[stability.JOINT] - levels) < 4.5 * spread)
-    assert np.all(shares[stability.HOLM] < levels + 4.5 * spread)
-    assert np.all(shares[stability.EACH] > 3 * levels)
-
-
-def test_the_slope_is_that_which_was_simulated(as_it_is_18):
-    assert abs(as_it_is_18["slope"] - stability.UM_PER_DEGREE) < 4 * as_it_is_18["sigma_slope"]
-
-
-def test_exercises_are_solved_in_two_ways_18(as_it_is_18):
-    found = as_it_is_18
-    assert found["value"] == pytest.approx(0.4)
-    assert found["both"].coefficients[0, 0] == pytest.approx(0.4)
-    assert found["both"].chi_square == pytest.approx(0.8)
-    assert found["most"] == np.sum(np.array(found["joint"]) < found["level"]) == 18
-    assert found["moved_m"] == pytest.approx(found["by_rays"], rel=1e-6)
-    assert found["moved_m"] == pytest.approx(0.134, abs=0.001)
-    ratio = found["sigma_slopes"][0] / found["sigma_slopes"][1]
-    assert found["smaller"] == pytest.approx(ratio, rel=1e-9)
-
-
-def test_without_the_repaired_campaigns_the_camera_follows_temperature_alone(as_it_is_18):
-    few = changed("18", {FLIGHTS_18: f"{FLIGHTS_18}[:4]"})
-    assert few["stability"](few["compared"]).chi_square < as_it_is_18["same"].chi_square
-    assert few["lines"].scatter.p > 1e-3
-    whole = as_it_is_18["trend"](
-        as_it_is_18["compared"], as_it_is_18["temperatures"](as_it_is_18["compared"])
-    )
-    assert whole.scatter.p < 1e-6

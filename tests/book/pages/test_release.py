@@ -122,7 +122,7 @@ def test_changed_files_are_not_released(clone):
 
 SOURCES = {
     path.stem: path
-    for pattern in ("*.ipynb", "foundations/*.ipynb", "template/study.ipynb")
+    for pattern in ("[0-9]*.ipynb", "foundations/*.ipynb", "template/study.ipynb")
     for path in sorted(NOTEBOOKS_PATH.glob(pattern))
 }
 

@@ -20,7 +20,7 @@ from acx4lib.errors import UNSEEN
 from acx4lib.results.table_files import SCHEMAS
 from acx4tools.exchange.outward.programs import KINDS as EXPORTS
 from support.commands import said, said_by
-from support.flights import pictured, written
+from support.flights import pictured
 from support.fuzz import nasty
 from support.fuzz.flights import spoil as spoil_flight
 from support.fuzz.strangers import VALUES
@@ -33,19 +33,17 @@ PER = 1
 LINE = re.compile(r"(?s).+: .+")
 """What is said of results, or of a folder: where, and what is wrong."""
 
-COMMANDS = ("record", "report", "compare", "rigidity", "export", "render", "run")
-COMMAND_WEIGHTS = (6, 2, 3, 1, 4, 1, 3)
+COMMANDS = ("record", "report", "export", "render", "run")
+COMMAND_WEIGHTS = (6, 2, 4, 1, 3)
 
 
 def write_good(good: Path) -> None:
-    """Write a flight of two heads with results of all stages, one to compare with, and pictures."""
+    """Write a flight of two heads with results of all stages, and pictures."""
     blocks = ("heads", "calibration", "validation")
     pictured.write_flight(good / "flight", ("E0",), blocks=blocks)
-    written.write_flight(good / "other_flight", blocks=("calibration",), form="geographic")
     way = runner.Functions()
     stages = ("heads", "mounting", "validation")
     runner.run(good / "flight", good / "results", way=way, stages=stages)
-    runner.run(good / "other_flight", good / "other", way=way, stages=("mounting",))
 
 
 def warm(good: Path, work: Path) -> None:
@@ -101,8 +99,6 @@ def _said(command: str, good: Path, folder: Path, case: int) -> tuple[int, str, 
     oriented = ("--orientations", "validation") if EXPORTS[kind].oriented else ()
     arguments: dict[str, Callable[[], tuple[object, ...]]] = {
         "report": lambda: (folder, "--out", page),
-        "compare": lambda: (folder, good / "other", "--out", out),
-        "rigidity": lambda: (folder, "--out", out),
         "export": lambda: (folder, "--out", out, "--to", kind, "--allow", "1", *oriented),
         "render": lambda: (good / "flight", "--results", folder, "--out", out),
         "run": lambda: (
@@ -112,8 +108,7 @@ def _said(command: str, good: Path, folder: Path, case: int) -> tuple[int, str, 
     }
     if command == "record":
         return said_by(lambda: sys.exit(terminal.status_of(lambda: _record(folder), ["record"])))
-    name = "compare" if command == "rigidity" else command
-    return said(name, *arguments[command]())
+    return said(command, *arguments[command]())
 
 
 def _record(folder: Path) -> None:

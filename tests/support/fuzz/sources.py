@@ -13,7 +13,7 @@ import numpy as np
 from acx4tools.exchange.outward.programs import KINDS as EXPORTS
 from support import run_results
 from support.pictures import tagged
-from support.projects import bundler, colmap, metashape, micmac, opf, pix4d
+from support.projects import colmap, metashape, micmac, opf, pix4d
 
 CRS = ("--crs", "EPSG:31982")
 SIZED = ("--size", "400x300")
@@ -25,25 +25,6 @@ GCP_LIST = """WGS84 UTM 22S
 669850.0 7187900.0 900.0 10 20 a.jpg north
 669850.0 7187900.0 900.0 100.5 200.25 b.jpg north
 669900.0 7187950.0 NaN 30 40 b.jpg south
-"""
-BUNDLE = """# Bundle file v0.3
-2 2
-700 -0.05 0.01
-1 0 0
-0 1 0
-0 0 1
-0 0 0
-700 -0.05 0.01
-1 0 0
-0 1 0
-0 0 1
--1 0 0
-0.5 0 -10
-1 2 3
-2 0 0 35.0 0.0 1 0 -35.0 0.0
-1 1 -10
-1 2 3
-2 0 1 70.0 70.0 1 1 0.0 70.0
 """
 MODEL = {"projection_type": "brown", "width": 400, "height": 300, "focal_x": 0.9, "focal_y": 0.9}
 SHOT = {"rotation": [3.1, 0.1, 0.05], "camera": "m", "gps_dop": 5.0, "orientation": 1}
@@ -237,14 +218,6 @@ SOURCES: dict[str, Source] = {
         write=micmac.mmvii_write, options=("--orientations", "adjusted", *CRS), kind="micmac"
     ),
     "pix4d": Source(write=pix4d.write),
-    "visualsfm": Source(
-        write=_files(m__nvm=bundler.nvm_text()), source="m.nvm", options=("--size", "640x480")
-    ),
-    "bundler": Source(
-        write=_files(bundle__out=BUNDLE, list__txt="a.jpg\nb.jpg\n"),
-        source="bundle.out",
-        options=SIZED,
-    ),
     "bingo": Source(write=_files(image__dat=LIST, geoin__dat=GEOIN), options=(*SIZED, *PIXELS)),
     "patb": Source(
         write=_files(a__im=LIST), source="a.im", options=(*SIZED, *PIXELS, "--unit", "mm")

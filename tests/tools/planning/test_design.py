@@ -7,7 +7,7 @@ import pytest
 from acx4lib.bundle.adjust import adjust
 from acx4lib.calibration.estimates import from_bundle, parameters, reported_covariance
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4tools.campaigns import KNOWN, joint_test
+from acx4tools.campaigns import joint_test
 from acx4tools.planning import design, tables
 from acx4tools.planning import plan as plans
 from support.flights.planned import strip, values
@@ -237,12 +237,12 @@ def test_large_blocks_have_fewer_winds():
 
 
 def test_a_change_of_the_smallest_size_is_found_by_four_comparisons_of_five(found):
-    """20 000 pairs of campaigns, tested as `acx4 compare` tests them; 80 % to four sigma."""
+    """20 000 pairs of campaigns, tested as a comparison tests them; 80 % to four sigma."""
     rng, table = np.random.default_rng(8), tables.parameter_table(found)
     sigma, change = table[["sigma", "detectable_change"]].iloc[0]
     d = change + rng.normal(0, sigma, 20_000) - rng.normal(0, sigma, 20_000)
     cov = np.array([[2 * sigma**2]])
-    p = [joint_test(one[None], cov, redundancy=KNOWN).p for one in d[:2000]]
+    p = [joint_test(one[None], cov).p for one in d[:2000]]
     assert np.mean(np.array(p) < 0.05) == pytest.approx(0.8, abs=0.036)
     assert np.mean(np.abs(d) > 1.959964 * np.sqrt(2) * sigma) == pytest.approx(0.8, abs=0.0114)
 

@@ -1,12 +1,14 @@
-"""Labs 8 and 9, on the design of flights: fewer strips, and strips planned for a target."""
+"""Labs 8 and 9, on the design of flights: fewer strips, and strips planned for an accuracy."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from acx4book.notebooks import simulated
 from acx4book.teaching import flights
@@ -19,10 +21,8 @@ from acx4lib.flight.block import select_images
 from acx4lib.results import tables
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import Options
-from acx4tools.planning import choosing
 from acx4tools.planning import design as designs
 from acx4tools.planning import plan as plans
-from acx4tools.planning.choosing import BLOCK, Candidates, Chosen
 from acx4tools.planning.flown import flying_time_s
 from acx4tools.planning.plan import TURN_S, Plan
 from acx4tools.planning.tables import unknowns
@@ -146,9 +146,10 @@ LAB_8 = Sheet(
 )
 
 
-# --- lab 9: a flight planned for a target, simulated, compared with its plan -----------------
+# --- lab 9: a flight planned for an accuracy, simulated, compared with its plan -----------------
 
 
+BLOCK = "calibration"
 ASKED_PLANNING = {"f_mm": "mm", "lever_z_m": "m", "boresight_kappa_deg": "deg"}
 PLANNED = tuple(f"planned_{name}" for name in ASKED_PLANNING)
 FLOWN = ("f_mm", "lever_z_m")
@@ -175,17 +176,18 @@ QUESTIONS_PLANNING = (
     ),
 )
 
-SEED, PLAN, TARGET = "lab_seed", "lab_plan", "lab_target"
+SEED, PLAN, WANTED = "lab_seed", "lab_plan", "lab_wanted"
 """Entries of the truth of a flight of this sheet."""
 
 
 def _fly_planning(truth: int, errors: int, title: str) -> SimulatedFlight:
-    """Fly the cheapest strips that reach the student's target, with the student's seed."""
+    """Fly the cheapest strips that give what the student wants, with the student's seed."""
     plan, seed = _plan(truth, title), errors % 1_000_000
-    cheap = _cheap(truth, plan)
-    flight = simulated.simulate(cheap.plan, seed=seed, options=Options())
-    origin = {"name": "lab", SEED: seed, PLAN: {**plan.values, "name": ""}, TARGET: _target(cheap)}
-    return replace(flight, truth={**flight.truth, **origin})
+    wanted = _wanted(truth, plan)
+    flight = simulated.simulate(_cheapest(plan, wanted), seed=seed, options=Options())
+    values = {**plan.values, "name": ""}  # noqa: PD011 no frame's
+    origin = {SEED: seed, PLAN: values, WANTED: wanted.to_dict()}
+    return replace(flight, truth={**flight.truth, "name": "lab", **origin})
 
 
 def _plan(truth: int, title: str) -> Plan:
@@ -230,42 +232,39 @@ def _plan(truth: int, title: str) -> Plan:
     )
 
 
-def _cheap(truth: int, plan: Plan) -> Chosen:
-    """Return the cheapest strips for drawn limits, which all strips together fall below."""
+def _wanted(truth: int, plan: Plan) -> pd.Series:
+    """Return drawn limits of the standard deviations, which all strips together fall below."""
     rng = np.random.default_rng([truth, *b"target"])
-    every = _candidates(plan, {"sigma": dict.fromkeys(ASKED_PLANNING, 1.0)})
-    limits = [float(f"{goal.with_all * rng.uniform(1.25, 1.6):.2g}") for goal in every.wanted]
-    wanted = [replace(goal, limit=x) for goal, x in zip(every.wanted, limits, strict=True)]
-    return choosing.choose(replace(every, wanted=tuple(wanted)))
+    with_all = designs.sigmas(plan)[[*ASKED_PLANNING]]
+    return with_all.map(lambda sigma: float(f"{sigma * rng.uniform(1.25, 1.6):.2g}"))
 
 
-def _target(cheap: Chosen) -> dict[str, Any]:
-    """Return the target of a choice, with a sufficient flying time."""
-    return {
-        "minutes": float(np.ceil(cheap.minutes / 5 + 0.2) * 5),
-        "sigma": {goal.name: goal.limit for goal in cheap.wanted},
-    }
-
-
-def _candidates(plan: Plan, wanted: Mapping[str, Any]) -> Candidates:
-    return choosing.of(choosing.from_values(wanted, plan))
+def _cheapest(plan: Plan, wanted: pd.Series) -> Plan:
+    """Return the flight of the shortest time within the limits: every choice of strips is tried."""
+    strips = plan.blocks[BLOCK].strips
+    choices = [
+        plan.with_strips({name: strips[name] for name in chosen})
+        for n in range(1, 1 + len(strips))
+        for chosen in combinations(strips, n)
+    ]
+    by_time = sorted(choices, key=_minutes)
+    return next(p for p in by_time if (designs.sigmas(p)[wanted.index] <= wanted).all())
 
 
 def _given_planning(case: Case) -> Sequence[str]:
-    """Return the student's seed."""
+    """Return what is wanted, and the student's seed."""
+    wanted = case.truth[WANTED]
+    limits = ", ".join(f"{name} at most {wanted[name]:g} {ASKED_PLANNING[name]}" for name in wanted)
     return [
-        "`plan.toml` has the strips that you may fly, `target.toml` what is wanted and the longest",
-        f"flying time. Your seed is {case.truth[SEED]}:",
+        "`plan.toml` has the strips that you may fly. The standard deviations that are wanted:",
+        f"{limits}. Your seed is {case.truth[SEED]}:",
         f"`acx4 simulate my_plan.toml --out my_flight --seed {case.truth[SEED]}`.",
     ]
 
 
 def _hand_out(case: Case) -> dict[str, str]:
     """Return the files handed out instead of a flight."""
-    return {
-        "plan.toml": plans.written(_values(case)),
-        "target.toml": plans.written(case.truth[TARGET]),
-    }
+    return {"plan.toml": plans.written(_values(case))}
 
 
 def _values(case: Case) -> dict[str, Any]:
@@ -276,8 +275,8 @@ def _solve_planning(case: Case) -> Rights:
     """Predict the flown strips, the cheapest ones, and adjust their flight."""
     plan = plans.from_values(_values(case))
     flown = {*case.block.images.strips}
-    order = [k for k, name in enumerate(plan.blocks[BLOCK].strips) if name in flown]
-    cheap = choosing.with_strips(plan, tuple(order))
+    strips = plan.blocks[BLOCK].strips
+    cheap = plan.with_strips({name: strips[name] for name in strips if name in flown})
     sigma = {p.name: p.sigma for p in unknowns(designs.of(cheap).mountings["single_step"].bundle)}
     calibration = single_step(case.block, free=case.flight.estimate_mounting).calibration
     estimates = parameters(calibration, case.true_camera)
@@ -299,13 +298,13 @@ def _minutes(plan: Plan) -> float:
 def _mistakes_planning(case: Case, right: Rights) -> Iterator[Mistake]:
     """Yield common mistakes with plans."""
     plan = plans.from_values(_values(case))
-    every = _candidates(plan, case.truth[TARGET])
+    with_all, wanted = designs.sigmas(plan)[[*ASKED_PLANNING]], case.truth[WANTED]
     yield Mistake(
-        says="these are the numbers of all strips: leave out what the target does not need",
+        says="these are the numbers of all strips: leave out what is not needed",
         gives={
             "strips": len(plan.blocks[BLOCK].strips),
             "minutes": _minutes(plan),
-            **named(PLANNED, np.array([goal.with_all for goal in every.wanted])),
+            **named(PLANNED, with_all.to_numpy()),
         },
     )
     turns = right["strips"].value - 1
@@ -320,7 +319,7 @@ def _mistakes_planning(case: Case, right: Rights) -> Iterator[Mistake]:
     yield scaled(right, ["minutes"], 60.0, "given in seconds; asked for in minutes")
     yield Mistake(
         says="these are what is wanted, not what the plan gives",
-        gives=named(PLANNED, np.array([goal.limit for goal in every.wanted])),
+        gives=named(PLANNED, np.array([*wanted.values()])),
     )
     yield Mistake(
         says="these are variances: take the square root",

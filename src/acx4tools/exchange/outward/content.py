@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -623,11 +622,6 @@ def numbers(values: Iterable[float]) -> str:
 def lines(texts: Iterable[str]) -> str:
     """Return texts, each with an end of line."""
     return "".join(f"{text}\n" for text in texts)
-
-
-def as_json(value: object) -> str:
-    """Return a value as JSON."""
-    return json.dumps(value, indent=1, ensure_ascii=False) + "\n"
 
 
 def add_numbers(element: ET.Element, name: str, values: Iterable[float]) -> None:

@@ -1,16 +1,13 @@
 """Files of cameras, alone or with oriented images, for other programs: a section for each.
 
 `KINDS` has them by the names of ``acx4 export --to``. Layouts and formulas are those of each
-program's documentation; of Pix4D's .cam no file of the program itself was at hand.
+program's documentation.
 """
 
 from __future__ import annotations
 
-import json
-import uuid
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import cv2
@@ -19,24 +16,18 @@ import pyproj
 from scipy.spatial.transform import Rotation
 
 from acx4lib.calibration.estimates import parameters
-from acx4lib.errors import OutputError
 from acx4lib.expected import Array
 from acx4lib.flight.settings import SIGMAS, camera_toml
 from acx4lib.geometry.camera import Camera
-from acx4lib.geometry.frames import Pose, log
-from acx4lib.geometry.geodesy import GridSystem, rotation_enu_to_ecef
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import rotation_enu_to_ecef
 from acx4lib.least_squares.covariance import propagate, sigmas
 from acx4lib.results.whole_files import file_stem
 from acx4lib.shown import count as counted
-from acx4tools.exchange import lens
-from acx4tools.exchange.lens import Left
 from acx4tools.exchange.outward import brown, content
 from acx4tools.exchange.outward.brown import CORNER, Brown
 from acx4tools.exchange.outward.content import (
     BODY,
-    CENTRE,
-    GRID,
-    OPK,
     R_C_V,
     SIGMA,
     Calibrated,
@@ -44,7 +35,6 @@ from acx4tools.exchange.outward.content import (
     Relative,
     Taken,
     add_numbers,
-    as_json,
     as_xml,
     lines,
     numbers,
@@ -176,77 +166,6 @@ def _opencv_text(camera: Camera, lens: Brown, head: Relative) -> str:
     return str(storage.releaseAndGetString())
 
 
-# --- Text like that of Pix4D: a .cam for every camera; with images their external parameters
-#
-# Formulas of the lens: "How are the internal and external camera parameters defined?", Pix4D.
-# Layout of the .cam: as other programs write it for Pix4D; no file of Pix4D itself was at hand.
-
-
-PIX4D_ASSUMED = (
-    "F, Px, Py in mm, the principal point from the outer corner of the top-left pixel; K1 to K3, "
-    "T1, T2 as R1 to R3, T1, T2 of Pix4D, which are k1 to k3, p1, p2 of OpenCV",
-    "the layout of the .cam is that which other programs write for Pix4D; it was not tried there",
-)
-PIX4D_EXTERNAL = "external_camera_parameters.txt"
-
-
-def _pix4d_cameras(calibrated: Calibrated) -> Taken:
-    """Return a .cam file for every camera."""
-    lenses = brown.square(calibrated)
-    return Taken(
-        files={
-            f"{file_stem(camera.name)}.cam": _pix4d_cam(camera, lenses[camera.name])
-            for camera in calibrated.cameras
-        },
-        lenses=brown.lenses(lenses),
-        assumed=PIX4D_ASSUMED,
-        left_out=(SIGMA, BODY, "the heads' places in a rig: --to micasense or opf has them"),
-    )
-
-
-def _pix4d_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
-    """Return the .cam files, and positions with omega, phi, kappa of the images."""
-    alone = _pix4d_cameras(calibrated)
-    if blank := [name for name in oriented.names if len(name.split()) != 1]:
-        lacks = f"{blank[0]!r}: a name with blanks has no place there"
-        msg = f"{PIX4D_EXTERNAL}: {lacks}; export --to opk"
-        raise OutputError(msg)
-    table = content.in_grid(oriented).iloc[:, :7]
-    lines = ["imageName X Y Z Omega Phi Kappa"]
-    for name, *values in table.itertuples(index=False):
-        position, angles = values[:3], values[3:]
-        cells = [*(f"{v:.6f}" for v in position), *(f"{v:.9f}" for v in angles)]
-        lines.append(" ".join([str(name), *cells]))
-    grid = oriented.block.frame.grid
-    axes = OPK.format(GRID.format(grid.crs, grid.heights))
-    return Taken(
-        files={**alone.files, PIX4D_EXTERNAL: "\n".join([*lines, ""])},
-        lenses=alone.lenses,
-        assumed=(*alone.assumed, CENTRE, axes),
-        left_out=alone.left_out,
-    )
-
-
-def _pix4d_cam(camera: Camera, model: Brown) -> str:
-    mm = camera.pixel_mm
-    width, height = camera.width_px * mm, camera.height_px * mm
-    values = {
-        f"#Focal Length mm assuming a sensor width of {width:.9g}x{height:.9g}mm": {
-            "F": model.hole.fx * mm
-        },
-        "#Principal Point mm": {
-            "Px": (model.hole.cx + CORNER) * mm,
-            "Py": (model.hole.cy + CORNER) * mm,
-        },
-        "#Symmetrical Lens Distortion Coeffs": {"K1": model.k1, "K2": model.k2, "K3": model.k3},
-        "#Tangential Lens Distortion Coeffs": {"T1": model.p1, "T2": model.p2},
-    }
-    lines = ["Pix4D camera calibration file 0"]
-    for title, entries in values.items():
-        lines += [title, *(f"{key} {value!r}" for key, value in entries.items())]
-    return "\n".join([*lines, ""])
-
-
 # --- The tags that MicaSense writes into the metadata of every head's pictures
 #
 # Names and units: https://support.pix4d.com/hc/en-us/articles/360016450032, the namespace
@@ -328,96 +247,6 @@ def _micasense_angles(head: Relative) -> Array:
 
 def _micasense_listed(*values: float) -> str:
     return ",".join(f"{value:.9g}" for value in values)
-
-
-# --- OpenSfM and ODM: cameras.json, rig_cameras.json; with images a reconstruction.json
-#
-# Names as in ``opensfm/io.py``; coordinates of https://opensfm.org/docs/geometry.html: pixels from
-# the middle of the image divided by its longer side, y down and z ahead, rotations as vectors.
-
-
-OPENSFM_ASSUMED = (
-    "brown: focal lengths and principal point are divided by the longer side of the image",
-    "ODM finds a camera by the name that it made from the picture's metadata: replace the names "
-    "by those of its own cameras.json; for OpenSfM the file is camera_models_overrides.json",
-)
-OPENSFM_RIG = "rig_cameras.json takes points from the axes of {} to those of the camera, m"
-OPENSFM_WORLD = "the world is east, north, up at reference_lla: {}"
-
-
-def _opensfm_cameras(calibrated: Calibrated) -> Taken:
-    """Return cameras.json, and rig_cameras.json where there are several cameras."""
-    lenses = brown.of_all(calibrated)
-    files = {"cameras.json": as_json(_opensfm_models(calibrated, lenses))}
-    rig = to_first(calibrated.calibration)
-    if rig[1:]:
-        names = [camera.name for camera in calibrated.cameras]
-        poses = (_opensfm_pose(head.T_v_r_h.inverse) for head in rig)
-        files["rig_cameras.json"] = as_json(dict(zip(names, poses, strict=True)))
-    sentences = [OPENSFM_RIG.format(calibrated.cameras[0].name)] if rig[1:] else []
-    return Taken(
-        files=files,
-        lenses=brown.lenses(lenses),
-        assumed=(*OPENSFM_ASSUMED, *sentences),
-        left_out=(SIGMA, BODY),
-    )
-
-
-def _opensfm_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
-    """Return a reconstruction of oriented images without points, and its cameras."""
-    alone = _opensfm_cameras(calibrated)
-    lon, lat = oriented.block.frame.origin.tolist()
-    block = oriented.block
-    shots = {
-        name: {
-            **_opensfm_pose((oriented.T_m_c[i] @ Pose(R=R_C_V, r=np.zeros(3))).inverse),
-            "camera": block.cameras[block.images.camera_idx[i]].name,
-            "orientation": 1,
-            "gps_position": oriented.T_m_c.r[i].tolist(),
-        }
-        for i, name in enumerate(oriented.names)
-    }
-    reference = {"latitude": lat, "longitude": lon, "altitude": 0.0}
-    model = {
-        "cameras": json.loads(alone.files["cameras.json"]),
-        "shots": shots,
-        "points": {},
-        "reference_lla": reference,
-    }
-    return Taken(
-        files={
-            **alone.files,
-            "reconstruction.json": as_json([model]),
-            "reference_lla.json": as_json(reference),
-        },
-        lenses=alone.lenses,
-        assumed=(*alone.assumed, OPENSFM_WORLD.format(oriented.origin)),
-        left_out=(SIGMA,),
-    )
-
-
-def _opensfm_models(calibrated: Calibrated, lenses: Mapping[str, Brown]) -> dict[str, Any]:
-    return {
-        camera.name: _opensfm_model(camera, lenses[camera.name]) for camera in calibrated.cameras
-    }
-
-
-def _opensfm_model(camera: Camera, model: Brown) -> dict[str, Any]:
-    longer = max(camera.width_px, camera.height_px)
-    return {
-        "projection_type": "brown",
-        "width": camera.width_px,
-        "height": camera.height_px,
-        "focal_x": model.hole.fx / longer,
-        "focal_y": model.hole.fy / longer,
-        "c_x": (model.hole.cx - (camera.width_px - 1) / 2) / longer,
-        "c_y": (model.hole.cy - (camera.height_px - 1) / 2) / longer,
-        **{name: getattr(model, name) for name in ("k1", "k2", "p1", "p2", "k3")},
-    }
-
-
-def _opensfm_pose(T: Pose) -> dict[str, list[float]]:
-    return {"rotation": log(T.R).tolist(), "translation": T.r.tolist()}
 
 
 # --- COLMAP: cameras.txt and rigs.txt; with images a whole model, as text
@@ -526,112 +355,6 @@ def _colmap_from_world(T_m_c: Pose) -> Pose:
 def _colmap_pose(T: Pose) -> str:
     quaternion = Rotation.from_matrix(T.R).as_quat(canonical=True, scalar_first=True)
     return numbers([*quaternion.tolist(), *T.r.tolist()])
-
-
-# --- MicMac, first version: AutoCal-NAME.xml; with images an Orientation-IMAGE.xml for each
-#
-# ``ModPhgrStd``, Fraser's model, has all that a camera has: with x, y from the centre of
-# distortion in pixels, x' = x (1 + sum of c_i r^2i) + P1 (r² + 2x²) + 2 P2 x y + b1 x + b2 y, y'
-# likewise without b1 and b2, from the ideal to the measured point. It is the direction in which
-# MicMac's own ``Verif`` entries agree with its ``CoeffDist`` to the last digit.
-
-
-MICMAC_ASSUMED = (
-    "ModPhgrStd: PP, F and CDist in px, distortion from the ideal to the measured point; "
-    "pixel (0, 0) is taken as the centre of the top-left one",
-)
-MICMAC_WORLD = (
-    "Centre and rotation (camera to world, y down, z ahead) in axes east, north, up at {}"
-)
-MICMAC_FOLDER = "Ori-acx4"
-
-
-def _micmac_cameras(calibrated: Calibrated) -> Taken:
-    """Return a calibration for every camera."""
-    near = brown.skewed(calibrated)
-    fitted = {
-        camera.name: _micmac_fitted(camera, near[camera.name]) for camera in calibrated.cameras
-    }
-    return Taken(
-        files={
-            _micmac_file(c): _micmac_calibration(c, fitted[c.name][0]) for c in calibrated.cameras
-        },
-        lenses={name: left for name, (_, left) in fitted.items()},
-        assumed=MICMAC_ASSUMED,
-        left_out=(SIGMA, BODY, "the heads' places in a rig"),
-    )
-
-
-def _micmac_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
-    """Return the calibrations, and the orientations of the images."""
-    alone, block = _micmac_cameras(calibrated), oriented.block
-    files = {
-        f"{MICMAC_FOLDER}/Orientation-{file_stem(name)}.xml": _micmac_orientation(
-            oriented, i, block.cameras[block.images.camera_idx[i]]
-        )
-        for i, name in enumerate(oriented.names)
-    }
-    return Taken(
-        files={**alone.files, **files},
-        lenses=alone.lenses,
-        assumed=(*MICMAC_ASSUMED, MICMAC_WORLD.format(oriented.origin)),
-        left_out=(SIGMA,),
-    )
-
-
-def _micmac_file(camera: Camera) -> str:
-    return f"{MICMAC_FOLDER}/AutoCal-{file_stem(camera.name)}.xml"
-
-
-def _micmac_fitted(camera: Camera, model: Brown) -> tuple[Array, Left]:
-    """Return f, cx, cy, k1, k2, p1, p2, k3, b1, b2, as `brown.pixels` has them."""
-    f, affinity = (
-        model.hole.fy,
-        (model.hole.fx / model.hole.fy - 1, model.hole.skew / model.hole.fy),
-    )
-    hole = (f, model.hole.cx, model.hole.cy)
-    start = np.array([*hole, model.k1, model.k2, model.p1, model.p2, model.k3, *affinity])
-    return lens.model_of(camera, brown.pixels, start) if any(affinity) else (start, model.left)
-
-
-def _micmac_calibration(camera: Camera, values: Array) -> str:
-    f, cx, cy, *others = values.tolist()
-    k1, k2, p1, p2, k3, b1, b2 = others
-    root = ET.Element("ExportAPERO")
-    inner = ET.SubElement(root, "CalibrationInternConique")
-    ET.SubElement(inner, "KnownConv").text = "eConvApero_DistM2C"
-    add_numbers(inner, "PP", (cx, cy))
-    add_numbers(inner, "F", (f,))
-    ET.SubElement(inner, "SzIm").text = f"{camera.width_px} {camera.height_px}"
-    model = ET.SubElement(ET.SubElement(inner, "CalibDistortion"), "ModPhgrStd")
-    radial = ET.SubElement(model, "RadialePart")
-    add_numbers(radial, "CDist", (cx, cy))
-    for power, coefficient in enumerate((k1, k2, k3), start=1):
-        add_numbers(radial, "CoeffDist", (coefficient / f ** (2 * power),))
-    ET.SubElement(radial, "PPaEqPPs").text = "true"
-    for name, value in (("P1", p2 / f), ("P2", p1 / f), ("b1", b1), ("b2", b2)):
-        add_numbers(model, name, (value,))
-    return as_xml(root)
-
-
-def _micmac_orientation(oriented: Oriented, i: int, camera: Camera) -> str:
-    root = ET.Element("ExportAPERO")
-    conic = ET.SubElement(root, "OrientationConique")
-    affine = ET.SubElement(conic, "OrIntImaM2C")
-    for name, text in (("I00", "0 0"), ("V10", "1 0"), ("V01", "0 1")):
-        ET.SubElement(affine, name).text = text
-    ET.SubElement(conic, "TypeProj").text = "eProjStenope"
-    ET.SubElement(conic, "ZoneUtileInPixel").text = "true"
-    ET.SubElement(conic, "FileInterne").text = _micmac_file(camera)
-    ET.SubElement(conic, "RelativeNameFI").text = "true"
-    outer = ET.SubElement(conic, "Externe")
-    ET.SubElement(outer, "KnownConv").text = "eConvApero_DistM2C"
-    add_numbers(outer, "Centre", oriented.T_m_c.r[i])
-    matrix = ET.SubElement(ET.SubElement(outer, "ParamRotation"), "CodageMatr")
-    for name, row in zip(("L1", "L2", "L3"), oriented.T_m_c.R[i] @ R_C_V, strict=True):
-        add_numbers(matrix, name, row)
-    ET.SubElement(ET.SubElement(conic, "ConvOri"), "KnownConv").text = "eConvApero_DistM2C"
-    return as_xml(root)
 
 
 # --- Metashape: calibrations as it loads them, a chunk's cameras as it imports them
@@ -799,192 +522,6 @@ def _metashape_calibration(camera: Camera, lens: Brown) -> str:
     return as_xml(element)
 
 
-# --- OPF, Pix4D's open photogrammetry format, version 1.0: sensors, rig relatives, oriented cameras
-#
-# Specification: https://pix4d.github.io/opf-spec. Rig relatives are R = Rx(a) Ry(b) Rz(c) from the
-# head to the reference, x right, y down, z ahead; orientations are from right, up, back to the CRS.
-
-
-OPF_ASSUMED = (
-    "perspective internals: R1 to R3, T1, T2 are k1 to k3, p1, p2 of OpenCV; pixel (0, 0) is the "
-    "outer corner of the top-left one; a sensor's id is its place in the list, from 1",
-    "rig relatives, with sigma in input-cameras.json: Rx(a) Ry(b) Rz(c) from the head to {}, m",
-    "global shutter, and one band with the camera's name",
-)
-OPF_IN_CRS = "positions and angles are in the grid, as OPF has them: {}; heights are ellipsoidal"
-OPF_CAPTURES = "captures of input-cameras.json: they need times and pixel types"
-OPF_FORMAT = "application/opf-{}+json"
-OPF_LONGEST_SHIFT_M = 1000.0
-"""The processing CRS is shifted by whole multiples of this."""
-
-
-def _opf_cameras(calibrated: Calibrated) -> Taken:
-    """Return input and calibrated sensors."""
-    lenses = brown.square(calibrated)
-    return Taken(
-        files={
-            "input-cameras.json": as_json(_opf_input(calibrated, lenses)),
-            "calibrated-cameras.json": as_json(_opf_calibrated(calibrated, lenses)),
-        },
-        lenses=brown.lenses(lenses),
-        assumed=(OPF_ASSUMED[0], OPF_ASSUMED[1].format(calibrated.cameras[0].name), OPF_ASSUMED[2]),
-        left_out=("sigma of internals: parameters.csv has them", BODY, OPF_CAPTURES),
-    )
-
-
-def _opf_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
-    """Return a project with oriented cameras, and without points."""
-    alone = _opf_cameras(calibrated)
-    lenses = brown.square(calibrated)
-    grid = oriented.block.frame.grid
-    enh = _opf_ellipsoidal(oriented)
-    shift = -np.round(enh.mean(axis=0) / OPF_LONGEST_SHIFT_M) * OPF_LONGEST_SHIFT_M
-    document = _opf_calibrated(calibrated, lenses)
-    document["cameras"] = _opf_oriented(calibrated, oriented, enh + shift)
-    listed = [{"id": i + 1, "uri": name} for i, name in enumerate(oriented.names)]
-    more = {
-        "calibrated-cameras.json": document,
-        "camera-list.json": {**_opf_head("camera-list"), "cameras": listed},
-        "scene-reference-frame.json": {
-            **_opf_head("scene-reference-frame"),
-            "crs": {"definition": _opf_definition(_opf_plane(grid))},
-            "base_to_canonical": {
-                "scale": [1.0, 1.0, 1.0],
-                "shift": shift.tolist(),
-                "swap_xy": False,
-            },
-        },
-        "project.opf": _opf_project(oriented.block.name),
-    }
-    return Taken(
-        files={**alone.files, **{name: as_json(value) for name, value in more.items()}},
-        lenses=alone.lenses,
-        assumed=(*alone.assumed, OPF_IN_CRS.format(_opf_plane(grid).name)),
-        left_out=alone.left_out,
-    )
-
-
-def _opf_plane(grid: GridSystem) -> pyproj.CRS:
-    """Return the part of a CRS that has no heights: in OPF they are then ellipsoidal."""
-    crs = pyproj.CRS.from_user_input(grid.crs)
-    return crs.sub_crs_list[0] if crs.is_compound else crs
-
-
-def _opf_definition(plane: pyproj.CRS) -> str:
-    """Return a CRS as a code or WKT."""
-    code = plane.to_authority(min_confidence=100)
-    return ":".join(code) if code else plane.to_wkt("WKT2_2019")
-
-
-def _opf_head(name: str) -> dict[str, str]:
-    return {"format": OPF_FORMAT.format(name), "version": "1.0"}
-
-
-def _opf_input(calibrated: Calibrated, lenses: Mapping[str, Brown]) -> dict[str, Any]:
-    rig = to_first(calibrated.calibration)
-    sensors = []
-    for i, (camera, head) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
-        sensor = {
-            "id": i,
-            "name": camera.name,
-            "bands": [{"name": camera.name, "weight": 1.0}],
-            "image_size_px": [camera.width_px, camera.height_px],
-            "pixel_size_um": 1000 * camera.pixel_mm,
-            "internals": _opf_internals(lenses[camera.name]),
-            "shutter_type": "global",
-        }
-        sensors.append(sensor if i == 1 else {**sensor, "rig_relatives": _opf_with_sigma(head)})
-    return {**_opf_head("input-cameras"), "sensors": sensors, "captures": []}
-
-
-def _opf_calibrated(calibrated: Calibrated, lenses: Mapping[str, Brown]) -> dict[str, Any]:
-    rig = to_first(calibrated.calibration)
-    sensors = []
-    for i, (camera, head) in enumerate(zip(calibrated.cameras, rig, strict=True), start=1):
-        sensor = {"id": i, "internals": _opf_internals(lenses[camera.name])}
-        placed = {
-            "translation": head.T_v_r_h.r.tolist(),
-            "rotation_angles_deg": np.degrees(head.T_v_r_h.opk).tolist(),
-        }
-        sensors.append(sensor if i == 1 else {**sensor, "rig_relatives": placed})
-    return {**_opf_head("calibrated-cameras"), "sensors": sensors, "cameras": []}
-
-
-def _opf_internals(lens: Brown) -> dict[str, Any]:
-    return {
-        "type": "perspective",
-        "principal_point_px": [lens.hole.cx + CORNER, lens.hole.cy + CORNER],
-        "focal_length_px": lens.hole.fx,
-        "radial_distortion": [lens.k1, lens.k2, lens.k3],
-        "tangential_distortion": [lens.p1, lens.p2],
-    }
-
-
-def _opf_with_sigma(head: Relative) -> dict[str, Any]:
-    return {
-        "translation": {
-            "values_m": head.T_v_r_h.r.tolist(),
-            "sigmas_m": head.sigma_position.tolist(),
-        },
-        "rotation": {
-            "angles_deg": np.degrees(head.T_v_r_h.opk).tolist(),
-            "sigmas_deg": np.degrees(head.sigma_opk).tolist(),
-        },
-    }
-
-
-def _opf_ellipsoidal(oriented: Oriented) -> np.ndarray:
-    """Return grid positions with ellipsoidal heights, as OPF takes a CRS of two dimensions."""
-    frame = oriented.block.frame
-    lonlath = frame.to_geographic(oriented.T_m_c.r)
-    return np.column_stack([frame.grid.grid_from_lonlat(lonlath[:, :2]), lonlath[:, 2]])
-
-
-def _opf_oriented(
-    calibrated: Calibrated, oriented: Oriented, xyz: np.ndarray
-) -> list[dict[str, Any]]:
-    names = [camera.name for camera in calibrated.cameras]
-    angles = content.in_grid(oriented)[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy()
-    block = oriented.block
-    return [
-        {
-            "id": i + 1,
-            "sensor_id": names.index(block.cameras[block.images.camera_idx[i]].name) + 1,
-            "position": xyz[i].tolist(),
-            "orientation_deg": angles[i].tolist(),
-        }
-        for i in range(len(oriented.names))
-    ]
-
-
-def _opf_project(name: str) -> dict[str, Any]:
-    """Return the index of all files; identifiers are made of their names."""
-    items = {
-        "camera_list": "camera-list",
-        "input_cameras": "input-cameras",
-        "scene_reference_frame": "scene-reference-frame",
-        "calibration": "calibrated-cameras",
-    }
-    ids = {kind: str(uuid.uuid5(uuid.NAMESPACE_OID, f"{name}/{kind}")) for kind in items}
-    sources = [{"id": ids[kind], "type": kind} for kind in items if kind != "calibration"]
-    return {
-        **_opf_head("project"),
-        "id": str(uuid.uuid5(uuid.NAMESPACE_OID, name)),
-        "name": name,
-        "description": "exported by acx4",
-        "generator": {"name": "acx4lib", "version": "1"},
-        "items": [
-            {
-                "id": ids[kind],
-                "type": kind,
-                "resources": [{"uri": f"{file}.json", "format": OPF_FORMAT.format(file)}],
-                "sources": sources if kind == "calibration" else [],
-            }
-            for kind, file in items.items()
-        ],
-    }
-
-
 # --- All of them
 
 
@@ -993,11 +530,7 @@ KINDS: Mapping[str, Kind] = {
     "opencv": Kind(cameras=_opencv_cameras),
     "metashape": Kind(cameras=_metashape_cameras, oriented=_metashape_images, on_map=True),
     "colmap": Kind(cameras=_colmap_cameras, oriented=_colmap_images),
-    "opensfm": Kind(cameras=_opensfm_cameras, oriented=_opensfm_images, on_map=True),
-    "opf": Kind(cameras=_opf_cameras, oriented=_opf_images, on_map=True),
     "micasense": Kind(cameras=_micasense_cameras, heads=True),
-    "pix4d": Kind(cameras=_pix4d_cameras, oriented=_pix4d_images),
-    "micmac": Kind(cameras=_micmac_cameras, oriented=_micmac_images),
     "opk": Kind(oriented=lambda _, oriented: content.opk(oriented)),
     "opk-topocentric": Kind(
         oriented=lambda _, oriented: content.topocentric_table(oriented), on_map=True

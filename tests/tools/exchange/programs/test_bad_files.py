@@ -7,7 +7,6 @@ import pytest
 
 from acx4lib.errors import FlightError
 from acx4tools.exchange.programs import (
-    bundler,
     colmap,
     metashape,
     micmac,
@@ -16,7 +15,6 @@ from acx4tools.exchange.programs import (
     photo_lists,
     pix4d,
 )
-from support.projects import bundler as written_bundler
 from support.projects import colmap as written_colmap
 from support.projects import metashape as written_metashape
 from support.projects import micmac as written_micmac
@@ -57,11 +55,6 @@ def write_opensfm(folder):
     written_opensfm.write(folder, ground_control_points=CONTROL)
 
 
-def write_bundler(folder):
-    (folder / "list.txt").write_text("a.jpg\nb.jpg\nc.jpg\n")
-    (folder / "bundle.out").write_text(written_bundler.text())
-
-
 def write_bingo(folder):
     text("image.dat", LIST)(folder)
     text("geoin.dat", GEOIN)(folder)
@@ -81,18 +74,8 @@ PROGRAMS = {
     "opf tracks": (lambda folder: written_opf.write(folder, tracks=True), opf.read, ""),
     "opensfm": (write_opensfm, opensfm.read, ""),
     "micmac": (written_micmac.write, micmac.read, ""),
-    "bundler": (
-        write_bundler,
-        lambda path: bundler.read(path, size=written_bundler.SIZE),
-        "bundle.out",
-    ),
     "mmvii": (written_micmac.mmvii_write, micmac.read, ""),
     "pix4d": (written_pix4d.write, pix4d.read, ""),
-    "visualsfm": (
-        text("m.nvm", written_bundler.nvm_text()),
-        lambda path: bundler.read_nvm(path, size=written_bundler.NVM_SIZE),
-        "m.nvm",
-    ),
     "bingo": (write_bingo, lambda path: photo_lists.read_bingo(path, **SIZED), ""),
     "patb": (
         text("a.im", LIST),
@@ -278,14 +261,6 @@ ROWS = [
     ("micmac", "measured.xml", "1 2</PtIm>", "1</PtIm>", "PtIm: '1'; must be 2 numbers"),
     ("micmac", "points.xml", "<Pt>10 20 0", "<Pt>10 20 nan", "Pt: '10 20 nan'; must be 3 numbers"),
     ("micmac", "points.xml", "<NamePt>P</NamePt>", "", "<NamePt> is missing"),
-    ("bundler", "bundle.out", "v0.3", "v9", "bundle.out:1: version: '# Bundle file v9'"),
-    ("bundler", "bundle.out", "\n3 3\n", "\n3 -3\n", ":2: counts: -3; must be zero or positive"),
-    ("bundler", "bundle.out", "\n2 0 0", "\n2 9 0", "views: camera 9; must be one of 3, from 0"),
-    ("bundler", "bundle.out", "\n2 0 0", "\n3 0 0", "views: 8 cells after the number 3"),
-    ("bundler", "bundle.out", "700.0", "nan", ":3: focal length: 'nan'; must be a finite number"),
-    ("bundler", "bundle.out", "700.0", "-7", ":3: focal length: '-7'; must be a focal length"),
-    ("bundler", "bundle.out", "-0.05", "-50", "camera: CAM1: lens: expected a ray for every pixel"),
-    ("bundler", "list.txt", "b.jpg\n", "", "list.txt:1: file: has 2 images; must have 3"),
     (
         "micmac",
         AUTOCAL,
@@ -338,16 +313,6 @@ ROWS = [
     ("pix4d", "p_pmatrix.txt", "one.jpg ", "one.jpg 9", "matrix: that of 'one.jpg' is off by "),
     ("pix4d", "p_offset.xyz", "676000.0 ", "", "offset: is missing, the line has 2 cells; must be"),
     ("pix4d", "p_wkt.prj", "PROJCS[", "PROJXX[", "wkt.prj:1: crs: coordinate system is none that"),
-    ("visualsfm", "m.nvm", "NVM_V3", "NVM_V2", "m.nvm:1: version: 'NVM_V2'; must be NVM_V3"),
-    ("visualsfm", "m.nvm", "NVM_V3", "NVM_V3 K", "m.nvm:1: version: 'K'; must be FixedK, or noth"),
-    ("visualsfm", "m.nvm", "\n2\n", "\n-2\n", ":3: number of cameras: '-2'; must be a number of"),
-    ("visualsfm", "m.nvm", "\n2\n", "\n99\n", ":7: camera: 1 cells; must be file, f"),
-    ("visualsfm", "m.nvm", "b.jpg", "a.jpg", "image: 'img/a.jpg' is there twice; must be once"),
-    ("visualsfm", "m.nvm", "a.jpg", "=a.jpg", "m.nvm:1: image: '=a.jpg' would be computed"),
-    ("visualsfm", "m.nvm", "700.0", "-7", ":4: focal length: '-7'; must be a focal length"),
-    ("visualsfm", "m.nvm", "0.05 0.0", "-50 0.0", "camera: CAM1: lens: expected a ray for every"),
-    ("visualsfm", "m.nvm", "1 2 3 2 0", "1 2 3 2 9", "views: image 9; must be one of 2, from 0"),
-    ("visualsfm", "m.nvm", "1 2 3 2 0", "1 2 3 3 0", "views: 8 cells after the number 3; must be"),
     ("bingo", "image.dat", "6 0.1", "5 0.1", "image.dat:3: point: '5' stands twice in image '1'"),
     (
         "bingo",
@@ -462,11 +427,3 @@ def test_crs_that_cannot_be_used_are_refused(tmp_path):
     with pytest.raises(FlightError, match=r"--crs: .* is not a projected CRS"):
         colmap.read(model, crs="EPSG:4326")
     assert scene.CRS in colmap.read(model, crs=scene.CRS).settings["crs"]
-
-
-def test_a_bundle_that_is_cut_off_is_told(tmp_path):
-    write_bundler(tmp_path)
-    whole = written_bundler.text()
-    (tmp_path / "bundle.out").write_text(whole[: whole.rindex("\n1 2 3") + 1])
-    with pytest.raises(FlightError, match="color is missing at the end of the file"):
-        bundler.read(tmp_path / "bundle.out", size=written_bundler.SIZE)

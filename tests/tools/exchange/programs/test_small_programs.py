@@ -6,116 +6,11 @@ from numpy.testing import assert_allclose
 
 from acx4book.reference import data
 from acx4lib.errors import FlightError
-from acx4tools.exchange import flight_folder
-from acx4tools.exchange.programs import bundler, micmac, opensfm, photo_lists, pix4d
+from acx4tools.exchange.programs import micmac, opensfm, photo_lists, pix4d
 from support.helpers import needs
-from support.projects import bundler as written_bundler
 from support.projects import micmac as written_micmac
 from support.projects import pix4d as written_pix4d
 from support.projects import scene
-
-# --- Bundler and VisualSFM -------------------------------------------------------------------
-#
-# Files written by their manuals: points are met, what is cut off is refused.
-
-
-def read(folder, content, size=written_bundler.SIZE):
-    (folder / "list.txt").write_text("img/a.jpg 0 700\nimg/b.jpg 0 700\nimg/c.jpg\n")
-    path = folder / "bundle" / "bundle.out"
-    path.parent.mkdir()
-    path.write_text(content)
-    return bundler.read(path, size=size)
-
-
-def visualsfm_read(folder, content, size=written_bundler.NVM_SIZE):
-    path = folder / "model.nvm"
-    path.write_text(content)
-    return bundler.read_nvm(path, size=size)
-
-
-NO_CRS = "2 adjusted orientations: their coordinates are in no CRS"
-MET = [
-    (
-        *(read, written_bundler.text(), written_bundler.seen(0)[0] * [1, -1]),
-        *("Bundler v0.3", ("1 images that Bundler did not orient", NO_CRS)),
-    ),
-    (
-        *(visualsfm_read, written_bundler.nvm_text(), written_bundler.nvm_seen(0)[0]),
-        *("VisualSFM NVM_V3", (NO_CRS,)),
-    ),
-]
-"""What reads a file, its text, where a point is seen, and what is said of source and losses."""
-
-
-@pytest.mark.parametrize(("read", "text", "seen", "source", "left_out"), MET)
-def test_points_are_met_and_names_are_read(tmp_path, read, text, seen, source, left_out):
-    brought = read(tmp_path, text)
-    assert brought.source == source
-    assert brought.tables["calibration/images.csv"]["image"] == ["a.jpg", "b.jpg"]
-    assert list(brought.settings["cameras"]) == ["CAM"]
-    points = brought.tables["calibration/image_points.csv"]
-    first = [points["col_px"][0], points["row_px"][0]]
-    assert_allclose(first, np.array([319.5, 239.5]) + seen, atol=1e-4)
-    said = next(one for one in brought.found if one.startswith("the program's own points"))
-    assert float(said.split(" to ")[1].split(" px")[0]) < 0.01
-    assert brought.left_out == left_out
-
-
-@pytest.mark.parametrize(
-    ("read", "text"),
-    [
-        (read, written_bundler.text((written_bundler.LENS, (800.0, 0.0, 0.0), (0, 0, 0)))),
-        (visualsfm_read, written_bundler.nvm_text(second_lens=(800.0, 0.0))),
-    ],
-)
-def test_different_lenses_are_different_cameras(tmp_path, read, text):
-    brought = read(tmp_path, text)
-    assert brought.tables["calibration/images.csv"]["camera"] == ["CAM1", "CAM2"]
-    assert brought.settings["cameras"]["CAM2"]["focal_mm"] == 4.0
-
-
-@pytest.mark.parametrize(("read", "text"), [row[:2] for row in MET])
-def test_a_size_that_is_too_small_for_the_measurements_is_refused(tmp_path, read, text):
-    small = read(tmp_path, text, size=(220, 160))
-    with pytest.raises(
-        FlightError, match=r"point \w+ in a\.jpg: .* 4 of 6 measurements lie outside their pictures"
-    ):
-        flight_folder.write(small, tmp_path / "flight")
-    assert not (tmp_path / "flight").exists()
-
-
-def test_the_radial_coefficient_takes_measured_points_to_ideal_ones(tmp_path):
-    path = tmp_path / "model.nvm"
-    path.write_text(written_bundler.nvm_text())
-    lens = bundler.project_nvm(path, size=written_bundler.NVM_SIZE).lenses["CAM"]
-    m = np.array([[0.3, -0.2], [-0.4, 0.1]])
-    found = lens.ideal(written_bundler.NVM_F * m + [319.5, 239.5])
-    assert_allclose(found, m * (1 + written_bundler.NVM_R * np.array([[0.13], [0.17]])), atol=1e-12)
-
-
-def test_a_fixed_calibration_says_from_where_measurements_count(tmp_path):
-    brought = visualsfm_read(
-        tmp_path, written_bundler.nvm_text(head="NVM_V3 FixedK 700 330 700 250")
-    )
-    points = brought.tables["calibration/image_points.csv"]
-    assert_allclose(points["col_px"][0], 329.5 + written_bundler.nvm_seen(0)[0, 0], atol=1e-4)
-
-
-def test_further_models_are_counted(tmp_path):
-    found = visualsfm_read(
-        tmp_path, written_bundler.nvm_text().replace("\n0\n", "\n5\n", 1)
-    ).left_out
-    assert "5 cameras of further models in the file" in found
-
-
-def test_local_coordinates_are_taken_as_they_are(tmp_path):
-    path = tmp_path / "model.nvm"
-    path.write_text(written_bundler.nvm_text())
-    brought = bundler.read_nvm(path, size=written_bundler.NVM_SIZE, crs="local")
-    assert_allclose(brought.tables["calibration/trajectory.csv"]["east_m"], [0.0, 0.5])
-    with pytest.raises(FlightError, match=r"--crs: 'EPSG:4326'; must be 'local': VisualSFM's"):
-        bundler.read_nvm(path, size=written_bundler.NVM_SIZE, crs="EPSG:4326")
-
 
 # --- micMac's version 2: points and lenses are where the formulas of its source have them ----
 
