@@ -36,6 +36,7 @@ from acx4lib.geometry.camera import INTERIOR, Camera
 from acx4lib.geometry.frames import opk_jacobian
 from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM, MOUNT, REPORTED, Prior
 from acx4lib.least_squares.adjustment import normals
+from acx4lib.least_squares.normal_equations import ROUNDING
 from acx4lib.least_squares.reduced_system import SINGULAR
 from acx4lib.least_squares.statistics import f_sf, holm
 
@@ -44,6 +45,9 @@ if TYPE_CHECKING:
 
 LEVEL = 0.05
 """Joint level of the tests of all held values of an adjustment, by Holm."""
+
+FAR = 10.0
+"""Change of a parameter, in its sigma, from which the linear step alone is not exact enough."""
 
 ONE_SIGMA = 1.0
 """Least move of an estimate that results list, in its stated sigma."""
@@ -76,6 +80,8 @@ class Held:
         are not among them.
     step : ndarray, shape (n_columns, n)
         Derivatives of its columns by the held parameters.
+    correction : ndarray, shape (n,)
+        Of the linear change of each parameter that is freed alone, where this is above `FAR`.
     """
 
     names: tuple[str, ...]
@@ -90,6 +96,7 @@ class Held:
     by_held: Array
     network: Network
     step: Array
+    correction: Array
 
     # --- each freed alone --------------------------------------------------------------------
 
@@ -101,7 +108,7 @@ class Held:
     @property
     def difference(self) -> Array:
         """The change of each parameter that is freed alone, shape (n,)."""
-        return -self.gradient / self._weight
+        return -self.gradient / self._weight + self.correction
 
     @property
     def estimate(self) -> Array:
@@ -120,8 +127,8 @@ class Held:
 
     @property
     def told(self) -> Mask:
-        """Which held values the data can test: sigma is finite and within its limit."""
-        return np.nan_to_num(self.sigma, nan=np.inf) <= self.limit
+        """Which held values the data can test: sigma is within its limit."""
+        return (np.nan_to_num(self.sigma, nan=np.inf) <= self.limit) & (self.redundancy > 1)
 
     @property
     def p(self) -> Array:
@@ -184,6 +191,7 @@ class Held:
             redundancy=self.redundancy - int(free.sum()),
             by_held=self.by_held[:, ~free] - self.by_held[:, free] @ change,
             step=self.step[:, ~free] - self.step[:, free] @ change,
+            correction=np.zeros(int((~free).sum())),
         )
 
     @cached_property
@@ -249,7 +257,8 @@ def _sigma0_sq(held: Held, reduction: Array | float, n: int) -> Array:
     freedom = held.redundancy - n
     if freedom <= 0:
         return np.ones_like(reduction)
-    return np.asarray((held.cost - reduction) / freedom)
+    left = np.maximum(held.cost - reduction, ROUNDING * held.cost + np.finfo(float).tiny)
+    return np.asarray(left / freedom)
 
 
 # --- from an adjustment -----------------------------------------------------------------------
@@ -309,6 +318,7 @@ def _tested(
     unknown = tuple(replace(camera, prior=Prior()) for camera in network.block.cameras)
     freed = replace(network, block=replace(network.block, cameras=unknown)).with_layout(columns)
     N, g = normals(freed, bundle.state).first_rows(n)
+    g = g[:n]  # the others are zero
     if levers:
         N, g = _with_levers(bundle, freed, N, g)
         listed += [(k, key) for k in range(len(cameras)) for key in LEVER_ARM]
@@ -321,7 +331,7 @@ def _tested(
     step = np.zeros((freed.n_columns, q))
     step[:n], step[n:] = B[:n], -solved.T @ B
     sigma = np.array([p.sigma for p in parameters(calibration)])
-    return Held(
+    tested = Held(
         names=tuple(_name(cameras, *entry) for entry in listed),
         units=tuple(REPORTED[key][1] if k >= 0 else "m" for k, key in listed),
         value=np.array([_value(cameras, *entry) for entry in listed]),
@@ -334,7 +344,26 @@ def _tested(
         by_held=to_reported(calibration) @ J @ step[n:] / sigma[:, None],
         network=freed,
         step=step,
+        correction=np.zeros(q),
     )
+    return _corrected(tested, bundle, solved, B)
+
+
+def _corrected(tested: Held, bundle: Bundle, solved: Array, B: Array) -> Held:
+    """Return the tests with the estimates that are far off corrected for what is not linear.
+
+    By the gradient where the linear step leads to: it needs no other inverse.
+    """
+    correction = tested.correction.copy()
+    n = tested.network.n_columns - solved.shape[1]
+    far = tested.told & (np.abs(tested.difference) > FAR * tested.sigma)
+    for i in np.flatnonzero(far[:n]):
+        dx = tested.step[:, i] * tested.difference[i]
+        state = tested.network.moved(bundle.state, dx, np.zeros_like(bundle.state.x_m))
+        _, g = normals(tested.network, state).first_rows(n)
+        left = B[:n, i] @ (g[:n] - solved[:n] @ g[n:])
+        correction[i] = -left / tested.normal[i, i]
+    return replace(tested, correction=correction)
 
 
 def _extended(network: Network, *, mounted: bool) -> tuple[Layout, list[Mask]]:

@@ -59,14 +59,15 @@ def on_ground(mounting: Mounting, held: Held) -> Displacement | None:
         return None
     calibration, block = _extended(mounting.calibration, held), mounting.bundle.network.block
     dx = held.change(held.rejected)[: calibration.n_columns]
-    d, sigma = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    d: list[Array] = []
+    sigma: list[Array] = []
     for camera in calibration.cameras:
         flight = budget.like(block, camera)
         if flight is not None and budget.looks_down(camera):
             sources = budget.at_corners(calibration, camera, flight)
             d.append(sources.by_parameters @ dx)
             sigma.append(budget.of(sources, calibration.layout).sigma)
-    if len(d) == 1:
+    if not d:
         return None
     return Displacement(d=np.concatenate(d), sigma=np.concatenate(sigma))
 

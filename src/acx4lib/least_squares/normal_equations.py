@@ -162,9 +162,9 @@ class Normals(Protocol):
         ...
 
     def first_rows(self, n: int) -> tuple[Array, Array]:
-        """Return the first n rows of the matrix and of its right side A^T P v, points eliminated.
+        """Return the first n rows of the matrix, and the right side A^T P v, points eliminated.
 
-        The columns of the border come first: shape (n, n_columns) and (n,).
+        Shapes (n, n_columns) and (n_columns,); the rows are those of the border.
         """
         ...
 
@@ -342,9 +342,9 @@ class PlainNormals:
         return self._step[:2]
 
     def first_rows(self, n: int) -> tuple[Array, Array]:
-        """Return the first n rows of matrix and right side, points eliminated."""
+        """Return the first n rows of the matrix, and the right side, points eliminated."""
         N, g, _, _ = self._reduced
-        return N[:n], g[:n]
+        return N[:n], g
 
     @cached_property
     def _reduced(self) -> tuple[Array, Array, Array, Array]:

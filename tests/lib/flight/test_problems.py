@@ -319,6 +319,18 @@ REPLACED = [
     (
         TOML,
         "lever_z_m = 0.2",
+        "lever_z_m = 0.2\nfocal_sigma_mm = 0",
+        ":15: cameras.CAM.focal_sigma_mm: 0; must be positive, at most 1e6",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
+        "lever_z_m = 0.2\nyp_sigma_mm = 0.01",
+        ":15: cameras.CAM.yp_sigma_mm: sigma of nothing; needs the values it is of: yp_mm",
+    ),
+    (
+        TOML,
+        "lever_z_m = 0.2",
         "[apriori]\nheading_deg = 0",
         ":15: apriori.heading_deg: 0; must be positive, at most 1e6",
     ),

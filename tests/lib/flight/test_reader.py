@@ -305,6 +305,18 @@ def test_what_is_odd_but_allowed_is_a_note(tmp_path):
     )
 
 
+def test_a_laboratory_sigma_of_what_is_held_is_noted(tmp_path):
+    write_flight(tmp_path)
+    toml = tmp_path / "flight.toml"
+    lines = toml.read_text().replace("lever_z_m", "focal_sigma_mm = 0.02\nlever_z_m")
+    assert "focal_sigma_mm = 0.02" in lines
+    toml.write_text(lines)
+    assert not any("focal_sigma_mm" in note for note in flight.read(tmp_path).notes)
+    toml.write_text(f'{lines}\n[stages.mounting]\nestimate = ["xp_mm", "yp_mm"]\n')
+    note = "CAM: stage mounting holds focal_mm, focal_sigma_mm takes no part in it"
+    assert note in flight.read(tmp_path).notes
+
+
 def test_one_thing_is_not_counted_in_the_plural(tmp_path):
     write_flight(tmp_path)
     table = tmp_path / "control_points.csv"
@@ -936,7 +948,8 @@ def test_a_quoted_header_may_have_more_than_one_line():
 
 
 SIGMA = (0.01, 0.02, 0.03, 1e-4, 2e-4, 3e-4)
-KNOWN = replace(blocks.SECOND, prior=Prior(declared=(True,) * 6, sigma=SIGMA))
+LABORATORY = (0.02, np.inf, 0.01)
+KNOWN = replace(blocks.SECOND, prior=Prior(declared=(True,) * 6, sigma=SIGMA, interior=LABORATORY))
 QUOTED = replace(blocks.CAMERA, name='Phase "One" / 150')
 
 
@@ -951,4 +964,5 @@ def test_a_camera_comes_back_from_its_lines_in_flight_toml(camera):
     assert_allclose(back.T_b_c.R, camera.T_b_c.R, atol=1e-15)
     assert_allclose(back.T_b_c.r, camera.T_b_c.r, atol=0)
     assert_allclose(back.prior.sigma, camera.prior.sigma, rtol=1e-14)
+    assert back.prior.interior == camera.prior.interior
     assert np.all(back.prior.declared)

@@ -385,3 +385,60 @@ def test_a_results_folder_without_the_table_is_read_as_empty(kept, tmp_path):
     assert results.read(copy).synthetic_points.empty
     summary = json.loads((copy / "summary.json").read_text())
     assert METHOD in summary
+
+
+# --- held values, and those known from a laboratory ------------------------------------------
+
+
+def test_what_the_data_say_of_held_values_comes_back(flown, mountings, folder):
+    """A focal length off by 0.4 mm costs most, and moves the lever arm's z and the ground."""
+    assert "held_effect_m" not in results.read(folder).summary["mounting/single_step"]
+    (camera,) = flown.calibration.cameras
+    f = mountings["single_step"].calibration.cameras[0].interior.f
+    wrong = camera.with_interior(replace(camera.interior, f=f + 0.4))
+    block = replace(flown.calibration, cameras=(wrong,))
+    said = mounting.single_step(block, free=SETTINGS["free"][1:])
+    adjustments.write(folder.parent / "wrong", "mounting", [adjustments.of_mounting(said)])
+    entry = results.read(folder.parent / "wrong").summary["mounting/single_step"]
+    found = entry["held"]["CAM/f_mm"]
+    assert found["value"] == f + 0.4
+    assert abs(found["estimate"] - f) < 0.1 * found["sigma"]
+    assert entry["held_rejected"][0] == "CAM/f_mm"
+    assert max(abs(m) for m in found["moves"].values()) == abs(found["moves"]["CAM/lever_z_m"])
+    assert entry["held"]["gnss_shift_height_m"]["value"] == 0.0
+    assert entry["held_p"] < 1e-6
+    assert entry["held_effect_m"][2] > 1.0
+    assert entry["held_effect_sigma"][2] > 10.0
+
+
+def test_an_old_summary_without_held_values_is_read_and_a_broken_one_is_not(folder, tmp_path):
+    path = shutil.copytree(folder, tmp_path / "results")
+    summary = json.loads((path / "summary.json").read_text())
+    entry = summary["mounting/single_step"]
+    for change, fits in (
+        ({"held": {}, "held_p": None, "held_rejected": []}, True),
+        ({"held": {"CAM/f_mm": {"value": 50.0}}}, False),
+        ({"held_p": 1.5}, False),
+        ({"held_effect_px": {"CAM": -0.1}}, False),
+    ):
+        without = {key: value for key, value in entry.items() if not key.startswith("held")}
+        changed = {**summary, "mounting/single_step": {**without, **change}}
+        (path / "summary.json").write_text(json.dumps(changed))
+        if fits:
+            assert results.read(path).summary["mounting/single_step"] == {**without, **change}
+        else:
+            (key,) = change
+            with pytest.raises(FlightError, match=key):
+                results.read(path)
+
+
+def test_a_known_focal_length_is_a_residual_of_its_camera(flown, tmp_path):
+    (camera,) = flown.calibration.cameras
+    known = replace(camera, prior=replace(camera.prior, interior=(0.01, np.inf, np.inf)))
+    said = mounting.single_step(replace(flown.calibration, cameras=(known,)), **SETTINGS)
+    adjustments.write(tmp_path, "mounting", [adjustments.of_mounting(said)])
+    rows = results.read(tmp_path).residuals
+    (row,) = rows[rows["kind"] == "interior"].to_dict("records")
+    assert (row["image_or_exposure"], row["component"]) == (camera.name, "f_mm")
+    f = said.calibration.cameras[0].interior.f
+    assert_allclose([row["v"], row["sigma"]], [f - camera.interior.f, 0.01], rtol=1e-9)

@@ -239,9 +239,9 @@ class NetworkNormals:
         return self.scene._replace(h=h)
 
     def first_rows(self, n: int) -> tuple[Array, Array]:
-        """Return the first n rows of matrix and right side, points eliminated."""
-        system = self._system
-        return np.hstack([system.D[:n], system.C[:n]])[:, places(self._order)], system.g[:n]
+        """Return the first n rows of the matrix, and the right side, points eliminated."""
+        system, place = self._system, places(self._order)
+        return np.hstack([system.D[:n], system.C[:n]])[:, place], system.g[place]
 
     def covariance(self, columns: Index) -> Array:
         """Return the covariance of some unknowns, without that of all, shape (k, k)."""

@@ -72,9 +72,13 @@ def with_positions(block):
 
 
 def with_declared_mountings(block):
-    """One camera has a lever arm with sigma, another all; the others nothing."""
+    """One camera has a lever arm with sigma, another all, f and yp, too; the others nothing."""
     lever = Prior(declared=(True,) * 3 + (False,) * 3, sigma=(0.02, 0.03, 0.04) + (np.inf,) * 3)
-    everything = Prior(declared=(True,) * 6, sigma=(0.01, np.inf, 0.02, 1e-4, 2e-4, 3e-4))
+    everything = Prior(
+        declared=(True,) * 6,
+        sigma=(0.01, np.inf, 0.02, 1e-4, 2e-4, 3e-4),
+        interior=(0.05, np.inf, 0.01),
+    )
     priors = (lever, everything, *(Prior() for _ in block.cameras[2:]))
     cameras = tuple(
         replace(camera, prior=prior) for camera, prior in zip(block.cameras, priors, strict=True)
@@ -171,6 +175,10 @@ def assert_equal_normals(compiled, oracle):
     assert_allclose(dx / sigma, dx_0 / sigma, atol=1e-9 * np.abs(dx_0 / sigma).max())
     assert_allclose(dp, dp_0, atol=1e-9 * np.abs(dp_0).max())
     assert compiled.promised == pytest.approx(oracle.promised, rel=1e-9)
+    n = compiled.n_columns - np.count_nonzero(compiled.pose_columns >= 0)
+    (rows, right), (rows_0, right_0) = compiled.first_rows(n), oracle.first_rows(n)
+    assert_allclose(rows * sigma[:n, None] * sigma, rows_0 * sigma[:n, None] * sigma, atol=1e-8)
+    assert_allclose(right * sigma, right_0 * sigma, atol=1e-9 * np.abs(right_0 * sigma).max())
 
 
 @pytest.mark.parametrize("name", NETWORKS)
