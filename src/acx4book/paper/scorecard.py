@@ -499,8 +499,8 @@ def _held(results: folder.Results) -> list[str]:
         f"and so do the heads here. The images of {len(costs)} heads reject that: it costs "
         f"{sum(costs.values()):.0f} in $v^TPv$, where right values would cost about {len(costs)}. "
         f"Freeing it moves $x_p$ and $y_p$ by up to {max(moves, default=0):.0f} of their standard "
-        "deviations. Where they agree with print, two adjustments have the same held value, and neither has "
-        "the camera's. The relative orientation and the synthetic image take it up "
+        "deviations. Where they agree with print, two adjustments have the same held value, and "
+        "neither has the camera's. The relative orientation and the synthetic image take it up "
         "({doc}`_executed/01-head-calibration`)."
     ]
 
