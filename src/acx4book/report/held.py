@@ -65,8 +65,9 @@ def explains(material: Material, name: str) -> bool:
 def effect(material: Material, stage: str, names: Sequence[str]) -> tuple[float, float, str]:
     """Return what freeing the rejected values changes, from which size it matters, and the unit.
 
-    Of heads, the change in the synthetic image after what the mounting takes up; infinite where it
-    was not computed; both are lengths in the plane, over two coordinates. Of the mounting the largest move of another estimate, or of the ground.
+    Of heads, the change in the synthetic image after what the mounting takes up, and infinite where
+    it was not computed: an RMS length in the plane, as its limit is, over two coordinates. Of the
+    mounting the largest move of another estimate, or of the ground.
     """
     if stage == "heads":
         by_camera = material.found.summary.get("heads/relative_orientation", {}).get(
