@@ -229,8 +229,9 @@ def rejected_focal_lengths(stored: folder.Results) -> dict[str, float]:
     stored : Results
         With the stage heads.
     """
+    summary: Mapping[str, Mapping[str, Any]] = stored.summary
     costs = {}
-    for key, entry in stored.summary.items():
+    for key, entry in summary.items():
         head, name = key.rpartition("/")[2], f"{key.rpartition('/')[2]}/f_mm"
         if key.startswith("heads/bundle/") and name in entry.get("held_rejected", ()):
             costs[head] = float(entry["held"][name]["cost"])

@@ -502,21 +502,17 @@ def _held(results: folder.Results) -> list[str]:
     costs = errata.rejected_focal_lengths(results)
     if not costs:
         return []
-    moves = [
-        abs(move)
-        for head in costs
-        for name, move in results.summary[f"heads/bundle/{head}"]["held"][f"{head}/f_mm"][
-            "moves"
-        ].items()
-        if name.endswith(("/xp_mm", "/yp_mm"))
-    ]
+    summary: Mapping[str, Mapping[str, Any]] = results.summary
+    freed = [summary[f"heads/bundle/{head}"]["held"][f"{head}/f_mm"]["moves"] for head in costs]
+    points = ("/xp_mm", "/yp_mm")
+    moves = [abs(by) for of in freed for name, by in of.items() if name.endswith(points)]
     return [
         f"**Held.** The paper's Table 1 holds $f$ at {paper.statement('head_f_fixed_mm'):g} mm, "
         f"and so do the heads here. The images of {len(costs)} heads reject that: it costs "
         f"{sum(costs.values()):.0f} in $v^TPv$, where right values would cost about {len(costs)}. "
-        f"Freeing it moves $x_p$ and $y_p$ by up to {max(moves):.0f} of their standard deviations. "
-        "Where they agree with print, two adjustments have the same held value, and neither has "
-        "the camera's. The relative orientation and the synthetic image take it up "
+        f"Freeing it moves $x_p$ and $y_p$ by up to {max(moves, default=0):.0f} of their standard "
+        "deviations. Where they agree with print, two adjustments have the same held value, and "
+        "neither has the camera's. The relative orientation and the synthetic image take it up "
         "({doc}`_executed/01-head-calibration`)."
     ]
 

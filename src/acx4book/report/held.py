@@ -65,15 +65,16 @@ def explains(material: Material, name: str) -> bool:
 def effect(material: Material, stage: str, names: Sequence[str]) -> tuple[float, float, str]:
     """Return what freeing the rejected values changes, from which size it matters, and the unit.
 
-    Of heads, the change in the synthetic image after what the mounting takes up; infinite where it
-    was not computed. Of the mounting the largest move of another estimate, or of the ground.
+    Of heads, the change in the synthetic image after what the mounting takes up, and infinite where
+    it was not computed: an RMS length in the plane, as its limit is, over two coordinates. Of the
+    mounting the largest move of another estimate, or of the ground.
     """
     if stage == "heads":
         by_camera = material.found.summary.get("heads/relative_orientation", {}).get(
             "held_effect_px"
         )
         moved = [float(px) for px in by_camera.values()] if isinstance(by_camera, dict) else []
-        return max(moved, default=np.inf), DISPLACED * _sigma_px(material, names), "px"
+        return max(moved, default=np.inf), DISPLACED * np.sqrt(2) * _sigma_px(material, names), "px"
     held = values(material, names)
     moves = [abs(m) for key in rejected(material, names) for m in held[key]["moves"].values()]
     by_move = max(moves, default=0.0), MOVED, "σ"
