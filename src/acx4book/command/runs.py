@@ -22,7 +22,7 @@ from pathlib import Path
 
 from acx4book.command.surroundings import shut_out
 from acx4book.notebooks import runner
-from acx4lib.errors import Acx4Error, FlightError, OutputError, visible
+from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
 from acx4lib.flight import reader
 from acx4lib.flight.reader import Flight
 from acx4lib.flight.tables import name_fault
@@ -214,8 +214,7 @@ def _run(job: Job) -> Outcome:
         status = int(bool(lines))
     except Exception as error:  # other flights go on
         status = 2 if isinstance(error, FlightError | OutputError | OSError) else 1
-        known = isinstance(error, Acx4Error | OSError)
-        lines = (str(error) if known else f"{type(error).__name__}: {error}").splitlines()
+        lines = _said(error)
     line = lines[0] + f" (and {len(lines) - 1} more)" * (len(lines) > 1) if lines else ""
     for place in (job.flight, job.results):
         line = line.replace(f"{place}/", "")
@@ -223,6 +222,17 @@ def _run(job: Job) -> Outcome:
     with suppress(Acx4Error):  # results that cannot be read
         row = _row(job.results) if status < 2 else {}
     return Outcome(status=status, reason=visible(" ".join(line.split())), kept=kept, row=row)
+
+
+def _said(error: Exception) -> list[str]:
+    """Return what a command says of an error."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return [f"{error.filename}: {error.strerror}"]
+    if isinstance(error, Acx4Error | OSError):
+        return [*getattr(error, "__notes__", ()), *str(error).splitlines()]
+    if type(error).__name__ == "LinAlgError":
+        return [str(unsolvable(str(error)))]
+    return [f"this is a mistake in acx4: {type(error).__name__}: {error}"]
 
 
 def _simulate(job: Job) -> None:

@@ -376,11 +376,6 @@ def chi2_isf(q: float, df: float) -> float:
     return float(special.chdtri(df, q))
 
 
-def t_sf(x: float, df: float) -> float:
-    """Return the probability of a value of Student's t above x."""
-    return float(special.stdtr(df, -x))
-
-
 def t_ppf(q: float, df: float) -> float:
     """Return the quantile q of Student's t."""
     return float(special.stdtrit(df, q))

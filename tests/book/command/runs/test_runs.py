@@ -99,12 +99,8 @@ def test_what_a_run_says_of_the_results_is_said_of_kept_ones_too(job, monkeypatc
 @pytest.mark.parametrize(
     ("error", "status", "reason"),
     [
-        (
-            OSError(28, "No space left on device", "/x/y"),
-            2,
-            "[Errno 28] No space left on device: '/x/y'",
-        ),
-        (KeyError("k"), 1, "KeyError: 'k'"),
+        (OSError(28, "No space left on device", "/x/y"), 2, "/x/y: No space left on device"),
+        (KeyError("k"), 1, "this is a mistake in acx4: KeyError: 'k'"),
     ],
 )
 def test_any_error_is_a_line(job, monkeypatch, error, status, reason):
