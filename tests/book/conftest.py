@@ -25,6 +25,5 @@ def folders(tmp_path_factory):
         flight = simulate_plan(stability.plan_of(flown), year, options)
         session = f"\n[session]\ndate = {flown.date}\ntemperature_c = {flown.temperature_c}\n"
         files.write(replace(flight, toml=flight.toml + session), at / f"flight{year}")
-        way, stages = runner.Functions(), ("mounting",)
-        runner.run(at / f"flight{year}", at / f"year{year}", way=way, stages=stages)
+        runner.run(at / f"flight{year}", at / f"year{year}", stages=("mounting",))
     return [at / "year2021", at / "year2024"]

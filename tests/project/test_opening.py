@@ -93,7 +93,6 @@ OTHERS = {
         "os.open": "the null device",
         "Path(os.devnull).open": "the null device",
     },
-    "acx4book/notebooks/interpreter.py": {"os.open": "the null device"},
     "acx4book/notebooks/execute.py": {
         "executed.parent.rename": "inside of a draft",
         "path.read_bytes": "the project's sources",

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from acx4book.notebooks import runner
-from acx4book.notebooks.runner import way_of
 from acx4lib import system
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
 from acx4lib.flight import reader
@@ -344,11 +343,10 @@ def _kept_or_run(job: Job) -> tuple[bool, Sequence[str]]:
     flight = reader.read(job.flight)
     if is_whole(flight, job.results, job.settings):
         return True, list(runner.wrong(job.results, job.settings.stages))
-    way = way_of(job.settings.notebooks)
     outcome = runner.run(
         job.flight,
         job.results,
-        way=way,
+        notebooks=job.settings.notebooks,
         stages=job.settings.stages,
         calibration=job.settings.calibration or "",
     )

@@ -218,9 +218,7 @@ def _write_notebooks(
 def run_here(name: str, executed: Path, given: Mapping[str, str], note: str = "") -> None:
     """Run a notebook, and write it as a page."""
     source, page = runner.NOTEBOOKS_PATH / f"{name}.ipynb", executed / f"{name}.ipynb"
-    values = execute.with_defaults(source, given)
-    execute.execute(source, page, parameters=values, on_cell=_silent)
-    execute.scrub(page)
+    execute.execute(source, page, parameters=given)
     fold(page, page, note)
 
 
@@ -343,10 +341,6 @@ def title(notebook: Path) -> str:
 def _read(notebook: Path) -> nbformat.NotebookNode:
     read: nbformat.NotebookNode = nbformat.read(notebook, as_version=4)  # type: ignore[no-untyped-call] # untyped
     return read
-
-
-def _silent(_done: int, _total: int) -> None:
-    """Show no progress."""
 
 
 # --- texts and figures -----------------------------------------------------------------------

@@ -13,8 +13,7 @@ import acx4sim
 from acx4book.command.acx4 import ONE_THREAD
 from acx4book.command.terminal import BOOK
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import Notebooks
-from acx4book.notebooks.runner import Functions
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.flight import reader
 from acx4lib.results import folder as results_folder
@@ -39,7 +38,7 @@ def computed(tmp_path_factory, flight_path):
     """Results of that flight; a test that changes them has a copy."""
     folder = tmp_path_factory.mktemp("computed") / "results"
     with threadpool_limits(1, user_api="blas"):
-        runner.run(flight_path, folder, way=Functions())
+        runner.run(flight_path, folder)
     return folder
 
 
@@ -50,9 +49,9 @@ def tables(folder):
 @pytest.mark.slow
 @pytest.mark.repeats  # `test_all_notebooks` has the notebooks of one camera
 def test_the_results_are_those_of_the_notebooks(tmp_path, flight_path):
-    runner.run(flight_path, tmp_path / "results", way=Notebooks())
+    runner.run(flight_path, tmp_path / "results", notebooks=NOTEBOOKS_PATH)
     executed = tables(tmp_path / "results")
-    runner.run(flight_path, tmp_path / "results", way=Functions())
+    runner.run(flight_path, tmp_path / "results")
     assert tables(tmp_path / "results") == executed
 
 
@@ -62,8 +61,8 @@ def test_the_results_of_heads_and_rig_are_those_of_the_notebooks(tmp_path):
     """Also in a folder of a run with notebooks, which are gone with their results."""
     path = written.write_flight(tmp_path / "flight", blocks=("heads",))
     made = []
-    for way in (Notebooks(), Functions()):
-        report = runner.run(path, tmp_path / "results", way=way)
+    for notebooks in (NOTEBOOKS_PATH, None):
+        report = runner.run(path, tmp_path / "results", notebooks=notebooks)
         assert report.ran == ("heads", "synthetic", "rig")
         made.append(tables(tmp_path / "results"))
     assert made[0] == made[1]
@@ -113,7 +112,7 @@ def test_threads_of_linear_algebra_change_no_bit(told, computed):
 def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, computed):
     folder = shutil.copytree(computed, tmp_path / "results")
     before = tables(folder)
-    runner.run(flight_path, folder, way=Functions(), stages=["validation"])
+    runner.run(flight_path, folder, stages=["validation"])
     assert tables(folder) == before
 
 
@@ -130,7 +129,7 @@ def test_a_stage_that_fails_leaves_the_results_as_they_were(
 
     monkeypatch.setitem(runner.RUNS, "mounting", fail)
     with pytest.raises(AdjustmentError, match="no convergence"):
-        runner.run(flight_path, folder, way=Functions())
+        runner.run(flight_path, folder)
     assert tables(folder) == before
     own_folder.verify(folder, cure="")
 

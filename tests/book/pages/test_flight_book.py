@@ -11,8 +11,7 @@ from pypdf import PdfReader
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import Notebooks
-from acx4book.notebooks.runner import Functions
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.pages import flight_book, pdf
 from acx4book.pages.pdf import PrintError
 from acx4lib.errors import OutputError
@@ -34,8 +33,8 @@ def results(request, tmp_path_factory):
     text = toml.read_text("utf-8")
     name = re.search(r'(?m)^name = "(.*)"$', text)[1]
     toml.write_text(text.replace(name, NAME), encoding="utf-8")
-    way = Notebooks() if request.param == "notebooks" else Functions()
-    runner.run(folder / "flight", folder / "results", way=way)
+    notebooks = NOTEBOOKS_PATH if request.param == "notebooks" else None
+    runner.run(folder / "flight", folder / "results", notebooks=notebooks)
     return folder / "results"
 
 
@@ -124,7 +123,7 @@ def test_it_replaces_nothing_of_others(results, tmp_path):
 @pytest.mark.repeats
 def test_the_book_of_parallel_heads_has_their_chapters(tmp_path):
     flight = planned.write("parallel heads", tmp_path)
-    runner.run(flight, tmp_path / "results", way=Notebooks())
+    runner.run(flight, tmp_path / "results", notebooks=NOTEBOOKS_PATH)
     flight_book.write(tmp_path / "results", tmp_path / "site", strict=True)
     chapters = {p.stem for p in (tmp_path / "site" / "_executed").glob("*.html")}
     assert chapters == {"00-flight", "01-head-calibration", "02-synthetic-image", "08-rig"}

@@ -42,10 +42,9 @@ def write_good(good: Path) -> None:
     blocks = ("heads", "calibration", "validation")
     pictured.write_flight(good / "flight", ("E0",), blocks=blocks)
     written.write_flight(good / "other_flight", blocks=("calibration",), form="geographic")
-    way = runner.Functions()
     stages = ("heads", "mounting", "validation")
-    runner.run(good / "flight", good / "results", way=way, stages=stages)
-    runner.run(good / "other_flight", good / "other", way=way, stages=("mounting",))
+    runner.run(good / "flight", good / "results", stages=stages)
+    runner.run(good / "other_flight", good / "other", stages=("mounting",))
 
 
 def warm(good: Path, work: Path) -> None:

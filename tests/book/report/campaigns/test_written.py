@@ -301,7 +301,7 @@ def figures_folder(tmp_path_factory):
     """Results of a rig of which one head turned."""
     at = tmp_path_factory.mktemp("rig")
     files.write(stability.turning(stability.flown(1)), at / "flight")
-    runner.run(at / "flight", at / "results", way=runner.Functions(), stages=("heads",))
+    runner.run(at / "flight", at / "results", stages=("heads",))
     return at / "results"
 
 
