@@ -55,7 +55,9 @@ class Kernel(AsyncKernelManager):
         """How it is started: not as kernels are in the user's settings."""
         return KernelSpec(resource_dir=RESOURCES, **get_kernel_dict())
 
-    async def start_kernel(self, *, extra_arguments: Iterable[str], **options: Any) -> None:
+    async def start_kernel(  # type: ignore[override] # the base is asynchronous, too
+        self, *, extra_arguments: Iterable[str], **options: Any
+    ) -> None:
         """Start it."""
         arguments = [*extra_arguments, "--InteractiveShellApp.ignore_cwd=True"]
         env = {
@@ -70,7 +72,9 @@ class Kernel(AsyncKernelManager):
         self.running.add(self)
         await super().start_kernel(extra_arguments=arguments, env=env, **streams, **options)
 
-    async def cleanup_resources(self, restart: bool = False) -> None:
+    async def cleanup_resources(  # type: ignore[override] # likewise
+        self, restart: bool = False
+    ) -> None:
         """Remove what it leaves behind."""
         self.running.discard(self)
         await super().cleanup_resources(restart)
