@@ -11,6 +11,7 @@ from sphinx.application import Sphinx
 NOW = {
     "changelog": "reproducibility",
     "rendering-speed": "speed",
+    "teaching/slides": "teaching/syllabus",
     "_executed/07-report": "certificate",
     "_executed/13-bad-starts": "_executed/foundations/6-bundle",
     "_executed/17-distortion-models": "_executed/10-synthetic-quality",

@@ -93,11 +93,8 @@ OTHERS = {
         "os.open": "the null device",
         "Path(os.devnull).open": "the null device",
     },
-    "acx4book/notebooks/execute.py": {
-        "executed.parent.rename": "inside of a draft",
-        "path.read_bytes": "the project's sources",
-        "path.read_text": "the project's sources",
-    },
+    "acx4book/notebooks/execute.py": {"path.read_bytes": "the project's sources"},
+    "acx4book/notebooks/runner.py": {"executed.parent.rename": "inside of a draft"},
     "acx4book/report/comparison.py": {"sheet.read_text": "a style of the library"},
     "acx4book/report/page.py": {
         "STYLE.read_text": "a style of the library",
@@ -105,17 +102,6 @@ OTHERS = {
     },
     "acx4book/report/identity.py": {"METHOD.read_text": "a text of the library"},
     "acx4book/report/typeset.py": {"STYLE.read_bytes": "a style of the library"},
-    "acx4book/teaching/showing.py": {
-        "SLIDES.read_text": "a page of the library",
-        "SLIDES.with_suffix('.md').read_text": "slides of the library",
-        "zipfile.ZipFile": "in memory",
-    },
-    "acx4book/teaching/quiz.py": {"zipfile.ZipFile": "in memory"},
-    "acx4book/pages/release.py": {
-        "zipfile.ZipFile": "into the draft that is open",
-        "sources.extractall": "into a temporary folder",
-    },
-    "acx4book/pages/pdf.py": {"shutil.copytree": "into a temporary folder"},
     "acx4book/pages/flight_book.py": {"shutil.copyfile": "into a temporary folder"},
     "acx4book/typesetting/svg.py": {"figure.savefig": "in memory"},
     "acx4book/typesetting/style.py": {"self.savefig": "in memory"},

@@ -14,7 +14,7 @@ import pytest
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
-from acx4book.pages import build, flight_book, release
+from acx4book.pages import build, flight_book
 from acx4book.report import page
 from acx4lib.flight import reader
 from acx4lib.flight.reader import read
@@ -480,20 +480,3 @@ def test_an_unknown_parameter_is_named_in_the_last_line(ran, name):
         run(at, name, "none", flight=str(at / "flight"))
     last = str(caught.value).strip().splitlines()[-1]
     assert last.startswith("ValueError: unknown parameter flight; this notebook has flight_path")
-
-
-@pytest.mark.slow
-def test_a_download_of_the_book_makes_what_it_lacks_and_its_results_are_a_run(tmp_path):
-    release.write(tmp_path / "downloads")
-    (tmp_path / "empty").mkdir()
-    out = tmp_path / "out.ipynb"
-    papermill.execute_notebook(
-        tmp_path / "downloads" / "04-validation.ipynb",
-        out,
-        cwd=tmp_path / "empty",
-        kernel_name="python3",
-        progress_bar=False,
-    )
-    assert "image/png" in out.read_text(encoding="utf-8")
-    said = provenance.read_run(tmp_path / "empty" / "results-04-validation").provenance
-    assert set(said.stages) == {"mounting", "validation"}

@@ -7,13 +7,11 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4book.command import acx4
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import execute
-from acx4book.pages import release
 from acx4book.report import material
 from acx4book.report.findings import findings
 from acx4lib.errors import FlightError
@@ -118,27 +116,6 @@ def test_a_stage_without_results_before_says_what_to_run_first(flown, tmp_path):
         "notebook 03-mounting-calibration, or "
         f"acx4 run {flown}/B --results {tmp_path}/new --stages mounting"
     )
-
-
-@pytest.mark.slow
-def test_the_notebook_of_the_book_calibrates_the_flight_that_it_is_given(
-    flown, tmp_path, monkeypatch
-):
-    release.write(tmp_path / "notebooks")
-    monkeypatch.chdir(tmp_path)
-    execute(
-        tmp_path / "notebooks" / "04-validation.ipynb",
-        tmp_path / "done.ipynb",
-        parameters={"flight_path": str(flown / "B"), "results_path": "new"},
-    )
-    assert not list(tmp_path.glob("flight-*"))
-    own, made = (
-        folder.parameters(folder.read(path), "mounting/single_step", "CAM")
-        for path in (flown / "results_B", tmp_path / "new")
-    )
-    assert_allclose(made["value"], own["value"], rtol=1e-12)
-    named = {e["flight"]["sha256"] for e in folder.entries(tmp_path / "new").values()}
-    assert named == {digest(flown / "B")}
 
 
 @pytest.mark.slow

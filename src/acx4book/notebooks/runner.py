@@ -25,7 +25,6 @@ from acx4lib.results.own_folder import OwnFolder
 from acx4lib.results.provenance import COMMAND, EXECUTED, FAILED
 from acx4lib.results.table_files import NOTEBOOKS, PART_OF
 from acx4lib.stages import heads, mounting, order, rig, validation
-from acx4sim import designs, files
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
 """Folder of the notebooks."""
@@ -356,52 +355,3 @@ def _compute(
     with threadpool_limits(1, user_api="blas"):
         run(flight, staging)
     tell(1, 1)
-
-
-# --- Inputs of a notebook that runs by itself, in an empty folder: its flight, and earlier
-# stages
-
-
-PICTURES, REDUCE = ("H1-05", "H3-04", "C2-05"), 4
-"""Exposures of the book's flight with pictures, and the factor of reduction of these."""
-
-
-def flight_of(design: str) -> str:
-    """Return the name of the folder of a flight that a notebook simulates for itself."""
-    return f"flight-{design}"
-
-
-def prepare(
-    flight_path: str | Path,
-    results_path: str | Path,
-    *,
-    design: str = "acx4",
-    stages: Sequence[str] = (),
-) -> None:
-    """Simulate the flight of the book where it is missing, and run the earlier stages.
-
-    An existing flight and results of an earlier run stay as they are. The earlier
-    stages are those of the given flight; only the book's flight is simulated.
-
-    Parameters
-    ----------
-    flight_path : path
-        Folder of the flight; `flight_of` returns the name of the book's.
-    results_path : path
-        Folder of the results.
-    design : str
-        One of `acx4sim.DESIGNS`; the flight of the book has pictures, others have none.
-    stages : sequence of str
-        Stages whose results the notebook needs, of `acx4lib.results.folder.STAGES`.
-
-    Raises
-    ------
-    FlightError, OutputError, AdjustmentError
-        As `runner.run`.
-    """
-    if not Path(flight_path).exists() and Path(flight_path).name == flight_of(design):
-        flown = designs.DESIGNS[design]()
-        pictured = files.photograph(flown, PICTURES, reduce=REDUCE) if design == "acx4" else flown
-        files.write(pictured, flight_path)
-    if stages and not Path(results_path).exists():
-        run(flight_path, results_path, stages=stages)
