@@ -14,7 +14,7 @@ NOW = {
     "teaching/slides": "teaching/syllabus",
     "_executed/07-report": "certificate",
     "_executed/13-bad-starts": "_executed/foundations/6-bundle",
-    "_executed/17-distortion-models": "_executed/10-synthetic-quality",
+    "_executed/17-distortion-models": "_executed/12-synthetic-cost",
 }
 """Pages by what they were called, without their endings."""
 

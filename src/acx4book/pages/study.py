@@ -446,7 +446,7 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(FOUNDATIONS, ("data/paper/*.csv",)),
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
-    "10-synthetic-quality": ("data/paper/*.csv", "data/benchmarks/closed_chain_pattern.csv"),
+    "10-synthetic-quality": ("data/paper/*.csv",),
     "11-ten-heads": ("data/reference/**/*.csv", "measured"),
     "07-exercises": (),
     "12-synthetic-cost": ("data/paper/*.csv", "data/benchmarks/closed_chain*"),
