@@ -130,14 +130,14 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
 def _write_beside(results_path: Path, book: Path) -> None:
     """Write what needs no notebook that is run here: report, comparisons, examples."""
     generated = book / "_generated"
-    timed, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
-    for name, figure in _figures_of_benchmarks(timed, errors):
+    errors = sigma.read(BENCHMARKS)
+    for name, figure in _figures_of_benchmarks(errors):
         whole_files.write(generated / name, vector(figure))
     frames.draw(generated)
     _bring_notebooks(generated / DOWNLOADED)
     page.write(results_path, generated / REPORT)
     for name, text in (
-        *_texts_of_benchmarks(timed, errors),
+        *_texts_of_benchmarks(errors),
         *solutions.texts(),
         *_texts_of_back_matter(),
         *_texts_of_examples(book),
@@ -395,10 +395,10 @@ def _run(results_path: Path) -> tuple[results.Results, Flight]:
 
 
 def _texts_of_benchmarks(
-    timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
+    errors: sigma.Errors,
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts: speed, messages of imports, errors over standard deviations."""
-    yield from ((f"speed-{name}.md", speed.text(name, timed[name])) for name in speed.NAMES)
+    yield "speed.md", speed.text(BENCHMARKS)
     yield from speed.of_imports(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
@@ -430,10 +430,9 @@ def _texts_of_back_matter() -> Iterator[tuple[str, str]]:
 
 
 def _figures_of_benchmarks(
-    timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
+    errors: sigma.Errors,
 ) -> Iterator[tuple[str, Figure]]:
     """Yield names and figures."""
-    yield "speed.svg", speed.seconds_by_points(timed["adjustment"])
     tables = [table[table["method"] == sigma.MAIN] for table in (errors.parameters, errors.points)]
     yield "coverage.svg", normalised_errors(*tables)
 
