@@ -238,7 +238,8 @@ def side_by_side(
                     del running[future]
                     future.result()
         except (KeyboardInterrupt, SystemExit):
-            execute.end_all()
+            while wait(running, timeout=0.5).not_done:  # one may be about to begin
+                execute.end_all()
             raise
 
 
