@@ -146,7 +146,10 @@ def test_the_wheel_holds_the_packages_with_their_data_and_nothing_else(wheel):
     for place, files in (
         ("acx4book/chapters/stored", "data/benchmarks/measured_flights*"),
         ("acx4book/chapters/stored", "data/benchmarks/closed_chain*"),
-        ("acx4book/chapters/stored",),
+        (
+            "acx4book/chapters/stored",
+            "data/benchmarks/closed_chain_pattern.csv",
+        ),
         ("acx4book/notebooks/sources", "notebooks/*.ipynb"),
         ("acx4book/notebooks/sources/template", "notebooks/template/*.ipynb"),
         ("acx4book/pages/sources", "book/_config.yml"),

@@ -129,7 +129,7 @@ def execute(
         try:
             papermill.execute_notebook(
                 _literal(notebook),
-                _literal(executed),
+                _literal(executed.absolute()),
                 parameters=given,
                 kernel_name="python3",
                 language="python",
