@@ -61,7 +61,6 @@ done
 endef
 
 STUDY     := data/flights/acx4
-PDF       := build/$(if $(filter $(STUDY),$(FLIGHT)),book,books/$(notdir $(RESULTS))).pdf
 SITE      := $(if $(filter $(STUDY),$(FLIGHT)),book/_build/html,build/books/$(notdir $(RESULTS)))
 INDEX     := $(SITE)/index.html
 
@@ -72,7 +71,7 @@ export OPENBLAS_NUM_THREADS := 1
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help .venv lock check words test test-all fuzz mistakes notebooks lab book page pdf release serve bench coverage chain reference-data reference-results clean
+.PHONY: help .venv lock check test test-all fuzz mistakes notebooks lab book page release serve bench coverage chain reference-data reference-results clean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[.a-z-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -119,9 +118,6 @@ check: .venv/.stamp-test ## style, types, layers, notebooks without outputs, spe
 	@$(if $(NOTEBOOKS),$(BIN)/nbstripout --keep-id --verify $(NOTEBOOKS) $(wildcard notebooks/*/*.ipynb))
 	@$(BIN)/codespell src notebooks book *.md
 	@PYTHONPATH=tests $(BIN)/python -m project.sizes
-
-words: .venv/.stamp-test ## words of prose of each page of the book, of the foundations and of the rest
-	@$(BIN)/python -m acx4book.pages.words
 
 test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats what a smaller case shows
 	@$(BIN)/pytest -q -n 2 --dist worksteal -m 'not repeats'
@@ -205,11 +201,6 @@ page: .venv/.stamp ## build the page of one notebook, as make page CHAPTER=11-te
 	@$(BIN)/python -m acx4book.pages chapter '$(CHAPTER)' '$(RESULTS)' build/page
 	@echo build/page/_executed/$(CHAPTER).html
 
-pdf: $(INDEX) ## print the built book of FLIGHT with Chromium into one PDF below build
-	@mkdir -p build
-	@$(BIN)/python -m acx4book.pages.pdf '$(SITE)' $(if $(filter $(STUDY),$(FLIGHT)),book/_generated/_toc.yml,'$(SITE)/_toc.yml') '$(PDF)'
-	@echo '$(PDF)'
-
 # The book is built from the commit that is released, so that it names this one.
 release: check book ## check, and make the wheel and the archive of the book, in build/release
 	@$(BIN)/python -m acx4book.pages.release book/_build/html build/release
@@ -229,6 +220,6 @@ reference-results: .venv/.stamp ## compute what the book shows of these anew, an
 clean: ## remove all that was made, except .venv and the reference data
 	@$(REMOVE_BOOK)
 	@$(CLEAR) $(SHIPPED) $(SHIPPED:%=%.truth.json) build/results/* build/books/* || true
-	@rm -rf build/stamps build/chapters build/release build/book.pdf
+	@rm -rf build/stamps build/chapters build/release
 	@rmdir build/results build/books build data/flights 2> /dev/null || true
 	@rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

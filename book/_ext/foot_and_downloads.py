@@ -52,7 +52,7 @@ def buttons(said: dict[str, str], name: str, copy: str) -> list[dict[str, str]]:
             "url": copy,
             "text": "notebook, to run",
             "icon": "fas fa-play",
-            "tooltip": "Download the notebook without outputs; it runs in an empty folder",
+            "tooltip": "Download the notebook without outputs, to run it in the project",
             "label": "download-clean-button",
         }
     ]

@@ -11,9 +11,10 @@ from sphinx.application import Sphinx
 NOW = {
     "changelog": "reproducibility",
     "rendering-speed": "speed",
+    "teaching/slides": "teaching/syllabus",
     "_executed/07-report": "certificate",
     "_executed/13-bad-starts": "_executed/foundations/6-bundle",
-    "_executed/17-distortion-models": "_executed/10-synthetic-quality",
+    "_executed/17-distortion-models": "_executed/12-synthetic-cost",
     "_executed/18-over-the-years": "commands",
 }
 """Pages by what they were called, without their endings."""

@@ -1,7 +1,6 @@
 """Calls of a notebook besides the library: its beginning, and its early end.
 
-It works in any kernel, under plain papermill, and in the interpreter of ``acx4 run``. Outside of
-IPython nothing is shown.
+It works in any kernel, also under plain papermill. Outside of IPython nothing is shown.
 """
 
 from __future__ import annotations
@@ -12,10 +11,12 @@ from typing import Any
 
 from IPython.core.getipython import get_ipython
 from IPython.display import display
+from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
-from acx4book.typesetting import tables
+from acx4book.typesetting import style, tables
 from acx4book.typesetting.myst import say
+from acx4book.typesetting.svg import vector
 from acx4lib.errors import visible
 from acx4lib.flight.reader import Flight
 from acx4lib.stages import order
@@ -35,7 +36,7 @@ class End(Exception):
 
 
 def begin() -> None:
-    """Begin a notebook: check its parameters, and let tables show themselves.
+    """Begin a notebook: check its parameters, show tables, and figures as vectors.
 
     Linear algebra then has one thread, as in ``acx4 run``, so that results are equal byte by byte.
 
@@ -50,6 +51,10 @@ def begin() -> None:
         return
     _check_parameters(shell.user_ns.get("In", []))
     tables.register(shell)
+    formatters = shell.display_formatter.formatters
+    formatters["image/png"].for_type(Figure, lambda _: None)
+    formatters["image/svg+xml"].for_type(Figure, vector)
+    formatters["image/svg+xml"].for_type(style.Nothing, lambda _: None)
     threadpool_limits(1, user_api="blas")
 
 

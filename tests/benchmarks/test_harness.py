@@ -14,7 +14,6 @@ from numpy.testing import assert_allclose
 
 from acx4book.chapters.from_pictures import STORED
 from acx4book.pages.benchmarks import sigma as read_by_the_book
-from acx4book.pages.benchmarks import speed
 from acx4lib.calibration import mounting
 from benchmarks import bench, command, coverage_flights, harness
 from support.flights import simulated
@@ -69,10 +68,6 @@ def test_numbers_of_the_project_come_from_a_commit(changed_file, tmp_path):
 
 
 # --- one harness times all benchmarks and stores what the page on speed reads ----------------
-
-
-def test_every_benchmark_of_the_page_is_timed():
-    assert tuple(bench.BENCHMARKS) == speed.NAMES
 
 
 def test_rows_and_what_belongs_to_all_are_stored(tmp_path, monkeypatch):

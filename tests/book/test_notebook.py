@@ -7,7 +7,6 @@ from jupyter_client.manager import start_new_kernel
 from papermill.exceptions import PapermillExecutionError
 
 from acx4book import notebook
-from acx4book.notebooks import execute
 from acx4lib import flight
 from support.flights import written
 from support.helpers import repeats, write_notebook
@@ -73,18 +72,6 @@ def test_known_parameters_are_taken_and_a_block_that_is_not_there_ends_it_in_one
     cells = by_papermill(tmp_path, "print(share)", NEEDS, *after, flight_path=flight_path, share=1)
     said, shown = outputs(cells)
     assert said.text == "1\n"
-    assert shown.data == {"text/markdown": ENDS, "text/plain": ENDS}
-
-
-@pytest.mark.slow
-def test_it_ends_alike_in_the_interpreter_of_a_run(tmp_path, flight_path):
-    write_notebook(tmp_path / "notebook.ipynb", PARAMETERS, NEEDS, "1 / 0")
-    out = tmp_path / "made" / "out.ipynb"
-    given = {"flight_path": flight_path}
-    execute.execute(
-        tmp_path / "notebook.ipynb", out, parameters=given, on_cell=lambda done, total: None
-    )
-    (shown,) = outputs(nbformat.read(out, as_version=4).cells)
     assert shown.data == {"text/markdown": ENDS, "text/plain": ENDS}
 
 

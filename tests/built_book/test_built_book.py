@@ -12,7 +12,7 @@ import pytest
 import yaml
 from pypdf import PdfReader
 
-from acx4book.pages import pdf, release, reproducibility
+from acx4book.pages import reproducibility
 from acx4book.report.page import write
 from acx4lib.results import provenance
 from built_book.conftest import parse
@@ -196,7 +196,6 @@ def test_no_page_names_a_folder_of_the_machine_that_built_it(html):
 # --- what every page of the book offers besides its text, and what the book carries ------------
 
 
-PRINTED = ("_executed/foundations/2-rotations.html", "glossary.html")
 ADDRESS = re.compile(r"https?://([a-z0-9-]+\.)+[a-z]{2,}(:\d+)?(/[^\s<>\"{}|\\^`]*)?")
 
 
@@ -219,7 +218,7 @@ def test_every_notebook_can_be_taken_along_as_it_was_executed_and_to_run(html, c
     for name in notebooks:
         links = chapters[name].select(".dropdown-download-buttons a[href*='downloads/']")
         to_run, executed = ((html / name).parent / link["href"] for link in links)
-        assert to_run.resolve() == html / release.FOLDER / source(name)
+        assert to_run.resolve() == html / "downloads" / "notebooks" / source(name)
         with zipfile.ZipFile(executed) as packed:
             whole = packed.read(Path(source(name)).name)
         for content, has in ((to_run.read_bytes(), False), (whole, True)):
@@ -282,42 +281,15 @@ def test_addresses_outside_are_well_formed(pages):
     assert wrong == []
 
 
-def prints(html, folder, names):
-    """Print some pages of the book into one PDF."""
-    contents = {
-        "root": "intro",
-        "chapters": [{"file": name.removesuffix(".html")} for name in names],
-    }
-    (folder / "toc.yml").write_text(yaml.safe_dump(contents))
-    pdf.make(html, folder / "toc.yml", folder / "book.pdf")
-    return PdfReader(folder / "book.pdf")
-
-
-def test_on_paper_everything_is_open_and_a_term_leads_to_its_definition(browser, html, tmp_path):
-    reader = prints(html, tmp_path, PRINTED)
-    text = "\n".join(sheet.extract_text() for sheet in reader.pages)
+def test_on_paper_everything_is_open(browser, html, tmp_path):
+    page = browser.new_page()
+    page.goto((html / "_executed/foundations/2-rotations.html").as_uri(), wait_until="load")
+    page.pdf(path=tmp_path / "page.pdf", prefer_css_page_size=True)
+    page.close()
+    text = "\n".join(sheet.extract_text() for sheet in PdfReader(tmp_path / "page.pdf").pages)
     assert "??" not in text
     assert "Solution to Exercise" in text
     assert "assert np.allclose" in text  # of a solution
-    glossary = reader.get_destination_page_number(reader.outline[2])
-    places = {page.indirect_reference.idnum: n for n, page in enumerate(reader.pages)}
-    led = [
-        places[entry["/Dest"][0].idnum]
-        for sheet in reader.pages[:glossary]
-        for entry in (one.get_object() for one in sheet.get("/Annots", []))
-        if "/Dest" in entry
-    ]
-    assert any(number >= glossary for number in led)
-
-
-@pytest.mark.slow
-@pytest.mark.repeats
-def test_the_whole_book_is_printed_without_an_unresolved_number(browser, html, tmp_path):
-    contents = ROOT / "book" / "_generated" / "_toc.yml"
-    pdf.make(html, contents, tmp_path / "book.pdf")
-    reader = PdfReader(tmp_path / "book.pdf")
-    assert len(reader.outline) == len(pdf.order(contents))
-    assert [n for n, sheet in enumerate(reader.pages) if "??" in sheet.extract_text()] == []
 
 
 # --- the printable report of the run that the book was made from -------------------------------

@@ -20,7 +20,6 @@ from docutils.nodes import make_id
 
 from acx4book.command import acx4
 from acx4book.notebooks import runner
-from acx4book.notebooks.runner import Functions
 from acx4book.pages import flight_book
 from acx4book.typesetting.plain_text import shown
 from acx4lib import flight
@@ -190,7 +189,7 @@ def test_results_have_the_names_as_they_are(made):
 def test_results_are_those_of_a_run_without_notebooks(made, tmp_path):
     """Also in a folder of a run with notebooks, which are gone with their results."""
     again = shutil.copytree(made.results, tmp_path / "results")
-    runner.run(made.flight.path, again, way=Functions())
+    runner.run(made.flight.path, again)
     for name in (*results.FILES, provenance.FILE):
         assert (again / name).read_bytes() == (made.results / name).read_bytes(), name
     assert not (again / provenance.EXECUTED).exists()

@@ -225,32 +225,6 @@ def test_a_page_of_the_interface_says_nothing_twice():
     assert page("intro", body) == body
 
 
-@pytest.fixture
-def html(tmp_path):
-    """A built book with three icons, one of which is shown, and one by another name."""
-    scripts = tmp_path / "_static" / "scripts"
-    scripts.mkdir(parents=True)
-    icons = (
-        'i={"bars":[448,512,["navicon"],"f0c9","M0 9"],plane:[9,9,[],"f1",["M1","M2"]],'
-        '"xmark":[384,512,[128473,"times"],"f00d","M3"]};go()'
-    )
-    (scripts / "fontawesome.js").write_text(icons)
-    (scripts / "other.js").write_text('add("fa-times")')
-    (tmp_path / "a.html").write_text('<i class="fa-solid fa-bars"></i>')
-    (tmp_path / "_static" / "mathjax").mkdir()
-    return tmp_path
-
-
-def test_only_icons_that_a_page_or_a_script_names_are_left(html):
-    app = SimpleNamespace(outdir=html, builder=SimpleNamespace(format="html"))
-    offline.prune(app, None)
-    left = (html / "_static" / "scripts" / "fontawesome.js").read_text()
-    assert left.startswith('i={"bars":[448,')
-    assert '"xmark"' in left
-    assert "plane" not in left
-    assert left.endswith("};go()")
-
-
 def test_an_executed_notebook_is_packed_the_same_way_twice(tmp_path):
     packed = []
     for k in range(2):

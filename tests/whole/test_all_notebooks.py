@@ -13,9 +13,8 @@ import pytest
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import Notebooks
-from acx4book.notebooks.runner import Functions
-from acx4book.pages import build, flight_book, release
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
+from acx4book.pages import build, flight_book
 from acx4book.report import page
 from acx4lib.flight import reader
 from acx4lib.flight.reader import read
@@ -70,7 +69,7 @@ def texts(request, tmp_path_factory):
     """What the cells of all notebooks show, by notebook and cell."""
     folder = tmp_path_factory.mktemp("unlike")
     flight = planned.write(request.param, folder)
-    runner.run(flight, folder / "results", way=Notebooks())
+    runner.run(flight, folder / "results", notebooks=NOTEBOOKS_PATH)
     executed = folder / "results" / "notebooks"
     places = {"flight_path": str(folder / "results" / KEPT), "results_path": str(executed.parent)}
     for name, stage in flight_book.CHAPTERS.items():
@@ -144,7 +143,7 @@ def test_a_class_is_told_only_where_the_standard_has_enough_points(texts):
 def test_the_notebooks_run_on_heads_that_are_not_the_papers(tmp_path):
     other_path = in_heads.write_other_heads(tmp_path / "flight")
     report = runner.run(
-        other_path, tmp_path / "results", way=Notebooks(), stages=("heads", "synthetic")
+        other_path, tmp_path / "results", notebooks=NOTEBOOKS_PATH, stages=("heads", "synthetic")
     )
     assert report.ran == ("heads", "synthetic")
     assert report.not_determined == report.left_out == ()
@@ -214,8 +213,8 @@ TOGETHER = {
 }
 """Settings that are run through the notebooks of the flight of one camera, some at a time."""
 
-USUAL = [("surveyed lever arm", Functions), ("held lever arm and delays", Functions)]
-"""Of these, and which way, in the usual tests."""
+USUAL = ("surveyed lever arm", "held lever arm and delays")
+"""Of these, in the usual tests, without notebooks."""
 
 
 def of_design(tables):
@@ -264,10 +263,10 @@ def shown(value):
     return value.isoformat() if isinstance(value, dt.date) else json.dumps(value)
 
 
-def run_whole(flight, way):
+def run_whole(flight, notebooks=None):
     """Run a flight, write its report, and return the summary of its results."""
     results = flight.with_name(f"{flight.name} results")
-    outcome = runner.run(flight, results, way=way)
+    outcome = runner.run(flight, results, notebooks=notebooks)
     page.write(results, results.with_suffix(".html"))
     for path in results.glob("notebooks/*.ipynb"):
         text = path.read_text("utf-8")
@@ -302,16 +301,16 @@ def test_no_setting_is_without_a_run(flights):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "way"),
+    ("name", "notebooks"),
     [
-        (name, way) if (name, way) in USUAL else repeats(name, way)
+        (name, None) if name in USUAL and notebooks is None else repeats(name, notebooks)
         for name in TOGETHER
-        for way in (Functions, Notebooks)
+        for notebooks in (None, NOTEBOOKS_PATH)
     ],
 )
-def test_settings_run_through_all_stages_and_the_report(flights, name, way):
-    flight = flights(SINGLE, f"{name} {way.__name__}", {**declared(), **TOGETHER[name]})
-    summary = run_whole(flight, way())
+def test_settings_run_through_all_stages_and_the_report(flights, name, notebooks):
+    flight = flights(SINGLE, f"{name} {bool(notebooks)}", {**declared(), **TOGETHER[name]})
+    summary = run_whole(flight, notebooks)
     assert summary["mounting/single_step"]["converged"]
     assert summary["validation/single_step"]["n_points"] > 0
 
@@ -331,13 +330,13 @@ def declared():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", [Functions, repeats(Notebooks)])
+@pytest.mark.parametrize("notebooks", [None, repeats(NOTEBOOKS_PATH)])
 @pytest.mark.repeats
-def test_heads_run_through_all_stages_and_the_report(flights, way):
+def test_heads_run_through_all_stages_and_the_report(flights, notebooks):
     changes = {("synthetic", "measured_in"): "heads", ("stages", "heads", "estimate"): ["k1", "k2"]}
     changes |= {("cameras", NAME, "lever_x_m"): 0.1, ("cameras", NAME, "lever_sigma_m"): 0.5}
     changes |= {("cameras", NAME, "mount_sigma_deg"): [1.0, 1.0, 1.0]}
-    summary = run_whole(flights(HEADS, f"heads {way.__name__}", changes), way())
+    summary = run_whole(flights(HEADS, f"heads {bool(notebooks)}", changes), notebooks)
     assert {"heads/bundle/CAM1", "mounting/rig", "validation/rig"} <= summary.keys()
 
 
@@ -345,7 +344,7 @@ def test_heads_run_through_all_stages_and_the_report(flights, way):
 def test_the_last_choice_of_every_setting_of_one_camera_runs_with_those_of_the_others(flights):
     chosen = {keys: value for keys, value in choices() if not {"heads", "synthetic"} & {*keys}}
     assert len(chosen) > 2
-    summary = run_whole(flights(SINGLE, "chosen", {**declared(), **chosen}), Functions())
+    summary = run_whole(flights(SINGLE, "chosen", {**declared(), **chosen}))
     assert {name.partition("/")[0] for name in summary} >= {"mounting", "validation"}
 
 
@@ -359,7 +358,7 @@ def test_every_choice_runs_through_all_stages_and_the_report(flights, keys, valu
     flight = flights(design, name, changes)
     if keys == ("synthetic", "measured_in"):
         assert read(flight).synthetic.measured_in == value
-    summary = run_whole(flight, Functions())
+    summary = run_whole(flight)
     assert {name.partition("/")[0] for name in summary} >= {"mounting", "validation"}
 
 
@@ -436,7 +435,7 @@ def test_a_block_that_is_not_there_ends_a_notebook_in_one_sentence(ran):
 def test_the_results_are_those_of_a_run_and_name_the_flight(ran):
     kind, at, _ = ran
     stages = [*USUAL_FLIGHT] if kind == "single" else STAGES
-    runner.run(at / "flight", at / "by_run", way=Functions(), stages=stages)
+    runner.run(at / "flight", at / "by_run", stages=stages)
     plain, by_run = (
         {p.relative_to(at / name): p.read_bytes() for p in (at / name).rglob("*") if p.is_file()}
         for name in ("results", "by_run")
@@ -455,7 +454,7 @@ def test_report_export_and_compare_take_the_results(ran, acx4, tmp_path):
     assert acx4("export", results, "--to", "toml", "--out", tmp_path / "exported")[0] == 0
     if kind == "single, all":
         acx4sim.write(acx4sim.DESIGNS["single-head"](seed=2), tmp_path / "flight2")
-        runner.run(tmp_path / "flight2", tmp_path / "results2", way=Functions())
+        runner.run(tmp_path / "flight2", tmp_path / "results2")
         assert acx4("compare", results, tmp_path / "results2", "--out", tmp_path / "c")[0] in (0, 1)
 
 
@@ -481,20 +480,3 @@ def test_an_unknown_parameter_is_named_in_the_last_line(ran, name):
         run(at, name, "none", flight=str(at / "flight"))
     last = str(caught.value).strip().splitlines()[-1]
     assert last.startswith("ValueError: unknown parameter flight; this notebook has flight_path")
-
-
-@pytest.mark.slow
-def test_a_download_of_the_book_makes_what_it_lacks_and_its_results_are_a_run(tmp_path):
-    release.write(tmp_path / "downloads")
-    (tmp_path / "empty").mkdir()
-    out = tmp_path / "out.ipynb"
-    papermill.execute_notebook(
-        tmp_path / "downloads" / "04-validation.ipynb",
-        out,
-        cwd=tmp_path / "empty",
-        kernel_name="python3",
-        progress_bar=False,
-    )
-    assert "image/png" in out.read_text(encoding="utf-8")
-    said = provenance.read_run(tmp_path / "empty" / "results-04-validation").provenance
-    assert set(said.stages) == {"mounting", "validation"}

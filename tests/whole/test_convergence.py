@@ -16,7 +16,6 @@ import pytest
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.runner import Functions
 from acx4lib import flight
 from acx4lib.bundle import adjust
 from acx4lib.bundle.start import recovered
@@ -322,7 +321,7 @@ def with_cell(good, folder, table, row, column, cell):
 def ended(flight, results):
     """Return the sentences with which a run ends."""
     try:
-        outcome = runner.run(flight, results, way=Functions())
+        outcome = runner.run(flight, results)
     except Acx4Error as error:
         return [*getattr(error, "__notes__", ()), *str(error).splitlines()]
     return list(outcome.not_determined)

@@ -17,7 +17,6 @@ from acx4book.chapters.heads import mean_residuals
 from acx4book.chapters.mounting.tables import determination, reliability
 from acx4book.command import acx4
 from acx4book.notebooks import runner
-from acx4book.notebooks.runner import Functions
 from acx4book.report.markdown import adjustment_title, parameter_title
 from acx4book.typesetting.matrix import correlation_matrix
 from acx4book.typesetting.myst import LABELS
@@ -80,7 +79,7 @@ def test_the_two_are_named_and_the_finding_does_not_hold(good, tmp_path, name, c
 def test_the_results_are_those_of_the_right_names_without_the_two(good, tmp_path):
     flight = exchange(good, tmp_path / "flight", *EXCHANGED["strips"])
     for path, name in ((good, "right"), (flight, "mixed")):
-        runner.run(path, tmp_path / name, way=Functions(), stages=["mounting"])
+        runner.run(path, tmp_path / name, stages=["mounting"])
     right, mixed = (
         folder.parameters(folder.read(tmp_path / name), "mounting/single_step", "CAM")
         for name in ("right", "mixed")

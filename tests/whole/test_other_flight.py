@@ -7,14 +7,11 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4book.command import acx4
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import Notebooks, execute
-from acx4book.notebooks.runner import Functions
-from acx4book.pages import release
+from acx4book.notebooks.execute import execute
 from acx4book.report import material
 from acx4book.report.findings import findings
 from acx4lib.errors import FlightError
@@ -35,7 +32,7 @@ def flown(tmp_path_factory):
     at = tmp_path_factory.mktemp("two")
     for name, seed in (("A", 1), ("B", 2)):
         acx4sim.write(acx4sim.DESIGNS["single-head"](seed=seed), at / name)
-        runner.run(at / name, at / f"results_{name}", way=Functions())
+        runner.run(at / name, at / f"results_{name}")
     return at
 
 
@@ -99,8 +96,8 @@ def test_a_table_that_was_changed_after_the_run_is_named(flown, tmp_path):
     toml.write_text(toml.read_text() + "[session]\ntemperature_c = 12.0\n")
     results = copied(flown, tmp_path, "results_A")
     with pytest.raises(FlightError, match=r"of stage mounting .*\(flight\.toml differs\)"):
-        runner.run(changed, results, way=Functions(), stages=["validation"])
-    runner.run(changed, results, way=Functions())  # all stages replace it
+        runner.run(changed, results, stages=["validation"])
+    runner.run(changed, results)  # all stages replace it
     assert folder.entries(results)["mounting/single_step"]["flight"]["sha256"] == digest(changed)
 
 
@@ -122,28 +119,6 @@ def test_a_stage_without_results_before_says_what_to_run_first(flown, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_notebook_of_the_book_calibrates_the_flight_that_it_is_given(
-    flown, tmp_path, monkeypatch
-):
-    release.write(tmp_path / "notebooks")
-    monkeypatch.chdir(tmp_path)
-    execute(
-        tmp_path / "notebooks" / "04-validation.ipynb",
-        tmp_path / "done.ipynb",
-        parameters={"flight_path": str(flown / "B"), "results_path": "new"},
-        on_cell=lambda *_: None,
-    )
-    assert not list(tmp_path.glob("flight-*"))
-    own, made = (
-        folder.parameters(folder.read(path), "mounting/single_step", "CAM")
-        for path in (flown / "results_B", tmp_path / "new")
-    )
-    assert_allclose(made["value"], own["value"], rtol=1e-12)
-    named = {e["flight"]["sha256"] for e in folder.entries(tmp_path / "new").values()}
-    assert named == {digest(flown / "B")}
-
-
-@pytest.mark.slow
 def test_a_notebook_given_the_results_of_another_flight_says_so_in_its_last_line(flown, tmp_path):
     with pytest.raises(FlightError, match=r"not of .*run stage mounting of this flight first"):
         execute(
@@ -153,7 +128,6 @@ def test_a_notebook_given_the_results_of_another_flight_says_so_in_its_last_line
                 "flight_path": str(flown / "B"),
                 "results_path": str(copied(flown, tmp_path, "results_A")),
             },
-            on_cell=lambda *_: None,
         )
 
 
@@ -185,7 +159,6 @@ def test_the_calibration_of_an_earlier_flight_is_validated_by_name(flown, tmp_pa
 def test_the_report_says_whose_calibration_was_validated(flown, tmp_path):
     runner.run(
         *(flown / "B", tmp_path / "results"),
-        way=Functions(),
         stages=["validation"],
         calibration=flown / "results_A",
     )
@@ -234,10 +207,10 @@ def test_open_calls_with_an_earlier_calibration_leave_what_a_run_leaves(flown, t
 
 def test_a_validation_by_an_earlier_flight_is_executed_as_a_notebook(flown, tmp_path):
     one, two = tmp_path / "numbers", tmp_path / "notebook"
-    for path, way in ((one, Functions()), (two, Notebooks())):
+    for path, notebooks in ((one, None), (two, runner.NOTEBOOKS_PATH)):
         runner.run(
             *(flown / "B", path),
-            way=way,
+            notebooks=notebooks,
             stages=["validation"],
             calibration=flown / "results_A",
         )
@@ -274,20 +247,18 @@ def test_a_folder_has_one_calibration(flown, tmp_path):
     with pytest.raises(FlightError, match="has the flight's own calibration beside"):
         runner.run(
             *(flown / "B", results),
-            way=Functions(),
             stages=["validation"],
             calibration=flown / "results_A",
         )
     later = tmp_path / "later"
     runner.run(
         *(flown / "B", later),
-        way=Functions(),
         stages=["validation"],
         calibration=flown / "results_A",
     )
     with pytest.raises(FlightError, match="has the flight's own calibration beside"):
-        runner.run(flown / "B", later, way=Functions(), stages=["mounting"])
-    runner.run(flown / "B", later, way=Functions())
+        runner.run(flown / "B", later, stages=["mounting"])
+    runner.run(flown / "B", later)
     assert "calibration" not in provenance.read(later).stages["validation"]
 
 

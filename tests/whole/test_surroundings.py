@@ -275,9 +275,7 @@ made = nbformat.v4.new_notebook(cells=[
     nbformat.v4.new_code_cell("import matplotlib.pyplot as plt\\nprint(seed, plt.__name__)"),
 ])
 nbformat.write(made, folder / "a.ipynb")
-execute.execute(
-    folder / "a.ipynb", folder / "b.ipynb", parameters={"seed": 7}, on_cell=lambda *_: None
-)
+execute.execute(folder / "a.ipynb", folder / "b.ipynb", parameters={"seed": 7})
 for cell in nbformat.read(folder / "b.ipynb", as_version=4).cells:
     for output in cell.outputs:
         print(output.text, end="")

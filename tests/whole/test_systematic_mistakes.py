@@ -8,7 +8,6 @@ import pytest
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.runner import Functions
 from acx4lib import flight as flights
 from acx4lib.bundle.variance_components import BOUNDS, Component
 from acx4lib.calibration.confirmation import confirmations
@@ -226,7 +225,7 @@ def right(control):
 
 @pytest.mark.parametrize("mistake", [other_epoch, scaled])
 def test_a_mistake_of_control_is_no_sigma(flight, tmp_path, mistake):
-    outcome = runner.run(flight(mistake.__name__, mistake), tmp_path / "r", way=Functions())
+    outcome = runner.run(flight(mistake.__name__, mistake), tmp_path / "r")
     assert any("sigma of" in note and "outside 0.33 to 1.5" in note for note in outcome.notes)
     said = state(tmp_path / "r", QUESTION)
     assert said[0] == "fails"
@@ -237,9 +236,7 @@ def test_a_mistake_of_control_is_no_sigma(flight, tmp_path, mistake):
 
 @pytest.mark.parametrize("change", [right, too_optimistic])
 def test_sigma_that_are_wrong_are_estimated_within_the_bounds(flight, tmp_path, change):
-    runner.run(
-        flight(change.__name__, change), tmp_path / "r", way=Functions(), stages=["mounting"]
-    )
+    runner.run(flight(change.__name__, change), tmp_path / "r", stages=["mounting"])
     assert state(tmp_path / "r", QUESTION)[0] == "holds"
     assert folder.entries(tmp_path / "r")["mounting/single_step"]["sigma_beyond"] == []
 

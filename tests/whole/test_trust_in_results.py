@@ -16,7 +16,6 @@ from bs4 import BeautifulSoup
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import Notebooks
 from acx4lib import flight as flights
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.results import folder as results
@@ -80,7 +79,7 @@ def test_a_file_that_changes_while_a_run_is_going_does_not_reach_its_results(tmp
     write_notebook(notebooks / "00-flight.ipynb", PARAMETERS, "seed")
     write_notebook(notebooks / "03-mounting-calibration.ipynb", PARAMETERS, CHANGE)
     write_notebook(notebooks / "04-validation.ipynb", PARAMETERS, "seed")
-    runner.run(at, tmp_path / "results", way=Notebooks(path=notebooks))
+    runner.run(at, tmp_path / "results", notebooks=notebooks)
     kept = tmp_path / "results" / "flight"
     assert (at / "control_points.csv").read_bytes() != before
     assert (kept / "control_points.csv").read_bytes() == before
@@ -146,7 +145,7 @@ def test_a_run_of_all_stages_replaces_results_that_were_changed(own, tmp_path):
     for stage in ("flight", "mounting", "validation"):
         write_notebook(notebooks / f"{runner.NOTEBOOKS[stage]}.ipynb", PARAMETERS, "seed")
     (folder / "parameters.csv").write_text("mine\n")
-    runner.run(at, folder, way=Notebooks(path=notebooks))
+    runner.run(at, folder, notebooks=notebooks)
     assert results.read(folder).parameters.empty
     own_folder.verify(folder, cure="")
 
@@ -319,7 +318,7 @@ def all_stages(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tampered")
     blocks = ("heads", "calibration", "validation")
     flight = written.write_flight(folder / "flight", blocks=blocks)
-    runner.run(flight, folder / "results", way=runner.Functions())
+    runner.run(flight, folder / "results")
     return folder
 
 

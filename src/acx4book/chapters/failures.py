@@ -173,7 +173,7 @@ def examine(flight: SimulatedFlight) -> Examined:
         files.write(flight, written)
         check = _checked(written)
         try:
-            outcome = runner.run(written, results, way=runner.Functions(), stages=("mounting",))
+            outcome = runner.run(written, results, stages=("mounting",))
             run = outcome.not_determined + outcome.notes
             stored = folder.read(results)
             residuals, rejected = (_of_method(results / f"{n}.csv") for n in TABLES)

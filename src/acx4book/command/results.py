@@ -45,7 +45,6 @@ def book(
     if importlib.util.find_spec("jupyter_book") is None:
         terminal.refuse("acx4 book needs jupyter_book: pip install 'acx4lib[book]'")
     from acx4book.notebooks import runner  # noqa: PLC0415 quick help
-    from acx4book.notebooks.execute import Notebooks  # noqa: PLC0415 quick help
     from acx4book.pages import flight_book  # noqa: PLC0415 quick help
 
     with tempfile.TemporaryDirectory(prefix="acx4-run-") as temporary:
@@ -53,7 +52,8 @@ def book(
         with terminal.stage_bars() as tell:
             if not (flight / "summary.json").is_file():
                 results = Path(temporary) / "acx4-results"
-                wrong = runner.run(flight, results, way=Notebooks(), tell=tell).not_determined
+                outcome = runner.run(flight, results, notebooks=runner.NOTEBOOKS_PATH, tell=tell)
+                wrong = outcome.not_determined
             flight_book.write(results, out, strict=strict, tell=tell)
     terminal.show(out / "index.html")
     if wrong:

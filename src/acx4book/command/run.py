@@ -110,17 +110,16 @@ def run(  # noqa: PLR0913, PLR0917 every option is an argument
 def _run_one(flight: Path, results: Path, settings: Settings) -> None:
     """Run the stages of a flight, and print its notes and undetermined parameters."""
     from acx4book.notebooks import runner  # noqa: PLC0415 quick help
-    from acx4book.notebooks.runner import way_of  # noqa: PLC0415 quick help
     from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
 
     numbers_only = settings.notebooks is None
-    if numbers_only:  # processes of notebooks, copies of this one, would each keep the memory
+    if numbers_only:
         processors.keep_memory()
     with terminal.stage_bars("stages" if numbers_only else "cells") as tell:
         report = runner.run(
             flight,
             results,
-            way=way_of(settings.notebooks),
+            notebooks=settings.notebooks,
             stages=settings.stages,
             calibration=settings.calibration or "",
             tell=tell,

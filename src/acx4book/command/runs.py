@@ -206,9 +206,9 @@ def _run(job: Job) -> Outcome:
         if kept := is_whole(reader.read(job.flight), job.results, given):
             lines = list(runner.wrong(job.results, given.stages))
         else:
-            way, old = runner.way_of(given.notebooks), given.calibration or ""
+            notebooks, old = given.notebooks, given.calibration or ""
             ended = runner.run(
-                job.flight, job.results, way=way, stages=given.stages, calibration=old
+                job.flight, job.results, notebooks=notebooks, stages=given.stages, calibration=old
             )
             lines = list(ended.not_determined)
         status = int(bool(lines))

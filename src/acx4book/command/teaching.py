@@ -15,9 +15,9 @@ SHEET is 1 to 9. The flight is drawn from the name, the sheet and the key: the s
 same flight. Its truth is not written; acx4 grade makes it again. Case and spaces of a name do not
 count. The folder has the flight, README.md with the questions, and answers.csv to fill in.
 
-With --quiz the folder has the questions on this flight as question banks for a learning platform
-instead, as GIFT and as QTI 1.2: numbers with tolerances, and feedback that names the common
-mistake. They hold the truth, and are for the lecturer.
+With --quiz the folder has the questions on this flight as a question bank for a learning platform
+instead, in GIFT: numbers with tolerances, and feedback that names the common mistake. It holds the
+truth, and is for the lecturer.
 
 \b
 A key, to be made once and shown to nobody, and the flights of a class:
@@ -50,7 +50,7 @@ def lab(
         Path | None, terminal.option("FOLDER", "New folder; else lab-N-name, here.")
     ] = None,
     quiz: Annotated[
-        bool, typer.Option("--quiz", help="Write question banks, GIFT and QTI, into quiz-N-name.")
+        bool, typer.Option("--quiz", help="Write a question bank, in GIFT, into quiz-N-name.")
     ] = False,
 ) -> None:
     """Write the simulated flight of one student, or the questions on it."""

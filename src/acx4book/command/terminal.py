@@ -57,8 +57,8 @@ Flight = Annotated[Path, argument("FLIGHT", "Folder with flight.toml.")]
 
 
 BOOK = (
-    *("IPython", "PIL", "markdown_it", "matplotlib", "nbformat", "papermill", "traitlets", "yaml"),
-    "jinja2",
+    *("IPython", "PIL", "ipykernel", "jinja2", "markdown_it", "matplotlib", "nbformat"),
+    *("papermill", "traitlets", "yaml"),
 )
 """Modules of the extra ``book``."""
 

@@ -1,18 +1,18 @@
-"""Runs of a flight, stage after stage, in one of two ways; their results are kept.
+"""Runs of a flight, stage after stage; their results are kept.
 
-A way runs a stage by its notebook (`execute`) or by its function alone (`Functions`), in a copy of
-the results folder, beside it; only a stage without errors changes the folder. Nothing here needs
-the requirements of notebooks and figures.
+A stage is run by its notebook, or by what this calls (``--numbers-only``), in a copy of the
+results; only a stage without errors changes their folder. Notebooks of stages that do not need each
+other's results run side by side. Without notebooks, nothing here needs their requirements.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
 from pathlib import Path
-from typing import Protocol
 
 from threadpoolctl import threadpool_limits
 
@@ -22,46 +22,21 @@ from acx4lib.flight.reader import Flight
 from acx4lib.results import folder as results
 from acx4lib.results import own_folder, provenance
 from acx4lib.results.own_folder import OwnFolder
-from acx4lib.results.provenance import COMMAND
+from acx4lib.results.provenance import COMMAND, EXECUTED, FAILED
 from acx4lib.results.table_files import NOTEBOOKS, PART_OF
 from acx4lib.stages import heads, mounting, order, rig, validation
-from acx4sim import designs, files
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
 """Folder of the notebooks."""
+
+AT_A_TIME = 2
+"""Number of notebooks that run side by side."""
 
 Tell = Callable[[str, int, int], None]
 """Function called with the stage, the number of its finished parts, and of all its parts."""
 
 Step = Callable[[Path, Callable[[int, int], None]], None]
 """Function that runs a stage in a copy of the results, in a given folder, with its progress."""
-
-
-class Way(Protocol):
-    """A way to run the stages of a flight."""
-
-    def steps(
-        self, flight: Flight, folder: Path, stages: Sequence[str], calibration: str
-    ) -> dict[str, Step]:
-        """Return the steps that show the flight and run each of these stages, in their order.
-
-        Parameters
-        ----------
-        flight : Flight
-            Read and checked.
-        folder : Path
-            For the results.
-        stages : sequence of str
-            Of `NOTEBOOKS`, those that the flight has data for.
-        calibration : str
-            Results of an earlier flight whose calibration is validated; empty for this one's.
-
-        Raises
-        ------
-        ValueError
-            Where the way itself is wrong, such as an unknown parameter.
-        """
-
 
 NOTED = ("exchanged", "sigma_beyond", "not_confirmed", "weak", "approximations", "notes")
 """Entries of summary.json whose sentences a run shows without failing."""
@@ -98,7 +73,7 @@ def run(
     flight_path: str | Path,
     results_path: str | Path,
     *,
-    way: Way,
+    notebooks: Path | None = None,
     stages: Sequence[str] = results.STAGES,
     calibration: str | Path = "",
     tell: Tell | None = None,
@@ -111,8 +86,9 @@ def run(
     ----------
     flight_path, results_path : path
         The flight, and the folder for the results: new, empty, or that of an earlier run.
-    way : Way
-        `execute.Notebooks` or `Functions`; both leave the same results.
+    notebooks : Path, optional
+        Folder of the notebooks, as `NOTEBOOKS_PATH`; without it only the numbers, which are the
+        same.
     stages : sequence of str
         Stages to run, of `folder.STAGES`; the others keep their results.
     calibration : path, optional
@@ -134,8 +110,10 @@ def run(
     NotebookError
         A notebook failed for another reason. Like the two errors before it, it has the sentences
         `RunOutcome.not_determined` of earlier stages as notes.
+    FileNotFoundError
+        A notebook is not there.
     ValueError
-        Unknown stage, or a way that cannot be gone.
+        Unknown stage.
     """
     wanted = parts_of(stages)
     if str(calibration) and wanted != ("validation",):
@@ -147,7 +125,11 @@ def run(
     skipped = {stage: reason for stage in wanted if (reason := order.missing(flight, stage))}
     ran = order.ordered(flight, [stage for stage in wanted if stage not in skipped])
     earlier_results = _earlier(calibration, flight) if str(calibration) else None
-    steps = way.steps(flight, folder, ran, str(calibration))
+    steps = (
+        _computed(flight, ran, str(calibration))
+        if notebooks is None
+        else _executed(notebooks, flight, folder, ("flight", *ran), str(calibration))
+    )
     with own_folder.claim(folder, command=COMMAND, away_from=[flight.path]) as claimed:
         provenance.check_calibration(claimed.path, stages, earlier_results)
         provenance.prepare(claimed, flight, stages, skipped=skipped)
@@ -155,9 +137,9 @@ def run(
             name for stage in {"flight"} - steps.keys() for name in provenance.beside(stage)
         )
         ends = {stage for stage in steps if order.is_end(flight, stage)}
-        remarks = flight.notes
-        del flight  # a notebook reads it in its own process
-        done, failed = _run_steps(steps, ends, claimed, tell, earlier_results)
+        at_a_time = 1 if notebooks is None else AT_A_TIME
+        after = _needs(flight, steps)
+        done, failed = _run_steps(steps, ends, claimed, tell, earlier_results, after, at_a_time)
     return RunOutcome(
         ran=ran,
         skipped=tuple(
@@ -165,7 +147,10 @@ def run(
         ),
         not_determined=(*wrong(folder, done), *failed),
         left_out=tuple(_messages(folder, done, "left_out", done)),
-        notes=(*remarks, *(line for key in NOTED for line in _messages(folder, done, key, done))),
+        notes=(
+            *flight.notes,
+            *(line for key in NOTED for line in _messages(folder, done, key, done)),
+        ),
     )
 
 
@@ -182,25 +167,80 @@ def _run_steps(
     claimed: OwnFolder,
     tell: Tell,
     earlier_results: Mapping[str, object] | None,
+    after: Mapping[str, Collection[str]],
+    at_a_time: int,
 ) -> tuple[list[str], list[str]]:
     """Run the stages; return those that ran, and errors of stages that no later one needs."""
     done: list[str] = []
     failed: list[str] = []
+
+    def run_step(stage: str) -> None:
+        try:
+            with provenance.replaced(claimed, stage, calibration=earlier_results) as staging:
+                steps[stage](staging, partial(tell, stage))
+            done.append(PART_OF.get(stage, stage))
+        except AdjustmentError as error:
+            if stage not in ends:
+                raise
+            failed.extend(str(error).splitlines())
+
     try:
-        for stage, step in steps.items():
-            try:
-                with provenance.replaced(claimed, stage, calibration=earlier_results) as staging:
-                    step(staging, partial(tell, stage))
-                done.append(PART_OF.get(stage, stage))
-            except AdjustmentError as error:
-                if stage not in ends:
-                    raise
-                failed += str(error).splitlines()
+        if at_a_time == 1:
+            for stage in steps:
+                run_step(stage)
+        else:
+            side_by_side({stage: partial(run_step, stage) for stage in steps}, after, at_a_time)
     except Acx4Error as error:
         for line in wrong(claimed.path, done):
             error.add_note(line)
         raise
     return done, failed
+
+
+def _needs(flight: Flight, stages: Collection[str]) -> dict[str, set[str]]:
+    """Return the stages that must have been run before each of the given ones."""
+    before = {
+        "synthetic": {"heads", *(["rig"] if order.rig_leads(flight) else [])},
+        "mounting": {"heads", "synthetic"} if flight.transferred else set(),
+        "rig": {"heads"} if order.rig_leads(flight) else {"heads", "mounting"},
+        "validation": {"heads", "synthetic", "mounting"},
+    }
+    return {stage: before.get(stage, set()) & {*stages} for stage in stages}
+
+
+def side_by_side(
+    tasks: Mapping[str, Callable[[], None]],
+    after: Mapping[str, Collection[str]],
+    at_a_time: int = AT_A_TIME,
+) -> None:
+    """Run tasks that execute notebooks; after one that fails, none is begun.
+
+    Parameters
+    ----------
+    tasks : mapping of str to callable
+        In the order in which they are begun.
+    after : mapping of str to collection of str
+        The tasks that must have ended before each.
+    at_a_time : int
+        Number of tasks that run at the same time.
+    """
+    from acx4book.notebooks import execute  # noqa: PLC0415 needs the extra book
+
+    waiting, running = dict(tasks), dict[Future[None], str]()
+    with ThreadPoolExecutor(at_a_time) as pool:
+        try:
+            while waiting or running:
+                unfinished = {*waiting, *running.values()}
+                ready = [name for name in waiting if not unfinished & {*after.get(name, ())}]
+                for name in ready[: at_a_time - len(running)]:
+                    running[pool.submit(waiting.pop(name))] = name
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    del running[future]
+                    future.result()
+        except (KeyboardInterrupt, SystemExit):
+            while wait(running, timeout=0.5).not_done:  # one may be about to begin
+                execute.end_all()
+            raise
 
 
 def parts_of(stages: Sequence[str]) -> tuple[str, ...]:
@@ -235,7 +275,51 @@ def _messages(
             yield from results.messages(entry, key)
 
 
-# --- the way of the functions: every stage by what its notebook calls, without pictures ------
+# --- every stage by its notebook, or by what its notebook calls -----------------------------
+#
+# A notebook reads only the copy of the flight's tables in the results, and the pictures. Executed
+# notebooks have no date and no place, so two runs of one flight give equal bytes.
+
+
+def _executed(
+    notebooks: Path, flight: Flight, folder: Path, stages: Sequence[str], calibration: str
+) -> dict[str, Step]:
+    """Return the step of each stage that executes its notebook."""
+    paths = {stage: notebooks / f"{NOTEBOOKS[stage]}.ipynb" for stage in stages}
+    for path in paths.values():
+        if not path.is_file():
+            msg = f"{path}: no such notebook"
+            raise FileNotFoundError(msg)
+    parameters = {
+        "flight_path": str(folder / provenance.KEPT),
+        "pictures_path": str(flight.path),
+        "calibration_path": calibration,
+    }
+    return {stage: partial(_execute, path, parameters) for stage, path in paths.items()}
+
+
+def _execute(
+    notebook: Path,
+    parameters: Mapping[str, str],
+    staging: Path,
+    on_cell: Callable[[int, int], None],
+) -> None:
+    """Execute a notebook in a copy of the results; a failed one is kept in the folder `FAILED`."""
+    from acx4book.notebooks import execute  # noqa: PLC0415 needs the extra book
+
+    executed = staging / EXECUTED / notebook.name
+    try:
+        execute.execute(
+            notebook,
+            executed,
+            parameters={**parameters, "results_path": str(staging)},
+            on_cell=on_cell,
+            hidden=staging.name,
+        )
+    except Acx4Error:
+        if executed.is_file():
+            executed.parent.rename(staging / FAILED)
+        raise
 
 
 def _synthetic(flight: Flight, staging: Path) -> object:
@@ -254,21 +338,11 @@ RUNS: Mapping[str, Callable[[Flight, Path], object]] = {
 """Functions that compute and write the results of every stage."""
 
 
-@dataclass(frozen=True)
-class Functions:
-    """Stages run by their functions, in this process; all read the flight that was checked."""
-
-    def steps(
-        self,
-        flight: Flight,
-        folder: Path,  # noqa: ARG002 of the way
-        stages: Sequence[str],
-        calibration: str,
-    ) -> dict[str, Step]:
-        """Return the step of each stage, as `runner.Way` requires."""
-        validate = partial(validation.run, calibration_path=calibration)
-        runs: dict[str, Callable[[Flight, Path], object]] = {**RUNS, "validation": validate}
-        return {stage: partial(_compute, runs[stage], flight) for stage in stages}
+def _computed(flight: Flight, stages: Sequence[str], calibration: str) -> dict[str, Step]:
+    """Return the step of each stage that calls its function."""
+    validate = partial(validation.run, calibration_path=calibration)
+    runs: dict[str, Callable[[Flight, Path], object]] = {**RUNS, "validation": validate}
+    return {stage: partial(_compute, runs[stage], flight) for stage in stages}
 
 
 def _compute(
@@ -282,67 +356,3 @@ def _compute(
     with threadpool_limits(1, user_api="blas"):
         run(flight, staging)
     tell(1, 1)
-
-
-# --- Inputs of a notebook that runs by itself, in an empty folder: its flight, and earlier
-# stages
-
-
-PICTURES, REDUCE = ("H1-05", "H3-04", "C2-05"), 4
-"""Exposures of the book's flight with pictures, and the factor of reduction of these."""
-
-
-def flight_of(design: str) -> str:
-    """Return the name of the folder of a flight that a notebook simulates for itself."""
-    return f"flight-{design}"
-
-
-def prepare(
-    flight_path: str | Path,
-    results_path: str | Path,
-    *,
-    design: str = "acx4",
-    stages: Sequence[str] = (),
-) -> None:
-    """Simulate the flight of the book where it is missing, and run the earlier stages.
-
-    An existing flight and results of an earlier run stay as they are. The earlier
-    stages are those of the given flight; only the book's flight is simulated.
-
-    Parameters
-    ----------
-    flight_path : path
-        Folder of the flight; `flight_of` returns the name of the book's.
-    results_path : path
-        Folder of the results.
-    design : str
-        One of `acx4sim.DESIGNS`; the flight of the book has pictures, others have none.
-    stages : sequence of str
-        Stages whose results the notebook needs, of `acx4lib.results.folder.STAGES`.
-
-    Raises
-    ------
-    FlightError, OutputError, AdjustmentError
-        As `runner.run`.
-    """
-    if not Path(flight_path).exists() and Path(flight_path).name == flight_of(design):
-        flown = designs.DESIGNS[design]()
-        pictured = files.photograph(flown, PICTURES, reduce=REDUCE) if design == "acx4" else flown
-        files.write(pictured, flight_path)
-    if stages and not Path(results_path).exists():
-        run(flight_path, results_path, way=Functions(), stages=stages)
-
-
-def way_of(notebooks: Path | None) -> Way:
-    """Return the way of the notebooks in a folder, or that of the functions for None.
-
-    Raises
-    ------
-    ImportError
-        The extra ``book`` is not installed, which notebooks need.
-    """
-    if notebooks is None:
-        return Functions()
-    from acx4book.notebooks.execute import Notebooks  # noqa: PLC0415 needs the extra book
-
-    return Notebooks(path=notebooks)

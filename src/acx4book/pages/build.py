@@ -30,13 +30,13 @@ from matplotlib.figure import Figure
 from acx4book.chapters import flight
 from acx4book.notebook import ENDS
 from acx4book.notebooks import execute, runner
-from acx4book.pages import frames, release, reproducibility, study, words
+from acx4book.pages import frames, release, reproducibility, study
 from acx4book.pages.benchmarks import sigma, speed, verdicts
 from acx4book.pages.benchmarks.sigma import normalised_errors
 from acx4book.paper import printed, questions, scorecard
 from acx4book.report import findings, material, page
 from acx4book.report.material import Material
-from acx4book.teaching import showing
+from acx4book.teaching import solutions
 from acx4book.typesetting.myst import myst_table, numbered
 from acx4book.typesetting.svg import vector
 from acx4lib.flight.reader import Flight, read_kept
@@ -74,26 +74,17 @@ RUN_PAGES = ("first-flight", "library", "your-files")
 WRAPPED = ("your-files",)
 """Pages among them with sentences as output, not tables: long lines are wrapped."""
 
-DOORS = {
-    "read": ("four-questions", "_executed/foundations/", *(f"_executed/0{n}" for n in range(5))),
-    "rerun": ("reproducibility",),
-    "fly": ("first-flight",),
-    "teach": ("teaching/syllabus",),
-    "files": ("your-files",),
-}
-"""Pages behind the doors of the front page, by the beginnings of their names."""
-
 HEADING = re.compile(r"#+(?= )")
 """Beginning of a cell with a heading."""
 
 INTRODUCES = "introduces"
 """Tag of a cell that introduces the figure of the next cell."""
 
-UNDATED = 315_532_800
-"""First second of 1980, in seconds since 1970: the earliest file time in an archive."""
+REPORT = Path("downloads", "report.html")
+"""The report, copied into the built book unchanged."""
 
-REPORT, SLIDES = Path("downloads", "report.html"), Path("downloads", "slides.html")
-"""Report and slides, copied into the built book unchanged."""
+DOWNLOADED = Path("downloads", "notebooks")
+"""Folder of the notebooks without outputs in the built book."""
 
 OF_RESULTS = ("06-errata",)
 """Notebooks on the results of a run that ``acx4 run`` does not execute."""
@@ -150,26 +141,34 @@ def fill(flight_path: Path, results_path: Path, book: Path, ideal_path: Path | N
         _write_notebooks(results_path, executed, ideal_path, pictures_path=flight_path)
         _write_of_run(flight_path, results_path, book, ideal_path)
         running.result()
-    whole_files.write(generated / "program.md", release.offered(generated, UNDATED))
+    whole_files.write(generated / "program.md", release.program(generated / "acx4lib.zip"))
 
 
 def _write_beside(results_path: Path, book: Path) -> None:
     """Write what needs no notebook that is run here: report, comparisons, examples."""
     generated = book / "_generated"
-    timed, errors = speed.read(BENCHMARKS), sigma.read(BENCHMARKS)
-    for name, figure in _figures_of_benchmarks(timed, errors):
+    errors = sigma.read(BENCHMARKS)
+    for name, figure in _figures_of_benchmarks(errors):
         whole_files.write(generated / name, vector(figure))
     frames.draw(generated)
-    release.write(generated / release.FOLDER)
+    _bring_notebooks(generated / DOWNLOADED)
     page.write(results_path, generated / REPORT)
     for name, text in (
-        *_texts_of_benchmarks(timed, errors),
-        *showing.texts(),
-        *showing.links(),
+        *_texts_of_benchmarks(errors),
+        *solutions.texts(),
         *_texts_of_back_matter(),
         *_texts_of_examples(book),
     ):
         whole_files.write(generated / name, text)
+
+
+def _bring_notebooks(folder: Path) -> None:
+    """Copy the notebooks that are pages."""
+    for pattern in ("*.ipynb", "foundations/*.ipynb", f"{OWN}.ipynb"):
+        for source in runner.NOTEBOOKS_PATH.glob(pattern):
+            path = folder / source.relative_to(runner.NOTEBOOKS_PATH)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            whole_files.copy(source, path)
 
 
 def _write_of_run(
@@ -192,9 +191,6 @@ def _write_of_run(
         whole_files.write(generated / name, text)
     made_from = _made_from(flight_path, ideal=whole, simulated=_run(results_path)[1].simulated)
     whole_files.write(generated / "made_from.json", json.dumps(made_from, indent=1))
-    drawn = [*showing.figures(executed)]
-    whole_files.write(generated / "figures.zip", showing.archive(drawn))
-    whole_files.write(generated / SLIDES, showing.slides(drawn))
     write_api(book)
 
 
@@ -235,9 +231,7 @@ def _write_notebooks(
 def run_here(name: str, executed: Path, given: Mapping[str, str], note: str = "") -> None:
     """Run a notebook, and write it as a page."""
     source, page = runner.NOTEBOOKS_PATH / f"{name}.ipynb", executed / f"{name}.ipynb"
-    values = execute.with_defaults(source, given)
-    execute.execute(source, page, parameters=values, on_cell=_silent)
-    execute.scrub(page)
+    execute.execute(source, page, parameters=given)
     fold(page, page, note)
 
 
@@ -369,10 +363,6 @@ def _read(notebook: Path) -> nbformat.NotebookNode:
     return read
 
 
-def _silent(_done: int, _total: int) -> None:
-    """Show no progress."""
-
-
 # --- texts and figures -----------------------------------------------------------------------
 
 
@@ -431,9 +421,6 @@ def _texts_of_front(
     spread = "" if ideal is None else study.spread(BENCHMARKS)
     beside = questions.side_by_side(four, ideal, camera, spread) if whole else "\n"
     yield "side-by-side.md", beside
-    for name, pages in DOORS.items():
-        beside = "; code and exercises are not counted" if name == "read" else ""
-        yield f"minutes-{name}.md", f"{words.minutes(*pages)} minutes to read{beside}\n"
     yield "front-accuracy.md", study.page(BENCHMARKS) if ideal_path is not None else "\n"
 
 
@@ -443,10 +430,10 @@ def _run(results_path: Path) -> tuple[results.Results, Flight]:
 
 
 def _texts_of_benchmarks(
-    timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
+    errors: sigma.Errors,
 ) -> Iterator[tuple[str, str]]:
     """Yield names and texts: speed, messages of imports, errors over standard deviations."""
-    yield from ((f"speed-{name}.md", speed.text(name, timed[name])) for name in speed.NAMES)
+    yield "speed.md", speed.text(BENCHMARKS)
     yield from speed.of_imports(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
@@ -478,10 +465,9 @@ def _texts_of_back_matter() -> Iterator[tuple[str, str]]:
 
 
 def _figures_of_benchmarks(
-    timed: Mapping[str, speed.Benchmark], errors: sigma.Errors
+    errors: sigma.Errors,
 ) -> Iterator[tuple[str, Figure]]:
     """Yield names and figures."""
-    yield "speed.svg", speed.seconds_by_points(timed["adjustment"])
     tables = [table[table["method"] == sigma.MAIN] for table in (errors.parameters, errors.points)]
     yield "coverage.svg", normalised_errors(*tables)
 

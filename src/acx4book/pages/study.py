@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -17,7 +16,7 @@ import pandas as pd
 import yaml
 
 from acx4book.chapters import synthetic_cost
-from acx4book.notebooks import execute
+from acx4book.notebooks import execute, runner
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.pages.benchmarks import sigma
 from acx4book.paper import printed
@@ -484,7 +483,7 @@ CHAPTERS: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(FOUNDATIONS, ("data/paper/*.csv",)),
     "05-reference-data": ("data/reference/**/*.csv", "measured"),
     "09-weights": ("data/paper/*.csv",),
-    "10-synthetic-quality": ("data/paper/*.csv", "data/benchmarks/closed_chain_pattern.csv"),
+    "10-synthetic-quality": ("data/paper/*.csv",),
     "11-ten-heads": ("data/reference/**/*.csv", "measured"),
     "07-exercises": (),
     "12-synthetic-cost": ("data/paper/*.csv", "data/benchmarks/closed_chain*"),
@@ -505,9 +504,6 @@ OF_IDEAL = ("09-weights", "16-error-budget")
 KEPT = Path("build", "chapters")
 """Folder of the kept executed notebooks, below the current folder: the working copy."""
 
-CORES = 2
-"""Number of notebooks run at the same time."""
-
 
 def run(ideal_path: Path) -> None:
     """Execute missing and outdated chapters.
@@ -526,8 +522,7 @@ def run(ideal_path: Path) -> None:
     for path in missing:
         path.parent.mkdir(parents=True, exist_ok=True)
     if missing:
-        with ProcessPoolExecutor(min(CORES, len(missing))) as pool:
-            list(pool.map(partial(_run, ideal_path), missing))
+        runner.side_by_side({str(path): partial(_run, ideal_path, path) for path in missing}, {})
 
 
 def bring(executed: Path, ideal_path: Path | None) -> list[str]:
@@ -568,9 +563,7 @@ def _run(ideal_path: Path, kept: Path) -> None:
     source = NOTEBOOKS_PATH / kept.parent.relative_to(KEPT) / f"{name}.ipynb"
     new = kept.with_name(f"new-{kept.name}")
     of_ideal = {"flight_path": str(ideal_path / FLIGHT), "results_path": str(ideal_path)}
-    values = execute.with_defaults(source, of_ideal if name in OF_IDEAL else {})
-    execute.execute(source, new, parameters=values, on_cell=lambda *_: None)
-    execute.scrub(new)
+    execute.execute(source, new, parameters=of_ideal if name in OF_IDEAL else {})
     for old in kept.parent.glob(f"{name}-*.ipynb"):
         old.unlink()
     new.replace(kept)

@@ -1,32 +1,26 @@
-"""A student's questions as question banks of learning platforms: GIFT, and QTI 1.2.
+"""A student's questions as a question bank of learning platforms, in GIFT.
 
 An answer is accepted in the range that `grading` accepts, and a common mistake is known by the
 range around what it gives, with its sentence as feedback. The first range that an answer lies in
-counts. The banks hold the truth: they are the lecturer's.
+counts. A bank holds the truth: it is the lecturer's.
 """
 
 from __future__ import annotations
 
-import io
 import re
-import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from acx4book.teaching import flights
 from acx4book.teaching.flights import Case, Mistake, Question, Right, Sheet
-from acx4book.teaching.grading import ALIKE, SIGMA_FACTOR, UNEXPLAINED, UNITS, apart
+from acx4book.teaching.grading import ALIKE, SIGMA_FACTOR, UNITS, apart
 from acx4lib.results import whole_files
 
-GIFT, QTI = "questions.gift", "questions_qti.zip"
-"""Files of a bank: for Moodle and others; for Canvas, Blackboard, ILIAS and others."""
-
-EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""Date of packed files, so that the same questions give the same bytes."""
+GIFT = "questions.gift"
+"""File of a bank."""
 
 RIGHT = "Right."
 
@@ -54,7 +48,7 @@ class _Item:
 
 
 def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
-    """Write both banks of a student.
+    """Write the bank of a student.
 
     Parameters
     ----------
@@ -69,29 +63,12 @@ def write(sheet: Sheet, student: str, key: bytes, folder: Path) -> None:
     folder.mkdir()
     title = flights.title(sheet.name, name)
     whole_files.write(folder / GIFT, _gift(items, title))
-    whole_files.write(folder / QTI, _qti(items, title))
 
 
 def _gift(bank: Sequence[_Item], title: str) -> str:
     """Return questions as GIFT."""
     category = title.replace("/", "-")  # a slash would begin a subcategory
     return "\n\n".join([f"$CATEGORY: {category}", *map(_gift_item, bank)]) + "\n"
-
-
-def _qti(bank: Sequence[_Item], title: str) -> bytes:
-    """Return questions as a zip archive of QTI 1.2; the same bytes every time."""
-    root = ET.Element("questestinterop", xmlns=NAMESPACE)
-    section = ET.SubElement(root, "objectbank", ident="bank")
-    _metadata(section, "qtimetadata", {"bank_title": title})
-    for item in bank:
-        section.append(_qti_item(item))
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as pack:
-        for name, tree in ((MANIFEST, _manifest()), (ASSESSMENT, root)):
-            content = ET.tostring(tree, encoding="utf-8", xml_declaration=True)
-            entry = zipfile.ZipInfo(name, date_time=EARLIEST)
-            pack.writestr(entry, content, compress_type=zipfile.ZIP_DEFLATED)
-    return out.getvalue()
 
 
 def _items(sheet: Sheet, case: Case) -> list[_Item]:
@@ -185,73 +162,3 @@ def _escaped(text: str) -> str:
 def _number(value: float) -> str:
     """Return a number without exponent, since some readers of GIFT reject exponents."""
     return np.format_float_positional(value, precision=12, fractional=False, trim="-")
-
-
-# --- QTI 1.2: a package of XML
-
-
-NAMESPACE = "http://www.imsglobal.org/xsd/ims_qtiasiv1p2"
-PACKAGE = "http://www.imsglobal.org/xsd/imscp_v1p1"
-ASSESSMENT, MANIFEST = "questions.xml", "imsmanifest.xml"
-KIND = "imsqti_xmlv1p2"
-
-
-def _manifest() -> ET.Element:
-    root = ET.Element("manifest", identifier="acx4lib", xmlns=PACKAGE)
-    for name in ("metadata", "organizations"):
-        ET.SubElement(root, name)
-    resource = ET.SubElement(
-        ET.SubElement(root, "resources"),
-        "resource",
-        {"identifier": "questions", "type": KIND, "href": ASSESSMENT},
-    )
-    ET.SubElement(resource, "file", href=ASSESSMENT)
-    return root
-
-
-def _metadata(parent: ET.Element, kind: str, fields: dict[str, str]) -> None:
-    inside = ET.SubElement(parent, kind)
-    for label, entry in fields.items():
-        field = ET.SubElement(inside, "qtimetadatafield")
-        ET.SubElement(field, "fieldlabel").text = label
-        ET.SubElement(field, "fieldentry").text = entry
-
-
-def _qti_item(item: _Item) -> ET.Element:
-    root = ET.Element("item", ident=item.name, title=item.name)
-    kind = {"question_type": "numerical_question", "points_possible": "1"}
-    _metadata(ET.SubElement(root, "itemmetadata"), "qtimetadata", kind)
-    asked = ET.SubElement(root, "presentation")
-    _text(asked, item.asks)
-    response = ET.SubElement(asked, "response_str", ident="answer", rcardinality="Single")
-    ET.SubElement(response, "render_fib", fibtype="Decimal")
-    marking = ET.SubElement(root, "resprocessing")
-    score = {"varname": "SCORE", "vartype": "Decimal", "minvalue": "0", "maxvalue": "100"}
-    ET.SubElement(ET.SubElement(marking, "outcomes"), "decvar", score)
-    for number, interval in enumerate([item.right, *item.mistakes]):
-        _condition(marking, 0 if number else 100, f"feedback_{number}", interval)
-    _condition(marking, 0, "feedback_other", None)
-    feedback = {
-        f"feedback_{n}": interval.says for n, interval in enumerate([item.right, *item.mistakes])
-    }
-    for ident, text in {**feedback, "feedback_other": UNEXPLAINED}.items():
-        _text(ET.SubElement(ET.SubElement(root, "itemfeedback", ident=ident), "flow_mat"), text)
-    return root
-
-
-def _text(parent: ET.Element, text: str) -> None:
-    material = ET.SubElement(parent, "material")
-    ET.SubElement(material, "mattext", texttype="text/plain").text = text
-
-
-def _condition(marking: ET.Element, points: int, feedback: str, among: Range | None) -> None:
-    """Add the feedback on answers in a range, or on all others without a range."""
-    condition = ET.SubElement(marking, "respcondition", {"continue": "No"})
-    test = ET.SubElement(condition, "conditionvar")
-    if among is None:
-        ET.SubElement(test, "other")
-    else:
-        for name, limit in (("vargte", among.low), ("varlte", among.high)):
-            ET.SubElement(test, name, respident="answer").text = _number(limit)
-    ET.SubElement(condition, "setvar", action="Set", varname="SCORE").text = str(points)
-    ET.SubElement(condition, "displayfeedback", feedbacktype="Response", linkrefid=feedback)

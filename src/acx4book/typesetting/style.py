@@ -109,11 +109,6 @@ SEQUENCE = ListedColormap(_LARGE, "acx4 sequence")
 SHADES = LinearSegmentedColormap.from_list("acx4 shades", ["#3f7dc400", "#3f7dc4"])
 """From zero (transparent) to large (blue): for fields, by day and by night."""
 
-DIVERGING = LinearSegmentedColormap.from_list(
-    "acx4 diverging", ["#8f4a0b", "#e58a1f", "#f7f4ef", "#5f93c9", "#173f73"]
-)
-"""From negative (orange) through zero (light) to positive (blue), for pictures."""
-
 BOTH_WAYS = ListedColormap(_OFF, "acx4 both ways")
 """The same for marks; in the dark, zero is dark."""
 

@@ -239,6 +239,25 @@ def replace(
             file.write(_summary_text({**kept, **summary}).encode())
 
 
+def adopt(folder: Path, other: Path, stage: str) -> None:
+    """Replace the results of a stage by those in another folder of results."""
+    summary = {k: v for k, v in entries(folder).items() if not _belongs(k, [stage])}
+    summary |= {k: v for k, v in entries(other).items() if _belongs(k, [stage])}
+    with together() as new:
+        for name in COLUMNS:
+            begin, file_name = table_files.begins(name, [stage]), f"{name}.csv"
+            parts = heapq.merge(
+                _old(folder / file_name, begin),
+                _old(other / file_name, begin, these=True),
+                key=itemgetter(0),
+            )
+            with new.open(folder / file_name) as file:
+                file.write(table_files.header(name))
+                file.writelines(lines for _, lines in parts)
+        with new.open(folder / "summary.json") as file:
+            file.write(_summary_text(summary).encode())
+
+
 def _summary_text(summary: Mapping[str, Mapping[str, object]]) -> str:
     """Return the text of summary.json; a number that is not finite becomes null."""
     plain = _plain(summary)
@@ -424,10 +443,12 @@ def _write(
         file.writelines(lines for _, lines in parts)
 
 
-def _old(path: Path, gone: tuple[bytes, ...]) -> Iterator[tuple[int, bytes]]:
-    """Yield the remaining lines of a file, with the positions of their stages."""
+def _old(
+    path: Path, gone: tuple[bytes, ...], *, these: bool = False
+) -> Iterator[tuple[int, bytes]]:
+    """Yield the lines of a file that remain, or `these`, with the positions of their stages."""
     if is_there(path):
-        for stage, lines in table_files.others(path, gone):
+        for stage, lines in table_files.others(path, gone, these=these):
             yield _PLACES.get(stage, 0), lines
 
 

@@ -12,6 +12,7 @@ import importlib.metadata
 import json
 import platform
 import tempfile
+import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -365,6 +366,9 @@ COMMAND = "acx4 run"
 EXECUTED, FAILED = "notebooks", "failed"
 """Folders of the executed notebooks, and of those that failed."""
 
+_ALONE = threading.Lock()
+"""Held by the stage of a run that reads or changes the folder: some run side by side."""
+
 COPY = ".acx4.copy"
 """File that marks a folder as the copy in which a stage of a run works."""
 
@@ -561,14 +565,15 @@ def replaced(
     folder = own.path
     with tempfile.TemporaryDirectory(dir=folder, prefix=whole_files.SCRATCH) as temporary:
         copied = folder / Path(temporary).name
-        for file in results.FILES:
-            whole_files.copy(folder / file, copied / file)
+        with _ALONE:
+            for file in results.FILES:
+                whole_files.copy(folder / file, copied / file)
         whole_files.write(copied / COPY, "")
         try:
             yield copied
         except Acx4Error as error:
-            _move(copied, folder, [name for name in beside(stage) if (copied / name).is_file()])
-            with suppress(OutputError):  # the first error is reported
+            with _ALONE, suppress(OutputError):  # the first error is reported
+                _move(copied, folder, [name for name in beside(stage) if (copied / name).is_file()])
                 own.seal()
             if isinstance(error, FlightError | OutputError):  # its paths are those of the copy
                 message = str(error).replace(f"/{copied.name}", "")
@@ -576,12 +581,21 @@ def replaced(
                     raise OutputError(message) from None
                 raise FlightError(message.splitlines()) from None
             raise
-        notebooks = [name for name in beside(stage) if (copied / name).is_file()]
-        own.remove([name for name in beside(stage) if name not in notebooks])
-        _move(copied, folder, [*results.FILES, *notebooks])
+        with _ALONE:
+            _take(own, copied, stage, calibration)
+
+
+def _take(
+    own: OwnFolder, copied: Path, stage: str, calibration: Mapping[str, object] | None
+) -> None:
+    """Take over what a stage has done in a copy; stages that ran meanwhile keep their results."""
+    notebooks = [name for name in beside(stage) if (copied / name).is_file()]
+    own.remove([name for name in beside(stage) if name not in notebooks])
+    _move(copied, own.path, notebooks)
     of_folder = PART_OF.get(stage, stage)
     if of_folder in results.STAGES:
-        _stamp(folder, of_folder, calibration)
+        results.adopt(own.path, copied, of_folder)
+        _stamp(own.path, of_folder, calibration)
     own.seal()
 
 

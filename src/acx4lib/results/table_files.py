@@ -532,8 +532,12 @@ def holds(path: Path, begin: tuple[bytes, ...]) -> bool:
         return any(content.find(b"\n" + prefix, 0, len(content) - 1) >= 0 for prefix in begin)
 
 
-def others(path: Path, begin: tuple[bytes, ...]) -> Iterator[tuple[str, bytes]]:
-    """Yield the rows without these beginnings, many at a time, with their first cell.
+def others(
+    path: Path, begin: tuple[bytes, ...], *, these: bool = False
+) -> Iterator[tuple[str, bytes]]:
+    """Yield the rows without these beginnings, or those with one, many at a time.
+
+    Each part comes with its rows' first cell.
 
     Rows of an older file get empty cells in the columns that it lacks.
 
@@ -545,7 +549,7 @@ def others(path: Path, begin: tuple[bytes, ...]) -> Iterator[tuple[str, bytes]]:
     with opened(path) as file:
         lacking = len(COLUMNS[path.stem]) - _check_header(path, list, file.readline(LONGEST))
         while chunk := _rows(file):
-            kept = [row for row in chunk if not row.startswith(begin)]
+            kept = [row for row in chunk if row.startswith(begin) is these]
             if lacking:
                 kept = [row.removesuffix(b"\n") + b"," * lacking + b"\n" for row in kept]
             for cell, alike in groupby(kept, lambda row: row.partition(b",")[0]):

@@ -32,7 +32,6 @@ import pandas as pd
 
 from acx4book.command.runs import executor
 from acx4book.notebooks import runner
-from acx4book.notebooks.runner import way_of
 from acx4book.report import findings, held, material, page
 from acx4lib.errors import Acx4Error
 from acx4lib.least_squares.processors import as_finished
@@ -195,7 +194,7 @@ def judged(order: Order) -> Row:
         flight, found = Path(scratch, "flight"), Path(scratch, "results")
         write_files(simulated, flight)
         try:
-            outcome = runner.run(flight, found, way=way_of(None))
+            outcome = runner.run(flight, found)
         except Acx4Error as error:
             return row | {"status": 2, "error": str(error).splitlines()[0].replace(scratch, "")}
         row["status"] = int(bool(outcome.not_determined))

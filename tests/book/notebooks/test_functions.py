@@ -1,7 +1,6 @@
 """Results without notebooks: the same tables, and nothing that draws or runs notebooks."""
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -13,16 +12,13 @@ import acx4sim
 from acx4book.command.acx4 import ONE_THREAD
 from acx4book.command.terminal import BOOK
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import Notebooks
-from acx4book.notebooks.runner import Functions
-from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.flight import reader
+from acx4book.notebooks.runner import NOTEBOOKS_PATH
+from acx4lib.errors import AdjustmentError
 from acx4lib.results import folder as results_folder
 from acx4lib.results import own_folder, provenance
 from acx4lib.results.provenance import EXECUTED
 from acx4lib.stages import mounting
 from support.flights import written
-from support.helpers import ROOT
 
 COMMAND = "from acx4book.command.acx4 import main; main()"
 
@@ -39,7 +35,7 @@ def computed(tmp_path_factory, flight_path):
     """Results of that flight; a test that changes them has a copy."""
     folder = tmp_path_factory.mktemp("computed") / "results"
     with threadpool_limits(1, user_api="blas"):
-        runner.run(flight_path, folder, way=Functions())
+        runner.run(flight_path, folder)
     return folder
 
 
@@ -50,9 +46,9 @@ def tables(folder):
 @pytest.mark.slow
 @pytest.mark.repeats  # `test_all_notebooks` has the notebooks of one camera
 def test_the_results_are_those_of_the_notebooks(tmp_path, flight_path):
-    runner.run(flight_path, tmp_path / "results", way=Notebooks())
+    runner.run(flight_path, tmp_path / "results", notebooks=NOTEBOOKS_PATH)
     executed = tables(tmp_path / "results")
-    runner.run(flight_path, tmp_path / "results", way=Functions())
+    runner.run(flight_path, tmp_path / "results")
     assert tables(tmp_path / "results") == executed
 
 
@@ -62,8 +58,8 @@ def test_the_results_of_heads_and_rig_are_those_of_the_notebooks(tmp_path):
     """Also in a folder of a run with notebooks, which are gone with their results."""
     path = written.write_flight(tmp_path / "flight", blocks=("heads",))
     made = []
-    for way in (Notebooks(), Functions()):
-        report = runner.run(path, tmp_path / "results", way=way)
+    for notebooks in (NOTEBOOKS_PATH, None):
+        report = runner.run(path, tmp_path / "results", notebooks=notebooks)
         assert report.ran == ("heads", "synthetic", "rig")
         made.append(tables(tmp_path / "results"))
     assert made[0] == made[1]
@@ -113,7 +109,7 @@ def test_threads_of_linear_algebra_change_no_bit(told, computed):
 def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, computed):
     folder = shutil.copytree(computed, tmp_path / "results")
     before = tables(folder)
-    runner.run(flight_path, folder, way=Functions(), stages=["validation"])
+    runner.run(flight_path, folder, stages=["validation"])
     assert tables(folder) == before
 
 
@@ -130,40 +126,6 @@ def test_a_stage_that_fails_leaves_the_results_as_they_were(
 
     monkeypatch.setitem(runner.RUNS, "mounting", fail)
     with pytest.raises(AdjustmentError, match="no convergence"):
-        runner.run(flight_path, folder, way=Functions())
+        runner.run(flight_path, folder)
     assert tables(folder) == before
     own_folder.verify(folder, cure="")
-
-
-# --- What a notebook makes that runs by itself
-
-
-def test_pictures_are_those_of_the_books_flight():
-    makefile = (ROOT / "Makefile").read_text("utf-8")
-    images = re.search(r"^IMAGES +\?= (\S+)$", makefile, re.MULTILINE)[1]
-    reduce = re.search(r"^REDUCE +\?= (\S+)$", makefile, re.MULTILINE)[1]
-    assert (",".join(runner.PICTURES), str(runner.REDUCE)) == (images, reduce)
-
-
-@pytest.mark.slow
-def test_the_flight_and_the_stages_before_are_made_once(tmp_path):
-    flight, results = tmp_path / "flight-single-head", tmp_path / "results"
-    given = {"design": "single-head", "stages": ("mounting",)}
-    runner.prepare(flight, results, **given)
-    assert "mounting" in {name.partition("/")[0] for name in results_folder.read(results).summary}
-    assert set(reader.read(flight).blocks) >= {"calibration"}
-    made = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
-    runner.prepare(flight, results, **given)
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == made
-
-
-def test_what_is_there_stays(tmp_path):
-    (tmp_path / "flight").mkdir()
-    runner.prepare(tmp_path / "flight", tmp_path / "results")
-    assert list(tmp_path.rglob("*")) == [tmp_path / "flight"]
-
-
-def test_a_flight_of_ones_own_that_is_not_there_is_not_simulated(tmp_path):
-    with pytest.raises(FlightError, match="my_flihgt:1: folder: is no folder"):
-        runner.prepare(tmp_path / "my_flihgt", tmp_path / "results", stages=("mounting",))
-    assert not list(tmp_path.iterdir())

@@ -8,7 +8,7 @@ import pytest
 import acx4lib as acx
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.execute import NotebookError, Notebooks
+from acx4book.notebooks.execute import NotebookError
 from acx4lib.errors import OutputError
 from acx4lib.results import folder as results
 from acx4lib.results import own_folder, provenance
@@ -74,7 +74,7 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
         report = runner.run(
             flight_path,
             folder,
-            way=Notebooks(path=notebooks_path),
+            notebooks=notebooks_path,
             tell=lambda *step: told.append(step),
         )
     one, two = contents(tmp_path / "one"), contents(tmp_path / "two")
@@ -101,12 +101,14 @@ def test_two_runs_leave_the_same_bytes_and_skipped_stages_leave_nothing(
 
 @pytest.mark.slow
 def test_a_stage_alone_replaces_only_its_own(tmp_path, flight_path, notebooks_path):
-    runner.run(flight_path, tmp_path / "results", way=Notebooks(path=notebooks_path))
+    runner.run(flight_path, tmp_path / "results", notebooks=notebooks_path)
+    path = notebooks_path / "04-validation.ipynb"
+    path.write_text(path.read_text().replace("seed = 1", "seed = 5"))
     runner.run(
         flight_path,
         tmp_path / "results",
         stages=["validation"],
-        way=Notebooks(path=notebooks_path, parameters={"seed": 5}),
+        notebooks=notebooks_path,
     )
     assert results.read(tmp_path / "results").parameters["value"].tolist() == [1.0, 5.0]
 
@@ -119,13 +121,13 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     mounting = notebooks_path / "03-mounting-calibration.ipynb"
     undetermined = {"not_determined": ["mounting/single_step: CAM: lever_z_m: not determined"]}
     write_notebook(mounting, PARAMETERS, keep("mounting", "single_step", undetermined))
-    runner.run(flight_path, folder, way=Notebooks(path=notebooks_path))
+    runner.run(flight_path, folder, notebooks=notebooks_path)
     before = contents(folder)
     name = "04-validation.ipynb"
     good = (notebooks_path / name).read_bytes()
     write_notebook(notebooks_path / name, PARAMETERS, keep("validation", "two_step"), "1 / 0")
     with pytest.raises(NotebookError) as caught:
-        runner.run(flight_path, folder, way=Notebooks(path=notebooks_path))
+        runner.run(flight_path, folder, notebooks=notebooks_path)
     assert (
         str(caught.value) == "notebook 04-validation, cell 3: ZeroDivisionError: division by zero"
     )
@@ -135,9 +137,7 @@ def test_a_failing_notebook_changes_nothing_and_is_kept_until_it_succeeds(
     assert after.pop(MARK) != before[MARK]
     assert after == {name: content for name, content in before.items() if name != MARK}
     (notebooks_path / name).write_bytes(good)
-    report = runner.run(
-        flight_path, folder, stages=["validation"], way=Notebooks(path=notebooks_path)
-    )
+    report = runner.run(flight_path, folder, stages=["validation"], notebooks=notebooks_path)
     assert contents(folder) == before
     assert report.not_determined == ()
 
@@ -153,7 +153,7 @@ def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
     write_notebook(
         validation, PARAMETERS, keep("validation", "two_step", {"not_determined": ["no"]})
     )
-    report = runner.run(flight_path, tmp_path / "results", way=Notebooks(path=notebooks_path))
+    report = runner.run(flight_path, tmp_path / "results", notebooks=notebooks_path)
     assert report.not_determined == ("lever_z_m",)
     assert report.left_out == ("two_step needs control",)
 
@@ -161,20 +161,10 @@ def test_what_is_not_determined_or_left_out_is_said_after_all_stages(
 def test_nothing_runs_where_an_argument_is_wrong(tmp_path, flight_path, notebooks_path):
     folder = tmp_path / "results"
 
-    def run(stages=results.STAGES, **arguments):
-        way = Notebooks(**{"path": notebooks_path, **arguments})
-        runner.run(flight_path, folder, way=way, stages=stages)
-
     with pytest.raises(ValueError, match="unknown stage 'mountain'; known: heads, synthetic"):
-        run(stages=["mountain"])
-    with pytest.raises(ValueError, match="no notebook has a parameter sed; known: seed"):
-        run(parameters={"sed": 3})
-    with pytest.raises(ValueError, match="no notebook has a parameter results_path"):
-        run(parameters={"results_path": "elsewhere"})
-    with pytest.raises(ValueError, match="00-flight: seed is int, got '3'"):
-        run(parameters={"seed": "3"})
+        runner.run(flight_path, folder, notebooks=notebooks_path, stages=["mountain"])
     with pytest.raises(FileNotFoundError, match=r"00-flight\.ipynb: no such notebook"):
-        run(path=tmp_path)
+        runner.run(flight_path, folder, notebooks=tmp_path)
     assert not folder.exists()
 
 
@@ -184,7 +174,7 @@ def test_results_that_acx4_did_not_write_stop_the_run(tmp_path, flight_path, not
     pd.DataFrame({"stage": ["heads"]}).to_csv(folder / "parameters.csv")
     before = contents(folder)
     with pytest.raises(OutputError, match=r"holds what acx4 run did not write \(parameters\.csv\)"):
-        runner.run(flight_path, folder, way=Notebooks(path=notebooks_path))
+        runner.run(flight_path, folder, notebooks=notebooks_path)
     assert contents(folder) == before
 
 
@@ -202,7 +192,7 @@ def test_a_stage_that_no_other_needs_does_not_stop_the_run(tmp_path):
     write_notebook(folder / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
     failing = "from acx4lib.errors import AdjustmentError\nraise AdjustmentError('no heads')"
     write_notebook(folder / "02-synthetic-image.ipynb", PARAMETERS, failing)
-    report = runner.run(flight, tmp_path / "results", way=Notebooks(path=folder))
+    report = runner.run(flight, tmp_path / "results", notebooks=folder)
     assert report.not_determined == ("no heads",)
     found = results.read(tmp_path / "results").parameters
     assert list(found["stage"]) == ["heads", "mounting", "mounting", "validation"]
@@ -226,9 +216,7 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
     left_out = keep("mounting", "rig", {"left_out": ["mounting/rig: no"], "notes": ["hm"]})
     of_rig = left_out.replace('["mounting"]', '["mounting/rig"]')
     write_notebook(notebooks_path / f"{runner.NOTEBOOKS['rig']}.ipynb", PARAMETERS, of_rig)
-    report = runner.run(
-        path, tmp_path / "results", stages=["mounting"], way=Notebooks(path=notebooks_path)
-    )
+    report = runner.run(path, tmp_path / "results", stages=["mounting"], notebooks=notebooks_path)
     no_block = "mounting: skipped, the flight has no block calibration"
     if heads == 1:
         assert report.ran == ()
@@ -247,13 +235,13 @@ def test_a_run_repeats_what_reading_the_flight_remarked(tmp_path, flight_path, n
     (flight / "old" / "images.csv").write_text("image\n")
     notes = acx.read(flight).notes
     assert any(note.startswith("old/images.csv is in no block") for note in notes)
-    report = runner.run(flight, tmp_path / "results", stages=[], way=Notebooks(path=notebooks_path))
+    report = runner.run(flight, tmp_path / "results", stages=[], notebooks=notebooks_path)
     assert report.notes == notes
 
 
 def test_what_a_killed_run_left_behind_is_removed(tmp_path, flight_path, notebooks_path):
     (tmp_path / "results" / f"{SCRATCH}x" / "notebooks").mkdir(parents=True)
-    runner.run(flight_path, tmp_path / "results", stages=[], way=Notebooks(path=notebooks_path))
+    runner.run(flight_path, tmp_path / "results", stages=[], notebooks=notebooks_path)
     assert {path.name for path in (tmp_path / "results").iterdir()} == {
         *(*results.FILES, provenance.FILE, provenance.KEPT, "notebooks", MARK)
     }
@@ -267,7 +255,7 @@ def test_a_validation_without_a_point_in_two_images_is_skipped(
     points = pd.read_csv(alone / "validation" / "image_points.csv", dtype=str)
     points.drop_duplicates("point").to_csv(alone / "validation" / "image_points.csv", index=False)
     report = runner.run(
-        alone, tmp_path / "results", stages=["validation"], way=Notebooks(path=notebooks_path)
+        alone, tmp_path / "results", stages=["validation"], notebooks=notebooks_path
     )
     reason = "no check point of block validation is measured in two images"
     assert report.skipped == (f"validation: skipped, {reason}",)

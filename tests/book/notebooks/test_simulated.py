@@ -430,7 +430,7 @@ def weak_run(tmp_path_factory):
         )
     )
     write_files(notebooks_simulated.simulate(plan, seed=1, options=Options()), at / "flight")
-    done = runner.run(at / "flight", at / "results", way=runner.Functions())
+    done = runner.run(at / "flight", at / "results")
     return plan, done, at / "results"
 
 

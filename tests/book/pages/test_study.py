@@ -207,7 +207,7 @@ def test_they_run_once_until_what_they_depend_on_changes(copy):
     assert runs(copy) == [2, 1]
     assert len(list((copy / study.KEPT).iterdir())) == 2
     page = nbformat.read(copy / "executed" / "01-one.ipynb", as_version=4)
-    assert page.cells[0].metadata.tags == ["injected-parameters", "hide-input"]
+    assert page.cells[0].metadata.tags == ["parameters"]
 
 
 def test_for_another_flight_they_never_run_and_only_those_that_hold_are_there(copy):

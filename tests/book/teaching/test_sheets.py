@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, ttest_1samp
 
 from acx4book.notebooks import runner, simulated
-from acx4book.notebooks.runner import way_of
 from acx4book.teaching import flights, grading, handed_in
 from acx4book.teaching.grading import graded
 from acx4book.teaching.sheets import calibrations, images
@@ -99,7 +98,7 @@ def test_the_code_of_a_labs_page_runs(name, key, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     handed_in.write(SHEETS[name], "Ada", key, tmp_path / "my_flight")
     if "acx4 run my_flight" in text:
-        runner.run("my_flight", "my_results", way=way_of(None), stages=folder.STAGES)
+        runner.run("my_flight", "my_results", stages=folder.STAGES)
     known = {}
     for indent, code in codes:
         exec(re.sub(f"^{indent}", "", code, flags=re.MULTILINE), known)
@@ -154,7 +153,7 @@ def test_a_check_point_shows_the_error_of_the_survey(student, key, solved, tmp_p
     header, *rows = survey.read_text().splitlines()
     marked = [f"{row},{'check' if row.startswith(wrong) else ''}" for row in rows]
     survey.write_text("\n".join([f"{header},role", *marked]) + "\n")
-    runner.run(tmp_path / "flight", tmp_path / "r", way=way_of(None), stages=folder.STAGES)
+    runner.run(tmp_path / "flight", tmp_path / "r", stages=folder.STAGES)
     found = folder.rows(folder.read(tmp_path / "r"), "check_points", "mounting/single_step")
     d = found.loc[found["point"] == wrong, ["d_east_m", "d_north_m", "d_height_m"]].to_numpy()[0]
     error = -d[abs(d).argmax()]
@@ -233,7 +232,7 @@ def run(key, tmp_path_factory):
     """Return a student's flight and the folder of a run of it."""
     at = tmp_path_factory.mktemp("lab")
     handed_in.write(SHEETS["lab-6"], "Ada", key, at / "flight")
-    runner.run(at / "flight", at / "results", way=way_of(None), stages=folder.STAGES)
+    runner.run(at / "flight", at / "results", stages=folder.STAGES)
     return read(at / "flight"), at / "results"
 
 

@@ -9,7 +9,6 @@ from threadpoolctl import threadpool_limits
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4book.notebooks.runner import Functions
 from acx4lib import flight
 from acx4lib.errors import FlightError, OutputError
 from acx4lib.flight import reader
@@ -147,7 +146,7 @@ def flown(tmp_path_factory):
     at = tmp_path_factory.mktemp("flown")
     for name, seed in (("flight", 1), ("other", 2)):
         acx4sim.write(acx4sim.DESIGNS["single-head"](seed=seed), at / name)
-    runner.run(at / "flight", at / "results", way=Functions())
+    runner.run(at / "flight", at / "results")
     return at
 
 
@@ -198,7 +197,6 @@ def test_a_calibration_of_an_earlier_flight_is_not_set_beside_the_own(flown, tmp
     runner.run(
         flown / "other",
         tmp_path / "by_run",
-        way=Functions(),
         stages=["validation"],
         calibration=flown / "results",
     )

@@ -41,9 +41,8 @@ def write_good(good: Path) -> None:
     """Write a flight of two heads with results of all stages, and pictures."""
     blocks = ("heads", "calibration", "validation")
     pictured.write_flight(good / "flight", ("E0",), blocks=blocks)
-    way = runner.Functions()
     stages = ("heads", "mounting", "validation")
-    runner.run(good / "flight", good / "results", way=way, stages=stages)
+    runner.run(good / "flight", good / "results", stages=stages)
 
 
 def warm(good: Path, work: Path) -> None:

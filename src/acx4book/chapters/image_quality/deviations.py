@@ -42,7 +42,7 @@ from acx4lib.synthetic_image.rendering import FEATHER_PX, render, render_plan
 from acx4lib.synthetic_image.response import Response
 from acx4lib.tie_points.least_squares_matching import correlate, match
 from acx4lib.tie_points.matching import best_of_cells, grey, response
-from acx4lib.tie_points.refinement import frame_differences, refine_by_rotations, tie_differences
+from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import TiePoints, refine_by_mean_differences
 from acx4sim.designs import acx4_plan
 from acx4sim.optics import Camera as TrueCamera
@@ -63,11 +63,6 @@ LENS = ("k1", "k2", "k3", "p1", "p2")
 
 LEAST_CORRELATION = 0.7
 """Smallest correlation of a window with its match in the other picture."""
-
-BORDER_SHARE = 0.05
-"""Share of the synthetic image's longer side that counts as near its border."""
-
-ZONES = ("one head", "several heads", "near the border")
 
 
 # --- measured --------------------------------------------------------------------------------
@@ -192,33 +187,6 @@ def consistent(found: Deviations, *, neighbours: int = 9) -> Mask:
     return keep
 
 
-def zones(orientation: RelativeOrientation, synthetic: Camera, colrow: Array) -> dict[str, Mask]:
-    """Mark the points seen by one head, by several heads, and near the border.
-
-    Parameters
-    ----------
-    orientation : RelativeOrientation
-    synthetic : Camera
-    colrow : ndarray, shape (n, 2)
-        px of the synthetic camera.
-
-    Returns
-    -------
-    dict of str to ndarray of bool
-        By `ZONES`; the last one lies across the others.
-    """
-    xy = xy_from_colrow(synthetic, colrow)
-    seen = [
-        inside(camera, head_from_synthetic(orientation, k, xy))
-        for k, camera in enumerate(orientation.heads)
-    ]
-    count = np.sum(seen, axis=0)
-    size = np.array([synthetic.width_px, synthetic.height_px])
-    from_border = np.min(np.minimum(colrow + 0.5, size - 0.5 - colrow), axis=1)
-    near = from_border <= BORDER_SHARE * size.max()
-    return dict(zip(ZONES, (count == 1, count > 1, near), strict=True))
-
-
 # --- calibrated by itself --------------------------------------------------------------------
 
 
@@ -305,29 +273,7 @@ def residuals_px(fit: Bundle) -> Array:
 # --- A synthetic image of wrong heads, before and after refinements of the heads
 
 
-TURNED_DEG, TIE_PX = 0.01, 0.1
-"""Errors of the heads' angles, and noise of tie points, in `repaired`."""
-
-
 # --- refinements beside each other -----------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FrameErrors:
-    """Errors of the synthetic images of several wrong orientations.
-
-    Attributes
-    ----------
-    overlap_rms_px, overlap_largest_px : ndarray, shape (n,)
-        Lengths of the differences between heads, measuring errors left out.
-    frame_rms_px, frame_largest_px : ndarray, shape (n,)
-        Lengths of the errors of position over the whole frame, against the truth.
-    """
-
-    overlap_rms_px: Array
-    overlap_largest_px: Array
-    frame_rms_px: Array
-    frame_largest_px: Array
 
 
 def simulated_ties(
@@ -410,37 +356,6 @@ def _printed_sigma(head: str) -> Array:
     return np.nan_to_num(np.array(sigma))
 
 
-def refinements(
-    truth: RelativeOrientation,
-    wrong: Sequence[RelativeOrientation],
-    synthetic: Camera,
-    ties: TiePoints,
-    *,
-    exact: TiePoints,
-) -> dict[str, FrameErrors]:
-    """Return the errors before and after every refinement, in the overlaps and in the frame.
-
-    Parameters
-    ----------
-    truth : RelativeOrientation
-    wrong : sequence of RelativeOrientation
-        The same heads with errors; at least one.
-    synthetic : Camera
-    ties, exact : TiePoints
-        Input of the refinements, and tie points without noise to judge the overlaps.
-
-    Returns
-    -------
-    dict of str to FrameErrors
-        By the ways of `every_refinement`.
-    """
-    refined = [every_refinement(heads, ties) for heads in wrong]
-    return {
-        way: _frame_errors([heads[way] for heads in refined], truth, synthetic, exact)
-        for way in refined[0]
-    }
-
-
 def every_refinement(wrong: RelativeOrientation, ties: TiePoints) -> dict[str, RelativeOrientation]:
     """Return wrong heads refined in every way, the first head held.
 
@@ -456,59 +371,6 @@ def every_refinement(wrong: RelativeOrientation, ties: TiePoints) -> dict[str, R
         "mean shift": replace(shifted, xyz_mm=held),
         "rotations": refine_by_rotations(wrong, ties).orientation,
         "six": refine_by_rotations(wrong, ties, free="six").orientation,
-    }
-
-
-def _frame_errors(
-    orientations: Sequence[RelativeOrientation],
-    truth: RelativeOrientation,
-    synthetic: Camera,
-    exact: TiePoints,
-) -> FrameErrors:
-    overlap = [np.hypot(*tie_differences(o, exact).T) / synthetic.pixel_mm for o in orientations]
-    frame = [frame_differences(o, truth, synthetic) for o in orientations]
-    return FrameErrors(
-        overlap_rms_px=np.array([np.sqrt(np.mean(errors**2)) for errors in overlap]),
-        overlap_largest_px=np.array([errors.max() for errors in overlap]),
-        frame_rms_px=np.array([errors.rms_px for errors in frame]),
-        frame_largest_px=np.array([errors.largest_px for errors in frame]),
-    )
-
-
-def repaired(
-    truth: RelativeOrientation, synthetic: Camera, *, seed: int, trials: int = 4
-) -> dict[str, dict[str, FrameErrors]]:
-    """Return the errors of heads with known mistakes, before and after every refinement.
-
-    Parameters
-    ----------
-    truth : RelativeOrientation
-        Heads with the names of the paper's.
-    synthetic : Camera
-    seed : int
-    trials : int
-        Number of draws.
-
-    Returns
-    -------
-    dict of str to dict
-        By the errors that the heads were given, and by the ways of `every_refinement`.
-    """
-    rng = np.random.default_rng(seed)
-    wrong = {
-        f"heads turned by {TURNED_DEG:g}°": [
-            with_turned_heads(truth, rng=rng, sigma_deg=TURNED_DEG) for _ in range(trials)
-        ],
-        "interiors wrong by the paper's σ": [
-            with_wrong_interiors(truth, rng=rng) for _ in range(trials)
-        ],
-    }
-    ties, exact = (
-        simulated_ties(truth, synthetic, rng=rng, sigma_px=sigma) for sigma in (TIE_PX, 0.0)
-    )
-    return {
-        errors: refinements(truth, draws, synthetic, ties, exact=exact)
-        for errors, draws in wrong.items()
     }
 
 

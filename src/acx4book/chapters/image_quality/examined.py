@@ -29,7 +29,7 @@ from acx4book.chapters.image_quality.deviations import (
 )
 from acx4lib import shown
 from acx4lib.bundle.adjust import Bundle
-from acx4lib.calibration.heads import RelativeOrientation, corner_radius, radial_profile
+from acx4lib.calibration.heads import RelativeOrientation, radial_profile
 from acx4lib.expected import Array
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import colrow_from_xy, inside, xy_from_colrow
@@ -45,9 +45,7 @@ from acx4sim.pictures import pixels_from_ground
 TIES = 100
 """Tie points of an overlap, without error, for the refinement of drawn calibrations."""
 
-STEPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {"oriented": (), "calibrated": LENS, "interior": ("f", "xp", "yp", *LENS)}
-)
+STEPS: Mapping[str, tuple[str, ...]] = MappingProxyType({"oriented": (), "calibrated": LENS})
 """Interior parameters that the self-calibration of a synthetic image estimates, by its name."""
 
 
@@ -145,8 +143,7 @@ def self_calibrations(known: KnownExposure, found: Deviations) -> dict[str, Bund
     Returns
     -------
     dict of str to Bundle
-        By `STEPS`: the exterior orientation alone, the lens too, and f, xp, yp as well, which
-        the relief tells from the camera's place, so far as there is any.
+        By `STEPS`: the exterior orientation alone, and the lens too.
     """
     block = known_block(known, found)
     return {name: self_calibrate(block, free=free) for name, free in STEPS.items()}
@@ -245,9 +242,8 @@ def drawn_errors(known: KnownExposure, n: int, *, seed: int, angle_deg: float) -
     -------
     DataFrame
         One row per draw and refinement: root mean square and largest error in the frame (rms_px,
-        largest_px); the rms that an exterior orientation leaves, that k1, k2, k3, p1, p2
-        leave, and f, xp, yp besides (oriented_px, calibrated_px, interior_px); radial distortion
-        and decentring found, the largest in the frame (radial_px, decentring_px).
+        largest_px); the rms that an exterior orientation leaves, and that k1, k2, k3, p1, p2
+        leave (oriented_px, calibrated_px); the largest radial distortion found (radial_px).
     """
     rng = np.random.default_rng(seed)
     ties = simulated_ties(
@@ -275,7 +271,6 @@ def errors_of(found: Deviations, known: KnownExposure) -> dict[str, float]:
         "largest_px": float(np.hypot(*found.d_px.T).max()),
         **residual_rms,
         "radial_px": largest_radial(fits["calibrated"]),
-        "decentring_px": largest_decentring(fits["calibrated"]),
     }
 
 
@@ -316,9 +311,6 @@ def largest_radial(fit: Bundle) -> float:
     return float(np.abs(px).max())
 
 
-def largest_decentring(fit: Bundle) -> float:
-    """Return the largest decentring distortion in the corner of an image, px."""
-    camera = fit.cameras[0]
-    r_sq = corner_radius(camera) ** 2
-    # along the axis of decentring it is three times that across
-    return float(3 * np.hypot(camera.interior.p1, camera.interior.p2) * r_sq / camera.pixel_mm)
+def lens_fits(examined: Mapping[str, Examined]) -> dict[str, Bundle]:
+    """Return the self-calibrations with a lens of all but the unrefined orientation."""
+    return {name: image.fits["calibrated"] for name, image in examined.items() if name != "before"}

@@ -1,9 +1,9 @@
-"""Figures of the quality of the synthetic image: deviations, seams, distortion (section 4.1)."""
+"""The table and the figures of the quality of the synthetic image (section 4.1)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,29 +11,30 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import PercentFormatter
 
 from acx4book.chapters.image_quality.deviations import (
     Deviations,
-    KnownExposure,
-    border_depth,
-    render_known,
+    residuals_px,
 )
-from acx4book.chapters.image_quality.examined import TargetErrors
+from acx4book.chapters.image_quality.examined import (
+    Examined,
+    TargetErrors,
+    largest_radial,
+    rms_of_coordinates,
+)
+from acx4book.chapters.synthetic_image.tables import WAYS
 from acx4book.paper import printed
 from acx4book.typesetting import style
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.heads import RelativeOrientation, radial_profile
-from acx4lib.expected import Array, Raster
-from acx4lib.geometry.camera import Camera, colrow_from_xy, xy_from_colrow
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import Camera, colrow_from_xy
 from acx4lib.synthetic_image.frame import (
     footprint,
-    head_from_synthetic,
-    reduced_camera,
-    reduced_heads,
 )
-from acx4lib.synthetic_image.rendering import FEATHER_PX, resample
-from acx4lib.synthetic_image.response import Response, log_response
+
+NAMES: Mapping[str, str] = {"true": "true orientation", **WAYS}
+"""Names for readers of the orientations of `deviations.every_refinement`."""
 
 CELLS = 14
 """Cells along the longer side of the frame, in vector plots."""
@@ -137,85 +138,6 @@ def _draw_vectors(ax: Axes, camera: Camera, field: tuple[Array, Array], *, key: 
     ax.text(bar[0] - 0.25 * cell, low, f"{key:g} px", ha="right", va="center", fontsize=style.SMALL)
 
 
-# --- seams -----------------------------------------------------------------------------------
-
-
-def seam_profiles(profile: SeamProfile) -> Figure:
-    """Draw grey values along a line across a seam: as taken, equalised, and blended."""
-    thousand = 1000.0
-    titles = (
-        ("As the heads took them", _disagreement(profile.taken)),
-        ("Equalised", _disagreement(profile.equalised)),
-        ("Blended", "beside the ideal camera's, brought to the same mean"),
-    )
-    with style.applied():
-        fig, axes = style.subplots(3, 1, figsize=(style.WIDTH, 5.2), sharex=True, sharey=True)
-        for ax, (title, subtitle) in zip(axes, titles, strict=True):
-            ax.axvspan(-FEATHER_PX / 2, FEATHER_PX / 2, color=style.SKY, alpha=0.22, lw=0, zorder=0)
-            ax.axvline(0, color=style.SOFT, lw=0.7, ls=":", zorder=1)
-            style.heading(ax, title, subtitle)
-            ax.set_ylabel("grey value (1000 DN)")
-        for ax, values in zip(axes, (profile.taken, profile.equalised), strict=False):
-            for tint, name, line in zip(
-                (style.BLUE, style.ORANGE), profile.names, values, strict=True
-            ):
-                ax.plot(profile.x_px, line / thousand, color=tint, lw=1.2, label=name)
-        level = profile.blended.mean() / profile.ideal.mean()
-        axes[2].plot(
-            profile.x_px, level * profile.ideal / thousand, color=style.TEAL, lw=2.6, alpha=0.45,
-            label="ideal camera",
-        )  # fmt: skip
-        axes[2].plot(
-            profile.x_px,
-            profile.blended / thousand,
-            color=style.INK,
-            lw=0.9,
-            label="synthetic image",
-        )
-        axes[2].set_xlabel("from the seam, across it (px)")
-        axes[2].set_xlim(profile.x_px[0], profile.x_px[-1])
-        handles = [*axes[0].get_legend_handles_labels()[0], *axes[2].get_legend_handles_labels()[0]]
-        handles.append(Line2D([], [], color=style.SKY, lw=6, alpha=0.5, label="width of the blend"))
-        style.legend_below(fig, handles)
-    return fig
-
-
-def _disagreement(values: Array) -> str:
-    ratio = np.log(values[1] / values[0])
-    return f"ratio of the two heads off one by {100 * np.sqrt(np.nanmean(ratio**2)):.1f} % (rms)"
-
-
-def overlap_differences(picture: OverlapPicture) -> Figure:
-    """Draw a part of an overlap, and the differences of two heads there after each step."""
-    limit = 0.15
-    steps = tuple(picture.differences.items())
-    with style.applied():
-        fig, grid = style.subplots(2, 2, figsize=(style.WIDTH, 6.3))
-        axes = list(grid.flat)
-        low, high = np.nanpercentile(picture.grey, (1, 99))
-        axes[0].imshow(picture.grey, cmap="gray", vmin=low, vmax=high, interpolation="nearest")
-        style.heading(axes[0], "The ground", f"seen by {style.plain(picture.names[0])}")
-        for ax, (title, d) in zip(axes[1:], steps, strict=True):
-            shown = ax.imshow(
-                d, cmap=style.DIVERGING, vmin=-limit, vmax=limit, interpolation="nearest"
-            )
-            rms = np.sqrt(np.nanmean(d**2))
-            style.heading(
-                ax, title[0].upper() + title[1:], f"rms {100 * rms:.1f} % of the grey value"
-            )
-        for ax in axes:
-            style.bare(ax)
-            ax.set(xticks=[], yticks=[])
-        bar = fig.colorbar(
-            shown, ax=axes, orientation="horizontal", fraction=0.03, aspect=60, pad=0.03
-        )
-        bar.ax.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-        first, second = (style.plain(name) for name in picture.names)
-        bar.set_label(f"{second} less {first}, of the grey value")
-        bar.outline.set_visible(False)
-    return fig
-
-
 # --- distortion ------------------------------------------------------------------------------
 
 
@@ -293,182 +215,64 @@ def _draw_draws(
     style.heading(ax, "Many, by geometry", "dots: draws; bars: their medians")
 
 
-# --- Where two heads meet: grey values across a seam, and differences in an overlap
-
-
-BAND = 1
-"""Index of the green band."""
-
-ROW_SHARE = 0.75
-"""Place where the line crosses the seam, as a share of the frame's height."""
-
-AVERAGED_ROWS = 8
-"""Rows of the picture at hand whose mean is drawn."""
-
 Window = tuple[int, int, int, int]
 """First row, row behind the last, first column, column behind the last."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SeamProfile:
-    """Grey values of a band along a line across the seam of two heads.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The two heads.
-    x_px : ndarray, shape (n,)
-        From the seam, px of the full-size synthetic image.
-    taken, equalised : ndarray, shape (2, n)
-        Of both heads, as they are and divided by their response; NaN where one does not see.
-    blended, ideal : ndarray, shape (n,)
-        Of the synthetic image, and of the ideal camera's.
-    """
-
-    names: tuple[str, str]
-    x_px: Array
-    taken: Array
-    equalised: Array
-    blended: Array
-    ideal: Array
+# --- the table, and the fields of the first figure ---------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OverlapPicture:
-    """A part of an overlap in the images of two heads.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The two heads.
-    grey : ndarray, shape (rows, cols)
-        In the image of the first head.
-    differences : dict of str to ndarray, shape (rows, cols)
-        Second less first, as a share of their mean, by the steps of correction.
-    """
-
-    names: tuple[str, str]
-    grey: Array
-    differences: dict[str, Array]
-
-
-PAIR = (0, 3)
-"""The left and the right one of the lower heads."""
-
-
-def seam_profile(
-    known: KnownExposure,
-    orientation: RelativeOrientation,
-    response: Response,
-) -> SeamProfile:
-    """Return grey values across the seam of two heads that stand beside each other.
+def way_table(
+    examined: Mapping[str, Examined], geometry: Mapping[str, Mapping[str, float]]
+) -> pd.DataFrame:
+    """Return the errors of the image of every orientation, measured beside geometry.
 
     Parameters
     ----------
-    known : KnownExposure
-    orientation : RelativeOrientation
-        Full size.
-    response : Response
+    examined : mapping of str to Examined
+        By the names of `NAMES`.
+    geometry : mapping of str to mapping
+        As `examined.geometry_errors` returns it.
+
+    Returns
+    -------
+    DataFrame
+        RMS of a coordinate: of the deviations, of what an exterior orientation leaves, of what a
+        lens leaves as well; the largest radial distortion that is found. Each as ``measured`` and
+        ``by geometry``, full-size px.
     """
-    row, col = _seam(known, orientation)
-    half = int(2.5 * FEATHER_PX / known.reduce)
-    window = (row, row + AVERAGED_ROWS, col - half, col + half)
-    taken = [_seen(known, orientation, k, window, None)[..., BAND].mean(axis=0) for k in PAIR]
-    equal = [_seen(known, orientation, k, window, response)[..., BAND].mean(axis=0) for k in PAIR]
-    blended = _mean_rows(render_known(known, orientation, response), window)
-    return SeamProfile(
-        names=_names(known),
-        x_px=known.reduce * (np.arange(-half, half) + 0.5),
-        taken=np.stack(taken),
-        equalised=np.stack(equal),
-        blended=blended,
-        ideal=_mean_rows(known.ideal, window),
-    )
+    rows = {
+        NAMES[name]: {
+            ("RMS (px)", "measured"): rms_of_coordinates(image.found.d_px),
+            ("RMS (px)", "by geometry"): geometry[name]["rms_px"],
+            ("Oriented (px)", "measured"): _left_px(image, "oriented"),
+            ("Oriented (px)", "by geometry"): geometry[name]["oriented_px"],
+            ("Calibrated (px)", "measured"): _left_px(image, "calibrated"),
+            ("Calibrated (px)", "by geometry"): geometry[name]["calibrated_px"],
+            ("Radial (px)", "measured"): largest_radial(image.fits["calibrated"]),
+            ("Radial (px)", "by geometry"): geometry[name]["radial_px"],
+        }
+        for name, image in examined.items()
+    }
+    table = pd.DataFrame(rows).T
+    table.index.name = "heads"
+    table.attrs["formats"] = {", ".join(column): ".2f" for column in table.columns}
+    return table
 
 
-def overlap_picture(
-    known: KnownExposure,
-    orientations: tuple[RelativeOrientation, RelativeOrientation],
-    response: Response,
-    *,
-    size_px: tuple[int, int] = (130, 174),
-) -> OverlapPicture:
-    """Return a part of an overlap, and the differences of its heads before and after.
-
-    Parameters
-    ----------
-    known : KnownExposure
-    orientations : tuple of RelativeOrientation
-        As calibrated and refined, full size.
-    response : Response
-    size_px : tuple of int
-        Rows and columns, of the picture at hand.
-    """
-    row, col = _seam(known, orientations[1])
-    rows, cols = size_px
-    window = (row - rows // 2, row + rows // 2, col - cols // 2, col + cols // 2)
-    calibrated, refined = orientations
-    return OverlapPicture(
-        names=_names(known),
-        grey=_seen(known, refined, PAIR[0], window, None).mean(axis=2),
-        differences={
-            "as taken": _difference(known, calibrated, window, None),
-            "equalised": _difference(known, calibrated, window, response),
-            "equalised and refined": _difference(known, refined, window, response),
-        },
-    )
+def _left_px(examined: Examined, step: str) -> float:
+    """Return the RMS residual of a coordinate after a bundle of the image, px."""
+    return rms_of_coordinates(residuals_px(examined.fits[step]))
 
 
-def _names(known: KnownExposure) -> tuple[str, str]:
-    first, second = (known.orientation.heads[k].name for k in PAIR)
-    return first, second
-
-
-def _seam(known: KnownExposure, orientation: RelativeOrientation) -> tuple[int, int]:
-    """Return the row and column where the borders of both heads are equally far."""
-    small = reduced_camera(known.synthetic, known.reduce)
-    row = int(ROW_SHARE * small.height_px)
-    cols = np.arange(small.width_px, dtype=float)
-    xy = xy_from_colrow(small, np.column_stack([cols, np.full(len(cols), row)]))
-    left, right = (
-        border_depth(orientation.heads[k], head_from_synthetic(orientation, k, xy)) for k in PAIR
-    )
-    shared = np.flatnonzero((left > 0) & (right > 0))
-    return row, int(shared[np.argmin(np.abs(left - right)[shared])])
-
-
-def _seen(
-    known: KnownExposure,
-    orientation: RelativeOrientation,
-    k: int,
-    window: Window,
-    response: Response | None,
-) -> Array:
-    """Return a head's grey values in a window, equalised if its response is given."""
-    small = reduced_camera(known.synthetic, known.reduce)
-    heads = reduced_heads(orientation, known.reduce)
-    grey, seen = resample(known.images[k], heads, k, small, window)
-    out = np.where(seen[..., None], grey, np.nan)
-    if response is None:
-        return out
-    rows, cols = np.arange(window[0], window[1]), np.arange(window[2], window[3])
-    places = np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2).astype(float)
-    colrow = head_from_synthetic(heads, k, xy_from_colrow(small, places))
-    factor = np.exp(log_response(response, k, colrow, heads.heads[k]))
-    return out / factor.reshape(out.shape)
-
-
-def _difference(
-    known: KnownExposure,
-    orientation: RelativeOrientation,
-    window: Window,
-    response: Response | None,
-) -> Array:
-    a, b = (_seen(known, orientation, k, window, response).mean(axis=2) for k in PAIR)
-    return 2 * (b - a) / (a + b)
-
-
-def _mean_rows(image: Raster, window: Window) -> Array:
-    part = image[window[0] : window[1], window[2] : window[3], BAND]
-    mean: Array = part.mean(axis=0, dtype=float)
-    return mean
+def self_calibration_fields(examined: Mapping[str, Examined]) -> dict[str, Deviations]:
+    """Return the residuals after each step, for the paper's refinement and for ours, by title."""
+    shown = {"mean shift": ("Mean differences", "Mean"), "rotations": ("Three rotations", "Turned")}
+    fields = {}
+    for name, (title, short) in shown.items():
+        image = examined[name]
+        fields[title] = image.found
+        for step, words in (("oriented", "then oriented"), ("calibrated", "and with a lens")):
+            residuals = residuals_px(image.fits[step])
+            fields[f"{short}, {words}"] = replace(image.found, d_px=residuals)
+    return fields

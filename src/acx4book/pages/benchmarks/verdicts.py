@@ -271,10 +271,12 @@ def spoilt(verdicts: Verdicts) -> str:
     return "\n\n".join(
         [
             _spoilt_verdict(verdicts),
+            ":::{dropdown} The faults by plan, and the questions that find them",
             _table(_size_table(verdicts), SIZES, "sizes"),
             _table(_finder_table(verdicts), FINDERS, "finders"),
             _table(_share_table(thirds), THIRDS, "thirds"),
             _table(_gross_table(verdicts), GROSS_CAPTION, "gross"),
+            ":::",
         ]
     )
 

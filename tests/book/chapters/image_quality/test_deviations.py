@@ -19,7 +19,6 @@ from acx4book.chapters.image_quality.deviations import (
     one_image_block,
     residuals_px,
     self_calibrate,
-    zones,
 )
 from acx4book.chapters.image_quality.examined import (
     border_distortion_of_targets,
@@ -30,7 +29,6 @@ from acx4book.chapters.image_quality.examined import (
     frame_deviations,
     measured_ties,
 )
-from acx4book.chapters.image_quality.figures import overlap_picture, seam_profile
 from acx4book.paper import printed
 from acx4lib.calibration.estimates import from_bundle, parameters
 from acx4lib.calibration.heads import radial_profile
@@ -38,7 +36,6 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from support.blocks import FRAME
-from support.pictures import taken
 from support.pictures.known import known
 from support.pictures.known import response as response_of
 
@@ -120,19 +117,6 @@ def test_points_that_stand_out_from_those_around_are_told_and_a_smooth_field_is_
     keep = consistent(Deviations(ideal=ideal, d_px=d, sigma_px=np.full(600, 0.05)))
     assert not keep[wrong].any()
     assert np.sum(~keep) <= 15
-
-
-# --- zones -----------------------------------------------------------------------------------
-
-
-def test_one_head_sees_seven_tenths_of_the_frame_of_table_1():
-    cols, rows = np.meshgrid(np.arange(40, 12000, 80), np.arange(40, 16200, 81))
-    found = zones(taken.printed_heads(), SYN, np.column_stack([cols.ravel(), rows.ravel()]))
-    one, several, border = (found[name].mean() for name in found)
-    assert_allclose(one, 0.692, atol=0.003)  # counted on a much denser grid
-    assert_allclose(one + several, 1.0)
-    margin = 0.05 * 16200
-    assert_allclose(border, 1 - (1 - 2 * margin / 12000) * (1 - 2 * margin / 16200), atol=0.005)
 
 
 # --- calibrated by itself --------------------------------------------------------------------
@@ -320,25 +304,6 @@ def test_tie_points_of_the_pictures_repair_a_calibration(exposure, wrong):
     assert_allclose(every["rotations"].xyz_mm, wrong.xyz_mm)
 
 
-def test_the_blend_joins_two_heads_without_a_step(exposure, response):
-    profile = seam_profile(exposure, exposure.orientation, response)
-    apart = [np.log(lines[1] / lines[0]) for lines in (profile.taken, profile.equalised)]
-    assert np.sqrt(np.nanmean(apart[0] ** 2)) > 0.02
-    # what noise of 0.5 sqrt(DN) and interpolation leave in means over eight rows
-    assert np.sqrt(np.nanmean(apart[1] ** 2)) < 0.01
-    assert_allclose(profile.blended / profile.equalised.mean(axis=0), 1, atol=0.02)
-    assert profile.names == ("CAM1", "CAM4")
-
-
-def test_refined_heads_agree_in_their_overlap(exposure, response, wrong):
-    pair = (wrong, exposure.orientation)
-    picture = overlap_picture(exposure, pair, response, size_px=(60, 80))
-    rms = [np.sqrt(np.nanmean(d**2)) for d in picture.differences.values()]
-    assert list(picture.differences) == ["as taken", "equalised", "equalised and refined"]
-    assert rms[0] > rms[1] > rms[2]
-    assert rms[2] < 0.02
-
-
 # --- geometry --------------------------------------------------------------------------------
 
 
@@ -381,7 +346,6 @@ def test_a_lens_takes_up_what_an_orientation_does_not(exposure):
     assert set(draws["refinement"]) == {"before", "mean shift", "rotations", "six"}
     assert np.all(draws["oriented_px"] <= draws["rms_px"])
     assert np.all(draws["calibrated_px"] <= draws["oriented_px"])
-    assert np.all(draws["interior_px"] <= draws["calibrated_px"])
     left = draws.groupby("refinement")["oriented_px"].median()
     assert left["rotations"] < left["mean shift"] / 2 < left["before"]
 

@@ -18,7 +18,6 @@ import pytest
 import acx4sim
 from acx4book.command import runs
 from acx4book.notebooks import runner
-from acx4book.notebooks.runner import Functions
 from acx4lib.errors import AdjustmentError, FlightError, OutputError
 from acx4lib.flight import reader
 from acx4lib.results import folder, provenance
@@ -118,7 +117,7 @@ def test_a_seed_is_simulated_once_and_run_as_the_two_commands_would(tmp_path, se
     assert (found.status, found.reason) == (0, "")
     assert (tmp_path / "all" / "simulated" / "single-head-3.truth.json").is_file()
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=3), tmp_path / "alone")
-    runner.run(tmp_path / "alone", tmp_path / "results", way=runner.way_of(None))
+    runner.run(tmp_path / "alone", tmp_path / "results")
     for name in (*results.FILES, provenance.FILE):
         assert (job.results / name).read_bytes() == (tmp_path / "results" / name).read_bytes()
     before = (job.flight / "flight.toml").stat().st_mtime_ns
@@ -151,7 +150,7 @@ def one_by_one(small_flights, tmp_path_factory):
     """Return the bytes of the results of every flight, run by itself."""
     folder = tmp_path_factory.mktemp("one-by-one")
     for path in small_flights:
-        runner.run(path, folder / path.name, way=Functions())
+        runner.run(path, folder / path.name)
     return contents(folder)
 
 
@@ -369,7 +368,7 @@ def flight(small_flights):
 
 @pytest.fixture
 def left(small_flights, tmp_path):
-    runner.run(small_flights[0], tmp_path / "results", way=Functions())
+    runner.run(small_flights[0], tmp_path / "results")
     return tmp_path / "results"
 
 
@@ -398,10 +397,10 @@ def test_results_of_another_version_are_not(flight, left, settings, monkeypatch)
 def test_a_stage_that_is_missing_counts(tmp_path, settings):
     path = written.write_flight(tmp_path / "flight", blocks=("heads",))
     flight, results = reader.read(path), tmp_path / "results"
-    runner.run(path, results, way=Functions(), stages=["heads"])
+    runner.run(path, results, stages=["heads"])
     assert runs.is_whole(flight, results, replace(settings, stages=("heads",)))
     assert not runs.is_whole(flight, results, settings)
-    runner.run(path, results, way=Functions())
+    runner.run(path, results)
     assert runs.is_whole(flight, results, settings)
 
 
