@@ -34,7 +34,11 @@ def tested(material: Material) -> dict[str, list[str]]:
 
 def values(material: Material, names: Sequence[str]) -> dict[str, Mapping[str, Any]]:
     """Return the held values of adjustments, by ``camera/parameter``."""
-    return {key: told for n in names for key, told in material.found.summary[n]["held"].items()}
+    return {key: told for n in names for key, told in _entry(material, n)["held"].items()}
+
+
+def _entry(material: Material, name: str) -> Mapping[str, Any]:
+    return material.found.summary[name]
 
 
 def joint_p(held: Mapping[str, Mapping[str, Any]]) -> float:
@@ -45,7 +49,7 @@ def joint_p(held: Mapping[str, Mapping[str, Any]]) -> float:
 
 def rejected(material: Material, names: Sequence[str]) -> list[str]:
     """Return the values that their own adjustments reject, those that cost most first."""
-    found = [key for n in names for key in material.found.summary[n].get("held_rejected", ())]
+    found = [key for n in names for key in _entry(material, n).get("held_rejected", ())]
     held = values(material, names)
     told = [key for key in found if key in held and None not in held[key].values()]
     return sorted(told, key=lambda key: -float(held[key]["cost"]))
@@ -56,7 +60,7 @@ def explains(material: Material, name: str) -> bool:
 
     Then groups of observations contradict each other because of it.
     """
-    entry = material.found.summary[name]
+    entry = _entry(material, name)
     excess = (float(str(entry["sigma0_squared"])) - 1) * int(str(entry["redundancy"]))
     of_cameras = [key for key in rejected(material, [name]) if "/" in key]
     return any(2 * float(entry["held"][key]["cost"]) > excess for key in of_cameras[:1])

@@ -31,7 +31,7 @@ from acx4book.report import (
     typeset,
 )
 from acx4book.report.adjustment import decisive_qualities
-from acx4book.report.findings import FAILS, LEVEL, NOT_EXAMINED, Finding
+from acx4book.report.findings import NOT_EXAMINED, Finding
 from acx4book.report.markdown import Document, Text, number_labels, table_labels, to_html
 from acx4book.report.material import Material, checked_points, image_residuals, read, validated
 from acx4book.report.parameters import Lens, balanced, corners, correlations, lenses, profile
@@ -42,6 +42,7 @@ from acx4lib.errors import OutputError
 from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import INTERIOR, Camera, xy_from_colrow
 from acx4lib.geometry.parameters import LEVER_ARM, REPORTED
+from acx4lib.least_squares.verdict import FAILS, LEVEL
 from acx4lib.opening import text_of
 from acx4lib.results import folder, whole_files
 from acx4lib.results.own_folder import check_file

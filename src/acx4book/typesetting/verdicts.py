@@ -23,15 +23,18 @@ def spreads(table: pd.DataFrame) -> dict[str, object]:
     p = p_value(table["p joint"].min())
     return {
         "n": len(table),
-        "outside": [_in_words(*row) for row in table[table["limits"] != "inside"].iterrows()],
+        "outside": _in_words(table[table["limits"] != "inside"]),
         "p": p if p.startswith("<") else f"= {p}",
-        "fails": [_in_words(*row) for row in table[table["state"] == FAILS].iterrows()],
+        "fails": _in_words(table[table["state"] == FAILS]),
     }
 
 
-def _in_words(names: tuple[str, str], row: pd.Series) -> str:
-    (title, axis), limit = names, row["lower limit" if row["limits"] == "below" else "upper limit"]
-    return (
-        f"{row['RMS of d / σ']:.3f} in {axis} ({inside(title)}; limit {limit:.3f}, "
-        f"p = {row['p']:.3f})"
-    )
+def _in_words(table: pd.DataFrame) -> list[str]:
+    """Return the number of each test with the limit that it is near."""
+    rows = table.reset_index().to_dict("records")
+    limits = [row["lower limit" if row["limits"] == "below" else "upper limit"] for row in rows]
+    return [
+        f"{row['RMS of d / σ']:.3f} in {row['coordinate']} ({inside(row['method'])}; "
+        f"limit {limit:.3f}, p = {row['p']:.3f})"
+        for row, limit in zip(rows, limits, strict=True)
+    ]

@@ -234,9 +234,9 @@ def spread_table(tests: Mapping[str, NormalisedTest]) -> pd.DataFrame:
     table = pd.concat(parts, names=["method", "coordinate"])
     size = table["RMS of d / σ"].map(off_by).to_numpy()
     judged = verdicts(table["p"].to_numpy(), size, np.full(len(table), MATTERS))
-    return table.assign(
-        **{"p joint": [v.p_joint for v in judged], "state": [v.state for v in judged]}
-    )
+    table["p joint"] = [v.p_joint for v in judged]
+    table["state"] = [v.state for v in judged]
+    return table
 
 
 def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
