@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from scipy import sparse
 
 from acx4lib import expected, shown
@@ -18,6 +18,9 @@ from acx4lib.least_squares import processors, statistics
 from acx4lib.least_squares.adjustment import elimination
 from acx4lib.least_squares.normal_equations import Equations
 from acx4lib.least_squares.statistics import Group, tails
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PARTS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
     ("control plan", "control_point", (0, 1)),
@@ -174,6 +177,8 @@ class Components(tuple[Component, ...]):
         Number of observations, their redundancy, the effective one, ``factor of σ`` with ``value``
         and ``sigma`` (NaN where it cannot be estimated), and the factor ``used``.
         """
+        import pandas as pd  # noqa: PLC0415 it loads long
+
         heads = [(name, "") for name in ("number", "redundancy", "effective")]
         heads += [("factor of σ", "value"), ("factor of σ", "sigma"), ("used", "")]
         unknown = (np.nan, np.nan)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from acx4lib import expected
 from acx4lib.bundle.adjust import Bundle, adjust
@@ -32,6 +32,9 @@ from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM, POSE, REPORT
 from acx4lib.least_squares import adjustment, processors
 from acx4lib.least_squares.covariance import correlation, propagate, sigmas
 from acx4lib.least_squares.reduced_system import Inverse, held_at_zero
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # --- Weak directions of an adjustment: condition, weakest combination, strong correlations
 
@@ -220,6 +223,8 @@ class Correlations:
 
 def parameter_correlations(calibration: Calibration) -> pd.DataFrame:
     """Return the correlation matrix of all reported parameters, by their names in results."""
+    import pandas as pd  # noqa: PLC0415 it loads long
+
     names = [
         p.name if len(calibration.cameras) == 1 else f"{p.camera}/{p.name}"
         for p in parameters(calibration)

@@ -21,8 +21,7 @@ from acx4lib.calibration.common_errors import by_turns
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight import reader
-from acx4lib.flight.block import Block, SurveyedPoints
+from acx4lib.flight.block import Block, SurveyedPoints, standing_out
 from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
 from acx4lib.geometry.frames import transform
 from acx4lib.geometry.intersection import intersect, largest_angles
@@ -177,7 +176,7 @@ def validate(
     try:
         return _validated(block, calibration, method, refraction)
     except np.linalg.LinAlgError as error:
-        where = f"the equations of the check points{reader.sentence(block)}"
+        where = f"the equations of the check points{standing_out(block)}"
         raise unsolvable(str(error), where) from error
 
 

@@ -11,8 +11,7 @@ import numpy as np
 from acx4lib import conventions
 from acx4lib.calibration.heads import not_calibrated
 from acx4lib.errors import AdjustmentError, unsolvable
-from acx4lib.flight import reader
-from acx4lib.flight.block import unobserved
+from acx4lib.flight.block import standing_out, unobserved
 from acx4lib.flight.reader import Flight
 from acx4lib.results.adjustments import Record
 from acx4lib.results.folder import messages
@@ -172,6 +171,6 @@ def solving(flight: Flight, block_name: str) -> Iterator[None]:
     try:
         yield
     except np.linalg.LinAlgError as error:
-        odd = reader.sentence(flight.block(block_name))
+        odd = standing_out(flight.block(block_name))
         equations = f"the equations of block {block_name!r}{odd}"
         raise unsolvable(str(error), equations) from error
