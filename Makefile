@@ -50,7 +50,7 @@ NOTEBOOKS := $(wildcard notebooks/*.ipynb)
 SOURCES   := $(shell find src -name '*.py' 2>/dev/null)
 
 # Make removes only what bears a mark: of acx4, which lists its files, or of make.
-CLEAR      = PYTHONPATH=src $(firstword $(wildcard $(BIN)/python) '$(PYTHON)') -m acx4lib.results.own_folder
+CLEAR      = PYTHONPATH=src $(firstword $(wildcard $(BIN)/python) '$(PYTHON)') -m acx4files.results.own_folder
 BOOK      := book/_build book/_executed book/_generated
 define REMOVE_BOOK
 for made in $(BOOK); do \

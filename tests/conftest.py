@@ -9,10 +9,10 @@ import pytest
 from hypothesis import settings
 
 from acx4book.command.acx4 import GRAMMAR, main
-from acx4lib import flight
+from acx4files import flight
+from acx4files.stages import pictures as taken
 from acx4lib.bundle import adjust
 from acx4lib.calibration.heads import calibrate_heads
-from acx4lib.stages import pictures as taken
 from support import blocks
 from support.flights import pictured
 from support.flights.simulated import HEADS, fly

@@ -12,9 +12,9 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from acx4lib.flight.settings import FLIGHT
-from acx4lib.flight.toml_file import NAME, Keys, Table, rows
-from acx4tools.planning.plan import PLAN
+from acx4book.planning.plan import PLAN
+from acx4files.flight.settings import FLIGHT
+from acx4files.flight.toml_file import NAME, Keys, Table, rows
 
 TABLES = {"flight": FLIGHT, "plan": Table(keys=PLAN)}
 

@@ -17,9 +17,9 @@ from threadpoolctl import threadpool_limits
 from acx4book.typesetting import style, tables
 from acx4book.typesetting.myst import say
 from acx4book.typesetting.svg import vector
+from acx4files.flight.reader import Flight
+from acx4files.stages import order
 from acx4lib.errors import visible
-from acx4lib.flight.reader import Flight
-from acx4lib.stages import order
 
 __all__ = ["begin", "end", "needs", "say"]
 
@@ -96,7 +96,7 @@ def needs(flight: Flight, stage: str) -> None:
     ----------
     flight : Flight
     stage : str
-        As `acx4lib.stages.order.missing` takes it.
+        As `acx4files.stages.order.missing` takes it.
 
     Raises
     ------

@@ -21,18 +21,18 @@ import pandas as pd
 
 from acx4book.chapters.rig import true_head
 from acx4book.paper import printed
+from acx4files.flight.reader import Flight
+from acx4files.stages.synthetic import refine
 from acx4lib.calibration import rig
 from acx4lib.calibration.determination import ABSORBING, absorption
 from acx4lib.calibration.estimates import Calibration, parameters
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.calibration.mounting import Mounting, Mountings
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, border_distance, xy_from_colrow
 from acx4lib.geometry.collinearity import project, rays
 from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import accuracy
 from acx4lib.georeferencing.validation import Differences, Validation, validate
-from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.frame import head_from_synthetic
 from acx4lib.synthetic_image.transferred_points import (
     synthetic_block,

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acx4lib.flight.block import Block
+from acx4lib.block import Block
 from acx4lib.geometry.camera import inside
 from benchmarks import harness
 from benchmarks.adjusting import bench_blocks

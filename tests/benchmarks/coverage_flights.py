@@ -24,15 +24,15 @@ import acx4sim
 from acx4book.chapters import weights
 from acx4book.command.runs import executor
 from acx4book.notebooks.simulated import fly_and_read
+from acx4files.flight.reader import Flight
+from acx4files.results.table_files import RELATIVE
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.calibration import estimates, mounting
 from acx4lib.expected import Array
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.collinearity import DISTORTION_AT
 from acx4lib.georeferencing import validation
 from acx4lib.least_squares.processors import as_finished
-from acx4lib.results.table_files import RELATIVE
 from acx4sim.plan import SlowErrors
 from benchmarks import harness
 from support.flights import simulated

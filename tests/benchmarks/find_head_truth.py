@@ -19,11 +19,11 @@ import numpy as np
 
 import acx4sim
 from acx4book.paper import printed
+from acx4files.flight.reader import Flight
+from acx4files.stages.synthetic import refine
+from acx4lib.block import Block
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import RelativeOrientation, calibrate_heads, relative_orientation
-from acx4lib.flight.block import Block
-from acx4lib.flight.reader import Flight
-from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.transferred_points import synthetic_block, transfer
 from acx4sim import optics
 from acx4sim.optics import Camera

@@ -8,13 +8,13 @@ import sys
 
 import numpy as np
 
-import acx4lib as acx
+import acx4 as acx
 from acx4book.reference import four_heads
+from acx4lib.block import select_images
 from acx4lib.bundle.rejections import without
 from acx4lib.calibration.estimates import difference
 from acx4lib.calibration.heads import declared_orientation
 from acx4lib.calibration.mounting import single_step
-from acx4lib.flight.block import select_images
 from acx4lib.least_squares.covariance import correlation, sigmas
 from acx4lib.least_squares.statistics import chi2_sf
 from acx4lib.tie_points import refinement

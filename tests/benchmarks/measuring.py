@@ -13,19 +13,19 @@ from typing import Any
 import numpy as np
 
 from acx4book.chapters.from_pictures import EXPOSURES
-from acx4lib.flight.block import Block, select_images
-from acx4lib.flight.design import flying_heights
-from acx4lib.flight.reader import read
-from acx4tools.measuring import views as measuring_views
-from acx4tools.measuring.levels import overlapping, sizes_of
-from acx4tools.measuring.views import declared_views, seen_at
+from acx4files.flight.reader import read
+from acx4files.measuring import views as measuring_views
+from acx4files.measuring.levels import overlapping, sizes_of
+from acx4files.measuring.views import declared_views, seen_at
+from acx4lib.block import Block, select_images
+from acx4lib.design import flying_heights
 from benchmarks import harness
 
 REDUCED = (8, 4, 2)
 MANY = 50
 """Of the validation block, which has the overlaps of a mapping flight."""
 
-LIBRARY = "import acx4tools.measuring.measure"
+LIBRARY = "import acx4files.measuring.measure"
 """What each run loads, timed alone."""
 
 

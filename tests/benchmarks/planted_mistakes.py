@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from itertools import cycle, islice, product
 from pathlib import Path
 
-from acx4lib.conventions import best_reading
+from acx4files.conventions import best_reading
+from acx4files.flight.reader import read
 from acx4lib.errors import FlightError
-from acx4lib.flight.reader import read
 from support.flights import planted
 
 VARIANTS = list(product(planted.DESIGNS, planted.SIZES, planted.FORMS))

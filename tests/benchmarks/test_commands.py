@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.pages.build import BENCHMARKS
+from acx4files.flight import reader
 from acx4lib.calibration import mounting
-from acx4lib.flight import reader
 from acx4lib.geometry.camera import inside
 from benchmarks import commands, harness, imports, many, measuring
 from benchmarks.adjusting import bench_blocks

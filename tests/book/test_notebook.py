@@ -7,14 +7,14 @@ from jupyter_client.manager import start_new_kernel
 from papermill.exceptions import PapermillExecutionError
 
 from acx4book import notebook
-from acx4lib import flight
+from acx4files import flight
 from support.flights import written
 from support.helpers import repeats, write_notebook
 
 PARAMETERS = "flight_path: str = 'a'\nresults_path: str = 'b'\nshare: float = 0.5  # of them\n"
 BEGIN = "from acx4book import notebook\nnotebook.begin()"
 NEEDS = f"""{BEGIN}
-import acx4lib as acx
+import acx4 as acx
 notebook.needs(acx.read(flight_path), "heads")
 print("not shown")"""
 ENDS = "This notebook ends here: the flight has no block heads."

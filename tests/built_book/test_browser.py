@@ -202,7 +202,7 @@ def test_the_search_finds_chapters_before_modules(window, words):
 
 KINDS = (
     *("intro.html", "_executed/19-from-pictures.html"),
-    *("_generated/api/acx4lib/conventions.html", "search.html"),
+    *("_generated/api/acx4files/conventions.html", "search.html"),
 )
 """One page of each kind, of the shorter ones."""
 

@@ -14,7 +14,7 @@ from pypdf import PdfReader
 
 from acx4book.pages import reproducibility
 from acx4book.report.page import write
-from acx4lib.results import provenance
+from acx4files.results import provenance
 from built_book.conftest import parse
 from support.helpers import ROOT, book_extension, repeats
 

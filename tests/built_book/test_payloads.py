@@ -22,10 +22,10 @@ from acx4book.command import acx4
 from acx4book.notebooks import runner
 from acx4book.pages import flight_book
 from acx4book.typesetting.plain_text import shown
-from acx4lib import flight
-from acx4lib.flight.problems import QUOTED
-from acx4lib.results import folder as results
-from acx4lib.results import own_folder, provenance
+from acx4files import flight
+from acx4files.flight.problems import QUOTED
+from acx4files.results import folder as results
+from acx4files.results import own_folder, provenance
 from support.flights import payloads
 
 pytestmark = pytest.mark.slow

@@ -10,8 +10,9 @@ import pytest
 from IPython.lib.pretty import pretty
 from numpy.testing import assert_allclose
 
-import acx4lib as acx
+import acx4 as acx
 import acx4sim
+from acx4files.stages import Failed, attempt, heads, mounting, rig, synthetic, validation
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.reliability import reliability
 from acx4lib.bundle.variance_components import components
@@ -22,7 +23,6 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.georeferencing.direct import Rays, intersect_rays
 from acx4lib.georeferencing.validation import validate
-from acx4lib.stages import Failed, attempt, heads, mounting, rig, synthetic, validation
 from acx4lib.synthetic_image.frame import reduced_heads
 from acx4lib.synthetic_image.transferred_points import transfer
 from acx4lib.tie_points.refinement import refine_by_rotations

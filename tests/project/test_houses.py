@@ -19,7 +19,7 @@ def test_a_package_says_what_it_is_for():
     for package in PACKAGES:
         said = ast.get_docstring(parsed(package / "__init__.py")) or ""
         assert said.endswith("."), package
-        if package.parent.name in ("acx4lib", "acx4tools", "acx4book"):  # a room
+        if package.parent.name in ("acx4lib", "acx4files", "acx4book"):  # a room
             assert len(said.splitlines()) >= 2, package
 
 

@@ -150,7 +150,7 @@ def called(cell, modules):
     whole = {
         f"{modules.get(n.partition('.')[0], '')}.{n.partition('.')[2]}".strip(".") for n in names
     }
-    return {name for name in whole if name.startswith("acx4lib.")}
+    return {name for name in whole if name.startswith(("acx4lib.", "acx4files."))}
 
 
 @pytest.mark.parametrize("path", OPEN, ids=lambda path: path.stem)
@@ -213,13 +213,17 @@ def imported(notebook):
 def test_it_imports_the_library_typesetting_what_notebooks_call_and_its_own_room(path):
     modules = imported(nbformat.read(path, as_version=4)).values()
     book = [name for name in modules if name.startswith("acx4book")]
-    rooms = tuple(f"acx4book.{room}" for room in ("notebook", "typesetting", *ROOMS[path.stem[:2]]))
+    rooms = tuple(
+        f"acx4book.{room}"
+        for room in ("notebook", "typesetting", "planning", "campaigns", *ROOMS[path.stem[:2]])
+    )
     assert [name for name in book if not name.startswith(rooms)] == []
     others = {name.partition(".")[0] for name in modules}
     standard = {"dataclasses", "functools", "pathlib"}
     assert (
         others
-        <= {"acx4lib", "acx4tools", "acx4sim", "acx4book", "IPython", "numpy", "pandas"} | standard
+        <= {"acx4", "acx4lib", "acx4files", "acx4sim", "acx4book", "IPython", "numpy", "pandas"}
+        | standard
     )
 
 

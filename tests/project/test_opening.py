@@ -42,7 +42,7 @@ READ_ONLY = ("pages", "reference", "chapters", "paper", "foundations", "typesett
 """Rooms of the book that read the project's own files."""
 
 OTHERS = {
-    "acx4lib/results/whole_files.py": {
+    "acx4files/results/whole_files.py": {
         "os.open": "the one place that writes",
         "os.fdopen": "as above",
         "draft.open": "as above",
@@ -53,34 +53,34 @@ OTHERS = {
         "Path('/proc/self/statm').read_text": "a file of the system",
         "os.open": "a folder, to come back to it",
     },
-    "acx4lib/opening.py": {"open": "the one place that reads", "os.open": "as above"},
-    "acx4lib/flight/table_files.py": {
+    "acx4files/opening.py": {"open": "the one place that reads", "os.open": "as above"},
+    "acx4files/flight/table_files.py": {
         "(group / f'memory.{name}').read_text": "a file of the system",
         "Path('/proc/meminfo').read_text": "a file of the system",
         "read_bytes": "the one place that reads",
         "read_text": "of the one place that reads",
     },
-    "acx4lib/flight/toml_file.py": {"read_text": "of the one place that reads"},
+    "acx4files/flight/toml_file.py": {"read_text": "of the one place that reads"},
     "acx4book/report/mounting.py": {"pd.read_csv": "of a file that is open"},
     "acx4book/teaching/flights.py": {"read_bytes": "of the one place that reads"},
-    "acx4lib/results/own_folder.py": {
+    "acx4files/results/own_folder.py": {
         "os.open": "a lock is the file that is open, and is gone in the end",
         "os.fdopen": "as above",
     },
-    "acx4lib/production/tiff.py": {
+    "acx4files/images/tiff.py": {
         "tifffile.TiffWriter": "writes the draft that it is given, in many steps",
         "tifffile.TiffFile": "of bytes, after a look, or an image that a command wrote",
         "TemporaryFile": "has no name, and is gone in the end",
     },
-    "acx4tools/exchange/pictures.py": {"tifffile.imread": "of bytes, after a look"},
-    "acx4tools/measuring/views.py": {"cv2.imread": "looks first"},
-    "acx4tools/measuring/pairs.py": {
+    "acx4files/exchange/pictures.py": {"tifffile.imread": "of bytes, after a look"},
+    "acx4files/measuring/views.py": {"cv2.imread": "looks first"},
+    "acx4files/measuring/pairs.py": {
         "np.savez": "into the draft that is open",
         "np.load": "of a file that is open",
     },
-    "acx4lib/results/folder.py": {"read_text": "of the one place that reads"},
-    "acx4lib/results/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
-    "acx4tools/exchange/safe.py": {
+    "acx4files/results/folder.py": {"read_text": "of the one place that reads"},
+    "acx4files/results/table_files.py": {"pd.read_csv": "after is_there, or of memory"},
+    "acx4files/exchange/safe.py": {
         "zipfile.ZipFile": "of bytes",
         "archive.open": "of bytes",
     },

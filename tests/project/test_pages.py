@@ -7,9 +7,9 @@ import nbformat
 import pytest
 
 from acx4book.command.acx4 import app
-from acx4lib.flight.problems import POSITIVE
-from acx4lib.flight.tables import SCHEMAS
-from acx4lib.flight.toml_file import Table, Value, number
+from acx4files.flight.problems import POSITIVE
+from acx4files.flight.tables import SCHEMAS
+from acx4files.flight.toml_file import Table, Value, number
 from acx4lib.geometry.parameters import REPORTED
 from support.helpers import ROOT, book_extension
 
@@ -135,7 +135,7 @@ ROWS = re.findall(
     flags=re.MULTILINE | re.DOTALL,
 )
 SOURCES = "\n".join(
-    path.read_text(encoding="utf-8") for path in sorted((ROOT / "src" / "acx4lib").rglob("*.py"))
+    path.read_text(encoding="utf-8") for path in sorted((ROOT / "src").glob("acx4[lf]i*/**/*.py"))
 )
 NAMES = sorted({name for row in ROWS for name in re.findall(r"`(\w+)`", row.rpartition("  -")[2])})
 

@@ -20,7 +20,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-import acx4lib as acx
+import acx4 as acx
 import acx4sim
 from acx4book.command.terminal import BOOK
 from acx4book.pages import flight_book
@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 PRESENT = sysconfig.get_path("purelib")
-HOUSES = {"acx4lib", "acx4tools", "acx4sim", "acx4book"}
+HOUSES = {"acx4", "acx4lib", "acx4files", "acx4sim", "acx4book"}
 PTH = "present.pth"
 PARTS = {"llvmlite": "numba", "cycler": "matplotlib"}
 """Packages that another one brings, as a part of itself."""
@@ -206,7 +206,7 @@ def distributions(modules):
     [
         ("acx4sim", ("command",)),
         ("acx4lib", ("images", "cluster")),
-        ("acx4tools", ("images",)),
+        ("acx4files", ("images", "cluster")),
         ("acx4book", ("book", "pdf", "reference")),
     ],
 )
@@ -359,7 +359,7 @@ def test_the_extra_command_is_enough_for_numbers_and_images(base):
 
 
 SMALL = """
-import acx4lib as acx
+import acx4 as acx
 flight = acx.read("library")
 calibration = acx.calibrate(flight).single_step.calibration
 poses = acx.georeference(flight.validation, calibration).T_m_c
@@ -380,7 +380,7 @@ def test_what_the_library_requires_is_enough_for_a_calibration(small):
     assert float(focal_mm) == pytest.approx(here.cameras[0].interior.f, abs=1e-9)
     assert int(n_images) == 60
     assert error == (
-        "acx4lib.render needs tifffile, not installed here: pip install 'acx4lib[images]'"
+        "acx4.render needs tifffile, not installed here: pip install 'acx4lib[images]'"
     )
 
 

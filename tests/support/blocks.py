@@ -10,9 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib.bundle.unknowns import layout
-from acx4lib.calibration.estimates import Calibration
-from acx4lib.flight.block import (
+from acx4lib.block import (
     Block,
     Distances,
     ImagePoints,
@@ -21,6 +19,8 @@ from acx4lib.flight.block import (
     Trajectory,
     lengths,
 )
+from acx4lib.bundle.unknowns import layout
+from acx4lib.calibration.estimates import Calibration
 from acx4lib.geometry.camera import Camera, Interior, inside
 from acx4lib.geometry.collinearity import project, refraction_lift
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk, transform

@@ -67,7 +67,7 @@ def complaint(status: int, out: str, err: str) -> str:
 MEMORY = 2**30
 """Bytes of address space beyond that of the libraries."""
 
-PRELOADED = ("support.commands", "acx4tools.exchange.flight_folder", "acx4lib.conventions")
+PRELOADED = ("support.commands", "acx4files.exchange.flight_folder", "acx4files.conventions")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,8 +123,8 @@ SECONDS = 60
 """A small command takes a few; one that takes longer waits for something, and is ended."""
 
 LOADED = (
-    *("acx4lib.conventions", "acx4lib.flight.summary", "acx4tools.exchange.programs.opf"),
-    *("acx4book.report.page", "acx4tools.planning.design"),
+    *("acx4files.conventions", "acx4files.flight.summary", "acx4files.exchange.programs.opf"),
+    *("acx4book.report.page", "acx4book.planning.design"),
     *("acx4book.command.runs", "acx4book.notebooks.runner", "acx4book.teaching.class_table"),
 )
 

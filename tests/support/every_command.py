@@ -5,7 +5,7 @@ import shutil
 import typer
 
 from acx4book.command.acx4 import app
-from acx4tools.planning.plan import written
+from acx4book.planning.plan import written
 from support import run_results
 from support.flights import pictured, planned
 from support.fuzz import sources

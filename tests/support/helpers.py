@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from acx4book.reference import data
-from acx4lib import flight
+from acx4files import flight
 from acx4lib.errors import UNSEEN, FlightError
 
 ROOT = Path(__file__).parents[2]

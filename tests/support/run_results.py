@@ -12,16 +12,16 @@ import acx4sim
 from acx4book.notebooks import runner
 from acx4book.report.findings import findings
 from acx4book.report.material import Material, read
-from acx4lib import flight
+from acx4files import flight
+from acx4files.results import adjustments, own_folder, provenance, read_back
+from acx4files.results import folder as results
+from acx4files.results.rows import calibration_tables, orientation_tables
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.georeferencing import validation
-from acx4lib.results import adjustments, own_folder, provenance, read_back
-from acx4lib.results import folder as results
-from acx4lib.results.rows import calibration_tables, orientation_tables
 from support.flights import written
 
 SINGLE = "mounting/single_step"

@@ -16,15 +16,15 @@ from acx4book.notebooks import runner
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
 from acx4book.pages import build, flight_book
 from acx4book.report import page
-from acx4lib.flight import reader
-from acx4lib.flight.reader import read
-from acx4lib.flight.settings import FLIGHT
-from acx4lib.flight.toml_file import NAME, rows
-from acx4lib.results import folder, provenance
-from acx4lib.results import folder as results
-from acx4lib.results.folder import STAGES
-from acx4lib.results.provenance import KEPT
-from acx4lib.results.table_files import NOTEBOOKS
+from acx4files.flight import reader
+from acx4files.flight.reader import read
+from acx4files.flight.settings import FLIGHT
+from acx4files.flight.toml_file import NAME, rows
+from acx4files.results import folder, provenance
+from acx4files.results import folder as results
+from acx4files.results.folder import STAGES
+from acx4files.results.provenance import KEPT
+from acx4files.results.table_files import NOTEBOOKS
 from support.flights import in_heads, planned
 from support.helpers import ROOT, repeats
 

@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 import pytest
 
+from acx4files.exchange import flight_folder, metadata, safe
+from acx4files.exchange.programs import micmac
+from acx4files.flight.toml_file import read_toml
+from acx4files.images.image_files import image_from_file
+from acx4files.measuring import views
+from acx4files.results import table_files
 from acx4lib.errors import FlightError
-from acx4lib.flight.toml_file import read_toml
 from acx4lib.geometry.camera import Camera, Interior
-from acx4lib.production.image_files import image_from_file
-from acx4lib.results import table_files
-from acx4tools.exchange import flight_folder, metadata, safe
-from acx4tools.exchange.programs import micmac
-from acx4tools.measuring import views
 from support import swelling
 from support.commands import MEMORY, told
 from support.flights import written

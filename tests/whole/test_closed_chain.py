@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.paper import printed
+from acx4files.stages.synthetic import refine
+from acx4lib.block import Block
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.flight.block import Block
-from acx4lib.stages.synthetic import refine
 from acx4lib.synthetic_image.rendering import render_plan, render_rows
 from acx4lib.synthetic_image.transferred_points import TransferredPoints, transfer
 from acx4sim.designs import acx4_plan

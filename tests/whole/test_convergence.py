@@ -16,14 +16,14 @@ import pytest
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4lib import flight
+from acx4files import flight
+from acx4files.results import folder
+from acx4lib.block import select_cameras
 from acx4lib.bundle import adjust
 from acx4lib.bundle.start import recovered
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError
-from acx4lib.flight.block import select_cameras
 from acx4lib.geometry.camera import colrow_from_xy, xy_from_colrow
 from acx4lib.geometry.frames import Pose, exp, log, turn
-from acx4lib.results import folder
 from support.flights import simulated, written
 from support.fuzz.flights import write_good
 from support.helpers import repeats, rotation_angle

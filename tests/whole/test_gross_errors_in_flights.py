@@ -10,11 +10,11 @@ import pytest
 from scipy import stats
 
 import acx4sim
+from acx4lib.block import select_cameras
 from acx4lib.bundle import adjust
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.calibration import mounting
 from acx4lib.calibration.heads import calibrate_heads
-from acx4lib.flight.block import select_cameras
 from acx4sim.plan import GrossErrors
 from support.flights.simulated import (
     CAMERA,

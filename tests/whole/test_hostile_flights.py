@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acx4lib import flight
+from acx4files import flight
+from acx4files.flight.tables import faulty, name_fault
 from acx4lib.errors import FlightError, visible
-from acx4lib.flight.tables import faulty, name_fault
 from acx4lib.geometry.geodesy import GridSystem, crs_fault
 from support.flights.written import write_flight
 from support.helpers import flight_problems as problems
@@ -189,7 +189,7 @@ def test_a_file_larger_than_the_memory_is_refused_unread(tmp_path):
 MEMORY_ENDS = """
 import resource, sys
 from acx4lib.errors import FlightError
-from acx4lib.flight import read
+from acx4files.flight import read
 pages = int(open("/proc/self/statm").read().split()[0])
 limit = pages * resource.getpagesize() + 30_000_000
 resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

@@ -13,12 +13,12 @@ import pandas as pd
 import pytest
 
 from acx4book.reference import data, dbat_files, dbat_statements
+from acx4files.exchange import flight_folder
+from acx4files.measuring.measure import measure_flight
+from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle import adjust
 from acx4lib.bundle.gross_errors import adjust_rejecting
-from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.frames import Pose, rotation_from_opk
-from acx4tools.exchange import flight_folder
-from acx4tools.measuring.measure import measure_flight
 from support.helpers import needs
 
 PHOTOGRAPHS = (1, 2, 3)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acx4lib.flight import block
+from acx4lib import block
 from acx4lib.geometry import camera, intersection
 from acx4lib.geometry.frames import rotation_from_opk
 from support.wrong_calls import adjustments, files, geometry, pixels

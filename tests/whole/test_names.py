@@ -20,12 +20,12 @@ from acx4book.notebooks import runner
 from acx4book.report.markdown import adjustment_title, parameter_title
 from acx4book.typesetting.matrix import correlation_matrix
 from acx4book.typesetting.myst import LABELS
+from acx4files.flight import reader
+from acx4files.results import adjustments, folder, read_back
+from acx4files.results import folder as results
 from acx4lib.calibration import mounting
 from acx4lib.calibration.determination import detectable, parameter_correlations
 from acx4lib.calibration.mounting import single_step
-from acx4lib.flight import reader
-from acx4lib.results import adjustments, folder, read_back
-from acx4lib.results import folder as results
 from support import blocks
 from support.helpers import repeats
 from support.run_results import state

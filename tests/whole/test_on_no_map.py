@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4files.flight.reader import from_tables, read
+from acx4files.flight.summary import summary
+from acx4files.stages import mounting, order
 from acx4lib.bundle.adjust import free_orientation
 from acx4lib.bundle.free_network import adjust_free
 from acx4lib.calibration.mounting import single_step
 from acx4lib.errors import AdjustmentError, FlightError
-from acx4lib.flight.reader import from_tables, read
-from acx4lib.flight.summary import summary
 from acx4lib.geometry.frames import opk_from_rotation
-from acx4lib.stages import mounting, order
 from support import blocks
 from support.flights.written import write_flight
 

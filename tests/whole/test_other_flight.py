@@ -9,18 +9,18 @@ import pandas as pd
 import pytest
 
 import acx4sim
+from acx4book import campaigns
 from acx4book.command import acx4
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import execute
 from acx4book.report import material
 from acx4book.report.findings import findings
+from acx4files.exchange.outward import content
+from acx4files.flight import reader
+from acx4files.results import folder, own_folder, provenance
+from acx4files.stages import mounting, validation
 from acx4lib.errors import FlightError
-from acx4lib.flight import reader
 from acx4lib.georeferencing.validation import validate
-from acx4lib.results import folder, own_folder, provenance
-from acx4lib.stages import mounting, validation
-from acx4tools import campaigns
-from acx4tools.exchange.outward import content
 from support.flights import written
 
 NAME = "One camera turned by 90 degrees, simulated"

@@ -254,7 +254,7 @@ def bare_package(folder):
     copy = folder / "src"
     if not copy.exists():
         nothing = shutil.ignore_patterns("__pycache__")
-        for house in ("acx4lib", "acx4sim", "acx4book"):
+        for house in ("acx4", "acx4lib", "acx4files", "acx4sim", "acx4book"):
             shutil.copytree(SOURCES / house, copy / house, ignore=nothing)
         (copy / "acx4lib" / "__pycache__").write_text("no folder", encoding="utf-8")
     paths = [str(copy), *(path for path in sys.path if Path(path or ".").resolve() != SOURCES)]

@@ -8,11 +8,11 @@ import pytest
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4lib import flight as flights
+from acx4files import flight as flights
+from acx4files.results import folder
+from acx4files.stages import mounting, order
 from acx4lib.bundle.variance_components import BOUNDS, Component
 from acx4lib.calibration.confirmation import confirmations
-from acx4lib.results import folder
-from acx4lib.stages import mounting, order
 from support.flights.simulated import read_back
 from support.flights.written import TOML, TRAJECTORY, change, replace
 from support.helpers import repeats

@@ -16,11 +16,11 @@ from bs4 import BeautifulSoup
 
 import acx4sim
 from acx4book.notebooks import runner
-from acx4lib import flight as flights
+from acx4files import flight as flights
+from acx4files.results import folder as results
+from acx4files.results import own_folder, provenance
+from acx4files.results.own_folder import MARK
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.results import folder as results
-from acx4lib.results import own_folder, provenance
-from acx4lib.results.own_folder import MARK
 from support.flights import pictured, written
 from support.helpers import write_notebook
 from support.run_results import leave_results, seal_again
@@ -28,8 +28,8 @@ from support.run_results import leave_results, seal_again
 PARAMETERS = "flight_path = ''\npictures_path = ''\nresults_path = ''\nseed = 1"
 CHANGE = """
 import pathlib
-from acx4lib import flight as flights
-from acx4lib.results import folder
+from acx4files import flight as flights
+from acx4files.results import folder
 table = pathlib.Path(pictures_path) / "control_points.csv"
 lines = table.read_text().splitlines()
 name, east, *rest = lines[1].split(",")

@@ -4,5 +4,5 @@
 `validation` (4.3) are the paper's; `rig`, `weights`, `image_quality`, `synthetic_cost`, `failures`,
 `design`, `error_budget`, `stability` and `from_pictures` ask further questions. Each has figures,
 and functions that several cells share. A chapter's results in the results folder are computed by a
-stage of `acx4lib.stages`. Begin with the notebook.
+stage of `acx4files.stages`. Begin with the notebook.
 """

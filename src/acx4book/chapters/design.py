@@ -11,6 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from acx4book.notebooks import simulated
+from acx4book.planning import plan as plans
+from acx4book.planning.design import sigmas
+from acx4book.planning.flown import flying_time_s
+from acx4book.planning.plan import Plan, Strip, image_length_m, strip_of
 from acx4book.typesetting import style
 from acx4book.typesetting.moving import (
     Column,
@@ -28,10 +32,6 @@ from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
 from acx4sim.designs import acx4_ideal_plan
-from acx4tools.planning import plan as plans
-from acx4tools.planning.design import sigmas
-from acx4tools.planning.flown import flying_time_s
-from acx4tools.planning.plan import Plan, Strip, image_length_m, strip_of
 
 # --- Figures of the chapter: curves of standard deviations, and flights in plan
 

@@ -21,11 +21,11 @@ from acx4book.notebooks import runner
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import LABELS, scientific
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib import conventions
+from acx4files import conventions
+from acx4files.flight.reader import read
+from acx4files.results import folder
 from acx4lib.errors import Acx4Error
 from acx4lib.expected import Array
-from acx4lib.flight.reader import read
-from acx4lib.results import folder
 from acx4sim import files
 from acx4sim.designs import single_head
 from acx4sim.earth import Grid

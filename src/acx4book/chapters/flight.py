@@ -19,11 +19,11 @@ from acx4book.paper import printed
 from acx4book.typesetting import style
 from acx4book.typesetting.maps import BODY, arrow, blank, note, triad, view
 from acx4book.typesetting.plain_text import shown
+from acx4files.flight.reader import Flight
+from acx4lib import design
+from acx4lib.block import Block
+from acx4lib.design import levels
 from acx4lib.expected import Array
-from acx4lib.flight import design
-from acx4lib.flight.block import Block
-from acx4lib.flight.design import levels
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
 
 # --- the system ------------------------------------------------------------------------------

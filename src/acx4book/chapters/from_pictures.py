@@ -15,20 +15,20 @@ from matplotlib.figure import Figure
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import scientific
 from acx4book.typesetting.plain_text import Markup
+from acx4files.flight.reader import read
+from acx4files.measuring.levels import Matched
+from acx4files.measuring.measure import Outcome, measure_flight
+from acx4files.measuring.pairs import laid_patches, own_patches
+from acx4files.measuring.views import View, pixels_of_view, transferred
 from acx4lib import shown
+from acx4lib.block import Block
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block
-from acx4lib.flight.reader import read
 from acx4sim import files
 from acx4sim.designs import single_head
 from acx4sim.files import SimulatedFlight, photograph
 from acx4sim.pictures import Station, ground_from_pixels, pixels_from_ground, station
-from acx4tools.measuring.levels import Matched
-from acx4tools.measuring.measure import Outcome, measure_flight
-from acx4tools.measuring.pairs import laid_patches, own_patches
-from acx4tools.measuring.views import View, pixels_of_view, transferred
 
 # --- A flight of which nothing is measured yet: its pictures, its trajectory, its control points
 

@@ -16,6 +16,7 @@ from acx4book.typesetting import matrix, style
 from acx4book.typesetting.matrix import Residuals, field_figure
 from acx4book.typesetting.myst import LABELS, p_value
 from acx4book.typesetting.plain_text import Markup
+from acx4files.flight.reader import Flight
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.determination import EXTERIOR, Correlations
@@ -28,7 +29,6 @@ from acx4lib.calibration.heads import (
 )
 from acx4lib.calibration.held import Held
 from acx4lib.expected import Array
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.parameters import REPORTED, SHOWN
 

@@ -17,17 +17,17 @@ from matplotlib.patches import Rectangle
 from acx4book.typesetting import matrix, style
 from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
+from acx4files.flight.reader import Flight
+from acx4files.opening import text_of
+from acx4files.results.table_files import RELATIVE
 from acx4lib.attempts import Failed, attempt
 from acx4lib.calibration import rig
 from acx4lib.calibration.heads import RelativeOrientation, varied
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array, Index
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera, Interior, xy_from_colrow
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.least_squares.covariance import correlation, sigmas
-from acx4lib.opening import text_of
-from acx4lib.results.table_files import RELATIVE
 from acx4lib.synthetic_image.frame import coverage, head_from_synthetic, synthetic_from_head
 from acx4sim.files import truth_path
 

@@ -14,15 +14,15 @@ from acx4book.paper import printed
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import TITLES, inside
 from acx4book.typesetting.plain_text import Markup
+from acx4files.flight.reader import Flight
+from acx4files.results import folder
+from acx4lib.design import ground_sample_m
 from acx4lib.expected import Array
-from acx4lib.flight.design import ground_sample_m
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy, error_sources
 from acx4lib.georeferencing.accuracy import Accuracy, AxisTest, NormalisedTest
 from acx4lib.georeferencing.validation import Validation
 from acx4lib.least_squares.covariance import sigmas
-from acx4lib.results import folder
 from acx4lib.shown import count
 
 LEAST_FOR_NORMAL = 3

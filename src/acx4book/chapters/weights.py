@@ -17,12 +17,12 @@ from acx4book.paper import printed
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import LABELS
 from acx4lib.attempts import Failed
+from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.variance_components import Components
 from acx4lib.calibration.estimates import Calibration, parameters
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import SHOWN
 from acx4lib.georeferencing import accuracy, error_sources

@@ -120,11 +120,11 @@ Example:
 )
 def check(flight: terminal.Flight) -> None:
     """Read a flight and print a summary."""
-    from acx4lib.conventions import notes  # noqa: PLC0415 quick help
+    from acx4files.conventions import notes  # noqa: PLC0415 quick help
+    from acx4files.flight.reader import read  # noqa: PLC0415 quick help
+    from acx4files.flight.summary import summary  # noqa: PLC0415 quick help
+    from acx4files.images.image_files import is_cut_off  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
-    from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
-    from acx4lib.flight.summary import summary  # noqa: PLC0415 quick help
-    from acx4lib.production.image_files import is_cut_off  # noqa: PLC0415 quick help
 
     flown = read(flight)
     files = (path for paths in flown.image_files.values() for path in paths if path is not None)
@@ -163,7 +163,7 @@ def report(
     """Write the calibration report of a run."""
     terminal.need_book("report")
     from acx4book.report import page  # noqa: PLC0415 quick help
-    from acx4lib.results import folder  # noqa: PLC0415 quick help
+    from acx4files.results import folder  # noqa: PLC0415 quick help
 
     path = out or folder.of_run(results) / "report.html"
     if pdf:

@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from acx4book.command import terminal
 
 if TYPE_CHECKING:
-    from acx4tools.exchange.flight_folder import ImportedFlight
+    from acx4files.exchange.flight_folder import ImportedFlight
 
 HELP = """Read other programs' files, and write a flight, or a part of one.
 
@@ -130,10 +130,10 @@ def heights_of(text: str) -> str | float:
 
 def system_of(out: Path, crs: str, heights: str) -> tuple[str, str | float]:
     """Return CRS and heights of a flight from the options, else from its flight.toml."""
+    from acx4files.flight.problems import lines_of  # noqa: PLC0415 quick help
+    from acx4files.flight.settings import FLIGHT  # noqa: PLC0415 quick help
+    from acx4files.flight.toml_file import read_toml  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
-    from acx4lib.flight.problems import lines_of  # noqa: PLC0415 quick help
-    from acx4lib.flight.settings import FLIGHT  # noqa: PLC0415 quick help
-    from acx4lib.flight.toml_file import read_toml  # noqa: PLC0415 quick help
 
     path = out / "flight.toml"
     toml = read_toml(path)
@@ -164,7 +164,7 @@ def _program(
     of_flight: Sequence[str] = (),
     reader: str = "",
 ) -> None:
-    """Make a command of a reader below `acx4tools.exchange.programs`; its options are the reader's.
+    """Make a command of a reader below `acx4files.exchange.programs`; its options are the reader's.
 
     The reader is imported when the command is called, so that help is quick. A flight that is
     already in the output folder gives the options `of_flight`.
@@ -176,7 +176,7 @@ def _program(
         if begun:
             known = {"crs": given.get("crs") or begun, "heights": heights}
             given |= {key: known[key] for key in of_flight}
-        program = importlib.import_module(f"acx4tools.exchange.programs.{module}")
+        program = importlib.import_module(f"acx4files.exchange.programs.{module}")
         _place(getattr(program, function or "read")(source, **given), out)
 
     needed = [option for option in options if option.default is Parameter.empty]
@@ -189,7 +189,7 @@ def _program(
 
 def _place(imported: ImportedFlight, out: Path) -> None:
     """Write imported data, and report assumptions, findings, omissions and missing parts."""
-    from acx4tools.exchange import flight_folder  # noqa: PLC0415 quick help
+    from acx4files.exchange import flight_folder  # noqa: PLC0415 quick help
 
     if imported.settings and not (out / flight_folder.SETTINGS).is_file():
         named = {"name": out.resolve().name} | dict(imported.settings)
@@ -212,9 +212,9 @@ def _place(imported: ImportedFlight, out: Path) -> None:
 
 def missing(flight: Path) -> list[str]:
     """Return lines on missing parts of a flight, or notes on the conventions of a whole one."""
-    from acx4lib.conventions import notes  # noqa: PLC0415 quick help
+    from acx4files.conventions import notes  # noqa: PLC0415 quick help
+    from acx4files.flight.reader import read  # noqa: PLC0415 quick help
     from acx4lib.errors import FlightError  # noqa: PLC0415 quick help
-    from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
 
     try:
         flown = read(flight)
@@ -290,8 +290,8 @@ def _sbet(  # noqa: PLR0913 options of a command
     heights: Heights = "",
 ) -> None:
     """Read an SBET at the times of events."""
-    from acx4tools.exchange.trajectories import sbet  # noqa: PLC0415 quick help
-    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories import sbet  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = system_of(out, crs, heights)
     options = sbet.SbetOptions(
@@ -355,8 +355,8 @@ def _orientations(  # noqa: PLR0913 options of a command
     heights: Heights = "",
 ) -> None:
     """Read a table of orientations with declared columns."""
-    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
-    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories import orientations  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = system_of(out, crs, heights)
     meaning = Meaning(
@@ -401,8 +401,8 @@ def _pospac_text(
     heights: Heights = "",
 ) -> None:
     """Read a text export of POSPac."""
-    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
-    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories import orientations  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system)
@@ -441,7 +441,7 @@ def _image_points(
     camera: Camera = "",
 ) -> None:
     """Read a table of measurements with declared columns."""
-    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories import orientations  # noqa: PLC0415 quick help
 
     options = orientations.MeasuredOptions(
         columns=columns,
@@ -483,8 +483,8 @@ def _control_points(  # noqa: PLR0913 options of a command
     heights: Heights = "",
 ) -> None:
     """Read a table of surveyed points with declared columns."""
-    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
-    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories import orientations  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     crs, system = system_of(out, crs, heights)
     meaning = Meaning(crs=crs, heights=system, ellipsoidal=ellipsoidal)
@@ -532,7 +532,7 @@ def _pictures(
     ] = None,
 ) -> None:
     """Make a flight of a folder of pictures."""
-    from acx4tools.exchange import pictures  # noqa: PLC0415 quick help
+    from acx4files.exchange import pictures  # noqa: PLC0415 quick help
 
     crs, _ = system_of(out, crs, "")
     imported = pictures.read_folder(

@@ -67,9 +67,9 @@ def measure(  # noqa: PLR0913, PLR0917 every option is an argument
     ] = None,
 ) -> None:
     """Measure the pictures of a flight."""
-    from acx4lib.results import own_folder  # noqa: PLC0415 quick help
-    from acx4tools.measuring.levels import MeasureOptions  # noqa: PLC0415 quick help
-    from acx4tools.measuring.measure import measure_flight, write_pictures  # noqa: PLC0415 quick help
+    from acx4files.measuring.levels import MeasureOptions  # noqa: PLC0415 quick help
+    from acx4files.measuring.measure import measure_flight, write_pictures  # noqa: PLC0415 quick help
+    from acx4files.results import own_folder  # noqa: PLC0415 quick help
 
     if flight.resolve() == out.resolve():
         refuse(f"{out}: is the flight itself; choose another folder for the measured one")
@@ -146,9 +146,9 @@ def render(  # noqa: PLR0913, PLR0917 every option is an argument
     ] = None,
 ) -> None:
     """Render the synthetic images of a flight."""
-    from acx4lib.flight.reader import read  # noqa: PLC0415 quick help
-    from acx4lib.production.exposure import RenderOptions  # noqa: PLC0415 quick help
-    from acx4lib.production.flight_images import render_flight  # noqa: PLC0415 quick help
+    from acx4files.flight.reader import read  # noqa: PLC0415 quick help
+    from acx4files.images.exposure import RenderOptions  # noqa: PLC0415 quick help
+    from acx4files.images.flight_images import render_flight  # noqa: PLC0415 quick help
 
     chosen: dict[str, Any] = {
         "blend": blend,

@@ -14,9 +14,9 @@ from acx4book.command import importing, terminal
 if TYPE_CHECKING:
     import pandas as pd
 
+    from acx4book.planning.design import Design
     from acx4sim.files import SimulatedFlight
     from acx4sim.plan import Options
-    from acx4tools.planning.design import Design
 
 
 # --- The command ``acx4 plan``: what a flight will determine, before it is flown
@@ -60,9 +60,9 @@ def plan(
     ] = None,
 ) -> None:
     """Predict what a flight will determine."""
-    from acx4lib.opening import text_of  # noqa: PLC0415 quick help
-    from acx4tools.planning import design, tables  # noqa: PLC0415 quick help
-    from acx4tools.planning import plan as plans  # noqa: PLC0415 quick help
+    from acx4book.planning import design, tables  # noqa: PLC0415 quick help
+    from acx4book.planning import plan as plans  # noqa: PLC0415 quick help
+    from acx4files.opening import text_of  # noqa: PLC0415 quick help
 
     if out is not None:
         terminal.need_book("plan --out")
@@ -77,10 +77,10 @@ def plan(
 
 def _write(design: Design, source: str, out: Path) -> None:
     """Write the tables, the summary, the picture and the plan itself into a folder."""
+    from acx4book.planning import tables  # noqa: PLC0415 quick help
     from acx4book.typesetting.maps import block_maps  # noqa: PLC0415 quick help
     from acx4book.typesetting.svg import vector  # noqa: PLC0415 quick help
-    from acx4lib.results import own_folder, whole_files  # noqa: PLC0415 quick help
-    from acx4tools.planning import tables  # noqa: PLC0415 quick help
+    from acx4files.results import own_folder, whole_files  # noqa: PLC0415 quick help
 
     design_tables = (
         tables.parameter_table(design),
@@ -161,8 +161,8 @@ def simulate(  # noqa: PLR0913, PLR0917 one for every option
     ] = None,
 ) -> None:
     """Write a simulated flight, or the plan of one."""
+    from acx4files.results import own_folder  # noqa: PLC0415 quick help
     from acx4lib.least_squares import processors  # noqa: PLC0415 quick help
-    from acx4lib.results import own_folder  # noqa: PLC0415 quick help
     from acx4sim.files import (  # noqa: PLC0415 quick help
         TRUTH_MARK,
         photograph,
@@ -215,9 +215,9 @@ def _flown(name: str, seed: int, options: Options) -> SimulatedFlight:
 
 def _write_plan(name: str, path: Path) -> None:
     from acx4book.notebooks import simulated  # noqa: PLC0415 quick help
-    from acx4lib.results import own_folder, whole_files  # noqa: PLC0415 quick help
+    from acx4book.planning import plan as plans  # noqa: PLC0415 quick help
+    from acx4files.results import own_folder, whole_files  # noqa: PLC0415 quick help
     from acx4sim.designs import PLANS  # noqa: PLC0415 quick help
-    from acx4tools.planning import plan as plans  # noqa: PLC0415 quick help
 
     if name not in PLANS:
         terminal.refuse(f"--plan is of a design: {', '.join(PLANS)}; got {name!r}")
@@ -269,11 +269,11 @@ def new(
 ) -> None:
     """Write a new flight to be filled in."""
     answers = _answers({"cameras": cameras, "crs": crs, "heights": heights})
-    from acx4lib.flight.tables import name_fault  # noqa: PLC0415 quick help
+    from acx4files.exchange import flight_folder  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories import orientations  # noqa: PLC0415 quick help
+    from acx4files.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
+    from acx4files.flight.tables import name_fault  # noqa: PLC0415 quick help
     from acx4lib.geometry.geodesy import grid_system  # noqa: PLC0415 quick help
-    from acx4tools.exchange import flight_folder  # noqa: PLC0415 quick help
-    from acx4tools.exchange.trajectories import orientations  # noqa: PLC0415 quick help
-    from acx4tools.exchange.trajectories.orientations import Meaning  # noqa: PLC0415 quick help
 
     heads = [name.strip() for name in answers["cameras"].split(",") if name.strip()]
     name = folder.resolve().name

@@ -12,8 +12,8 @@ import typer
 from acx4book.command import terminal
 
 if TYPE_CHECKING:
-    from acx4tools.exchange.outward.content import Calibrated, Taken
-    from acx4tools.exchange.outward.programs import Kind
+    from acx4files.exchange.outward.content import Calibrated, Taken
+    from acx4files.exchange.outward.programs import Kind
 
 
 # --- acx4 book
@@ -120,7 +120,7 @@ def export(
     ] = 0.05,
 ) -> None:
     """Write a calibration for another program."""
-    from acx4tools.exchange.outward import content, programs  # noqa: PLC0415 quick help
+    from acx4files.exchange.outward import content, programs  # noqa: PLC0415 quick help
 
     kind = programs.KINDS.get(to)
     if kind is None:
@@ -145,8 +145,8 @@ def export(
 
 def _made(kind: Kind, calibration: Calibrated, block: str, flight: Path | None) -> Taken:
     """Return the files of a kind, with orientations if a block is named."""
-    from acx4tools.exchange.outward import programs  # noqa: PLC0415 quick help
-    from acx4tools.exchange.outward.content import orient, read_flown  # noqa: PLC0415 quick help
+    from acx4files.exchange.outward import programs  # noqa: PLC0415 quick help
+    from acx4files.exchange.outward.content import orient, read_flown  # noqa: PLC0415 quick help
 
     if not block and kind.cameras is not None:
         return kind.cameras(calibration)
@@ -169,7 +169,7 @@ def _made(kind: Kind, calibration: Calibrated, block: str, flight: Path | None) 
 
 
 def _show(title: str, calibration: Calibrated, made: Taken) -> None:
-    from acx4tools.exchange.outward.content import sentences  # noqa: PLC0415 quick help
+    from acx4files.exchange.outward.content import sentences  # noqa: PLC0415 quick help
 
     terminal.show(title)
     for sentence in sentences(made):

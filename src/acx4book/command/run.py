@@ -139,7 +139,7 @@ def _settings(
     """Return the settings of a run from its options, or end the command."""
     from acx4book.command.runs import Settings, absolute  # noqa: PLC0415 quick help
     from acx4book.notebooks.runner import NOTEBOOKS_PATH  # noqa: PLC0415 quick help
-    from acx4lib.results.folder import STAGES  # noqa: PLC0415 quick help
+    from acx4files.results.folder import STAGES  # noqa: PLC0415 quick help
 
     chosen = tuple(stage.strip() for stage in stages.split(","))
     for stage in chosen:

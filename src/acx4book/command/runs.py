@@ -22,16 +22,16 @@ from pathlib import Path
 
 from acx4book.command.surroundings import shut_out
 from acx4book.notebooks import runner
+from acx4files.flight import reader
+from acx4files.flight.reader import Flight
+from acx4files.flight.tables import name_fault
+from acx4files.opening import text_of
+from acx4files.results import earlier, folder, own_folder, provenance, whole_files
+from acx4files.results.table_files import NOTEBOOKS, PART_OF
+from acx4files.stages import order
 from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
-from acx4lib.flight import reader
-from acx4lib.flight.reader import Flight
-from acx4lib.flight.tables import name_fault
 from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.least_squares.processors import as_finished
-from acx4lib.opening import text_of
-from acx4lib.results import earlier, folder, own_folder, provenance, whole_files
-from acx4lib.results.table_files import NOTEBOOKS, PART_OF
-from acx4lib.stages import order
 
 TABLE, SIMULATED, METHOD = "flights.csv", "simulated", "single_step"
 """Table and folder of simulated flights beside those of all flights; method of the table's rows."""

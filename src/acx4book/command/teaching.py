@@ -57,7 +57,7 @@ def lab(
     from acx4book.teaching import flights, handed_in  # noqa: PLC0415 quick help
     from acx4book.teaching import quiz as question_banks  # noqa: PLC0415 quick help
     from acx4book.teaching.sheets.every import sheet_of  # noqa: PLC0415 quick help
-    from acx4lib.results import own_folder  # noqa: PLC0415 quick help
+    from acx4files.results import own_folder  # noqa: PLC0415 quick help
 
     try:
         chosen = sheet_of(sheet)
@@ -83,7 +83,7 @@ def grade(
 ) -> None:
     """Mark what students handed in."""
     from acx4book.teaching import class_table, flights  # noqa: PLC0415 quick help
-    from acx4lib.results import own_folder, whole_files  # noqa: PLC0415 quick help
+    from acx4files.results import own_folder, whole_files  # noqa: PLC0415 quick help
 
     secret = flights.read_key(key)
     if out is not None:

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from acx4book.foundations import example
+from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle.adjust import designed, mounted_orientation
 from acx4lib.bundle.unknowns import free_mount
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import Camera, inside
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, rotation_from_opk

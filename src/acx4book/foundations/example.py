@@ -15,8 +15,8 @@ import pandas as pd
 from IPython.display import Markdown
 from numpy.typing import ArrayLike
 
+from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import Camera, Interior, colrow_from_xy
 from acx4lib.geometry.frames import Pose, rotation_from_opk, turn
 from acx4lib.geometry.geodesy import GridSystem, LocalFrame, MappingFrame

@@ -24,8 +24,8 @@ from papermill.exceptions import PapermillExecutionError
 from traitlets import Unicode
 from traitlets.config import Config
 
+from acx4files.results.whole_files import write
 from acx4lib.errors import Acx4Error, AdjustmentError, FlightError, OutputError, unsolvable
-from acx4lib.results.whole_files import write
 
 
 class NotebookError(Acx4Error):

@@ -16,15 +16,15 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from acx4files.flight import reader
+from acx4files.flight.reader import Flight
+from acx4files.results import folder as results
+from acx4files.results import own_folder, provenance
+from acx4files.results.own_folder import OwnFolder
+from acx4files.results.provenance import COMMAND, EXECUTED, FAILED
+from acx4files.results.table_files import NOTEBOOKS, PART_OF
+from acx4files.stages import heads, mounting, order, rig, validation
 from acx4lib.errors import Acx4Error, AdjustmentError
-from acx4lib.flight import reader
-from acx4lib.flight.reader import Flight
-from acx4lib.results import folder as results
-from acx4lib.results import own_folder, provenance
-from acx4lib.results.own_folder import OwnFolder
-from acx4lib.results.provenance import COMMAND, EXECUTED, FAILED
-from acx4lib.results.table_files import NOTEBOOKS, PART_OF
-from acx4lib.stages import heads, mounting, order, rig, validation
 
 NOTEBOOKS_PATH = Path(str(resources.files("acx4book.notebooks") / "sources")).resolve()
 """Folder of the notebooks."""
@@ -156,7 +156,7 @@ def run(
 
 def _earlier(calibration: str | Path, flight: Flight) -> Mapping[str, object]:
     """Return the summary of the results of an earlier flight."""
-    from acx4lib.results import earlier  # noqa: PLC0415 loads what adjusts
+    from acx4files.results import earlier  # noqa: PLC0415 loads what adjusts
 
     return earlier.read(calibration, flight).origin
 
@@ -323,7 +323,7 @@ def _execute(
 
 
 def _synthetic(flight: Flight, staging: Path) -> object:
-    from acx4lib.stages import synthetic  # noqa: PLC0415 loads what works on pictures
+    from acx4files.stages import synthetic  # noqa: PLC0415 loads what works on pictures
 
     return synthetic.run(flight, staging)
 

@@ -14,11 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acx4book.planning import flown
+from acx4book.planning import plan as plans
+from acx4book.planning.plan import Plan as FlightPlan
+from acx4book.planning.plan import PlannedBlock, settings
+from acx4files.flight import reader
+from acx4files.flight.reader import Flight
+from acx4lib.block import Block
 from acx4lib.errors import FlightError
 from acx4lib.expected import Array
-from acx4lib.flight import reader
-from acx4lib.flight.block import Block
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.camera import Camera as PlannedCamera
 from acx4lib.geometry.frames import opk_from_rotation
@@ -27,10 +31,6 @@ from acx4sim.designs import DESIGNS
 from acx4sim.files import SimulatedFlight, simulate_plan
 from acx4sim.optics import Camera
 from acx4sim.plan import BlockPlan, Noise, Options, Plan, SlowErrors, Strip
-from acx4tools.planning import flown
-from acx4tools.planning import plan as plans
-from acx4tools.planning.plan import Plan as FlightPlan
-from acx4tools.planning.plan import PlannedBlock, settings
 
 # --- Simulated flights by the name of a design, or by the file of a plan
 

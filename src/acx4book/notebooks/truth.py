@@ -10,7 +10,7 @@ import pandas as pd
 
 from acx4book.typesetting.myst import MISSING, scientific
 from acx4book.typesetting.plain_text import Markup
-from acx4lib.flight.reader import Flight
+from acx4files.flight.reader import Flight
 from acx4lib.geometry.parameters import REPORTED, SHOWN
 from acx4sim.files import truth_path
 

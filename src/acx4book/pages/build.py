@@ -39,11 +39,11 @@ from acx4book.report.material import Material
 from acx4book.teaching import solutions
 from acx4book.typesetting.myst import myst_table, numbered
 from acx4book.typesetting.svg import vector
-from acx4lib.flight.reader import Flight, read_kept
-from acx4lib.results import agreement, own_folder, whole_files
-from acx4lib.results import folder as results
-from acx4lib.results.provenance import KEPT
-from acx4lib.results.table_files import NOTEBOOKS
+from acx4files.flight.reader import Flight, read_kept
+from acx4files.results import agreement, own_folder, whole_files
+from acx4files.results import folder as results
+from acx4files.results.provenance import KEPT
+from acx4files.results.table_files import NOTEBOOKS
 from acx4sim.files import truth_path
 
 BENCHMARKS = Path("data", "benchmarks")
@@ -550,7 +550,7 @@ CELLAR = "compiled"
 """Name of the folders without pages."""
 
 EXCHANGE = ("metadata", "outward", "pictures", "programs", "safe", "trajectories")
-BY_MODULE = tuple(f"acx4tools.exchange.{part}" for part in EXCHANGE)
+BY_MODULE = tuple(f"acx4files.exchange.{part}" for part in EXCHANGE)
 """Modules listed by their docstring alone: their functions serve one kind of files, and no user's
 program calls them."""
 

@@ -30,12 +30,12 @@ from acx4book.report import material, page
 from acx4book.typesetting.myst import myst_table
 from acx4book.typesetting.plain_text import code, shown
 from acx4book.typesetting.tables import markdown
+from acx4files.results import own_folder, whole_files
+from acx4files.results.own_folder import OwnFolder
+from acx4files.results.provenance import KEPT
+from acx4files.results.table_files import NOTEBOOKS
+from acx4files.results.whole_files import SCRATCH
 from acx4lib.errors import Acx4Error, visible
-from acx4lib.results import own_folder, whole_files
-from acx4lib.results.own_folder import OwnFolder
-from acx4lib.results.provenance import KEPT
-from acx4lib.results.table_files import NOTEBOOKS
-from acx4lib.results.whole_files import SCRATCH
 
 COMMAND = "acx4 book"
 """The command named in the mark of a book."""

@@ -17,7 +17,7 @@ from acx4book.typesetting import style
 from acx4book.typesetting.maps import BODY, CAMERA, MAPPING, RAY, arrow, note, triad, view
 from acx4book.typesetting.style import EDGE, INK, LAND, LAND_EDGE, PAPER, SHEET, SOFT, TEAL
 from acx4book.typesetting.svg import vector
-from acx4lib.results import whole_files
+from acx4files.results import whole_files
 
 Vector = NDArray[np.floating]
 

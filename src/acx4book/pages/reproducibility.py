@@ -17,7 +17,7 @@ import yaml
 
 from acx4book.reference import data
 from acx4book.typesetting.plain_text import code
-from acx4lib.results.provenance import KEPT
+from acx4files.results.provenance import KEPT
 
 # --- What a book was made from: sources, machine, packages and files, as a page of the book
 

@@ -33,14 +33,14 @@ from acx4book.typesetting.myst import (
     with_unit,
 )
 from acx4book.typesetting.plain_text import Markup
+from acx4files.flight.reader import Flight
+from acx4files.results import folder, whole_files
+from acx4files.results.provenance import KEPT as FLIGHT
+from acx4lib.block import Block
 from acx4lib.calibration.estimates import LIMIT_BORESIGHT_DEG, LIMIT_INTERIOR, LIMIT_LEVER_M, needed
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES, REPORTED
 from acx4lib.georeferencing import accuracy
-from acx4lib.results import folder, whole_files
-from acx4lib.results.provenance import KEPT as FLIGHT
 from acx4sim.designs import acx4_plan
 
 TEXTS = sections(Path(__file__).with_suffix(".md"))

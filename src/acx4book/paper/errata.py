@@ -22,19 +22,19 @@ from acx4book.paper import printed as paper
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import LABELS, TITLES, marked, say, sections
 from acx4book.typesetting.plain_text import Markup, shown
+from acx4files.flight.reader import Flight, read_kept
+from acx4files.results import agreement, folder
+from acx4files.results.adjustments import mounted_block
+from acx4files.results.provenance import KEPT
+from acx4files.stages import mounting
 from acx4lib.calibration.determination import Absorption, absorption
 from acx4lib.expected import Array, Mask
-from acx4lib.flight.reader import Flight, read_kept
 from acx4lib.geometry.camera import Interior, correct, distort, distortion
 from acx4lib.geometry.frames import rotation_from_opk
 from acx4lib.geometry.parameters import AXES, BORESIGHT_ANGLES
 from acx4lib.georeferencing import accuracy
 from acx4lib.georeferencing.accuracy import Accuracy, Triple, from_summary, triple
 from acx4lib.least_squares.covariance import sigmas
-from acx4lib.results import agreement, folder
-from acx4lib.results.adjustments import mounted_block
-from acx4lib.results.provenance import KEPT
-from acx4lib.stages import mounting
 
 TEXT = Path(__file__).with_suffix(".md")
 """The findings: number, kind, place; printed and computed values, our conclusion."""

@@ -18,8 +18,8 @@ import pandas as pd
 
 from acx4book.typesetting.myst import SUPERSCRIPTS
 from acx4book.typesetting.plain_text import Markup
+from acx4files.flight.reader import Flight
 from acx4lib.expected import Array
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.parameters import AXES, BORESIGHT, LEVER_ARM, REPORTED

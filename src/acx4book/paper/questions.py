@@ -15,8 +15,8 @@ from acx4book.paper import printed
 from acx4book.paper.scorecard import TWO_STEP
 from acx4book.typesetting.myst import LABELS, myst_table, value_and_sigma, with_unit
 from acx4book.typesetting.plain_text import Markup
+from acx4files.results import folder
 from acx4lib.geometry.parameters import AXES, BORESIGHT_ANGLES
-from acx4lib.results import folder
 
 TAG = "answer"
 """Tag of a chapter's last cell, the answer; its first paragraph is one sentence."""

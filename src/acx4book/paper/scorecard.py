@@ -21,10 +21,10 @@ from acx4book.typesetting.myst import (
     with_unit,
 )
 from acx4book.typesetting.plain_text import Markup, shown
-from acx4lib.flight.design import ground_sample_m
-from acx4lib.flight.reader import Flight
+from acx4files.flight.reader import Flight
+from acx4files.results import folder
+from acx4lib.design import ground_sample_m
 from acx4lib.geometry.parameters import AXES
-from acx4lib.results import folder
 
 LATITUDE_OF_SIGMA = 0.2
 TWO_STEP = "two_step_gnss"

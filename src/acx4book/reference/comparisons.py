@@ -18,9 +18,9 @@ from acx4book.reference import nist as reference_nist
 from acx4book.reference.heads import FIVE, TEN
 from acx4book.typesetting import myst, style
 from acx4book.typesetting.plain_text import Markup
+from acx4files.results import whole_files
+from acx4files.results.own_folder import working_copy
 from acx4lib.geometry.parameters import AXES
-from acx4lib.results import whole_files
-from acx4lib.results.own_folder import working_copy
 
 PACKAGES = ("acx4lib", "numpy", "scipy", "pyproj")
 

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from acx4files.results import whole_files
+from acx4files.results.own_folder import working_copy
 from acx4lib.errors import Acx4Error
-from acx4lib.results import whole_files
-from acx4lib.results.own_folder import working_copy
 
 FOLDER = Path(str(resources.files("acx4book.reference") / "measurements")).resolve()
 """Folder of the index, of stored results, and, in a working copy, of the files themselves."""

@@ -17,11 +17,11 @@ import numpy as np
 import pandas as pd
 
 from acx4book.reference import data
+from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle import adjust
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.start import resected
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.frames import Pose
 

@@ -30,23 +30,24 @@ from acx4book.typesetting.pictures import (
     frameless,
     smaller,
 )
+from acx4files.exchange import flight_folder, pictures
+from acx4files.flight import reader
+from acx4files.flight.reader import Flight
+from acx4files.images.exposure import stacked
+from acx4files.images.head_images import read_heads
+from acx4files.measuring.measure import measure_flight
+from acx4files.results import whole_files
+from acx4lib import design
+from acx4lib.block import Block, select_cameras
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.expected import Array, Mask, Raster
-from acx4lib.flight import design, reader
-from acx4lib.flight.block import Block, select_cameras
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
-from acx4lib.production.exposure import stacked
-from acx4lib.production.head_images import read_heads
-from acx4lib.results import whole_files
 from acx4lib.synthetic_image.rendering import render_plan
 from acx4lib.tie_points.refinement import refine_by_rotations
 from acx4lib.tie_points.ties import shared_points
-from acx4tools.exchange import flight_folder, pictures
-from acx4tools.measuring.measure import measure_flight
 
 FILES = "sequoia-flight"
 """Set of the reference data: 19 exposures of a Parrot Sequoia over Garfield Heights, Ohio."""

@@ -23,24 +23,24 @@ from scipy.spatial.transform import Rotation
 from acx4book.reference import data
 from acx4book.typesetting import style
 from acx4book.typesetting.pictures import HALO
+from acx4files.exchange import metadata
+from acx4files.exchange import pictures as picture_folder
+from acx4files.exchange.lens import FLIP
+from acx4files.exchange.metadata import Head, Tags, read
+from acx4files.flight.settings import camera_of
+from acx4files.images.exposure import stacked
+from acx4files.images.head_images import read_heads
 from acx4lib import shown
 from acx4lib.calibration.heads import RelativeOrientation, declared_orientation
 from acx4lib.expected import Array, Raster
-from acx4lib.flight.settings import camera_of
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
 from acx4lib.least_squares.covariance import sigmas
-from acx4lib.production.exposure import stacked
-from acx4lib.production.head_images import read_heads
 from acx4lib.synthetic_image.rendering import render_plan
 from acx4lib.synthetic_image.response import estimate_response
 from acx4lib.tie_points.refinement import FREE, Refined, refine_by_rotations
 from acx4lib.tie_points.search import ImageTies, find_ties, strongest_chain
 from acx4lib.tie_points.ties import Overlap, overlaps
-from acx4tools.exchange import metadata
-from acx4tools.exchange import pictures as picture_folder
-from acx4tools.exchange.lens import FLIP
-from acx4tools.exchange.metadata import Head, Tags, read
 
 # --- The heads of one exposure: as their metadata declare them, and turned by tie points
 

@@ -11,9 +11,9 @@ import pandas as pd
 import pyproj
 
 from acx4book.reference import data
+from acx4lib.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.calibration import estimates
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.collinearity import directions, image_residuals
 from acx4lib.geometry.frames import Pose, rotation_from_opk, turn

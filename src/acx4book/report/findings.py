@@ -23,6 +23,8 @@ from acx4book.report.mounting import turns_of
 from acx4book.report.parameters import STRONG, pair_texts, strong_pairs
 from acx4book.typesetting.myst import p_value, sections
 from acx4book.typesetting.plain_text import Markup
+from acx4files.results import folder as results
+from acx4files.results.folder import messages, rows
 from acx4lib.bundle.rejections import CRITICAL, NAMES, too_many
 from acx4lib.calibration.estimates import LIMIT_SCALE, SIGMAS_OF_SCALE
 from acx4lib.expected import Array
@@ -41,8 +43,6 @@ from acx4lib.least_squares.verdict import (
     off_by,
     verdicts,
 )
-from acx4lib.results import folder as results
-from acx4lib.results.folder import messages, rows
 
 # --- The questions of the verdict: their answers, the tests behind them, and one level for all
 

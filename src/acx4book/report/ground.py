@@ -13,13 +13,13 @@ from acx4book.report.markdown import Text, adjustment_title, heading, show, tabl
 from acx4book.report.material import Material, validated
 from acx4book.typesetting import style
 from acx4book.typesetting.matrix import sigma_figure
+from acx4files.results import folder
+from acx4files.results.read_back import calibrated_methods, read_calibration
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array
 from acx4lib.geometry.parameters import AXES
 from acx4lib.georeferencing import accuracy, budget
 from acx4lib.georeferencing.budget import SOURCES, MappingFlight
-from acx4lib.results import folder
-from acx4lib.results.read_back import calibrated_methods, read_calibration
 
 # --- Check points: their differences, in a table and drawn, and the accuracy classes reached
 

@@ -14,15 +14,15 @@ from acx4book.report.material import Material
 from acx4book.report.parameters import balanced, head_table, lenses
 from acx4book.typesetting.myst import LABELS, say, scientific, with_unit
 from acx4book.typesetting.plain_text import Markup, code
+from acx4files.flight.settings import Certificate, Device
+from acx4files.results import folder
+from acx4files.results.folder import STAGES
+from acx4lib.block import Block
 from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.calibration.estimates import TWO_STEP
-from acx4lib.flight.block import Block
-from acx4lib.flight.design import levels
-from acx4lib.flight.settings import Certificate, Device
+from acx4lib.design import levels
 from acx4lib.geometry.camera import Camera
 from acx4lib.least_squares.covariance import GaussMarkov
-from acx4lib.results import folder
-from acx4lib.results.folder import STAGES
 
 # --- The first page: who certifies what, the calibrated values, and what was not examined
 

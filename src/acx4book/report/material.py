@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acx4files.results import folder as results
+from acx4files.results.provenance import FILE, KEPT, Run, read_run
+from acx4lib.block import Block
 from acx4lib.calibration.estimates import METHODS, RIGS
 from acx4lib.errors import FlightError
-from acx4lib.flight.block import Block
-from acx4lib.results import folder as results
-from acx4lib.results.provenance import FILE, KEPT, Run, read_run
 
 BLOCK = {"heads": "heads", "mounting": "calibration", "validation": "validation"}
 """The block with the observations of a stage."""
@@ -142,7 +142,7 @@ def block_of(material: Material, stage_method: str) -> Block:
         raise FlightError([f"{material.folder}: {stage_method} without block {name}; run again"])
     if method in RIGS or name not in material.flight.transferred:
         return material.flight.blocks[name]
-    from acx4lib.results.adjustments import mounted_block  # noqa: PLC0415 few reports need what adjusts
+    from acx4files.results.adjustments import mounted_block  # noqa: PLC0415 few reports need what adjusts
 
     return mounted_block(material.flight, name, material.found)
 

@@ -19,15 +19,15 @@ from acx4book.report.material import Material, block_of
 from acx4book.report.parameters import head_table
 from acx4book.typesetting import style
 from acx4book.typesetting.myst import p_value, value_and_sigma
+from acx4files.opening import opened
+from acx4files.results import folder
+from acx4files.results.provenance import KEPT
+from acx4lib.block import Block
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import log, mean_rotation, opk_jacobian
 from acx4lib.geometry.parameters import LEVER_ARM, REPORTED
 from acx4lib.least_squares.covariance import propagate, sigmas
-from acx4lib.opening import opened
-from acx4lib.results import folder
-from acx4lib.results.provenance import KEPT
 
 # --- The lever arm: as it was surveyed, and as the calibration estimates it
 

@@ -38,14 +38,14 @@ from acx4book.report.parameters import Lens, balanced, corners, correlations, le
 from acx4book.typesetting import maps, matrix
 from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.svg import vector
+from acx4files.opening import text_of
+from acx4files.results import folder, whole_files
+from acx4files.results.own_folder import check_file
+from acx4lib.block import Block
 from acx4lib.errors import OutputError
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import INTERIOR, Camera, xy_from_colrow
 from acx4lib.geometry.parameters import LEVER_ARM, REPORTED
 from acx4lib.least_squares.verdict import FAILS, LEVEL
-from acx4lib.opening import text_of
-from acx4lib.results import folder, whole_files
-from acx4lib.results.own_folder import check_file
 
 FORMAT = 1
 """Version of the file format; raised when a key is removed or changes its meaning."""

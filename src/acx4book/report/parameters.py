@@ -23,14 +23,14 @@ from acx4book.typesetting.myst import (
     with_unit,
 )
 from acx4book.typesetting.plain_text import Markup, shown
+from acx4files.results import folder
+from acx4files.results.read_back import read_calibration
 from acx4lib.calibration.estimates import METHODS, GroupTest, group_tests, undistorted
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, xy_from_colrow
 from acx4lib.geometry.parameters import BORESIGHT_ANGLES, MOUNT, REPORTED
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import correlation
-from acx4lib.results import folder
-from acx4lib.results.read_back import read_calibration
 
 # --- estimates beside what was declared, and how they hang together
 

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from acx4files.flight.problems import lines_of, quoted
+from acx4files.flight.reader import Flight, read
+from acx4files.flight.table_files import read_bytes
+from acx4files.flight.tables import name_fault
+from acx4files.results.whole_files import naming
+from acx4lib.block import Block
 from acx4lib.errors import FlightError
-from acx4lib.flight.block import Block
-from acx4lib.flight.problems import lines_of, quoted
-from acx4lib.flight.reader import Flight, read
-from acx4lib.flight.table_files import read_bytes
-from acx4lib.flight.tables import name_fault
-from acx4lib.results.whole_files import naming
 from acx4sim.designs import single_head_plan
 from acx4sim.files import SimulatedFlight, simulate_plan, write_files
 from acx4sim.optics import Camera

@@ -9,9 +9,9 @@ import numpy as np
 
 from acx4book.teaching.flights import Case, Mistake, Question, Right, Rights, Sheet
 from acx4book.teaching.handed_in import Answer
+from acx4files.flight.problems import quoted
 from acx4lib.errors import visible
 from acx4lib.expected import Array
-from acx4lib.flight.problems import quoted
 from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
 
 SIGMA_FACTOR = 1.3

@@ -16,12 +16,12 @@ from pathlib import Path
 
 from acx4book.teaching import flights
 from acx4book.teaching.flights import Sheet
+from acx4files.flight.problems import Range, lines_of
+from acx4files.flight.table_files import read_columns
+from acx4files.flight.tables import NUMBER, Schema, Table, numbers_of
+from acx4files.flight.toml_file import read_toml
+from acx4files.results import whole_files
 from acx4lib.errors import FlightError
-from acx4lib.flight.problems import Range, lines_of
-from acx4lib.flight.table_files import read_columns
-from acx4lib.flight.tables import NUMBER, Schema, Table, numbers_of
-from acx4lib.flight.toml_file import read_toml
-from acx4lib.results import whole_files
 from acx4sim.files import write_files
 
 ANSWERS = "answers.csv"

@@ -17,7 +17,7 @@ import numpy as np
 from acx4book.teaching import flights
 from acx4book.teaching.flights import Case, Mistake, Question, Right, Sheet
 from acx4book.teaching.grading import ALIKE, SIGMA_FACTOR, UNITS, apart
-from acx4lib.results import whole_files
+from acx4files.results import whole_files
 
 GIFT = "questions.gift"
 """File of a bank."""

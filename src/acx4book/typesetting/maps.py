@@ -14,9 +14,9 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from acx4book.typesetting import style
+from acx4lib import design
+from acx4lib.block import Block, SurveyedPoints
 from acx4lib.expected import Array
-from acx4lib.flight import design
-from acx4lib.flight.block import Block, SurveyedPoints
 from acx4lib.shown import count
 
 if TYPE_CHECKING:

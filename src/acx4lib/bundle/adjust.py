@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
+from acx4lib.block import Block, Distances
 from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.observations import (
     PoseObservations,
@@ -43,7 +44,6 @@ from acx4lib.bundle.start import (
 from acx4lib.bundle.unknowns import Layout, State, free_shift, holding, layout
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, Distances
 from acx4lib.geometry.camera import SMALLEST_F_MM, Camera, mountings
 from acx4lib.geometry.collinearity import REFRACTION, mounted_jacobian
 from acx4lib.geometry.frames import Pose

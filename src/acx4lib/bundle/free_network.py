@@ -16,6 +16,7 @@ import numpy as np
 from scipy import linalg
 
 from acx4lib import expected
+from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
@@ -24,7 +25,6 @@ from acx4lib.bundle.rejections import without
 from acx4lib.bundle.unknowns import State, holding
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose, skew, transform
 from acx4lib.least_squares.adjustment import Solution
 from acx4lib.least_squares.normal_equations import Equations, Problem, gather, point_normals

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acx4lib import expected
+from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle, adjust, robust_start
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import usable
@@ -43,7 +44,6 @@ from acx4lib.bundle.start import (
 from acx4lib.bundle.unknowns import State
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose, log
 from acx4lib.geometry.intersection import intersect
 from acx4lib.least_squares import statistics as least_squares_statistics

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from acx4lib import shown
+from acx4lib.block import Block, Distances, ImagePoints, SurveyedPoints
 from acx4lib.bundle.observations import (
     PoseObservations,
     attitude_equations,
@@ -26,7 +27,6 @@ from acx4lib.bundle.observations import (
 )
 from acx4lib.bundle.unknowns import Layout, State, moved, named
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, Distances, ImagePoints, SurveyedPoints
 from acx4lib.geometry.collinearity import (
     Measurement,
     as_seen,

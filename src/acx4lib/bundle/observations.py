@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from acx4lib import expected, shown
+from acx4lib.block import Block, Distances, SurveyedPoints, Trajectory, lengths
 from acx4lib.bundle.unknowns import Layout, State
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, Distances, SurveyedPoints, Trajectory, lengths
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, exp, log, log_jacobian, transform
 from acx4lib.geometry.parameters import DELAYS

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.block import Block
 from acx4lib.bundle.observations import usable
 from acx4lib.expected import Index
-from acx4lib.flight.block import Block
 from acx4lib.least_squares import statistics
 
 # --- Observations rejected as gross errors

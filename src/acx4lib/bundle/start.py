@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.block import Block, ImagePoints, Trajectory
 from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.unknowns import State
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, ImagePoints, Trajectory
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import rays
 from acx4lib.geometry.frames import Pose, transform

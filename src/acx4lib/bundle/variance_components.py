@@ -10,10 +10,10 @@ import numpy as np
 from scipy import sparse
 
 from acx4lib import expected, shown
+from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block
 from acx4lib.least_squares import processors, statistics
 from acx4lib.least_squares.adjustment import elimination
 from acx4lib.least_squares.normal_equations import Equations

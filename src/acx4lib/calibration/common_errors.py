@@ -21,13 +21,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from acx4lib.block import Block, ImagePoints
 from acx4lib.bundle.adjust import Bundle, adjust
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.unknowns import Layout, State, holding
 from acx4lib.calibration.estimates import Calibration, features
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, ImagePoints
 from acx4lib.geometry.frames import log
 from acx4lib.least_squares import adjustment
 from acx4lib.least_squares.covariance import propagate

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.observations import strips_of
 from acx4lib.calibration.estimates import Calibration, from_bundle, is_determined, parameters
 from acx4lib.expected import Array, Mask
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, exp, log, rotation_from_opk
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
+from acx4lib.block import Block
 from acx4lib.bundle.observations import motion_of, strips_of
 from acx4lib.bundle.unknowns import Layout, layout
+from acx4lib.design import SAME_HEIGHT, directions, flying_heights, strip_of_exposure
 from acx4lib.errors import AdjustmentError, NotConverged
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block
-from acx4lib.flight.design import SAME_HEIGHT, directions, flying_heights, strip_of_exposure
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior
 from acx4lib.geometry.camera import parameter_rows as camera_rows
 from acx4lib.geometry.frames import Pose, log, opk_jacobian, rotation_from_opk

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
+from acx4lib.block import Block, select_cameras
 from acx4lib.bundle.adjust import Bundle, adjust, free_orientation, qualities
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.network import Network
@@ -24,7 +25,6 @@ from acx4lib.calibration.estimates import (
 )
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, select_cameras
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, distortion, xy_from_colrow
 from acx4lib.geometry.frames import Pose, mean_rotation, opk_jacobian, skew, transform
 from acx4lib.geometry.parameters import RELATIVE

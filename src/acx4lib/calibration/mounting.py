@@ -15,6 +15,7 @@ import numpy as np
 
 from acx4lib import expected, shown
 from acx4lib.attempts import Failed, attempt
+from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle, adjust, free_orientation, mounted_orientation, qualities
 from acx4lib.bundle.free_network import adjust_free, adjust_free_rejecting
 from acx4lib.bundle.gross_errors import adjust_rejecting
@@ -39,7 +40,6 @@ from acx4lib.calibration.estimates import (
 )
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Mask
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import INTERIOR, Camera, mountings
 from acx4lib.geometry.frames import Pose, mean_rotation, skew, transform
 from acx4lib.geometry.parameters import BORESIGHT, LEVER_ARM

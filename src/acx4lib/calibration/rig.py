@@ -15,6 +15,7 @@ import numpy as np
 
 from acx4lib import expected
 from acx4lib.attempts import Failed, attempt
+from acx4lib.block import Block, SurveyedPoints
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.unknowns import holding
 from acx4lib.calibration.common_errors import between_heads
@@ -29,7 +30,6 @@ from acx4lib.calibration.heads import RelativeOrientation, ground_scale
 from acx4lib.calibration.mounting import Mounting, single_step
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, SurveyedPoints
 from acx4lib.geometry.camera import INTERIOR, Camera, mountings
 from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.frames import Pose, opk_jacobian

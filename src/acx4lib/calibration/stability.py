@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.block import ImagePoints
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.network import Network, camera_poses
 from acx4lib.bundle.observations import Motion, attitude_equations, has_times
 from acx4lib.bundle.start import with_estimates
 from acx4lib.bundle.unknowns import State
 from acx4lib.calibration import trajectory_errors
+from acx4lib.design import strip_of_exposure
 from acx4lib.errors import AdjustmentError
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import ImagePoints
-from acx4lib.flight.design import strip_of_exposure
 from acx4lib.geometry.collinearity import as_seen, project
 from acx4lib.geometry.frames import Pose, exp, log, mean_rotation, turn
 from acx4lib.least_squares import adjustment, statistics

@@ -26,8 +26,8 @@ from acx4lib.calibration.estimates import (
     to_reported,
 )
 from acx4lib.calibration.estimates import parameters as camera_parameters
+from acx4lib.design import directions
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.design import directions
 from acx4lib.geometry.frames import log
 from acx4lib.geometry.parameters import AXES
 from acx4lib.least_squares import statistics

@@ -14,11 +14,11 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from acx4lib import expected
+from acx4lib.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
+from acx4lib.design import flying_heights
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, ImagePoints, Images, Trajectory
-from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.camera import Camera, correct, inside, xy_from_colrow
 from acx4lib.geometry.collinearity import as_seen, pinhole, project, rays, to_camera
 from acx4lib.geometry.frames import Pose, rotation_from_opk

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
+from acx4lib.block import Block
 from acx4lib.bundle.observations import SharedErrors, shared_errors
 from acx4lib.bundle.unknowns import Layout
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera, mountings
 from acx4lib.geometry.collinearity import (
     Measurement,

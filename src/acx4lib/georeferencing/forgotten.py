@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from acx4lib.block import Block
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.frames import Pose, turn
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from acx4lib import expected, shown
+from acx4lib.block import Block, SurveyedPoints, standing_out
 from acx4lib.bundle.adjust import Bundle, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting, elsewhere, pairs_of
 from acx4lib.bundle.observations import SharedErrors
@@ -21,7 +22,6 @@ from acx4lib.calibration.common_errors import by_turns
 from acx4lib.calibration.estimates import Calibration
 from acx4lib.errors import AdjustmentError, unsolvable
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, SurveyedPoints, standing_out
 from acx4lib.geometry.collinearity import REFRACTION, Measurement, directions
 from acx4lib.geometry.frames import transform
 from acx4lib.geometry.intersection import intersect, largest_angles

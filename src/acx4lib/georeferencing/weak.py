@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import (
@@ -24,7 +25,6 @@ from acx4lib.calibration.estimates import (
 )
 from acx4lib.calibration.stability import calm_sigmas
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.parameters import AXES, LEVER_ARM
 from acx4lib.georeferencing import budget

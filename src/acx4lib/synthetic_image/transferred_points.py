@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
+from acx4lib.block import Block, ImagePoints, first_images, synthetic_images
 from acx4lib.bundle.reliability import gains
 from acx4lib.calibration.heads import RelativeOrientation, varied
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block, ImagePoints, first_images, synthetic_images
 from acx4lib.geometry.camera import Camera, border_distance, colrow_from_xy, inside, xy_from_colrow
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.synthetic_image.frame import (

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acx4lib import expected, shown
+from acx4lib.block import Block
 from acx4lib.calibration.heads import RelativeOrientation, varied
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block
 from acx4lib.least_squares.covariance import sigmas
 from acx4lib.synthetic_image.frame import synthetic_from_head
 

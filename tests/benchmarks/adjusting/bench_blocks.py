@@ -13,11 +13,11 @@ from typing import BinaryIO
 
 import numpy as np
 
+from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle import adjust
 from acx4lib.bundle.network import Network
 from acx4lib.bundle.observations import PoseObservations
 from acx4lib.bundle.unknowns import Layout, State, layout
-from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import (
     INTERIOR,
     Camera,

@@ -15,10 +15,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from acx4lib import flight as flights
+from acx4files import flight as flights
+from acx4files.images.head_images import head_files, read_heads
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera, xy_from_colrow
-from acx4lib.production.head_images import head_files, read_heads
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
 from acx4lib.tie_points.matching import grey_window, shared_windows
 from acx4lib.tie_points.search import find_ties

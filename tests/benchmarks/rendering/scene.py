@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4lib import flight as flights
+from acx4files import flight as flights
+from acx4files.images.flight_images import read_rig
+from acx4files.images.head_images import HeadImages, head_files, read_heads
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.camera import Camera, xy_from_colrow
-from acx4lib.production.flight_images import read_rig
-from acx4lib.production.head_images import HeadImages, head_files, read_heads
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 from acx4lib.synthetic_image.head_map import HeadMap, between_nodes
 from acx4lib.synthetic_image.rendering import RenderPlan, render_plan

@@ -9,7 +9,7 @@ import pytest
 import tifffile
 from numpy.testing import assert_allclose, assert_array_equal
 
-from acx4lib.production.head_images import HeadImages
+from acx4files.images.head_images import HeadImages
 from acx4lib.synthetic_image.frame import synthetic_from_head
 from acx4lib.synthetic_image.rendering import render
 from acx4lib.synthetic_image.response import OverlapResponse, Response, ResponseFit

@@ -17,11 +17,11 @@ import numpy as np
 import pandas as pd
 
 from acx4book.notebooks import simulated
+from acx4book.planning import plan as plans
 from acx4lib.geometry.frames import exp, opk_from_rotation, rotation_from_opk
 from acx4sim.designs import DESIGNS
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import Options, SlowErrors
-from acx4tools.planning import plan as plans
 
 FOLDER = Path(__file__).parent / "plans"
 PLANS = ("two-heights-crossing", "one-height", "flat", "oblique-heads", "no-control")

@@ -33,9 +33,9 @@ import pandas as pd
 from acx4book.command.runs import executor
 from acx4book.notebooks import runner
 from acx4book.report import findings, held, material, page
+from acx4files.results import folder as results
 from acx4lib.errors import Acx4Error
 from acx4lib.least_squares.processors import as_finished
-from acx4lib.results import folder as results
 from acx4sim.files import write_files
 from benchmarks import harness
 from benchmarks.verdicts import sizes
@@ -54,7 +54,7 @@ SEEDS = {"clean": 0, "spoilt": 300, "third": 400, "pilot": 500, "slow": 600, "he
 THIRD = 1.5
 """True sigma over a sigma that is stated a third too small."""
 
-HOUSES = ("acx4lib", "acx4sim", "acx4book/notebooks", "acx4book/report")
+HOUSES = ("acx4lib", "acx4files", "acx4sim", "acx4book/notebooks", "acx4book/report")
 """Code on which a verdict depends, below src."""
 
 TESTED = ("test_verdicts.py",)

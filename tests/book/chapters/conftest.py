@@ -2,9 +2,9 @@
 
 import pytest
 
-from acx4lib import flight as flights
+from acx4files import flight as flights
+from acx4files.stages import heads
 from acx4lib.calibration import mounting
-from acx4lib.stages import heads
 from support.flights import in_heads
 from support.flights.simulated import fly
 

@@ -21,14 +21,14 @@ from acx4book.chapters.failures import (
     standardised,
 )
 from acx4book.notebooks.simulated import fly_and_read
+from acx4book.planning.design import sigmas
+from acx4book.planning.plan import strip_of
 from acx4book.typesetting import style
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.mounting import single_step
-from acx4lib.flight.design import flying_heights
+from acx4lib.design import flying_heights
 from acx4lib.geometry.collinearity import refraction_taken_up
 from acx4sim.designs import acx4_ideal_plan
-from acx4tools.planning.design import sigmas
-from acx4tools.planning.plan import strip_of
 from support.figures import drawn, panels
 
 # --- design ----------------------------------------------------------------------------------

@@ -9,10 +9,10 @@ import pytest
 from matplotlib.text import Text
 from numpy.testing import assert_allclose
 
-import acx4lib
+import acx4
 from acx4book.chapters import flight as chapter
 from acx4book.paper import printed
-from acx4lib.flight.design import level_table, without_control
+from acx4lib.design import level_table, without_control
 from support.figures import drawn
 from support.flights import planned
 
@@ -43,7 +43,7 @@ def test_another_system_has_no_part_of_the_papers(other):
 
 
 def test_labels_of_heads_that_look_one_way_do_not_lie_over_each_other(tmp_path):
-    parallel = acx4lib.read(planned.write("parallel heads", tmp_path))
+    parallel = acx4.read(planned.write("parallel heads", tmp_path))
     fig = drawn(chapter.system(parallel))
     at = [t.get_window_extent() for t in fig.findobj(Text) if t.get_text() in parallel.cameras]
     assert len(at) == 4

@@ -17,6 +17,8 @@ from acx4book.chapters.heads import (
 )
 from acx4book.paper import printed
 from acx4book.typesetting import style
+from acx4files.stages import attempt
+from acx4files.stages import heads as stage_of_heads
 from acx4lib.attempts import Failed
 from acx4lib.calibration.determination import interior_exterior
 from acx4lib.calibration.heads import (
@@ -27,10 +29,8 @@ from acx4lib.calibration.heads import (
     relative_orientation,
 )
 from acx4lib.calibration.held import of_bundle
+from acx4lib.design import with_focal_lengths
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight.design import with_focal_lengths
-from acx4lib.stages import attempt
-from acx4lib.stages import heads as stage_of_heads
 from support.figures import (
     UNIT,
     assert_labelled,

@@ -17,15 +17,15 @@ from acx4book.chapters.rig import (
     rig_gains,
 )
 from acx4book.notebooks.truth import beside_truth, beside_truths
-from acx4lib import flight as flights
+from acx4files import flight as flights
+from acx4files.stages import attempt
+from acx4files.stages import rig as stages_rig
 from acx4lib.calibration import heads
 from acx4lib.calibration import rig as calibration_rig
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.flight.design import unshared
+from acx4lib.design import unshared
 from acx4lib.geometry.camera import Interior
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
-from acx4lib.stages import attempt
-from acx4lib.stages import rig as stages_rig
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from acx4sim import optics
 from support import blocks

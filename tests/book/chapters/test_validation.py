@@ -6,11 +6,11 @@ from numpy.testing import assert_allclose
 
 from acx4book.chapters import validation
 from acx4book.paper import printed
+from acx4files.results import folder
 from acx4lib.calibration.estimates import from_bundle
-from acx4lib.flight.design import ground_sample_m
+from acx4lib.design import ground_sample_m
 from acx4lib.georeferencing import accuracy, error_sources
 from acx4lib.georeferencing.validation import validate
-from acx4lib.results import folder
 from support import blocks
 
 

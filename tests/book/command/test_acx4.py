@@ -15,9 +15,9 @@ import pytest
 
 from acx4book.command.acx4 import app, main
 from acx4book.notebooks import runner
-from acx4lib.results import folder as results
-from acx4lib.results import provenance
-from acx4lib.results.own_folder import MARK
+from acx4files.results import folder as results
+from acx4files.results import provenance
+from acx4files.results.own_folder import MARK
 from support.flights.written import change
 from support.helpers import hears_interrupts, repeats, write_notebook
 
@@ -61,7 +61,8 @@ def test_help_keeps_the_lines_of_its_lists():
 
 
 def test_reading_a_flight_loads_nothing_that_adjusts_or_compiles():
-    code = "import sys, acx4lib.flight\nassert not {'numba', 'scipy', 'pandas'} & set(sys.modules)"
+    code = "import sys, acx4files.flight\n"
+    code += "assert not {'numba', 'scipy', 'pandas'} & set(sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -92,8 +93,8 @@ def test_a_wrong_sign_is_a_note_of_the_check_with_the_reading_that_fits(acx4, fl
 def test_trying_readings_compiles_nothing(flight):
     code = (
         "import sys\n"
-        "from acx4lib.conventions import notes\n"
-        "from acx4lib.flight.reader import read\n"
+        "from acx4files.conventions import notes\n"
+        "from acx4files.flight.reader import read\n"
         "assert not list(notes(read(sys.argv[1])))\n"
         "assert not {'numba', 'scipy', 'pandas'} & set(sys.modules)"
     )
@@ -232,7 +233,7 @@ def test_a_failing_notebook_is_status_1_after_what_is_not_determined(
 ):
     said = ["mounting/single_step: CAM: lever_z_m: not determined", "CAM: k3: not determined"]
     cell = (
-        "from acx4lib.results import folder\n"
+        "from acx4files.results import folder\n"
         "folder.replace(results_path, ['mounting'], tables={}, summary="
         f"{{'mounting/single_step': {{'not_determined': {said}}}}})"
     )

@@ -6,8 +6,8 @@ import shutil
 
 import pytest
 
-from acx4lib.results import provenance
-from acx4tools.exchange.outward.programs import KINDS
+from acx4files.exchange.outward.programs import KINDS
+from acx4files.results import provenance
 from support.run_results import estimated, leave_calibration
 
 # --- `acx4 export` as its user meets it: files, lines and statuses ---------------------------

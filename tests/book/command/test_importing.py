@@ -16,11 +16,11 @@ from scipy.spatial.transform import Rotation
 
 from acx4book.command import importing
 from acx4book.command.importing import KINDS, app
+from acx4files.flight import reader
+from acx4files.flight.reader import read
+from acx4files.results import folder
+from acx4files.results.read_back import read_relative_orientation
 from acx4lib.errors import FlightError
-from acx4lib.flight import reader
-from acx4lib.flight.reader import read
-from acx4lib.results import folder
-from acx4lib.results.read_back import read_relative_orientation
 from acx4lib.synthetic_image.frame import head_pose
 from support.pictures import tagged
 from support.projects import colmap, metashape, opf, scene
@@ -155,7 +155,7 @@ def test_options_are_those_of_the_reader(command, reader):
     """But for the heights, which only a flight that was begun can say."""
     (declared,) = (one.callback for one in app.registered_commands if one.name == command)
     module, _, name = reader.partition(".")
-    read = getattr(import_module(f"acx4tools.exchange.programs.{module}"), name)
+    read = getattr(import_module(f"acx4files.exchange.programs.{module}"), name)
     taken, options = (
         {name: one.default for name, one in inspect.signature(function).parameters.items()}
         for function in (read, declared)

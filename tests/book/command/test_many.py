@@ -12,7 +12,7 @@ import pytest
 import acx4sim
 from acx4book.command import runs
 from acx4book.notebooks import runner
-from acx4lib.results.provenance import EXECUTED
+from acx4files.results.provenance import EXECUTED
 from support.flights import planted
 from support.helpers import ROOT, hears_interrupts, write_notebook
 

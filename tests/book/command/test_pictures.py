@@ -14,9 +14,9 @@ import pytest
 import tifffile
 
 import acx4sim
-from acx4lib.flight.reader import read
-from acx4lib.results.own_folder import MARK
-from acx4lib.results.whole_files import SCRATCH
+from acx4files.flight.reader import read
+from acx4files.results.own_folder import MARK
+from acx4files.results.whole_files import SCRATCH
 from support.flights import pictured as flights_pictured
 from support.helpers import hears_interrupts, repeats
 from support.pictures import measured

@@ -8,8 +8,8 @@ import sys
 import pandas as pd
 import pytest
 
-from acx4lib.flight.reader import read
-from acx4tools.planning import plan as plans
+from acx4book.planning import plan as plans
+from acx4files.flight.reader import read
 from support.flights.planned import strip, values
 from support.helpers import ROOT
 

@@ -50,7 +50,7 @@ def run(module, *, heard=True):
 
 @pytest.mark.parametrize(
     "module",
-    ["typer", "acx4book.command.acx4", "importlib.metadata", "numpy", "acx4lib.flight.reader"],
+    ["typer", "acx4book.command.acx4", "importlib.metadata", "numpy", "acx4files.flight.reader"],
 )
 def test_an_interruption_while_modules_are_loaded_shows_no_traceback(module):
     done = run(module)

@@ -9,10 +9,10 @@ from acx4book.chapters import error_budget, failures, weights
 from acx4book.chapters.failures import GROUPS, standardised, worst
 from acx4book.chapters.image_quality import examined
 from acx4book.typesetting.plain_text import shown
-from acx4lib import flight as flights
+from acx4files import flight as flights
+from acx4files.stages import mounting
 from acx4lib.bundle.variance_components import components
 from acx4lib.georeferencing import budget
-from acx4lib.stages import mounting
 from support.changed_notebook import changed
 
 pytestmark = pytest.mark.repeats

@@ -8,9 +8,9 @@ import pytest
 import acx4sim
 from acx4book.chapters.synthetic_image import tables
 from acx4book.typesetting.tables import markdown
-from acx4lib import flight as flights
+from acx4files import flight as flights
+from acx4files.stages import heads, mounting
 from acx4lib.least_squares.covariance import sigmas
-from acx4lib.stages import heads, mounting
 from support.changed_notebook import changed
 from support.flights import in_heads, pictured
 from support.helpers import repeats

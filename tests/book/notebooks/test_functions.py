@@ -13,11 +13,11 @@ from acx4book.command.acx4 import ONE_THREAD
 from acx4book.command.terminal import BOOK
 from acx4book.notebooks import runner
 from acx4book.notebooks.runner import NOTEBOOKS_PATH
+from acx4files.results import folder as results_folder
+from acx4files.results import own_folder, provenance
+from acx4files.results.provenance import EXECUTED
+from acx4files.stages import mounting
 from acx4lib.errors import AdjustmentError
-from acx4lib.results import folder as results_folder
-from acx4lib.results import own_folder, provenance
-from acx4lib.results.provenance import EXECUTED
-from acx4lib.stages import mounting
 from support.flights import written
 
 COMMAND = "from acx4book.command.acx4 import main; main()"

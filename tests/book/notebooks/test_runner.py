@@ -5,22 +5,22 @@ import shutil
 import pandas as pd
 import pytest
 
-import acx4lib as acx
+import acx4 as acx
 import acx4sim
 from acx4book.notebooks import runner
 from acx4book.notebooks.execute import NotebookError
+from acx4files.results import folder as results
+from acx4files.results import own_folder, provenance
+from acx4files.results.own_folder import MARK
+from acx4files.results.whole_files import SCRATCH
 from acx4lib.errors import OutputError
-from acx4lib.results import folder as results
-from acx4lib.results import own_folder, provenance
-from acx4lib.results.own_folder import MARK
-from acx4lib.results.whole_files import SCRATCH
 from support.flights import written
 from support.helpers import write_notebook
 
 PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 KEEP = """
 import pandas
-from acx4lib.results import folder
+from acx4files.results import folder
 row = ("{stage}", "{method}", "CAM", "f_mm", float(seed), 0.1, "mm")
 frame = pandas.DataFrame([row], columns=folder.COLUMNS["parameters"])
 summary = {{"{stage}/{method}": {extra}}}

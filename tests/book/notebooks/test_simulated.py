@@ -9,23 +9,23 @@ import pytest
 
 from acx4book.notebooks import runner
 from acx4book.notebooks import simulated as notebooks_simulated
+from acx4book.planning import design, tables
+from acx4book.planning import plan as plans
 from acx4book.report.findings import findings
 from acx4book.report.material import read as read_results
+from acx4files.flight.reader import read
+from acx4files.results import folder
+from acx4files.stages import mounting as stages_mounting
+from acx4files.stages import rig
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.trajectory_errors import parameters as gnss_parameters
 from acx4lib.errors import FlightError
-from acx4lib.flight.reader import read
 from acx4lib.georeferencing import weak
 from acx4lib.georeferencing.validation import validate
-from acx4lib.results import folder
-from acx4lib.stages import mounting as stages_mounting
-from acx4lib.stages import rig
 from acx4sim.designs import PLANS
 from acx4sim.files import write_files
 from acx4sim.plan import Options
-from acx4tools.planning import design, tables
-from acx4tools.planning import plan as plans
 from support.flights.planned import CAMERA, strip, values
 from support.helpers import repeats
 

@@ -117,8 +117,8 @@ def test_a_page_of_open_cells_shows_the_method_and_hides_what_only_the_page_need
 # --- the pages of the programming interface: every room has one, cellars have none -----------
 
 
-HOUSES = ("acx4lib", "acx4tools", "acx4sim")
-FILES = ("acx4lib/conventions", "acx4tools/campaigns", "acx4sim/scenery")
+HOUSES = ("acx4lib", "acx4files", "acx4sim")
+FILES = ("acx4lib/block", "acx4lib/design", "acx4files/conventions", "acx4sim/scenery")
 """Rooms of one file."""
 
 
@@ -133,8 +133,8 @@ def test_every_room_has_a_page_in_the_book():
 
 
 def test_a_room_of_one_file_shows_its_members(written):
-    page = written("acx4lib.conventions")
-    assert page == "# conventions\n\n```{eval-rst}\n.. automodule:: acx4lib.conventions\n```\n"
+    page = written("acx4files.conventions")
+    assert page == "# conventions\n\n```{eval-rst}\n.. automodule:: acx4files.conventions\n```\n"
 
 
 @pytest.fixture
@@ -173,9 +173,9 @@ def test_a_house_refers_to_its_rooms_and_shows_its_own_modules(written):
 
 
 def test_modules_for_users_show_their_functions_and_others_what_they_are_for(written):
-    exchange = written("acx4tools.exchange")
-    assert ".. automodule:: acx4tools.exchange.opencv\n```" in exchange
-    assert ".. automodule:: acx4tools.exchange.safe\n   :no-members:\n" in exchange
+    exchange = written("acx4files.exchange")
+    assert ".. automodule:: acx4files.exchange.opencv\n```" in exchange
+    assert ".. automodule:: acx4files.exchange.safe\n   :no-members:\n" in exchange
 
 
 # --- what a book names as its sources --------------------------------------------------------

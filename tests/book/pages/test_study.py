@@ -15,10 +15,10 @@ from acx4book.chapters import synthetic_cost
 from acx4book.pages import build, study
 from acx4book.paper import printed
 from acx4book.typesetting.myst import LABELS
+from acx4files.results import folder
 from acx4lib.calibration import estimates
 from acx4lib.calibration.estimates import needed
 from acx4lib.geometry.parameters import REPORTED
-from acx4lib.results import folder
 from support import run_results
 from support.flights.simulated import fly
 from support.helpers import ROOT, write_notebook

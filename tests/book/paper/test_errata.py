@@ -12,9 +12,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.paper import errata, printed
+from acx4files.stages import mounting
 from acx4lib.calibration.determination import absorption
 from acx4lib.errors import FlightError
-from acx4lib.stages import mounting
 from support.flights.simulated import fly
 
 

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from acx4book import campaigns
+from acx4book.campaigns import Campaign
 from acx4book.reference import data, dbat_files, dbat_statements
 from acx4book.reference.dbat_statements import results
+from acx4lib.block import select_images
 from acx4lib.bundle import adjust
 from acx4lib.calibration.estimates import from_bundle
-from acx4lib.flight.block import select_images
 from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
 from acx4lib.geometry.collinearity import project as collinearity_project
 from acx4lib.least_squares.covariance import sigmas
-from acx4tools import campaigns
-from acx4tools.campaigns import Campaign
 from support.helpers import needs
 
 # --- two adjustments by another program, reproduced digit by digit ---------------------------

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 
 from acx4book.reference import four_heads
+from acx4files.flight import reader
+from acx4lib.block import select_images
 from acx4lib.calibration import trajectory_errors
 from acx4lib.calibration.estimates import not_determined
 from acx4lib.calibration.mounting import single_step
 from acx4lib.calibration.rig import relative_orientation
-from acx4lib.flight import reader
-from acx4lib.flight.block import select_images
 from acx4lib.georeferencing.validation import predict
 
 

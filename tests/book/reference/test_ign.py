@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from acx4book.reference import data, ign
-from acx4lib.conventions import best_reading
-from acx4lib.flight.reader import read
+from acx4files.conventions import best_reading
+from acx4files.flight.reader import read
 from support.flights.written import CONTROL, TRAJECTORY, change
 from support.helpers import needs
 

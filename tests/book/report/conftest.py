@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from acx4book.report.material import read
-from acx4lib.results.own_folder import MARK
+from acx4files.results.own_folder import MARK
 from support.run_results import leave_results
 
 

@@ -13,9 +13,9 @@ from scipy import stats
 from acx4book.report import adjustment
 from acx4book.report.findings import findings
 from acx4book.report.material import Material, read
+from acx4files.results import folder as results
 from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.geometry.parameters import AXES, Prior
-from acx4lib.results import folder as results
 from support.run_results import SINGLE, edit, edit_summary, state
 
 

@@ -10,11 +10,11 @@ from numpy.testing import assert_allclose
 from acx4book.report import findings, identity, markdown
 from acx4book.report.markdown import Document, to_html
 from acx4book.report.material import Material, block_of, image_residuals
-from acx4lib import flight as flights
-from acx4lib.flight.settings import Certificate, Device, Session
-from acx4lib.results import adjustments, folder
-from acx4lib.results.adjustments import of_transferred
-from acx4lib.results.provenance import Provenance
+from acx4files import flight as flights
+from acx4files.flight.settings import Certificate, Device, Session
+from acx4files.results import adjustments, folder
+from acx4files.results.adjustments import of_transferred
+from acx4files.results.provenance import Provenance
 from acx4lib.synthetic_image.transferred_points import transfer
 from support import figures
 from support.flights import in_heads, pictured

@@ -18,8 +18,8 @@ from acx4book.report import findings, page, typeset
 from acx4book.report.markdown import Text
 from acx4book.report.material import image_residuals, read
 from acx4book.report.page import DIRECTIVE, PAGE_MARK, TEXT, Part, computed, parts
+from acx4files.results import folder
 from acx4lib.errors import FlightError, OutputError
-from acx4lib.results import folder
 from support.helpers import ROOT
 from support.run_results import SINGLE, edit
 

@@ -31,8 +31,8 @@ from acx4book.report.parameters import (
     profile,
     strong_pairs,
 )
+from acx4files.results import folder as results
 from acx4lib.geometry.camera import INTERIOR, Camera, Interior, distortion
-from acx4lib.results import folder as results
 from support import figures
 from support.figures import drawn
 from support.run_results import SINGLE, edit

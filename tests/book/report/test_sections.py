@@ -18,13 +18,13 @@ from acx4book.report.ground import check_points
 from acx4book.report.material import read
 from acx4book.report.mounting import boresight_over_time
 from acx4book.report.mounting import boresights as mounting_boresights
+from acx4files.results import folder as results
+from acx4files.results.table_files import COMPONENTS
 from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.parameters import Prior
 from acx4lib.georeferencing import budget
-from acx4lib.results import folder as results
-from acx4lib.results.table_files import COMPONENTS
 from support import figures
 from support.helpers import dots
 from support.run_results import SINGLE, edit, edit_summary

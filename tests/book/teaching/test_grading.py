@@ -13,8 +13,8 @@ from acx4book.teaching import class_table, flights, grading, handed_in
 from acx4book.teaching.flights import Mistake, Question, computed, estimated
 from acx4book.teaching.handed_in import Answer
 from acx4book.teaching.sheets.every import SHEETS
+from acx4files.flight.reader import read
 from acx4lib.errors import FlightError
-from acx4lib.flight.reader import read
 from support.helpers import repeats
 
 # --- Right answers are never called wrong, and every mistake is called what it is ------------

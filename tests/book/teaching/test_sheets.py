@@ -15,20 +15,20 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, ttest_1samp
 
 from acx4book.notebooks import runner, simulated
+from acx4book.planning import design as designs
+from acx4book.planning import plan as plans
+from acx4book.planning.flown import flying_time_s
 from acx4book.teaching import flights, grading, handed_in
 from acx4book.teaching.grading import graded
 from acx4book.teaching.sheets import calibrations, images
 from acx4book.teaching.sheets.every import SHEETS, sheet_of
+from acx4files.flight.reader import read
+from acx4files.results import folder, tables
+from acx4files.stages.mounting import calibrate
 from acx4lib.calibration.mounting import single_step
 from acx4lib.errors import FlightError
-from acx4lib.flight.reader import read
 from acx4lib.georeferencing.validation import validate
-from acx4lib.results import folder, tables
-from acx4lib.stages.mounting import calibrate
 from acx4sim.plan import Options
-from acx4tools.planning import design as designs
-from acx4tools.planning import plan as plans
-from acx4tools.planning.flown import flying_time_s
 from support.helpers import ROOT
 
 # --- The sheets of the labs: their tasks, and what is right ----------------------------------

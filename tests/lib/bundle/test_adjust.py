@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
 
+from acx4files.results import rows
+from acx4lib.block import NO_POINTS, ImagePoints, Images, SurveyedPoints
 from acx4lib.bundle.adjust import (
     adjust,
     designed,
@@ -18,12 +20,10 @@ from acx4lib.bundle.observations import PoseObservations
 from acx4lib.bundle.start import start_points
 from acx4lib.bundle.unknowns import holding, layout
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight.block import NO_POINTS, ImagePoints, Images, SurveyedPoints
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, log, rotation_from_opk, transform
 from acx4lib.geometry.geodesy import MappingFrame
 from acx4lib.least_squares.adjustment import cross_covariance
-from acx4lib.results import rows
 from support import blocks
 from support.helpers import dense_covariance, dense_jacobian, rotation_angle, weighted_residuals
 from support.strategies import opk, vectors

@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
+from acx4lib.block import lengths
 from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation, with_held_poses
 from acx4lib.bundle.compiled import packing
 from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.bundle.reliability import parameter_effects
 from acx4lib.bundle.unknowns import holding
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight.block import lengths
 from acx4lib.least_squares.adjustment import cross_covariance
 from acx4lib.least_squares.normal_equations import PlainNormals
 from support import blocks

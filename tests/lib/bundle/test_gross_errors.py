@@ -8,18 +8,18 @@ import pytest
 from scipy import stats
 
 import acx4sim
-from acx4lib import flight
+from acx4files import flight
+from acx4files.results.adjustments import of_validations
 from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting, expected_failures
 from acx4lib.bundle.rejections import Rejection, without
 from acx4lib.calibration import heads, mounting
 from acx4lib.calibration.estimates import from_bundle, given
+from acx4lib.design import ground_height
 from acx4lib.errors import FlightError
-from acx4lib.flight.design import ground_height
 from acx4lib.geometry.frames import rotation_from_opk
 from acx4lib.georeferencing.validation import validate
 from acx4lib.least_squares.statistics import critical_tau
-from acx4lib.results.adjustments import of_validations
 from support import blocks
 from support.flights.simulated import HEADS, fly, named, of_calibration
 from support.helpers import repeats

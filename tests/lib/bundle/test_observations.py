@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib.block import Distances, lengths
 from acx4lib.bundle import adjust
 from acx4lib.bundle.observations import (
     Strips,
@@ -20,7 +21,6 @@ from acx4lib.bundle.observations import (
     usable,
 )
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight.block import Distances, lengths
 from acx4lib.geometry.camera import mountings
 from acx4lib.geometry.frames import Pose, exp, transform
 from acx4lib.geometry.parameters import Prior

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acx4lib.block import NO_POINTS
 from acx4lib.bundle.adjust import mounted_orientation
 from acx4lib.bundle.gross_errors import adjust_rejecting
 from acx4lib.bundle.rejections import (
@@ -18,7 +19,6 @@ from acx4lib.bundle.rejections import (
     without,
 )
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight.block import NO_POINTS
 from support import blocks
 
 

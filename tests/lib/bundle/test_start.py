@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
+from acx4lib.block import Trajectory
 from acx4lib.bundle.adjust import adjust, free_orientation, mounted_orientation
 from acx4lib.bundle.start import (
     far_off,
@@ -21,7 +22,6 @@ from acx4lib.bundle.start import (
     suspects,
 )
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight.block import Trajectory
 from acx4lib.geometry.frames import Pose, rotation_from_opk, turn
 from support import blocks
 from support.helpers import rotation_angle

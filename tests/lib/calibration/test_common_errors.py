@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib.block import NO_POINTS
 from acx4lib.bundle.adjust import mounted_orientation
 from acx4lib.bundle.observations import picture_equations
 from acx4lib.calibration import common_errors, rig
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import single_step
-from acx4lib.flight.block import NO_POINTS
 from acx4lib.geometry.camera import colrow_from_xy, correct, distort, mountings, xy_from_colrow
 from acx4lib.geometry.frames import exp, log, rotation_from_opk
 from acx4lib.least_squares.covariance import sigmas

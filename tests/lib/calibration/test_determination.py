@@ -24,7 +24,7 @@ from acx4lib.calibration.determination import (
     weakest_combination,
 )
 from acx4lib.calibration.estimates import from_bundle, given, parameters, reported_covariance
-from acx4lib.flight.design import flying_heights
+from acx4lib.design import flying_heights
 from acx4lib.geometry.frames import Pose, log, rotation_from_opk
 from acx4lib.least_squares.covariance import GaussMarkov
 from support import blocks

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib import design
+from acx4lib.block import select_images
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.unknowns import layout
 from acx4lib.calibration import estimates, mounting
@@ -25,8 +27,6 @@ from acx4lib.calibration.estimates import (
     saying_what_lacks,
 )
 from acx4lib.errors import NotConverged
-from acx4lib.flight import design
-from acx4lib.flight.block import select_images
 from acx4lib.geometry.camera import INTERIOR, Interior
 from acx4lib.geometry.frames import Pose, exp, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT, REPORTED

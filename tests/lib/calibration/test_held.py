@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4lib.block import select_cameras
 from acx4lib.bundle.adjust import adjust, free_orientation
 from acx4lib.bundle.unknowns import holding, layout
 from acx4lib.calibration import heads, held, mounting
 from acx4lib.calibration.estimates import from_bundle, parameters
-from acx4lib.flight.block import select_cameras
 from acx4lib.geometry.camera import INTERIOR, inside
 from acx4lib.geometry.collinearity import Measurement, directions, project
 from acx4lib.geometry.frames import Pose

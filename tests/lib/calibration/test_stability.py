@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
+from acx4book.planning import design, plan, tables
 from acx4lib.bundle.adjust import adjust, designed, free_orientation, mounted_orientation
 from acx4lib.calibration import stability, trajectory_errors
 from acx4lib.calibration.stability import LEFT, TIE_POINTS, calm_sigmas
 from acx4lib.geometry.frames import Pose, exp
 from acx4lib.geometry.parameters import Prior
 from acx4lib.least_squares.covariance import GaussMarkov
-from acx4tools.planning import design, plan, tables
 from support import blocks
 from support.flights.planned import strip, values
 

@@ -8,14 +8,14 @@ from numpy.testing import assert_allclose
 
 import acx4sim
 from acx4book.report.markdown import parameter_title
+from acx4files.results import adjustments, read_back
+from acx4files.results import folder as results
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.observations import position_errors
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import not_determined, parameters
 from acx4lib.geometry.parameters import AXES, MOUNT
 from acx4lib.least_squares.covariance import GaussMarkov
-from acx4lib.results import adjustments, read_back
-from acx4lib.results import folder as results
 from support import blocks
 from support.flights import simulated as flown
 from support.helpers import dense_covariance

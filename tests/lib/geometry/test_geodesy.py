@@ -15,11 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from acx4files.results import rows
 from acx4lib.calibration import mounting
 from acx4lib.geometry import geodesy
 from acx4lib.geometry.frames import Pose, log, opk_from_rotation, rotation_from_opk
 from acx4lib.geometry.geodesy import GridSystem, LocalFrame, MappingFrame
-from acx4lib.results import rows
 from support import blocks
 from support.helpers import numeric_jacobian
 from support.strategies import numbers, opk

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from acx4lib.flight.block import Distances, lengths
-from acx4lib.flight.settings import camera_of
+from acx4files.flight.settings import camera_of
+from acx4lib.block import Distances, lengths
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.intersection import intersect, largest_angles, resect

@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
+from acx4lib.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.bundle.unknowns import layout
 from acx4lib.calibration.estimates import Calibration, given
-from acx4lib.flight.block import Block, ImagePoints, Images, Trajectory
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from acx4lib.geometry.parameters import MOUNT

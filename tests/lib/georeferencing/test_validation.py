@@ -11,18 +11,18 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 import acx4sim
+from acx4files.flight import reader
+from acx4files.stages import mounting
+from acx4files.stages import validation as stages_validation
+from acx4lib.block import select_images
 from acx4lib.calibration.estimates import from_bundle, given
 from acx4lib.calibration.mounting import single_step
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import reader
-from acx4lib.flight.block import select_images
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import direct, error_sources, validation
 from acx4lib.georeferencing.validation import compare, predict, rays_of_pairs, validate
 from acx4lib.least_squares.covariance import WHITE, GaussMarkov
-from acx4lib.stages import mounting
-from acx4lib.stages import validation as stages_validation
 from support import blocks
 
 # --- pairs -----------------------------------------------------------------------------------

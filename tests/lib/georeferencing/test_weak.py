@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acx4book.planning import design, plan, tables
 from acx4lib.calibration.estimates import features, parameters, to_reported
 from acx4lib.georeferencing import weak
-from acx4tools.planning import design, plan, tables
 from support.flights.planned import strip, values
 
 MAPPING = {

@@ -353,7 +353,7 @@ def test_values_of_two_degrees_of_freedom_are_those_of_scipy():
 
 def test_the_stages_do_without_the_package_that_is_slow_to_load():
     code = (
-        "import sys\nfrom acx4lib.stages import heads, mounting, rig, synthetic, validation\n"
+        "import sys\nfrom acx4files.stages import heads, mounting, rig, synthetic, validation\n"
         "assert 'scipy.stats' not in sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from acx4lib.block import ImagePoints, Images, select_cameras
 from acx4lib.calibration import mounting
 from acx4lib.calibration.estimates import METHODS, parameters, reported_covariance, to_reported
 from acx4lib.calibration.heads import calibrate_heads, relative_orientation, varied
 from acx4lib.calibration.mounting import single_step
-from acx4lib.flight.block import ImagePoints, Images, select_cameras
 from acx4lib.geometry.camera import inside, xy_from_colrow
 from acx4lib.least_squares.covariance import half
 from acx4lib.synthetic_image.frame import head_from_synthetic

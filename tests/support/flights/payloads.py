@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from acx4lib.flight.problems import SHOWN
+from acx4files.flight.problems import SHOWN
 from support.flights import pictured
 
 NAMES = {

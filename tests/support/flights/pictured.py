@@ -10,11 +10,11 @@ import pandas as pd
 import tifffile
 
 from acx4book.notebooks import runner
-from acx4lib import flight as flown
+from acx4files import flight as flown
+from acx4files.results import adjustments, own_folder, provenance
+from acx4files.results import folder as results
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.geometry.frames import Pose
-from acx4lib.results import adjustments, own_folder, provenance
-from acx4lib.results import folder as results
 from acx4lib.synthetic_image.frame import reduced_camera, reduced_heads, synthetic_from_head
 from support.flights import written
 

@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 
 from acx4book.notebooks import simulated as notebooks_simulated
+from acx4book.planning import plan as plans
 from acx4sim import files
 from acx4sim.plan import Options
-from acx4tools.planning import plan as plans
 
 CAMERA = {
     "width_px": 11608,

@@ -16,10 +16,10 @@ import numpy as np
 from scipy import stats
 
 import acx4sim
-from acx4lib import flight
+from acx4files import flight
+from acx4files.flight.reader import PLACE
 from acx4lib.calibration import estimates, mounting
 from acx4lib.calibration import heads as calibration_heads
-from acx4lib.flight.reader import PLACE
 from acx4lib.georeferencing import validation
 from acx4lib.tie_points import ties as tie_points
 from acx4sim.files import truth_path

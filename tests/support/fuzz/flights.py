@@ -15,12 +15,12 @@ import pandas as pd
 import tifffile
 
 import acx4sim
-from acx4lib import flight
+from acx4files import flight
+from acx4files.images.image_files import image_from_file
+from acx4files.stages import heads
 from acx4lib.calibration import mounting
 from acx4lib.errors import AdjustmentError, FlightError
 from acx4lib.georeferencing import validation
-from acx4lib.production.image_files import image_from_file
-from acx4lib.stages import heads
 from acx4sim.files import truth_path
 from support.commands import complaint, said
 from support.flights import in_heads

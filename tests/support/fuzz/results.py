@@ -16,9 +16,9 @@ from typing import Any
 from acx4book.command import terminal
 from acx4book.notebooks import runner
 from acx4book.report import findings, material, page
+from acx4files.exchange.outward.programs import KINDS as EXPORTS
+from acx4files.results.table_files import SCHEMAS
 from acx4lib.errors import UNSEEN
-from acx4lib.results.table_files import SCHEMAS
-from acx4tools.exchange.outward.programs import KINDS as EXPORTS
 from support.commands import said, said_by
 from support.flights import pictured
 from support.fuzz import nasty

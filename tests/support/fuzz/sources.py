@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acx4tools.exchange.outward.programs import KINDS as EXPORTS
+from acx4files.exchange.outward.programs import KINDS as EXPORTS
 from support import run_results
 from support.pictures import tagged
 from support.projects import colmap, metashape, micmac, opf, pix4d

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from acx4book.notebooks import runner
+from acx4files.results import own_folder
 from acx4lib.errors import OutputError
-from acx4lib.results import own_folder
 from support.commands import complaint, said
 from support.fuzz import nasty, sources
 

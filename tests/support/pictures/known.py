@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 
 from acx4book.chapters.image_quality.deviations import known_exposure
+from acx4files.stages.pictures import Exposed, Pictures
+from acx4files.stages.synthetic import Refinement
 from acx4lib.geometry.camera import inside
-from acx4lib.stages.pictures import Exposed, Pictures
-from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import head_from_synthetic, reduced_camera, reduced_heads
 from acx4lib.synthetic_image.response import estimate_response
 from acx4lib.tie_points.ties import TiePoints

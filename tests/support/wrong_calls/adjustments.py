@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4lib import conventions
+from acx4files import conventions
+from acx4files.results.rows import exterior_orientations
+from acx4lib import block
 from acx4lib.bundle import (
     adjust,
     gross_errors,
@@ -18,12 +20,10 @@ from acx4lib.bundle import (
 from acx4lib.bundle.free_network import adjust_free, datum_defect
 from acx4lib.calibration import estimates, heads, mounting, rig
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import block
 from acx4lib.geometry import camera
 from acx4lib.geometry.frames import Pose
 from acx4lib.georeferencing import direct
 from acx4lib.least_squares import adjustment
-from acx4lib.results.rows import exterior_orientations
 from acx4lib.tie_points import refinement
 from acx4lib.tie_points import ties as tie_points
 from support.pictures import taken

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 import acx4sim
-from acx4lib import flight
+from acx4files import flight
+from acx4files.results import folder
 from acx4lib.errors import FlightError
-from acx4lib.results import folder
 from acx4sim.files import photograph
 from acx4sim.plan import GrossErrors, SlowErrors
 from support.wrong_calls.material import Wrong, flown, names, no_results

@@ -12,10 +12,10 @@ import numpy as np
 
 import acx4sim
 from acx4book.chapters.image_quality import deviations
+from acx4files.results import folder as results
 from acx4lib.bundle import adjust
 from acx4lib.calibration import estimates, mounting
 from acx4lib.georeferencing import accuracy, direct
-from acx4lib.results import folder as results
 from acx4lib.tie_points import ties as tie_points
 from acx4sim.files import SimulatedFlight
 from support import blocks

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from acx4book.chapters.image_quality import deviations
+from acx4files.images import exposure, tiff
+from acx4lib import block
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import block
-from acx4lib.production import exposure, tiff
 from acx4lib.synthetic_image import frame, head_map, rendering, response, transferred_points
 from acx4lib.tie_points import least_squares_matching, matching, refinement, search
 from acx4lib.tie_points import ties as tie_points

@@ -16,12 +16,12 @@ from scipy.spatial import KDTree
 
 from acx4book.paper import printed
 from acx4lib import expected, shown
+from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle.adjust import Bundle, adjust, free_orientation
 from acx4lib.bundle.start import SUSPECT
 from acx4lib.calibration.estimates import require_control
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Mask, Raster
-from acx4lib.flight.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.geometry.camera import (
     INTERIOR,
     Camera,

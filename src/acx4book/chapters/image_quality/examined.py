@@ -28,10 +28,10 @@ from acx4book.chapters.image_quality.deviations import (
     with_wrong_interiors,
 )
 from acx4lib import shown
+from acx4lib.block import Block
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.calibration.heads import RelativeOrientation, radial_profile
 from acx4lib.expected import Array
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import colrow_from_xy, inside, xy_from_colrow
 from acx4lib.geometry.frames import Pose
 from acx4lib.geometry.geodesy import GridSystem, mean_origin

@@ -16,12 +16,12 @@ from acx4book.typesetting import maps, style
 from acx4book.typesetting.moving import Layer, Scene
 from acx4book.typesetting.plain_text import shown
 from acx4book.typesetting.style import round_length
+from acx4lib import design
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import reliability
 from acx4lib.calibration.mounting import Mounting
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight import design
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import Measurement, directions
 from acx4lib.geometry.frames import Pose, log

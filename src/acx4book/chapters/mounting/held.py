@@ -25,12 +25,12 @@ from acx4book.typesetting.moving import (
     bars,
 )
 from acx4book.typesetting.style import round_length
+from acx4lib import design
 from acx4lib.attempts import Failed, attempt
+from acx4lib.block import Block
 from acx4lib.calibration.determination import ABSORBING
 from acx4lib.calibration.mounting import Mounting, two_step_gnss
 from acx4lib.expected import Array
-from acx4lib.flight import design
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera
 from acx4lib.geometry.collinearity import Measurement, directions, project
 from acx4lib.geometry.frames import Pose, opk_from_rotation

@@ -19,6 +19,8 @@ from acx4book.typesetting.myst import (
 )
 from acx4book.typesetting.plain_text import Markup, shown
 from acx4book.typesetting.tables import SYMBOLS
+from acx4files.results.rows import unit_of
+from acx4files.results.table_files import COMPONENTS
 from acx4lib.attempts import Failed
 from acx4lib.bundle.adjust import Bundle
 from acx4lib.bundle.reliability import WEAK
@@ -34,14 +36,12 @@ from acx4lib.calibration.determination import (
 )
 from acx4lib.calibration.estimates import GroupTest, parameters
 from acx4lib.calibration.mounting import Mounting, Mountings
+from acx4lib.design import flying_heights
 from acx4lib.expected import Array
-from acx4lib.flight.design import flying_heights
 from acx4lib.geometry.frames import log, transform
 from acx4lib.geometry.parameters import MOUNT
 from acx4lib.least_squares import statistics
 from acx4lib.least_squares.covariance import propagate, sigmas
-from acx4lib.results.rows import unit_of
-from acx4lib.results.table_files import COMPONENTS
 
 NAMES = LABELS | {f"boresight_{axis}": Markup(f"boresight about ${axis}$") for axis in "xyz"}
 

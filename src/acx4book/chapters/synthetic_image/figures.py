@@ -28,11 +28,11 @@ from acx4book.typesetting.pictures import (
     frameless,
     smaller,
 )
+from acx4files.stages.pictures import Pictures
+from acx4files.stages.synthetic import Refinement
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Mask, Raster
 from acx4lib.geometry.camera import Camera, xy_from_colrow
-from acx4lib.stages.pictures import Pictures
-from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import (
     Coverage,
     coverage,

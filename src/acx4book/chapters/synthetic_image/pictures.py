@@ -28,11 +28,11 @@ from acx4book.typesetting.pictures import (
     middles_apart,
     smaller,
 )
+from acx4files.stages.pictures import Exposed, Pictures
+from acx4files.stages.synthetic import Refinement
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array, Index, Raster
 from acx4lib.geometry.camera import Camera, inside
-from acx4lib.stages.pictures import Exposed, Pictures
-from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import (
     footprint,
     head_from_synthetic,

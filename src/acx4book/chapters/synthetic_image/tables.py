@@ -10,10 +10,10 @@ import pandas as pd
 from acx4book.paper import printed
 from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
+from acx4files.flight.reader import Flight
+from acx4files.stages.synthetic import Refinement
 from acx4lib.calibration.heads import RelativeOrientation
-from acx4lib.flight.reader import Flight
 from acx4lib.geometry.camera import Camera
-from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.transferred_points import TransferredPoints
 from acx4lib.tie_points.refinement import frame_differences
 from acx4lib.tie_points.ties import Overlap, TiePoints, overlaps

@@ -13,10 +13,10 @@ import numpy as np
 
 from acx4book.typesetting.moving import Column, Explorer, Linear, Mark, Panel, Plane, Slider
 from acx4book.typesetting.plain_text import shown as in_text
+from acx4files.stages.synthetic import Refinement
 from acx4lib.calibration.heads import RelativeOrientation
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Camera
-from acx4lib.stages.synthetic import Refinement
 from acx4lib.synthetic_image.frame import (
     coverage,
     footprint,

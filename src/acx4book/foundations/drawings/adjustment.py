@@ -30,9 +30,9 @@ from acx4book.typesetting.style import (
     legend_below,
     subplots,
 )
+from acx4lib.block import Block
 from acx4lib.bundle.free_network import FreeNetwork
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block
 from acx4lib.geometry.frames import Pose
 from acx4lib.least_squares import statistics
 

@@ -29,6 +29,8 @@ from acx4book.teaching.grading import (
     variances,
     wrong_sign,
 )
+from acx4files.results.tables import covariance
+from acx4files.stages.mounting import calibrate
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.rejections import CRITICAL
 from acx4lib.calibration import estimates
@@ -38,8 +40,6 @@ from acx4lib.expected import Array
 from acx4lib.geometry.camera import Interior, distortion
 from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk, turn
 from acx4lib.georeferencing.validation import Validation, validate
-from acx4lib.results.tables import covariance
-from acx4lib.stages.mounting import calibrate
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import GrossErrors, Options
 

@@ -24,9 +24,9 @@ from acx4book.teaching.grading import (
     variances,
     wrong_sign,
 )
+from acx4lib.block import Block
 from acx4lib.calibration.estimates import given as as_given
 from acx4lib.expected import Array, Index
-from acx4lib.flight.block import Block
 from acx4lib.geometry.camera import Camera, xy_from_colrow
 from acx4lib.geometry.collinearity import directions
 from acx4lib.geometry.frames import (

@@ -11,21 +11,21 @@ import numpy as np
 import pandas as pd
 
 from acx4book.notebooks import simulated
+from acx4book.planning import design as designs
+from acx4book.planning import plan as plans
+from acx4book.planning.flown import flying_time_s
+from acx4book.planning.plan import TURN_S, Plan
+from acx4book.planning.tables import unknowns
 from acx4book.teaching import flights
 from acx4book.teaching.flights import Case, Mistake, Question, Right, Rights, Sheet, computed
 from acx4book.teaching.grading import named, scaled, values, variances, wrong_sign
 from acx4book.teaching.sheets.calibrations import parameters
+from acx4files.results import tables
+from acx4lib.block import select_images
 from acx4lib.calibration.mounting import single_step
 from acx4lib.expected import Array
-from acx4lib.flight.block import select_images
-from acx4lib.results import tables
 from acx4sim.files import SimulatedFlight
 from acx4sim.plan import Options
-from acx4tools.planning import design as designs
-from acx4tools.planning import plan as plans
-from acx4tools.planning.flown import flying_time_s
-from acx4tools.planning.plan import TURN_S, Plan
-from acx4tools.planning.tables import unknowns
 
 # --- lab 8: a flight with all strips and with fewer strips -----------------------------------
 

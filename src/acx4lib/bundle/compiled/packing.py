@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from acx4lib.block import Block, ImagePoints
 from acx4lib.bundle.compiled.rays import SortedRays
 from acx4lib.compiling import load, uncounted
 from acx4lib.expected import Array, Index, Mask
-from acx4lib.flight.block import Block, ImagePoints
 from acx4lib.geometry.camera import xy_from_colrow
 
 RAYS_PER_PART = 40_000

@@ -11,12 +11,12 @@ from numpy.testing import assert_allclose
 
 from acx4book.chapters.mounting import figures, held
 from acx4book.chapters.mounting.figures import image_redundancy, mounting_per_image, weak_places
+from acx4lib import design
 from acx4lib.attempts import Failed
 from acx4lib.bundle.reliability import reliability
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import Mounting, two_step_gnss
 from acx4lib.errors import AdjustmentError
-from acx4lib.flight import design
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from support import blocks

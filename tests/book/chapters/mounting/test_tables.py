@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from acx4book.chapters.mounting import tables
 from acx4book.paper import printed
 from acx4book.typesetting.myst import LABELS
+from acx4lib import design
 from acx4lib.attempts import attempt
 from acx4lib.bundle.rejections import noncentrality
 from acx4lib.calibration import mounting
@@ -21,7 +22,6 @@ from acx4lib.calibration.determination import (
 )
 from acx4lib.calibration.estimates import group_tests, undistorted
 from acx4lib.calibration.mounting import single_step
-from acx4lib.flight import design
 from support import blocks
 
 # --- what is determined together -------------------------------------------------------------

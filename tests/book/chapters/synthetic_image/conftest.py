@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from acx4lib.stages import heads, synthetic
+from acx4files.stages import heads, synthetic
 from acx4lib.synthetic_image.frame import reduced_heads
 from acx4lib.synthetic_image.response import OverlapResponse, Response, ResponseFit
 from support.pictures import known as made

@@ -15,9 +15,9 @@ from acx4book.chapters.synthetic_image.figures import (
     response_curves,
     seams,
 )
-from acx4lib import flight as flights
+from acx4files import flight as flights
+from acx4files.stages import synthetic
 from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
-from acx4lib.stages import synthetic
 from acx4lib.synthetic_image.frame import (
     coverage,
     head_from_synthetic,

@@ -6,7 +6,7 @@ import pytest
 
 import acx4sim
 from acx4book.command import runs
-from acx4lib.results import folder as results
+from acx4files.results import folder as results
 from support.flights import planted
 
 SEEDS = (1, 2, 3)

@@ -18,11 +18,11 @@ import pytest
 import acx4sim
 from acx4book.command import runs
 from acx4book.notebooks import runner
+from acx4book.planning import plan as plans
+from acx4files.flight import reader
+from acx4files.results import folder, provenance
+from acx4files.results import folder as results
 from acx4lib.errors import AdjustmentError, FlightError, OutputError
-from acx4lib.flight import reader
-from acx4lib.results import folder, provenance
-from acx4lib.results import folder as results
-from acx4tools.planning import plan as plans
 from support.flights import written
 from support.flights.planned import values
 from support.flights.written import change

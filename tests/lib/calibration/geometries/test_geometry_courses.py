@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import acx4sim
+from acx4files.flight import reader
+from acx4files.results import adjustments
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
-from acx4lib.flight import reader
-from acx4lib.results import adjustments
 from support import blocks
 
 COMPASS_DEG = (-0.05, 0.06)

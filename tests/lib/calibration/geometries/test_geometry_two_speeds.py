@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import acx4sim
+from acx4files.flight import reader
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.calibration import mounting, trajectory_errors
 from acx4lib.calibration.estimates import features
-from acx4lib.flight import reader
 from acx4sim.files import simulate_plan
 from support import blocks
 

@@ -1,0 +1,1089 @@
+"""Usual interpretations (readings) of a flight's numbers, compared by misfit (section 3.2).
+
+Most errors in direct georeferencing are a sign or an axis. The readings of trajectory, image
+measurements and control are compared. For each, the mounting of the cameras of some images is
+adjusted on a trajectory assumed exact; the remaining distance of rays from their points is the
+misfit of the reading. The best reading is named if it is much better than the given reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acx4files.flight import readings
+from acx4files.flight.block_from_tables import index_of, poses
+from acx4files.flight.reader import Flight
+from acx4files.flight.tables import Table
+from acx4lib import expected
+from acx4lib.block import Block, ImagePoints
+from acx4lib.design import strip_of_exposure
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.camera import Camera, Interior, correct, correct_jacobian, xy_from_colrow
+from acx4lib.geometry.collinearity import pinhole, pinhole_jacobian, to_camera
+from acx4lib.geometry.frames import Pose, exp, log, skew, transform
+from acx4lib.geometry.geodesy import MappingFrame
+from acx4lib.geometry.intersection import intersect
+
+BETTER = 2.0
+"""Ratio of the given reading's misfit to another's below which no other reading is named."""
+
+CERTAIN = 5.0
+"""Logarithm of this ratio, in its standard deviations, below which no other reading is named.
+
+Every exposure has two independent components of attitude or more, and the quantile of the misfit
+needs about twice the data that a standard deviation needs: n exposures are worth n degrees of
+freedom, and the logarithm of a ratio of two has the standard deviation 1 / sqrt(n).
+"""
+
+FITTED, FITTED_CERTAIN = 1.5, 2.5
+"""The same for readings with a fitted number, of which there are six and not a hundred."""
+
+GROSS = 10.0
+"""Ratio of the residuals of the worst images above which a reading of some images is named."""
+
+ALIKE = 1.25
+"""Ratio of misfits below which the simpler of two readings is named."""
+
+PROMISING, MOST_TRIED = 1.1, 12
+"""Ratio of misfits before the adjustment from which a reading is adjusted, and how many are."""
+
+FLOOR_PX = 0.25
+"""Misfit that no reading can explain, px."""
+
+NEAR = np.radians(15.0)
+"""Turn from the declared boresight within which a reading is preferred to equally good ones."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """A reading with a much smaller misfit than the given reading.
+
+    Attributes
+    ----------
+    name : str
+        The change, such as "pitch of opposite sign".
+    quantity : str
+        Quantity of the residuals.
+    given, found : float
+        Robust residuals of the given and of this reading. `found` is NaN where the name alone
+        explains them.
+    unit : str
+        Of both: °, m, px or σ.
+    """
+
+    name: str
+    quantity: str
+    given: float
+    found: float
+    unit: str
+
+    @property
+    def sentence(self) -> str:
+        """A sentence on the reading, with its residuals and those of the given reading."""
+        figure = _shown(self.found, self.unit)
+        if not np.isfinite(self.given):
+            return (
+                f"with {self.name} the residuals of {self.quantity} are {figure}; as the numbers "
+                "are, rays do not meet"
+            )
+        if not np.isfinite(self.found):
+            given = _shown(self.given, self.unit)
+            return f"the residuals of {self.quantity} are {given}: {self.name}"
+        change = "fall" if self.found < self.given else "rise"
+        return (
+            f"with {self.name} the residuals of {self.quantity} {change} "
+            f"from {_shown(self.given, self.unit)} to {figure}"
+        )
+
+
+def _shown(value: float, unit: str) -> str:
+    number = f"{value:.2g}" if value < 100 else f"{value:.0f}"
+    return f"{number}{unit}" if unit == "°" else f"{number} {unit}"
+
+
+def best_reading(flight: Flight, block_name: str) -> Found | None:
+    """Return the reading of a block with a much smaller misfit than the given one; or None.
+
+    Every usual reading of trajectory, control and image measurements is tried on at most sixty
+    images. Mounting and interior orientation are estimated in each. They absorb some errors, such
+    as a delay at one speed: these are not found. The principal point absorbs half a pixel.
+
+    Raises
+    ------
+    FlightError
+        Where the flight has no such block.
+    """
+    expected.instance("flight", flight, Flight)
+    block = flight.block(block_name)
+    seen = sightings(block)
+    if seen is None:
+        return None
+    with np.errstate(all="ignore"):  # readings may be absurd
+        return _searched(block, flight.trajectories[block_name], seen)
+
+
+def _searched(block: Block, trajectory: Table, seen: Sightings) -> Found | None:
+    T_m_b = block.trajectory.T_m_b[seen.exposures]
+    given = mounted(seen, T_m_b)
+    others = list(_readings(block, trajectory, seen))
+    tried = [
+        (reading, mounted(reading.seen, reading.T_m_b, reading.velocity))
+        for reading in _promising(others, started(seen, T_m_b).misfit)
+    ]
+    named = _best(tried, given, seen) or _best_fitted(block, seen, given)
+    return named or other_unit(block, seen, given)
+
+
+def _readings(block: Block, trajectory: Table, seen: Sightings) -> Iterator[Reading]:
+    """Yield the usual readings of a block, the simplest first."""
+    given = Reading(name="", quantity="", seen=seen, T_m_b=block.trajectory.T_m_b[seen.exposures])
+    yield from _of_trajectory(block, trajectory, given)
+    yield from _of_clock(block, given)
+    yield from _of_control(block.frame, given)
+    yield from _of_images(given)
+
+
+def _of_trajectory(block: Block, table: Table, given: Reading) -> Iterator[Reading]:
+    names = [block.trajectory.exposures[i] for i in given.seen.exposures]
+    table = _with_neighbours(table, index_of(names, table.text["exposure"]))
+    rows = index_of(names, table.text["exposure"])
+    others = list(readings.readings(table, block.frame.grid))
+    if len(block.cameras) == 1:
+        others += readings.of_cameras(table, block.cameras[0].T_b_c.R)
+    for other in others:
+        with np.errstate(all="ignore"):  # changed positions may not be on the earth
+            T_m_b = _poses(other.table, rows, block.frame)
+        if np.isfinite(T_m_b.r).all() and np.isfinite(T_m_b.R).all():
+            yield replace(given, name=other.name, quantity=other.quantity, T_m_b=T_m_b)
+
+
+def _with_neighbours(table: Table, rows: Index) -> Table:
+    """Return some rows of a table with the ones before and after each, of perhaps a million."""
+    keep = np.zeros(len(table) + 2, dtype=bool)
+    for step in (0, 1, 2):
+        keep[rows + step] = True
+    return table.select(keep[1:-1])
+
+
+def _poses(table: Table, rows: Index, frame: MappingFrame) -> Pose:
+    """Return the poses of some rows, in their order."""
+    numbers = {name: values[rows] for name, values in table.numbers.items()}
+    return poses(replace(table, lines=table.lines[rows], numbers=numbers), frame)
+
+
+def _of_clock(block: Block, given: Reading) -> Iterator[Reading]:
+    """Yield the reading in which positions are of another time than the pictures."""
+    velocity = _velocities(block, given.seen)
+    if velocity is not None:
+        yield replace(given, name="the clock", quantity="position", velocity=velocity)
+
+
+def _of_control(frame: MappingFrame, given: Reading) -> Iterator[Reading]:
+    """Yield other readings of the surveyed points' east, north and heights."""
+    surveyed = np.flatnonzero(np.isfinite(given.seen.x_m[:, 0]))
+    if not len(surveyed):
+        return
+    enh = frame.to_grid(given.seen.x_m[surveyed])
+    lonlat = frame.grid.lonlat_from_grid(enh[:, :2])
+    others = [
+        (f"height of control points {meaning}", np.column_stack([enh[:, :2], height]))
+        for meaning, height in readings.height_readings(enh[:, 2], lonlat, frame.grid)
+    ]
+    others += [
+        (f"east, north of control points {meaning}", np.column_stack([east_north, enh[:, 2]]))
+        for meaning, east_north in readings.plane_readings(enh[:, :2])
+    ]
+    for name, other in others:
+        x_m = given.seen.x_m.copy()
+        with np.errstate(all="ignore"):  # changed positions may not be on the earth
+            x_m[surveyed] = frame.from_grid(other)
+        if np.isfinite(x_m[surveyed]).all():
+            yield replace(given, name=name, quantity="position", seen=replace(given.seen, x_m=x_m))
+
+
+def _of_images(given: Reading) -> Iterator[Reading]:
+    """Yield readings of pixel coordinates with other axes, origins and units."""
+    seen = given.seen
+    size = np.array([[c.width_px, c.height_px] for c in seen.cameras])[seen.camera_idx]
+    pixel_mm = np.array([[c.pixel_mm] for c in seen.cameras])[seen.camera_idx]
+    yield from _north_up(given, size)
+    for columns, meaning, colrow in readings.pixel_readings(seen.colrow, size, pixel_mm):
+        name = f"{columns.replace('_px', '')} {meaning}"
+        yield replace(given, name=name, quantity="image", seen=replace(seen, colrow=colrow))
+
+
+def _north_up(given: Reading, size: Array) -> Iterator[Reading]:
+    """Yield readings with images of one flying direction turned by 180 degrees, shown north up.
+
+    The direction is against that of the first exposure, or along it.
+    """
+    seen, ahead = given.seen, given.T_m_b.R[:, :2, 0]
+    against = (ahead @ ahead[0] < 0)[seen.exposure_idx]
+    if not against.any() or against.all():
+        return
+    for turned in (against, ~against):
+        colrow = np.where(turned[:, None], size - 1 - seen.colrow, seen.colrow)
+        name = "images of the strips in one direction turned by 180 degrees (shown north up)"
+        turned_back = replace(seen, colrow=colrow)
+        yield replace(given, name=name, quantity="image", seen=turned_back, of_some=True)
+
+
+def _promising(others: list[Reading], usual: float) -> list[Reading]:
+    """Return the best readings before an adjustment, in their order, and that of the clock."""
+    misfits = np.array([started(reading.seen, reading.T_m_b).misfit for reading in others])
+    limit = min(PROMISING * usual, np.sort(misfits)[:MOST_TRIED].max(initial=0.0))
+    return [r for r, m in zip(others, misfits, strict=True) if m <= limit or r.velocity is not None]
+
+
+def notes(flight: Flight) -> Iterator[str]:
+    """Yield a sentence for every block that another reading fits much better."""
+    expected.instance("flight", flight, Flight)
+    for name in flight.blocks:
+        reading = best_reading(flight, name)
+        if reading is not None:
+            yield f"{name}: {reading.sentence}"
+
+
+def _best(tried: list[tuple[Reading, Mounted]], given: Mounted, seen: Sightings) -> Found | None:
+    """Return the simplest of the best readings, if much better than the given reading."""
+    camera = seen.cameras[0]
+    floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
+    for reading, fit in tried:
+        mends = GROSS * (fit.worst + floor) < given.worst + floor
+        if reading.of_some and mends and fit.misfit < ALIKE * given.misfit:
+            return _found(
+                reading, replace(given, misfit=given.worst), replace(fit, misfit=fit.worst)
+            )
+    better = max(BETTER, np.exp(CERTAIN / np.sqrt(len(seen.exposures))))
+    good = [(r, m) for r, m in tried if better * (m.misfit + floor) < given.misfit + floor]
+    if not good:
+        return None
+    least = min(m.misfit for _, m in good) + floor
+    alike = [(r, m) for r, m in good if m.misfit + floor < ALIKE * least]
+    near = [(r, m) for r, m in alike if _turn(m, seen) < NEAR]
+    reading, fit = (near or alike)[0]
+    return _found(_named(reading, fit), given, fit)
+
+
+def _best_fitted(block: Block, seen: Sightings, given: Mounted) -> Found | None:
+    """Return the best reading with a fitted number, if clearly better than the given reading."""
+    camera = seen.cameras[0]
+    floor = FLOOR_PX * camera.pixel_mm / camera.interior.f
+    tried = list(_numbered_readings(block, seen, given))
+    if not tried:
+        return None
+    reading, fit = min(tried, key=lambda pair: pair[1].misfit)
+    better = max(FITTED, np.exp(FITTED_CERTAIN / np.sqrt(len(seen.exposures))))
+    clearly = better * (fit.misfit + floor) < given.misfit + floor
+    return _found(reading, given, fit) if clearly else None
+
+
+def _turn(fit: Mounted, seen: Sightings) -> float:
+    """Return the largest turn of a camera from its declared boresight, radians."""
+    return max(
+        float(np.linalg.norm(log(declared.T_b_c.R.T @ camera.T_b_c.R)))
+        for camera, declared in zip(fit.cameras, seen.cameras, strict=True)
+    )
+
+
+def _named(reading: Reading, fit: Mounted) -> Reading:
+    """Return the reading with its estimated delay in its name."""
+    if reading.velocity is None:
+        return reading
+    late = "late" if fit.delay_s < 0 else "early"
+    name = f"positions recorded {abs(fit.delay_s):.2g} s {late}"
+    return replace(reading, name=name)
+
+
+def _found(reading: Reading, given: Mounted, fit: Mounted) -> Found:
+    """Return a reading with its misfits, as errors of attitude, position or measurement."""
+    seen, camera = reading.seen, fit.cameras[0]
+    rays_m = fit.x_m[seen.point_idx] - reading.T_m_b.r[seen.exposure_idx]
+    scale, unit, quantity = {
+        "attitude": (np.degrees(1.0), "°", "attitude"),
+        "position": (float(np.nanmedian(np.linalg.norm(rays_m, axis=1))), "m", "position"),
+        "image": (camera.interior.f / camera.pixel_mm, "px", "image measurements"),
+    }[reading.quantity]
+    return Found(
+        name=reading.name,
+        quantity=quantity,
+        given=given.misfit * scale,
+        found=fit.misfit * scale,
+        unit=unit,
+    )
+
+
+# --- Standard deviations in another unit: ratios of residuals to sigma
+
+
+OFF = 2.0
+"""Ratio of residuals to sigma, or its inverse, from which another unit is looked for."""
+
+RIGHT = 1.6
+"""The same within which a unit is right: neighbouring units differ by ten and more."""
+
+ANGLE_UNITS = {"seconds of arc": 1 / 3600, "minutes of arc": 1 / 60, "radians": 180 / np.pi}
+LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2}
+
+ALONE_M = 0.5, 15.0
+"""Standard deviations of positions that a receiver without corrections states."""
+
+SHARED = (
+    "this sigma is rather that of an error which neighbouring exposures share, as of a receiver "
+    "without corrections; gnss in flight.toml makes a common shift an unknown"
+)
+"""Text in place of another unit: such an error leaves small residuals."""
+
+
+def other_unit(block: Block, seen: Sightings, given: Mounted) -> Found | None:
+    """Return the unit in which standard deviations agree with residuals; None if they already do.
+
+    None, too, where no plausible mounting fits: residuals are no errors of observation then.
+
+    Parameters
+    ----------
+    block : Block
+    seen : Sightings
+        Of this block.
+    given : Mounted
+        The fit of the block as given.
+
+    Returns
+    -------
+    Found or None
+        Its name is as "sigma of attitude in seconds of arc", or `SHARED`.
+    """
+    if given.held:
+        return None
+    T_m_b = block.trajectory.T_m_b[seen.exposures]
+    noise = measuring_noise(seen, T_m_b, given)
+    camera = given.cameras[0]
+    px = camera.pixel_mm / camera.interior.f
+    measured = px * _usual(block.image_points.sigma_px)
+    units = [("image measurements", {"mm": 1 / camera.pixel_mm}, noise / measured, 0.0)]
+    rays_m = given.x_m[seen.point_idx] - T_m_b.r[seen.exposure_idx]
+    range_m = float(np.nanmedian(np.linalg.norm(rays_m, axis=1)))
+    position = _usual(block.trajectory.sigma_position[seen.exposures]) / range_m
+    attitude = _usual(block.trajectory.sigma_attitude[seen.exposures, :2])
+    for quantity, known, sigma, other in (
+        ("attitude", ANGLE_UNITS, attitude, position),
+        ("position", LENGTH_UNITS, position, attitude),
+    ):
+        units.append((quantity, known, given.misfit / sigma, np.hypot(other, noise) / sigma))
+    if ALONE_M[0] <= position * range_m <= ALONE_M[1]:
+        _, _, misfit, others = units.pop()
+        units.append(("position", {SHARED: np.nan}, misfit, others))
+    return next((unit for row in units for unit in _right(*row)), None)
+
+
+def _usual(sigma: Array) -> float:
+    """Return the median of the standard deviations that are known, NaN for none."""
+    known = sigma[np.isfinite(sigma)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
+def _right(quantity: str, units: dict[str, float], misfit: float, others: float) -> Iterator[Found]:
+    """Yield the units in which a misfit agrees with sigma."""
+    before = misfit / np.hypot(1.0, others)
+    if not (before > OFF or before < 1 / OFF):
+        return
+    for unit, factor in units.items():
+        if np.isnan(factor) and before < 1 / OFF:
+            yield Found(name=unit, quantity=quantity, given=before, found=np.nan, unit="σ")
+        after = misfit / np.hypot(factor, others)
+        if 1 / RIGHT < after < RIGHT:
+            name = f"sigma of {quantity} in {unit}"
+            yield Found(name=name, quantity=quantity, given=before, found=after, unit="σ")
+
+
+# --- Robust adjustment of the cameras' mountings on a trajectory assumed exact: eq. (14)
+#
+# The purpose is only to compare misfits, so errors of GNSS and INS remain in them. Mounting and
+# interior orientation are free within plausible limits: they absorb the same errors as in a real
+# adjustment.
+
+
+WORST = 1 - 1 / 30
+"""Share of the residuals below `Mounted.worst`."""
+
+QUANTILE, NORMAL = 0.75, 1.1503
+"""Quantile of the misfits that defines their size, and its value in the normal distribution."""
+
+TURNS, STEPS = 8, 12
+"""Largest numbers of closed-form turns, and of adjustment steps after them."""
+
+LARGEST_TURN = 0.5
+"""Of one step, radians."""
+
+SETTLED = 0.003
+"""Relative decrease of the misfit below which no further step is made."""
+
+WIDTH = 4.0
+"""Residual, in misfits, that has a quarter of its weight."""
+
+HELD, LOOSE = 1e30, 1e-12
+"""Weights, 1/m², that hold surveyed points, and tie points that rays do not determine."""
+
+FREE_POSE, ENOUGH_LEFT = 6, 4
+"""Unknowns of a free pose, and observations that must be left beyond them."""
+
+LEVER_M, DELAY_S = 1.0, 10.0
+"""Prior sigma of lever arm, m, and delay, s: where both are the same, it is a delay."""
+
+FARTHEST_LEVER_M, FARTHEST_F = 10.0, 0.02
+"""Largest plausible difference from declared lever arms, m, and share of focal lengths."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mounted:
+    """Cameras that fit a trajectory best.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+        With their interior orientation and mounting.
+    x_m : ndarray, shape (n_points, 3)
+        Points, m.
+    delay_s : float
+        Time by which the trajectory's positions must move, s.
+    misfit : float
+        Angle by which rays miss their points, per component, robustly; radians. Infinite where
+        most points lie behind the cameras.
+    worst : float
+        Residual that one in thirty exceeds, radians: a robust misfit ignores these images.
+    held : bool
+        Whether lever arms and focal lengths are held as declared, since no plausible ones fit.
+    """
+
+    cameras: tuple[Camera, ...]
+    x_m: Array
+    delay_s: float = 0.0
+    misfit: float = np.inf
+    worst: float = np.inf
+    held: bool = False
+
+
+def mounted(seen: Sightings, T_m_b: Pose, velocity: Array | None = None) -> Mounted:
+    """Return the mountings and interior orientations that fit a trajectory best.
+
+    Parameters
+    ----------
+    seen : Sightings
+    T_m_b : Pose
+        One per exposure.
+    velocity : ndarray, shape (n_exposures, 3), optional
+        m/s; with it a delay is estimated.
+    """
+    start = started(seen, T_m_b)
+    fit = _adjusted(seen, T_m_b, start, velocity)
+    if _plausible(fit, seen):
+        return fit
+    return _adjusted(seen, T_m_b, replace(start, held=True), velocity)
+
+
+def _plausible(fit: Mounted, seen: Sightings) -> bool:
+    """Tell whether lever arms and focal lengths are plausible, near their declared values."""
+    return all(
+        np.linalg.norm(camera.T_b_c.r - declared.T_b_c.r) < FARTHEST_LEVER_M
+        and abs(camera.interior.f / declared.interior.f - 1) < FARTHEST_F
+        for camera, declared in zip(fit.cameras, seen.cameras, strict=True)
+    )
+
+
+def _derivatives(seen: Sightings, T_m_b: Pose, fit: Mounted) -> Array:
+    """Return the derivatives of all residuals by their points, radians per m, shape (n, 2, 3)."""
+    return _linear(seen, T_m_b, fit, np.zeros((len(T_m_b), 3)))[2]
+
+
+def _pattern_sizes(seen: Sightings, T_m_b: Pose, fit: Mounted, patterns: Array) -> Array:
+    """Return the sizes of patterns in the residuals, estimated with all other unknowns."""
+    v, A, B = _linear(seen, T_m_b, fit, np.zeros((len(T_m_b), 3)))
+    prior = _prior_sigma(seen.cameras, held=fit.held, delayed=False)
+    wide = np.concatenate([prior, np.full(patterns.shape[2], np.inf)])
+    dx, _ = _step(seen, fit, (v, np.concatenate([A, patterns], axis=2), B), wide)
+    return dx[len(prior) :]
+
+
+# --- start ------------------------------------------------------------------------------------
+
+
+def started(seen: Sightings, T_m_b: Pose) -> Mounted:
+    """Return the cameras turned onto surveyed points, and tie points where their rays meet.
+
+    Quick, in closed form; lever arms and interior orientations are as declared.
+
+    Parameters
+    ----------
+    seen : Sightings
+    T_m_b : Pose
+        One per exposure.
+    """
+    body = T_m_b[seen.exposure_idx]
+    ray_c, cameras = _rays(seen), list(seen.cameras)
+    for k, camera in enumerate(cameras):
+        rows = np.flatnonzero((seen.camera_idx == k) & np.isfinite(seen.x_m[seen.point_idx, 0]))
+        if len(rows) < 3:
+            continue
+        targets = _to_body(body[rows], seen.x_m[seen.point_idx[rows]]) - camera.T_b_c.r
+        targets /= np.linalg.norm(targets, axis=1, keepdims=True)
+        R_b_c = _turned(camera.T_b_c.R, ray_c[rows], targets)
+        cameras[k] = replace(camera, T_b_c=Pose(R=R_b_c, r=camera.T_b_c.r))
+    x_m = seen.x_m.copy()
+    ties = np.isnan(x_m[:, 0])
+    if ties.any():
+        R_b_c = np.stack([camera.T_b_c.R for camera in cameras])[seen.camera_idx]
+        met = intersect(body.r, transform(body.R @ R_b_c, ray_c), seen.point_idx, len(x_m))
+        x_m[ties] = met[ties]
+    start = Mounted(cameras=tuple(cameras), x_m=x_m)
+    return replace(start, misfit=size(_linear(seen, T_m_b, start, np.zeros((len(T_m_b), 3)))[0]))
+
+
+def _rays(seen: Sightings) -> Array:
+    """Return unit vectors of the measured rays in camera axes, shape (n, 3)."""
+    out = np.empty((len(seen), 3))
+    for k, camera in enumerate(seen.cameras):
+        of_camera = seen.camera_idx == k
+        out[of_camera, :2] = correct(
+            camera.interior, xy_from_colrow(camera, seen.colrow[of_camera])
+        )
+        out[of_camera, 2] = -camera.interior.f
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def _to_body(T_m_b: Pose, x_m: Array) -> Array:
+    return np.einsum("nji,nj->ni", T_m_b.R, x_m - T_m_b.r)
+
+
+def _turned(R_b_c: Array, ray_c: Array, to_b: Array) -> Array:
+    """Return the rotation with the least sum of chords between rays and directions.
+
+    Kabsch's rotation, reweighted by the chords, as in `bundle.start.start_values`.
+    """
+    weight = np.ones(len(ray_c))
+    for _ in range(TURNS):
+        U, _, Vt = np.linalg.svd(np.einsum("n,ni,nj->ij", weight, to_b, ray_c))
+        R_b_c = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+        weight = 1 / np.maximum(np.linalg.norm(to_b - ray_c @ R_b_c.T, axis=1), 1e-4)
+    return R_b_c
+
+
+# --- adjustment -------------------------------------------------------------------------------
+
+N_MOUNT, N_LENS = 6, 8
+N_CAMERA = N_MOUNT + N_LENS
+"""Columns of a camera: turn, lever arm, then f, xp, yp, k1, k2, k3, p1, p2; the last is a delay."""
+
+
+def _adjusted(
+    seen: Sightings,
+    T_m_b: Pose,
+    start: Mounted,
+    velocity: Array | None,
+) -> Mounted:
+    """Return the robust adjustment from a start."""
+    prior = _prior_sigma(seen.cameras, held=start.held, delayed=velocity is not None)
+    if velocity is None:
+        velocity = np.zeros((len(T_m_b), 3))
+    best = state = replace(start, misfit=np.inf)
+    for _ in range(STEPS):
+        v, A, B = _linear(seen, T_m_b, state, velocity)
+        misfit = size(v)
+        worst = np.quantile(np.nan_to_num(np.abs(v), nan=np.inf), WORST, method="higher")
+        state = replace(state, misfit=misfit, worst=float(worst))
+        settled = misfit > (1 - SETTLED) * best.misfit
+        best = state if misfit < best.misfit else best
+        if settled or not np.isfinite(misfit):
+            break
+        try:
+            dx, x_m = _step(seen, state, (v, A, B), prior)
+        except np.linalg.LinAlgError:  # a point that nearly parallel rays leave open
+            break
+        if not np.all(np.isfinite(dx)):
+            break
+        state = _moved(state, dx, x_m)
+    return best
+
+
+def size(v: Array) -> float:
+    """Return the robust size of residuals in two components, per component.
+
+    Parameters
+    ----------
+    v : ndarray, shape (n, 2)
+        Radians; NaN counts as infinite.
+    """
+    u = np.nan_to_num(np.abs(v), nan=np.inf)
+    each = np.quantile(u, QUANTILE, axis=0, method="higher") / NORMAL
+    return float(np.sqrt(np.mean(each**2)))
+
+
+def measuring_noise(seen: Sightings, T_m_b: Pose, found: Mounted) -> float:
+    """Return the misfit of rays with a free pose for every exposure: the measuring noise.
+
+    Returns
+    -------
+    float
+        Standard deviation of a component, median of the exposures, radians; NaN where none has
+        measurements enough.
+    """
+    v, A, B = _linear(seen, T_m_b, found, np.zeros((len(T_m_b), 3)))
+    ok = np.all(np.isfinite(v), axis=1)
+    variances = []
+    for exposure in range(len(T_m_b)):
+        rows = np.flatnonzero(ok & (seen.exposure_idx == exposure))
+        cameras = np.unique(seen.camera_idx[rows])
+        if 2 * len(rows) < FREE_POSE + ENOUGH_LEFT or len(cameras) != 1:
+            continue
+        c = N_CAMERA * int(cameras[0])
+        J = np.concatenate([A[rows, :, c : c + 3], B[rows]], axis=2).reshape(-1, FREE_POSE)
+        residuals = v[rows].ravel() - J @ np.linalg.lstsq(J, v[rows].ravel(), rcond=None)[0]
+        variances.append(residuals @ residuals / (len(residuals) - FREE_POSE))
+    return float(np.sqrt(np.median(variances))) if variances else np.nan
+
+
+def _prior_sigma(cameras: tuple[Camera, ...], *, held: bool, delayed: bool) -> Array:
+    """Return prior standard deviations of the unknowns, tiny for held unknowns."""
+    out = []
+    for camera in cameras:
+        f, r = camera.interior.f, 0.5 * camera.diagonal_px * camera.pixel_mm
+        lens = [0.01 / r**2, 0.01 / r**4, 0.01 / r**6, 0.002 / r, 0.002 / r]
+        lever, focal = (1e-6, 1e-6) if held else (LEVER_M, 0.01 * f)
+        out += [*[10.0] * 3, *[lever] * 3, focal, 0.005 * f, 0.005 * f, *lens]
+    return np.array([*out, DELAY_S if delayed else 1e-9])
+
+
+def _linear(
+    seen: Sightings, T_m_b: Pose, state: Mounted, velocity: Array
+) -> tuple[Array, Array, Array]:
+    """Return residuals (n, 2) and derivatives by the unknowns (n, 2, p) and the points (n, 2, 3).
+
+    All divided by the declared focal length, so in radians.
+    """
+    moved = Pose(R=T_m_b.R, r=T_m_b.r + state.delay_s * velocity)
+    v, B = np.empty((len(seen), 2)), np.empty((len(seen), 2, 3))
+    A = np.zeros((len(seen), 2, N_CAMERA * len(seen.cameras) + 1))
+    for k, camera in enumerate(state.cameras):
+        rows = np.flatnonzero(seen.camera_idx == k)
+        f, unit = camera.interior.f, seen.cameras[k].interior.f
+        T_m_c = moved[seen.exposure_idx[rows]] @ camera.T_b_c
+        x_c = to_camera(T_m_c, state.x_m[seen.point_idx[rows]])
+        xy = xy_from_colrow(camera, seen.colrow[rows])
+        ideal = pinhole(f, x_c)
+        v[rows] = (ideal - correct(camera.interior, xy)) / unit
+        by_x = pinhole_jacobian(f, x_c) / unit
+        by_m = by_x @ np.swapaxes(T_m_c.R, -1, -2)
+        by_lens = -correct_jacobian(camera.interior, xy)[:, :, :N_LENS] / unit
+        by_lens[:, :, 0] = ideal / (f * unit)
+        by_mount = [by_x @ skew(x_c), -by_x @ camera.T_b_c.R.T]
+        A[rows, :, N_CAMERA * k : N_CAMERA * (k + 1)] = np.concatenate([*by_mount, by_lens], axis=2)
+        A[rows, :, -1] = -transform(by_m, velocity[seen.exposure_idx[rows]])
+        B[rows] = by_m
+    return v, A, B
+
+
+def _step(
+    seen: Sightings, state: Mounted, linear: tuple[Array, Array, Array], prior: Array
+) -> tuple[Array, Array]:
+    """Return a reweighted step of the unknowns, with points eliminated, and the moved points."""
+    u = np.nan_to_num(np.linalg.norm(linear[0], axis=1), nan=np.inf) / (WIDTH * state.misfit)
+    v, A, B = (np.nan_to_num(part) for part in linear)
+    weight = (np.square(1 / (1 + u**2)) / state.misfit**2)[:, None, None]
+    WA, WB = weight * A, weight * B
+    N = np.einsum("nki,nkj->ij", WA, A, optimize=True) + np.diag(prior**-2)
+    h = np.einsum("nki,nk->i", WA, v)
+    declared = _from_declared(seen, state)
+    h[: len(declared)] += declared / prior[: len(declared)] ** 2
+    C, D, g = (np.zeros((len(seen.x_m), 3, *more)) for more in ((3,), (len(h),), ()))
+    np.add.at(C, seen.point_idx, np.swapaxes(WB, 1, 2) @ B)
+    np.add.at(D, seen.point_idx, np.swapaxes(WB, 1, 2) @ A)
+    np.add.at(g, seen.point_idx, np.einsum("nki,nk->ni", WB, v))
+    surveyed = np.isfinite(seen.x_m[:, 0])
+    C += np.where(surveyed, HELD, LOOSE)[:, None, None] * np.eye(3)
+    DC = np.linalg.solve(C, D)
+    N -= np.einsum("pki,pkj->ij", D, DC, optimize=True)
+    h -= np.einsum("pki,pk->i", DC, g)
+    dx = -np.linalg.solve(N, h)
+    step = np.linalg.solve(C, (g + D @ dx)[..., None])[..., 0]
+    return dx, np.where(surveyed[:, None], state.x_m, state.x_m - step)
+
+
+def _from_declared(seen: Sightings, state: Mounted) -> Array:
+    """Return the unknowns less their declared values; zero for turns, which are free."""
+    out = np.zeros(N_CAMERA * len(seen.cameras) + 1)
+    for k, (camera, declared) in enumerate(zip(state.cameras, seen.cameras, strict=True)):
+        c = N_CAMERA * k
+        out[c + 3 : c + N_MOUNT] = camera.T_b_c.r - declared.T_b_c.r
+        lens = camera.interior.to_array() - declared.interior.to_array()
+        out[c + N_MOUNT : c + N_CAMERA] = lens[:N_LENS]
+    out[-1] = state.delay_s
+    return out
+
+
+def _moved(state: Mounted, dx: Array, x_m: Array) -> Mounted:
+    cameras = []
+    for k, camera in enumerate(state.cameras):
+        d = dx[N_CAMERA * k : N_CAMERA * (k + 1)]
+        turn = d[:3] * min(1.0, LARGEST_TURN / max(float(np.linalg.norm(d[:3])), 1e-300))
+        lens = camera.interior.to_array()
+        lens[:N_LENS] += d[N_MOUNT:]
+        lens[0] = max(lens[0], 0.5 * camera.interior.f)
+        mount = Pose(R=camera.T_b_c.R @ exp(turn), r=camera.T_b_c.r + d[3:N_MOUNT])
+        cameras.append(replace(camera, interior=Interior.from_array(lens), T_b_c=mount))
+    return replace(state, cameras=tuple(cameras), x_m=x_m, delay_s=state.delay_s + float(dx[-1]))
+
+
+# --- Readings of a block with an estimated number: a shift, a scale or a delay
+#
+# Each is a pattern in the residuals. Its size is estimated together with mounting and lens, which
+# may absorb a part, and then removed from the measurements or from control.
+
+
+ROUNDS = 2, 3
+"""How often the sizes of a pattern are estimated, each time after an adjustment without it, and
+how often where the reading is promising."""
+
+SEARCHED_PX = 10.0
+"""Misfit, px, from which the size of a pattern that has a limit is searched."""
+
+LEAST_SURVEYED = 4
+"""Number of surveyed points from which they may be moved or scaled."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pattern:
+    """The effect of a mistake on the measurements or on the surveyed points.
+
+    Attributes
+    ----------
+    name : str
+        With places for the sizes.
+    by_image, by_point : ndarray, shape (n, 2, k) or (n_points, 3, k)
+        Image coordinates, radians, or meters, per unit of each size; one of them is empty.
+    units : tuple of float
+        By which the sizes are multiplied for the name.
+    limit : float
+        Where residuals are large, the size is searched between minus and plus this limit, since
+        linear steps do not lead to it; zero where they do.
+    """
+
+    name: str
+    units: tuple[float, ...]
+    by_image: Array | None = None
+    by_point: Array | None = None
+    limit: float = 0.0
+
+
+def _numbered_readings(
+    block: Block, seen: Sightings, given: Mounted
+) -> Iterator[tuple[Reading, Mounted]]:
+    """Yield the readings with a fitted number, each with its fitted cameras."""
+    T_m_b = block.trajectory.T_m_b[seen.exposures]
+    if not np.isfinite(given.misfit):
+        return
+    for pattern in (*_mounted_of_control(seen), *_mounted_of_images(block, seen, T_m_b, given)):
+        yield _fitted(pattern, seen, T_m_b, given)
+
+
+def _fitted(
+    pattern: _Pattern, seen: Sightings, T_m_b: Pose, given: Mounted
+) -> tuple[Reading, Mounted]:
+    """Return the reading with a pattern removed, and its fitted cameras."""
+    total, undone, fit = _start(pattern, seen, T_m_b, given)
+    usual, most = ROUNDS
+    for done in range(most):
+        if done >= usual and fit.misfit * FITTED > given.misfit:
+            break
+        by_size = _in_residuals(pattern, seen, T_m_b, fit)
+        sizes = total + _pattern_sizes(undone, T_m_b, fit, by_size)
+        without, adjusted = _fitted_without(pattern, seen, T_m_b, sizes)
+        if pattern.limit and adjusted.misfit > fit.misfit:
+            break  # a searched size is not left for a linear step that fits worse
+        total, undone, fit = sizes, without, adjusted
+    shown = (unit * size for unit, size in zip(pattern.units, total, strict=True))
+    quantity = "image" if pattern.by_point is None else "position"
+    name = pattern.name.format(*shown)
+    return Reading(name=name, quantity=quantity, seen=undone, T_m_b=T_m_b), fit
+
+
+def _start(
+    pattern: _Pattern, seen: Sightings, T_m_b: Pose, given: Mounted
+) -> tuple[Array, Sightings, Mounted]:
+    """Return the sizes to begin with, the sightings without them, and their fitted cameras."""
+    camera, unchanged = seen.cameras[0], (np.zeros(len(pattern.units)), seen, given)
+    if not pattern.limit or given.misfit < SEARCHED_PX * camera.pixel_mm / camera.interior.f:
+        return unchanged
+    from scipy import optimize  # noqa: PLC0415 the check is quick where nothing is wrong
+
+    best = optimize.minimize_scalar(
+        lambda size: _fitted_without(pattern, seen, T_m_b, np.array([size]))[1].misfit,
+        bounds=(-pattern.limit, pattern.limit),
+        method="bounded",
+        options={"xatol": 0.005},
+    )
+    sizes = np.array([best.x])
+    undone, fit = _fitted_without(pattern, seen, T_m_b, sizes)
+    return (sizes, undone, fit) if fit.misfit < given.misfit else unchanged
+
+
+def _fitted_without(
+    pattern: _Pattern, seen: Sightings, T_m_b: Pose, sizes: Array
+) -> tuple[Sightings, Mounted]:
+    """Return the sightings without a pattern of these sizes, and their fitted cameras."""
+    undone = _without(pattern, seen, sizes)
+    return undone, mounted(undone, T_m_b)
+
+
+def _in_residuals(pattern: _Pattern, seen: Sightings, T_m_b: Pose, fit: Mounted) -> Array:
+    """Return the effect of a pattern on the residuals, radians, shape (n, 2, k)."""
+    if pattern.by_image is not None:
+        return -pattern.by_image
+    by_point = np.zeros((len(seen.x_m), 3, 1)) if pattern.by_point is None else pattern.by_point
+    return _derivatives(seen, T_m_b, fit) @ by_point[seen.point_idx]
+
+
+def _without(pattern: _Pattern, seen: Sightings, sizes: Array) -> Sightings:
+    """Return the sightings with a pattern of these sizes added."""
+    if pattern.by_point is not None:
+        return replace(seen, x_m=seen.x_m + pattern.by_point @ sizes)
+    if pattern.by_image is None:
+        return seen
+    scale = np.array([c.interior.f / c.pixel_mm for c in seen.cameras])[seen.camera_idx]
+    moved = scale[:, None] * (pattern.by_image @ sizes) * np.array([1.0, -1.0])
+    return replace(seen, colrow=seen.colrow + moved)
+
+
+def _mounted_of_control(seen: Sightings) -> Iterator[_Pattern]:
+    """Yield patterns of surveyed points of another epoch, and of another scale."""
+    surveyed: Mask = np.isfinite(seen.x_m[:, 0])
+    if surveyed.sum() < LEAST_SURVEYED:
+        return
+    shift = np.zeros((len(surveyed), 3, 2))
+    shift[surveyed] = np.eye(3)[:, :2]
+    yield _Pattern(
+        name="control points moved by {:+.2f} m east and {:+.2f} m north, as from another epoch,",
+        units=(1.0, 1.0),
+        by_point=shift,
+    )
+    raised = np.zeros((len(surveyed), 3, 1))
+    raised[surveyed, 2, 0] = 1.0
+    yield _Pattern(
+        name="control points moved by {:+.1f} m in height, as from another height system,",
+        units=(1.0,),
+        by_point=raised,
+    )
+    scale = np.zeros((len(surveyed), 3, 1))
+    scale[surveyed, :2, 0] = seen.x_m[surveyed, :2] - seen.x_m[surveyed, :2].mean(axis=0)
+    yield _Pattern(
+        name="control points scaled by {:+.0f} ppm, as from the ground to the grid,",
+        units=(1e6,),
+        by_point=scale,
+    )
+
+
+def _mounted_of_images(
+    block: Block, seen: Sightings, T_m_b: Pose, given: Mounted
+) -> Iterator[_Pattern]:
+    """Yield patterns of pixels that are not square, and of a rolling shutter."""
+    xy, height = np.empty((len(seen), 2)), np.empty(len(seen))
+    for k, camera in enumerate(seen.cameras):
+        of_camera = seen.camera_idx == k
+        xy[of_camera] = xy_from_colrow(camera, seen.colrow[of_camera]) / camera.interior.f
+        height[of_camera] = camera.height_px
+    yield _Pattern(
+        name="image coordinates scaled by about {:+.0f} %, as by another focal_mm or pixel_um,",
+        units=(100.0,),
+        by_image=xy[:, :, None],
+        limit=0.5,
+    )
+    wider = np.zeros((len(seen), 2, 1))
+    wider[:, 0, 0] = xy[:, 0]
+    yield _Pattern(name="pixels that are {:+.2f} % wider than high", units=(100.0,), by_image=wider)
+    velocity = _velocities(block, seen)
+    if velocity is not None:
+        share = (seen.colrow[:, 1] - (height - 1) / 2) / height
+        moved = _derivatives(seen, T_m_b, given) @ velocity[seen.exposure_idx][:, :, None]
+        yield _Pattern(
+            name="rows read out one after the other, a rolling shutter of {:+.0f} ms,",
+            units=(-1000.0,),
+            by_image=share[:, None, None] * moved,
+        )
+
+
+# --- The readings of a block: its sightings and body poses, each in another meaning of its
+# numbers
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reading:
+    """A reading of a block.
+
+    Attributes
+    ----------
+    name : str
+        The change, such as "pitch of opposite sign".
+    quantity : {"attitude", "position", "image"}
+        Quantity that changes most.
+    seen : Sightings
+    T_m_b : Pose
+        One per exposure of the sightings.
+    velocity : ndarray, shape (n_exposures, 3), or None
+        m/s, where a delay is to be found.
+    of_some : bool
+        Whether it changes some images only, perhaps too few for the misfit of all.
+    """
+
+    name: str
+    quantity: str
+    seen: Sightings
+    T_m_b: Pose
+    velocity: Array | None = None
+    of_some: bool = False
+
+
+def _velocities(block: Block, seen: Sightings) -> Array | None:
+    """Return the velocity of every exposure in use, m/s, shape (n, 3); None without times."""
+    time_s = block.trajectory.time_s
+    if len(time_s) < len(block.trajectory) or not np.isfinite(time_s).all():
+        return None
+    velocity, strips = np.zeros((len(time_s), 3)), np.array(strip_of_exposure(block), dtype=object)
+    for strip in dict.fromkeys(strips):
+        rows = np.flatnonzero(strips == strip)
+        if len(rows) > 1 and np.all(np.diff(time_s[rows]) > 0):
+            velocity[rows] = np.gradient(block.trajectory.T_m_b.r[rows], time_s[rows], axis=0)
+    return velocity[seen.exposures] if np.any(velocity) else None
+
+
+# --- A part of a block's measurements, enough to compare readings of the flight by
+
+
+MOST_IMAGES = 60
+"""Largest number of images in use, spread over the block."""
+
+MOST_MEASUREMENTS = 900
+"""Largest number of their measurements, spread likewise."""
+
+RUN = 10
+"""Number of neighbouring exposures in use where tie points are needed."""
+
+FEWEST_RAYS = 3
+"""Of a tie point: two rays of one strip do not control angles across it."""
+
+FEWEST_EXPOSURES = 6
+"""Number of exposures below which a reading may fit by chance."""
+
+FEWEST_MEASUREMENTS = 30
+"""Number of measurements of surveyed points below which tie points are taken as well."""
+
+BEYOND = 300_000.0
+"""Distance from the median of the surveyed points, m, that no point of a block can have."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sightings:
+    """Measurements of points, most of them surveyed.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+        As declared.
+    exposures : ndarray, shape (n_exposures,)
+        Places of the exposures in the block's trajectory.
+    camera_idx, exposure_idx, point_idx : ndarray, shape (n,)
+        Of every measurement: places in `cameras`, `exposures` and `x_m`.
+    colrow : ndarray, shape (n, 2)
+        Pixels.
+    x_m : ndarray, shape (n_points, 3)
+        Surveyed coordinates, mapping frame, m; NaN for tie points.
+    """
+
+    cameras: tuple[Camera, ...]
+    exposures: Index
+    camera_idx: Index
+    exposure_idx: Index
+    point_idx: Index
+    colrow: Array
+    x_m: Array
+
+    def __len__(self) -> int:
+        """Count the measurements."""
+        return len(self.colrow)
+
+
+def sightings(block: Block) -> Sightings | None:
+    """Return measurements of at most sixty images; None if too few to compare readings.
+
+    Surveyed points are enough where there are some in every image; else tie points are added.
+    """
+    x_m = _surveyed(block)
+    points = block.image_points[np.isfinite(block.image_points.sigma_px)]
+    few = _of_some_images(block, points[np.isfinite(x_m[points.point_idx, 0])])
+    if not _enough(block, few):
+        few = _with_ties(block, points, np.isfinite(x_m[:, 0]))
+    if not _enough(block, few):
+        return None
+    shown, point_idx = np.unique(few.point_idx, return_inverse=True)
+    exposures, exposure_idx = np.unique(
+        block.images.exposure_idx[few.image_idx], return_inverse=True
+    )
+    return Sightings(
+        cameras=block.cameras,
+        exposures=exposures,
+        camera_idx=block.images.camera_idx[few.image_idx],
+        exposure_idx=exposure_idx,
+        point_idx=point_idx,
+        colrow=few.colrow,
+        x_m=x_m[shown],
+    )
+
+
+def _enough(block: Block, points: ImagePoints) -> bool:
+    exposures = np.unique(block.images.exposure_idx[points.image_idx])
+    return len(exposures) >= FEWEST_EXPOSURES and len(points) >= FEWEST_MEASUREMENTS
+
+
+def _surveyed(block: Block) -> Array:
+    """Return the coordinates of surveyed points on the earth, NaN for all other points."""
+    x_m = np.full((len(block.points), 3), np.nan)
+    for surveyed in (block.control, block.check):
+        x_m[surveyed.point_idx] = surveyed.x_m
+    known = np.isfinite(x_m[:, 0])
+    if known.any():
+        far = np.abs(x_m[known] - np.median(x_m[known], axis=0)).max(axis=1) > BEYOND
+        x_m[np.flatnonzero(known)[far]] = np.nan
+    return x_m
+
+
+def _of_some_images(block: Block, points: ImagePoints) -> ImagePoints:
+    """Return the measurements of whole exposures, evenly spaced, and not too many of them."""
+    exposure = block.images.exposure_idx[points.image_idx]
+    kept = _spaced(np.unique(exposure), _most_exposures(block))
+    points = points[np.isin(exposure, kept)]
+    return points[_spaced(np.arange(len(points)), MOST_MEASUREMENTS)]
+
+
+def _with_ties(block: Block, points: ImagePoints, is_surveyed: Mask) -> ImagePoints:
+    """Return the measurements of neighbouring exposures, of surveyed and of some tie points."""
+    exposure = block.images.exposure_idx[points.image_idx]
+    measured = np.unique(exposure)
+    first = _spaced(np.arange(len(measured)), _most_exposures(block) // RUN)
+    runs = np.unique(np.minimum(first[:, None] + np.arange(RUN), len(measured) - 1))
+    points = points[np.isin(exposure, measured[runs])]
+    rays = np.bincount(points.point_idx, minlength=len(is_surveyed))
+    ties = np.flatnonzero((rays >= FEWEST_RAYS) & ~is_surveyed)
+    most = int(MOST_MEASUREMENTS / max(1.0, rays[ties].mean())) if len(ties) else 0
+    kept = is_surveyed.copy()
+    kept[_spaced(ties, most)] = True
+    return points[kept[points.point_idx]]
+
+
+def _most_exposures(block: Block) -> int:
+    return int(MOST_IMAGES * len(block.trajectory) / max(1, len(block.images)))
+
+
+def _spaced(values: Index, most: int) -> Index:
+    """Return at most so many values, evenly spaced."""
+    every = np.linspace(0, len(values) - 1, min(len(values), max(most, 1)))
+    return values[np.round(every).astype(np.intp)]

@@ -1,0 +1,539 @@
+"""Files of cameras, alone or with oriented images, for other programs: a section for each.
+
+`KINDS` has them by the names of ``acx4 export --to``. Layouts and formulas are those of each
+program's documentation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from xml.etree import ElementTree as ET
+
+import cv2
+import numpy as np
+import pyproj
+from scipy.spatial.transform import Rotation
+
+from acx4files.exchange.outward import brown, content
+from acx4files.exchange.outward.brown import CORNER, Brown
+from acx4files.exchange.outward.content import (
+    BODY,
+    R_C_V,
+    SIGMA,
+    Calibrated,
+    Oriented,
+    Relative,
+    Taken,
+    add_numbers,
+    as_xml,
+    lines,
+    numbers,
+    to_first,
+)
+from acx4files.flight.settings import SIGMAS, camera_toml
+from acx4files.results.whole_files import file_stem
+from acx4lib.calibration.estimates import parameters
+from acx4lib.expected import Array
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import rotation_enu_to_ecef
+from acx4lib.least_squares.covariance import propagate, sigmas
+from acx4lib.shown import count as counted
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """One kind of export.
+
+    Attributes
+    ----------
+    cameras : callable or None
+        Makes the files of the cameras; None where the kind has orientations alone.
+    oriented : callable or None
+        Makes the files of cameras with oriented images; None where the kind has no place for them.
+    heads : bool
+        Whether it is for several heads only.
+    on_map : bool
+        Whether its orientations need a place on the Earth.
+    """
+
+    cameras: Callable[[Calibrated], Taken] | None = None
+    oriented: Callable[[Calibrated, Oriented], Taken] | None = None
+    heads: bool = False
+    on_map: bool = False
+
+
+# --- Cameras as flight.toml declares them, for the next flight
+
+
+FILE = "cameras.toml"
+
+ASSUMED = (
+    "the tables take the place of those of the same names in flight.toml of a new flight",
+    "lever_sigma_m and mount_sigma_deg are comments: without # they make the mounting an "
+    "observation of the next calibration",
+)
+NOT_MOUNTED = (
+    "the mounting is not estimated: mount angles have the heads' rotations relative to each other"
+)
+FRAME = (
+    "{} is a synthetic camera, whose mount angles in flight.toml also define the frame of its "
+    "images: where images are rendered anew, keep the old angles"
+)
+
+
+def _toml_cameras(calibrated: Calibrated) -> Taken:
+    """Return the tables ``[cameras.NAME]`` with calibrated values, sigma as comments."""
+    return Taken(
+        files={FILE: "\n".join(_tables(calibrated))},
+        assumed=(*ASSUMED, *_remarks(calibrated)),
+        left_out=("correlations: they are in covariance.csv of the results",),
+    )
+
+
+def _remarks(calibrated: Calibrated) -> Iterator[str]:
+    synthetic = calibrated.flight.synthetic
+    if not calibrated.mounted:
+        yield NOT_MOUNTED
+    elif synthetic is not None and synthetic.camera in [c.name for c in calibrated.cameras]:
+        yield FRAME.format(synthetic.camera)
+
+
+def _tables(calibrated: Calibrated) -> Iterator[str]:
+    listed = parameters(calibrated.calibration)
+    for k, camera in enumerate(calibrated.cameras):
+        yield camera_toml(camera).rstrip("\n")
+        if calibrated.mounted:
+            for key, sigma in zip(SIGMAS, _mount_sigmas(calibrated, k), strict=True):
+                yield f"# {key} = {sigma.tolist()}"
+        of_camera = [p for p in listed if p.camera == camera.name]
+        yield from (f"# sigma of {p.name}: {p.sigma:.3g} {p.unit}" for p in of_camera)
+        yield ""
+
+
+def _mount_sigmas(calibrated: Calibrated, k: int) -> tuple[Array, Array]:
+    """Return sigma along and about the body's axes, m and degrees; rounded to four digits."""
+    calibration = calibrated.calibration
+    columns = calibration.layout.mount[k]
+    J = np.zeros((6, calibration.n_columns + 1))  # the last column is of what is held
+    J[:3, columns[:3]] = np.eye(3)
+    J[3:, columns[3:]] = np.degrees(calibration.cameras[k].T_b_c.R)
+    sigma = sigmas(propagate(J[:, :-1], calibration.cov))
+    rounded = np.array([float(f"{component:.4g}") for component in sigma])
+    return rounded[:3], rounded[3:]
+
+
+# --- Cameras as OpenCV's file storage has them: ``cv::FileStorage``, YAML
+
+
+OPENCV_ASSUMED = (
+    "distortion_coefficients are k1, k2, p1, p2, k3, from the ideal to the measured point",
+    "pixel (0, 0) is the centre of the top-left one; y is down and z ahead",
+)
+OPENCV_RIG = "R and T take a point from the axes of {} to those of the head: x = R x + T, m"
+
+
+def _opencv_cameras(calibrated: Calibrated) -> Taken:
+    """Return a YAML file for every camera, with its place in the rig where there are several."""
+    cameras = calibrated.cameras
+    rig = to_first(calibrated.calibration)
+    lenses = brown.of_all(calibrated)
+    return Taken(
+        files={
+            f"{file_stem(camera.name)}.yaml": _opencv_text(camera, lenses[camera.name], head)
+            for camera, head in zip(cameras, rig, strict=True)
+        },
+        lenses=brown.lenses(lenses),
+        assumed=(*OPENCV_ASSUMED, *([OPENCV_RIG.format(cameras[0].name)] if rig[1:] else [])),
+        left_out=(SIGMA, BODY),
+    )
+
+
+def _opencv_text(camera: Camera, lens: Brown, head: Relative) -> str:
+    """Return the file of a camera, with the names of OpenCV's own examples of calibration."""
+    T_h_r = head.T_v_r_h.inverse
+    storage = cv2.FileStorage(".yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    storage.write("image_width", camera.width_px)
+    storage.write("image_height", camera.height_px)
+    storage.write("camera_name", camera.name)
+    hole, coefficients = lens.hole, [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]
+    matrix = [[hole.fx, 0.0, hole.cx], [0.0, hole.fy, hole.cy], [0.0, 0.0, 1.0]]
+    storage.write("camera_matrix", np.array(matrix))
+    storage.write("distortion_coefficients", np.array([coefficients]))
+    storage.write("R", np.ascontiguousarray(T_h_r.R))
+    storage.write("T", np.ascontiguousarray(T_h_r.r[:, None]))
+    return str(storage.releaseAndGetString())
+
+
+# --- The tags that MicaSense writes into the metadata of every head's pictures
+#
+# Names and units: https://support.pix4d.com/hc/en-us/articles/360016450032, the namespace
+# ``http://pix4d.com/camera/1.0``.
+
+
+MICASENSE_ASSUMED = (
+    "RigRelatives are three angles a, b, c, degrees: Rx(a) Ry(b) Rz(c) takes a ray of the head to "
+    "one of {}, x right, y down, z ahead; its transpose takes a ray of {} to the head",
+    "PrincipalPoint and PerspectiveFocalLength in mm; PerspectiveDistortion is k1, k2, k3, p1, p2 "
+    "of OpenCV",
+    "PrincipalPoint counts from the centre of the top-left pixel, as acx4 import pictures reads "
+    "it; that the vendor does not mean its corner, half a pixel away, is not confirmed",
+)
+MICASENSE_POSITIONS = "positions of the heads: RigRelatives are rotations only"
+
+MICASENSE_HEADER = "camera,rig_camera_index,a_deg,b_deg,c_deg,sigma_a_deg,sigma_b_deg,sigma_c_deg"
+
+
+def _micasense_cameras(calibrated: Calibrated) -> Taken:
+    """Return a text of XMP tags for every head, and a table of all RigRelatives with sigma."""
+    first = calibrated.cameras[0].name
+    lenses = brown.square(calibrated)
+    rig = to_first(calibrated.calibration)
+    rows = list(enumerate(zip(calibrated.cameras, rig, strict=True)))
+    table = [MICASENSE_HEADER, *(_micasense_row(k, camera, head) for k, (camera, head) in rows)]
+    tags = [line for k, (c, head) in rows for line in _micasense_tags(k, c, head, lenses[c.name])]
+    assumed = (MICASENSE_ASSUMED[0].format(first, first), *MICASENSE_ASSUMED[1:])
+    angles = [line for k, (camera, head) in rows for line in _micasense_rig_tags(k, camera, head)]
+    return Taken(
+        files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(tags)},
+        lenses=brown.lenses(lenses),
+        assumed=assumed,
+        left_out=(MICASENSE_POSITIONS, BODY),
+        without_lenses=Taken(
+            files={"rig_relatives.csv": lines(table), "xmp_tags.txt": lines(angles)},
+            assumed=assumed[:1],
+            left_out=(MICASENSE_POSITIONS, BODY),
+        ),
+    )
+
+
+def _micasense_row(index: int, camera: Camera, head: Relative) -> str:
+    angles, sigma = _micasense_angles(head), np.degrees(head.sigma_opk)
+    name = f'"{camera.name.replace(chr(34), chr(34) * 2)}"'
+    return ",".join([name, str(index), *(f"{v:.6f}" for v in (*angles, *sigma))])
+
+
+def _micasense_tags(index: int, camera: Camera, head: Relative, lens: Brown) -> Iterator[str]:
+    """Yield the tags of a head, under its name in brackets."""
+    mm = camera.pixel_mm
+    distortion = (lens.k1, lens.k2, lens.k3, lens.p1, lens.p2)
+    yield f"[{camera.name}]"
+    yield "Camera:ModelType = perspective"
+    yield f"Camera:PrincipalPoint = {_micasense_listed(lens.hole.cx * mm, lens.hole.cy * mm)}"
+    yield f"Camera:PerspectiveFocalLength = {_micasense_listed(lens.hole.fx * mm)}"
+    yield "Camera:PerspectiveFocalLengthUnits = mm"
+    yield f"Camera:PerspectiveDistortion = {_micasense_listed(*distortion)}"
+    yield from _micasense_of_rig(index, head)
+
+
+def _micasense_rig_tags(index: int, camera: Camera, head: Relative) -> Iterator[str]:
+    """Yield the tags of a head's place in the rig alone, under its name in brackets."""
+    yield f"[{camera.name}]"
+    yield from _micasense_of_rig(index, head)
+
+
+def _micasense_of_rig(index: int, head: Relative) -> Iterator[str]:
+    yield f"Camera:RigCameraIndex = {index}"
+    yield f"Camera:RigRelatives = {_micasense_listed(*_micasense_angles(head).tolist())}"
+    yield "Camera:RigRelativesReferenceRigCameraIndex = 0"
+    yield ""
+
+
+def _micasense_angles(head: Relative) -> Array:
+    """Return a, b, c of a head in degrees."""
+    return np.degrees(head.T_v_r_h.opk) + 0.0  # no negative zeros
+
+
+def _micasense_listed(*values: float) -> str:
+    return ",".join(f"{value:.9g}" for value in values)
+
+
+# --- COLMAP: cameras.txt and rigs.txt; with images a whole model, as text
+#
+# Layouts: https://colmap.github.io/format.html. Rotations are quaternions w, x, y, z of axes with
+# y down and z ahead; pixel (0, 0) is the outer corner of the top-left one.
+
+
+COLMAP_ASSUMED = (
+    "FULL_OPENCV: fx, fy, cx, cy, k1, k2, p1, p2, k3, and zeros; pixel (0, 0) is the outer corner "
+    "of the top-left one",
+    "sensor_from_rig takes a point from the axes of {} to those of the camera, m, y down, z ahead",
+)
+COLMAP_CUT = (
+    "what follows a blank in the names of {}: COLMAP reads images.txt up to it, {} of {}; "
+    "rename them before they are matched with pictures"
+)
+COLMAP_WORLD = "the world is Cartesian, m: east, north, up at {}"
+
+
+def _colmap_cameras(calibrated: Calibrated) -> Taken:
+    """Return cameras.txt and rigs.txt; the first camera is the reference of the rig."""
+    lenses = brown.of_all(calibrated)
+    return Taken(
+        files={
+            "cameras.txt": lines(_colmap_camera_lines(calibrated, lenses)),
+            "rigs.txt": lines([_colmap_rig_line(calibrated)]),
+        },
+        lenses=brown.lenses(lenses),
+        assumed=(COLMAP_ASSUMED[0], COLMAP_ASSUMED[1].format(calibrated.cameras[0].name)),
+        left_out=(SIGMA, BODY),
+    )
+
+
+def _colmap_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
+    """Return a model with oriented images, and without points."""
+    alone = _colmap_cameras(calibrated)
+    return Taken(
+        files={
+            **alone.files,
+            "frames.txt": lines(_colmap_frame_lines(calibrated, oriented)),
+            "images.txt": lines(_colmap_image_lines(calibrated, oriented)),
+            "points3D.txt": "# no points\n",
+        },
+        lenses=alone.lenses,
+        assumed=(*alone.assumed, COLMAP_WORLD.format(oriented.origin)),
+        left_out=(SIGMA, *_colmap_cut_names(oriented)),
+    )
+
+
+def _colmap_cut_names(oriented: Oriented) -> Iterator[str]:
+    """Yield a sentence on names that COLMAP reads up to their first blank."""
+    cut = [name for name in oriented.names if len(name.split(" ")) > 1]
+    if cut:
+        yield COLMAP_CUT.format(
+            counted(len(cut), "image"), repr(cut[0].split(" ")[0]), repr(cut[0])
+        )
+
+
+def _colmap_camera_lines(calibrated: Calibrated, lenses: dict[str, Brown]) -> Iterator[str]:
+    for i, camera in enumerate(calibrated.cameras, start=1):
+        model = lenses[camera.name]
+        hole = (model.hole.fx, model.hole.fy, model.hole.cx + CORNER, model.hole.cy + CORNER)
+        values = [*hole, model.k1, model.k2, model.p1, model.p2, model.k3, 0.0, 0.0, 0.0]
+        yield f"{i} FULL_OPENCV {camera.width_px} {camera.height_px} {numbers(values)}"
+
+
+def _colmap_rig_line(calibrated: Calibrated) -> str:
+    others = to_first(calibrated.calibration)[1:]
+    placed = [
+        f" CAMERA {i} 1 {_colmap_pose(head.T_v_r_h.inverse)}"
+        for i, head in enumerate(others, start=2)
+    ]
+    return f"1 {len(others) + 1} CAMERA 1{''.join(placed)}"
+
+
+def _colmap_frame_lines(calibrated: Calibrated, oriented: Oriented) -> Iterator[str]:
+    """Yield a line for each exposure: the pose of the rig, and its images."""
+    block, number = oriented.block, _colmap_numbers_of_cameras(calibrated, oriented)
+    T_m_r = block.trajectory.T_m_b @ calibrated.cameras[0].T_b_c
+    for exposure in np.unique(block.images.exposure_idx):
+        taken = np.flatnonzero(block.images.exposure_idx == exposure)
+        data = "".join(f" CAMERA {number[i]} {i + 1}" for i in taken)
+        pose = _colmap_pose(_colmap_from_world(T_m_r[exposure]))
+        yield f"{exposure + 1} 1 {pose} {len(taken)}{data}"
+
+
+def _colmap_image_lines(calibrated: Calibrated, oriented: Oriented) -> Iterator[str]:
+    """Yield two lines for each image, the second without points."""
+    number = _colmap_numbers_of_cameras(calibrated, oriented)
+    for i, name in enumerate(oriented.names):
+        yield f"{i + 1} {_colmap_pose(_colmap_from_world(oriented.T_m_c[i]))} {number[i]} {name}"
+        yield ""
+
+
+def _colmap_numbers_of_cameras(calibrated: Calibrated, oriented: Oriented) -> list[int]:
+    names = [camera.name for camera in calibrated.cameras]
+    number_of = [names.index(camera.name) + 1 for camera in oriented.block.cameras]
+    return [number_of[k] for k in oriented.block.images.camera_idx]
+
+
+def _colmap_from_world(T_m_c: Pose) -> Pose:
+    return (T_m_c @ Pose(R=R_C_V, r=np.zeros(3))).inverse
+
+
+def _colmap_pose(T: Pose) -> str:
+    quaternion = Rotation.from_matrix(T.R).as_quat(canonical=True, scalar_first=True)
+    return numbers([*quaternion.tolist(), *T.r.tolist()])
+
+
+# --- Metashape: calibrations as it loads them, a chunk's cameras as it imports them
+#
+# Layout as Metashape 1.7 writes it; formulas of its manual. The chunk's coordinates are topocentric
+# and its transform leads to the ECEF frame, so that no map projection comes in between.
+
+
+METASHAPE_ASSUMED = (
+    "cx, cy from the middle of the image; p1, p2 in Metashape's order; b1 = fx - fy, b2 skew",
+    "NAME.xml: Tools, Camera Calibration, Load; cameras.xml: File, Import, Import Cameras",
+)
+METASHAPE_RIG = (
+    "slaves have their rotation to {}, y down and z ahead: <rotation> takes axes of the slave to "
+    "those of the master"
+)
+METASHAPE_POSITIONS = "positions of heads in a rig: --orientations BLOCK has those of images"
+METASHAPE_RIGID = (
+    "that the heads are a rig: every image has its own pose, which has its head's position"
+)
+METASHAPE_PARAMS = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "p1", "p2")
+"""Parameters, in the order in which they are written."""
+
+METASHAPE_VALUES = np.zeros((10, 10))
+"""d(PARAMS) / d(fx, fy, cx, cy, k1, k2, k3, p1, p2, skew)."""
+METASHAPE_VALUES[[0, 1, 2, 3, 3], [1, 2, 3, 0, 1]] = [1, 1, 1, 1, -1]
+METASHAPE_VALUES[[4, 5, 6, 7, 8, 9], [9, 4, 5, 6, 8, 7]] = 1
+
+
+def _metashape_cameras(calibrated: Calibrated) -> Taken:
+    """Return a calibration for every camera, and cameras.xml with sensors and covariances."""
+    lenses = brown.skewed(calibrated)
+    document, chunk = _metashape_chunk(calibrated, lenses)
+    _metashape_rig(chunk, calibrated)
+    several = len(calibrated.cameras) > 1
+    return Taken(
+        files={
+            **{
+                f"{file_stem(camera.name)}.xml": _metashape_calibration(camera, lenses[camera.name])
+                for camera in calibrated.cameras
+            },
+            "chunk/cameras.xml": as_xml(document),
+        },
+        lenses=brown.lenses(lenses),
+        assumed=(
+            *METASHAPE_ASSUMED,
+            *([METASHAPE_RIG.format(calibrated.cameras[0].name)] if several else []),
+        ),
+        left_out=(BODY, *([METASHAPE_POSITIONS] if several else [])),
+    )
+
+
+def _metashape_images(calibrated: Calibrated, oriented: Oriented) -> Taken:
+    """Return the files of `cameras`, with the poses of oriented images: single ones, no rig."""
+    alone = _metashape_cameras(calibrated)
+    document, chunk = _metashape_chunk(calibrated, brown.skewed(calibrated))
+    _metashape_place(chunk, oriented)
+    names = [camera.name for camera in calibrated.cameras]
+    _metashape_transform(ET.SubElement(chunk, "components"), oriented)
+    listed = ET.SubElement(chunk, "cameras")
+    for i, name in enumerate(oriented.names):
+        camera = oriented.block.cameras[oriented.block.images.camera_idx[i]]
+        element = ET.SubElement(
+            listed,
+            "camera",
+            {"id": str(i), "sensor_id": str(names.index(camera.name)), "component_id": "0"},
+            label=name,
+        )
+        add_numbers(element, "transform", _metashape_matrix(oriented.T_m_c[i]).ravel())
+    return Taken(
+        files={**alone.files, "chunk/cameras.xml": as_xml(document)},
+        lenses=alone.lenses,
+        assumed=METASHAPE_ASSUMED,
+        left_out=(METASHAPE_RIGID,) if names[1:] else (),
+    )
+
+
+def _metashape_chunk(
+    calibrated: Calibrated, lenses: Mapping[str, Brown]
+) -> tuple[ET.Element, ET.Element]:
+    """Return a document and its chunk, with sensors."""
+    document = ET.Element("document", version="1.5.0")
+    chunk = ET.SubElement(document, "chunk", label="acx4", enabled="true")
+    sensors = ET.SubElement(chunk, "sensors")
+    for k, camera in enumerate(calibrated.cameras):
+        sensor = ET.SubElement(sensors, "sensor", {"id": str(k)}, label=camera.name, type="frame")
+        _metashape_sensor(sensor, camera, lenses[camera.name])
+        _metashape_covariance(sensor, calibrated, k)
+    return document, chunk
+
+
+def _metashape_rig(chunk: ET.Element, calibrated: Calibrated) -> None:
+    """Make all sensors but the first its slaves."""
+    rig = to_first(calibrated.calibration)
+    for k, (sensor, head) in enumerate(zip(chunk.iter("sensor"), rig, strict=True)):
+        if k:
+            sensor.set("master_id", "0")
+            add_numbers(sensor, "rotation", head.T_v_r_h.R.ravel())
+
+
+def _metashape_sensor(sensor: ET.Element, camera: Camera, lens: Brown) -> None:
+    size = {"width": str(camera.width_px), "height": str(camera.height_px)}
+    ET.SubElement(sensor, "resolution", size)
+    mm = {"pixel_width": camera.pixel_mm, "pixel_height": camera.pixel_mm}
+    for name, value in (*mm.items(), ("focal_length", camera.interior.f)):
+        ET.SubElement(sensor, "property", name=name, value=repr(value))
+    # what is loaded is taken from "initial", so that "adjusted" says the same of it
+    for kind in ("initial", "adjusted"):
+        calibration = ET.SubElement(sensor, "calibration", {"type": "frame", "class": kind})
+        ET.SubElement(calibration, "resolution", size)
+        _metashape_write_params(calibration, camera, lens)
+
+
+def _metashape_write_params(element: ET.Element, camera: Camera, lens: Brown) -> None:
+    hole = lens.hole
+    middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
+    internals = (hole.fy, hole.cx - middle[0], hole.cy - middle[1], hole.fx - hole.fy, hole.skew)
+    values = (*internals, lens.k1, lens.k2, lens.k3, lens.p2, lens.p1)
+    for name, value in zip(METASHAPE_PARAMS, values, strict=True):
+        if value or name not in ("b1", "b2"):
+            add_numbers(element, name, [value])
+
+
+def _metashape_covariance(sensor: ET.Element, calibrated: Calibrated, k: int) -> None:
+    calibration = calibrated.calibration
+    columns = calibration.layout.interior[k]
+    J = METASHAPE_VALUES @ brown.derivatives(calibration.cameras[k], columns, calibration.n_columns)
+    cov = propagate(J, calibration.cov)
+    kept = np.flatnonzero(np.diag(cov) > 0)
+    if len(kept):
+        element = ET.SubElement(sensor, "covariance")
+        ET.SubElement(element, "params").text = " ".join(METASHAPE_PARAMS[i] for i in kept)
+        add_numbers(element, "coeffs", cov[np.ix_(kept, kept)].ravel())
+
+
+def _metashape_transform(components: ET.Element, oriented: Oriented) -> None:
+    """Write the way from the topocentric axes to the ECEF frame."""
+    frame = oriented.block.frame
+    component = ET.SubElement(components, "component", id="0", label="acx4")
+    transform = ET.SubElement(component, "transform")
+    add_numbers(transform, "rotation", rotation_enu_to_ecef(frame.origin[None])[0].ravel())
+    origin = frame.grid.ecef_from_geographic(np.append(frame.origin, 0.0)[None])[0]
+    add_numbers(transform, "translation", origin)
+    add_numbers(transform, "scale", [1.0])
+
+
+def _metashape_place(chunk: ET.Element, oriented: Oriented) -> None:
+    crs = pyproj.CRS.from_user_input(oriented.block.frame.grid.crs)
+    ET.SubElement(chunk, "reference").text = crs.to_wkt("WKT1_GDAL")
+
+
+def _metashape_matrix(T_m_c: Pose) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = T_m_c.R @ R_C_V, T_m_c.r
+    return matrix
+
+
+def _metashape_calibration(camera: Camera, lens: Brown) -> str:
+    """Return the file of one calibration."""
+    element = ET.Element("calibration")
+    ET.SubElement(element, "projection").text = "frame"
+    ET.SubElement(element, "width").text = str(camera.width_px)
+    ET.SubElement(element, "height").text = str(camera.height_px)
+    _metashape_write_params(element, camera, lens)
+    return as_xml(element)
+
+
+# --- All of them
+
+
+KINDS: Mapping[str, Kind] = {
+    "toml": Kind(cameras=_toml_cameras),
+    "opencv": Kind(cameras=_opencv_cameras),
+    "metashape": Kind(cameras=_metashape_cameras, oriented=_metashape_images, on_map=True),
+    "colmap": Kind(cameras=_colmap_cameras, oriented=_colmap_images),
+    "micasense": Kind(cameras=_micasense_cameras, heads=True),
+    "opk": Kind(oriented=lambda _, oriented: content.opk(oriented)),
+    "opk-topocentric": Kind(
+        oriented=lambda _, oriented: content.topocentric_table(oriented), on_map=True
+    ),
+    "rph": Kind(oriented=lambda _, oriented: content.rph(oriented), on_map=True),
+}

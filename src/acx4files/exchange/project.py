@@ -1,0 +1,795 @@
+"""The content of another program's project, and the part of a flight that it becomes.
+
+A program's file returns a `Project`: lenses, images, orientations, measurements, surveyed points,
+assumptions, and parts that have no place in a flight. `flight_of` makes tables and settings of all
+programs in the same way, and proves them: the imported cameras and poses project the program's own
+points. Pixels, camera axes and units are the library's; the frame w is any Cartesian one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from inspect import Signature, signature
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acx4files.exchange import coordinates
+from acx4files.exchange.coordinates import stacked
+from acx4files.exchange.flight_folder import ImportedFlight, number_of
+from acx4files.exchange.lens import NOMINAL_UM, WARNED_PX, WORST_PX, Lens, Refitted, too_far
+from acx4files.exchange.safe import Opened, checksums, refusal
+from acx4files.flight.problems import quoted
+from acx4files.flight.table_files import Columns
+from acx4files.flight.tables import faulty
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.camera import Camera
+from acx4lib.geometry.collinearity import project as projected
+from acx4lib.geometry.collinearity import rays
+from acx4lib.geometry.frames import Pose
+from acx4lib.geometry.geodesy import (
+    LOCAL,
+    GridSystem,
+    MappingFrame,
+    mean_origin,
+    rotation_enu_to_ecef,
+)
+from acx4lib.geometry.intersection import intersect
+
+MEANS_NOTHING = (
+    "The trajectory is what the program adjusted, camera and body being one: the boresight and "
+    "the lever arm that a calibration finds on it mean nothing"
+)
+
+START_VALUES = (
+    "The trajectory holds the orientations that the program adjusted, camera and body being one: "
+    "they are start values without sigma, and nothing observes them"
+)
+
+SHOWN = 8
+"""Number of lenses that have a sentence each; more of them have a table in import.md."""
+
+InGrid = Callable[[Pose], tuple[Array, Array]]
+"""From poses in w to east, north, height (m) and omega, phi, kappa (rad) in the flight's grid."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Images:
+    """Images of a project.
+
+    Attributes
+    ----------
+    names, cameras, exposures : tuple of str
+        One for each image; the image of its exposure's name, else the first one, has its pose.
+    T_w_c : Pose
+        Orientations in the library's camera axes; NaN where there is none.
+    enabled : ndarray of bool, shape (n,), optional
+        Images that the program uses; by default all.
+    """
+
+    names: tuple[str, ...] = ()
+    cameras: tuple[str, ...] = ()
+    exposures: tuple[str, ...] = ()
+    T_w_c: Pose = field(default_factory=lambda: stacked([]))
+    enabled: Mask | None = None
+
+    @property
+    def oriented(self) -> Mask:
+        """Whether each image has an orientation."""
+        return np.asarray(np.isfinite(self.T_w_c.r).all(axis=1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured:
+    """Points that were measured in images.
+
+    Attributes
+    ----------
+    points : tuple of str
+        Names of points.
+    x_w : ndarray, shape (n_points, 3), optional
+        Coordinates in w, NaN where the program has none; None where it has none of all points.
+    image_idx, point_idx : ndarray of int, shape (n,)
+        Of each measurement.
+    colrow : ndarray, shape (n, 2)
+    """
+
+    points: tuple[str, ...] = ()
+    x_w: Array | None = None
+    image_idx: Index = field(default_factory=lambda: np.zeros(0, dtype=int))
+    point_idx: Index = field(default_factory=lambda: np.zeros(0, dtype=int))
+    colrow: Array = field(default_factory=lambda: np.zeros((0, 2)))
+
+    @classmethod
+    def of(
+        cls, seen: Sequence[tuple[int, str, Any]], places: Mapping[str, Array] | None = None
+    ) -> Measured:
+        """Return measurements from image, point and pixel of each, and places of points, if any."""
+        points, point_idx = first_use([point for _, point, _ in seen])
+        unknown = np.full(3, np.nan)
+        x_w = None if places is None else [places.get(point, unknown) for point in points]
+        return cls(
+            points=tuple(points),
+            x_w=None if x_w is None else np.array(x_w, dtype=float).reshape(-1, 3),
+            image_idx=np.array([image for image, _, _ in seen], dtype=int),
+            point_idx=point_idx,
+            colrow=np.array([pixel for _, _, pixel in seen], dtype=float).reshape(-1, 2),
+        )
+
+    def where(self, rows: Mask | Index) -> Measured:
+        """Return some of the measurements."""
+        return replace(
+            self,
+            image_idx=self.image_idx[rows],
+            point_idx=self.point_idx[rows],
+            colrow=self.colrow[rows],
+        )
+
+
+def joined(*parts: Measured) -> Measured:
+    """Return measurements of different points as one value."""
+    first = np.cumsum([0, *(len(part.points) for part in parts)])
+    nowhere_known = [np.full((len(part.points), 3), np.nan) for part in parts]
+    places = [n if o.x_w is None else o.x_w for n, o in zip(nowhere_known, parts, strict=True)]
+    if not parts:
+        return Measured()
+    return Measured(
+        points=tuple(point for part in parts for point in part.points),
+        x_w=np.concatenate(places),
+        image_idx=np.concatenate([part.image_idx for part in parts]),
+        point_idx=np.concatenate([n + o.point_idx for n, o in zip(first, parts, strict=False)]),
+        colrow=np.concatenate([part.colrow for part in parts]),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proof:
+    """Points by which an import is proved: projected, or, where their place is unknown, met.
+
+    Attributes
+    ----------
+    whose : str
+        Which points, in words.
+    measured : Measured
+    T_w_c : Pose, optional
+        Of all images in the frame of the points; by default the project's.
+    """
+
+    whose: str
+    measured: Measured
+    T_w_c: Pose | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Control:
+    """Surveyed points.
+
+    Attributes
+    ----------
+    names : tuple of str
+    enh : ndarray, shape (n, 3)
+        East, north, height in the flight's coordinate system, m.
+    sigma : ndarray, shape (n, 3), optional
+        Standard deviations, m; a coordinate of which one is not positive has no column.
+    is_check : sequence of bool, optional
+        Whether a point is a check point; by default no file says it.
+    """
+
+    names: tuple[str, ...]
+    enh: Array
+    sigma: Array | None = None
+    is_check: tuple[bool, ...] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory:
+    """Positions and attitudes of exposures, or why there are none.
+
+    Attributes
+    ----------
+    table : table or None
+        trajectory.csv.
+    assumed, found, left_out : tuple of str
+    """
+
+    table: Columns | None = None
+    assumed: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Project:
+    """The content of another program's project.
+
+    Attributes
+    ----------
+    source : str
+        Program, with its version where the files state it.
+    sources : iterable of Opened
+        Files that were read.
+    lenses : mapping of str to Lens
+        By the names of cameras.
+    sensors : mapping of str to table
+        What flight.toml says of cameras that have no lens in the files.
+    images : Images
+    measured : Measured
+        What becomes image_points.csv.
+    proofs : tuple of Proof
+    control : Control or None
+    settings : mapping
+        Keys of flight.toml but cameras.
+    in_grid : callable or None
+        The map of poses in w into the grid; it raises a FlightError where the place of w is not
+        known. None where the frames of a program never have a place on the Earth.
+    placed : tuple of str
+        What is assumed where `in_grid` is used.
+    trajectory : Trajectory
+        What was measured of the cameras.
+    lost : mapping of str to int
+        What has no place in a flight, in words, and how many.
+    assumed, found, left_out : tuple of str
+        Sentences of this program alone.
+    may_leave_cameras : bool
+        Whether cameras that no flight can have are left out with their images, not refused.
+    """
+
+    source: str
+    sources: Iterable[Opened]
+    lenses: Mapping[str, Lens] = field(default_factory=dict)
+    sensors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    images: Images = field(default_factory=Images)
+    measured: Measured = field(default_factory=Measured)
+    proofs: tuple[Proof, ...] = ()
+    control: Control | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    in_grid: InGrid | None = None
+    placed: tuple[str, ...] = ()
+    trajectory: Trajectory = field(default_factory=Trajectory)
+    lost: Mapping[str, int] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    may_leave_cameras: bool = False
+
+
+def flight_of(
+    project: Project,
+    *,
+    orientations: str = "none",
+    block: str | None = None,
+    pixel_um: float | None = None,
+    allow: float = WORST_PX,
+) -> ImportedFlight:
+    """Return a project as a part of a flight, with what was assumed, found and left out.
+
+    Parameters
+    ----------
+    project : Project
+    orientations : {"initial", "adjusted", "none"}
+        The trajectory: what was measured of the cameras, what the program adjusted, or none. Images
+        whose exposures it has not are left out.
+    block : str, optional
+        Name of the block; by default heads where several images have one exposure, else
+        calibration.
+    pixel_um : float, optional
+        Pixel size of cameras that have none.
+    allow : float
+        Largest difference of a refitted lens, px.
+
+    Raises
+    ------
+    FlightError
+        Where no camera of a flight is like a lens, or adjusted orientations have no place.
+    """
+    fitted, unfit = _refitted(project, pixel_um, allow)
+    flown = _flown(project, orientations)
+    kept = _kept(project, fitted, flown)
+    images, measured = project.images, project.measured
+    inside = measured.where(kept[measured.image_idx])
+    used = {images.cameras[i] for i in np.flatnonzero(kept)} or set(fitted)
+    fitted = {name: refitted for name, refitted in fitted.items() if name in used}
+    cameras = {name: dict(sensor) for name, sensor in project.sensors.items()}
+    cameras |= {name: refitted.table for name, refitted in fitted.items()}
+    settings = {key: value for key, value in project.settings.items() if key != "apriori"}
+    settings |= {"cameras": cameras} if cameras or not settings else {}
+    settings |= {key: project.settings[key] for key in ("apriori",) if project.settings.get(key)}
+    exposures = [images.exposures[i] for i in np.flatnonzero(kept)]
+    folder = block or ("heads" if len(set(exposures)) < len(exposures) else "calibration")
+    return ImportedFlight(
+        source=project.source,
+        sha256=checksums(project.sources),
+        settings=settings,
+        tables=_tables(project, folder, kept, inside, flown),
+        warnings=tuple(
+            f"the lens of {name} differs from the program's by {refitted.left}"
+            for name, refitted in fitted.items()
+            if refitted.left.largest_px > WARNED_PX
+        ),
+        assumed=(*project.assumed, *_sizes(project, fitted, pixel_um), *flown.assumed),
+        found=(
+            *_counted(project, kept, inside),
+            *project.found,
+            *flown.found,
+            *_kinds(project, fitted),
+            *_of_lenses(fitted),
+            *_proved(project, {name: refitted.camera for name, refitted in fitted.items()}),
+        ),
+        lenses=[refitted.row for refitted in fitted.values()] if len(fitted) > SHOWN else (),
+        left_out=(
+            *_lost(project, kept, flown),
+            *unfit,
+            *project.left_out,
+            *flown.left_out,
+        ),
+    )
+
+
+def reading(project: Callable[..., Project], **orientations: str) -> Callable[..., ImportedFlight]:
+    """Return the reader of a program's files as a part of a flight, by its `project`.
+
+    Parameters
+    ----------
+    project : callable
+        From a source and options to a project.
+    **orientations : str
+        ``orientations``, the value by default of this option, where `project` lacks it. If it is
+        not given either, the reader does not have the option.
+
+    Returns
+    -------
+    callable
+        Its options are those of `project` and of `flight_of`.
+    """
+    special, common = (dict(signature(function).parameters) for function in (project, flight_of))
+    del common["project"]
+    if "orientations" not in {**special, **orientations}:
+        del common["orientations"]
+    common |= {
+        name: common[name].replace(default=default) for name, default in orientations.items()
+    }
+    of_both = Signature(sorted((common | special).values(), key=lambda parameter: parameter.kind))
+
+    def read(*source: Path, **given: Any) -> ImportedFlight:
+        bound = of_both.bind(*source, **given)
+        bound.apply_defaults()
+        imported = project(**{name: bound.arguments[name] for name in special})
+        return flight_of(imported, **{name: bound.arguments[name] for name in common})
+
+    read.__signature__ = of_both  # type: ignore[attr-defined] # what `signature` looks at
+    return read
+
+
+def nowhere(error: FlightError) -> InGrid:
+    """Return the map into the grid of a frame without a place: it raises an error."""
+
+    def in_grid(_: Pose) -> tuple[Array, Array]:
+        raise error
+
+    return in_grid
+
+
+def as_they_are(T: Pose) -> tuple[Array, Array]:
+    """Return poses in w as those of a flight on no map."""
+    return T.r, T.opk
+
+
+def numbered(lenses: Iterable[Hashable]) -> dict[Any, str]:
+    """Return names of cameras that a program has no names for, by their lenses."""
+    different = list(dict.fromkeys(lenses))
+    return {
+        lens: "CAM" if len(different) == 1 else f"CAM{k}" for k, lens in enumerate(different, 1)
+    }
+
+
+def in_crs(source: Path, crs: str | None) -> InGrid:
+    """Return the map into the grid of a frame w in the flight's CRS, which no file states.
+
+    Parameters
+    ----------
+    source : Path
+        What an error names, where `crs` is none or cannot be used.
+    crs : str, optional
+    """
+    if crs is None:
+        fault = "adjusted orientations are in coordinates whose CRS the files do not say"
+        return nowhere(refusal(str(source), 1, "crs", fault, "give it by --crs"))
+    try:
+        coordinates.chosen("", None, crs)
+    except ValueError as error:
+        return nowhere(refusal(str(source), 1, "crs", str(error), "must be projected, in metres"))
+    return as_they_are
+
+
+def _refitted(
+    project: Project, pixel_um: float | None, allow: float
+) -> tuple[dict[str, Refitted], tuple[str, ...]]:
+    """Return the cameras of all images, and sentences on cameras that no flight can have."""
+    enabled = project.images.enabled
+    cameras = [n for i, n in enumerate(project.images.cameras) if enabled is None or enabled[i]]
+    used, fitted, unfit = set(cameras) or set(project.lenses), {}, []
+    for name, lens in project.lenses.items():
+        if name not in used:
+            continue
+        try:
+            fitted[name] = lens.refitted(name, pixel_um)
+        except ValueError as error:
+            if not project.may_leave_cameras:
+                expected = "must be a lens that a flight can have"
+                raise lens.wrong(f"{name}: {error}", expected) from None
+            unfit.append(f"camera and its images: {name}: {error}")
+            continue
+        if (fault := too_far(fitted[name].left, allow)) is not None:
+            raise lens.wrong(f"{name}: {fault[0]}", fault[1])
+    if unfit and not fitted:
+        first = next(lens for name, lens in project.lenses.items() if name in used)
+        raise first.wrong("; ".join(unfit), "must be one that a flight can have")
+    return fitted, tuple(unfit)
+
+
+def _flown(project: Project, orientations: str) -> Trajectory:
+    """Return the trajectory that is asked for."""
+    images, n = project.images, int(project.images.oriented.sum())
+    is_local = project.settings.get("crs") == LOCAL
+    if is_local and n and project.trajectory.table is None:
+        orientations = "adjusted"
+    if orientations != "adjusted":
+        trajectory = project.trajectory if orientations == "initial" else Trajectory()
+        hint = (
+            ": their coordinates are in no CRS"
+            if project.in_grid is None
+            else (" (--orientations adjusted)")
+        )
+        remarks = (f"{number_of(n, 'adjusted orientations')}{hint}",) if n else ()
+        return replace(trajectory, left_out=(*trajectory.left_out, *remarks))
+    leaders: dict[str, int] = {}
+    for i in np.flatnonzero(images.oriented).tolist():
+        exposure = images.exposures[i]
+        if (images.enabled is None or images.enabled[i]) and (
+            exposure not in leaders or images.names[i] == exposure
+        ):
+            leaders[exposure] = i
+    if not images.names:
+        return Trajectory()
+    if not leaders or project.in_grid is None:
+        return Trajectory(left_out=("a trajectory: no image is oriented",))
+    rows = np.array([*leaders.values()])
+    T_b_c = stacked([project.lenses[images.cameras[i]].mount for i in rows])
+    enh, opk = project.in_grid(images.T_w_c[rows] @ T_b_c.inverse)
+    return Trajectory(
+        table=trajectory_in_grid(list(leaders), enh, opk),
+        assumed=(*project.placed, START_VALUES if is_local else MEANS_NOTHING),
+        found=(f"{number_of(len(leaders), 'adjusted orientations')}",),
+    )
+
+
+def _kept(project: Project, fitted: Mapping[str, Refitted], flown: Trajectory) -> Mask:
+    """Return the images that are part of the flight."""
+    images = project.images
+    known = {*fitted, *project.sensors} if project.lenses else {*images.cameras}
+    kept = np.array([name in known for name in images.cameras], dtype=bool)
+    if images.enabled is not None:
+        kept &= images.enabled
+    if flown.table is not None:
+        exposures = set(flown.table["exposure"])
+        kept &= np.array([name in exposures for name in images.exposures], dtype=bool)
+    return kept
+
+
+def _tables(
+    project: Project, folder: str, kept: Mask, measured: Measured, flown: Trajectory
+) -> dict[str, Columns]:
+    images, rows = project.images, np.flatnonzero(kept).tolist()
+    made: dict[str, Columns] = {}
+    if rows and all(images.cameras):
+        listed = (
+            [names[i] for i in rows] for names in (images.names, images.cameras, images.exposures)
+        )
+        made[f"{folder}/images.csv"] = _images(*listed)
+    if len(measured.colrow):
+        made[f"{folder}/image_points.csv"] = image_points(
+            [images.names[i] for i in measured.image_idx],
+            [measured.points[k] for k in measured.point_idx],
+            measured.colrow,
+        )
+    if project.control is not None and project.control.names:
+        made["control_points.csv"] = _control_table(project.control)
+    if flown.table is not None:
+        made[f"{folder}/trajectory.csv"] = flown.table
+    return made
+
+
+def _images(
+    names: Sequence[str], cameras: Sequence[str], exposures: Sequence[str]
+) -> dict[str, list[str]]:
+    """Return the table images.csv."""
+    return {"image": list(names), "camera": list(cameras), "exposure": list(exposures)}
+
+
+def _control_table(control: Control) -> dict[str, list[Any]]:
+    names = ("east_m", "north_m", "height_m")
+    columns: dict[str, list[Any]] = {"point": list(control.names)}
+    columns |= dict(zip(names, np.round(control.enh, METRES).T.tolist(), strict=True))
+    if control.sigma is not None:
+        for name, sigma in zip(names, np.round(control.sigma, METRES).T, strict=True):
+            if (sigma > 0).all():
+                columns[f"sigma_{name}"] = sigma.tolist()
+    if control.is_check is not None:
+        columns["role"] = ["check" if is_check else "control" for is_check in control.is_check]
+    return columns
+
+
+def _sizes(
+    project: Project, fitted: Mapping[str, Refitted], pixel_um: float | None
+) -> tuple[str, ...]:
+    """Return a sentence on the pixel size assumed for cameras that have none in any file."""
+    nominal = [name for name in fitted if not project.lenses[name].pixel_um]
+    if not nominal or pixel_um is not None:
+        return ()
+    return (
+        f"Pixels of {', '.join(nominal)}: {NOMINAL_UM:g} µm, since no file says it; only "
+        "millimetres depend on it (--pixel-um)",
+    )
+
+
+def _counted(project: Project, kept: Mask, measured: Measured) -> tuple[str, ...]:
+    """Return sentences on the numbers of images, measurements and surveyed points."""
+    images, control, sentences = project.images, project.control, []
+    if kept.any():
+        rows = np.flatnonzero(kept)
+        exposures = number_of(len({images.exposures[i] for i in rows}), "exposures")
+        cameras = {images.cameras[i] for i in rows} - {""}
+        by = f" by {number_of(len(cameras), 'cameras')}" if cameras else ""
+        sentences.append(
+            f"{number_of(len(rows), 'images')} of {exposures}{by}, "
+            f"{int(images.oriented[rows].sum())} of them oriented"
+        )
+    points = {measured.points[k] for k in measured.point_idx}
+    if points:
+        sentences.append(
+            f"{number_of(len(measured.colrow), 'measurements')} of "
+            f"{number_of(len(points), 'points')}"
+        )
+    if control is not None and control.names:
+        n_measured = len(points.intersection(control.names))
+        checks = sum(control.is_check or ())
+        of_them = f"{n_measured} of them measured" + (f", {checks} check points" if checks else "")
+        sentences.append(f"{number_of(len(control.names), 'surveyed points')}, {of_them}")
+    return tuple(sentences)
+
+
+def _kinds(project: Project, fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
+    """Return sentences on the kind of each camera's calibration, and other remarks."""
+    kinds: dict[str, list[str]] = {}
+    for name in fitted:
+        if kind := project.lenses[name].kind:
+            kinds.setdefault(kind, []).append(name)
+    remarks = (project.lenses[name].remark for name in fitted)
+    return (
+        *(f"calibration of {'; '.join(names)}: {kind}" for kind, names in kinds.items()),
+        *(remark for remark in remarks if remark),
+    )
+
+
+def _of_lenses(fitted: Mapping[str, Refitted]) -> tuple[str, ...]:
+    """Return a sentence for each lens, or one for many."""
+    if len(fitted) <= SHOWN:
+        return tuple(refitted.said for refitted in fitted.values())
+    f = [refitted.camera.interior.f / refitted.camera.pixel_mm for refitted in fitted.values()]
+    name, worst = max(fitted.items(), key=lambda item: item[1].left.largest_px)
+    return (
+        f"{len(fitted)} lenses, f {min(f):.2f} to {max(f):.2f} px; refitted as Brown's model they "
+        f"differ by {worst.left} ({name}), or less: import.md lists them",
+    )
+
+
+def _lost(project: Project, kept: Mask, flown: Trajectory) -> tuple[str, ...]:
+    """Return sentences with the numbers of images, measurements and others that are left out."""
+    images = project.images
+    enabled = np.ones(len(kept), dtype=bool) if images.enabled is None else images.enabled
+    without = 0
+    if flown.table is not None:
+        exposures = set(flown.table["exposure"])
+        without = sum(images.exposures[i] not in exposures for i in np.flatnonzero(enabled))
+    outside = int((~kept[project.measured.image_idx]).sum())
+    counted = {
+        **project.lost,
+        "images that are switched off": int((~enabled).sum()),
+        "images whose exposures are not in the trajectory": without,
+        "measurements in images that are left out": outside,
+    }
+    return tuple(f"{n} {words}" for words, n in counted.items() if n)
+
+
+def _proved(project: Project, cameras: Mapping[str, Camera]) -> tuple[str, ...]:
+    """Return sentences: how well the program's own points agree with the imported cameras."""
+    texts = [_said(project.images, cameras, proof) for proof in project.proofs]
+    sentences = tuple(text for text in texts if text)
+    if project.images.names and project.lenses and not sentences:
+        return ("nothing proves the conventions: the files lack points, measurements, or poses",)
+    return sentences
+
+
+def _said(images: Images, cameras: Mapping[str, Camera], proof: Proof) -> str:
+    whose, measured = proof.whose, proof.measured
+    known = np.array([name in cameras for name in images.cameras], dtype=bool) & images.oriented
+    rows: Mask = np.asarray(known[measured.image_idx])
+    if measured.x_w is not None:
+        rows = rows & np.isfinite(measured.x_w[measured.point_idx]).all(axis=1)
+    usable = measured.where(rows)
+    if not len(usable.colrow):
+        return ""
+    names = np.array([images.cameras[i] for i in usable.image_idx])
+    T_w_c = (images.T_w_c if proof.T_w_c is None else proof.T_w_c)[usable.image_idx]
+    if measured.x_w is not None:
+        apart = misfits(cameras, names, T_w_c, measured.x_w[usable.point_idx], usable.colrow)
+        return f"{whose} are reprojected by the cameras as imported to {_said_of(apart)}"
+    x_w = _intersected(cameras, names, T_w_c, usable, len(measured.points))[usable.point_idx]
+    several = np.isfinite(x_w[:, 0])
+    if not several.any():
+        return ""
+    apart = misfits(cameras, names, T_w_c, x_w, usable.colrow)[several]
+    return f"{whose} meet in a point to {_said_of(apart)}, by the cameras as imported"
+
+
+def misfits(
+    cameras: Mapping[str, Camera], names: Array, T_w_c: Pose, x_w: Array, colrow: Array
+) -> Array:
+    """Return the distances of measured points from projected ones, px, shape (n,).
+
+    Parameters
+    ----------
+    cameras : mapping of str to Camera
+    names : ndarray of str, shape (n,)
+        The camera of each measurement.
+    T_w_c : Pose
+        The camera pose of each measurement in any Cartesian frame, the library's camera axes.
+    x_w : ndarray, shape (n, 3)
+        The point of each measurement.
+    colrow : ndarray, shape (n, 2)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        NaN where a point is not seen.
+    """
+    apart = np.full(len(colrow), np.nan)
+    for name, camera in cameras.items():
+        k = np.flatnonzero(names == name)
+        if len(k):
+            computed = projected(camera, T_w_c[k], x_w[k])
+            apart[k] = np.hypot(*(computed - colrow[k]).T)
+    return apart
+
+
+def _intersected(
+    cameras: Mapping[str, Camera], names: Array, T_w_c: Pose, measured: Measured, n_points: int
+) -> Array:
+    """Return the points in which rays meet best, shape (n_points, 3); arrays as in `misfits`."""
+    along, middle = np.zeros((len(measured.colrow), 3)), T_w_c.r.mean(axis=0)
+    for name, camera in cameras.items():
+        k = np.flatnonzero(names == name)
+        if len(k):
+            along[k] = rays(camera, T_w_c[k], measured.colrow[k])
+    return middle + intersect(T_w_c.r - middle, along, measured.point_idx, n_points)
+
+
+def _said_of(apart: Array) -> str:
+    """Return the size of misfits as text: rms, median and largest, px."""
+    known = apart[np.isfinite(apart)]
+    if not len(known):
+        return "none is seen by its image"
+    rms = np.sqrt(np.mean(known**2))
+    return (
+        f"{rms:.3g} px rms, median {np.median(known):.3g} px, largest {known.max():.3g} px "
+        f"({number_of(len(known), 'measurements')}"
+        + (f", {n} not seen)" if (n := len(apart) - len(known)) else ")")
+    )
+
+
+# --- Tables of a flight, with the digits that their numbers need, and names that it may have
+
+
+PIXELS, METRES, DEGREES = 4, 5, 9
+"""Decimals of pixels, metres, degrees."""
+
+
+def image_points(image: Sequence[str], point: Sequence[str], colrow: Array) -> Columns:
+    """Return the table image_points.csv; `colrow`, shape (n, 2), in the library's pixels."""
+    cols, rows = np.round(colrow, PIXELS).T.tolist() if len(colrow) else ([], [])
+    return {"image": list(image), "point": list(point), "col_px": cols, "row_px": rows}
+
+
+def trajectory_in_grid(exposures: Sequence[str], enh: Array, opk: Array) -> dict[str, list[Any]]:
+    """Return the table trajectory.csv.
+
+    Parameters
+    ----------
+    exposures : sequence of str
+    enh : ndarray, shape (n, 3)
+        m.
+    opk : ndarray, shape (n, 3)
+        The body's, against the grid, radians.
+    """
+    east, north, height = np.round(enh, METRES).T.tolist()
+    omega, phi, kappa = np.round(np.degrees(opk), DEGREES).T.tolist()
+    return {
+        "exposure": list(exposures),
+        "east_m": east,
+        "north_m": north,
+        "height_m": height,
+        "omega_deg": omega,
+        "phi_deg": phi,
+        "kappa_deg": kappa,
+    }
+
+
+def grid_poses_of_ecef(grid: GridSystem, T_e_b: Pose) -> tuple[Array, Array]:
+    """Return east, north, height (m) and omega, phi, kappa (rad) of poses in the ECEF frame."""
+    lonlat = grid.geographic_from_ecef(T_e_b.r)[:, :2]
+    frame = mean_origin(grid, lonlat)
+    return frame.pose_to_grid(_in_frame(frame, T_e_b))
+
+
+def _in_frame(frame: MappingFrame, T_e_b: Pose) -> Pose:
+    """Return poses in the ECEF frame as those in a mapping frame."""
+    R_e_m = rotation_enu_to_ecef(np.asarray(frame.origin)[None])[0]
+    x_m = frame.from_geographic(frame.grid.geographic_from_ecef(T_e_b.r))
+    return Pose(R=R_e_m.T @ T_e_b.R, r=x_m)
+
+
+def require_names(names: Sequence[str], wrong: Callable[[str, str, str], FlightError]) -> None:
+    """Raise for the first name that no flight may use.
+
+    Parameters
+    ----------
+    names : sequence of str
+    wrong : callable
+        From the name, what is wrong with it and what was expected, to the error.
+    """
+    if "" in names:
+        raise wrong("", "is empty", "must be a name")
+    for name, (fault, expected) in faulty(list(dict.fromkeys(names))).items():
+        raise wrong(name, fault, expected)
+
+
+def require_all_names(
+    kinds: Mapping[str, Sequence[str]], wrong: Callable[[str, str, str], FlightError]
+) -> None:
+    """Raise for the first name that no flight may use.
+
+    Parameters
+    ----------
+    kinds : mapping of str to sequence of str
+        Names by what they are of: "image", "point".
+    wrong : callable
+        From what they are of, what is wrong and what was expected, to the error.
+    """
+    for kind, names in kinds.items():
+        require_names(names, naming(partial(wrong, kind)))
+
+
+def naming(wrong: Callable[[str, str], FlightError]) -> Callable[[str, str, str], FlightError]:
+    """Return the error for `require_names` from that of a place, by which the name must be said."""
+    return lambda name, fault, expected: wrong(
+        fault if name in fault else f"{quoted(name)} {fault}", expected
+    )
+
+
+def first_use(names: Sequence[str]) -> tuple[list[str], Index]:
+    """Return the different names in the order of the file, and the place of each name in them."""
+    order = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    return list(order), np.array([order[name] for name in names], dtype=int)
+
+
+def without_doubles(names: Sequence[str], ids: Sequence[object]) -> tuple[list[str], int]:
+    """Return names, those that occur twice with the program's own number, and their count."""
+    counts: dict[str, int] = {}
+    for name in names:
+        counts[name] = counts.get(name, 0) + 1
+    new = [f"{name}#{i}" if counts[name] > 1 else name for name, i in zip(names, ids, strict=True)]
+    return new, sum(n for n in counts.values() if n > 1)

@@ -1,0 +1,405 @@
+"""Words for the columns of a list of orientations, events or points, and their units."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from acx4files.exchange.safe import Line, Opened, lines
+from acx4files.flight.problems import Range, did_you_mean, quoted
+from acx4files.flight.tables import NUMBER, name_fault
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array
+
+UNITS = {"deg": 1.0, "gon": 0.9, "grad": 0.9, "rad": float(np.degrees(1.0)), "arcmin": 1 / 60}
+"""Of angles, in degrees."""
+
+ANGLES = ("omega", "phi", "kappa", "roll", "pitch", "heading", "lat", "lon")
+SIGMA_M = ("sigma_east", "sigma_north", "sigma_height")
+SIGMA_ANGLES = ("sigma_roll", "sigma_pitch", "sigma_heading")
+NUMBERS = (*ANGLES, "east", "north", "height", *SIGMA_M, *SIGMA_ANGLES)
+SKIP = "skip"
+
+SYNONYMS = {
+    "image": "image imagename image_name filename file label photoid photo id name nom n",
+    "exposure": "exposure event #event",
+    "camera": "camera cam c",
+    "strip": "strip line run",
+    "time": "time time(s) gpstime gps_time t",
+    "week": "week gpsweek gps_week",
+    "east": "east easting x e",
+    "north": "north northing y",
+    "height": "height altitude alt z h elevation",
+    "lat": "lat latitude",
+    "lon": "lon long longitude lng",
+    "omega": "omega o",
+    "phi": "phi p",
+    "kappa": "kappa k",
+    "roll": "roll r",
+    "pitch": "pitch",
+    "heading": "heading yaw azimuth",
+    "sigma_east": "sigma_east sigma_x",
+    "sigma_north": "sigma_north sigma_y",
+    "sigma_height": "sigma_height sigma_z",
+    "sigma_roll": "sigma_roll",
+    "sigma_pitch": "sigma_pitch",
+    "sigma_heading": "sigma_heading sigma_yaw",
+    SKIP: "skip s - _ other",
+}
+
+
+def _words_of(synonyms: Mapping[str, str]) -> dict[str, str]:
+    """Return the names of columns by the words for them."""
+    return {word: name for name, words in synonyms.items() for word in words.split()}
+
+
+KNOWN = _words_of(SYNONYMS)
+"""Words for the columns of orientations and events."""
+
+POINT = "point pointname point_name point_id pointid id name nom n pt gcp marker target label"
+SKIPPED = {SKIP: SYNONYMS[SKIP]}
+SHARED = ("east", "north", "height", "lat", "lon", *SIGMA_M)
+
+MEASURED = _words_of(
+    {
+        "point": POINT,
+        "image": "image imagename image_name filename file photo photoid cliche",
+        "col": "col column sample c u x",
+        "row": "row line lin l v y",
+        "sigma": "sigma",
+        **SKIPPED,
+    }
+)
+"""Words for the columns of points measured in images."""
+
+SURVEYED = _words_of(
+    {"point": POINT, "role": "role", **{one: SYNONYMS[one] for one in SHARED}, **SKIPPED}
+)
+"""Words for the columns of surveyed points."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """A column of a list.
+
+    Attributes
+    ----------
+    name : str
+        What it holds, such as one of the keys of `SYNONYMS`.
+    unit : str
+        Of an angle, one of `UNITS`; empty where the word does not say.
+    """
+
+    name: str
+    unit: str = ""
+
+
+def _column(word: str, known: Mapping[str, str] = KNOWN) -> Column | None:
+    """Return the column that a word means, such as ``omega``, ``kappa_gon``, ``x``; or None."""
+    plain = re.sub(r"\s+", "_", word.strip().lower())
+    for unit in UNITS:
+        stem = plain.removesuffix(f"_{unit}").removesuffix(f"[{unit}]").removesuffix(f"({unit})")
+        name = known.get(stem.strip("_"))
+        if stem != plain and (name in ANGLES or name in SIGMA_ANGLES):
+            return Column(name=str(name), unit=unit)
+    for unit in ("_m", "[m]", "(m)", "_s", "_px", "[px]", "(px)"):
+        stem = plain.removesuffix(unit).strip("_")
+        plain = stem if stem in known else plain
+    name = known.get(plain)
+    return Column(name=name) if name else None
+
+
+def _declared(text: str, known: Mapping[str, str] = KNOWN) -> tuple[Column, ...]:
+    """Return the columns that a user declares: words with commas or spaces between."""
+    words = [word for word in re.split(r"[\s,;]+", text) if word]
+    columns = []
+    for word in words:
+        column = _column(word, known)
+        if column is None:
+            words_known = ", ".join(dict.fromkeys(known.values()))
+            hint = did_you_mean(word.lower(), known)
+            raise ValueError(f"column {word!r} is not known{hint}; known are {words_known}")
+        columns.append(column)
+    times = Counter(columns)
+    twice = [column.name for column in times if column.name != SKIP and times[column] > 1]
+    if twice or not columns:
+        raise ValueError(f"column {twice[0]!r} stands twice" if twice else "no column is declared")
+    return tuple(columns)
+
+
+def position_of(columns: Sequence[Column], name: str) -> int | None:
+    """Return the first position of a column; None where it is absent."""
+    return next((k for k, column in enumerate(columns) if column.name == name), None)
+
+
+# --- The rows of a text with declared columns: a list of events, of orientations, or of points
+
+
+SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+COMMENTS = "#"
+QUOTED_CELL = re.compile(r"\"[^\"]*\"")
+_NUMBER = Range(-1e12, 1e12)
+SPOILT = re.compile(r"[-+*.,]?\d|(nan|inf|infinity|na|n/a|null|none|[-*?.]+)$", re.IGNORECASE)
+"""A cell with a number or with a mark in its place, not a word of a heading."""
+
+MOST = 10_000_000
+"""Largest number of rows."""
+MOST_BEFORE = 100
+"""Lines among which a heading is looked for."""
+
+MOST_WORDS = 1000
+"""Number of words of a line that decide whether it is a heading."""
+
+TEXTS = ("image", "exposure", "camera", "strip", "point", "role", SKIP)
+"""Columns that hold no numbers."""
+
+COMMA = re.compile(r"[-+]?\d+,\d+")
+THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")
+"""Numbers with a decimal comma, and those of which it may also set thousands apart."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listed:
+    """Rows with the columns that they have.
+
+    Attributes
+    ----------
+    source : Opened
+    columns : tuple of Column
+    rows : tuple of Line
+    heading : Line or None
+        The line that is a heading and no row, if there is one.
+    before : int
+        Lines before the heading, which are not read.
+    declared : bool
+        Whether the columns are declared, and not those of the heading.
+    commas : bool
+        Whether the numbers of the text have decimal commas; those of `rows` have points.
+    """
+
+    source: Opened
+    columns: tuple[Column, ...]
+    rows: tuple[Line, ...]
+    heading: Line | None = None
+    before: int = 0
+    declared: bool = False
+    commas: bool = False
+
+    def has(self, *names: str) -> bool:
+        """Tell whether all these columns are there."""
+        return all(position_of(self.columns, name) is not None for name in names)
+
+    def at(self, name: str) -> int:
+        """Return the position of a column that is present."""
+        return int(position_of(self.columns, name) or 0)
+
+    def numbers(self, name: str) -> Array:
+        """Return a column of finite numbers, shape (n,)."""
+        k = self.at(name)
+        return np.array([row.number_at(k, name, _NUMBER) for row in self.rows], dtype=float)
+
+    def names(self, name: str) -> list[str]:
+        """Return a column of names that a flight may use."""
+        k = self.at(name)
+        return [_checked_name(row, row.cell(k, name), name) for row in self.rows]
+
+    def unique(self, name: str) -> list[str]:
+        """Return a column of names that are all different."""
+        names = self.names(name)
+        first: dict[str, Line] = {}
+        for row, cell in zip(self.rows, names, strict=True):
+            if cell in first:
+                fault = f"{quoted(cell)} stands in line {first[cell].number} already"
+                raise row.wrong(name, fault, "every one once")
+            first[cell] = row
+        return names
+
+
+def left_out(listed: Listed, what: str, known: Mapping[str, str] = KNOWN) -> tuple[str, ...]:
+    """Return sentences on unread lines and columns; `what` is the noun for the columns read."""
+    k_skipped = [k for k, column in enumerate(listed.columns) if column.name == SKIP]
+    heading = listed.heading.cells if listed.heading else ()
+    named = [heading[k] if k < len(heading) else f"column {k + 1}" for k in k_skipped]
+    longest = max(listed.rows, key=len)
+    beyond = len(longest) - len(listed.columns)
+    if beyond > 0:
+        named.append(f"{beyond} after the last in line {longest.number}")
+    return (
+        *([f"Lines before the heading: {listed.before}."] if listed.before else []),
+        *(
+            [_unread_heading(listed.heading, listed.columns, known)]
+            if listed.declared and listed.heading
+            else []
+        ),
+        *([f"Columns that are no {what}: {', '.join(named)}."] if named else []),
+    )
+
+
+def _unread_heading(heading: Line, columns: Sequence[Column], known: Mapping[str, str]) -> str:
+    """Return a sentence on the unread heading over declared columns, and on contradictions."""
+    of_heading = (_column(cell, known) for cell in heading.cells)
+    others = [
+        f"{quoted(cell)} over {column.name}"
+        for cell, named, column in zip(heading.cells, of_heading, columns, strict=False)
+        if named and SKIP not in (named.name, column.name) and named.name != column.name
+    ]
+    against = f"; it contradicts the declared columns: {', '.join(others)}" if others else ""
+    return f"The heading in line {heading.number}, since the columns are declared{against}."
+
+
+def _checked_name(row: Line, name: str, element: str) -> str:
+    """Return a name, refused where a flight may not use it."""
+    fault = name_fault(name) if name else ("is empty", "must be a name")
+    if fault:
+        raise row.wrong(element, *fault)
+    return name
+
+
+def read_list(
+    source: Opened,
+    columns: str,
+    *,
+    separator: str = "",
+    numbers: Sequence[str],
+    known: Mapping[str, str] = KNOWN,
+) -> Listed:
+    """Return the rows of a text, by declared columns or by those that its heading names.
+
+    Parameters
+    ----------
+    source : Opened
+    columns : str
+        As the user declares them; empty: the heading names them.
+    separator : str
+        One of `SEPARATORS`; empty: semicolons, tabs or commas if the first two lines have any.
+    numbers : sequence of str
+        Columns of numbers, by which a heading is told from a row.
+    known : mapping of str to str
+        Names of columns by the words for them.
+
+    Raises
+    ------
+    FlightError
+        Where the columns are not known, or there are no rows.
+    """
+    before = _before_heading(source, known)
+    mark = _separator(source, separator, len(before))
+    every = lines(source, separator=mark, comment=COMMENTS)
+    kept = [line for line in every if line.number > len(before)]
+    if not kept or len(kept) > MOST:
+        raise source.wrong("file", f"has {len(kept)} rows", f"must have 1 to {MOST}")
+    if columns:
+        try:
+            named = _declared(columns, known)
+        except ValueError as error:
+            fault, _, words = str(error).partition("; ")
+            raise source.wrong("--columns", fault, words or "every column once") from None
+        heading = kept[0] if _is_heading(kept[0], named, numbers) else None
+    else:
+        heading, named = kept[0], _of_heading(kept[0], known)
+    rows = tuple(kept[heading is not None :])
+    if not rows:
+        raise source.wrong("file", "has a heading and no rows", "must have rows")
+    numeric = {k for k, column in enumerate(named) if column.name not in TEXTS}
+    commas = _have_commas(rows, numeric)
+    return Listed(
+        source=source,
+        columns=named,
+        rows=tuple(_with_points(row, numeric) for row in rows) if commas else rows,
+        heading=heading,
+        before=len(before),
+        declared=bool(columns),
+        commas=commas,
+    )
+
+
+def _have_commas(rows: Sequence[Line], numeric: Container[int]) -> bool:
+    """Tell whether the numbers of rows have decimal commas: none has a point.
+
+    At least one comma is no mark between thousands.
+    """
+    with_comma = [
+        cell
+        for row in rows
+        for k, cell in enumerate(row.cells)
+        if "," in cell and k in numeric and ":" not in cell
+    ]
+    if not with_comma or not all(COMMA.fullmatch(cell) for cell in with_comma):
+        return False
+    cells = (cell for row in rows for k, cell in enumerate(row.cells) if k in numeric)
+    if any("." in cell and NUMBER.fullmatch(cell) for cell in cells):
+        return False
+    return not all(THOUSANDS.fullmatch(cell) for cell in with_comma)
+
+
+def _with_points(row: Line, numeric: Container[int]) -> Line:
+    """Return a row whose numbers have decimal points in the place of commas."""
+    cells = (
+        cell.replace(",", ".") if k in numeric and COMMA.fullmatch(cell) else cell
+        for k, cell in enumerate(row.cells)
+    )
+    return replace(row, cells=tuple(cells))
+
+
+def text_said(listed: Listed) -> tuple[str, ...]:
+    """Return sentences on the encoding of a text, and on its decimal commas."""
+    return (
+        *(["The text is in Windows-1252: it is not UTF-8."] if listed.source.encoding else []),
+        *(["Its numbers have decimal commas."] if listed.commas else []),
+    )
+
+
+def _before_heading(source: Opened, known: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the lines before the heading, if none of them is a row; else none.
+
+    Such a line has two different columns at least, and half of its words are columns. A row is a
+    line that has numbers in half of its words.
+    """
+    text = source.text().split("\n")
+    for k, line in enumerate(text[:MOST_BEFORE]):
+        words = [word for word in re.split(r"[\s;,]+", line.strip()) if word][:MOST_WORDS]
+        if not words or words[0].startswith(COMMENTS):
+            continue
+        columns = {column.name for word in words if (column := _column(word, known))} - {SKIP}
+        if len(columns) >= max(2, len(words) / 2):
+            return tuple(text[:k])
+        if sum(bool(NUMBER.fullmatch(word)) for word in words) >= len(words) / 2:
+            break
+    return ()
+
+
+def _separator(source: Opened, name: str, before: int) -> str | None:
+    """Return the separator of cells: the mark in both of the first two lines, or None."""
+    if name:
+        return SEPARATORS[name]
+    text = (line for line in source.text().split("\n")[before:] if line.strip())
+    first = list(islice((line for line in text if not line.lstrip().startswith(COMMENTS)), 2))
+    bare = [QUOTED_CELL.sub("", line) for line in first]
+    return next((mark for mark in (";", "\t", ",") if all(mark in line for line in bare)), None)
+
+
+def _is_heading(line: Line, columns: Sequence[Column], numbers: Sequence[str]) -> bool:
+    """Tell whether a line has words where every row has numbers; nan and 1,5 are no words."""
+    positions = (k for name in numbers if (k := position_of(columns, name)) is not None)
+    cells = [line.cells[k].strip() for k in positions if k < len(line.cells)]
+    return any(cells) and not any(SPOILT.match(cell) for cell in cells if cell)
+
+
+def _of_heading(line: Line, known: Mapping[str, str]) -> tuple[Column, ...]:
+    columns = [_column(cell, known) for cell in line.cells]
+    named = [column for column in columns if column is not None and column.name != SKIP]
+    if len(named) < 2:
+        raise _undeclared(line, f"is no heading: {quoted(' '.join(line.cells))}")
+    ((name, times),) = Counter(column.name for column in named).most_common(1)
+    if times > 1:
+        raise _undeclared(line, f"two columns may be {name!r}")
+    return tuple(column or Column(name=SKIP) for column in columns)
+
+
+def _undeclared(line: Line, fault: str) -> FlightError:
+    return line.wrong("columns", fault, "declare them by --columns, in their order")

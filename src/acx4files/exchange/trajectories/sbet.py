@@ -1,0 +1,598 @@
+"""The trajectory of POSPac, taken at the times of events."""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acx4files.exchange import safe
+from acx4files.exchange.flight_folder import ImportedFlight
+from acx4files.exchange.safe import Line, Opened, records
+from acx4files.exchange.trajectories import orientations
+from acx4files.exchange.trajectories.listed import Listed, position_of, read_list, text_said
+from acx4files.exchange.trajectories.orientations import Meaning
+from acx4files.flight.problems import Problem, Range, lines_of, quoted
+from acx4files.flight.table_files import free_memory
+from acx4files.flight.tables import SIGMA_ATTITUDE, SIGMA_POSITION
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry import frames
+
+SHARE_OF_MEMORY = 4
+"""A trajectory may take the free memory divided by this."""
+
+ROUNDED = 1.01
+"""Of a gap: steps of 0.1 s are a little longer or shorter, as their times are rounded."""
+
+SLACK_S = 2.0
+"""Standard deviations, of one record a second, may begin later and end sooner by this."""
+
+FAITHFUL_MS, FAITHFUL = 0.5, 0.1
+"""Largest difference of velocities from changes of position: m/s, or a share of the speed."""
+
+
+# --- Time bases of events, and their place on the clock of a trajectory
+
+
+GPS_SOW, UTC_SOW = "gps-sow", "utc-sow"
+
+NAMES = {GPS_SOW: "GPS time", UTC_SOW: "UTC"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SbetOptions:
+    """Options and conventions that the files do not state.
+
+    Attributes
+    ----------
+    columns : str
+        Of the list of events; empty: its heading names them.
+    separator : str
+        Of its cells; empty: found from its first line.
+    time : str
+        Base of the events' times, one of `times.BASES`.
+    trajectory_time : str
+        That of the trajectory, `gps-sow` or `utc-sow`.
+    leap_seconds : float or None
+        GPS time minus UTC, where the bases differ.
+    week : int or None
+        GPS week in which the trajectory begins.
+    gap_s : float
+        Largest interval between two records that is interpolated.
+    block, camera : str
+        Block of the flight; camera of all images, empty where not said.
+    meaning : Meaning
+        CRS and heights of the flight.
+    """
+
+    time: str
+    columns: str = ""
+    separator: str = ""
+    trajectory_time: str = GPS_SOW
+    leap_seconds: float | None = None
+    week: int | None = None
+    gap_s: float = 0.1
+    block: str = "calibration"
+    camera: str = ""
+    meaning: Meaning = field(default_factory=Meaning)
+
+
+def read(
+    trajectory: Path, events: Path, deviations: Path | None, options: SbetOptions
+) -> ImportedFlight:
+    """Return a trajectory at the times of events.
+
+    Parameters
+    ----------
+    trajectory, events : Path
+        SBET, and text with a name and a time in every row.
+    deviations : Path or None
+        SMRMSG.
+    options : SbetOptions
+
+    Raises
+    ------
+    FlightError
+        With file and line: where a file is cut off or no such file, time bases differ and no leap
+        seconds are given, or an event lies outside the trajectory or in a gap.
+    """
+    track = read_track(_opened(trajectory))
+    listed = _read_events(
+        safe.of_windows(_opened(events)),
+        columns=options.columns,
+        separator=options.separator,
+        base=options.time,
+    )
+    if len(track.time) < 2:
+        raise track.source.wrong("file", "has one record", "must have two at least")
+    t = _on_clock(listed.stamps, track.time, ahead=_ahead(listed, options), week=options.week)
+    _refuse_outside(track, listed, t, options)
+    spread = read_deviations(_opened(deviations)) if deviations else None
+    if spread is not None:
+        _refuse_without_deviation(spread, listed, t)
+    return _brought(track, listed, spread, t, options)
+
+
+def _opened(path: Path) -> safe.Opened:
+    return safe.read(path, most=free_memory() // SHARE_OF_MEMORY)
+
+
+def _ahead(listed: _Events, options: SbetOptions) -> float:
+    """Return the seconds by which the trajectory's clock is ahead of the clock of the events."""
+    events_utc, track_utc = _is_utc(options.time), _is_utc(options.trajectory_time)
+    if events_utc == track_utc:
+        return 0.0
+    if options.leap_seconds is None:
+        ours, theirs = NAMES[options.trajectory_time], "UTC" if events_utc else "GPS time"
+        fault = f"are {theirs}, those of the trajectory {ours}"
+        expected = "needs --leap-seconds, 18 since 2017; or declare --time or --trajectory-time"
+        raise listed.listed.source.wrong("times", fault, expected)
+    return options.leap_seconds if events_utc else -options.leap_seconds
+
+
+def _refuse_outside(track: Track, listed: _Events, t: Array, options: SbetOptions) -> None:
+    first, last = track.time[[0, -1]].tolist()
+    file = Path(track.source.file).name
+    between = _between(track.time, t)
+    outside = (t < first) | (t > last)
+    gap = ~outside & (between.interval > ROUNDED * options.gap_s)
+    places = f"must lie between {first:.3f} and {last:.3f} s, of {file}"
+    problems = _problems(listed, outside, lambda k: f"is {t[k]:.3f} s", places)
+    usual = float(np.median(np.diff(track.time)))
+    cure = f"must be at most {options.gap_s:g} s: --gap; usual are {usual:.3g} s"
+    problems += _problems(
+        listed, gap, lambda k: f"lies in a gap of {between.interval[k]:.3f} s", cure
+    )
+    if problems:
+        raise FlightError(lines_of(problems))
+
+
+def _refuse_without_deviation(spread: Deviations, listed: _Events, t: Array) -> None:
+    first, last = (spread.time[[0, -1]] + [-SLACK_S, SLACK_S]).tolist()
+    name = Path(spread.source.file).name
+    places = f"must lie between {first:.3f} and {last:.3f} s, of {name}"
+    outside = (t < first) | (t > last)
+    problems = _problems(listed, outside, lambda k: f"is {t[k]:.3f} s", places)
+    if problems:
+        raise FlightError(lines_of(problems))
+
+
+def _problems(listed: _Events, where: Mask, describe: Any, expected: str) -> list[Problem]:
+    rows, file = listed.listed.rows, listed.listed.source.file
+    return [
+        Problem(file=file, line=rows[k].number, column="time", found=describe(k), expected=expected)
+        for k in np.flatnonzero(where).tolist()
+    ]
+
+
+def _brought(
+    track: Track,
+    listed: _Events,
+    spread: Deviations | None,
+    t: Array,
+    options: SbetOptions,
+) -> ImportedFlight:
+    between = _between(track.time, t)
+    off, speed = _velocity_misfit(track, between)
+    faithful = off <= max(FAITHFUL_MS, FAITHFUL * speed)
+    lonlath = _positions(track, between, by_velocity=faithful)
+    rph = np.degrees(_attitudes(track, between))
+    meaning, lonlat = options.meaning, lonlath[:, :2]
+    height = orientations.in_flight(track.source, meaning, lonlat, lonlath[:, 2])
+    table: dict[str, Any] = {
+        "exposure": listed.names,
+        "lat_deg": np.round(lonlath[:, 1], 11),
+        "lon_deg": np.round(lonlath[:, 0], 11),
+        "height_m": np.round(height, 5),
+        **dict(zip(("roll_deg", "pitch_deg", "heading_deg"), np.round(rph, 9).T, strict=True)),
+        "time_s": np.round(t, 7),
+    }
+    if spread is not None:
+        sigma = np.round(_deviations(spread, t), 7)
+        table |= dict(zip((*SIGMA_POSITION, *SIGMA_ATTITUDE), sigma.T, strict=True))
+    tables = {f"{options.block}/trajectory.csv": table}
+    if options.camera:
+        images = {"image": listed.names, "camera": [options.camera] * len(t)}
+        tables[f"{options.block}/images.csv"] = images | {"exposure": listed.names}
+    sources = [track.source, listed.listed.source, *([spread.source] if spread else [])]
+    return ImportedFlight(
+        source="SBET at events",
+        sha256=safe.checksums(sources),
+        settings=orientations.settings(meaning),
+        tables=tables,
+        pictures=orientations.grid_file(meaning),
+        assumed=_assumed(listed, options),
+        found=_found(track, spread, t, off, speed),
+        left_out=_left_out(spread, faithful=faithful, off=off),
+    )
+
+
+def _assumed(listed: _Events, options: SbetOptions) -> tuple[str, ...]:
+    seconds, dated = options.leap_seconds, np.isfinite(listed.stamps.weeks).all()
+    shift = _is_utc(options.time) != _is_utc(options.trajectory_time)
+    columns = " ".join(column.name for column in listed.listed.columns)
+    weeks = "by their weeks" if dated and options.week is not None else "in the nearest week"
+    heading = "" if listed.listed.heading is None else "; its first line is a heading"
+    return (
+        f"The trajectory counts seconds of the week in {NAMES[options.trajectory_time]}; the times "
+        f"of the events are {options.time}"
+        + (f", and GPS time is {seconds:g} s ahead of UTC" if shift else "")
+        + f"; they are placed {weeks}.",
+        f"The columns of the list of events are: {columns}{heading}.",
+        *text_said(listed.listed),
+        "True heading is platform heading minus wander angle; roll, pitch and heading are forward-"
+        "right-down against north-east-down.",
+        "Positions are those of the point to which the SBET refers, taken for the IMU; latitude "
+        "and longitude are of the datum of the flight's CRS.",
+        orientations.heights_said(replace(options.meaning, ellipsoidal=True)),
+    )
+
+
+def _found(
+    track: Track, spread: Deviations | None, t: Array, off: float, speed: float
+) -> tuple[str, ...]:
+    interval = np.diff(track.time)
+    lines = [
+        f"{len(t)} events in {len(track.time)} records of the SBET, {np.median(interval):.4g} s "
+        f"apart, at most {interval.max():.4g} s.",
+        f"Velocities, turned by the wander angle, and changes of position differ by {off:.3f} m/s "
+        f"(median over the events) at {speed:.2f} m/s.",
+    ]
+    if spread is not None:
+        lines.append(
+            f"Standard deviations from {len(spread.time)} records of the SMRMSG, linear between "
+            "them; of angles in arc minutes there."
+        )
+    return tuple(lines)
+
+
+def _left_out(spread: Deviations | None, *, faithful: bool, off: float) -> tuple[str, ...]:
+    lines = ["Accelerations and rates of turn of the SBET: attitudes turn evenly between records."]
+    if not faithful:
+        lines.append(
+            f"Velocities: they differ from the changes of position by {off:.2f} m/s; positions "
+            "are on straight lines between records."
+        )
+    if spread is None:
+        lines.append("No SMRMSG was given: the standard deviations are those of [apriori].")
+    else:
+        lines.append("Standard deviations of velocities; correlations are not in the SMRMSG.")
+    return tuple(lines)
+
+
+# --- SBET and SMRMSG, the smoothed trajectory of Applanix's POSPac and its standard deviations
+#
+# Both are binary without a header. The frame of the velocities, and of the platform heading, is
+# turned by the wander angle from north; its y points west where x points north, and its z up.
+
+
+SBET = np.dtype(
+    [
+        (name, "<f8")
+        for name in (
+            *("time", "lat", "lon", "height", "vx", "vy", "vz", "roll", "pitch", "heading"),
+            *("wander", "ax", "ay", "az", "wx", "wy", "wz"),
+        )
+    ]
+)
+"""Of one record: s of week, rad, m, m/s, m/s^2, rad/s."""
+
+SMRMSG = np.dtype(
+    [
+        (name, "<f8")
+        for name in (
+            *("time", "north", "east", "down", "v_north", "v_east", "v_down"),
+            *("roll", "pitch", "heading"),
+        )
+    ]
+)
+"""Of one record: s of week, m, m/s, arc minutes."""
+
+LIMITS = {
+    "time": (0.0, 2e6),
+    "lat": (-np.pi / 2, np.pi / 2),
+    "lon": (-2 * np.pi, 2 * np.pi),
+    "height": (-12_000.0, 100_000.0),
+    **dict.fromkeys(("roll", "pitch", "heading", "wander"), (-10.0, 10.0)),
+}
+"""Least and largest values of an SBET."""
+
+POSITIVE = ("north", "east", "down", "roll", "pitch", "heading")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """A trajectory of many records.
+
+    Attributes
+    ----------
+    source : Opened
+    time : ndarray, shape (n,)
+        Seconds, increasing; they count on through the end of a week.
+    record : structured array, shape (n,)
+        As the file has them.
+    """
+
+    source: Opened
+    time: Array
+    record: NDArray[Any]
+
+    def lonlath(self, rows: Index) -> Array:
+        """Return longitude, latitude (rad) and height (m) of records, shape (k, 3)."""
+        selected = self.record[rows]
+        return np.stack([selected["lon"], selected["lat"], selected["height"]], axis=-1)
+
+    def rph(self, rows: Index) -> Array:
+        """Return roll, pitch and true heading of records, rad, shape (k, 3)."""
+        selected = self.record[rows]
+        return np.stack(
+            [selected["roll"], selected["pitch"], selected["heading"] - selected["wander"]], axis=-1
+        )
+
+    def velocity(self, rows: Index) -> Array:
+        """Return the velocities to north, east and down of records, m/s, shape (k, 3)."""
+        selected = self.record[rows]
+        cos, sin = np.cos(selected["wander"]), np.sin(selected["wander"])
+        north = selected["vx"] * cos - selected["vy"] * sin
+        east = -selected["vx"] * sin - selected["vy"] * cos
+        return np.stack([north, east, -selected["vz"]], axis=-1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deviations:
+    """Standard deviations along a trajectory.
+
+    Attributes
+    ----------
+    source : Opened
+    time : ndarray, shape (n,)
+        On the clock of the trajectory.
+    sigma : ndarray, shape (n, 6)
+        To east, north and up, m; of roll, pitch and heading, degrees.
+    """
+
+    source: Opened
+    time: Array
+    sigma: Array
+
+
+def read_track(source: Opened) -> Track:
+    """Return the trajectory in an SBET file.
+
+    Raises
+    ------
+    FlightError
+        Where it is cut off, or a record has values that no trajectory has; the record is named.
+    """
+    record = records(source, SBET)
+    for name, (low, high) in LIMITS.items():
+        values = record[name]
+        _refuse(source, name, values, ~((values >= low) & (values <= high)), f"{low:g} to {high:g}")
+    return Track(source=source, time=_increasing(source, record), record=record)
+
+
+def read_deviations(source: Opened) -> Deviations:
+    """Return the standard deviations in an SMRMSG file.
+
+    Raises
+    ------
+    FlightError
+        As `read_track` does.
+    """
+    record = records(source, SMRMSG)
+    for name in POSITIVE:
+        values = record[name]
+        _refuse(source, name, values, ~((values > 0) & (values < 1e6)), "a positive number")
+    metres = [record[name] for name in ("east", "north", "down")]
+    degrees = [record[name] / 60.0 for name in ("roll", "pitch", "heading")]
+    sigma = np.stack([*metres, *degrees], axis=-1)
+    return Deviations(source=source, time=_increasing(source, record), sigma=sigma)
+
+
+def _increasing(source: Opened, record: NDArray[Any]) -> Array:
+    values = record["time"]
+    _refuse(source, "time", values, ~np.isfinite(values), "seconds of the week")
+    time = _continued(values)
+    _refuse(source, "time", values, np.diff(time, prepend=-np.inf) <= 0, "after that before")
+    return time
+
+
+def _refuse(source: Opened, name: str, values: Array, bad: NDArray[Any], expected: str) -> None:
+    """Refuse the first record with a value that is wrong."""
+    wrong_rows = np.flatnonzero(bad)
+    if len(wrong_rows):
+        fault = f"record {wrong_rows[0] + 1} of {len(values)} has {values[wrong_rows[0]]!r}"
+        raise source.wrong(name, fault.replace("np.float64", ""), f"must be {expected}")
+
+
+# --- Position, attitude and standard deviations between the records of a trajectory
+
+
+AXIS_M, FLATTENING = 6_378_137.0, 1 / 298.257222101
+"""GRS 80; that of WGS 84 differs by 0.1 mm. It turns velocities into rates of angles."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Between:
+    """Where times lie between the records of a trajectory.
+
+    Attributes
+    ----------
+    before : ndarray of int, shape (n,)
+        The record before each time; the next is the one after it.
+    share : ndarray, shape (n,)
+        Of the interval that has passed, 0 to 1.
+    interval : ndarray, shape (n,)
+        Seconds.
+    """
+
+    before: Index
+    share: Array
+    interval: Array
+
+
+def _between(times: Array, t: Array) -> Between:
+    """Return where times lie between increasing ones, two at least; outside: the end interval."""
+    before = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
+    interval = times[before + 1] - times[before]
+    return Between(before=before, share=(t - times[before]) / interval, interval=interval)
+
+
+def _positions(track: Track, between: Between, *, by_velocity: bool) -> Array:
+    """Return longitude, latitude (deg) and height (m), shape (n, 3)."""
+    first, last = track.lonlath(between.before), track.lonlath(between.before + 1)
+    step = last - first
+    step[:, 0] = (step[:, 0] + np.pi) % (2 * np.pi) - np.pi
+    s = between.share[:, None]
+    x = first + s * step
+    if by_velocity:  # a cubic, whose error grows with the fourth power of the interval
+        begin, end = (between.interval[:, None] * _rates(track, between.before + k) for k in (0, 1))
+        x += s * (1 - s) * ((1 - s) * (begin - step) - s * (end - step))
+    x[:, 0] = (x[:, 0] + np.pi) % (2 * np.pi) - np.pi
+    return np.column_stack([np.degrees(x[:, :2]), x[:, 2]])
+
+
+def _rates(track: Track, rows: Index) -> Array:
+    """Return the rates of longitude, latitude (rad/s) and height (m/s) of records, shape (k, 3)."""
+    _, lat, height = track.lonlath(rows).T
+    north, east, down = track.velocity(rows).T
+    e_sq = FLATTENING * (2 - FLATTENING)
+    w_sq = 1 - e_sq * np.sin(lat) ** 2
+    along = AXIS_M * (1 - e_sq) / w_sq**1.5 + height
+    across = AXIS_M / np.sqrt(w_sq) + height
+    return np.stack([east / (across * np.cos(lat)), north / along, -down], axis=-1)
+
+
+def _attitudes(track: Track, between: Between) -> Array:
+    """Return roll, pitch and true heading, rad, shape (n, 3); the body turns at a constant rate."""
+    R_n_b, after = (frames.rotation_from_rph(track.rph(between.before + k)) for k in (0, 1))
+    turned = frames.log(np.swapaxes(R_n_b, -1, -2) @ after)
+    rph = frames.rph_from_rotation(R_n_b @ frames.exp(between.share[:, None] * turned))
+    return np.column_stack([rph[:, :2], rph[:, 2] % (2 * np.pi)])
+
+
+def _deviations(deviations: Deviations, t: Array) -> Array:
+    """Return standard deviations at times, linear between records, shape (n, 6)."""
+    return np.stack(
+        [np.interp(t, deviations.time, column) for column in deviations.sigma.T], axis=-1
+    )
+
+
+def _velocity_misfit(track: Track, between: Between) -> tuple[float, float]:
+    """Return how much velocities and changes of position differ, and the speed; medians, m/s."""
+    rows = np.unique(between.before)
+    first, last = track.lonlath(rows), track.lonlath(rows + 1)
+    step = last - first
+    step[:, 0] = (step[:, 0] + np.pi) % (2 * np.pi) - np.pi
+    dt = (track.time[rows + 1] - track.time[rows])[:, None]
+    rates = 0.5 * (_rates(track, rows) + _rates(track, rows + 1))
+    across = np.column_stack([AXIS_M * np.cos(first[:, 1]), np.full((len(rows), 2), [AXIS_M, 1.0])])
+    off = np.linalg.norm(across * (step / dt - rates), axis=1)
+    return float(np.median(off)), float(np.median(np.linalg.norm(across * rates, axis=1)))
+
+
+WEEK_SOW = "gps-week-sow"
+ISO, ISO_UTC, ISO_GPS = "iso-8601", "iso-8601-utc", "iso-8601-gps"
+BASES = (GPS_SOW, UTC_SOW, WEEK_SOW, ISO, ISO_UTC, ISO_GPS)
+"""Seconds of the GPS week in GPS time or UTC, the former with the week; dates with their zone, or
+without one in UTC or GPS time."""
+
+WEEK_S = 604_800.0
+SECONDS = Range(0.0, WEEK_S + 86_400.0, "must be seconds of the week, 0 to 604800")
+WEEKS = Range(0, 100_000, "must be the GPS week, a whole number", whole=True)
+FIRST_DAY = dt.datetime(1980, 1, 6, tzinfo=dt.UTC)
+"""When GPS weeks began."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Stamps:
+    """Times of events: seconds of the week, and GPS weeks, NaN where not stated, shape (n,)."""
+
+    seconds: Array
+    weeks: Array
+
+
+def _stamp(line: Line, base: str, *, time: int, week: int | None) -> tuple[float, float]:
+    """Return the GPS week, NaN if not stated, and the seconds of the week of one event."""
+    if base.startswith(ISO):
+        return _of_date(line, base, line.cell(time, "time"))
+    seconds = line.number_at(time, "time", SECONDS)
+    if base == WEEK_SOW and week is not None:
+        return line.number_at(week, "week", WEEKS), seconds
+    return np.nan, seconds
+
+
+def _of_date(line: Line, base: str, cell: str) -> tuple[float, float]:
+    try:
+        date = dt.datetime.fromisoformat(cell)
+    except ValueError:
+        expected = "must be a date with its time, as 2026-05-02T10:15:30.25Z"
+        raise line.wrong("time", quoted(cell), expected) from None
+    if (date.tzinfo is None) == (base == ISO):
+        expected = (
+            f"needs a zone, such as Z; or declare --time {ISO_UTC} or {ISO_GPS}"
+            if base == ISO
+            else f"must have no zone; or declare --time {ISO}"
+        )
+        raise line.wrong("time", quoted(cell), expected)
+    since = (date if date.tzinfo else date.replace(tzinfo=dt.UTC)) - FIRST_DAY
+    week, day = divmod(since.days, 7)
+    return float(week), 86_400.0 * day + since.seconds + 1e-6 * since.microseconds
+
+
+def _is_utc(base: str) -> bool:
+    """Tell whether a base is UTC, and not GPS time."""
+    return base in (UTC_SOW, ISO, ISO_UTC)
+
+
+def _continued(times: Array) -> Array:
+    """Return seconds of the week that count on through the end of a week."""
+    falls = np.diff(times, prepend=times[:1]) < -WEEK_S / 2
+    return times + WEEK_S * np.cumsum(falls)
+
+
+def _on_clock(stamps: _Stamps, times: Array, *, ahead: float, week: int | None) -> Array:
+    """Return the times of events on the clock of a trajectory."""
+    seconds = stamps.seconds + ahead  # by leap seconds, where one counts UTC and the other GPS
+    nearest = np.round((times[[0, -1]].mean() - seconds) / WEEK_S)
+    dated: Mask = np.isfinite(stamps.weeks)
+    if dated.all() and len(seconds):
+        first = float(week) if week is not None else stamps.weeks[0] - nearest[0]
+        nearest = stamps.weeks - first
+    return np.asarray(seconds + WEEK_S * nearest, dtype=float)
+
+
+# --- A list of events: names of images, and when they were exposed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Events:
+    """Exposures with their names and times."""
+
+    listed: Listed
+    names: list[str]
+    stamps: _Stamps
+
+
+def _read_events(source: Opened, *, columns: str, separator: str, base: str) -> _Events:
+    """Return the events of a text."""
+    listed = read_list(source, columns, separator=separator, numbers=("time", "week"))
+    name = next((column for column in ("exposure", "image") if listed.has(column)), "")
+    needed = ("time", "week") if base == WEEK_SOW else ("time",)
+    missing = [column for column in needed if not listed.has(column)] + ["image"] * (not name)
+    if missing:
+        raise source.wrong("columns", f"{missing[0]!r} is missing", f"--time {base} needs it")
+    if listed.has("week") and base != WEEK_SOW:
+        raise source.wrong(
+            "columns", "'week' is there", f"needs --time {WEEK_SOW}; or declare skip"
+        )
+    week = position_of(listed.columns, "week")
+    pairs = [_stamp(row, base, time=listed.at("time"), week=week) for row in listed.rows]
+    weeks, seconds = np.array(pairs, dtype=float).T
+    stamps = _Stamps(seconds=seconds, weeks=weeks)
+    return _Events(listed=listed, names=listed.unique(name), stamps=stamps)

@@ -1,0 +1,424 @@
+"""Corners that cover a picture evenly (Harris), one in each of its cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from acx4files.measuring.oriented import TieRays, approximate, chosen, joined, refined
+from acx4files.measuring.pairs import Both, Matching, MatchOptions, PairJob
+from acx4files.measuring.views import Surface, View, ground_of, pixels_of, pixels_of_view, seen_at
+from acx4lib import expected
+from acx4lib.block import Block
+from acx4lib.errors import FlightError
+from acx4lib.expected import Array, Index, Mask
+from acx4lib.geometry.camera import inside
+from acx4lib.tie_points.matching import grey, response
+
+
+def corners(view: View, *, number: int, margin: int) -> Index:
+    """Return the best corner of every cell of a picture, col, row, shape (n, 2).
+
+    Parameters
+    ----------
+    view : View
+    number : int
+        Approximate number of cells.
+    margin : int
+        Distance from the picture's border, px.
+    """
+    image = pixels_of_view(view)
+    rows, cols = image.shape[:2]
+    side = np.sqrt(rows * cols / number)
+    across, down = max(round(cols / side), 1), max(round(rows / side), 1)
+    edges_x = np.linspace(margin, cols - margin, across + 1).astype(int)
+    edges_y = np.linspace(margin, rows - margin, down + 1).astype(int)
+    strongest = [
+        best
+        for top, bottom in pairwise(edges_y.tolist())
+        for left, right in pairwise(edges_x.tolist())
+        if (best := _best(image, (top, bottom, left, right))) is not None
+    ]
+    return np.array(strongest, dtype=np.intp).reshape(-1, 2)
+
+
+def _best(image: Array, cell: tuple[int, int, int, int]) -> tuple[int, int] | None:
+    """Return col, row of the strongest corner in a cell; None where it has no corner."""
+    top, bottom, left, right = cell
+    if bottom <= top or right <= left:
+        return None
+    values = response(grey(np.ascontiguousarray(image[top:bottom, left:right])))
+    row, col = np.unravel_index(int(np.argmax(values)), values.shape)
+    return (left + int(col), top + int(row)) if values[row, col] > 0 else None
+
+
+# --- Which pictures show the same ground, by their approximate orientations
+
+
+GRID = 9
+"""Points along each side of a picture, by which the shared part is counted."""
+
+LEAST_SHARE = 0.08
+"""Share of the one or the other picture that both must show."""
+
+LARGEST_SCALE = 3.0
+"""Ratio of ground pixels above which pictures are not compared."""
+
+STEEPEST = 1.1
+"""Ratio of base to height above which the same ground looks too different."""
+
+
+def overlapping(views: Sequence[View], surface: Surface) -> list[tuple[int, int]]:
+    """Return the pairs of views that show enough of the same ground, i < j."""
+    grounds = [ground_of(view, surface, _grid(view)) for view in views]
+    sizes = np.array([_ground_px(view, x_m) for view, x_m in zip(views, grounds, strict=True)])
+    share = np.array([_shares(view, grounds) for view in views])
+    both = np.maximum(share, share.T) >= LEAST_SHARE
+    ratio = sizes[:, None] / sizes
+    both &= np.maximum(ratio, ratio.T) <= LARGEST_SCALE
+    r = np.array([view.T_m_c.r[0] for view in views])
+    base = np.hypot(*(r[:, None, :2] - r[None, :, :2]).transpose(2, 0, 1))
+    high = r[:, 2] - float(np.mean(surface.z))
+    both &= base <= STEEPEST * np.minimum(high[:, None], high)
+    return [(int(i), int(j)) for i, j in np.argwhere(np.triu(both, 1))]
+
+
+def _grid(view: View) -> Array:
+    cols, rows = view.camera.width_px, view.camera.height_px
+    x, y = np.meshgrid(np.linspace(0, cols - 1, GRID), np.linspace(0, rows - 1, GRID))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def _shares(view: View, grounds: Sequence[Array]) -> Array:
+    """Return the share of the points of every ground that a view shows."""
+    colrow = pixels_of(view, np.concatenate(grounds))
+    return np.asarray(inside(view.camera, colrow).reshape(len(grounds), -1).mean(axis=1))
+
+
+def _ground_px(view: View, x_m: Array) -> float:
+    """Return the size of a picture's pixel on the ground, m, at the declared size."""
+    high = float(np.nanmedian(np.linalg.norm(x_m - view.T_m_c.r[0], axis=1)))
+    return high * view.declared.pixel_mm / view.declared.interior.f
+
+
+# --- A block of pictures matched from small to large: each level refines what the next
+# begins with
+
+
+COARSE_PX = 760
+"""Longer side of the pictures at the first level, at most."""
+
+COARSE, FINE = MatchOptions(search_px=14, epipolar_px=1.0), MatchOptions()
+"""Of the first level, where orientations and ground are not known well, and of the others."""
+
+FAINT = MatchOptions(correlation_px=21, least_correlation=0.4, largest_sigma_px=0.35)
+"""Where features gave the orientations: of photographs, in which lawns and woods correlate less."""
+
+USUAL, MANY = 200, 700
+"""Cells of a picture. Where a trajectory is poor, more tie points are needed."""
+
+ONE_WAY = float(np.cos(np.radians(5.0)))
+"""Cosine of the angle below which two heads look one way."""
+
+STEP_DOWN = 4
+"""Largest ratio of the sizes of two levels that follow each other."""
+
+CROWDED, APART = 3, 1 / 4
+"""Distance of corners, in windows, below which each place belongs to the picture that shows it
+nearest to its middle; and the least distance of points."""
+
+Tell = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureOptions:
+    """How a flight is measured.
+
+    Attributes
+    ----------
+    points : int or None
+        Cells of a picture, each of which gives at most one corner; by default `USUAL`, and `MANY`
+        where features gave the orientations.
+    reduce : int
+        Pictures are measured at 1/reduce of their size; for poor ones.
+    ground_m : float or None
+        Height of the mean ground, as the flight gives heights.
+    """
+
+    points: int | None = None
+    reduce: int = 1
+    ground_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.points is not None:
+            expected.whole("points", self.points, least=20)
+        expected.whole("reduce", self.reduce)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matched:
+    """A block after a level.
+
+    Attributes
+    ----------
+    views : tuple of View
+        With their refined orientations.
+    surface : Surface
+    rays : TieRays
+        Of tie points, with the sigma of windows as a whole; gross errors are left out.
+    n_rejected : int
+        Rays that the adjustment rejected.
+    reduced : int
+        K, if pictures were matched at 1/K of their files' size.
+    """
+
+    views: tuple[View, ...]
+    surface: Surface
+    rays: TieRays
+    n_rejected: int
+    reduced: int
+
+    @property
+    def weight(self) -> float:
+        """Sum of the weights of all rays, px^-2 of full size: the information of the level."""
+        shrink = np.array([view.shrink for view in self.views])[self.rays.view]
+        return float(np.sum((shrink * self.rays.sigma_px) ** -2.0))
+
+
+def match_block(
+    block: Block,
+    views: Sequence[View],
+    surface: Surface,
+    *,
+    options: MeasureOptions,
+    matching: Matching,
+    tell: Tell,
+    skip: int = 0,
+) -> Matched:
+    """Match all overlapping pictures of a block, level by level.
+
+    Pictures that are blurred or strongly compressed may hold less at their full size than at a
+    smaller one: there fewer windows match, and with larger sigma. Then the smaller one is the last.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each view.
+    views : sequence of View
+        At the size of their files.
+    surface : Surface
+        Approximate ground.
+    options : MeasureOptions
+    matching : Matching
+    tell : callable
+        Called with the name of a level, its finished pairs, and all.
+    skip : int
+        Levels that are left out at the start; one where orientations come from features.
+
+    Raises
+    ------
+    FlightError
+        Where no pictures overlap, or too few points are found.
+    AdjustmentError
+        Where the points cannot be adjusted.
+    """
+    best, of_file = None, views[0].shrink
+    n_points = options.points or (MANY if skip else USUAL)
+    camera = block.images.camera_idx
+    sizes = sizes_of(views, options.reduce)
+    for k, shrink in enumerate(sizes[min(skip, len(sizes) - 1) :], start=skip):
+        views = [seen_at(view, k) for view, k in zip(views, shrink, strict=True)]
+        match = FAINT if skip else FINE if k else COARSE
+        run = partial(matching.run, count=partial(tell, f"{block.name} 1/{max(shrink)}"))
+        pairs = [p for p in overlapping(views, surface) if not skip or _worth_it(block, *p)]
+        of_head = [(i, j) for i, j in pairs if camera[i] == camera[j]]
+        pixels = _corners(views, surface, of_head, n_points, match.window_px)
+        try:
+            rays = _matched(block, views, surface, pairs, pixels, match, run)
+        except FlightError:
+            if best is None:
+                raise
+            break
+        oriented = refined(approximate(block, _height(views, surface)), views, rays)
+        views, surface = oriented.views, oriented.surface
+        level = Matched(
+            views=oriented.views,
+            surface=oriented.surface,
+            rays=_whole_points(oriented.with_shared(rays)[oriented.kept]),
+            n_rejected=int(np.sum(~oriented.kept)),
+            reduced=shrink[0] // of_file,
+        )
+        if best is not None and level.weight < best.weight:
+            break
+        best = level
+    assert best is not None  # there is always a first level
+    return best
+
+
+def beyond_search(block: Block, views: Sequence[View], surface: Surface, reduce: int) -> str:
+    """Say where the trajectory's sigma moves pictures by more than the first level searches.
+
+    Parameters
+    ----------
+    block : Block
+        With one image for each view.
+    views : sequence of View
+        At the size of their files.
+    surface : Surface
+        Approximate ground.
+    reduce : int
+        As in `MeasureOptions`.
+
+    Returns
+    -------
+    str
+        Empty where it does not, or has no sigma.
+    """
+    exposures = block.images.exposure_idx
+    position = block.trajectory.sigma_position[exposures].max(axis=1)
+    attitude = block.trajectory.sigma_attitude[exposures].max(axis=1)
+    across = np.hypot(position / _height(views, surface), attitude)
+    first = sizes_of(views, reduce)[0]
+    f_px = np.array([v.declared.interior.f / v.declared.pixel_mm for v in views]) / first
+    apart = np.sqrt(2) * across * f_px  # of a picture against another
+    wide = apart[np.isfinite(apart) & (apart > COARSE.search_px)]
+    if not len(wide):
+        return ""
+    return (
+        f"{block.name}: by its sigma the trajectory puts pictures up to {wide.max():.0f} px off "
+        f"against each other at the first size, 1/{max(first)}, where {COARSE.search_px} px are "
+        "searched: points may be missed"
+    )
+
+
+def sizes_of(views: Sequence[View], reduce: int) -> list[list[int]]:
+    """Return the reduction of every picture at every level, from small to large."""
+    last = [view.shrink * reduce for view in views]
+    sides = [max(view.declared.width_px, view.declared.height_px) for view in views]
+    ratio = max(max(side / k for side, k in zip(sides, last, strict=True)) / COARSE_PX, 1.0)
+    n = 1 + int(np.ceil(np.log(ratio) / np.log(STEP_DOWN)))
+    factors = [int(np.ceil(ratio ** ((n - 1 - i) / max(n - 1, 1)))) for i in range(n)]
+    return [[k * factor for k in last] for factor in factors]
+
+
+def _matched(
+    block: Block,
+    views: Sequence[View],
+    surface: Surface,
+    pairs: Sequence[tuple[int, int]],
+    pixels: Sequence[Index],
+    options: MatchOptions,
+    run: Callable[[Sequence[PairJob]], list[Both]],
+) -> TieRays:
+    """Return the points of one level."""
+    if not pairs:
+        raise FlightError([f"block {block.name}: no two pictures show the same ground; {_CURE}"])
+    jobs = [
+        PairJob(
+            a=views[i], b=views[j], surface=surface, at_a=pixels[i], at_b=pixels[j], options=options
+        )
+        for i, j in pairs
+    ]
+    matches = dict(zip(pairs, run(jobs), strict=True))
+    rays = joined(pixels, matches, block.images.camera_idx)
+    shown = _shown(views, surface, pixels, pairs)
+    rays = chosen(rays, shown[rays.point], apart_px=options.window_px * APART)
+    if len(rays) < _LEAST_RAYS * len(views):
+        says = f"block {block.name}: only {len(rays)} measurements in {len(views)} pictures"
+        raise FlightError([f"{says}; {_CURE}"])
+    return rays
+
+
+def _worth_it(block: Block, i: int, j: int) -> bool:
+    """Tell whether pictures are of the same head or exposure, or of heads that look apart.
+
+    Heads with one view show the same ground at an exposure; pairs of one exposure tie them.
+    """
+    images = block.images
+    same = (
+        images.camera_idx[i] == images.camera_idx[j]
+        or images.exposure_idx[i] == images.exposure_idx[j]
+    )
+    look = [block.cameras[images.camera_idx[k]].T_b_c.R[:, 2] for k in (i, j)]
+    return bool(same or look[0] @ look[1] < ONE_WAY)
+
+
+_CURE = "are trajectory, mount_*_deg and --ground right, and are the files those of these images?"
+_LEAST_RAYS = 12
+
+
+def _corners(
+    views: Sequence[View],
+    surface: Surface,
+    pairs: Sequence[tuple[int, int]],
+    n_points: int,
+    window_px: int,
+) -> list[Index]:
+    """Return the corners of every view; where crowded, only those in the view that shows them best.
+
+    Pictures of a head that share a place have the same corners there, and of those that are close
+    to each other only one would be used. So the place is left to the picture that shows it nearest
+    to its middle, which has more of them. Pairs are those of each head.
+    """
+
+    def corners_of(number: int) -> list[Index]:
+        return [corners(view, number=number, margin=window_px // 2 + 3) for view in views]
+
+    size = views[0].camera
+    if size.width_px * size.height_px > n_points * (CROWDED * window_px) ** 2:
+        return corners_of(n_points)
+    shown = float(np.mean(_shown(views, surface, corners_of(USUAL), pairs)))
+    pixels = corners_of(int(n_points * shown))
+    return [colrow[_is_master(k, colrow, views, surface, pairs)] for k, colrow in enumerate(pixels)]
+
+
+def _is_master(
+    i: int, colrow: Index, views: Sequence[View], surface: Surface, pairs: Sequence[tuple[int, int]]
+) -> Mask:
+    """Tell which corners are nearer to the middle of their view than to that of any other, (n,)."""
+    x_m = ground_of(views[i], surface, colrow.astype(float))
+    distance = _off_middle(views[i], colrow.astype(float))
+    best = np.ones(len(colrow), dtype=bool)
+    for other in (views[a + b - i] for a, b in pairs if i in (a, b)):
+        best &= ~(_off_middle(other, pixels_of(other, x_m)) < distance)  # NaN is not nearer
+    return best
+
+
+def _off_middle(view: View, colrow: Array) -> Array:
+    """Return distances from the middle of a picture, in its diagonals."""
+    middle = np.array([view.camera.width_px - 1, view.camera.height_px - 1]) / 2
+    return np.asarray(np.linalg.norm(colrow - middle, axis=1) / view.camera.diagonal_px)
+
+
+def _shown(
+    views: Sequence[View],
+    surface: Surface,
+    pixels: Sequence[Index],
+    pairs: Sequence[tuple[int, int]],
+) -> Index:
+    """Return for every corner how many pictures show its place, its own among them."""
+    out = []
+    for i, (view, colrow) in enumerate(zip(views, pixels, strict=True)):
+        x_m = ground_of(view, surface, colrow.astype(float))
+        others = [views[a + b - i] for a, b in pairs if i in (a, b)]
+        n = np.ones(len(colrow), dtype=np.intp)
+        for other in others:
+            n += inside(other.camera, pixels_of(other, x_m))
+        out.append(n)
+    return np.concatenate(out)
+
+
+def _whole_points(rays: TieRays) -> TieRays:
+    """Return the rays of points that still have two."""
+    _, inverse, count = np.unique(rays.point, return_inverse=True, return_counts=True)
+    return rays[count[inverse] >= 2]
+
+
+def _height(views: Sequence[View], surface: Surface) -> float:
+    """Return the flying height above ground, m."""
+    z = np.median([view.T_m_c.r[0, 2] for view in views])
+    return max(float(z - np.mean(surface.z)), 1.0)

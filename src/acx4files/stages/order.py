@@ -1,0 +1,176 @@
+"""The data that each stage needs, the order of the stages, and explanations of failures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from acx4files import conventions
+from acx4files.flight.reader import Flight
+from acx4files.results.adjustments import Record
+from acx4files.results.folder import messages
+from acx4lib.block import standing_out, unobserved
+from acx4lib.calibration.heads import not_calibrated
+from acx4lib.errors import AdjustmentError, unsolvable
+
+DECISIVE = ("heads/bundle", "mounting/single_step")
+"""Methods that must be determined; the others are left out where they are not."""
+
+CONSISTENT = (*DECISIVE, "mounting/rig", "validation/single_step", "validation/given")
+"""Methods in which data snooping must not reject a large part of a group."""
+
+NO_RIG = "there are no heads"
+"""Reason for no rig in a flight without heads; stage heads reports it already."""
+
+
+def is_end(flight: Flight, stage: str) -> bool:
+    """Tell whether a run can go on after an undetermined stage: no later stage needs it.
+
+    Points measured in heads are transferred by stage synthetic for all later stages.
+    """
+    return stage == "synthetic" and not flight.transferred
+
+
+def ordered(flight: Flight, parts: Sequence[str]) -> tuple[str, ...]:
+    """Return the stages in running order: the rig first if its heads transfer the points.
+
+    Parameters
+    ----------
+    flight : Flight
+    parts : sequence of str
+        Of `table_files.NOTEBOOKS`, in the order of these.
+    """
+    if "rig" not in parts or "synthetic" not in parts or not rig_leads(flight):
+        return tuple(parts)
+    rest = [part for part in parts if part != "rig"]
+    place = rest.index("synthetic")
+    return (*rest[:place], "rig", *rest[place:])
+
+
+def rig_leads(flight: Flight) -> bool:
+    """Tell whether the rig orients the heads, since none can be calibrated separately."""
+    block = flight.blocks.get("heads")
+    return (
+        block is not None
+        and bool(flight.transferred)
+        and bool(not_calibrated(block))
+        and not missing(flight, "rig")
+    )
+
+
+def missing(flight: Flight, stage: str) -> str:
+    """Return the reason why a stage cannot run on a flight; empty if it can."""
+    block = {"mounting": "calibration", "validation": "validation"}.get(stage, "heads")
+    if block not in flight.blocks:
+        return NO_RIG if stage == "rig" else f"the flight has no block {block}"
+    if block in flight.transferred and "heads" not in flight.blocks:
+        return (
+            f"block {block} is measured in heads, which the flight has no block heads to calibrate"
+        )
+    if stage == "synthetic":
+        return "" if flight.synthetic else "flight.toml has no table [synthetic]"
+    return _unmeasured(flight, stage, block)
+
+
+def _unmeasured(flight: Flight, stage: str, block: str) -> str:
+    """Return a message on measurements that a stage lacks in its block; empty without any."""
+    of_heads = not_calibrated(flight.blocks[block]) if stage == "heads" else ""
+    if of_heads or not len(flight.blocks[block].image_points):
+        reason = of_heads or f"nothing is measured in block {block}"
+        in_rig = stage == "heads" and rig_leads(flight)
+        how = "calibrated together, as a rig" if in_rig else "as flight.toml has them"
+        return f"{reason}; its heads are {how}"
+    if stage == "rig" and len(flight.blocks[block].cameras) < 2:
+        return f"block {block} has one camera only"
+    if stage == "validation" and unobserved(flight.blocks[block]):
+        return "the trajectory of block validation has no sigma of positions and attitudes"
+    rays, checked = flight.blocks[block].rays, flight.blocks[block].check.point_idx
+    if stage == "validation" and not ((rays[checked] if len(checked) else rays) >= 2).any():
+        return (
+            f"no {'check ' * bool(len(checked))}point of block validation is measured in two images"
+        )
+    return ""
+
+
+# --- Where observations contradict each other: the interpretation of the flight that explains it
+
+
+def _reading(flight: Flight, block_name: str) -> str:
+    """Return a sentence on an interpretation that fits a block much better; empty without any."""
+    reading = conventions.best_reading(flight, block_name)
+    return reading.sentence if reading else ""
+
+
+def explained(records: Sequence[Record], flight: Flight, block_name: str) -> list[Record]:
+    """Explain stopped data snooping and failures in records by a fitting interpretation.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    flight : Flight
+    block_name : str
+        Block of the records.
+    """
+    if not any(_unexplained(entry) for record in records for entry in record.summary.values()):
+        return list(records)
+    explanation = _reading(flight, block_name)
+    return [_with(record, explanation) for record in records] if explanation else list(records)
+
+
+def _unexplained(entry: Mapping[str, object]) -> dict[str, list[str]]:
+    """Return the sentences on stops and failures in an entry of a summary, by their key."""
+    keys = ["stopped", *([] if entry.get("converged") else ["not_determined"])]
+    return {key: lines for key in keys if (lines := messages(entry, key))}
+
+
+def _with(record: Record, explanation: str) -> Record:
+    """Append an explanation to the unexplained sentences of a record."""
+    entries = {
+        name: entry
+        | {
+            key: [f"{line}; {explanation}" for line in lines]
+            for key, lines in _unexplained(entry).items()
+        }
+        for name, entry in record.summary.items()
+    }
+    return replace(record, summary=entries)
+
+
+@contextmanager
+def explaining(flight: Flight, block_name: str) -> Iterator[None]:
+    """Add a fitting interpretation to the message of an adjustment that fails.
+
+    Parameters
+    ----------
+    flight : Flight
+    block_name : str
+        The block that is adjusted.
+    """
+    try:
+        yield
+    except AdjustmentError as error:
+        explanation = _reading(flight, block_name)
+        if not explanation:
+            raise
+        raise AdjustmentError(f"{error}; {explanation}") from error
+
+
+@contextmanager
+def solving(flight: Flight, block_name: str) -> Iterator[None]:
+    """Replace a LinAlgError by an AdjustmentError, with exposures and points to check.
+
+    Parameters
+    ----------
+    flight : Flight
+    block_name : str
+        Block of the equations.
+    """
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        odd = standing_out(flight.block(block_name))
+        equations = f"the equations of block {block_name!r}{odd}"
+        raise unsolvable(str(error), equations) from error

@@ -1,0 +1,293 @@
+"""Direct georeferencing tested on an independent block (section 4.3, Table 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from acx4files.flight.reader import Flight
+from acx4files.results import adjustments, earlier, folder, provenance, read_back
+from acx4files.results.adjustments import Record, mounted_block, of_validations
+from acx4files.results.earlier import Earlier
+from acx4files.stages.order import explained, solving
+from acx4files.stages.rig import of_attitudes
+from acx4lib import shown
+from acx4lib.attempts import attempt
+from acx4lib.block import Block
+from acx4lib.calibration.estimates import Calibration, features
+from acx4lib.georeferencing.validation import Validation, predict, validate
+from acx4lib.shown import ByName, Tabled
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ValidationStage:
+    """The validation block, georeferenced by every calibration.
+
+    Attributes
+    ----------
+    block : Block
+        Transferred into the synthetic image where it is measured in heads.
+    calibrations : dict of str to Calibration
+        By method, those whose parameters are all determined.
+    validations : list of Validation
+        One for each of them.
+    rigs : dict of str to Calibration
+        By method, where the block is measured in heads.
+    in_heads : list of Validation
+        One for each of them, in the images of the heads.
+    earlier : str
+        Sentence on the origin of the calibrations of an earlier flight; empty for this flight's.
+    """
+
+    block: Block
+    calibrations: dict[str, Calibration]
+    validations: list[Validation]
+    rigs: Mapping[str, Calibration]
+    in_heads: list[Validation]
+    earlier: str = ""
+
+    def __repr__(self) -> str:
+        """Summarize the validations in one line."""
+        methods = [validation.method for validation in (*self.validations, *self.in_heads)]
+        points = shown.count(len(self.block.check), "check point")
+        return shown.line("ValidationStage", points, *methods)
+
+    def table(self) -> pd.DataFrame:
+        """Return the differences of all methods."""
+        by_method = {
+            validation.method: validation for validation in (*self.validations, *self.in_heads)
+        }
+        return _below_each_other("method", by_method)
+
+
+def _below_each_other(name: str, values: Mapping[str, Tabled]) -> pd.DataFrame:
+    """Concatenate the tables of values, one below the other."""
+    import pandas as pd  # noqa: PLC0415 it loads long, and few programs show tables
+
+    tables = {key: value.table() for key, value in values.items()}
+    return pd.concat(tables, names=[name]) if tables else pd.DataFrame()
+
+
+def run(
+    flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
+) -> ValidationStage:
+    """Validate the calibrations of stage mounting, and write the results.
+
+    Parameters
+    ----------
+    flight : Flight
+        With a block validation.
+    results_path : path
+        With the results of stage mounting of this flight, where it has a block calibration.
+    calibration_path : path, optional
+        Results of an earlier flight, whose calibrations are validated in their place.
+
+    Raises
+    ------
+    FlightError
+        Where the results of stage mounting are missing or of another flight, or the cameras of
+        the earlier one are others.
+    AdjustmentError
+        Where nothing can be computed with the numbers of the block.
+    """
+    before = _before(flight, results_path, calibration_path)
+    block, rigs = _block(flight, before), _rigs(flight, before)
+    methods = _calibrations(flight, before, block)
+    stage = ValidationStage(
+        block=block,
+        calibrations=methods,
+        validations=_validations(flight, block, methods),
+        rigs=rigs,
+        in_heads=_validations(flight, flight.block("validation"), rigs),
+        earlier=before.sentence if isinstance(before, Earlier) else "",
+    )
+    validations = [*stage.validations, *stage.in_heads]
+    _write(flight, results_path, _records(flight, validations, {**methods, **rigs}), before)
+    return stage
+
+
+# --- what is validated -----------------------------------------------------------------------
+
+
+def measured(flight: Flight, results_path: str | Path, calibration_path: str | Path = "") -> Block:
+    """Return the validation block; points measured in heads are transferred.
+
+    Parameters
+    ----------
+    flight, results_path, calibration_path
+        As in `run`; raises as this does, here and below.
+    """
+    return _block(flight, _before(flight, results_path, calibration_path))
+
+
+def calibrations(
+    flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
+) -> ByName[Calibration]:
+    """Return the calibrations whose parameters are all determined, by method.
+
+    Parameters
+    ----------
+    flight, results_path, calibration_path
+        As in `run`.
+    """
+    before = _before(flight, results_path, calibration_path)
+    return _calibrations(flight, before, _block(flight, before))
+
+
+def calibrated_rigs(
+    flight: Flight, results_path: str | Path, calibration_path: str | Path = ""
+) -> ByName[Calibration]:
+    """Return the calibrations of the heads, by method, if the block is measured in them.
+
+    Parameters
+    ----------
+    flight, results_path, calibration_path
+        As in `run`.
+    """
+    return _rigs(flight, _before(flight, results_path, calibration_path))
+
+
+def whose(flight: Flight, calibration_path: str | Path) -> str:
+    """Return a sentence on the earlier flight whose calibrations are validated; empty without."""
+    return earlier.read(calibration_path, flight).sentence if str(calibration_path) else ""
+
+
+def _before(
+    flight: Flight, results_path: str | Path, calibration_path: str | Path
+) -> Earlier | folder.Results:
+    """Read the results of the previous stages, or those of an earlier flight."""
+    if str(calibration_path):
+        return earlier.read(calibration_path, flight)
+    needed = {"synthetic": "validation" in flight.transferred, "mounting": bool(flight.calibration)}
+    stages = [stage for stage, is_needed in needed.items() if is_needed]
+    return provenance.results_before(results_path, stages, flight)
+
+
+def _block(flight: Flight, before: Earlier | folder.Results) -> Block:
+    if isinstance(before, Earlier):
+        return before.block(flight)
+    return mounted_block(flight, "validation", before)
+
+
+def _calibrations(
+    flight: Flight, before: Earlier | folder.Results, block: Block
+) -> ByName[Calibration]:
+    if isinstance(before, Earlier):
+        return ByName(before.calibrations(block))
+    return ByName(read_back.calibrations_for(flight, before, block.cameras))
+
+
+def _rigs(flight: Flight, before: Earlier | folder.Results) -> ByName[Calibration]:
+    if "validation" not in flight.transferred:
+        return ByName()
+    block = flight.block("validation")
+    if isinstance(before, Earlier):
+        return ByName(before.rigs(block))
+    return ByName(read_back.rigs_for(before, block.cameras))
+
+
+# --- results ---------------------------------------------------------------------------------
+
+
+def _validations(
+    flight: Flight, block: Block, calibrations: Mapping[str, Calibration]
+) -> list[Validation]:
+    return [
+        validate(block, calibration, method=method, refraction=flight.refraction)
+        for method, calibration in calibrations.items()
+    ]
+
+
+def write(
+    flight: Flight,
+    results_path: str | Path,
+    validations: Mapping[str, Validation],
+    calibrations: Mapping[str, Calibration],
+    calibration_path: str | Path = "",
+) -> None:
+    """Write the results of all validations.
+
+    Parameters
+    ----------
+    flight : Flight
+    results_path : path
+    validations : mapping of str to Validation
+        By method, those in the images of the heads among them.
+    calibrations : mapping of str to Calibration
+        By method, that of every validation.
+    calibration_path : path, optional
+        Results of the earlier flight whose calibrations they are.
+    """
+    before = earlier.read(calibration_path, flight) if str(calibration_path) else None
+    records = _records(flight, list(validations.values()), calibrations)
+    _write(flight, results_path, records, before)
+
+
+def _records(
+    flight: Flight, validations: Sequence[Validation], calibrations: Mapping[str, Calibration]
+) -> list[Record]:
+    flown = flight.blocks.get("calibration")
+    with solving(flight, "validation"):
+        records = of_validations(
+            validations,
+            calibrations,
+            frozenset() if flown is None else features(flown),
+            late="delay" in flight.gnss,
+        )
+        if validations:
+            pairs = zip(records, validations, strict=True)
+            records = [
+                _with_prediction(flight, record, validation, calibrations[validation.method])
+                for record, validation in pairs
+            ]
+        return explained(records, flight, "validation")
+
+
+def _with_prediction(
+    flight: Flight, record: Record, validation: Validation, calibration: Calibration
+) -> Record:
+    """Add to a record how well exposures are predicted, for a block without check points."""
+    if len(validation.block.check) or not len(validation.block.image_points):
+        return record
+    prediction = attempt(
+        predict,
+        validation.block,
+        calibration,
+        method=validation.method,
+        refraction=flight.refraction,
+        gnss=of_attitudes(flight.gnss),
+    )
+    return adjustments.with_prediction(record, prediction)
+
+
+def _write(
+    flight: Flight,
+    results_path: str | Path,
+    records: Sequence[Record],
+    before: Earlier | folder.Results | None,
+) -> None:
+    """Write the records; the first has a note on the origin of the calibrations."""
+    origin = None
+    if isinstance(before, Earlier):
+        origin = before.origin
+        first, *others = records
+        notes = [f"validation: {before.sentence}"]
+        records = [_named(first, before, notes=notes)]
+        records += [_named(record, before) for record in others]
+    adjustments.write(results_path, "validation", records, flight=flight, calibration=origin)
+
+
+def _named(record: Record, earlier: Earlier, *, notes: Sequence[str] = ()) -> Record:
+    """Add the origin of an earlier flight's calibration to the record of a validation."""
+    entries = {}
+    for key, entry in record.summary.items():
+        method = key.rpartition("/")[2]
+        origin: dict[str, object] = {**earlier.origin, "method": f"mounting/{method}"}
+        all_notes = [*folder.messages(entry, "notes"), *notes]
+        entries[key] = {**entry, "calibration": origin, "notes": all_notes}
+    return Record(stage=record.stage, method=record.method, tables=record.tables, summary=entries)

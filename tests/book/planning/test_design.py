@@ -1,0 +1,253 @@
+"""What a plan determines: closed forms, the adjustment itself, what no plan can tell."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acx4book.campaigns import joint_test
+from acx4book.planning import design, tables
+from acx4book.planning import plan as plans
+from acx4lib.bundle.adjust import adjust
+from acx4lib.calibration.estimates import from_bundle, parameters, reported_covariance
+from acx4lib.errors import AdjustmentError, FlightError
+from support.flights.planned import strip, values
+
+PERFECT = {
+    "image_point_px": 1e-3,
+    "gnss_horizontal_m": 0.02,
+    "gnss_vertical_m": 0.03,
+    "roll_pitch_deg": 1e-6,
+    "heading_deg": 1e-6,
+}
+"""Nothing but GNSS has an error."""
+
+
+def only(fix, **apriori):
+    """Return sigma where one part of the mounting is the only unknown, by parameter."""
+    plan = plans.from_values(
+        values(
+            apriori={**PERFECT, **apriori},
+            control={"sigma_m": [1e-5, 1e-5, 1e-5]},
+            stages={"mounting": {"estimate": [], "fix": [fix]}},
+        )
+    )
+    mounting = design.of(plan).mountings["single_step"]
+    n = len(mounting.bundle.network.pose_names)
+    return {p.key: p.sigma for p in parameters(mounting.calibration)}, n
+
+
+def test_a_lever_arm_alone_has_the_sigma_of_the_mean_of_all_positions():
+    sigma, n = only("boresight")
+    # the lever arm turns with the body, whose four courses mix east and north of equal sigma
+    assert sigma["lever_x"] == pytest.approx(0.02 / np.sqrt(n), rel=0.01)
+    assert sigma["lever_y"] == pytest.approx(0.02 / np.sqrt(n), rel=0.01)
+    assert sigma["lever_z"] == pytest.approx(0.03 / np.sqrt(n), rel=0.01)
+
+
+def test_a_boresight_alone_has_the_sigma_of_the_mean_of_all_attitudes():
+    gnss = {"gnss_horizontal_m": 1e-5, "gnss_vertical_m": 1e-5}
+    sigma, n = only("lever_arm", **gnss, roll_pitch_deg=0.01, heading_deg=0.02)
+    for axis, expected in (("x", 0.01), ("y", 0.01), ("z", 0.02)):
+        assert sigma[f"boresight_{axis}"] == pytest.approx(expected / np.sqrt(n), rel=0.01)
+
+
+def test_the_covariance_is_that_of_an_adjustment_of_the_same_block():
+    planned = design.of(plans.from_values(values())).mountings["single_step"]
+    adjusted = adjust(planned.bundle.network)
+    assert planned.bundle.solution.sigma0_sq == 1.0
+    assert planned.calibration.sigma0_sq == 1.0
+    cov = from_bundle(adjusted).cov
+    np.testing.assert_allclose(planned.calibration.cov, cov, rtol=1e-4, atol=1e-20)
+    # what it adjusts has no errors
+    assert adjusted.solution.cost < 1e-6
+
+
+def test_sigma_of_image_points_twice_as_large_make_no_covariance_smaller():
+    fine = design.of(plans.from_values(values())).mountings["single_step"]
+    coarse = design.of(plans.from_values(values(apriori={"image_point_px": 0.8})))
+    ratio = np.sqrt(
+        np.diag(reported_covariance(coarse.mountings["single_step"].calibration))
+        / np.diag(reported_covariance(fine.calibration))
+    )
+    assert np.all((ratio > 1.0) & (ratio < 2.0))
+
+
+def test_twice_all_sigma_are_twice_the_sigma_of_all_unknowns():
+    apriori = {key: 2 * value for key, value in values()["apriori"].items()}
+    control = {"sigma_m": [0.02, 0.02, 0.04]}
+    one, two = (
+        design.of(plans.from_values(plan)).mountings["single_step"].calibration
+        for plan in (values(), values(apriori=apriori, control=control))
+    )
+    np.testing.assert_allclose(two.cov, 4 * one.cov, rtol=1e-6)
+
+
+def test_one_strip_leaves_open_what_two_directions_determine():
+    lonely = {"strips": {"s": strip("north")}, "tie_points": 100}
+    found = design.of(plans.from_values(values(calibration=lonely, control={"number": [0, 0]})))
+    said = tables.sentences(found)
+    assert any("lever_" in line for line in said)
+    assert all(line.startswith("mounting/single_step: CAM ") for line in said)
+    assert not tables.sentences(design.of(plans.from_values(values())))
+
+
+def test_a_shift_of_gnss_is_an_unknown_with_its_sigma_and_correlations():
+    stages = {"mounting": {"estimate": ["f_mm"], "fix": ["lever_arm"], "gnss": ["shift"]}}
+    found = design.of(plans.from_values(values(stages=stages)))
+    table = tables.parameter_table(found).set_index("parameter")
+    assert table.loc["gnss_shift_height_m", "sigma"] < 0.05
+    assert table.loc["gnss_shift_height_m", "correlated_with"] == "CAM/f_mm"
+    cov = tables.covariance_table(found)
+    assert len(cov) == len(table) ** 2
+    related = tables.correlation_table(found)
+    assert related["value"].abs().max() == pytest.approx(1.0)
+
+
+VALIDATION = {
+    "check": {"number": [3, 3], "area_m": [600.0, 600.0], "sigma_px": 1.0},
+    "strips": {"a": strip("north", 800.0, overlap=0.6), "b": strip("south", 800.0, overlap=0.6)},
+}
+
+
+def test_the_rms_of_check_points_falls_with_the_height_of_the_mapping_flight():
+    low = {key: {**one, "flying_height_m": 500.0} for key, one in VALIDATION["strips"].items()}
+    high, lower = (
+        design.of(plans.from_values(values(validation={**VALIDATION, "strips": strips})))
+        for strips in (VALIDATION["strips"], low)
+    )
+    told = [tables.summary(found)["validation/single_step"] for found in (high, lower)]
+    assert np.all(np.array(told[1]["pairs"]["rms"]) < told[0]["pairs"]["rms"])
+    points = high.validations["single_step"].points
+    assert np.abs(points.d).max() < 1e-6
+    table = tables.check_point_table(high)
+    assert len(table) == len(points) == told[0]["points"]["n"]
+    squares = (table.filter(like="sigma_") ** 2).mean()
+    assert told[0]["points"]["rms"] == pytest.approx(np.sqrt(squares.to_numpy()))
+
+
+def test_a_mapping_flight_alone_has_the_cameras_as_they_are_given():
+    whole = values(validation=VALIDATION)
+    del whole["calibration"]
+    found = design.of(plans.from_values(whole))
+    assert [*found.validations] == ["given"]
+    assert found.mountings == {}
+    assert "\n".join(tables.lines(found)).count("validation/given") == 1
+
+
+def test_a_plan_that_shows_no_point_or_too_few_is_named():
+    aside = {"layout": "at", "at_m": [[9000.0, 0.0]]}
+    nothing = values(control=aside, calibration={"tie_points": 0})
+    for table in ("number", "area_m"):
+        del nothing["control"][table]
+    with pytest.raises(FlightError, match="no image shows a point"):
+        design.of(plans.from_values(nothing))
+    sparse = {"s": strip("north", overlap=0.1)}
+    with pytest.raises(FlightError, match=r"calibration\.tie_points: of 400, three images"):
+        design.of(plans.from_values(values(calibration={"strips": sparse})))
+    few = {"strips": {"s": {**strip("north"), "length_m": 0.0}}, "tie_points": 0}
+    with pytest.raises(AdjustmentError, match="observations cannot determine"):
+        design.of(plans.from_values(values(calibration=few, control={"number": [1, 1]})))
+
+
+def test_the_lines_name_every_unknown_and_every_group_of_observations():
+    lines = "\n".join(tables.lines(design.of(plans.from_values(values()))))
+    for part in ("CAM f_mm", "boresight_kappa_deg", "weakest direction", "GNSS positions, east"):
+        assert part in lines
+    table = tables.reliability_table(design.of(plans.from_values(values())))
+    assert set(table["kind"]) == {"image_point", "control_point", "gnss", "attitude"}
+    # found with a power of 80 % where it is 3.89 + 0.84 sigma over the root of the redundancy
+    heading = table[table["component"] == "heading_deg"].iloc[0]
+    expected = 4.73 * 0.015 / np.sqrt(heading["redundancy_median"])
+    assert heading["detectable_median"] == pytest.approx(expected, rel=0.02)
+
+
+def test_control_points_in_no_image_and_places_far_from_the_maps_are_said():
+    far = {"layout": "corners", "number": 5, "area_m": [45_000.0, 45_000.0]}
+    planned = design.of(plans.from_values(values(control=far)))
+    assert (
+        "calibration: 4 of 5 planned control points are in no image"
+        in tables.summary(planned)["notes"]
+    )
+    assert "  calibration: 4 of 5 planned control points are in no image" in tables.lines(planned)
+    assert tables.summary(design.of(plans.from_values(values())))["notes"] == []
+    elsewhere = design.of(plans.from_values(values(crs="EPSG:2193")))
+    (said, *_) = tables.summary(elsewhere)["notes"]
+    assert said.startswith("calibration: the exposures are at ")
+    assert "is it the right CRS?" in said
+
+
+# --- What a plan determines on average over winds, and what a later campaign of it would find
+
+
+MAPPING = {
+    "check": {"number": [3, 3], "area_m": [600.0, 600.0]},
+    "strips": {"a": strip("north", 800.0, overlap=0.6), "b": strip("south", 800.0, overlap=0.6)},
+}
+N_WINDS = 6
+
+
+@pytest.fixture(scope="module")
+def found():
+    return design.of(plans.from_values(values(validation=MAPPING)), winds=N_WINDS)
+
+
+def test_the_covariance_is_the_mean_of_those_of_all_winds(found):
+    assert len(found.outcomes) == N_WINDS
+    all_cov = [one.covariances["single_step"] for one in found.outcomes]
+    assert np.ptp([np.sqrt(np.diag(cov)) for cov in all_cov], axis=0).min() > 0
+    sigma = np.sqrt(np.mean([np.diag(cov) for cov in all_cov], axis=0))
+    table = tables.parameter_table(found)
+    np.testing.assert_allclose(table["sigma"], sigma)
+    each = np.array([np.sqrt(np.diag(cov)) for cov in all_cov])
+    np.testing.assert_allclose(table["spread"], each.std(axis=0, ddof=1) / each.mean(axis=0))
+    one = tables.parameter_table(design.of(found.plan))
+    assert one["spread"].isna().all()
+    np.testing.assert_allclose(one["sigma"], table["sigma"], rtol=0.1)
+
+
+def test_the_rms_is_that_of_all_winds_and_its_tolerance_that_of_their_mean(found):
+    told = tables.summary(found)["validation/single_step"]["points"]
+    of_winds = [np.mean([*one.points["single_step"].values()], axis=0) for one in found.outcomes]
+    assert told["rms"] == pytest.approx(np.sqrt(np.mean(of_winds, axis=0)))
+    error = np.std(of_winds, axis=0, ddof=1) / np.sqrt(N_WINDS)
+    # the relative error of a root is half of that of its square
+    assert told["tolerance"] == pytest.approx(error / np.mean(of_winds, axis=0))
+    assert told["n"] == pytest.approx(
+        np.mean([len(o.points["single_step"]) for o in found.outcomes])
+    )
+    table = tables.check_point_table(found)
+    squares = (table.filter(like="sigma_") ** 2).mean()
+    assert told["rms"] == pytest.approx(np.sqrt(squares.to_numpy()), rel=0.02)
+
+
+def test_all_winds_have_the_same_tie_points(found):
+    places = [design.flown.over(found.plan, "calibration").tie_places() for _ in range(2)]
+    np.testing.assert_array_equal(*places)
+    windy = design.flown.block(found.plan, "calibration", wind=3, tie_places=places[0])
+    even = found.blocks["calibration"]
+    assert len(windy.points) == pytest.approx(len(even.points), rel=0.02)
+
+
+def test_large_blocks_have_fewer_winds():
+    assert design.usual_winds(plans.from_values(values())) == design.MOST
+    long = {name: {**s, "base_m": 5.0} for name, s in values()["calibration"]["strips"].items()}
+    assert (
+        design.usual_winds(plans.from_values(values(calibration={"strips": long}))) == design.FEWEST
+    )
+
+
+def test_a_change_of_the_smallest_size_is_found_by_four_comparisons_of_five(found):
+    """20 000 pairs of campaigns, tested as a comparison tests them; 80 % to four sigma."""
+    rng, table = np.random.default_rng(8), tables.parameter_table(found)
+    sigma, change = table[["sigma", "detectable_change"]].iloc[0]
+    d = change + rng.normal(0, sigma, 20_000) - rng.normal(0, sigma, 20_000)
+    cov = np.array([[2 * sigma**2]])
+    p = [joint_test(one[None], cov).p for one in d[:2000]]
+    assert np.mean(np.array(p) < 0.05) == pytest.approx(0.8, abs=0.036)
+    assert np.mean(np.abs(d) > 1.959964 * np.sqrt(2) * sigma) == pytest.approx(0.8, abs=0.0114)
+
+
+def test_the_change_that_is_found_stands_beside_every_sigma(found):
+    table = tables.parameter_table(found)
+    np.testing.assert_allclose(table["detectable_change"] / table["sigma"], 3.962, atol=1e-3)
+    assert isinstance(table, pd.DataFrame)

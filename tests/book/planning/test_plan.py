@@ -1,0 +1,408 @@
+"""Plans, and the blocks that are flown by them."""
+
+import datetime as dt
+import re
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acx4book.planning import design
+from acx4book.planning import plan as plans
+from acx4book.planning.flown import CRAB_DEG, MOTION_DEG, SCATTER_M, exposures, flying_time_s
+from acx4book.planning.plan import Area, PlannedBlock, Points, Strip, strip_of
+from acx4lib.errors import FlightError
+from acx4sim import earth
+from support.flights.planned import values
+from support.helpers import ROOT
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return plans.from_values(values())
+
+
+def test_an_image_has_four_fifths_of_the_next(plan):
+    camera = plan.cameras("calibration")[0]
+    one = strip_of(camera, 600.0, 400.0, images=7, overlap=0.8)
+    along_mm = 0.0046 * 8708  # the camera is turned by 90 degrees: its height flies forward
+    assert one.base_m == pytest.approx(0.2 * along_mm * 600.0 / 50.0, rel=1e-9)
+    assert (one.n_exposures, one.course_deg) == (7, 40.0)
+    assert flying_time_s((one,)) == pytest.approx(6 * one.base_m / 70)
+    with pytest.raises(ValueError, match="images"):
+        strip_of(camera, 600.0, 0.0, images=0)
+
+
+def test_a_plan_flies_other_strips_in_their_order(plan):
+    camera = plan.cameras("calibration")[0]
+    low, high = (strip_of(camera, height_m, 0.0, images=3) for height_m in (600.0, 900.0))
+    other = plan.with_strips([high, low, high])
+    assert [*other.blocks["calibration"].strips.items()] == [("1", high), ("2", low), ("3", high)]
+    named = plan.with_strips({"north": low})
+    assert [*named.blocks["calibration"].strips] == ["north"]
+    with pytest.raises(ValueError, match="block"):
+        plan.with_strips([low], block="none")
+
+
+def test_what_a_changed_plan_says_of_itself_is_the_same_plan(plan):
+    camera = plan.cameras("calibration")[0]
+    strips = [strip_of(camera, height_m, 90.0, images=5) for height_m in (600.0, 900.0)]
+    changed = plan.with_strips(strips).with_control(3, (400.0, 300.0))
+    again = plans.from_values(changed.values)
+    assert again.blocks["calibration"].strips == changed.blocks["calibration"].strips
+    assert again.control == changed.control
+    assert again.blocks["calibration"].points == changed.blocks["calibration"].points
+
+
+def test_control_points_are_corners_first(plan):
+    places = plans.places(plan.with_control(5, (400.0, 300.0)).control)
+    assert abs(places[:4]).tolist() == 4 * [[200.0, 150.0]]
+    assert places[4].tolist() == [0.0, 0.0]
+    assert len(plans.places(plan.with_control(0).control)) == 0
+    with pytest.raises(ValueError, match="number"):
+        plan.with_control(10)
+
+
+def test_sigmas_are_those_of_the_design(plan):
+    (mounting,) = design.of(plan).mountings.values()
+    found = design.sigmas(plan)
+    assert found.tolist() == mounting.table()["sigma"].tolist()
+    assert found.index[0] == "f_mm"
+
+
+def test_sigmas_need_a_calibration_block(plan):
+    only = {name: block for name, block in plan.blocks.items() if name == "validation"}
+    with pytest.raises(FlightError, match="without block calibration"):
+        design.sigmas(type(plan)(**{**vars(plan), "blocks": only}))
+
+
+# --- Plans from TOML: what is read, what is wrong and where, what is written
+
+
+PLAN = plans.written(values())
+
+
+def problems(written, tmp_path):
+    """Return the problems of a plan's text, without the path."""
+    path = tmp_path / "p.toml"
+    path.write_text(written)
+    with pytest.raises(FlightError) as error:
+        plans.read(path)
+    return [line.removeprefix(str(path)) for line in error.value.problems]
+
+
+def test_what_is_written_is_read_again(tmp_path):
+    (tmp_path / "p.toml").write_text(PLAN)
+    read, made = plans.read(tmp_path / "p.toml"), plans.from_values(values())
+    assert read.values == made.values
+    assert read.setup.apriori == made.setup.apriori
+    assert read.blocks["calibration"].strips == made.blocks["calibration"].strips
+    assert plans.written(read.values) == PLAN
+
+
+def test_text_that_toml_escapes_is_written_so_that_it_is_read():
+    day = dt.date(2026, 5, 2)
+    odd = {
+        "name": 'a "b" \\ é\x7f',
+        "on": day,
+        "t": {"a b": 1.5, "on": True, "at": [[1, 2], [3.5, 4]]},
+    }
+    assert tomllib.loads(plans.written(odd)) == odd
+
+
+def test_an_overlap_becomes_a_base_by_the_side_of_the_image_along_the_flight():
+    # turned by 90 degrees: the short side, 8708 px of 4.6 um, lies along the flight
+    strip = {"flying_height_m": 500.0, "course_deg": 0.0, "length_m": 300.0, "overlap": 0.75}
+    plan = plans.from_values(values(calibration={"strips": {"s": strip}, "tie_points": 0}))
+    base = plan.blocks["calibration"].strips["s"].base_m
+    assert base == pytest.approx(0.25 * 8708 * 0.0046 * 500 / 50)
+
+
+def test_parallel_strips_lie_beside_each_other_and_are_flown_to_and_fro():
+    strip = {
+        "flying_height_m": 500.0,
+        "course_deg": 90.0,
+        "length_m": 300.0,
+        "base_m": 100.0,
+        "parallel": 3,
+        "side_overlap": 0.5,
+    }
+    plan = plans.from_values(values(calibration={"strips": {"s": strip}, "tie_points": 0}))
+    strips = plan.blocks["calibration"].strips
+    assert [*strips] == ["s-1", "s-2", "s-3"]
+    assert [s.course_deg for s in strips.values()] == [90.0, 270.0, 90.0]
+    # to the left of a course to the east is north, the axis forward
+    apart = 0.5 * 11608 * 0.0046 * 500 / 50
+    assert [s.forward_m for s in strips.values()] == pytest.approx([apart, 0.0, -apart])
+    assert [s.left_m for s in strips.values()] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+
+
+def changed(old, new):
+    assert PLAN.count(old) == 1
+    return PLAN.replace(old, new)
+
+
+LOW = PLAN.splitlines().index("[calibration.strips]") + 2
+"""Line of the first strip."""
+
+FIELD = PLAN.splitlines().index("[field]") + 1
+
+WRONG = {
+    "a misspelt table": (
+        changed("[field]", "[feild]"),
+        [
+            ":1: field: missing; required",
+            f":{FIELD}: feild: unknown key (did you mean 'field'?); must be one of name,",
+        ],
+    ),
+    "a number that is text": (
+        changed("east_m = 385000.0", 'east_m = "385000"'),
+        [": field.east_m: '385000'; must be a number"],
+    ),
+    "a height beyond all aircraft": (
+        changed("low-1 = {flying_height_m = 600.0", "low-1 = {flying_height_m = 60000.0"),
+        [
+            f":{LOW}: calibration.strips.low-1.flying_height_m: 60000.0; "
+            "must lie between 1 and 30000"
+        ],
+    ),
+    "a strip without a base": (
+        changed(
+            "low-1 = {flying_height_m = 600.0,", "low-1 = {overlap = 0.8, flying_height_m = 1,"
+        ),
+        [f":{LOW}: calibration.strips.low-1: both base_m and overlap; needs one of the two"],
+    ),
+    "an unknown key of a strip": (
+        changed("low-1 = {flying_height_m", "low-1 = {height = 3, flying_height_m"),
+        [f":{LOW}: calibration.strips.low-1.height: unknown key"],
+    ),
+    "a strip that is no table": (
+        changed("[calibration.strips]\n", "[calibration.strips]\nx = 3\n"),
+        [f":{LOW}: calibration.strips.x: 3; must be a table, as {{flying_height_m = 600"],
+    ),
+    "a field where there is no map": (
+        changed("east_m = 385000.0", "east_m = 99999999.0"),
+        [f":{FIELD + 1}: field.east_m: 1e+08 east, 5.518e+06 north; must lie where EPSG:32633"],
+    ),
+    "a layout that is unknown": (
+        changed("number = [3, 3]", 'layout = "grdi"\nnumber = [3, 3]'),
+        [": control.layout: 'grdi' (did you mean 'grid'?); must be one of grid, corners"],
+    ),
+    "a grid with one number": (
+        changed("number = [3, 3]", "number = 9"),
+        [": control.number: 9; must be a list of 2 numbers"],
+    ),
+    "a camera's mistake": (
+        changed("pixel_um = 4.6", "pixel_um = 0.0046"),
+        [": cameras.CAM.pixel_um: 0.0046 (millimetres or metres?); must lie between"],
+    ),
+    "no block": (
+        PLAN[: PLAN.index("[calibration]")],
+        [":1: calibration: no block at all; needs one of heads, calibration, validation"],
+    ),
+    "too many exposures": (
+        changed(
+            "low-1 = {flying_height_m = 600.0",
+            "low-1 = {parallel = 200, spacing_m = 9, flying_height_m = 600.0",
+        ).replace("length_m = 600.852", "length_m = 600852.0"),
+        [": calibration.strips: "],
+    ),
+    "a truth that is no camera's": (
+        PLAN + "\n[truth.OTHER]\nfocal_mm = 3.0\n",
+        [": truth.OTHER: unknown key; must be one of CAM"],
+    ),
+    "a truth outside its range": (
+        PLAN + "\n[truth.CAM]\nfocal_mm = 0.05\n",
+        [": truth.CAM.focal_mm: 0.05 (metres?); must lie between 1 and 10000"],
+    ),
+    "no TOML": (changed("[field]", "[field"), [": character"]),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_mistake_is_named_with_line_key_and_cure(name, tmp_path):
+    written, expected = WRONG[name]
+    found = problems(written, tmp_path)
+    assert len(found) == len(expected)
+    for line, part in zip(sorted(found, key=lambda p: part_of(p, expected)), expected, strict=True):
+        assert part in line
+
+
+def part_of(line, expected):
+    return next((i for i, part in enumerate(expected) if part in line), len(expected))
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(FlightError, match=r"nothing\.toml"):
+        plans.read(tmp_path / "nothing.toml")
+
+
+def test_a_validation_needs_check_points_and_heads_need_more_than_one_camera():
+    strips = values()["calibration"]["strips"]
+    with pytest.raises(FlightError, match=r"validation\.check: missing"):
+        plans.from_values(values(validation={"strips": strips}))
+    with pytest.raises(FlightError, match="heads: one camera; heads are several"):
+        plans.from_values(values(heads={"strips": strips}))
+
+
+def test_the_plans_in_the_book_can_be_read(tmp_path):
+    page = (ROOT / "book" / "planning.md").read_text("utf-8")
+    shown = [
+        part for part in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[field]" in part
+    ]
+    for part in shown:
+        (tmp_path / "p.toml").write_text(part)
+        assert "calibration" in plans.read(tmp_path / "p.toml").blocks
+    plan = plans.from_values(tomllib.loads(shown[0]))
+    assert [*plan.blocks["calibration"].strips] == ["low-1", "low-2", "high", "back"]
+
+
+def test_a_middle_in_degrees_is_named(tmp_path):
+    field = {"east_m": 13.4, "north_m": 49.8, "height_m": 430.0, "relief_m": 20.0}
+    (line,) = problems(plans.written(values(field=field)), tmp_path)
+    assert re.fullmatch(
+        r":\d+: field.east_m: 13.4 east, 49.8 north \(longitude, latitude in degrees\?\); "
+        r"must be metres where EPSG:32633 is meant for",
+        line,
+    )
+
+
+# --- The ground of a plan: layouts of points, and hills
+
+
+def places(layout, number, **other):
+    return plans.places(Points(layout=layout, number=number, area_m=(400.0, 200.0), **other))
+
+
+def test_a_grid_has_rows_along_and_columns_across():
+    at = places("grid", (3, 2))
+    assert sorted(set(at[:, 0])) == [-200.0, 0.0, 200.0]
+    assert sorted(set(at[:, 1])) == [-100.0, 100.0]
+    assert len(at) == 6
+    np.testing.assert_array_equal(places("grid", (1, 1)), [[0.0, 0.0]])
+
+
+def test_corners_come_by_diagonals_before_the_middle():
+    at = places("corners", (5,))
+    np.testing.assert_array_equal(np.abs(at[:4]), [[200.0, 100.0]] * 4)
+    np.testing.assert_array_equal(at[0] + at[1], [0.0, 0.0])
+    np.testing.assert_array_equal(at[4], [0.0, 0.0])
+
+
+def test_a_border_is_a_border():
+    at = places("border", (10,))
+    on_border = (np.abs(at[:, 0]) == 200.0) | (np.abs(at[:, 1]) == 100.0)
+    assert on_border.all()
+    assert len(np.unique(at, axis=0)) == 10
+
+
+def test_play_moves_points_by_no_more_than_it_says():
+    moved = places("grid", (3, 2), play_m=7.0) - places("grid", (3, 2))
+    assert 0 < np.abs(moved).max() <= 7.0
+
+
+def test_points_that_fill_an_area_do_so_evenly():
+    at = plans.evenly(1000)
+    counts, _, _ = np.histogram2d(at[:, 0], at[:, 1], bins=5, range=[[0, 1], [0, 1]])
+    # forty in each of 25 parts; by chance they would differ by six
+    assert np.abs(counts - 40).max() <= 4
+
+
+def test_forward_is_along_the_course_and_left_is_left_of_it():
+    area = Area(east_m=100.0, north_m=200.0, course_deg=90.0)
+    at = plans.on_map(area, np.array([[10.0, 0.0], [0.0, 10.0]]))
+    np.testing.assert_allclose(at, [[110.0, 200.0], [100.0, 210.0]], atol=1e-9)
+
+
+@pytest.mark.parametrize("relief_m", [0.0, 12.0, 29.4])
+def test_the_hills_are_those_of_the_simulator(relief_m):
+    plan = plans.from_values(values(field={"relief_m": relief_m}))
+    local = np.random.default_rng(3).uniform(-2000, 2000, (200, 2))
+    x_g = plans.on_ground(plan, plan.blocks["calibration"].area, local)
+    llh = earth.Grid(crs="EPSG:32633").geodetic_from_grid(x_g)
+    theirs = earth.terrain_height(llh, 430.0, relief=relief_m / plans.RELIEF_M)
+    np.testing.assert_allclose(x_g[:, 2], theirs, atol=1e-6)
+
+
+def test_the_relief_is_the_root_mean_square_of_the_hills():
+    plan = plans.from_values(values(field={"relief_m": 40.0}))
+    lon, lat = np.radians(
+        np.random.default_rng(1).uniform((13.0, 49.0), (15.0, 51.0), (20000, 2))
+    ).T
+    above = plans.heights(lon, lat, plan) - 430.0
+    assert np.sqrt(np.mean(above**2)) == pytest.approx(40.0, rel=0.02)
+
+
+# --- Where, when and in which attitude a plan is exposed
+
+
+STRIP = Strip(flying_height_m=500.0, course_deg=30.0, length_m=900.0, base_m=100.0)
+
+
+def block(*strips, course_deg=30.0):
+    return PlannedBlock(
+        name="calibration",
+        area=Area(east_m=0.0, north_m=0.0, course_deg=course_deg),
+        strips={f"s{k}": strip for k, strip in enumerate(strips)},
+        points=Points(layout="at"),
+    )
+
+
+def test_a_length_that_is_no_multiple_of_the_base_is_rounded_up():
+    assert STRIP.n_exposures == 10
+    assert replace(STRIP, length_m=901.0).n_exposures == 11
+    assert replace(STRIP, length_m=0.0).n_exposures == 1
+
+
+def test_exposures_lie_on_their_line_but_for_the_scatter():
+    taken = exposures(block(STRIP, replace(STRIP, course_deg=210.0, left_m=80.0)))
+    assert taken.names[:2] == ("s0-01", "s0-02")
+    along = np.linspace(-450.0, 450.0, 10)
+    off = taken.local - np.column_stack([np.r_[along, -along], np.repeat([0.0, 80.0], 10)])
+    assert np.all(np.abs(off) <= 2 * SCATTER_M[:2] + 1e-9)
+    assert np.all(np.abs(taken.flying_height_m - 500.0) <= 2 * SCATTER_M[2])
+
+
+def test_the_aircraft_is_as_unsteady_as_it_says_and_the_same_in_every_run():
+    taken, again = (exposures(block(replace(STRIP, length_m=40_000.0))) for _ in range(2))
+    np.testing.assert_array_equal(taken.rph_deg, again.rph_deg)
+    motion = taken.rph_deg - [0.0, 0.0, taken.rph_deg[:, 2].mean()]
+    # clipped at two standard deviations, a normal distribution has 0.96 of its own
+    np.testing.assert_allclose(motion.std(axis=0), 0.96 * MOTION_DEG, rtol=0.06)
+    assert np.abs(motion[:, :2].mean(axis=0)).max() < 0.05
+    related = np.corrcoef(motion.T)
+    assert np.abs(related - np.eye(3)).max() < 0.15
+    assert abs(taken.rph_deg[:, 2].mean() - 30.0) <= CRAB_DEG
+
+
+def test_another_wind_moves_the_aircraft_as_much_and_otherwise():
+    long = block(replace(STRIP, length_m=40_000.0))
+    even, one, again, other = (exposures(long, wind=wind) for wind in (0, 1, 1, 2))
+    np.testing.assert_array_equal(one.rph_deg, again.rph_deg)
+    for taken in (one, other):
+        assert np.abs(taken.rph_deg[:, 0] - even.rph_deg[:, 0]).max() > 1.0
+        assert taken.rph_deg[:, :2].std() == pytest.approx(even.rph_deg[:, :2].std(), rel=0.1)
+    assert np.abs(one.rph_deg[:, 0] - other.rph_deg[:, 0]).max() > 1.0
+
+
+def test_exposures_stay_in_turn_however_short_the_base():
+    short = block(replace(STRIP, base_m=3.0))
+    assert all(np.all(np.diff(exposures(short, wind=k).time_s) > 0) for k in range(4))
+
+
+def test_time_goes_on_by_base_over_speed_and_four_minutes_for_a_turn():
+    fast = replace(STRIP, speed_m_s=50.0)
+    taken = exposures(block(STRIP, fast))
+    # an exposure is late by as much as it is ahead: along its line the speed is constant
+    along = taken.local @ [1.0, 0.0]
+    for rows, speed in ((slice(10), 70.0), (slice(10, 20), 50.0)):
+        passed = along[rows] - along[rows][0]
+        np.testing.assert_allclose(passed, speed * (taken.time_s[rows] - taken.time_s[rows][0]))
+    ahead = along - np.tile(np.linspace(-450.0, 450.0, 10), 2)
+    planned = taken.time_s - ahead / np.repeat([70.0, 50.0], 10)
+    np.testing.assert_allclose(np.diff(planned)[:9], 100 / 70)
+    assert planned[10] - planned[9] == pytest.approx(240.0)
+    assert planned[11] - planned[10] == pytest.approx(2.0)
+    assert flying_time_s((STRIP, fast)) == pytest.approx(planned[-1])
+    assert flying_time_s(()) == 0.0

@@ -1,0 +1,444 @@
+"""Calibrations and orientations that are exported."""
+
+import io
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pyproj
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4book.reference import data
+from acx4files.exchange.lens import OPF, Left, Lens, Pinhole
+from acx4files.exchange.outward import brown, content, programs
+from acx4files.exchange.outward.content import (
+    R_C_V,
+    Calibrated,
+    Taken,
+    near,
+    orient,
+    sentences,
+    to_first,
+)
+from acx4files.exchange.outward.programs import KINDS
+from acx4files.flight.settings import camera_of
+from acx4lib.calibration.heads import RelativeOrientation
+from acx4lib.errors import FlightError, OutputError
+from acx4lib.geometry.frames import Pose, exp, log, opk_from_rotation, rotation_from_opk
+from acx4lib.geometry.geodesy import GridSystem, mean_origin
+from support.helpers import needs
+from support.run_results import edit, edit_summary, estimated, leave_calibration
+
+
+def test_a_calibration_comes_back_with_its_a_posteriori_covariance(rig):
+    found, known = content.read(rig), estimated("LEFT", "RIGHT")
+    assert (found.method, found.mounted, found.others) == ("rig", True, ())
+    for own, camera in zip(found.cameras, known.cameras, strict=True):
+        assert_allclose(own.interior.to_array(), camera.interior.to_array(), rtol=1e-14)
+        assert_allclose(own.T_b_c.R, camera.T_b_c.R, atol=1e-14)
+    scale = np.sqrt(np.diag(known.cov))
+    assert_allclose(
+        found.calibration.cov / scale / scale[:, None],
+        1.25 * known.cov / scale / scale[:, None],
+        atol=1e-9,
+    )
+
+
+def related():
+    """Two heads in the axes of CAM, with different sigma of all angles."""
+    cov = np.zeros((32, 32))
+    cov[np.arange(30), np.arange(30)] = np.concatenate(
+        [np.tile([1e-6] * 3 + [1e-10, 2e-10, 3e-10], 2), np.tile([0.0, 1e-6, 1e-6] + [0.0] * 6, 2)]
+    )
+    return RelativeOrientation(
+        heads=estimated("LEFT", "RIGHT").cameras,
+        xyz_mm=np.zeros((2, 3)),
+        opk=np.radians([[-15.0, 1.0, 90.0], [15.0, -1.0, -90.0]]),
+        cov_joint=cov,
+        n_exposures=6,
+    )
+
+
+def test_heads_without_a_mounting_have_their_relative_rotation_with_sigma(tmp_path):
+    """The frame of the synthetic camera cancels; so does sigma of what the heads share."""
+    left = related()
+    found = content.read(leave_calibration(tmp_path, estimated("LEFT", "RIGHT"), related=left))
+    assert (found.method, found.mounted) == ("relative_orientation", False)
+    first, second = to_first(found.calibration)
+    R_s = rotation_from_opk(left.opk)
+    assert_allclose(second.T_r_h.R, R_s[0].T @ R_s[1], atol=1e-12)
+    assert np.all(first.cov == 0)
+    rotations = [np.linalg.inv(_opk_jacobian(opk)) for opk in left.opk]
+    own = [J @ np.diag([1e-10, 2e-10, 3e-10]) @ J.T for J in rotations]
+    R_h_r = second.T_r_h.R.T
+    assert_allclose(second.cov[3:, 3:], own[1] + R_h_r @ own[0] @ R_h_r.T, rtol=1e-9, atol=1e-20)
+
+
+def _opk_jacobian(opk):
+    """By differences: d(opk) / d(rotation about the camera's axes)."""
+    R, step = rotation_from_opk(opk), 1e-6
+    turned = [
+        (opk_from_rotation(R @ exp(d)) - opk_from_rotation(R @ exp(-d))) / (2 * step)
+        for d in step * np.eye(3)
+    ]
+    return np.stack(turned, axis=1)
+
+
+def test_what_is_not_there_is_one_line_that_says_what_is(rig, single, tmp_path):
+    with pytest.raises(FlightError, match="no results of a run; acx4 run FLIGHT --results makes"):
+        content.read(tmp_path)
+    with pytest.raises(FlightError, match="no calibration of refined that can be exported; it has"):
+        content.read(rig, method="refined")
+    with pytest.raises(
+        FlightError, match=r"no calibration of heads that can .*; it has single_step"
+    ):
+        content.read(single, heads=True)
+    with pytest.raises(FlightError, match=r"no calibration of single_step .*; it is of one camera"):
+        content.read(single, method="single_step", heads=True)
+    with pytest.raises(ValueError, match="method: expected one of"):
+        content.read(rig, method="best")
+
+
+def test_a_calibration_whose_data_contradict_each_other_is_not_exported(tmp_path):
+    results = leave_calibration(tmp_path, estimated("CAM"))
+    edit_summary(results, "mounting/single_step", stopped=["too much: one sentence"])
+    with pytest.raises(FlightError, match=r"summary\.json: was changed"):
+        content.read(results)
+    (results / ".acx4.json").unlink()
+    with pytest.raises(FlightError, match="any method that can be exported; it has none"):
+        content.read(results)
+    with pytest.raises(FlightError, match="single_step that can be exported; too much: one"):
+        content.read(results, method="single_step")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        (
+            "covariance",
+            lambda t: t.loc.__setitem__((1, "value"), 1.0),
+            r"covariance\.csv:3: value: 1; must equal its counterpart",
+        ),
+        (
+            "parameters",
+            lambda t: t.replace("LEFT", "OTHER", inplace=True),  # noqa: PD002 the table itself
+            r":2: camera: 'OTHER' is unknown; must be a camera",
+        ),
+        (
+            "parameters",
+            lambda t: t.replace({"value": {t["value"][0]: -1.0}}, inplace=True),  # noqa: PD002 the table itself
+            r":2: value: -1; must be positive",
+        ),
+    ],
+)
+def test_tables_that_hold_no_calibration_are_refused_by_line(tmp_path, name, change, said):
+    """Where no mark says that they were changed."""
+    results = leave_calibration(tmp_path, estimated("LEFT", "RIGHT"), method="rig")
+    edit(results, name, change)
+    (results / ".acx4.json").unlink()
+    with pytest.raises(FlightError, match=said):
+        content.read(results)
+
+
+def test_a_kept_flight_that_was_changed_is_refused(tmp_path):
+    results = leave_calibration(tmp_path, estimated("CAM"))
+    (results / ".acx4.json").unlink()
+    with (results / "flight" / "flight.toml").open("a") as file:
+        file.write("# more\n")
+    with pytest.raises(FlightError, match=r"flight\.toml changed since the run"):
+        content.read(results)
+
+
+# --- Heads relative to the first: against a numerical derivative, and as a chain of poses
+
+
+RIG = estimated("LEFT", "RIGHT")
+
+
+def moved(k, step):
+    """Return the rig with one mounting changed: lever arm along body, rotation about camera."""
+    cameras = list(RIG.cameras)
+    T = cameras[k].T_b_c
+    cameras[k] = replace(cameras[k], T_b_c=Pose(R=T.R @ exp(step[3:]), r=T.r + step[:3]))
+    return replace(RIG, cameras=tuple(cameras))
+
+
+def test_points_go_from_head_to_reference_as_through_the_body():
+    first, second = RIG.cameras
+    x_h = np.array([0.3, -0.2, -5.0])
+    x_b = second.T_b_c.R @ x_h + second.T_b_c.r
+    x_r = first.T_b_c.R.T @ (x_b - first.T_b_c.r)
+    T = to_first(RIG)[1]
+    assert_allclose(T.T_r_h.R @ x_h + T.T_r_h.r, x_r, atol=1e-12)
+    assert_allclose(T.T_v_r_h.R @ (R_C_V @ x_h) + T.T_v_r_h.r, R_C_V @ x_r, atol=1e-12)
+
+
+def test_the_covariance_is_that_of_numerical_derivatives():
+    at, step = to_first(RIG)[1].T_r_h, 1e-5
+    J = np.zeros((6, RIG.n_columns))
+    for k in range(2):
+        for j, column in enumerate(RIG.layout.mount[k]):
+            for sign in (1, -1):
+                T = to_first(moved(k, sign * step * np.eye(6)[j]))[1].T_r_h
+                change = np.concatenate([T.r - at.r, log(at.R.T @ T.R)])
+                J[:, column] += sign * change / (2 * step)
+    assert_allclose(to_first(RIG)[1].cov, J @ RIG.cov @ J.T, rtol=1e-6, atol=1e-14)
+
+
+def test_sigma_of_angles_is_that_of_many_rotations(rng):
+    one = to_first(RIG)[1]
+    turns = rng.multivariate_normal(np.zeros(3), one.cov[3:, 3:], size=20_000)
+    R = one.T_r_h.R @ exp(turns)
+    opk = Pose(R=R_C_V @ R @ R_C_V, r=np.zeros((len(R), 3))).opk
+    assert_allclose(one.sigma_opk, opk.std(axis=0), rtol=0.03)  # 4 sigma of 20 000 draws
+
+
+# --- What exports write: pictures taken, settings, orientations, Brown's model
+
+
+# --- orientations ----------------------------------------------------------------------------
+#
+# Orientations by direct georeferencing, held against PROJ, another program, and the contract.
+
+
+@pytest.fixture(scope="module")
+def oriented(rig):
+    found = content.read(rig)
+    return orient(found, found.flight, "heads")
+
+
+def test_the_grid_table_is_a_trajectory_of_the_cameras_themselves(oriented):
+    """As the contract reads it: camera = body, so that mount angles and lever arm are zero."""
+    table = content.in_grid(oriented)
+    frame = oriented.block.frame
+    T = frame.pose_from_grid(
+        table[["east_m", "north_m", "height_m"]].to_numpy(),
+        np.radians(table[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy()),
+    )
+    mounts = [oriented.georeferenced.cameras[k].T_b_c for k in oriented.block.images.camera_idx]
+    for i, T_b_c in enumerate(mounts):
+        T_m_b = oriented.block.T_m_b_images[i]
+        assert_allclose(T.R[i], T_m_b.R @ T_b_c.R, atol=1e-12)
+        assert_allclose(T.r[i], T_m_b.r + T_m_b.R @ T_b_c.r, atol=1e-6)
+    assert (table["sigma_east_m"] > 0.05).all()  # of the trajectory, and of the lever arm
+
+
+def written(made):
+    return pd.read_csv(io.StringIO(made.files["orientations.csv"]))
+
+
+def test_positions_are_where_proj_has_them(oriented):
+    """Three tables, one point: grid, geographic by PROJ, earth-centred through the origin."""
+    grid, geographic = content.in_grid(oriented), written(content.rph(oriented))
+    lonlat = geographic[["lon_deg", "lat_deg"]].to_numpy()
+    to_grid = pyproj.Transformer.from_crs("EPSG:4674", "EPSG:31982", always_xy=True)
+    assert_allclose(
+        np.stack(to_grid.transform(*lonlat.T), 1), grid[["east_m", "north_m"]], atol=1e-4
+    )
+    assert_allclose(geographic["height_m"], grid["height_m"], atol=1e-5)
+    lon, lat = oriented.block.frame.origin.tolist()
+    local = pyproj.Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
+        "+step +proj=cart +ellps=GRS80 "
+        f"+step +proj=topocentric +ellps=GRS80 +lon_0={lon!r} +lat_0={lat!r} +h_0=0"
+    )
+    xyz = np.stack(local.transform(*lonlat.T, geographic["height_m"].to_numpy()), 1)
+    topocentric = written(content.topocentric_table(oriented))
+    assert_allclose(topocentric[["x_m", "y_m", "z_m"]], xyz, atol=1e-4)
+
+
+@needs("formats/orthority")
+def test_roll_pitch_and_heading_are_another_programs():
+    """Of the same shots adjusted omega, phi, kappa, and roll, pitch, yaw of the drone's gimbal.
+
+    They differ by what the adjustment changed, 3 degrees at most.
+    """
+    folder = data.folder() / "formats" / "orthority"
+    opk = pd.read_csv(folder / "io_odm_xyz_opk.csv", sep=" ", quotechar="'")
+    rpy = pd.read_csv(folder / "io_odm_lla_rpy.csv", sep=" ").set_index("filename")
+    grid = GridSystem(crs="EPSG:32651")
+    enh = opk[["x", "y", "z"]].to_numpy()
+    frame = mean_origin(grid, grid.lonlat_from_grid(enh[:, :2]))
+    T = frame.pose_from_grid(enh, np.radians(opk[["omega", "phi", "kappa"]].to_numpy()))
+    given = rpy.loc[opk["filename"] + ".tif", ["roll", "pitch", "yaw"]].to_numpy()
+    found = np.degrees(content.roll_pitch_heading(frame, T))
+    assert_allclose((found - given + 180) % 360 - 180, 0.0, atol=3.0)
+
+
+def test_what_cannot_be_oriented_is_one_line(rig, single):
+    found = content.read(rig)
+    with pytest.raises(FlightError, match="no block validation; it has heads, calibration"):
+        orient(found, found.flight, "validation")
+    with pytest.raises(FlightError, match="images of CAM, not of LEFT, RIGHT; name another"):
+        orient(found, found.flight, "calibration")
+    unmounted = replace(found, method="refined")
+    with pytest.raises(FlightError, match=r"refined has no boresight and no lever arm; .* rig"):
+        orient(unmounted, found.flight, "heads")
+
+
+# --- what is written, and what is refused ----------------------------------------------------
+
+
+FAR = Taken(
+    files={"a/b.txt": "1\n"},
+    lenses={"A": Left(largest_px=0.2, rms_px=0.1), "B": Left(largest_px=0.01, rms_px=0.0)},
+    assumed=("y is down",),
+    left_out=("colours",),
+)
+
+
+def test_files_and_what_is_said_of_them_are_written_and_replaced(tmp_path):
+    content.write(FAR, tmp_path / "out", title="some: A, B", origin="by hand")
+    assert (tmp_path / "out/a/b.txt").read_text() == "1\n"
+    assert (tmp_path / "out/export.md").read_text() == (
+        "# some: A, B\n\nBy hand.\n\n## Lenses\n\n"
+        "- A: lens refitted over the whole image, off by at most 0.2000 px, rms 0.1000 px\n"
+        "- B: lens refitted over the whole image, off by at most 0.0100 px, rms 0.0000 px\n\n"
+        "## Conventions\n\n- y is down\n\n## Left out\n\n- colours\n"
+    )
+    content.write(Taken(files={"c.txt": ""}), tmp_path / "out", title="other", origin="x")
+    left = {path.name for path in (tmp_path / "out").rglob("*")}
+    assert left == {"c.txt", "export.md", ".acx4.json"}
+
+
+def test_a_folder_of_others_is_left_alone(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(OutputError, match="holds what acx4 export did not write"):
+        content.write(FAR, tmp_path, title="some", origin="x")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_a_lens_that_is_too_far_is_refused_with_what_would_allow_it():
+    with pytest.raises(OutputError, match=r"A: .* differs by 0\.2 px .* 0\.05 px; --allow 0\.21 "):
+        content.near(FAR, 0.05)
+    assert content.near(FAR, 0.21) == FAR
+    with pytest.raises(OutputError, match="nan px"):
+        content.near(Taken(files={}, lenses={"A": Left(largest_px=float("nan"), rms_px=0)}), 0.05)
+
+
+# --- tables for flight.toml: read back they are the calibration, digit by digit --------------
+
+
+def test_the_cameras_come_back(rig):
+    found = content.read(rig)
+    tables = tomllib.loads(KINDS["toml"].cameras(found).files["cameras.toml"])["cameras"]
+    assert list(tables) == ["LEFT", "RIGHT"]
+    for camera in found.cameras:
+        back = camera_of(camera.name, tables[camera.name])
+        assert back.interior == camera.interior
+        assert_allclose(back.T_b_c.R, camera.T_b_c.R, atol=1e-15)
+        assert_allclose(back.T_b_c.r, camera.T_b_c.r, atol=1e-15)
+
+
+def test_sigma_of_the_mounting_is_along_and_about_the_bodys_axes(single, rng):
+    """As comments; about body axes they are the scatter of boresights drawn about camera axes."""
+    found = content.read(single)
+    text = KINDS["toml"].cameras(found).files["cameras.toml"]
+    said = tomllib.loads(text.replace("# lever_s", "lever_s").replace("# mount_s", "mount_s"))
+    columns = found.calibration.layout.mount[0]
+    cov = found.calibration.cov[np.ix_(columns, columns)]
+    own = said["cameras"]["CAM"]
+    assert_allclose(own["lever_sigma_m"], np.sqrt(np.diag(cov)[:3]), rtol=1e-3)
+    R = found.cameras[0].T_b_c.R
+    drawn = R @ exp(rng.multivariate_normal(np.zeros(3), cov[3:, 3:], size=20_000)) @ R.T
+    about = np.stack([drawn[:, 2, 1], drawn[:, 0, 2], drawn[:, 1, 0]])
+    assert_allclose(own["mount_sigma_deg"], np.degrees(about.std(axis=1)), rtol=0.03)
+
+
+def test_a_mounting_that_was_not_estimated_is_said(rig):
+    found = replace(content.read(rig), method="refined")
+    made = KINDS["toml"].cameras(found)
+    assert programs.NOT_MOUNTED in made.assumed
+    assert "lever_sigma_m" not in made.files["cameras.toml"]
+
+
+def test_a_synthetic_camera_keeps_its_frame(rig):
+    found = content.read(rig)
+    synthetic = replace(found.flight.synthetic, camera="LEFT")
+    named = replace(found, flight=replace(found.flight, synthetic=synthetic))
+    assert programs.FRAME.format("LEFT") in KINDS["toml"].cameras(named).assumed
+    assert not any("synthetic" in one for one in KINDS["toml"].cameras(found).assumed)
+
+
+# --- A lens that no calibration touched goes back to its program as it came ------------------
+
+
+LENSES = {
+    "as made by a factory": (-0.101, 0.144, -0.027, 1e-4, -4e-4),
+    "of which f, xp, yp are fitted": (-0.28, 0.11, -0.045, 2e-3, -1e-3),
+}
+
+
+def imported(coefficients, fy=1460.0):
+    """Return a camera as an import writes it, with ten digits, and its lens."""
+    lens = Lens(
+        width_px=1280,
+        height_px=960,
+        hole=Pinhole(fx=1460.0, fy=fy, cx=631.3, cy=497.2),
+        distortion=OPF.distortion(coefficients),
+        pixel_um=3.75,
+        wrong=lambda found, expected: FlightError([f"f:1: lens: {found}; {expected}"]),
+    )
+    camera = lens.refitted("CAM").camera
+    values = {key: float(f"{value:.10g}") for key, value in vars(camera.interior).items()}
+    return lens, camera.with_interior(replace(camera.interior, **values))
+
+
+def brown_calibrated(camera, *, touched):
+    """Return a calibration of a camera, with interior parameters that are estimated or not."""
+    calibration = replace(estimated("CAM"), cameras=(camera,))
+    if not touched:  # the last six columns are those of the mounting
+        layout = replace(
+            calibration.layout, interior=np.full((1, 10), -1), mount=np.arange(6)[None]
+        )
+        calibration = replace(
+            calibration,
+            layout=layout,
+            cov=calibration.cov[10:, 10:],
+            open_columns=calibration.open_columns[10:],
+        )
+    return Calibrated(flight=None, method="single_step", calibration=calibration)
+
+
+@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize("way", [brown.of_all, brown.square])
+def test_an_untouched_lens_goes_back_as_it_came(name, way):
+    lens, camera = imported(LENSES[name])
+    one = way(brown_calibrated(camera, touched=False))["CAM"]
+    k1, k2, k3, p1, p2 = LENSES[name]
+    hole = lens.hole
+    found = [one.hole.fx, one.hole.fy, one.hole.cx, one.hole.cy]
+    assert_allclose(found, [hole.fx, hole.fy, hole.cx, hole.cy], atol=1e-4)
+    assert_allclose(
+        [one.k1, one.k2, one.k3, one.p1, one.p2], [k1, k2, k3, p1, p2], rtol=1e-4, atol=1e-7
+    )
+    assert one.left.returned
+
+
+def test_a_lens_that_was_estimated_is_the_nearest_one():
+    _, camera = imported(LENSES["as made by a factory"])
+    one = brown.of_all(brown_calibrated(camera, touched=True))["CAM"]
+    assert one == brown.brown(camera)
+    assert not one.left.returned
+
+
+def test_a_lens_of_other_pixels_than_the_program_has_is_the_nearest_one():
+    """Two focal lengths are no lens of one."""
+    _, camera = imported(LENSES["as made by a factory"], fy=1463.0)
+    one = brown.square(brown_calibrated(camera, touched=False))["CAM"]
+    assert not one.left.returned
+    assert brown.of_all(brown_calibrated(camera, touched=False))["CAM"].left.returned
+
+
+def test_what_goes_back_as_it_came_is_not_held_against_the_refit():
+    _, camera = imported(LENSES["of which f, xp, yp are fitted"])
+    lenses = brown.lenses(brown.of_all(brown_calibrated(camera, touched=False)))
+    assert lenses["CAM"].largest_px > 0.05
+    taken = Taken(files={}, lenses=lenses)
+    assert near(taken, 0.05) == taken
+    assert "not estimated, so that it goes back as it came" in sentences(taken)[0]
+    nearest = brown.lenses(brown.of_all(brown_calibrated(camera, touched=True)))
+    with pytest.raises(OutputError, match=r"more than 0\.05 px"):
+        near(Taken(files={}, lenses=nearest), 0.05)

@@ -1,0 +1,164 @@
+"""A folder of MicMac becomes a flight; its own points prove the conventions."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4book.reference import data
+from acx4files.exchange.programs import micmac
+from acx4lib.errors import FlightError
+from support.helpers import needs
+from support.projects import micmac as projects_micmac
+
+COLROW = np.array([[0.0, 0.0], [999, 799], [510, 390], [100, 700]])
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return projects_micmac.write(tmp_path / "m")
+
+
+def rms(brought, begin):
+    """Return the rms that a proof says, px."""
+    said = next(one for one in brought.found if one.startswith(begin))
+    return float(said.split(" px rms")[0].split()[-1])
+
+
+@needs("formats/micmac")
+def test_real_files_prove_the_conventions():
+    """MicMac's own projections are met to what the refit of the lens leaves."""
+    brought = micmac.read(data.path("formats/micmac/GroundMeasure.xml").parent)
+    assert rms(brought, "surveyed points") == pytest.approx(1.43, abs=0.01)
+    assert rms(brought, "points that MicMac projected itself (Verif)") < 0.02
+    assert any("(40 measurements)" in one for one in brought.found)
+    assert len(brought.tables["calibration/image_points.csv"]["image"]) == 19
+    assert brought.tables["control_points.csv"]["point"][3] == "I-of-I"
+
+
+def test_a_folder_becomes_a_flight(folder):
+    brought = micmac.read(folder, orientations="adjusted", crs="EPSG:31982", pixel_um=4.0)
+    assert brought.settings["crs"] == "EPSG:31982"
+    assert brought.settings["cameras"]["C"]["focal_mm"] == 4.0
+    assert rms(brought, "surveyed points") < 1e-9
+    assert brought.tables["control_points.csv"]["sigma_height_m"] == [0.02]
+    assert brought.tables["calibration/trajectory.csv"]["kappa_deg"] == [0.0]
+    assert brought.left_out == (
+        "1 other XML files",
+        "1 measured points are tie points, since their coordinates are not there: T",
+    )
+
+
+def test_orientations_without_a_crs_are_refused(folder):
+    with pytest.raises(FlightError, match="crs: adjusted orientations are in coordinates whose"):
+        micmac.read(folder, orientations="adjusted")
+
+
+def test_measurements_alone_are_read(folder):
+    brought = micmac.read(folder / "measured.xml")
+    assert brought.tables["calibration/images.csv"]["camera"] == ["CAM"]
+    assert brought.tables["calibration/image_points.csv"]["col_px"] == [500.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    "model", [projects_micmac.RADIAL, projects_micmac.FRASER], ids=["ModRad", "ModPhgrStd"]
+)
+def test_a_distortion_takes_ideal_pixels_to_measured_ones(tmp_path, model):
+    """Written out: x from the centre of distortion, r² = x² + y²."""
+    calibration = projects_micmac.CALIBRATION.format(model=model)
+    folder = projects_micmac.write(tmp_path / "m", **{"Ori-A/AutoCal_C.xml": calibration})
+    ideal = 1000 * micmac.project(folder).lenses["C"].ideal(COLROW) + [500, 400]
+    x, y = (ideal - [510, 390]).T
+    r2 = x * x + y * y
+    p1, p2, b1 = (1e-6, -2e-6, 1e-4) if "P1" in model else (0, 0, 0)
+    col = ideal[:, 0] + x * 1e-8 * r2 + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y + b1 * x
+    row = ideal[:, 1] + y * 1e-8 * r2 + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y
+    assert_allclose(np.stack([col, row], axis=1), COLROW, atol=1e-8)
+
+
+FISHEYES = {
+    "eModele_FishEye_10_5_5": lambda a: a,
+    "eModele_EquiSolid_FishEye_10_5_5": lambda a: 2 * np.sin(a / 2),
+    "eModele_Stereographik_FishEye_10_5_5": lambda a: 2 * np.tan(a / 2),
+}
+
+
+@pytest.mark.parametrize("kind", FISHEYES)
+def test_a_fisheye_is_that_of_the_formulas(tmp_path, kind):
+    """Centre c, state s, K1, K2, the two terms of x (3x² + y²) and of r⁴, b1, x²y and y³ in y."""
+    values = np.zeros(50)
+    values[[0, 1, 2, 3, 12, 13, 15, 22, 23]] = [
+        510,
+        390,
+        -0.05,
+        0.01,
+        1e-3,
+        -2e-3,
+        3e-3,
+        4e-3,
+        5e-3,
+    ]
+    values[[24, 30]] = [0.02, -0.03]
+    params = "".join(f"<Params>{one!r}</Params>" for one in values.tolist())
+    model = f"<ModUnif><TypeModele>{kind}</TypeModele>{params}<Etats>900</Etats></ModUnif>"
+    calibration = projects_micmac.CALIBRATION.format(model=model)
+    folder = projects_micmac.write(tmp_path / "m", **{"Ori-A/AutoCal_C.xml": calibration})
+    ideal = np.array([[0.5, -0.4], [-0.3, 0.35], [0.02, 0.01]])
+    at = (1000 * ideal + [500, 400] - [510, 390]) / 900
+    r = np.hypot(*at.T)
+    x, y = (at * (FISHEYES[kind](np.arctan(r)) / r)[:, None]).T
+    r2 = x * x + y * y
+    dx = x * (-0.05 * r2 + 0.01 * r2**2) + 1e-3 * (3 * x * x + y * y) - 2e-3 * 2 * x * y
+    dy = y * (-0.05 * r2 + 0.01 * r2**2) + 1e-3 * 2 * x * y - 2e-3 * (x * x + 3 * y * y)
+    dx += 3e-3 * r2 * 4 * x * y + 4e-3 * x + 5e-3 * y
+    dy += 3e-3 * r2 * (r2 + 4 * y * y) + 5e-3 * x + 0.02 * x**3 - 0.03 * y**3
+    seen = 900 * np.stack([x + dx, y + dy], axis=1) + [510, 390]
+    lens = micmac.project(folder).lenses["C"]
+    assert_allclose(lens.colrow(ideal), seen, atol=1e-9)
+    assert_allclose(lens.ideal(seen), ideal, atol=1e-9)
+
+
+def test_a_camera_that_looks_down_has_the_librarys_axes(folder):
+    pose = micmac.project(folder).images.T_w_c[0]
+    assert_allclose(pose.R, np.eye(3))
+    assert_allclose(pose.r, [10, 20, 100])
+
+
+def test_points_inside_global_are_found(folder):
+    """As MicMac's manual, and the programs that write such files, have them."""
+    known = micmac.read(folder).tables
+    path = folder / "points.xml"
+    path.write_text(f'<?xml version="1.0"?>\n<Global>{path.read_text()}</Global>')
+    assert micmac.read(folder).tables == known
+
+
+def test_one_of_several_orientations_must_be_chosen(folder):
+    (folder / "Ori-B").mkdir()
+    for path in (folder / "Ori-A").iterdir():
+        (folder / "Ori-B" / path.name).write_text(path.read_text().replace("<F>1000", "<F>2000"))
+    with pytest.raises(FlightError, match=r"has orientations in Ori-A, Ori-B; give one of these"):
+        micmac.read(folder)
+    brought = micmac.read(folder / "Ori-B", pixel_um=4.0)
+    assert brought.settings["cameras"]["C"]["focal_mm"] == 8.0
+    assert "control_points.csv" in brought.tables
+
+
+def test_a_calibration_lies_beside_its_orientations(folder):
+    (folder / "Ori-0").mkdir()
+    calibration = (folder / "Ori-A" / "AutoCal_C.xml").read_text()
+    (folder / "Ori-0" / "AutoCal_C.xml").write_text(calibration.replace("1000", "2000"))
+    brought = micmac.read(folder, pixel_um=4.0)
+    assert brought.settings["cameras"]["C"]["focal_mm"] == 4.0
+
+
+def test_orientations_may_hold_their_calibration(folder):
+    path = folder / "Ori-A" / "Orientation-a.JPG.xml"
+    inner = projects_micmac.FILES["Ori-A/AutoCal_C.xml"].split("InternConique>")[1]
+    interior = f"<Interne>{inner.removesuffix('</Calibration')}</Interne>"
+    text = path.read_text().replace("<FileInterne>Ori-A/AutoCal_C.xml</FileInterne>", interior)
+    for name in ("a", "b"):
+        (folder / "Ori-A" / f"Orientation-{name}.JPG.xml").write_text(text)
+    other = text.replace("<F>1000", "<F>2000")
+    (folder / "Ori-A" / "Orientation-c.JPG.xml").write_text(other)
+    images = micmac.read(folder).tables["calibration/images.csv"]
+    cameras = dict(zip(images["image"], images["camera"], strict=True))
+    assert cameras == {"a.JPG": "C", "b.JPG": "C", "c.JPG": "CAM2"}

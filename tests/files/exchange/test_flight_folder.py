@@ -1,0 +1,475 @@
+"""What was brought becomes a flight's folder; what the user changed is not replaced."""
+
+import datetime as dt
+import tomllib
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pyproj
+import pytest
+from numpy.testing import assert_allclose
+
+from acx4files import flight
+from acx4files.exchange import coordinates, flight_folder
+from acx4files.exchange.flight_folder import ImportedFlight
+from acx4files.exchange.opencv import from_opencv, to_opencv
+from acx4files.exchange.project import (
+    first_use,
+    image_points,
+    require_names,
+    trajectory_in_grid,
+    without_doubles,
+)
+from acx4lib.errors import FlightError, OutputError
+from acx4lib.geometry.camera import Camera, Interior, correct, xy_from_colrow
+from acx4lib.geometry.collinearity import project
+from acx4lib.geometry.frames import Pose
+
+POINTS = {"point": ["A", "B,1"], "east_m": [1.5, 2.0], "north_m": [0.1, 0.2], "height_m": [3, 4]}
+CAMERA = {"cameras": {"C 1": {"width_px": 10, "focal_mm": 8.25}}}
+
+
+def control(**changes):
+    given = {"sha256": {"a.txt": "12"}, "tables": {"control_points.csv": POINTS}, **changes}
+    return ImportedFlight(source="Program 1", **given)
+
+
+def test_tables_settings_and_what_is_said_are_written(tmp_path):
+    brought = control(
+        settings={"crs": "EPSG:31982", **CAMERA}, assumed=("Rows grow down.",), left_out=("One.",)
+    )
+    assert flight_folder.write(brought, tmp_path / "f") == ()
+    assert (tmp_path / "f" / "control_points.csv").read_text() == (
+        'point,east_m,north_m,height_m\nA,1.5,0.1,3\n"B,1",2.0,0.2,4\n'
+    )
+    assert (tmp_path / "f" / "flight.toml").read_text() == (
+        'name = "f"\ncrs = "EPSG:31982"\nrefraction = "standard"\n\n'
+        '[cameras."C 1"]\nwidth_px = 10\nfocal_mm = 8.25\n'
+    )
+    assert (tmp_path / "f" / "import.md").read_text() == (
+        "# Program 1\n\n## Read\n\n- a.txt, SHA-256 12\n\n## Assumed\n\n- Rows grow down.\n\n"
+        "## Left out\n\n- One.\n\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("before", "crs"),
+    [("", "local"), ('crs = "EPSG:31982"', "EPSG:31982"), ('refraction = "none"', "EPSG:31982")],
+    ids=["no map", "a flight that is there", "one that says it"],
+)
+def test_refraction_is_only_set_where_a_flight_gets_its_map(tmp_path, before, crs):
+    flight_folder.begin(tmp_path / "f", {"flight.toml": f'name = "f"\n{before}\n'})
+    flight_folder.write(control(settings={"crs": crs, **CAMERA}), tmp_path / "f")
+    assert "standard" not in (tmp_path / "f" / "flight.toml").read_text()
+
+
+@pytest.mark.parametrize(("crs", "refraction"), [("EPSG:31982", "standard"), ("local", "none")])
+def test_a_new_flight_has_refraction_where_it_has_a_map(crs, refraction):
+    texts = flight_folder.files("f", cameras=["C"], crs=crs, heights="ellipsoidal")
+    assert tomllib.loads(texts["flight.toml"])["refraction"] == refraction
+
+
+def test_a_second_import_adds_tables_and_settings(tmp_path):
+    flight_folder.write(control(settings=CAMERA), tmp_path)
+    more = {"crs": "EPSG:1", "cameras": {"C 1": {"focal_mm": 9.0}, "D": {"width_px": 3}}}
+    other = ImportedFlight(
+        source="Other", sha256={}, settings=more, tables={"heads/images.csv": {"a": []}}
+    )
+    flight_folder.write(other, tmp_path)
+    text = (tmp_path / "flight.toml").read_text()
+    assert "focal_mm = 9.0" in text
+    assert "[cameras.D]" in text
+    assert (tmp_path / "heads" / "images.csv").read_text() == "a\n"
+    assert (tmp_path / "control_points.csv").is_file()
+    said = (tmp_path / "import.md").read_text()
+    assert said.startswith("# Program 1\n")
+    assert said.endswith("# Other\n\n")
+
+
+def test_a_table_that_was_changed_is_not_replaced_and_nothing_else_is(tmp_path):
+    flight_folder.write(control(settings=CAMERA), tmp_path)
+    table = tmp_path / "control_points.csv"
+    table.write_text("mine\n")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(OutputError, match=r"control_points.csv: was cut or changed since"):
+        flight_folder.write(control(settings={"crs": "EPSG:1"}), tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_settings_that_were_edited_stay_and_the_new_ones_are_told(tmp_path):
+    flight_folder.write(control(settings=CAMERA), tmp_path)
+    settings = tmp_path / "flight.toml"
+    settings.write_text("# mine\n")
+    for _ in range(2):
+        (said,) = flight_folder.write(control(settings={"crs": "EPSG:1"}), tmp_path)
+        assert said.startswith("flight.toml was edited and stays as it is")
+    assert settings.read_text() == "# mine\n"
+    assert '```toml\ncrs = "EPSG:1"\n```' in (tmp_path / "import.md").read_text()
+
+
+def test_a_folder_of_somebody_else_is_not_written_into(tmp_path):
+    (tmp_path / "flight.toml").write_text("")
+    with pytest.raises(OutputError, match="did not write"):
+        flight_folder.write(control(), tmp_path)
+    with pytest.raises(OutputError, match="lies in the flight"):
+        flight_folder.write(control(), tmp_path / "inside")
+
+
+def test_pictures_get_their_place(tmp_path):
+    picture = tmp_path / "a.tif"
+    picture.write_bytes(b"pixels")
+    brought = control(pictures={"heads/images/a.tif": picture})
+    for _ in range(2):
+        flight_folder.write(brought, tmp_path / "f")
+    assert (tmp_path / "f" / "heads" / "images" / "a.tif").read_bytes() == b"pixels"
+
+
+def test_a_flight_has_one_crs_and_one_kind_of_heights(tmp_path):
+    flight_folder.write(control(settings={"crs": "EPSG:31982", "heights": -25.5}), tmp_path)
+    flight_folder.write(control(settings={"heights": -25.5}), tmp_path)
+    with pytest.raises(OutputError, match=r"heights is -25.5, and 'ellipsoidal' in what is brou"):
+        flight_folder.write(control(settings={"heights": "ellipsoidal"}), tmp_path)
+
+
+def test_a_file_that_lies_in_the_flight_already_is_not_brought(tmp_path):
+    flight_folder.write(control(), tmp_path)
+    (tmp_path / "geoid.gtx").write_bytes(b"grid")
+    flight_folder.write(control(pictures={"geoid.gtx": tmp_path / "geoid.gtx"}), tmp_path)
+    assert (tmp_path / "geoid.gtx").read_bytes() == b"grid"
+
+
+def test_a_flight_that_is_begun_is_added_to_and_not_begun_again(tmp_path):
+    texts = {"flight.toml": "# a remark\n", "control_points.csv": "point\n"}
+    flight_folder.begin(tmp_path, texts)
+    flight_folder.write(control(settings=CAMERA), tmp_path)
+    assert "A,1.5,0.1,3" in (tmp_path / "control_points.csv").read_text()
+    assert "# a remark" in (tmp_path / "flight.toml").read_text()
+    with pytest.raises(OutputError, match="began this flight already"):
+        flight_folder.begin(tmp_path, texts)
+
+
+def test_heads_get_the_camera_that_they_make_together_as_the_first_of_them_sees():
+    heads = {"A": {**CAMERA["cameras"]["C 1"], "k1": 1e-5, "mount_kappa_deg": -90.0}, "B": {}}
+    images = {"heads/images.csv": {"image": ["1", "2", "3"], "camera": ["A", "B", "A"]}}
+    brought = flight_folder.with_synthetic(control(settings={"cameras": heads}, tables=images))
+    assert brought.settings["synthetic"] == {"camera": "SYN", "heads": ["A", "B"]}
+    syn = {"width_px": 10, "focal_mm": 8.25, "mount_kappa_deg": -90.0}
+    assert brought.settings["cameras"] == {**heads, "SYN": syn}
+    assert "SYN has size, focal length and direction of A" in brought.assumed[-1]
+    assert flight_folder.with_synthetic(brought) is brought
+    alone = control(settings={"cameras": heads}, tables={"calibration/images.csv": {}})
+    assert flight_folder.with_synthetic(alone) is alone
+
+
+def test_the_first_head_is_the_one_that_is_not_turned_in_the_rig():
+    down = {**CAMERA["cameras"]["C 1"], "mount_kappa_deg": -90.0}
+    turned = {name: {**down, "mount_omega_deg": 0.2 * k} for k, name in enumerate("ABC", 1)}
+    images = {"heads/images.csv": {"image": [*"1234"], "camera": [*"ABDC"]}}
+    settings = {"cameras": {**turned, "D": {**down, "focal_mm": 9.0}}}
+    brought = flight_folder.with_synthetic(control(settings=settings, tables=images))
+    assert brought.settings["synthetic"]["heads"] == ["D", "A", "B", "C"]
+    assert brought.settings["cameras"]["SYN"]["focal_mm"] == 9.0
+
+
+def test_rows_that_others_take_the_place_of_are_told(tmp_path):
+    flight_folder.write(control(), tmp_path)
+    assert flight_folder.write(control(), tmp_path) == ()
+    one = {name: column[:1] for name, column in POINTS.items()}
+    said = flight_folder.write(control(tables={"control_points.csv": one}), tmp_path)
+    assert said == ("control_points.csv: 2 rows of an earlier import replaced by 1",)
+
+
+# --- A new flight names what is to be filled in, and with that is a flight
+
+
+SIZE = {"width_px": 100, "height_px": 80, "pixel_um": 5.0, "focal_mm": 50.0}
+
+
+def begun(folder, *cameras):
+    texts = flight_folder.files("f", cameras=cameras, crs="EPSG:31982", heights=-25.5)
+    flight_folder.begin(folder, texts)
+    with pytest.raises(FlightError) as raised:
+        flight.read(folder)
+    return raised.value.problems
+
+
+def test_what_is_to_be_filled_in_is_all_that_is_wrong(tmp_path):
+    problems = begun(tmp_path, "CAM")
+    ends = [f"cameras.CAM.{key}: missing; required" for key in SIZE]
+    assert [line.split(": ", 1)[1] for line in problems[:4]] == ends
+    assert len(problems) == 7
+    assert all("has no rows; at least one row" in line for line in problems[4:])
+    settings = ImportedFlight(source="a", sha256={}, settings={"cameras": {"CAM": SIZE}})
+    flight_folder.write(settings, tmp_path)
+    text = (tmp_path / "flight.toml").read_text()
+    assert "focal_mm = 50.0  # approximate; the calibration estimates it\n" in text
+    assert tomllib.loads(text)["cameras"]["CAM"] == SIZE
+
+
+def test_several_cameras_are_heads_of_a_synthetic_image(tmp_path):
+    problems = begun(tmp_path, "SYN", 'b "2"')
+    assert len(problems) == 3 * 4 + 2 + 3  # sizes, heads without images, empty tables
+    settings = tomllib.loads((tmp_path / "flight.toml").read_text())
+    assert settings["synthetic"] == {"camera": "SYN_1", "heads": ["SYN", 'b "2"']}
+    assert list(settings["cameras"]) == ["SYN", 'b "2"', "SYN_1"]
+    assert (tmp_path / "heads" / "images.csv").is_file()
+
+
+# --- Settings, tables and coordinate systems that imports write
+
+
+# --- TOML that is written is read back as it was ---------------------------------------------
+
+
+def test_nested_tables_come_back():
+    values = {
+        "name": 'a "quoted"\nname \x7f',
+        "n": 3,
+        "x": 1e-12,
+        "yes": True,
+        "day": dt.date(2025, 1, 2),
+        "cameras": {"C 1": {"f": 1.5}, "é": {"heads": ["a", "b"]}},
+        "points": [[float(i), 0.5] for i in range(12)],
+        "empty": {},
+    }
+    assert tomllib.loads(flight_folder.written(values)) == values
+
+
+def test_tables_of_one_name_may_stand_on_a_line_each():
+    values = {"block": {"strips": {"a": {"n": 1}, "b": {"n": 2}}}}
+    text = flight_folder.written(values, inline="strips")
+    assert "a = {n = 1}\n" in text
+    assert tomllib.loads(text) == values
+
+
+REMARKS = """\
+# A flight.
+crs = "EPSG:1"  # the map
+
+[cameras.CAM]  # the only one
+# focal_mm = 74.0  # about
+pixel_um = 5.0
+
+[apriori]
+image_point_px = 0.5
+"""
+
+
+def test_values_are_added_between_the_remarks():
+    values = {
+        "crs": "EPSG:2",
+        "heights": 1.5,
+        "cameras": {"CAM": {"focal_mm": 50.5, "k1": 1e-6}, "B 2": {"pixel_um": 4.0}},
+    }
+    assert (
+        flight_folder.added(REMARKS, values)
+        == """\
+# A flight.
+crs = "EPSG:2"  # the map
+heights = 1.5
+
+[cameras.CAM]  # the only one
+focal_mm = 50.5  # about
+pixel_um = 5.0
+k1 = 1e-06
+
+[apriori]
+image_point_px = 0.5
+
+[cameras."B 2"]
+pixel_um = 4.0
+"""
+    )
+
+
+def test_a_form_that_is_not_edited_line_by_line_is_written_anew():
+    before = 'cameras = {A = {b1 = 1}}  # inline\nname = """a\nheights = 2\n"""\n'
+    values = {"cameras": {"A": {"k1": 2.0}}, "heights": 3.0}
+    after = tomllib.loads(flight_folder.added(before, values))
+    name = "a\nheights = 2\n"
+    assert after == {"cameras": {"A": {"b1": 1, "k1": 2.0}}, "name": name, "heights": 3.0}
+
+
+# --- tables with the digits that they need, and names that a flight may use ------------------
+
+
+def test_numbers_have_the_digits_that_they_need():
+    points = image_points(["a"], ["1"], np.array([[1.23456789, 2.0]]))
+    assert points == {"image": ["a"], "point": ["1"], "col_px": [1.2346], "row_px": [2.0]}
+    table = trajectory_in_grid(
+        ["a"], np.array([[1.123456789, 2.0, 3.0]]), np.radians([[0.1, 0.2, 1 / 3]])
+    )
+    assert table["east_m"] == [1.12346]
+    assert table["kappa_deg"] == [0.333333333]
+
+
+def test_names_that_stand_twice_get_the_program_s_number():
+    assert without_doubles(["a", "b", "a"], [7, 8, 9]) == (["a#7", "b", "a#9"], 2)
+    names, place = first_use(["b", "a", "b"])
+    assert (names, place.tolist()) == (["b", "a"], [0, 1, 0])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("", "is empty"), ("=a", "would be computed"), ("a\nb", "U\\+000A")]
+)
+def test_a_name_that_no_flight_may_use_is_refused(name, said):
+    def wrong(name, found, expected):
+        return FlightError([f"f:1: name: {found}; {expected}"])
+
+    with pytest.raises(FlightError, match=f"f:1: name: .*{said}"):
+        require_names(["good", name], wrong)
+
+
+# --- the flight's coordinate system from a project's own -------------------------------------
+
+
+AT = np.array([-49.2, -25.4])
+
+
+@pytest.mark.parametrize("form", ["WKT1_GDAL", "WKT2_2019"])
+def test_a_projected_system_is_found_again_by_its_code(form):
+    text = pyproj.CRS("EPSG:31982").to_wkt(form)
+    found = coordinates.chosen(text, None, None)
+    assert found.settings == {"crs": "EPSG:31982", "heights": "ellipsoidal"}
+    assert "no vertical part" in found.assumed[1]
+
+
+def test_a_geographic_system_becomes_the_zone_of_a_place():
+    found = coordinates.chosen("EPSG:4674", AT, None)
+    assert found.settings["crs"] == "EPSG:31982"
+    there = found.from_source(np.array([[*AT, 900.0]]))
+    to_map = pyproj.Transformer.from_crs("EPSG:4674", "EPSG:31982", always_xy=True)
+    assert_allclose(there, [[*to_map.transform(*AT), 900.0]])
+    assert coordinates.chosen("EPSG:4674", None, None) is None
+
+
+def test_a_vertical_system_is_kept_even_where_its_grid_is_not_here():
+    found = coordinates.chosen("EPSG:31982+5773", None, None)
+    assert found.settings == {"crs": "EPSG:31982", "heights": "EPSG:5773"}
+    assert found.assumed[1] == "Heights are in EGM96 height"
+
+
+def test_a_local_system_is_none():
+    text = 'LOCAL_CS["Local",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]'
+    assert coordinates.chosen(text, AT, None) is None
+    assert coordinates.chosen(text, AT, "EPSG:31982").crs == "EPSG:31982"
+
+
+def test_heights_are_converted_by_undulations():
+    system = replace(coordinates.chosen("EPSG:31982", None, None), heights=4.0)
+    enh = np.array([[676000.0, 7184000.0, 100.0]])
+    assert_allclose(coordinates.with_heights(system, enh, "ellipsoidal")[:, 2], 96.0)
+    assert_allclose(coordinates.with_heights(system, enh, 3.0)[:, 2], 99.0)
+    assert coordinates.with_heights(system, enh, 4.0) is enh
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted", "message"),
+    [
+        ("EPSG:1", None, "is none that PROJ knows"),
+        ("+proj=utm +zone=22 +nadgrids=/etc/passwd", None, "may name a file"),
+        ("EPSG:31982", "EPSG:4326", "is not a projected CRS"),
+        ("EPSG:4150", AT, None),
+    ],
+)
+def test_what_cannot_be_used_is_told(text, wanted, message):
+    if message is None:
+        with pytest.raises(ValueError, match="has no UTM zone that PROJ knows here"):
+            coordinates.chosen(text, wanted, None)
+        return
+    with pytest.raises(ValueError, match=message):
+        coordinates.chosen(text, AT, wanted)
+
+
+def test_axes_are_those_of_the_system():
+    assert coordinates.is_north_first(coordinates.parsed("EPSG:4326"))
+    assert not coordinates.is_north_first(coordinates.parsed("EPSG:31982"))
+
+
+# --- cameras to and from OpenCV, held against OpenCV's own projection and undistortion -------
+
+
+HEAD = Camera(  # Table 1 and section 3.1 of the paper, CAM1
+    name="CAM1",
+    width_px=8984,
+    height_px=6732,
+    pixel_mm=0.006,
+    interior=Interior(
+        f=74.1, xp=0.12, yp=-0.08, k1=2.27e-6, k2=-1.1e-10, p1=3.3e-6, p2=-7.2e-6, b1=2e-4
+    ),
+)
+LEVEL = Pose(R=np.eye(3)[None], r=np.zeros((1, 3)))
+
+
+def ahead(camera):
+    """Points all over the image, 100 m from the camera, in its axes."""
+    half = 0.49 * camera.pixel_mm * np.array([camera.width_px, camera.height_px])
+    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(-h, h, 9) for h in half)))
+    return 100 * np.column_stack([x, y, np.full(81, -camera.interior.f)]) / camera.interior.f
+
+
+def seen_by_opencv(camera, x_c):
+    points, zero = x_c * [1, -1, -1], np.zeros(3)
+    return cv2.projectPoints(points, zero, zero, camera.matrix, camera.distortion)[0][:, 0]
+
+
+def test_opencv_projects_points_to_where_the_library_does():
+    """As closely as it says, and no closer: the misfit is that of the two polynomials."""
+    x_c, found = ahead(HEAD), to_opencv(HEAD)
+    apart = np.linalg.norm(seen_by_opencv(found, x_c) - project(HEAD, LEVEL, x_c), axis=1)
+    assert (
+        apart.max() <= 1.001 * found.left.largest_px
+    )  # the corners are not among the nodes' image
+    assert apart.max() > 0.3 * found.left.largest_px
+    assert found.left.largest_px < 0.03  # of some 20 px of distortion
+
+
+def test_a_camera_without_distortion_is_the_same_to_opencv():
+    plain = replace(HEAD, interior=Interior(f=74.1, xp=0.12, yp=-0.08, b1=2e-4))
+    found = to_opencv(plain)
+    assert_allclose(found.distortion, 0.0, atol=1e-12)
+    assert_allclose(
+        seen_by_opencv(found, ahead(plain)), project(plain, LEVEL, ahead(plain)), atol=1e-8
+    )
+
+
+def test_a_camera_comes_back_from_opencv():
+    found = to_opencv(HEAD)
+    back, left = from_opencv(
+        found.matrix, found.distortion, name="CAM1", width_px=8984, height_px=6732, pixel_mm=0.006
+    )
+    x_c = ahead(HEAD)
+    apart = np.linalg.norm(project(back, LEVEL, x_c) - project(HEAD, LEVEL, x_c), axis=1)
+    assert apart.max() < 2 * (left.largest_px + found.left.largest_px)
+    assert_allclose(
+        back.interior.to_array()[:3], HEAD.interior.to_array()[:3], rtol=1e-12, atol=1e-12
+    )
+    assert_allclose(back.interior.b1, HEAD.interior.b1, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [4, 5, 8])
+def test_ideal_points_are_opencvs_own_undistortion(n):
+    """A consumer's camera with strong distortion; eight coefficients are the rational model."""
+    matrix = np.array([[3000.0, 0.0, 2010.0], [0.0, 3003.0, 1490.0], [0.0, 0.0, 1.0]])
+    distortion = np.array([-0.11, 0.08, 3e-4, -2e-4, -0.02, 0.01, 0.02, 0.001])[:n]
+    camera, left = from_opencv(
+        matrix, distortion, name="C", width_px=4000, height_px=3000, pixel_mm=0.002
+    )
+    colrow = np.array([[0.0, 0.0], [3999.0, 10.0], [2000.0, 2999.0], [777.0, 888.0]])
+    ideal = correct(camera.interior, xy_from_colrow(camera, colrow)) / camera.interior.f * [1, -1]
+    x_c, zero = np.column_stack([ideal, np.ones(len(ideal))]), np.zeros(3)
+    seen = cv2.projectPoints(x_c, zero, zero, matrix, distortion)[0][:, 0]
+    assert np.hypot(*(seen - colrow).T).max() <= 1.01 * left.largest_px
+    assert left.largest_px < 1.0  # of some 100 px of distortion
+
+
+def test_what_is_no_camera_of_opencv_is_told():
+    matrix, size = np.diag([3000.0, 3000.0, 1.0]), {"width_px": 10, "height_px": 10}
+    with pytest.raises(
+        ValueError, match=r"len\(distortion\): expected one of 4, 5, 8, 12, 14, got 3"
+    ):
+        from_opencv(matrix, np.zeros(3), name="C", pixel_mm=0.002, **size)
+    matrix[0, 1] = 0.5
+    with pytest.raises(ValueError, match=r"matrix: expected no skew, got 0\.5"):
+        from_opencv(matrix, np.zeros(5), name="C", pixel_mm=0.002, **size)

@@ -1,0 +1,436 @@
+"""A flight of pictures alone, from their metadata to a stack of bands."""
+
+import datetime as dt
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from acx4files.exchange import flight_folder, metadata
+from acx4files.exchange.metadata import read
+from acx4files.exchange.pictures import read_folder
+from acx4files.flight import reader
+from acx4files.measuring.measure import read_unmeasured
+from acx4lib.errors import FlightError
+from support.pictures import tagged
+from support.pictures.taken import texture
+
+ANGLES = ((0, 0, 0), (0.2, -0.3, 0.5))
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    """Two heads at one exposure."""
+    for k, angles in enumerate(ANGLES):
+        said = tagged.micasense(k, relatives=angles)
+        tagged.write(tmp_path / "two" / f"IMG_0007_{k + 1}.tif", said)
+    return tmp_path / "two"
+
+
+def test_mounts_and_files_of_heads_are_those_of_the_metadata(pictures, tmp_path):
+    flight_folder.write(read_folder(pictures), tmp_path / "flight")
+    flight = reader.read(tmp_path / "flight")
+    assert flight.head_names == ("1 Band0", "2 Band1")
+    first, second = (flight.cameras[name].T_b_c.R for name in flight.head_names)
+    flip = np.diag([1, -1, -1])
+    turned = Rotation.from_euler("XYZ", ANGLES[1], degrees=True).as_matrix()
+    assert first.T @ second == pytest.approx(flip @ turned @ flip, abs=1e-12)
+    assert all(path.is_file() for path in flight.image_files["heads"])
+    assert not len(flight.heads.image_points)
+
+
+def test_a_flight_names_what_it_assumed_found_and_left_out(pictures, tmp_path):
+    tagged.write(tmp_path / "a" / "IMG_0001_1.jpg", tagged.micasense(0))
+    for k in (1, 2):
+        tagged.write(tmp_path / "a" / f"IMG_0001_{k}.tif", tagged.micasense(k - 1))
+    brought = read_folder(tmp_path / "a")
+    assert brought.left_out == (
+        "1 picture of another kind than 320 x 240 px, 1 x 16 bit: IMG_0001_1.jpg",
+    )
+    assert "RigRelatives" in read_folder(pictures).assumed[-1]
+    assert read_folder(pictures).settings["crs"] == "EPSG:32630"
+    assert read_folder(pictures, crs="EPSG:2154").settings["crs"] == "EPSG:2154"
+
+
+def test_one_camera_makes_a_calibration_block_with_its_track(tmp_path):
+    for k in range(3):
+        exif = tagged.metadata(lat=-25.0 - 0.001 * k, lon=151.0, time=f"2024:05:01 10:20:3{k}")
+        tagged.write(
+            tmp_path / f"DJI_000{k}.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif
+        )
+    brought = read_folder(tmp_path)
+    assert brought.settings["crs"] == "EPSG:32756"
+    assert "synthetic" not in brought.settings
+    track = brought.tables["calibration/trajectory.csv"]
+    assert track["heading_deg"] == pytest.approx([180.0] * 3)
+    assert np.diff(track["time_s"]) == pytest.approx([1, 1])
+
+
+def test_exposures_without_a_position_are_counted(tmp_path):
+    tagged.write(tmp_path / "DJI_0001.JPG", {"drone-dji:CalibratedFocalLength": 300})
+    exif = tagged.metadata(lat=None)
+    tagged.write(tmp_path / "DJI_0002.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
+    assert read_folder(tmp_path).left_out == ("1 exposure without a position: DJI_0002",)
+
+
+def test_what_is_no_folder_of_pictures_is_refused(tmp_path):
+    with pytest.raises(FlightError, match="is no folder"):
+        read_folder(tmp_path / "nowhere")
+    with pytest.raises(FlightError, match="holds 0 pictures"):
+        read_folder(tmp_path)
+    tagged.write(tmp_path / "a.tif", tagged.micasense(0), exif=tagged.metadata(lat=None))
+    with pytest.raises(FlightError, match=r"GPSLatitude.*missing"):
+        read_folder(tmp_path)
+
+
+def test_two_pictures_of_one_head_at_one_exposure_are_refused(tmp_path):
+    for k in (1, 2):
+        tagged.write(tmp_path / f"IMG_0001_{k}.tif", tagged.micasense(0))
+    with pytest.raises(FlightError, match=r"RigCameraIndex.*of the same exposure"):
+        read_folder(tmp_path)
+
+
+def test_a_receiver_without_a_fix_gives_no_position(tmp_path):
+    focal = {"drone-dji:CalibratedFocalLength": 300}
+    for k, place in enumerate(((0.0, 0.0), (-25.0, 151.0))):
+        exif = tagged.metadata(lat=place[0], lon=place[1], time=f"2024:05:01 10:20:3{k}")
+        tagged.write(tmp_path / f"DJI_000{k}.JPG", focal, exif=exif)
+    brought = read_folder(tmp_path)
+    assert brought.left_out == ("1 exposure without a position: DJI_0000",)
+    assert brought.settings["crs"] == "EPSG:32756"
+
+
+def test_a_jpeg_that_is_cut_in_half_is_refused(tmp_path):
+    path = tmp_path / "DJI_0001.JPG"
+    noise = np.random.default_rng(1).integers(0, 255, tagged.SIZE[::-1]).astype(np.uint8)
+    tagged.write(path, {"drone-dji:CalibratedFocalLength": 300}, pixels=noise)
+    assert read_folder(tmp_path).found
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(FlightError, match="is cut off: its pixels have no end"):
+        read_folder(tmp_path)
+
+
+def test_a_tiff_that_is_cut_in_half_is_refused(tmp_path):
+    path = tagged.write(tmp_path / "IMG_0001_1.tif", tagged.micasense(0))
+    assert read_folder(tmp_path).found
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(FlightError, match=r"file: is cut off: it has \d+ bytes of at least \d+"):
+        read_folder(tmp_path)
+
+
+def test_the_height_above_take_off_tells_the_ground(tmp_path):
+    """55 m of EXIF less 30 m."""
+    said = {"drone-dji:CalibratedFocalLength": 300, "drone-dji:RelativeAltitude": "+30.00"}
+    tagged.write(tmp_path / "DJI_0001.JPG", said)
+    found = next(one for one in read_folder(tmp_path).found if one.startswith("ground at take-off"))
+    assert found.startswith("ground at take-off at 25.0 m")
+    assert found.endswith("acx4 measure takes it by --ground 25")
+
+
+def test_a_lens_that_no_camera_is_like_is_refused_unless_it_is_allowed(tmp_path):
+    """Decentring as large as this is no camera's: it leaves more than 2 px."""
+    odd = tagged.micasense(0) | {metadata.DISTORTION: [-0.4, 0.3, 0.1, 0.03, 0.03]}
+    tagged.write(tmp_path / "a" / "IMG_0001_1.tif", odd)
+    with pytest.raises(
+        FlightError, match=r"lens: .*differs by .* px at most.*must be at most 2 px"
+    ):
+        read_folder(tmp_path / "a")
+    (said,) = read_folder(tmp_path / "a", allow=20.0).warnings
+    assert said.startswith("the lens of 1 Band0 differs from that of its metadata by ")
+
+
+# --- When, where and how a picture was taken
+
+
+def tags_of(tmp_path, properties=None, *, name="IMG_0001_1.tif", **exif):
+    return read(tagged.write(tmp_path / name, properties, exif=tagged.metadata(**exif)))
+
+
+@pytest.mark.parametrize(("lat", "lon"), [(47.696732, -3.193452), (-25.4483, 151.25)])
+def test_positions_have_the_signs_of_their_letters(tmp_path, lat, lon):
+    found = metadata.place_of(tags_of(tmp_path, lat=lat, lon=lon, height=-3.25))
+    assert found == pytest.approx((lat, lon, -3.25), abs=1e-8)
+
+
+def test_a_picture_without_gps_has_no_position(tmp_path):
+    assert metadata.place_of(tags_of(tmp_path, lat=None)) is None
+
+
+def test_a_place_beyond_the_poles_is_refused(tmp_path):
+    with pytest.raises(FlightError, match=r"GPSLatitude.*must be on Earth"):
+        metadata.place_of(tags_of(tmp_path, lat=91.0))
+
+
+def test_times_have_parts_of_a_second(tmp_path):
+    expected = dt.datetime(2024, 5, 1, 10, 20, 30, 250_000)
+    assert metadata.time_of(tags_of(tmp_path)) == expected
+
+
+def test_what_is_no_time_is_refused(tmp_path):
+    with pytest.raises(FlightError, match="DateTimeOriginal: '2024-05-01'; must be a time"):
+        metadata.time_of(tags_of(tmp_path, time="2024-05-01"))
+
+
+def test_a_gimbal_that_looks_down_is_level(tmp_path):
+    angles = dict(zip(metadata.GIMBAL, ("+0.50", "-89.90", "-132.00"), strict=True))
+    held = metadata.attitude_of(tags_of(tmp_path, angles))
+    assert (held.roll, held.pitch, held.heading) == pytest.approx((0.5, 0.1, 228.0))
+
+
+def test_the_light_sensors_angles_are_radians_and_count_last(tmp_path):
+    light = dict(zip(metadata.LIGHT, (0.05, 0.0, 1.0), strict=True))
+    held = metadata.attitude_of(tags_of(tmp_path, light))
+    assert held.heading == pytest.approx(57.29578)
+    camera = dict(zip(metadata.CAMERA, (1.0, 2.0, 300.0), strict=True))
+    held = metadata.attitude_of(tags_of(tmp_path, light | camera))
+    assert (held.roll, held.pitch, held.heading) == (1.0, 2.0, 300.0)
+    assert metadata.attitude_of(tags_of(tmp_path)) is None
+
+
+def test_sigma_of_positions_are_taken_where_they_are(tmp_path):
+    rtk = dict(zip(metadata.RTK, (0.01, 0.02, 0.03), strict=True))
+    assert metadata.sigma_of(tags_of(tmp_path, rtk)) == (0.01, 0.02, 0.03)
+    said = dict(zip(metadata.ACCURACY, (0.4, 0.8), strict=True))
+    assert metadata.sigma_of(tags_of(tmp_path, said)) == (0.4, 0.4, 0.8)
+    assert metadata.sigma_of(tags_of(tmp_path)) is None
+
+
+def test_heads_of_one_exposure_have_one_key(tmp_path):
+    named = [tags_of(tmp_path, name=f"IMG_0001_{k}.tif") for k in (1, 10)]
+    assert len({metadata.key(one) for one in named}) == 1
+    assert {metadata.name_of(one) for one in named} == {"IMG_0001"}
+    other = tags_of(tmp_path, {metadata.CAPTURE[0]: "x"}, name="IMG_0001_3.tif")
+    assert metadata.key(other) == "x"
+
+
+def test_the_course_follows_the_track():
+    north = [(47.0, 3.0, 0.0), (47.1, 3.0, 0.0), (47.2, 3.0, 0.0)]
+    assert metadata.course(north) == pytest.approx([0, 0, 0])
+    assert metadata.course([(0.0, 3.0, 0.0), (0.0, 3.1, 0.0)]) == pytest.approx([90, 90])
+    assert metadata.course(north[:1]) == [0.0]
+
+
+# --- Heads, their reference, and what their three angles mean
+
+
+def head_of(tmp_path, properties):
+    return metadata.head_of(read(tagged.write(tmp_path / "a.tif", properties)))
+
+
+def test_a_head_has_its_number_and_band_as_name(tmp_path):
+    head = head_of(
+        tmp_path, tagged.micasense(3, relatives=(0.1, 0.2, 0.3), reference=1, band="NIR")
+    )
+    assert (head.name, head.index, head.reference) == ("4 NIR", 3, 1)
+    assert head.relatives_deg == (0.1, 0.2, 0.3)
+    assert head_of(tmp_path, {}).name == "RedEdge-T"
+
+
+def test_the_angles_turn_a_ray_of_the_head_into_the_reference():
+    """Camera axes of the library have y up and z back, those of the angles y down and z ahead."""
+    angles, ray = (3.0, -5.0, 8.0), np.array([0.2, -0.3, 1.0])
+    down = np.diag([1, -1, -1])
+    turned = Rotation.from_euler("XYZ", angles, degrees=True).apply(ray)
+    assert down @ metadata.rotation(angles) @ down @ ray == pytest.approx(turned)
+
+
+def test_the_reference_leads_wherever_it_stands():
+    heads = [
+        metadata.Head(name=str(i), index=i, reference=r, relatives_deg=a)
+        for i, r, a in ((0, 1, (0.1, 0, 0)), (1, 1, (0, 0, 0)), (2, 1, (0, 0.2, 0)))
+    ]
+    assert [head.name for head in metadata.in_order(heads)] == ["1", "0", "2"]
+    assert "1" in metadata.sentence(heads)
+
+
+def test_where_no_head_names_a_reference_the_one_that_is_not_turned_leads():
+    angles = ((0.1, 0, 0), (0.0, 0, 0), (0, 0.2, 0))
+    heads = [
+        metadata.Head(name=str(i), index=i, reference=None, relatives_deg=a)
+        for i, a in enumerate(angles)
+    ]
+    assert [head.name for head in metadata.in_order(heads)] == ["1", "0", "2"]
+    assert "no file names: 1, whose own angles are zero" in metadata.sentence(heads)
+    turned = [heads[0], heads[2]]
+    assert [head.name for head in metadata.in_order(turned)] == ["0", "2"]
+    assert "no file names: 0, the first" in metadata.sentence(turned)
+
+
+def test_a_camera_looks_down_with_the_top_of_its_image_ahead():
+    ahead, up = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
+    assert pytest.approx(ahead) == metadata.DOWN @ [0, 1, 0]
+    assert pytest.approx(up) == metadata.DOWN @ [0, 0, 1]
+    assert np.linalg.det(metadata.DOWN) == pytest.approx(1)
+
+
+# --- Vignetting and dark level by the metadata
+
+
+def test_the_polynomial_begins_with_the_radius(tmp_path):
+    said = {metadata.VIGNETTING_CENTRE: [100, 50], metadata.VIGNETTING_POLYNOMIAL: [1e-3, -2e-5]}
+    tags = read(tagged.write(tmp_path / "a.tif", said))
+    found = metadata.vignetting(tags).at(np.array([[100, 50], [103, 54]]))
+    assert found == pytest.approx([1.0, 1 + 5e-3 - 25 * 2e-5])
+    assert "1 head," in metadata.sentences([tags])[-1]
+
+
+def test_without_it_nothing_is_said(tmp_path):
+    tags = read(tagged.write(tmp_path / "a.tif", {}))
+    assert metadata.vignetting(tags) is None
+    assert metadata.dark_level(tags) is None
+    assert metadata.sentences([tags]) == []
+
+
+# --- what other makers write
+
+
+def test_angles_without_a_reference_are_said_to_be_used(tmp_path):
+    """As Parrot's Sequoia has them: the first head is the reference."""
+    for k, angles in enumerate((None, *ANGLES[1:])):
+        said = tagged.micasense(k, relatives=angles)
+        said.pop("Camera:RigRelativesReferenceRigCameraIndex", None)
+        tagged.write(tmp_path / f"IMG_0007_{k + 1}.tif", said)
+    said = read_folder(tmp_path).assumed[-1]
+    assert said.startswith("RigRelatives a, b, c are degrees")
+    assert "which no file names: 1 Band0, the first" in said
+
+
+@pytest.mark.parametrize("attributes", [False, True])
+def test_sensefly_s_angles_and_its_height_above_the_ellipsoid(tmp_path, attributes):
+    said = {
+        "drone-dji:CalibratedFocalLength": 300,
+        "senseFly:Heading": 123.5,
+        "senseFly:Pitch": 4.5,
+        "senseFly:Roll": -2.5,
+        "senseFly:AltitudeWGS84": 171.25,
+        "senseFly:AltitudeAMSL": 120.0,
+    }
+    tagged.write(tmp_path / "IMG_0001.JPG", said, attributes=attributes)
+    brought = read_folder(tmp_path)
+    track = brought.tables["calibration/trajectory.csv"]
+    assert (track["roll_deg"], track["pitch_deg"], track["heading_deg"]) == ([-2.5], [4.5], [123.5])
+    assert track["height_m"] == [171.25]
+    assert any("senseFly's above the ellipsoid" in one for one in brought.assumed)
+
+
+def test_a_clock_that_is_off_the_receiver_s_time_is_told(tmp_path):
+    exif = tagged.metadata(time="2024:05:01 12:21:05")
+    exif.get_ifd(tagged.GPS)[7] = (10.0, 20.0, 30.0)  # two hours are a zone, 35 s are none
+    tagged.write(tmp_path / "IMG_0001.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
+    (said,) = (one for one in read_folder(tmp_path).found if "clock" in one)
+    assert said.startswith("the clock of EXIF is +35 s off the receiver's time")
+
+
+def test_a_cropped_picture_is_warned_of(tmp_path):
+    exif = tagged.metadata()
+    own = exif.get_ifd(tagged.EXIF)
+    own[40962], own[40963] = 4000, 3000
+    tagged.write(tmp_path / "IMG_0001.JPG", {"drone-dji:CalibratedFocalLength": 300}, exif=exif)
+    (said,) = read_folder(tmp_path).warnings
+    assert said.startswith("1 picture")
+    assert "320 x 240 px, and 4000 x 3000 px by their EXIF: cropped or reduced" in said
+
+
+# --- gimbal and aircraft that look in other directions
+
+
+def strip_of(at, gimbal, aircraft, *, top=30.0, ground=None):
+    """Write three pictures of a flight to the north whose tops look `top` degrees east of it."""
+    if ground is None:
+        ground = np.rint(texture(900, np.random.default_rng(1), finest=0.1)).astype(np.uint16)
+    width, height = tagged.SIZE
+    way = 60 * np.array([np.sin(np.radians(-top)), -np.cos(np.radians(-top))])  # columns, rows
+    for k, (held, flown) in enumerate(zip(gimbal, aircraft, strict=True)):
+        col, row = np.rint([400, 450] + k * way).astype(int)
+        angles = dict(zip(metadata.GIMBAL, (0.0, -90.0, held), strict=True))
+        said = {"drone-dji:CalibratedFocalLength": 300, "drone-dji:FlightYawDegree": flown}
+        exif = tagged.metadata(lat=47.5 + 1e-4 * k, time=f"2024:05:01 10:20:3{k}")
+        pixels = np.ascontiguousarray(ground[row : row + height, col : col + width])
+        tagged.write(at / f"DJI_000{k}.tif", said | angles, exif=exif, pixels=pixels)
+    return read_folder(at)
+
+
+@pytest.mark.parametrize(("gimbal", "aircraft"), [(205.0, 28.0), (28.0, 205.0)])
+def test_pictures_decide_between_the_yaw_of_the_gimbal_and_of_the_aircraft(
+    tmp_path, gimbal, aircraft
+):
+    """Whichever is near the 30 degrees at which the pictures were taken."""
+    brought = strip_of(tmp_path, [gimbal] * 3, [aircraft] * 3)
+    which = "gimbal" if gimbal == 28.0 else "aircraft"
+    assert brought.warnings == (
+        "at 3 of 3 exposures the yaw of the gimbal and that of the aircraft differ by 177° "
+        f"(median): 2 of 2 pairs of pictures agree with the {which}'s, which is taken",
+    )
+    assert brought.tables["calibration/trajectory.csv"]["heading_deg"] == [28.0] * 3
+
+
+def test_pictures_that_show_nothing_leave_the_yaw_of_the_gimbal(tmp_path):
+    grey = np.full((900, 900), 20000, np.uint16)
+    brought = strip_of(tmp_path, [10.0, 190.0, 10.0], [12.0] * 3, ground=grey)
+    (said,) = brought.warnings
+    assert said.startswith("at 1 of 3 exposures the yaw of the gimbal and that of the aircraft")
+    assert said.endswith("the pictures do not say which is right, and the gimbal's is taken")
+    assert brought.tables["calibration/trajectory.csv"]["heading_deg"] == [10.0, 190.0, 10.0]
+
+
+def test_a_gimbal_that_is_turned_over_looks_down_with_its_top_behind(tmp_path):
+    """Its angles and those without a half turn are of one attitude."""
+    angles = dict(zip(metadata.GIMBAL, ("+180.00", "-89.90", "-132.00"), strict=True))
+    held = metadata.attitude_of(tags_of(tmp_path, angles))
+    level = [Rotation.from_euler("Y", 90, degrees=True), Rotation.identity()]
+    turns = ((-132, -89.9, 180), (held.heading, held.pitch, held.roll))
+    given, found = (
+        Rotation.from_euler("ZYX", one, degrees=True) * by
+        for one, by in zip(turns, level, strict=True)
+    )
+    assert (given.inv() * found).magnitude() < 1e-9
+    assert held.heading == pytest.approx(48.0)
+
+
+# --- exposures that are held out
+
+
+def flown(path, *, heads=2, n=4):
+    for k in range(n):
+        exif = tagged.metadata(lat=47.5 + 1e-4 * k, time=f"2024:05:01 10:20:3{k}")
+        for head in range(heads):
+            said = tagged.micasense(head, relatives=ANGLES[head])
+            said["MicaSense:CaptureId"] = f"capture-{k}"
+            tagged.write(path / f"IMG_000{k}_{head + 1}.tif", said, exif=exif)
+    return path
+
+
+def test_every_second_exposure_of_heads_is_held_out(tmp_path):
+    brought = read_folder(flown(tmp_path / "p"), hold_out=2)
+    flight_folder.write(brought, tmp_path / "flight")
+    flight = read_unmeasured(tmp_path / "flight").flight
+    assert {name: block.trajectory.exposures for name, block in flight.blocks.items()} == {
+        "heads": ("IMG_0000", "IMG_0002"),
+        "calibration": ("IMG_0000", "IMG_0002"),
+        "validation": ("IMG_0001", "IMG_0003"),
+    }
+    assert flight.transferred == ("calibration", "validation")
+    assert all(path.is_file() for files in flight.image_files.values() for path in files)
+    assert flight.fix == ("lever_arm",)
+    assert flight.estimate_mounting == ()
+    assert any("one in 2 in the order of time" in one for one in brought.assumed)
+
+
+def test_heads_are_calibrated_together_where_there_are_exposures_to_do_so(tmp_path):
+    flight_folder.write(read_folder(flown(tmp_path / "p")), tmp_path / "flight")
+    flight = read_unmeasured(tmp_path / "flight").flight
+    assert set(flight.blocks) == {"heads", "calibration"}
+    assert flight.transferred == ("calibration",)
+    assert flight.fix == ("lever_arm",)
+    alone = read_folder(flown(tmp_path / "one", n=1))
+    assert {name.partition("/")[0] for name in alone.pictures} == {"heads"}
+    assert "stages" not in alone.settings
+
+
+def test_one_camera_has_no_heads_to_hold_out_of(tmp_path):
+    brought = read_folder(flown(tmp_path, heads=1), hold_out=3)
+    assert brought.tables["validation/images.csv"]["exposure"] == ["IMG_0002"]
+    assert len(brought.tables["calibration/images.csv"]["exposure"]) == 3
+    assert "stages" not in brought.settings
+    with pytest.raises(FlightError, match="--hold-out: 9 of 4 exposures; must leave exposures"):
+        read_folder(tmp_path, hold_out=9)

@@ -1,0 +1,338 @@
+"""Synthetic images of a flight as files: right, made again only where needed, despite bad files."""
+
+import json
+import multiprocessing
+import shutil
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+
+import distributed
+import numpy as np
+import pandas as pd
+import pytest
+import tifffile
+from scipy.ndimage import binary_erosion
+
+from acx4files import flight as flights
+from acx4files.images.exposure import RenderOptions, blended, stacked, stripes
+from acx4files.images.flight_images import render_flight
+from acx4files.images.tiff import read_about
+from acx4files.results import adjustments
+from acx4files.results import folder as found_results
+from acx4files.results.own_folder import MARK
+from acx4lib.calibration.heads import declared_orientation
+from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.synthetic_image.rendering import render_plan
+from support.flights import pictured
+from support.flights import written as small
+
+# --- flight images ---------------------------------------------------------------------------
+#
+# A flight's synthetic images as files: right, made again only where needed, despite bad files.
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Return a flight with two exposures, and the results of its heads."""
+    folder = tmp_path_factory.mktemp("render")
+    flight = pictured.write_flight(folder / "flight")
+    return flight, pictured.write_results(folder / "results", flight)
+
+
+@pytest.fixture
+def own(made, tmp_path):
+    """Return the same, to be spoilt."""
+    flight, results = made
+    return (
+        shutil.copytree(flight, tmp_path / "flight"),
+        shutil.copytree(results, tmp_path / "results"),
+    )
+
+
+@pytest.fixture
+def rendered(made, tmp_path):
+    """Render with options and return the folder and the report."""
+
+    def run(*, of=made, **how):
+        flight, results = of
+        report = render_flight(flights.read(flight), results, tmp_path / "out", **how)
+        return tmp_path / "out", report
+
+    return run
+
+
+def image(folder, exposure):
+    return tifffile.imread(folder / f"{exposure}.tif", key=0)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir() if path.name != MARK)
+
+
+def misfit(found, scene):
+    """Return differences to the true frame, without the border of what the heads see."""
+    seen = binary_erosion((found > 0).all(axis=2), iterations=2)
+    return (found.astype(float) - pictured.frame_of(scene))[seen]
+
+
+def test_the_files_show_the_scene(rendered):
+    """Within what interpolation between pixels, there and back, takes of the finest texture."""
+    folder, report = rendered()
+    assert names(folder) == ["E0.tif", "E0_preview.jpg", "E1.tif", "E1_preview.jpg", "images.csv"]
+    assert (report.rendered, report.kept, report.problems) == (("E0", "E1"), (), ())
+    for seed, exposure in enumerate(("E0", "E1"), start=1):
+        found, scene = image(folder, exposure), pictured.scene(seed)
+        assert found.dtype == np.uint16
+        assert found.shape == (375, 500, 3)
+        d = misfit(found, scene)
+        assert np.sqrt(np.mean(d**2)) < 0.03 * pictured.frame_of(scene).std()
+        assert abs(np.median(d)) < 0.002 * 12000  # the response of heads that have none is noise
+
+
+def test_cubic_interpolation_is_sharper(rendered, made, tmp_path):
+    scene, rms = pictured.scene(1), {}
+    for kind in ("bilinear", "cubic"):
+        options = RenderOptions(interpolation=kind, equalise="none")
+        folder, _ = rendered(exposures=["E0"], options=options)
+        rms[kind] = np.sqrt(np.mean(misfit(image(folder, "E0"), scene) ** 2))
+    assert rms["cubic"] < 0.7 * rms["bilinear"]
+
+
+def test_an_image_says_what_it_was_made_from(rendered, made):
+    folder, report = rendered(options=RenderOptions(blend="seam"))
+    about = read_about(folder / "E1.tif")
+    assert about["f_mm"] == 25.0
+    assert (about["width_px"], about["height_px"], about["pixel_mm"]) == (500, 375, 0.04)
+    assert about["options"]["blend"] == "seam"
+    assert about["orientation"] == "heads/relative_orientation"
+    left, right = about["heads"]
+    assert left["file"] == "E1_LEFT.tif"
+    assert left["bytes"] == pictured.head_path(made[0], "E1", "LEFT").stat().st_size
+    assert right["interior"]["k1"] == 1e-5
+    assert right["omega_phi_kappa_deg"] == pytest.approx(
+        np.degrees(pictured.orientation().opk[1]).tolist(), abs=1e-6
+    )
+    assert np.shape(left["response"]) == (3, 3)
+    assert str(made[0]) not in json.dumps(about)  # the same from a copy of the flight
+    assert any("at 1/8 of the size" in note for note in report.notes)
+
+
+def test_the_folder_can_be_a_block_of_a_flight(rendered):
+    folder, _ = rendered()
+    table = pd.read_csv(folder / "images.csv", dtype=str)
+    assert table.to_dict("records") == [
+        {"image": name, "camera": "CAM", "exposure": name, "file": f"{name}.tif"}
+        for name in ("E0", "E1")
+    ]
+
+
+def test_the_same_input_gives_the_same_bytes_and_is_not_rendered_again(rendered):
+    folder, first = rendered()
+    before = {path.name: (path.stat().st_mtime_ns, path.read_bytes()) for path in folder.iterdir()}
+    _, second = rendered()
+    assert (second.rendered, second.kept) == ((), first.rendered)
+    for name in ("E0.tif", "E1.tif"):
+        assert (folder / name).stat().st_mtime_ns == before[name][0]
+    (folder / "E0.tif").unlink()
+    _, third = rendered()
+    assert (third.rendered, third.kept) == (("E0",), ("E1",))
+    assert (folder / "E0.tif").read_bytes() == before["E0.tif"][1]
+
+
+def test_what_depends_on_a_changed_file_or_option_is_rendered_again(rendered, own):
+    rendered(of=own)
+    _, other = rendered(of=own, options=RenderOptions(feather_px=80.0))
+    assert other.rendered == ("E0", "E1")
+    options = RenderOptions(equalise="image")
+    rendered(of=own, options=options)
+    path = pictured.head_path(own[0], "E1", "LEFT")
+    tifffile.imwrite(path, tifffile.imread(path) + 100, photometric="rgb")  # of the same size
+    _, changed = rendered(of=own, options=options)
+    assert (changed.rendered, changed.kept) == (("E1",), ("E0",))
+    _, flight_wide = rendered(of=own)  # the response of all is from both
+    assert flight_wide.rendered == ("E0", "E1")
+
+
+def test_a_bad_file_is_named_and_the_others_are_finished(rendered, own):
+    path = pictured.head_path(own[0], "E0", "RIGHT")
+    path.write_bytes(path.read_bytes()[:-5000])
+    folder, report = rendered(of=own)
+    assert report.rendered == ("E1",)
+    (problem,) = report.problems
+    assert problem.startswith(f"E0: {path}: ends after")
+    assert names(folder) == ["E1.tif", "E1_preview.jpg", "images.csv"]
+
+
+@pytest.mark.parametrize("head", pictured.HEADS)
+def test_a_head_turned_by_180_degrees_is_found(rendered, own, head):
+    path = pictured.head_path(own[0], "E0", head)
+    tifffile.imwrite(path, tifffile.imread(path)[::-1, ::-1], photometric="rgb")
+    folder, report = rendered(of=own)
+    assert report.rendered == ("E1",)
+    assert "180" in report.problems[0]
+    assert report.problems[0].startswith("E0: ")
+    assert "E0.tif" not in names(folder)
+
+
+def test_heads_of_different_exposures_are_found(rendered, own):
+    other = pictured.head_path(own[0], "E1", "LEFT").read_bytes()
+    pictured.head_path(own[0], "E0", "LEFT").write_bytes(other)
+    _, report = rendered(of=own)
+    assert report.rendered == ("E1",)
+    assert report.problems[0].startswith("E0: ")
+
+
+def test_only_named_exposures_need_all_files(rendered, own):
+    flight, _ = own
+    table = pd.read_csv(flight / "heads" / "images.csv", dtype=str, keep_default_na=False)
+    table.loc[table["image"] == "E1_LEFT", "file"] = ""
+    table.to_csv(flight / "heads" / "images.csv", index=False)
+    _, report = rendered(of=own)
+    assert (report.rendered, report.problems) == (("E0",), ())
+    assert "left out, without the files of all heads: E1" in report.notes
+    _, report = rendered(of=own, exposures=["E1", "E0", "E1"])
+    assert report.kept == ("E0",)
+    (problem,) = report.problems
+    assert problem.startswith(f"E1: {flight}/heads/images.csv: exposure E1: no file for LEFT")
+
+
+def test_exposures_that_are_not_there_are_named(rendered, made):
+    with pytest.raises(FlightError) as error:
+        rendered(exposures=["E0", "E7"])
+    assert error.value.problems == (
+        f"{made[0]}/heads/images.csv: no files of an exposure E7; complete are E0, E1",
+    )
+
+
+def test_heads_are_needed_with_their_orientation(rendered, own, tmp_path):
+    flight, results = own
+    with pytest.raises(FlightError, match="no results of stage heads; run first"):
+        rendered(of=(flight, tmp_path / "nothing"))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FlightError, match="no results of stage heads; run first"):
+        rendered(of=(flight, tmp_path / "empty"))
+    (results / MARK).unlink()  # else the change would be refused
+    said = {"heads/relative_orientation": {"left_out": ["RIGHT is not determined"]}}
+    found_results.replace(results, ["heads/relative_orientation"], tables={}, summary=said)
+    with pytest.raises(AdjustmentError, match="RIGHT is not determined"):
+        rendered(of=own)
+
+
+def test_a_flight_without_heads_has_nothing_to_render(tmp_path, rendered, made):
+    flight = small.write_flight(tmp_path / "single")
+    with pytest.raises(FlightError, match=r"flight.toml: has no table \[synthetic\]"):
+        rendered(of=(flight, made[1]))
+
+
+def test_a_refined_orientation_goes_before_the_other(rendered, own):
+    refined = pictured.orientation()
+    (own[1] / MARK).unlink()
+    adjustments.write(
+        own[1], "synthetic", [adjustments.of_relative_orientation("synthetic", "refined", refined)]
+    )
+    _, report = rendered(of=own)
+    assert report.notes[0] == f"heads as {own[1]} has them, synthetic/refined"
+
+
+@pytest.mark.slow
+def test_heads_refined_by_each_images_tie_points_fit_better(rendered, own):
+    """With RIGHT turned by 0.02 degrees about its axis, some px at its border."""
+    wrong = pictured.orientation()
+    wrong.opk[1, 2] += np.radians(0.2)
+    (own[1] / MARK).unlink()
+    adjustments.write(
+        own[1], "synthetic", [adjustments.of_relative_orientation("synthetic", "refined", wrong)]
+    )
+    rms = {}
+    for refine in ("flight", "image"):
+        folder, report = rendered(of=own, options=RenderOptions(refine=refine))
+        assert report.problems == ()
+        d = misfit(image(folder, "E0"), pictured.scene(1))
+        rms[refine] = np.sqrt(np.mean(d**2))
+    assert rms["image"] < 0.3 * rms["flight"]
+
+
+def test_progress_is_told_to_the_last_row(rendered):
+    told = []
+    rendered(tell=lambda *said: told.append(said))
+    assert told[:2] == [("E0", 0, 3000), ("E1", 0, 3000)]  # the size is known when it is read
+    assert told[-1] == ("E1", 375, 375)
+
+
+@pytest.mark.slow
+def test_two_processes_render_the_same_bytes(rendered, made, tmp_path):
+    folder, _ = rendered()
+    told = []
+    spawned = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(2, mp_context=spawned) as pool:
+        report = render_flight(
+            flights.read(made[0]),
+            made[1],
+            tmp_path / "two",
+            executor=pool,
+            threads=1,
+            tell=lambda *said: told.append(said),
+        )
+    assert sorted(report.rendered) == ["E0", "E1"]
+    for name in ("E0.tif", "E1.tif", "images.csv"):
+        assert (tmp_path / "two" / name).read_bytes() == (folder / name).read_bytes()
+    assert {name for name, done, total in told if done == total} == {"E0", "E1"}
+
+
+@pytest.mark.repeats
+@pytest.mark.slow
+def test_a_cluster_of_two_workers_renders_the_same_bytes(rendered, made, tmp_path):
+    folder, _ = rendered()
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
+        ) as cluster,
+        cluster.get_client() as client,
+    ):
+        report = render_flight(
+            flights.read(made[0]),
+            made[1],
+            tmp_path / "cluster",
+            executor=client.get_executor(pure=False),
+        )
+    assert (sorted(report.rendered), report.problems) == (["E0", "E1"], ())
+    for name in ("E0.tif", "E1.tif", "images.csv"):
+        assert (tmp_path / "cluster" / name).read_bytes() == (folder / name).read_bytes()
+
+
+# --- heads as bands of one image, in stripes -------------------------------------------------
+
+
+CAMERA = Camera(name="A", width_px=96, height_px=700, pixel_mm=0.01, interior=Interior(f=10.0))
+
+
+@pytest.fixture
+def plan():
+    heads = [CAMERA, replace(CAMERA, name="B"), replace(CAMERA, name="C")]
+    return render_plan(declared_orientation(heads, CAMERA), CAMERA)
+
+
+@pytest.fixture
+def pictures():
+    rng = np.random.default_rng(1)
+    return [rng.integers(1, 65535, (700, 96, 1), dtype=np.uint16) for _ in range(3)]
+
+
+def test_every_head_is_a_band_of_its_own_pixels(plan, pictures):
+    told = []
+    fill = stacked(plan, pictures, 1)
+    parts = [
+        part.copy()
+        for part in stripes(fill, (700, 96, 3), np.dtype("uint16"), lambda *n: told.append(n))
+    ]
+    assert np.array_equal(np.concatenate(parts), np.concatenate(pictures, axis=2))
+    assert [len(part) for part in parts] == [512, 188]
+    assert told == [(512, 700), (700, 700)]
+
+
+def test_blended_heads_of_one_place_are_their_mean(plan, pictures):
+    out = np.empty((700, 96, 1), np.uint16)
+    blended(plan, pictures, 1)(out, 0)
+    mean = np.mean(pictures, axis=0)
+    assert np.abs(out - mean).max() <= 1

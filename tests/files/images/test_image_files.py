@@ -1,0 +1,270 @@
+"""Images from files of every kind, and what is said of those that are none."""
+
+import contextlib
+import os
+import struct
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from acx4files.images.image_files import fingerprint, image_from_file
+from acx4lib.errors import FlightError
+from acx4lib.geometry.camera import Camera, Interior
+from acx4lib.synthetic_image.head_map import mapped_file
+
+CAMERA = Camera(name="CAM1", width_px=120, height_px=90, pixel_mm=0.006, interior=Interior(f=74.0))
+GOOD = "uncompressed"
+LAYOUTS = {
+    GOOD: {},
+    "rows a strip": {"rowsperstrip": 7},
+    "tiled": {"tile": (32, 48)},
+    "deflate": {"compression": "deflate", "predictor": True},
+    "lzw": {"compression": "lzw", "tile": (16, 16)},
+    "zstd": {"compression": "zstd"},
+    "big": {"bigtiff": True},
+    "big-endian": {"byteorder": ">"},
+    "little-endian": {"byteorder": "<"},
+}
+
+
+def picture(rng, bands=3, dtype="uint16", shape=(90, 120)):
+    return rng.integers(1, np.iinfo(dtype).max, (*shape, bands), dtype=dtype)
+
+
+def write(path, image, **how):
+    """Write bands together or, with planarconfig separate, one after the other."""
+    if how.get("planarconfig") == "separate":
+        image = np.moveaxis(image, -1, 0)
+    colours = "rgb" if image.ndim == 3 and 3 in (image.shape[-1], image.shape[0]) else "minisblack"
+    tifffile.imwrite(path, image, **{"photometric": colours, **how})
+    return path
+
+
+def refused(path):
+    """Return the one sentence why a file is not read."""
+    with pytest.raises(FlightError) as error:
+        image_from_file(path, CAMERA)
+    (problem,) = error.value.problems
+    name, _, says = problem.partition(": ")
+    assert name == str(path)
+    assert "\n" not in says
+    return says
+
+
+@pytest.mark.parametrize("how", LAYOUTS.values(), ids=LAYOUTS)
+@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
+def test_every_layout_gives_the_same_pixels(tmp_path, rng, how, dtype):
+    image = picture(rng, dtype=dtype)
+    found = image_from_file(write(tmp_path / "x.tif", image, **how), CAMERA)
+    np.testing.assert_array_equal(found.image, image)
+    assert found.image.dtype == dtype
+    assert found.image.dtype.isnative
+    assert found.image.flags.c_contiguous
+    assert not found.image.flags.writeable
+    assert found.reduction == 1
+
+
+@pytest.mark.parametrize("bands", [1, 2, 3, 4])
+@pytest.mark.parametrize("compression", [None, "deflate"])
+def test_separate_bands_are_put_together(tmp_path, rng, bands, compression):
+    image = picture(rng, bands=bands)
+    how = {"planarconfig": "separate", "compression": compression} if bands > 1 else {}
+    extra = {} if bands in (1, 3) else {"extrasamples": ["unspecified"] * (bands - 1)}
+    path = write(
+        tmp_path / "x.tif", image, **{**how, **extra, "photometric": "minisblack"} if extra else how
+    )
+    np.testing.assert_array_equal(image_from_file(path, CAMERA).image, image)
+
+
+def test_an_image_of_two_dimensions_has_one_band(tmp_path, rng):
+    image = picture(rng, bands=1)
+    path = write(tmp_path / "x.tif", image[..., 0])
+    np.testing.assert_array_equal(image_from_file(path, CAMERA).image, image)
+
+
+def test_only_what_lies_as_in_memory_is_mapped(tmp_path, rng):
+    image = picture(rng)
+    foreign = {"little": "big-endian", "big": "little-endian"}[sys.byteorder]
+    mapped = {
+        name: mapped_file(image_from_file(write(tmp_path / "x.tif", image, **how), CAMERA).image)
+        is not None
+        for name, how in LAYOUTS.items()
+    }
+    assert {name for name, one in mapped.items() if not one} == {
+        *("tiled", "deflate", "lzw", "zstd", foreign)
+    }
+
+
+def test_overviews_are_no_further_images(tmp_path, rng):
+    image = picture(rng)
+    with tifffile.TiffWriter(tmp_path / "x.tif") as tiff:
+        tiff.write(image, photometric="rgb", metadata=None)
+        tiff.write(image[::2, ::2], photometric="rgb", subfiletype=1, metadata=None)
+    np.testing.assert_array_equal(image_from_file(tmp_path / "x.tif", CAMERA).image, image)
+
+
+@pytest.mark.parametrize("k", [1, 2, 7])
+def test_an_image_at_a_whole_part_of_the_size_says_which(tmp_path, rng, k):
+    path = write(tmp_path / "x.tif", picture(rng, shape=(90 // k, 120 // k)))
+    assert image_from_file(path, CAMERA).reduction == k
+
+
+@pytest.mark.parametrize("shape", [(120, 90), (90, 121), (46, 60), (180, 240), (1, 1)])
+def test_another_size_is_said_with_both(tmp_path, rng, shape):
+    says = refused(write(tmp_path / "x.tif", picture(rng, shape=shape)))
+    assert says == (
+        f"has {shape[1]} x {shape[0]} px; CAM1 has 120 x 90, and its images that or 1/K of it, "
+        "K a whole number"
+    )
+
+
+@pytest.mark.parametrize("dtype", ["float32", "uint32", "int16", "bool"])
+def test_other_types_of_pixels_are_named(tmp_path, dtype):
+    path = write(tmp_path / "x.tif", np.ones((90, 120, 3), dtype), photometric="minisblack")
+    assert refused(path) == (
+        f"has pixels of type {dtype}; unsigned whole numbers of 8 or 16 bit are read"
+    )
+
+
+def test_transparency_is_no_near_infrared(tmp_path, rng):
+    image = picture(rng, bands=4)
+    for meaning in ("unassalpha", "assocalpha"):
+        says = refused(write(tmp_path / "x.tif", image, photometric="rgb", extrasamples=[meaning]))
+        assert says.startswith("has a band of transparency (alpha)")
+    write(tmp_path / "x.tif", image, photometric="rgb", extrasamples=["unspecified"])
+    np.testing.assert_array_equal(image_from_file(tmp_path / "x.tif", CAMERA).image, image)
+
+
+def test_what_is_not_grey_or_rgb_is_named(tmp_path, rng):
+    grey = picture(rng, bands=1, dtype="uint8")[..., 0]
+    path = write(tmp_path / "x.tif", grey, photometric="miniswhite")
+    assert "white as zero" in refused(path)
+    path = write(tmp_path / "x.tif", grey, photometric="palette", colormap=np.zeros((3, 256), "u2"))
+    assert "a colour palette" in refused(path)
+    path = write(tmp_path / "x.tif", picture(rng, bands=4), photometric="separated")
+    assert "CMYK" in refused(path)
+    path = write(tmp_path / "x.tif", grey, photometric="cfa")
+    assert "a Bayer pattern" in refused(path)
+
+
+def test_an_image_to_be_shown_turned_is_refused(tmp_path, rng):
+    how = {"extratags": [(274, "H", 1, 3, True)], "metadata": None}
+    says = refused(write(tmp_path / "x.tif", picture(rng), **how))
+    assert says == "is to be shown turned (orientation 3); store the pixels as shown"
+
+
+def test_bands_as_pages_are_refused(tmp_path, rng):
+    with tifffile.TiffWriter(tmp_path / "x.tif") as tiff:
+        for _ in range(3):
+            tiff.write(picture(rng, bands=1)[..., 0], metadata=None)
+    assert refused(tmp_path / "x.tif") == "holds 3 images; all bands must be in one"
+
+
+def test_five_bands_are_refused(tmp_path, rng):
+    path = write(
+        tmp_path / "x.tif", picture(rng, bands=5), photometric="minisblack", planarconfig="contig"
+    )
+    assert refused(path) == "has 5 bands; one to 4 are read"
+
+
+@pytest.mark.parametrize(("suffix", "says"), [("jpg", "a JPEG image"), ("png", "a PNG image")])
+def test_other_formats_are_named_whatever_the_file_is_called(tmp_path, rng, suffix, says):
+    _, data = cv2.imencode(f".{suffix}", picture(rng, dtype="uint8"))
+    (tmp_path / "x.tif").write_bytes(data.tobytes())
+    assert refused(tmp_path / "x.tif") == f"is {says}; head images are read from TIFF (16 or 8 bit)"
+
+
+def test_what_cannot_be_opened_is_said(tmp_path):
+    assert refused(tmp_path / "x.tif") == "cannot be read (No such file or directory)"
+    assert refused(tmp_path) == "cannot be read (Is a directory)"
+    (tmp_path / "x.tif").write_bytes(b"")
+    assert refused(tmp_path / "x.tif") == "is empty; a head image is a TIFF"
+    (tmp_path / "x.tif").write_text("no image at all, but a long text")
+    assert "no TIFF, or its header is damaged" in refused(tmp_path / "x.tif")
+
+
+@pytest.mark.parametrize("how", LAYOUTS.values(), ids=LAYOUTS)
+def test_a_file_cut_off_anywhere_is_one_sentence(tmp_path, rng, how, capfd):
+    """The reader's own messages are kept from standard error, too."""
+    path = write(tmp_path / "x.tif", picture(rng), metadata=None, **how)
+    whole = path.read_bytes()
+    for share in (0.001, 0.01, 0.1, 0.5, 0.9, 0.999):
+        path.write_bytes(whole[: int(share * len(whole))])
+        assert refused(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_uncompressed_file_cut_off_says_by_how_much(tmp_path, rng):
+    path = write(tmp_path / "x.tif", picture(rng), metadata=None)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1000])
+    says = f"ends after {len(whole) - 1000} bytes of at least {len(whole)}"
+    assert refused(path) == f"{says}; was the copying interrupted?"
+
+
+@pytest.mark.parametrize("how", [LAYOUTS["deflate"], LAYOUTS["lzw"], LAYOUTS["zstd"], {}])
+def test_wrong_bytes_give_pixels_or_a_sentence(tmp_path, rng, how, capfd):
+    """Nothing else, wherever they are: no other exception, no message, no image of other size."""
+    path = write(tmp_path / "x.tif", picture(rng), **how)
+    whole = path.read_bytes()
+    places = [*range(200), *rng.integers(200, len(whole), 100).tolist()]
+    for at in places:
+        damaged = bytearray(whole)
+        damaged[at] ^= int(rng.integers(1, 256))
+        path.write_bytes(damaged)
+        with contextlib.suppress(FlightError):
+            found = image_from_file(path, CAMERA)
+            assert found.image.shape[:2] == (90 // found.reduction, 120 // found.reduction)
+            assert found.image.shape[2] <= 4
+    assert capfd.readouterr() == ("", "")
+
+
+def test_strips_that_were_never_written_are_found(tmp_path, rng):
+    path = write(
+        tmp_path / "x.tif", picture(rng), metadata=None, compression="deflate", tile=(32, 32)
+    )
+    with tifffile.TiffFile(path) as tiff:
+        tag = tiff.pages.first.tags["TileByteCounts"]
+        at, kind = tag.valueoffset, {3: "H", 4: "I"}[tag.dtype]
+    damaged = bytearray(path.read_bytes())
+    damaged[at : at + struct.calcsize(kind)] = bytes(struct.calcsize(kind))
+    path.write_bytes(damaged)
+    assert refused(path) == "has parts without pixels; was the writing interrupted?"
+
+
+def test_a_fingerprint_is_of_the_content_alone(tmp_path, rng):
+    image = picture(rng, shape=(900, 1200))
+    one, two = (write(tmp_path / name, image) for name in ("a.tif", "b.tif"))
+    assert fingerprint(one) == fingerprint(two)
+    write(two, image[::-1])
+    assert fingerprint(one) != fingerprint(two)
+    (tmp_path / "empty").write_bytes(b"")
+    assert fingerprint(tmp_path / "empty") != fingerprint(one)
+
+
+def test_of_many_empty_pages_some_are_looked_at(tmp_path, rng):
+    """Half a million of them took a minute and gigabytes."""
+    image = picture(rng)
+    path = write(tmp_path / "x.tif", image, byteorder="<")
+    data = bytearray(path.read_bytes())
+    directory = struct.unpack_from("<I", data, 4)[0]
+    after = directory + 2 + 12 * struct.unpack_from("<H", data, directory)[0]
+    struct.pack_into("<I", data, after, len(data))
+    n, size = 500_000, 18
+    entries = struct.pack("<HHHII", 1, 256, 4, 1, 5)
+    data += b"".join(entries + struct.pack("<I", len(data) + size * (k + 1)) for k in range(n))
+    data += entries + bytes(4)
+    path.write_bytes(data)
+    start = time.monotonic()
+    with contextlib.suppress(FlightError):
+        np.testing.assert_array_equal(image_from_file(path, CAMERA).image, image)
+    assert time.monotonic() - start < 5.0
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "x.tif")
+    assert refused(tmp_path / "x.tif") == "cannot be read (no regular file)"

@@ -1,0 +1,255 @@
+"""The stages one after the other on a flight, without notebooks and without the book."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import acx4sim
+from acx4files import flight as flights
+from acx4files.conventions import Found
+from acx4files.results import folder, read_back
+from acx4files.results.adjustments import mounted_block, of_failure
+from acx4files.stages import heads, mounting, order, rig, synthetic, validation
+from acx4lib.block import select_cameras
+from acx4lib.calibration.estimates import reported_covariance
+from acx4lib.errors import AdjustmentError, FlightError
+from acx4lib.georeferencing.validation import validate
+from support.flights import in_heads
+from support.flights.simulated import HEADS
+
+NEEDLESS = ("acx4book", "acx4sim", "matplotlib", "papermill", "nbformat")
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("alone") / "flight"
+    acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def flight(path):
+    return flights.read(path)
+
+
+def test_results_of_the_mounting_are_what_the_validation_takes(flight, tmp_path):
+    calibrated = mounting.run(flight, tmp_path)
+    assert calibrated.block is flight.calibration  # weights as given
+    assert not calibrated.sigma_factors
+    checked = validation.run(flight, tmp_path)
+    assert set(checked.calibrations) == set(calibrated.mountings.methods)
+    keys = {f"mounting/{m}" for m in calibrated.mountings.methods}
+    keys |= {f"validation/{v.method}" for v in checked.validations}
+    assert set(folder.read(tmp_path).summary) == keys
+
+
+def test_a_validation_without_a_calibration_says_what_to_run(flight, tmp_path):
+    with pytest.raises(FlightError, match="no results of stage mounting; run first"):
+        validation.run(flight, tmp_path)
+
+
+def test_what_a_flight_does_not_have_is_said(flight):
+    reasons = {stage: order.missing(flight, stage) for stage in ("heads", "mounting", "rig")}
+    assert reasons == {
+        "heads": "the flight has no block heads",
+        "mounting": "",
+        "rig": order.NO_RIG,
+    }
+    assert order.missing(flight, "validation") == ""
+
+
+def test_a_validation_without_check_points_runs_for_what_its_calibration_predicts(flight):
+    block = flight.validation
+    none = replace(block, check=block.check[:0])
+    assert order.missing(replace(flight, blocks={"validation": none}), "validation") == ""
+    alone = replace(none, image_points=none.image_points[:0])
+    reason = order.missing(replace(flight, blocks={"validation": alone}), "validation")
+    assert reason.startswith("nothing is measured")
+
+
+# --- a flight that is measured in its heads ----------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    path = tmp_path_factory.mktemp("in_heads") / "flight"
+    acx4sim.write(in_heads.small(), path)
+    return flights.read(path)
+
+
+@pytest.fixture(scope="module")
+def gone_through(flown, tmp_path_factory):
+    """Return the results of all stages, and what mounting and validation return."""
+    results = tmp_path_factory.mktemp("through")
+    for stage in (heads, synthetic):
+        stage.run(flown, results)
+    calibrated = mounting.run(flown, results)
+    rig.run(flown, results)
+    return results, calibrated, validation.run(flown, results)
+
+
+def test_a_flight_measured_in_heads_goes_on_with_its_synthetic_camera(flown, gone_through):
+    results, calibrated, _ = gone_through
+    assert [camera.name for camera in calibrated.block.cameras] == ["SYN"]
+    assert calibrated.block.images.names == flown.calibration.trajectory.exposures
+    found = folder.read(results)
+    assert folder.cameras(found, "mounting/single_step") == ("SYN",)
+    assert set(calibrated.mountings.methods) == {"two_step", "two_step_gnss", "single_step"}
+    residuals = folder.rows(found, "residuals", "mounting/single_step")
+    of_points = residuals[residuals["kind"] == "image_point"]
+    assert set(of_points["image_or_exposure"]) <= set(calibrated.block.images.names)
+    assert of_points["sigma"].nunique() > 100  # transferred, each by the map where it lies
+
+
+def test_what_errors_of_the_heads_add_is_in_every_sigma_and_stands_beside_it(gone_through):
+    results, calibrated, _ = gone_through
+    found = folder.read(results)
+    for method, outcome in calibrated.mountings.methods.items():
+        rows = folder.rows(found, "parameters", f"mounting/{method}")
+        own = reported_covariance(replace(outcome.calibration, cov_before=None))
+        total = np.diag(folder.covariance(found, f"mounting/{method}"))
+        assert_allclose(rows["sigma"] ** 2, np.diag(own) + rows["sigma_before"] ** 2)
+        assert_allclose(total, rows["sigma"] ** 2)
+        added = rows["sigma_before"] / np.sqrt(np.diag(own))
+        assert np.all(added > 0)
+        # heads that were calibrated with as many points are as good as the camera made of them
+        assert 0.1 < np.median(added) < 10
+    for method in ("heads/bundle", "mounting/rig"):
+        assert not folder.rows(found, "parameters", method)["sigma_before"].any()
+
+
+def test_the_validation_takes_the_total(flown, gone_through):
+    results, calibrated, checked = gone_through
+    block = mounted_block(flown, "validation", folder.read(results))
+    for one in checked.validations:
+        calibration = calibrated.mountings[one.method].calibration
+        with_heads = validate(block, calibration, method=one.method).points
+        alone = validate(block, replace(calibration, cov_before=None), method=one.method).points
+        assert_allclose(one.points.sigma, with_heads.sigma, rtol=1e-6)
+        assert np.all(with_heads.sigma > alone.sigma)
+
+
+def test_measurements_of_heads_are_not_calibrated_as_if_they_were_of_one_camera(flown):
+    with pytest.raises(ValueError, match="block calibration is measured in heads"):
+        mounting.calibrate(flown)
+
+
+def test_the_rig_of_the_calibration_block_stands_beside_that_of_the_heads(gone_through):
+    found = folder.read(gone_through[0])
+    for method in ("mounting/rig", "mounting/rig_calibration"):
+        assert folder.cameras(found, method) == HEADS
+        assert found.summary[method]["left_out"] == []
+    images = folder.rows(found, "exterior_orientation", "mounting/rig_calibration")["image"]
+    assert set(images.str[0]) == {"C"}
+
+
+def test_both_rigs_are_validated_in_the_images_of_the_heads(flown, gone_through):
+    results, _, checked = gone_through
+    assert [v.method for v in checked.in_heads] == ["rig", "rig_calibration"]
+    assert [v.method for v in checked.validations] == ["two_step", "two_step_gnss", "single_step"]
+    found = folder.read(results)
+    assert set(found.validation["method"]) == {
+        v.method for v in (*checked.validations, *checked.in_heads)
+    }
+    exposure = dict(
+        zip(flown.validation.images.names, flown.validation.images.exposure_idx, strict=True)
+    )
+    for one in checked.in_heads:
+        pairs = found.validation[found.validation["method"] == one.method]
+        a, b = pairs["image_a"].map(exposure), pairs["image_b"].map(exposure)
+        assert (a != b).all()  # two heads of one exposure have no base
+        assert one.n_failed > 0
+        normalised = one.points.d / one.points.sigma
+        # one flight, and points that share its parameters: no more than a coarse bound
+        assert 0.5 < normalised.std() < 1.6
+
+
+def test_without_one_of_its_heads_a_rig_is_not_validated(flown, gone_through):
+    results = folder.read(gone_through[0])
+    rows = results.parameters
+    kept = (rows["method"] != "rig_calibration") | (rows["camera"] != "CAM3")
+    fewer = replace(results, parameters=rows[kept])
+    assert set(read_back.rigs_for(fewer, flown.validation.cameras)) == {"rig"}
+    some = select_cameras(flown.validation, ["CAM1", "CAM2"])
+    assert set(read_back.rigs_for(fewer, some.cameras)) == {"rig", "rig_calibration"}
+
+
+def test_points_are_carried_before_the_mounting_is_calibrated(flown, tmp_path):
+    with pytest.raises(FlightError, match="no results of stage synthetic; run first"):
+        mounting.run(flown, tmp_path)
+    assert not order.is_end(flown, "synthetic")
+
+
+def test_without_the_heads_block_there_is_nothing_to_carry_by(flown, flight):
+    bare = replace(flown, blocks={k: v for k, v in flown.blocks.items() if k != "heads"})
+    for stage in ("mounting", "validation"):
+        assert "is measured in heads" in order.missing(bare, stage)
+        assert order.missing(flown, stage) == ""
+    assert order.is_end(flight, "synthetic")
+
+
+def test_the_stages_need_neither_the_book_nor_plotting():
+    code = (
+        "import sys; "
+        "from acx4files.stages import heads, mounting, order, rig, synthetic, validation;"
+        f"print(*sorted({set(NEEDLESS)!r} & set(sys.modules)))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == ""
+
+
+# --- What stops or fails is explained by the reading of the flight that fits
+
+
+PITCH = Found(name="pitch of opposite sign", quantity="attitude", given=0.61, found=0.006, unit="°")
+SAID = "with pitch of opposite sign the residuals of attitude fall from 0.61° to 0.006°"
+
+
+@pytest.fixture(params=[PITCH, None], ids=["another fits", "none fits"])
+def best(request, monkeypatch):
+    monkeypatch.setattr(order.conventions, "best_reading", lambda _flight, _block: request.param)
+    return request.param
+
+
+def failed():
+    return of_failure("mounting", "single_step", "no start", summary_key="mounting/single_step")
+
+
+def test_an_adjustment_that_failed_says_which_reading_fits(best):
+    (record,) = order.explained([failed()], None, "calibration")
+    expected = f"no start; {SAID}" if best else "no start"
+    assert record.summary["mounting/single_step"]["not_determined"] == [expected]
+
+
+def test_what_only_is_not_determined_is_left_as_it_is(best):
+    entry = {**failed().summary["mounting/single_step"], "converged": True}
+    weak = replace(failed(), summary={"mounting/single_step": entry})
+    assert order.explained([weak], None, "calibration") == [weak]
+
+
+def test_an_error_that_ends_the_stage_does_as_well(best):
+    expected = f"no start; {SAID}" if best else "no start"
+    with pytest.raises(AdjustmentError) as raised, order.explaining(None, "calibration"):
+        raise AdjustmentError("no start")
+    assert str(raised.value) == expected
+
+
+def test_a_failure_of_linear_algebra_names_the_exposures_that_stand_out(exact_block):
+    trajectory = exact_block.trajectory
+    r = trajectory.T_m_b.r.copy()
+    r[2, 0] += 1e7
+    away = replace(trajectory, T_m_b=replace(trajectory.T_m_b, r=r))
+    block = replace(exact_block, trajectory=away)
+    flight = SimpleNamespace(block=lambda _name: block)
+    with pytest.raises(AdjustmentError) as raised, order.solving(flight, "calibration"):
+        np.linalg.inv(np.zeros((2, 2)))
+    assert str(raised.value) == (
+        f"the equations of block 'calibration', in which exposure {trajectory.exposures[2]} stand "
+        "out, cannot be solved (Singular matrix): one number is so far from the others that "
+        "nothing can be computed with both; look at coordinates, angles and sigma"
+    )
