@@ -13,14 +13,10 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import acx4sim
-from acx4book.chapters.mounting.tables import determination, reliability
 from acx4book.command import acx4
-from acx4book.typesetting.matrix import correlation_matrix
-from acx4book.typesetting.myst import LABELS
 from acx4files.results import adjustments, folder, read_back
 from acx4files.results import folder as results
 from acx4lib.calibration import mounting
-from acx4lib.calibration.determination import detectable, parameter_correlations
 from support import blocks
 from support.helpers import repeats
 from support.run_results import state
@@ -75,7 +71,7 @@ def test_the_two_are_named_and_the_finding_does_not_hold(good, tmp_path, name, c
 
 
 SETTINGS = {"free": ("f", "xp", "yp", "k1"), "gnss": ("drift",)}
-CAMERAS = ("PhaseOne 150MP/50mm", "single_step", "heads/bundle", "/", "k1", " ", "gnss_drift_a/b")
+CAMERAS = ("PhaseOne 150MP/50mm", "heads/bundle", "gnss_drift_a/b")
 STRIPS = {"A": "a/b", "B": "gnss_shift_east_m", "C": "k1/f_mm", "D": "_east_m_per_min"}
 
 
@@ -90,17 +86,6 @@ def made(request, noisy_block):
         images=replace(block.images, strips=strips),
     )
     return block, mounting.single_step(block, **SETTINGS)
-
-
-def test_tables_take_any_name(made):
-    block, single = made
-    worst = reliability(single.bundle, detectable(single.bundle))["On"]
-    assert set(worst) <= {*LABELS.values(), *(f"boresight about ${axis}$" for axis in "xyz")}
-    determined = determination({"single_step": single})
-    assert len(determined) == 1
-    related = parameter_correlations(single.calibration)
-    labels = [f"{block.cameras[0].name}/{name}" for name in related.index]
-    correlation_matrix(pd.DataFrame(related.to_numpy(), index=labels, columns=labels))
 
 
 def test_a_calibration_comes_back_from_its_files(made, tmp_path):
