@@ -108,7 +108,7 @@ def test_a_calibration_comes_back_from_its_files(made, tmp_path):
 @example(name=" 1.0 ")
 def test_results_come_back_with_the_names_they_had(tmp_path_factory, name):
     folder = tmp_path_factory.mktemp("results")
-    row = ("mounting", "rig", name, f"gnss_drift_{name}_east_m_per_min", 1.0, 0.1, "mm")
+    row = ("mounting", "rig", name, f"gnss_drift_{name}_east_m_per_min", 1.0, 0.1, "mm", 0.0)
     table = pd.DataFrame([row], columns=list(results.COLUMNS["parameters"]))
     summary = {f"heads/bundle/{name}": {"notes": [name]}}
     results.replace(folder, ["mounting", "heads"], tables={"parameters": table}, summary=summary)
