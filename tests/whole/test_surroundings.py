@@ -69,27 +69,6 @@ def test_names_of_any_script_are_said_in_any_encoding(flight, env):
     assert b"Gr" in done.stdout.splitlines()[0]
 
 
-# --- modules ---------------------------------------------------------------------------------
-
-
-def test_help_needs_nothing_but_its_own_package():
-    code = (
-        "import contextlib, sys, acx4book.command.acx4\n"
-        "for given in ['--help'], ['--version'], *([c, '--help'] for c in "
-        "('check', 'run', 'simulate', 'report', 'render')):\n"
-        "    with contextlib.suppress(SystemExit):\n"
-        "        acx4book.command.acx4.main(given)\n"
-        "print(*(name for name in sys.modules if '.' not in name), file=sys.stderr)\n"
-        "import nbformat; print('lark' in sys.modules)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0
-    heavy = "numpy scipy pandas numba cv2 pyproj matplotlib rich papermill nbformat nbclient"
-    more = "jupyter_client ipykernel IPython zmq tifffile imagecodecs threadpoolctl asyncio"
-    assert not set(done.stderr.split()) & {*heavy.split(), *more.split()}
-    assert done.stdout.splitlines()[-1] == "False"  # a grammar that takes longer than all else
-
-
 @pytest.mark.slow
 def test_a_run_that_nobody_listens_to_ends_and_leaves_nothing_half_done(flight, tmp_path):
     """As behind `| head`: the first line that cannot be written ends it."""
