@@ -113,7 +113,8 @@ def test_no_part_of_a_name_is_alive(documents):
 
 def test_every_name_is_found_again_as_text(made, documents):
     names = made.flight.names
-    every = {*payloads.NAMES.values(), payloads.FOLDER, "<i>zq71</i>"}
+    of_flight = {name for own in names.values() for name in own.values()}
+    every = {*payloads.NAMES.values(), *of_flight, payloads.FOLDER, "<i>zq71</i>"}
     found, left = set(), []
     for page, soup in documents.items():
         text = soup.get_text()
