@@ -12,7 +12,7 @@ IMAGES  ?= H1-05,H3-04,C2-05
 REDUCE  ?= 4
 # The notebook of make page.
 CHAPTER ?= 11-ten-heads
-# Mutated files of each kind for make fuzz.
+# Mutated flights for make fuzz.
 N       ?= 1000
 SEED    ?= 1
 
@@ -125,7 +125,7 @@ test: .venv/.stamp-test ## the tests, slow ones included, but not what repeats w
 test-all: .venv/.stamp-test ## all tests
 	@$(BIN)/pytest -q -n 2 --dist worksteal
 
-fuzz: .venv/.stamp-test ## read N mutated flights, results, archives, and files of each other program, drawn by SEED
+fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED
 	@PYTHONPATH=tests nice $(BIN)/python -m support.fuzz.run --cases $(N) --seed $(SEED)
 
 mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of every size, and count what is named rightly

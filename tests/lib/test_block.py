@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from acx4files import flight
 from acx4lib import block
 from acx4lib.block import select_images, synthetic_images
+from acx4lib.calibration.mounting import single_step
 from acx4lib.design import forward_overlaps, ground_sample_m
 from acx4lib.geometry.frames import Pose, rotation_from_opk
 from support import blocks
@@ -142,3 +143,34 @@ def test_the_summary_shows_both_the_heads_and_the_synthetic_images(read):
     assert sum(line[:2] == ["GSD", "CAM"] for line in lines) == 2
     assert sum(line[:2] == ["GSD", "LEFT"] for line in lines) == 3
     assert np.isfinite(read.mounted("validation").T_m_b_images.r).all()
+
+
+# --- what a caller gets wrong is told by the name of the argument ----------------------------
+
+BLOCK = blocks.standard()
+POINTS, TRAJECTORY = BLOCK.image_points, BLOCK.trajectory
+INFINITE = replace(BLOCK.control, x_m=np.full_like(BLOCK.control.x_m, np.inf))
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: replace(POINTS, sigma_px=-POINTS.sigma_px), "sigma_px: expected positive numbers"),
+        (lambda: replace(POINTS, colrow=POINTS.colrow.T), r"colrow: expected shape \(\d+, 2\)"),
+        (
+            lambda: single_step(replace(BLOCK, control=INFINITE), free=("f",)),
+            "control.x_m: expected finite numbers",
+        ),
+        (lambda: replace(TRAJECTORY, time_s=np.arange(11.0)), r"time_s: expected shape \(12,\)"),
+        (
+            lambda: replace(BLOCK, image_points=replace(POINTS, image_idx=POINTS.image_idx + 1)),
+            "image_points.image_idx: expected whole numbers from 0 to 11, got 12 in row",
+        ),
+        (lambda: replace(BLOCK, cameras=()), "cameras: expected one Camera at least, got none"),
+        (lambda: replace(blocks.CAMERA, pixel_mm=6.0), r"got 6.0, .* \(micrometres\?\)"),
+        (lambda: rotation_from_opk(np.zeros((4, 2))), r"opk: expected shape \(\.\.\., 3\), got"),
+    ],
+)
+def test_a_wrong_argument_is_told_with_what_was_expected(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()

@@ -1,10 +1,7 @@
 """Compiled code is kept only as long as everything that it is compiled from."""
 
-import grp
 import os
-import pwd
 import shutil
-import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -40,80 +37,6 @@ def test_a_change_of_any_source_is_compiled_anew(source, tmp_path, monkeypatch):
     assert compiling._folder().name.startswith("compiled-")
 
 
-def test_a_folder_that_the_user_names_is_used(monkeypatch, tmp_path):
-    monkeypatch.setattr(compiling._CONFIG, "CACHE_DIR", str(tmp_path))
-    assert compiling._folder().parent == tmp_path
-
-
-def test_a_relative_name_of_a_folder_is_not_used(monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(compiling._CONFIG, "CACHE_DIR", "kept")
-    assert compiling._folder().parent != tmp_path / "kept"
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("mode", [0o777, 0o1777, 0o707, 0o702])
-def test_a_folder_that_others_can_write_is_not_the_users_own(tmp_path, mode):
-    folder = tmp_path / "kept"
-    folder.mkdir()
-    assert compiling._is_own(folder)
-    folder.chmod(mode)
-    assert not compiling._is_own(folder)
-
-
-def test_a_folder_that_others_can_exchange_is_not_the_users_own(tmp_path):
-    above = tmp_path / "above"
-    assert compiling._is_own(above / "kept")
-    above.chmod(0o777)
-    assert not compiling._is_own(above / "kept")
-    above.chmod(0o1777)  # as /tmp: what lies there stays
-    assert compiling._is_own(above / "kept")
-    above.chmod(0o755)
-    link = tmp_path / "link"
-    link.symlink_to(above)
-    assert compiling._is_own(link / "kept")
-    tmp_path.chmod(0o777)
-    assert not compiling._is_own(link / "kept")
-
-
-@pytest.mark.skipif(os.getuid() != 0, reason="only the administrator can give a folder away")
-@pytest.mark.parametrize("which", ["kept", "."])
-def test_a_folder_of_another_user_is_not_the_users_own(tmp_path, which):
-    folder = tmp_path / "above" / "kept"
-    assert compiling._is_own(folder)
-    os.chown(tmp_path / "above" / which, 4711, 4711)
-    assert not compiling._is_own(folder)
-
-
-def test_only_the_users_private_group_counts_as_the_user(tmp_path):
-    folder = tmp_path / "kept"
-    assert compiling._is_own(folder)
-    folder.chmod(0o770)
-    user, group = pwd.getpwuid(os.getuid()), grp.getgrgid(folder.stat().st_gid)
-    private = group.gr_name == user.pw_name and set(group.gr_mem) <= {user.pw_name}
-    assert compiling._is_own(folder) == private
-
-
-def test_a_new_folder_is_closed_to_others(tmp_path):
-    before = os.umask(0)
-    try:
-        assert compiling._is_own(tmp_path / "kept")
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE((tmp_path / "kept").stat().st_mode) == 0o700
-
-
-def test_decorating_leaves_the_configuration_as_it_was():
-    before = compiling._CONFIG.CACHE_DIR
-
-    @compiling.compiled
-    def twice(x):
-        return 2 * x
-
-    assert twice(3.0) == 6.0
-    assert before == compiling._CONFIG.CACHE_DIR
-
-
 def process(script, *, kept, cwd=None, **environment):
     """Run Python, with compiled code kept in a folder."""
     return subprocess.run(
@@ -124,19 +47,6 @@ def process(script, *, kept, cwd=None, **environment):
         env={**os.environ, "NUMBA_CACHE_DIR": str(kept), **environment},
         cwd=cwd,
     )
-
-
-@pytest.mark.repeats
-def test_kept_code_is_loaded_without_all_that_numba_compiles_with(tmp_path):
-    """Importing that takes longer than the adjustment of a small block."""
-    script = (
-        "import sys; import numpy as np; from acx4lib.bundle.compiled import packing; "
-        "one = np.zeros(1, dtype=np.int64); starts, _, _ = packing._sorted(one, one, 1, 1); "
-        "print(starts.tolist(), 'numba.np.linalg' in sys.modules)"
-    )
-    for has_all in (True, False):  # the first process compiles
-        done = process(script, kept=tmp_path)
-        assert done.stdout.split("]") == ["[0, 1", f" {has_all}\n"]
 
 
 def test_functions_are_compiled_with_what_earlier_processes_have_kept(tmp_path):
@@ -177,19 +87,6 @@ def test_kept_code_is_loaded_with_its_module_and_damaged_code_at_the_first_call(
             file.write_bytes(b"damaged")
         assert run()[0][1] == "6.0"
         assert run() == (["1", "6.0"], "")
-
-
-@pytest.mark.repeats
-def test_code_kept_for_another_processor_is_not_loaded(tmp_path):
-    script = (
-        "from acx4lib.bundle.compiled import packing; import numpy as np; "
-        "n = len(packing._mark.overloads); one = np.zeros(2, dtype=np.int64); "
-        "packing._mark(one, one, np.zeros((1, 1))); print(n)"
-    )
-    for processor, loaded in (("", "0"), ("x86-64", "0"), ("x86-64", "1"), ("", "1")):
-        named = {"NUMBA_CPU_NAME": processor} if processor else {}
-        done = process(script, kept=tmp_path, **named)
-        assert done.stdout.split() == [loaded]
 
 
 def test_what_is_not_a_number_is_found_in_a_sum():

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 import acx4 as acx
 import acx4sim
-from acx4files.stages import Failed, attempt, heads, mounting, rig, synthetic, validation
+from acx4files.stages import Failed, attempt, mounting
 from acx4lib.bundle.adjust import adjust, mounted_orientation
 from acx4lib.bundle.reliability import reliability
 from acx4lib.bundle.variance_components import components
@@ -23,10 +23,8 @@ from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.camera import Camera, Interior
 from acx4lib.georeferencing.direct import Rays, intersect_rays
 from acx4lib.georeferencing.validation import validate
-from acx4lib.synthetic_image.frame import reduced_heads
 from acx4lib.synthetic_image.transferred_points import transfer
 from acx4lib.tie_points.refinement import refine_by_rotations
-from acx4lib.tie_points.search import find_ties
 from acx4lib.tie_points.ties import overlaps, refine_by_mean_differences, shared_points
 from support.flights import in_heads
 
@@ -45,19 +43,6 @@ def alone(tmp_path_factory):
     path = tmp_path_factory.mktemp("alone") / "flight"
     acx4sim.write(acx4sim.DESIGNS["single-head"](seed=1), path)
     return acx.read(path)
-
-
-@pytest.fixture(scope="module")
-def stages(flown, tmp_path_factory):
-    results = tmp_path_factory.mktemp("through")
-    return [stage.run(flown, results) for stage in (heads, synthetic, mounting, rig, validation)], (
-        validation.calibrations(flown, results),
-        validation.calibrated_rigs(flown, results),
-        mounting.measured(flown, results),
-        validation.measured(flown, results),
-        synthetic.read_heads(flown, results),
-        rig.measured(flown),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -116,34 +101,9 @@ def assert_short(value):
         assert all(0 < len(line) <= 120 for line in lines), text
 
 
-def test_values_of_heads_show_themselves_in_a_line_or_two(open_heads):
-    for value in open_heads:
-        assert_short(value)
-
-
 def test_values_of_a_mounting_show_themselves_in_a_line_or_two(open_mounting):
     for value in open_mounting:
         assert_short(value)
-
-
-def test_stages_and_what_they_read_show_themselves_in_a_line_or_two(flown, stages):
-    values, read = stages
-    for value in (flown, *values, *read, values[1].refinement):
-        assert_short(value)
-        assert len(value.table())
-
-
-def test_pictures_and_their_tie_points_show_themselves_in_a_line_or_two(
-    scene_pictures, scene_ties, scene_orientation
-):
-    at = scene_pictures.middle
-    smaller = reduced_heads(scene_orientation, scene_pictures.reduction)
-    one = find_ties(at.images, smaller, scene_pictures.synthetic)
-    for value in (scene_pictures, scene_ties, at, one, one.overlaps[0]):
-        assert_short(value)
-    assert scene_ties.table()["tie points"].sum() == len(scene_ties.ties)
-    assert one.table()["tie points"].sum() == len(one.ties)
-    assert scene_pictures.table()["pictures"].tolist() == [2] * len(scene_pictures.exposed)
 
 
 def test_values_are_short_however_many_cameras_there_are():
@@ -301,11 +261,6 @@ def half(n, *, of=2):
     return n // of
 
 
-def test_what_has_an_outcome_returns_it():
-    assert attempt(half, 6) == 3
-    assert attempt(half, 6, of=3) == 2
-
-
 def test_what_is_not_determined_is_a_value_that_is_false_and_says_why():
     failed = attempt(half, 5)
     assert isinstance(failed, Failed)
@@ -317,11 +272,6 @@ def test_what_is_not_determined_is_a_value_that_is_false_and_says_why():
 def test_a_failure_of_linear_algebra_is_one_of_the_data():
     failed = attempt(np.linalg.inv, np.zeros((2, 2)))
     assert failed.reason.startswith("the equations cannot be solved (Singular matrix)")
-
-
-def test_a_wrong_call_is_an_error():
-    with pytest.raises(TypeError):
-        attempt(half)
 
 
 def test_a_failure_stands_beside_outcomes_in_a_table():

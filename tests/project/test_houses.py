@@ -3,68 +3,14 @@
 import ast
 import re
 
-from project import sizes
 from support.helpers import ROOT, parsed
 
 SRC = ROOT / "src"
 MODULES = sorted(SRC.glob("acx4*/**/*.py"))
-PACKAGES = sorted({path.parent for path in MODULES})
 
 
 def named(path):
     return str(path.relative_to(ROOT))
-
-
-def test_a_package_says_what_it_is_for():
-    for package in PACKAGES:
-        said = ast.get_docstring(parsed(package / "__init__.py")) or ""
-        assert said.endswith("."), package
-        if package.parent.name in ("acx4lib", "acx4files", "acx4book"):  # a room
-            assert len(said.splitlines()) >= 2, package
-
-
-MODULE = '''"""Says what it is for."""
-
-# a comment
-LIMIT = 3
-"""An attribute, said
-in two lines."""
-
-
-def area(a, b):
-    """Return a product."""
-    text = """not a
-    docstring"""
-    return a * b, text
-
-
-def _half(a):
-    return a / 2
-
-
-class Square:
-    side: float  # m
-
-    def area(self):
-        return area(self.side, self.side)
-
-    def _hidden(self): ...
-'''
-
-
-def test_code_is_counted_without_docstrings_comments_and_blank_lines():
-    assert sizes.code_lines(MODULE, ast.parse(MODULE)) == 1 + 4 + 2 + 5
-
-
-def test_public_names_are_functions_and_methods_of_public_classes():
-    assert sizes.public_names(ast.parse(MODULE)) == 2  # area, Square.area
-
-
-def test_a_package_may_only_shrink():
-    ratchet = {"src/a code": 10, "tests lines": 20}
-    assert sizes.above({"src/a code": 10, "src/a lines": 99, "tests lines": 20}, ratchet) == []
-    grown = {"src/a code": 11, "tests lines": 21, "src/new code": 1}
-    assert sizes.above(grown, ratchet) == [*grown]
 
 
 def test_modules_name_what_they_import_and_read_no_letters_of_a_key():

@@ -1,7 +1,6 @@
 """The form of the notebooks' sources: parametrised, without outputs, the method in open cells."""
 
 import ast
-import importlib
 import json
 import re
 
@@ -80,15 +79,6 @@ def read(path):
     return nbformat.read(path, as_version=4)
 
 
-def test_there_are_notebooks():
-    assert len(NOTEBOOKS) >= 5
-
-
-def test_names_are_numbered_and_can_stand_in_an_address():
-    chapters = [path.stem for path in NOTEBOOKS if path.stem != "compare"]
-    assert all(re.fullmatch(r"\d\d(-[a-z0-9]+)+", name) for name in chapters)
-
-
 def test_it_is_valid_and_has_neither_outputs_nor_a_kernel_of_its_own(notebook):
     nbformat.validate(notebook)
     assert (notebook.nbformat, notebook.nbformat_minor) == (4, 5)
@@ -102,16 +92,6 @@ def test_it_is_valid_and_has_neither_outputs_nor_a_kernel_of_its_own(notebook):
 def test_cells_are_named_in_order(notebook):
     numbers = [int(re.fullmatch(r"(?:cell-)?(\d+)", cell.id)[1]) for cell in notebook.cells]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-
-
-def test_it_begins_with_a_title_and_has_sections(notebook):
-    assert notebook.cells[0].cell_type == "markdown"
-    text = [c.source for c in notebook.cells if c.cell_type == "markdown"]
-    headings = re.findall(r"(?m)^(#+) ", "\n".join(text))
-    assert text[0].startswith("# ")
-    assert headings.count("#") == 1
-    assert headings.count("##") >= 2  # a page with fewer breaks the theme's margin
-    assert set(headings) <= {"#", "##", "###"}
 
 
 def test_the_parameters_are_plain_typed_and_explained(notebook):
@@ -225,31 +205,6 @@ def test_it_imports_the_library_typesetting_what_notebooks_call_and_its_own_room
         <= {"acx4", "acx4lib", "acx4files", "acx4sim", "acx4book", "IPython", "numpy", "pandas"}
         | standard
     )
-
-
-def returns_a_figure(call, modules):
-    """Tell whether an expression is the call of a function that returns a figure."""
-    if not isinstance(call, ast.Call):
-        return False
-    first, *rest = ast.unparse(call.func).split(".")
-    name, _, leaf = modules.get(first, "").rpartition(".")
-    if not name.startswith("acx4book"):
-        return False
-    function = getattr(importlib.import_module(name), leaf, None)
-    if function is None:
-        function = importlib.import_module(f"{name}.{leaf}")
-    for part in rest:
-        function = getattr(function, part, None)
-    return "Figure" in str(getattr(function, "__annotations__", {}).get("return"))
-
-
-def test_every_call_of_a_figure_is_one(notebook):
-    modules = imported(notebook)
-    lasts = [(ast.parse(c.source).body[-1], c.metadata) for c in code_cells(notebook)]
-    shown = [(last.value, more) for last, more in lasts if isinstance(last, ast.Expr)]
-    drawn = [more for value, more in shown if returns_a_figure(value, modules)]
-    assert drawn or not figures(notebook) or "shown" in modules
-    assert all("mystnb" in more for more in drawn)
 
 
 def test_references_lead_to_labels(notebook):

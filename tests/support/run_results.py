@@ -1,6 +1,5 @@
 """A results folder as a run leaves it, made without notebooks."""
 
-import contextlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -65,19 +64,6 @@ def edit_summary(folder, key, **values):
     summary = json.loads((folder / "summary.json").read_text())
     summary[key].update(values)
     (folder / "summary.json").write_text(json.dumps(summary))
-
-
-def seal_again(folder):
-    """Compute all checksums of changed results anew, so that what lies behind them is read."""
-    with contextlib.suppress(OSError, ValueError, TypeError, AttributeError, KeyError):
-        origin = json.loads((folder / provenance.FILE).read_text(encoding="utf-8"))
-        for name in origin["files"]:
-            path = folder / provenance.KEPT / name
-            if path.is_file():
-                origin["files"][name] = own_folder.written(path).sha256
-        (folder / provenance.FILE).write_text(json.dumps(origin, indent=2), encoding="utf-8")
-    with contextlib.suppress(OSError):
-        own_folder.mark_all(folder, runner.COMMAND)
 
 
 def state(folder_or_run, question):

@@ -70,18 +70,6 @@ def test_a_map_shows_strips_where_they_are_flown(plan):
     assert course == pytest.approx(strip.course_deg % 360, abs=0.1)
 
 
-def test_the_tables_have_names_and_units(plan):
-    wanted = ("f_mm", "lever_z_m", "lever_x_m", "boresight_kappa_deg")
-    strips = plan.blocks["calibration"].strips
-    two = plan.with_strips({name: strips[name] for name in [*strips][:2]})
-    flights = design.flights({"the paper's": plan, "two": two}, [*wanted])
-    written = design.written(flights)
-    assert written.iloc[3, 0] == "σ of $f$, mm"
-    assert written.iloc[0, 1] == "5"
-    assert flights.loc["images", "the paper's"] == 52
-    assert flights.loc["f_mm", "two"] == sigmas(two)["f_mm"]
-
-
 @pytest.fixture(scope="module")
 def explorer_plan():
     return papers(gnss=("shift",))
@@ -105,13 +93,6 @@ def test_readings_are_those_of_a_plan_of_these_strips(shown, explorer_plan, valu
     expected = sigmas(flown)
     for row, (name, (_, factor)) in zip(shown.readings(values), design.SHOWN.items(), strict=True):
         assert float(row[0]) == pytest.approx(factor * expected[name], rel=0.1, abs=0.006)
-
-
-def test_control_points_that_are_not_surveyed_are_out_of_the_drawing(shown):
-    squares = shown.panels[0].marks[2:]
-    for control in design.CONTROL.stops:
-        inside = [np.all(np.abs(m.places([1.5, 0.0, control])) < 400) for m in squares]
-        assert inside == [k < control for k in range(len(squares))]
 
 
 def test_the_second_strip_turns_clockwise(shown):
@@ -214,17 +195,6 @@ def test_bars_are_the_residuals_and_red_where_they_stand_out(found):
         red = [bar.get_facecolor() == to_rgba(style.BRICK) for bar in bars]
         assert red == list(rms > failures.SEEN)
     assert len({ax.get_xlim() for ax in by_title.values()}) == 1
-
-
-def test_maps_have_one_scale_and_say_what_was_refused(found):
-    fig = drawn(failures.maps(found))
-    by_title = {ax.get_title(loc="left"): ax for ax in panels(fig)}
-    assert len({by_title[name].get_xlim() for name in found}) == 1
-    texts = [text.get_text() for text in by_title["coordinates exchanged"].texts]
-    assert texts == [failures.REFUSED]
-    longest = [text.get_text() for text in by_title["no mistake"].texts]
-    assert longest[0].startswith("longest arrow ")
-    assert longest[0].endswith(" cm")
 
 
 # --- Slow errors and shifts of trajectories do to simulated calibrations what the book says

@@ -1,6 +1,5 @@
 """The orientation of the paper's heads, and what held focal lengths make of it."""
 
-import re
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -10,8 +9,6 @@ from numpy.testing import assert_allclose
 
 from acx4book.chapters import heads as chapter
 from acx4book.chapters.heads import (
-    correlations,
-    held_focal_lengths,
     mean_residuals,
     radial_distortion,
 )
@@ -20,7 +17,6 @@ from acx4book.typesetting import style
 from acx4files.stages import attempt
 from acx4files.stages import heads as stage_of_heads
 from acx4lib.attempts import Failed
-from acx4lib.calibration.determination import interior_exterior
 from acx4lib.calibration.heads import (
     Heads,
     above_gnss,
@@ -32,7 +28,6 @@ from acx4lib.calibration.held import of_bundle
 from acx4lib.design import with_focal_lengths
 from acx4lib.errors import AdjustmentError
 from support.figures import (
-    UNIT,
     assert_labelled,
     assert_texts_apart,
     drawn,
@@ -106,55 +101,6 @@ def test_radial_distortion_ends_at_the_corner_beside_the_papers_values(fits):
     assert wide.lines[0].get_xdata()[-1] == pytest.approx(33.68, abs=0.01)  # half the diagonal, mm
     assert wide.lines[0].get_ydata()[-1] == pytest.approx(15.0, abs=1.0)
     assert legend(fig)[-2:] == ["the paper's Table 1", "its text: about 15 px"]
-
-
-def test_other_cameras_are_not_compared_with_the_paper(fits):
-    fig = drawn(radial_distortion(fits))
-    assert [len(ax.lines) for ax in panels(fig)] == [4, 4]
-    assert legend(fig) == list(HEADS)
-
-
-def test_correlations_show_every_pair_and_all_values(fits):
-    found = {name: interior_exterior(fit) for name, fit in fits.items()}
-    fig = drawn(correlations(found, claim=0.1))
-    assert_texts_apart(fig)
-    pairs, shares = panels(fig)
-    assert (pairs.get_xlim(), pairs.get_ylim()) == ((0, 6), (5, 0))
-    assert len([text for text in pairs.texts if re.fullmatch(r"\d\.\d\d", text.get_text())]) == 30
-    assert len(shares.lines) == 4 + 1
-    assert len(shares.lines[0].get_xdata()) == 31 * 5 * 6
-    assert shares.lines[0].get_ydata()[-1] == 100
-    assert UNIT.search(shares.get_xlabel())
-
-
-def test_without_an_estimated_parameter_correlations_are_a_sentence(fits):
-    found = interior_exterior(fits["CAM1"])
-    none = replace(found, interior=(), values=found.values[:, :0])
-    (text,) = drawn(correlations({"CAM1": none})).axes[0].texts
-    assert text.get_text() == "No parameter is estimated in oriented images."
-
-
-def test_held_focal_lengths_have_a_line_per_head_in_every_panel(held):
-    fig = drawn(held_focal_lengths(held))
-    assert_texts_apart(fig)
-    assert all(UNIT.search(ax.get_ylabel()) for ax in panels(fig))
-    assert [len(ax.lines) for ax in panels(fig)] == [8, 4, 5, 4, 4, 4]
-    assert legend(fig) == list(HEADS)
-
-
-def test_held_focal_lengths_without_a_head_are_a_sentence():
-    none = Heads(bundles={}, failures={})
-    (text,) = drawn(held_focal_lengths({-0.5: none, 0.5: none})).axes[0].texts
-    assert text.get_text() == "No head could be adjusted."
-
-
-@pytest.mark.parametrize(
-    "draw",
-    [mean_residuals, radial_distortion, correlations],
-    ids=lambda f: f.__name__,
-)
-def test_without_a_head_there_is_a_sentence(draw):
-    assert [t.get_text() for t in drawn(draw({})).axes[0].texts] == ["No head could be adjusted."]
 
 
 # --- Heads beside the paper's Table 1, of the paper's flight and of another one
@@ -336,10 +282,3 @@ def test_the_table_has_what_changes_by_what_is_held(held, hold, heads, flown):
     said = chapter.by_wrong_lengths(table)
     assert 0.1 < said["moved_mm"] < 0.2
     assert said["lifted_m"] == table.loc["all", "Lifted by up to (m)"]
-
-
-def test_without_any_head_the_table_is_empty():
-    none = Heads(bundles={}, failures=dict.fromkeys(HEADS, "no"))
-    table = chapter.held({"unchanged": none}, {"unchanged": None}, none)
-    assert table.empty
-    assert chapter.by_wrong_lengths(table) == {}

@@ -12,9 +12,6 @@ from acx4book.chapters import rig
 from acx4book.chapters.rig import (
     deformation,
     median_gains,
-    rig_correlations,
-    rig_deformations,
-    rig_gains,
 )
 from acx4book.notebooks.truth import beside_truth, beside_truths
 from acx4files import flight as flights
@@ -29,7 +26,6 @@ from acx4lib.geometry.frames import Pose, opk_from_rotation, rotation_from_opk
 from acx4lib.tie_points.ties import refine_by_mean_differences, shared_points
 from acx4sim import optics
 from support import blocks
-from support.figures import assert_texts_apart, drawn, panels
 from support.flights import in_heads
 
 
@@ -98,28 +94,6 @@ def test_medians_of_gains_are_by_kinds_of_parameters(ways, failed):
     every = ways.apart.sigma / ways.rigid.sigma
     assert list(found.values()) == [np.median(every[:, a:b]) for a, b in ((0, 2), (2, 3), (3, 6))]
     assert median_gains(failed, ways.rigid) == {}
-
-
-def test_gains_have_a_panel_for_each_way_that_has_an_outcome(ways, failed):
-    fig = drawn(rig_gains({"alone": ways.held, "nothing": failed, "apart": ways.apart}, ways.rigid))
-    assert [ax.get_title(loc="left") for ax in panels(fig)] == ["alone", "apart"]
-    assert len(drawn(rig_gains({"nothing": failed}, ways.rigid)).axes) == 1
-
-
-def test_correlations_have_a_panel_for_each_way_that_has_an_outcome(ways, failed):
-    fig = drawn(rig_correlations({"alone": failed, "rig": ways.rigid}))
-    assert_texts_apart(fig)
-    (text,) = [ax.get_title(loc="left") for ax in panels(fig)][:1]
-    assert text == "rig"
-    assert len(drawn(rig_correlations({"alone": failed})).axes) == 1
-
-
-def test_deformations_are_drawn_with_and_without_a_truth(ways):
-    for truth in (None, ways.rigid):
-        found = {"alone": deformation(ways.held, in_heads.SYNTHETIC, truth=truth)}
-        fig = drawn(rig_deformations(in_heads.SYNTHETIC, found))
-        (title,) = [ax.get_title(loc="left") for ax in panels(fig)][:1]
-        assert title == "alone"
 
 
 # --- What errors of the heads do to the synthetic image

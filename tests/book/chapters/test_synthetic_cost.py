@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.quiver import Quiver
 
 from acx4book.chapters import synthetic_cost
 from acx4book.paper import printed
@@ -23,11 +22,6 @@ def test_the_stored_study_has_all_flights_both_ways_and_through_the_heads_of_one
         own = found.parameters[found.parameters["way"] == way]
         assert (own["parameter"] == "sigma0_squared").sum() == 48
     assert found.about["design"] == "acx4"
-
-
-def test_a_missing_file_names_the_target_of_make(tmp_path):
-    with pytest.raises(FileNotFoundError, match="make chain"):
-        synthetic_cost.read(tmp_path)
 
 
 def test_the_rig_keeps_its_promises(found):
@@ -243,34 +237,6 @@ def test_without_distance_of_the_centres_there_is_hardly_any_distortion():
 # --- Figures of scatter over sigma, of radial distortion, and of lens centres
 
 
-def test_every_parameter_of_the_synthetic_camera_has_a_dot_of_both_kinds(found):
-    ax = synthetic_cost.scatter_over_sigma(found).axes[0]
-    assert len(ax.get_xticklabels()) == 14
-    assert len(ax.containers) == 5  # four heads and one camera
-
-
-def test_the_fingerprint_has_a_curve_for_every_square_and_table_3(found):
-    left, right = synthetic_cost.fingerprint(found).axes
-    assert len(left.lines) == 3 * 2
-    assert len(right.lines) == len(synthetic_cost.by_side(found)) + 1
-
-
-def test_lens_centres_are_compared_in_both_axes(found):
-    (ax,) = synthetic_cost.centres(found).axes
-    assert [line.get_label() for line in ax.lines] == ["$X_c$", "$Y_c$"]
-    assert (synthetic_cost.centre_misfit(found) > 0).all(axis=None)
-
-
-def test_every_height_has_its_field_and_its_seams(found):
-    fig = synthetic_cost.pattern(found)
-    titles = [ax.get_title(loc="left") for ax in fig.axes]
-    assert titles == ["From 1000 m", "From 1500 m"]
-    for ax in fig.axes:
-        (field,) = (c for c in ax.collections if isinstance(c, Quiver))
-        assert 200 < field.N < 400
-        assert ax.get_ylim() == (16200, 0)
-
-
 # --- Tables of what the synthetic image costs
 
 
@@ -313,13 +279,6 @@ def test_a_step_on_the_ground_is_its_pixels_times_the_ground_pixel(found):
 def test_the_best_height_is_between_those_of_the_table(found):
     table = synthetic_cost.heights(found)
     assert table["flying height (m)"][table["RMS (px)"].idxmin()] == 1500.0
-
-
-def test_squares_lead_to_the_flown_one(found):
-    table = synthetic_cost.squares(found)
-    titles = ["square of 0 cm", "square of 8 cm", "square of 16 cm"]
-    assert list(dict.fromkeys(title for title, _ in table.columns)) == titles
-    assert list(synthetic_cost.factors(found)) == titles
 
 
 def test_a_shift_follows_the_lever_arm_wherever_the_lens_centres_are(found):

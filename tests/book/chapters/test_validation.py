@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose
 
 from acx4book.chapters import validation
 from acx4book.paper import printed
-from acx4files.results import folder
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.design import ground_sample_m
 from acx4lib.georeferencing import accuracy, error_sources
@@ -104,18 +103,3 @@ def test_the_mean_that_correlations_harm_most_is_named(found):
 def test_classes_of_nine_points_are_not_stated(found, sizes):
     table = validation.classes({"single": found}, {"single": sizes}, (1000,))
     assert table["single"]["PEC-PCD 1:1000, plan / height"].startswith("not stated, n = 9")
-
-
-def test_without_a_validation_tables_have_no_rows():
-    assert validation.differences({}).empty
-    assert validation.counts({}).empty
-    assert validation.normalised({}).empty
-    assert validation.together({}).empty
-    assert validation.bias({}, {}, {}).empty
-    assert validation.classes({}, {}, (1000,)).empty
-    assert validation.most_shared({}) == {}
-
-
-def test_without_check_points_and_predictions_there_is_nothing_to_tell(tmp_path):
-    folder.replace(tmp_path, ["validation"], tables={}, summary={})
-    assert validation.predicted(tmp_path) == "there are no check points"

@@ -35,13 +35,6 @@ def test_the_ray_goes_through_the_image_point_to_the_ground():
     assert_allclose([-y, -down], [camera.F, camera.H])
 
 
-def test_no_label_of_the_ray_lies_on_another():
-    fig = drawn(camera.ray())
-    boxes = [text.get_window_extent() for text in words(fig.axes[0]).values()]
-    overlaps = [a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i]]
-    assert not np.any(overlaps)
-
-
 def test_the_same_point_has_coordinates_half_a_pixel_apart():
     found = [
         next(t for t in words(ax) if t[0] == "(") for ax in panels(drawn(camera.first_pixels()))
@@ -101,15 +94,6 @@ def test_sigma_of_the_angles_has_its_closed_form():
         assert_allclose(values, closed(np.radians(degrees)), atol=1e-12)
 
 
-def test_the_figures_draw():
-    drawn(frames.axes())
-    fig = drawn(frames.mistakes(480.0))
-    assert_labelled(fig)
-    assert [title(ax) for ax in panels(fig)] == ["transposed", "axes for vectors", "other order"]
-    drawn(frames.singularity())
-    assert_labelled(drawn(frames.headings()))
-
-
 # --- collinearity ----------------------------------------------------------------------------
 
 
@@ -164,14 +148,6 @@ def test_differences_on_the_ground_turn_with_the_aircraft():
     assert_allclose(np.ravel(to_east), [-1, -1, 1, 1])
 
 
-def test_the_figures_of_columns_draw():
-    fig = drawn(strips.columns(HEIGHT_M))
-    names = [title(ax) for ax in panels(fig) if ax.get_visible()]
-    assert names == list(strips.effects(strips.grid(), HEIGHT_M))
-    fig = drawn(strips.look_alike(HEIGHT_M))
-    assert [len(quivers(ax)) for ax in panels(fig)] == [1, 1, 1]
-
-
 # --- distortion ------------------------------------------------------------------------------
 
 
@@ -207,22 +183,6 @@ def test_mistakes_are_of_the_order_that_the_series_gives():
     )
     at = distort(Interior(f=74.0, k1=k1), np.stack([r, 0 * r], axis=1))[:, 0]
     assert_allclose(found["at the ideal point"], abs(at - (r + k1 * r**3)), rtol=1e-6)
-
-
-def test_the_figures_draw_of_distortion():
-    for fig in (
-        camera.curves(),
-        camera.balanced("CAM1"),
-        camera.directions("CAM1"),
-        camera.terms("single_step"),
-    ):
-        assert_texts_apart(drawn(fig))
-    fig = drawn(camera.vectors("CAM1"))
-    for ax in panels(fig):
-        (quiver,) = quivers(ax)
-        lower_right = (quiver.X > 20) & (quiver.Y < -12)
-        assert np.all(quiver.U[lower_right] > 0)  # radial and decentring go the same way
-        assert np.all(quiver.V[lower_right] < 0)
 
 
 # --- least squares ---------------------------------------------------------------------------

@@ -121,9 +121,6 @@ def test_a_number_that_the_chain_does_not_have_is_missing_and_not_lost():
 # --- The paper's four questions: the paper's numbers, and the answers of chapters ------------
 
 
-ANSWERS = {one.chapter: [f"{one.chapter} says so.", "And why."] for one in questions.QUESTIONS}
-
-
 @pytest.mark.parametrize(
     ("number", "said"),
     [
@@ -140,24 +137,6 @@ def test_the_papers_answers_have_its_numbers(number, said):
     assert said in questions.QUESTIONS[number].answered()
 
 
-def test_the_page_has_the_papers_answer_and_ours():
-    text = questions.text(ANSWERS, beside_print=True)
-    assert text.count("And why.") == 4
-    assert text.count("**The paper**") == 4
-    assert text.count("**This book.**") == 4
-
-
-def test_a_sentence_that_both_cameras_share_is_said_once():
-    chapter = "04-validation"
-    four = {**ANSWERS, chapter: ["Four.", "It fits: $p$ = 0.76.\nThat is class A."]}
-    ideal = {chapter: ["One.", "It fits: $p$ = 0.10.\nThat is class A.", "It fits: $p$ = 0.76."]}
-    text = questions.text(four, ideal, beside_print=True, many="Of many flights first.")
-    assert text.count("That is class A.") == 1
-    assert text.count("It fits: $p$ = 0.76.") == 1
-    assert "*With one ideal camera.* It fits: $p$ = 0.10.\n" in text
-    assert text.index("Of many flights first.") < text.index("Four.")
-
-
 def test_the_front_page_has_the_largest_true_error():
     rows = pd.DataFrame(
         {
@@ -171,10 +150,6 @@ def test_the_front_page_has_the_largest_true_error():
     sigma = "σ of principal points 7.1–7.7 µm"
     assert questions.principal_points(rows, truth) == f"{sigma}, true error up to 134 µm"
     assert questions.principal_points(rows, {}) == sigma
-
-
-def test_beside_another_camera_the_paper_says_nothing():
-    assert "**The paper**" not in questions.text(ANSWERS, beside_print=False)
 
 
 def test_an_answer_is_what_the_tagged_cell_of_a_notebook_shows(tmp_path):

@@ -59,12 +59,6 @@ def test_every_adjustment_has_the_images_that_it_adjusted(material, adjustment, 
     assert len(found.image_points) > 40
 
 
-def test_the_method_says_that_points_were_carried(material):
-    assert (
-        "**Synthetic images.** Points were measured" in identity.method_and_data(material).markdown
-    )
-
-
 def test_residuals_stand_where_they_were_measured(run):
     table = image_residuals(run, SINGLE)
     block = run.flight.calibration
@@ -122,12 +116,6 @@ def test_text_of_strangers_is_shown_and_not_interpreted(stated):
     assert "<script" not in text
     assert "&lt;script&gt;alert(1)&lt;/script&gt; | $x$ `y` {eq}`1` [a](b)" in text
     assert "<a " not in text
-
-
-def test_a_flight_without_a_certificate_says_so(run):
-    page = identity.first_page(run, []).markdown
-    assert page.startswith("The table [certificate] of flight.toml states no serial numbers")
-    assert list(figures.table(page, "tab-report-certificate")["Item"]) == ["Image format"]
 
 
 def test_values_have_the_digits_that_their_sigma_allows(run):

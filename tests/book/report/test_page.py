@@ -5,19 +5,16 @@ import re
 import shutil
 import subprocess
 import sys
-import warnings
 
 import numpy as np
 import pytest
 from bs4 import BeautifulSoup
-from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from pypdf import PdfReader
 
 from acx4book.report import findings, page, typeset
-from acx4book.report.markdown import Text
 from acx4book.report.material import image_residuals, read
-from acx4book.report.page import DIRECTIVE, PAGE_MARK, TEXT, Part, computed, parts
+from acx4book.report.page import DIRECTIVE, PAGE_MARK, TEXT, computed
 from acx4files.results import folder
 from acx4lib.errors import FlightError, OutputError
 from support.helpers import ROOT
@@ -222,57 +219,6 @@ def test_a_report_is_set_beside_it_and_set_again(report):
 # --- The text of the report, and what is computed between its paragraphs
 
 
-FIGURE = Figure()
-WRITTEN = """# A
-
-B.
-
-## C
-
-```{section} table
-```
-
-D.
-
-```{figure} drawn
-:alt: A line.
-
-A *line*,
-which is straight.
-```
-"""
-
-
-def test_texts_and_computed_parts_come_in_their_order():
-    counted = []
-    by_name = {"table": lambda: Text("42"), "drawn": lambda: FIGURE}
-    table, drawn = ("fig-report-table", "fig-report-drawn")
-    told = {"caption": "A *line*,\nwhich is straight.", "alt": "A line."}
-    assert [*parts(WRITTEN, by_name, lambda *done: counted.append(done))] == [
-        Part(content=Text("# A\n\nB.")),
-        Part(content=Text("## C")),
-        Part(content=Text("42"), name=table),
-        Part(content=Text("D.")),
-        Part(content=FIGURE, name=drawn, **told),
-    ]
-    assert counted == [(0, 2), (1, 2), (2, 2)]
-
-
-def test_an_error_of_a_part_is_its_own():
-    with pytest.raises(ZeroDivisionError):
-        list(parts("```{section} a\n```", {"a": lambda: 1 / 0}, lambda *_: None))
-
-
-def test_a_warning_is_not_shown_and_others_are_still():
-    def old():
-        warnings.warn("old", stacklevel=1)
-        return Text("a")
-
-    assert len(list(parts("```{section} a\n```", {"a": old}, lambda *_: None))) == 1
-    with pytest.warns(UserWarning, match="new"):
-        warnings.warn("new", stacklevel=1)
-
-
 def test_every_part_that_is_computed_has_its_place_in_the_text():
     text = TEXT.read_text(encoding="utf-8")
     assert sorted(one["name"] for one in DIRECTIVE.finditer(text)) == sorted(computed(None, []))
@@ -323,29 +269,6 @@ def test_it_says_all_that_the_page_says(html, pdf):
     assert len(soup.find_all("img")) == sum(t.startswith("Figure") for t in texts)
 
 
-def test_it_is_archival_and_accessible(html, pdf):
-    told = pdf.xmp_metadata.rdf_root.toxml()
-    for name, value in (("pdfaid:part", "2"), ("pdfaid:conformance", "A"), ("pdfuaid:part", "1")):
-        assert f"<{name}>{value}</{name}>" in told
-    root = pdf.trailer["/Root"]
-    assert root["/MarkInfo"]["/Marked"]
-    assert root["/Lang"] == "en"
-    assert len(root["/OutputIntents"]) == 1
-    assert typeset.pdf(html) == typeset.pdf(html)
-    assert page.PDF_MARK in typeset.pdf(html)[:4096]
-
-
-def test_all_fonts_are_in_it(pdf):
-    fonts = {
-        font["/BaseFont"]: font.get_object()["/DescendantFonts"][0].get_object()["/FontDescriptor"]
-        for sheet in pdf.pages
-        for font in (one.get_object() for one in sheet["/Resources"].get("/Font", {}).values())
-    }
-    assert len(fonts) >= 3
-    assert all({"/FontFile2", "/FontFile3"} & {*one.get_object()} for one in fonts.values()), fonts
-    assert all("DejaVu" in name for name in fonts)
-
-
 @pytest.mark.parametrize(
     "name",
     ['#panic("x")', 'a"b\\"c', "$x$ _y_ *z* `w`", "[a] (b) {c} @d <e> //f", "= g", "\\u{41}"],
@@ -354,16 +277,3 @@ def test_a_name_is_shown_as_it_is(name, tmp_path):
     escaped = name.replace("&", "&amp;").replace("<", "&lt;")
     found = reader(PAGE.format(f"<h1>t</h1><p>{escaped}</p>"), tmp_path / "x.pdf")
     assert squeezed(name) in said(found)
-
-
-def test_letters_that_no_font_has_are_escaped(tmp_path):
-    found = reader(PAGE.format("<h1>t</h1><p>\u98db\U0001f9ec</p>"), tmp_path / "x.pdf")
-    assert r"\u98db\U0001f9ec" in said(found)
-
-
-def test_a_long_word_breaks_and_stays_on_the_sheet(tmp_path):
-    word = "x" * 400
-    found = reader(PAGE.format(f"<h1>t</h1><p>{word}</p>"), tmp_path / "x.pdf")
-    lines = [line for line in found.pages[0].extract_text().splitlines() if "xx" in line]
-    assert len(lines) > 2
-    assert word in said(found)

@@ -16,7 +16,6 @@ from acx4book.report import adjustment, ground, mounting
 from acx4book.report.adjustment import residual_plane, residuals_by_strip
 from acx4book.report.ground import check_points
 from acx4book.report.material import read
-from acx4book.report.mounting import boresight_over_time
 from acx4book.report.mounting import boresights as mounting_boresights
 from acx4files.results import folder as results
 from acx4files.results.table_files import COMPONENTS
@@ -169,11 +168,6 @@ def test_a_strip_stands_at_its_ratio_under_its_limits(residuals):
     assert_allclose(dots(largest)[0, 1], residuals["w_col"][:2000].abs().max())
 
 
-def test_what_is_not_there_is_said():
-    nothing = [residual_plane({}, {}), residuals_by_strip({})]
-    assert all(len(fig.axes[0].texts) == 1 for fig in nothing)
-
-
 # --- Surveyed lever arms beside the estimates ------------------------------------------------
 
 
@@ -193,12 +187,6 @@ def surveyed(folder):
 
 def levers(material):
     return figures.table(mounting.section(material).markdown, "tab-report-lever")
-
-
-def test_a_flight_without_a_survey_is_a_sentence(run):
-    text = mounting.section(run).markdown
-    assert "states no surveyed lever arm" in text
-    assert "tab-report-lever" not in text
 
 
 def test_differences_are_estimated_less_surveyed_where_nothing_else_is_told(surveyed):
@@ -227,35 +215,6 @@ def test_a_held_lever_arm_is_said(surveyed):
     held = rows[~rows["parameter"].str.startswith("lever")]
     table = levers(replace(surveyed, found=replace(surveyed.found, parameters=held)))
     assert set(table["Estimated (m)"]) == {"held as surveyed"}
-
-
-# --- Boresights drawn over time
-
-
-mpl.use("agg")
-
-
-@pytest.fixture
-def boresights():
-    """Four images that drift about x by 0.03 degrees in three minutes."""
-    drift = {"x_deg": [0.0, 0.01, 0.02, 0.03], "y_deg": np.zeros(4), "z_deg": np.zeros(4)}
-    sigma = {f"sigma_{axis}_deg": 0.005 for axis in "xyz"}
-    times = {"time_s": [0.0, 60.0, 120.0, 180.0], "number": [1, 2, 3, 4]}
-    return pd.DataFrame({**times, "strip": ["1", "1", "2", "2"], **drift, **sigma})
-
-
-def test_boresights_have_their_line_over_time_in_minutes(boresights):
-    fig = boresight_over_time(boresights)
-    assert [ax.get_ylabel() for ax in fig.axes] == [f"about {axis} (°)" for axis in "xyz"]
-    assert fig.axes[-1].get_xlabel() == "time after the first image (min)"
-    (line,) = [a for a in fig.axes[0].get_lines() if a.get_linestyle() == "--"]
-    assert_allclose(line.get_xydata(), [[0, 0], [3, 0.03]], atol=1e-12)
-    untimed = boresight_over_time(boresights.assign(time_s=np.nan))
-    assert untimed.axes[-1].get_xlabel() == "image number"
-
-
-def test_no_boresights_are_said():
-    assert len(boresight_over_time(pd.DataFrame()).axes[0].texts) == 1
 
 
 # --- The boresight over time: single images, and the tests of the certified adjustment
@@ -327,10 +286,6 @@ def test_check_points_stand_on_bars_of_twice_their_sigma():
     assert [label.get_text() for label in fig.axes[2].get_xticklabels()] == ["A", "B"]
 
 
-def test_no_check_points_are_said():
-    assert len(check_points(pd.DataFrame()).axes[0].texts) == 1
-
-
 # --- The report's budget: of this run, or the reason why there is none
 
 
@@ -363,10 +318,6 @@ def test_the_table_adds_up(mapped):
     rms = budget.over_ground(mapped.calibration, mapped.flight).rms
     assert float(together["σ in height (m)"]) == pytest.approx(rms[2], abs=5e-4)
     assert "survey" not in parts.index
-
-
-def test_the_format_is_drawn(mapped):
-    assert len(ground.over_format(mapped).axes) == 6  # panels and their scales
 
 
 def without(run, **changes):

@@ -13,7 +13,6 @@ import pytest
 from IPython.core.formatters import DisplayFormatter
 from markdown_it import MarkdownIt
 
-from acx4book.paper import printed
 from acx4book.typesetting import matrix, myst, style, svg, tables
 from acx4book.typesetting.matrix import sigma_figure
 from acx4book.typesetting.myst import say
@@ -81,11 +80,6 @@ def test_markup_stays_markup_on_its_way_through_a_table():
     turned = frame.assign(more=frame["$a$"]).iloc[::-1].rename(columns={"n": "m"})
     got = rows(myst.myst_table(turned, "c", name="t"))
     assert got == [["$a$", "m", "more"], ["$c$", "2.5", "$c$"], ["$b$", "1.5", "$b$"]]
-
-
-def test_table_without_rows_keeps_its_head():
-    frame = pd.DataFrame({"a": pd.Series(dtype=float)})
-    assert rows(myst.myst_table(frame, "c", name="t")) == [["a"]]
 
 
 def test_format_of_an_unknown_column_is_refused():
@@ -169,21 +163,6 @@ def test_what_was_held_and_what_is_left_open_is_said():
     ]
 
 
-@pytest.mark.parametrize(
-    ("name", "heading"),
-    [
-        ("mm", "mm"),
-        ("σ", "σ"),
-        ("f", "f"),
-        ("head", "Head"),
-        ("px off", "px off"),
-    ],
-)
-def test_a_heading_begins_with_a_capital_where_it_begins_with_a_word(name, heading):
-    table = pd.DataFrame({"x": [1.0]}, index=pd.Index(["a"], name=name))
-    assert tables_rows(table)[0][0] == heading
-
-
 def test_tables_side_by_side_have_one_column_a_method_and_the_print_as_printed():
     one = estimates([74.4, 0.0, 0.1, 90.0], [0.1, np.nan, 0.01, 0.1])
     paper = pd.DataFrame({("paper", "printed"): ["74.4376", "ND", "", "x"]}, index=INDEX)
@@ -226,12 +205,6 @@ def test_text_of_a_flight_is_shown_character_for_character():
     assert "&lt;b&gt;" in shown
     assert "<b>x</b>" in shown
     assert "*K|1*" in shown
-
-
-def test_the_counting_of_rows_is_not_shown():
-    table = pd.DataFrame({"x": [1, 2]})
-    assert tables_rows(table)[0] == ["x"]
-    assert tables_rows(table.iloc[[1]])[0] == ["x"]
 
 
 # --- figures of matrices ---------------------------------------------------------------------
@@ -323,11 +296,6 @@ def test_a_value_is_rounded_to_two_digits_of_its_sigma(value, sigma, text):
     assert myst.value_and_sigma(value, sigma) == text
 
 
-def test_every_printed_parameter_has_a_label():
-    for number in (1, 2, 3, 4):
-        assert set(printed.table(number)["parameter"]) <= set(myst.LABELS)
-
-
 # --- sentences of notebooks: templates with numbers, in which text of a flight stays text ----
 
 
@@ -367,7 +335,3 @@ def test_a_sentence_that_ends_in_a_tag_does_not_run_into_the_next():
 def test_a_name_without_a_value_is_an_error():
     with pytest.raises(jinja2.UndefinedError, match="'m' is undefined"):
         say("{{ m }}", n=1)
-
-
-def test_a_sentence_shows_itself_as_markdown():
-    assert say("$x$")._repr_markdown_() == "$x$"

@@ -1,10 +1,8 @@
 """Images from files of every kind, and what is said of those that are none."""
 
 import contextlib
-import os
 import struct
 import sys
-import time
 
 import cv2
 import numpy as np
@@ -244,27 +242,3 @@ def test_a_fingerprint_is_of_the_content_alone(tmp_path, rng):
     assert fingerprint(one) != fingerprint(two)
     (tmp_path / "empty").write_bytes(b"")
     assert fingerprint(tmp_path / "empty") != fingerprint(one)
-
-
-def test_of_many_empty_pages_some_are_looked_at(tmp_path, rng):
-    """Half a million of them took a minute and gigabytes."""
-    image = picture(rng)
-    path = write(tmp_path / "x.tif", image, byteorder="<")
-    data = bytearray(path.read_bytes())
-    directory = struct.unpack_from("<I", data, 4)[0]
-    after = directory + 2 + 12 * struct.unpack_from("<H", data, directory)[0]
-    struct.pack_into("<I", data, after, len(data))
-    n, size = 500_000, 18
-    entries = struct.pack("<HHHII", 1, 256, 4, 1, 5)
-    data += b"".join(entries + struct.pack("<I", len(data) + size * (k + 1)) for k in range(n))
-    data += entries + bytes(4)
-    path.write_bytes(data)
-    start = time.monotonic()
-    with contextlib.suppress(FlightError):
-        np.testing.assert_array_equal(image_from_file(path, CAMERA).image, image)
-    assert time.monotonic() - start < 5.0
-
-
-def test_a_pipe_is_not_waited_for(tmp_path):
-    os.mkfifo(tmp_path / "x.tif")
-    assert refused(tmp_path / "x.tif") == "cannot be read (no regular file)"

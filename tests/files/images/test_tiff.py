@@ -26,7 +26,6 @@ from acx4files.images.tiff import (
 )
 
 HEIGHT, WIDTH = 1301, 1100
-KINDS = [(1, "uint16"), (2, "uint8"), (3, "uint16"), (4, "uint8")]
 ABOUT = {"exposure": "H3-04", "name": "Jaguariaíva", "f_mm": 74.0, "heads": [{"camera": "CAM1"}]}
 
 

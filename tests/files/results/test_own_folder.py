@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -10,10 +9,9 @@ import sys
 import pytest
 
 from acx4files.results import own_folder
-from acx4files.results.own_folder import LOCK, MARK, claim, clear, mark_all, verify
+from acx4files.results.own_folder import LOCK, MARK, claim, clear, verify
 from acx4files.results.whole_files import SCRATCH
 from acx4lib.errors import FlightError, OutputError
-from support.helpers import ROOT
 
 RUN = "acx4 run"
 
@@ -55,39 +53,6 @@ def test_a_new_an_empty_and_a_marked_folder_are_taken(tmp_path):
         assert contents(tmp_path / name).keys() == {"table", "other", MARK}
 
 
-def test_a_new_folder_that_stays_empty_is_removed_and_one_that_was_there_is_not(tmp_path):
-    (tmp_path / "there").mkdir()
-    for name in ("there", "a/b"):
-        with claim(tmp_path / name, command=RUN) as own:
-            own.expect(["table"])
-    assert [path.name for path in tmp_path.rglob("*")] == ["there"]
-
-
-def interrupted(folder, made):
-    """Claim a folder, and be interrupted when a folder of the first file is there."""
-    with claim(folder, command=RUN) as own:
-        own.expect(["flight/heads/images.csv"])
-        (folder / made).mkdir(parents=True)
-        raise KeyboardInterrupt
-
-
-@pytest.mark.parametrize("made", ["flight", "flight/heads"])
-def test_an_interrupt_before_the_first_file_leaves_no_folder_that_is_then_refused(tmp_path, made):
-    with pytest.raises(KeyboardInterrupt):
-        interrupted(tmp_path / "results", made)
-    assert not (tmp_path / "results").exists()
-
-
-def test_no_empty_folder_behind_a_link_is_removed(tmp_path):
-    folder, elsewhere = tmp_path / "results", tmp_path / "elsewhere"
-    (elsewhere / "heads").mkdir(parents=True)
-    fill(folder, a="1")
-    with claim(folder, command=RUN) as own:
-        own.expect(["flight/heads/images.csv"])
-        (folder / "flight").symlink_to(elsewhere)
-    assert (elsewhere / "heads").is_dir()
-
-
 def test_what_acx4_did_not_write_is_refused_and_stays(tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("years")
@@ -116,20 +81,6 @@ def test_a_file_of_the_user_in_a_marked_folder_is_neither_written_nor_removed(tm
     assert contents(tmp_path / "r") == {"notes": b"mine"}
 
 
-def test_nothing_is_written_or_removed_through_a_link(tmp_path):
-    fill(tmp_path / "r", notebooks__a="1")
-    shutil.move(tmp_path / "r" / "notebooks", tmp_path / "elsewhere")
-    (tmp_path / "r" / "notebooks").symlink_to(tmp_path / "elsewhere")
-    with claim(tmp_path / "r", command=RUN) as own:
-        with pytest.raises(OutputError, match="notebooks: is a link"):
-            own.expect(["notebooks/a"])
-        with pytest.raises(OutputError, match="notebooks: is a link"):
-            own.remove(["notebooks/a"])
-    with pytest.raises(OutputError, match="notebooks: is a link"):
-        clear(tmp_path / "r")
-    assert (tmp_path / "elsewhere" / "a").read_text() == "1"
-
-
 def test_a_place_in_above_or_at_a_flight_is_refused(tmp_path):
     flight = tmp_path / "all" / "flight"
     (flight / "heads").mkdir(parents=True)
@@ -140,16 +91,6 @@ def test_a_place_in_above_or_at_a_flight_is_refused(tmp_path):
     os.chdir(flight)
     refused(tmp_path / "all", "holds the flight", away_from=[flight])
     assert sorted(path.name for path in flight.rglob("*")) == ["flight.toml", "heads"]
-
-
-@pytest.mark.parametrize("below", ["", "src", "notebooks/new", "book/x", "data/paper", ".git/x"])
-def test_the_sources_are_no_place(below):
-    refused(ROOT / below if below else ROOT, "is among the project's own files")
-
-
-def test_the_folders_that_make_fills_are_places():
-    own_folder.check_place(ROOT / "data" / "flights" / "mine")
-    own_folder.check_place(ROOT / "build" / "results" / "mine")
 
 
 def test_a_crafted_mark_names_nothing_outside(tmp_path):
@@ -188,16 +129,6 @@ def test_what_was_changed_cut_or_removed_is_named(tmp_path):
     with pytest.raises(OutputError, match="since acx4 run wrote it"):
         clear(tmp_path / "r")
     assert (tmp_path / "r" / "four").is_file()
-
-
-def test_clear_removes_what_is_listed_and_the_folders_that_are_then_empty(tmp_path):
-    fill(tmp_path / "r", table="1", notebooks__a="2")
-    clear(tmp_path / "r")
-    assert not (tmp_path / "r").exists()
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "x").write_text("x")
-    assert own_folder.main([str(tmp_path / "mine"), str(tmp_path / "nowhere")]) == 2
-    assert (tmp_path / "mine" / "x").is_file()
 
 
 def test_a_second_command_gets_one_line_with_the_process_and_the_machine(tmp_path):
@@ -239,18 +170,6 @@ def test_a_lock_that_was_left_behind_is_taken_over(tmp_path):
     assert (tmp_path / "r" / "table").read_text() == "whole"
 
 
-def test_a_lock_of_another_machine_holds_and_one_that_says_nothing_does_not(tmp_path):
-    (tmp_path / "r").mkdir()
-    (tmp_path / "r" / LOCK).write_text(json.dumps({"process": 1, "host": "elsewhere"}))
-    refused(tmp_path / "r", r"process 1 on elsewhere is writing there.*; if it is gone, remove ")
-    (tmp_path / "r" / LOCK).write_text("{")
-    fill(tmp_path / "r", table="1")
-    (tmp_path / "r" / LOCK).symlink_to(tmp_path / "target")
-    with pytest.raises(OSError, match="symbolic link"), claim(tmp_path / "r", command=RUN):
-        pass
-    assert not (tmp_path / "target").exists()
-
-
 def test_a_folder_appears_whole_and_marked_or_never(tmp_path):
     with own_folder.placed(tmp_path / "a" / "flight", command="acx4 simulate") as draft:
         draft.mkdir()
@@ -290,24 +209,3 @@ def test_a_single_file_is_new_or_bears_the_mark(tmp_path):
     assert says(own_folder.Path("/dev/full")).startswith("is there and is not")
     (tmp_path / "flight.toml").write_text("")
     assert says(tmp_path / "new").startswith("lies in the flight")
-
-
-def test_a_whole_folder_is_marked_with_all_its_files(tmp_path):
-    (tmp_path / "f" / "heads").mkdir(parents=True)
-    (tmp_path / "f" / "heads" / "images.csv").write_text("x")
-    mark_all(tmp_path / "f", "acx4 simulate")
-    assert json.loads((tmp_path / "f" / MARK).read_text())["files"].keys() == {"heads/images.csv"}
-    clear(tmp_path / "f")
-    assert not (tmp_path / "f").exists()
-
-
-# --- Checksums of files that a command wrote
-
-
-def test_a_file_that_the_system_cannot_read_is_named(tmp_path):
-    """Linux gives an input or output error for the memory of a process, as for a damaged disk."""
-    path = tmp_path / "covariance.csv"
-    path.symlink_to("/proc/self/mem")
-    with pytest.raises(OSError, match="Input/output error") as raised:
-        own_folder.written(path)
-    assert raised.value.filename == str(path)

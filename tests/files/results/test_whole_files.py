@@ -7,7 +7,6 @@ import errno
 import os
 import re
 import resource
-import stat
 
 import pytest
 
@@ -103,35 +102,6 @@ def test_a_full_disk_is_told_however_it_shows(tmp_path, number):
     assert names(tmp_path) == []
 
 
-def test_nothing_is_written_through_a_link_or_into_a_pipe(tmp_path):
-    """What lies in the place is replaced, and is never opened."""
-    (tmp_path / "mine").write_text("mine")
-    (tmp_path / "link").symlink_to(tmp_path / "mine")
-    os.mkfifo(tmp_path / "pipe")
-    for name in ("link", "pipe"):
-        whole_files.write(tmp_path / name, "new")
-        assert stat.S_ISREG((tmp_path / name).lstat().st_mode)
-    assert (tmp_path / "mine").read_text() == "mine"
-
-
-def test_permissions_are_those_of_the_old_file_or_of_the_umask(tmp_path):
-    (tmp_path / "old").touch(mode=0o600)
-    before = os.umask(0o027)
-    try:
-        for name in ("old", "new"):
-            whole_files.write(tmp_path / name, "x")
-    finally:
-        os.umask(before)
-    modes = [stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("old", "new")]
-    assert modes == [0o600, 0o640]
-
-
-def test_the_longest_name_is_written(tmp_path):
-    for name in ("x" * 255, "x." + "y" * 253):
-        whole_files.write(tmp_path / name, "x")
-        assert (tmp_path / name).read_text() == "x"
-
-
 def test_a_picture_gets_a_second_name(tmp_path):
     (tmp_path / "a.tif").write_text("picture")
     (tmp_path / "b.tif").write_text("old")
@@ -139,13 +109,6 @@ def test_a_picture_gets_a_second_name(tmp_path):
     whole_files.link(tmp_path / "a.tif", tmp_path / "b.tif")
     assert (tmp_path / "b.tif").samefile(tmp_path / "a.tif")
     assert names(tmp_path) == ["a.tif", "b.tif"]
-
-
-def test_a_copy_of_a_pipe_is_refused(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(OSError, match="no regular file"):
-        whole_files.copy(tmp_path / "pipe", tmp_path / "copy")
-    assert names(tmp_path) == ["pipe"]
 
 
 every_name = pytest.mark.parametrize("name", payloads.NAMES.values(), ids=payloads.NAMES)

@@ -204,3 +204,13 @@ def test_declared_is_what_is_written_and_sigma_is_of_that():
     assert prior.lever_sigma.tolist() == [0.02, np.inf, 0.02]
     assert prior.boresight_declared.tolist() == [False, False, True]
     assert prior.boresight_sigma.tolist() == [np.inf, np.inf, np.radians(0.2)]
+
+
+def test_a_ray_without_direction_meets_nothing():
+    """NaN, and no finite point: the other two rays of its point do not outvote it."""
+    x, of_one = np.array([10.0, 20.0, 0.0]), np.zeros(3, dtype=int)
+    origins = np.array([[0.0, 0.0, 100.0], [50.0, 0.0, 100.0], [80.0, 0.0, 100.0]])
+    towards = rays_to(x, origins)
+    assert_allclose(intersect(origins, towards, of_one, 1), x[None], atol=1e-9)
+    towards[1] = 0.0
+    assert np.isnan(intersect(origins, towards, of_one, 1)).all()

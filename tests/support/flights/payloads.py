@@ -24,23 +24,13 @@ NAMES = {
     "script": "<script>window.pwned='zq05'</script>",
     "image": "![zq06](http://zq06.example/a.png)",
     "link": "[zq07](javascript:window.pwned='zq07')",
-    "autolink": "<http://zq08.example>",
     "bare link": "https://zq09.example/ www.zq09.example zq09@zq09.example",
     "tex": r"$\input{zq10}$",
-    "unbalanced dollar": "a$zq11 $",
-    "display math": r"$$\href{javascript:window.pwned=12}{zq12}$$",
     "backticks": "`zq13` ``zq13`",
-    "fence": "``` {raw} html zq14",
     "directive": "```{eval-rst} .. raw:: html zq15",
     "include": "```{include} /etc/passwd zq16",
     "role": "{math}`zq17` {ref}`zq17` {download}`../conf.py <zq17>`",
-    "raw role": "{raw html}`<b>zq18</b>`",
     "pipe": "a | zq19 | b \\| c",
-    "colon fence": ":::{note} zq20",
-    "comment": "% zq21",
-    "break": "a +++ zq22",
-    "target": "(zq23)=",
-    "footnote": "[^zq24] [^zq24]: note",
     "html comment": "<!-- zq25 -->",
     "entities": "&lt;b&gt;zq26&lt;/b&gt; &#36;x&#36; &copy;",
     "format": "{} {0} {name} zq27 %s %(x)s %n",
@@ -50,32 +40,17 @@ NAMES = {
     "rich": "[red]zq31[/red] [link=http://zq31]x[/link] \\[b]",
     "emphasis": "*zq32* **zq32** _zq32_ ~~zq32~~ ^zq32^",
     "heading": "# zq33",
-    "list": "1. zq34",
-    "rule": "***zq35 --- ===",
-    "quote": "> zq36 -- and ... 'so' ---",
     "emoji": "zq37 \N{GRINNING FACE}\N{ZERO WIDTH JOINER}\N{WOMAN} :smile:",
     "right to left": "zq38 שלום العربية (1)",
-    "zero width": "zq39\N{ZERO WIDTH SPACE}a\N{SOFT HYPHEN}b\N{NO-BREAK SPACE}c\N{EM SPACE}d",
     "spaces": "  zq40   twice  ",
     "substitution": "|zq41| {{zq41}} {% raw %}zq41{% endraw %}",
-    "attributes": "[zq42]{.zq42 #zq42 onclick=window.pwned=42}",
-    "answer": "✗ fails",
-    "unit": "mm^-2 ± zq44 sigma0_squared",
-    "legend": "_zq45_nolegend_",
     "very long": "zq46" + 60 * "W" + "<i>" + 60 * "M",
     "heading of a column": "Parameter",
     "missing": "nan",
     "number": "1.0",
-    "label": ":name: zq50",
-    "definition": ": zq51",
-    "style": "<style>body{display:none}</style>zq52",
     "svg": "]]>--><svg onload=window.pwned='zq53'>",
-    "reference": "[zq54]: http://zq54.example",
-    "html block": "<div hidden id=zq55>",
     "iframe": "<iframe srcdoc='<script>window.pwned=56</script>' name=zq56>",
-    "gnss": "gnss_drift_zq57/a_east_m_per_min",
     "shell": "$(touch PWNED-zq58) `touch PWNED-zq58`; touch PWNED-zq58",
-    "python": "__import__('os').system('touch PWNED-zq59')",
     "comma": 'a,"zq60",b;c',
 }
 """By what they try."""
@@ -149,16 +124,17 @@ def write(folder: Path) -> Written:
 
 
 def _renamed(tables: list[pd.DataFrame]) -> tuple[dict[str, dict[str, str]], list[str]]:
-    """Return the new names, no two of the flight the same, and payloads that are left."""
+    """Return the new names, no two of the flight the same, and payloads for columns."""
     names = {c: {o: NAMES[k] for o, k in own.items()} for c, own in CHOSEN.items()}
     taken = {FLIGHT, FILE, *(name for own in names.values() for name in own.values())}
     free = [name for name in NAMES.values() if name not in taken]
+    columns = [free.pop() for _ in range(4)]
     for column, own in names.items():
         every = dict.fromkeys(name for t in tables if column in t for name in t[column])
         for old in every:
             if old not in own:
                 own[old] = free.pop(0) if free else f"{old} zq99 <i>$"
-    return names, free
+    return names, columns
 
 
 def _moved(folder: Path, file: str, images: dict[str, str]) -> str:

@@ -1,1 +1,1 @@
-"""Mutated files: flights, results, archives, those of other programs; all end with a sentence."""
+"""Mutated flights; all end with a sentence."""

@@ -48,9 +48,6 @@ from support.fuzz.flight_files import (
 COMPUTED = 8
 """Of the accepted flights one of so many is adjusted."""
 
-PER = 1
-"""Cases for each of those that are asked for."""
-
 
 def warm(good: Path, work: Path) -> None:
     """Read all good ones, so that all is imported and compiled before memory is measured."""

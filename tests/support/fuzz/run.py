@@ -1,13 +1,11 @@
-"""Many mutated flights, results, archives, or files of strangers, and how they ended.
+"""Many mutated flights, and how reading them ended.
 
-`python -m support.fuzz.run --cases N --seed SEED`: N of each
-kind of cases, and of the imports N of each program's.
+`python -m support.fuzz.run --cases N --seed SEED`.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
 import json
 import os
 import signal
@@ -18,10 +16,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-TESTS = Path(__file__).parents[2]
+from support.fuzz import flights
 
-ALL = ("flights", "strangers", "results", "archives")
-"""Modules that make cases."""
+TESTS = Path(__file__).parents[2]
 
 
 @dataclass
@@ -61,7 +58,7 @@ class Report:
         return "\n".join([*rows, *self.findings, f"{total}; {most}"])
 
 
-def run(work: Path, *, cases: int, seed: int, what: str = "flights") -> Report:
+def run(work: Path, *, cases: int, seed: int) -> Report:
     """Work through the cases of a seed in one process; a new one where it was killed.
 
     Parameters
@@ -69,33 +66,21 @@ def run(work: Path, *, cases: int, seed: int, what: str = "flights") -> Report:
     work : Path
         An empty folder.
     cases, seed : int
-        Cases of each kind.
-    what : str
-        One of `ALL`.
     """
-    module = importlib.import_module(f"support.fuzz.{what}")
     good = work / "good"
     good.mkdir(parents=True)
-    module.write_good(good)
-    report, case, end = Report(), 0, cases * module.PER
-    while case < end:
-        case = _run_from(case, good, report, cases=end, seed=seed, what=what)
+    flights.write_good(good)
+    report, case = Report(), 0
+    while case < cases:
+        case = _run_from(case, good, report, cases=cases, seed=seed)
     return report
 
 
-def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int, what: str) -> int:
+def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int) -> int:
     """Let a process read cases as long as it lives; return the first that is not read."""
     path = os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-    command = [
-        sys.executable,
-        "-m",
-        "support.fuzz.worker",
-        what,
-        str(good),
-        str(case),
-        str(cases),
-        str(seed),
-    ]
+    numbers = map(str, (case, cases, seed))
+    command = [sys.executable, "-m", "support.fuzz.worker", str(good), *numbers]
     begun: dict[str, object] = {}
     with (
         tempfile.TemporaryFile("w+") as said,
@@ -133,9 +118,7 @@ def _run_from(case: int, good: Path, report: Report, *, cases: int, seed: int, w
 
 def _count(report: Report, begun: dict[str, object], told: dict[str, object], seed: int) -> None:
     kind = str(begun["kind"])
-    of, _, ways = kind.rpartition(" ")
-    label = f"{of} several" if "+" in ways else kind
-    report.outcomes[label.strip(), str(told["outcome"])] += 1
+    report.outcomes["several" if "+" in kind else kind, str(told["outcome"])] += 1
     case = int(str(begun["case"]))
     report.seconds = max(report.seconds, (float(str(told.get("seconds", 0))), case))
     report.peak = max(report.peak, (int(str(told.get("peak", 0))), case))
@@ -148,16 +131,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--what", action="append", choices=ALL)
     given = parser.parse_args()
-    found = False
-    for what in given.what or ALL:
-        with tempfile.TemporaryDirectory() as work:
-            empty = Path(os.path.realpath(work)) / "fuzz"
-            report = run(empty, cases=given.cases, seed=given.seed, what=what)
-        print(report)  # noqa: T201 a command
-        found = found or bool(report.findings)
-    sys.exit(found)
+    with tempfile.TemporaryDirectory() as work:
+        empty = Path(os.path.realpath(work)) / "fuzz"
+        report = run(empty, cases=given.cases, seed=given.seed)
+    print(report)  # noqa: T201 a command
+    sys.exit(bool(report.findings))
 
 
 if __name__ == "__main__":

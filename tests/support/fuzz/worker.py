@@ -1,13 +1,12 @@
-"""One process that works through mutated cases, one after the other, within limits.
+"""One process that works through mutated flights, one after the other, within limits.
 
 It says on standard output which case it begins, and how that ended, so that a process that
-was killed has named its case. `python -m support.fuzz.worker WHAT GOOD FIRST LAST SEED`; WHAT is a
-module of this folder, such as `flights`.
+was killed has named its case.
+`python -m support.fuzz.worker GOOD FIRST LAST SEED`.
 """
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import resource
@@ -18,6 +17,8 @@ import time
 import traceback
 import warnings
 from pathlib import Path
+
+from support.fuzz import flights
 
 SECONDS = 10
 """A case that computes longer is ended, and this process with it."""
@@ -41,25 +42,24 @@ def _forget_peak() -> None:
 
 def main(arguments: list[str]) -> None:
     """Work through the cases FIRST to LAST of a seed."""
-    what = importlib.import_module(f"support.fuzz.{arguments[0]}")
-    good = Path(arguments[1])
-    first, last, seed = map(int, arguments[2:])
+    good = Path(arguments[0])
+    first, last, seed = map(int, arguments[1:])
     work = Path(os.path.realpath(good / ".." / f"work-{os.getpid()}"))
     work.mkdir()
     warnings.simplefilter("error")
-    what.warm(good, work)
+    flights.warm(good, work)
     pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
     own = pages * os.sysconf("SC_PAGE_SIZE")
     resource.setrlimit(resource.RLIMIT_AS, (own + MEMORY, resource.RLIM_INFINITY))
     for case in range(first, last):
-        target, kind = what.prepare(good, work, seed, case)
+        target, kind = flights.prepare(good, work, seed, case)
         tell({"case": case, "kind": kind})
         _forget_peak()
         start = time.process_time()
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
         signal.alarm(WAITING)
         try:
-            outcome, wrong = what.run(target, case)
+            outcome, wrong = flights.run(target, case)
         except Exception:
             outcome, wrong = "crashed", traceback.format_exc()
         signal.setitimer(signal.ITIMER_PROF, 0)

@@ -10,13 +10,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acx4book.chapters.mounting import figures, held
-from acx4book.chapters.mounting.figures import image_redundancy, mounting_per_image, weak_places
+from acx4book.chapters.mounting.figures import image_redundancy, weak_places
 from acx4lib import design
-from acx4lib.attempts import Failed
 from acx4lib.bundle.reliability import reliability
 from acx4lib.calibration.estimates import from_bundle
 from acx4lib.calibration.mounting import Mounting, two_step_gnss
-from acx4lib.errors import AdjustmentError
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from support import blocks
@@ -63,20 +61,6 @@ def test_control_and_positions_have_their_worst_coordinate(single_step):
         assert_allclose(value, detectable.max(axis=1))
 
 
-def test_maps_have_one_scale_and_units(single_step):
-    fig = drawn(weak_places(single_step))
-    left, right = fig.axes[:2]
-    assert left.get_aspect() == right.get_aspect() == 1.0
-    assert left.get_xlim() == right.get_xlim()
-    labels = [ax.get_xlabel() for ax in fig.axes]
-    assert labels == [
-        "grid east (km)",
-        "grid east (km)",
-        "largest detectable error of a ray (px)",
-        "largest detectable error (m)",
-    ]
-
-
 def test_the_image_plane_has_the_mean_redundancy_of_its_cells(single_step):
     fig = drawn(image_redundancy(single_step))
     points = single_step.bundle.network.image_points
@@ -91,12 +75,6 @@ def test_the_image_plane_has_the_mean_redundancy_of_its_cells(single_step):
         assert inside.sum() >= 3
         assert shown[row, col] == pytest.approx(r[inside, d].mean())
         assert ax.get_ylim() == (3000, 0)  # rows count downwards
-
-
-def test_a_method_that_was_left_out_has_a_sentence_for_its_images():
-    failed = Failed(method="two_step", reason="no control", error=AdjustmentError("no control"))
-    (text,) = drawn(mounting_per_image(failed)).axes[0].texts
-    assert text.get_text() == "The method was left out: no control"
 
 
 # --- The block in space shows the adjusted block, in metres
@@ -153,13 +131,6 @@ def test_ellipsoids_are_the_covariances_of_tie_points(mounted, layers):
     expected = mounted.solution.cov_points[chosen]
     scale = np.trace(expected, axis1=1, axis2=2)[:, None, None]
     assert cov / scale == pytest.approx(expected / scale, abs=0.03)
-
-
-def test_control_points_are_labelled(mounted, layers):
-    (control,) = named(layers, "control")
-    names = [mounted.network.block.points[k] for k in mounted.network.control.point_idx]
-    assert control["labels"] == names[: figures.MOST_LABELS]
-    assert len(at(control)) == len(names)
 
 
 # --- held ------------------------------------------------------------------------------------

@@ -1,6 +1,5 @@
 """The chapter on the synthetic image: figures, tables, turned heads."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +31,6 @@ from support.figures import (
     drawn,
     legend,
     panels,
-    sentence,
     title,
 )
 from support.flights import in_heads
@@ -56,15 +54,6 @@ def test_footprints_show_the_frame_and_every_head(orientation):
     assert [text.get_text() for text in panels(fig)[0].texts[:4]] == NAMES
     assert "47." in panels(fig)[1].texts[-1].get_text()  # per cent uncovered
     assert legend(fig)[:5] == [*NAMES, "no head"]
-
-
-def test_a_figure_is_the_same_every_time(orientation):
-    synthetic = taken.printed_synthetic()
-    one, two = (
-        np.asarray(drawn(footprints([orientation], synthetic, ["a"])).canvas.buffer_rgba())
-        for _ in range(2)
-    )
-    assert np.array_equal(one, two)
 
 
 def ways(orientation, n=4):
@@ -97,13 +86,6 @@ def test_what_refinements_take_away_stands_beside_the_differences_in_one_scale(o
     assert lengths == pytest.approx([lengths[2], lengths[2] / 2, lengths[2]], rel=1e-6)
 
 
-def test_ways_that_are_missing_are_left_out(orientation):
-    fig = drawn(refinements(ways(orientation, 1), taken.synthetic(1)))
-    assert [title(ax) for ax in fig.axes] == ["as calibrated"]
-    none = refined(orientation, ways(orientation).kept[:0])
-    assert "No two heads" in sentence(refinements(none, taken.synthetic(1)))
-
-
 def test_response_curves_run_from_the_middle_to_the_corner(fit, orientation):
     fig = drawn(response_curves(fit, orientation))
     bands = fig.axes[:3]
@@ -125,10 +107,6 @@ def test_disagreements_are_in_per_cent_band_by_band(fit, orientation):
     assert "at most 20.0 % as taken and 0.60 % after" in ax.texts[0].get_text()
 
 
-def test_without_overlaps_there_is_no_response(orientation):
-    assert "tells their responses" in sentence(response_curves(None, orientation))
-
-
 # --- Seams before and after they are blended
 
 
@@ -148,32 +126,11 @@ def rows_of(fig):
     return np.array(fig.axes).reshape(-1, 5)
 
 
-def test_seams_are_shown_in_three_places_and_four_states(seamed):
-    rows = rows_of(seamed)
-    assert len(rows) == 3
-    states = ["as taken", "heads refined", "and equalised", "and blended"]
-    assert [title(ax) for ax in rows[0, 1:]] == states
-    assert title(rows[2, 0]) == "the middle"
-    assert all(re.fullmatch(r"CAM\d \| CAM\d", title(ax)) for ax in rows[:2, 0])
-
-
 def test_each_step_brings_a_seam_nearer_to_what_is_blended(seamed):
     for line in rows_of(seamed):
         crops = [np.asarray(ax.images[0].get_array()) for ax in line[1:]]
         off = [np.sqrt(np.mean((crop - crops[-1]) ** 2)) for crop in crops]
         assert off[0] > off[1] > off[2]
-
-
-def test_a_seam_is_marked_outside_of_its_pixels_only(seamed):
-    for line in rows_of(seamed):
-        for ax in line[1:4]:
-            rows, cols = ax.images[0].get_array().shape[:2]
-            marks = np.array([np.transpose(mark.get_data()) for mark in ax.lines])
-            assert len(marks) >= 2
-            size = np.array([cols, rows])
-            inner = np.all((marks > -0.5 + 1e-9) & (marks < size - 0.5 - 1e-9), axis=-1)
-            assert not inner.any()
-        assert len(line[4].lines) == 0
 
 
 def test_a_misfit_is_shown_where_it_crosses_edges(orientation):
@@ -243,15 +200,6 @@ def test_each_exposure_by_itself_is_a_row_where_there_are_pictures(
     refinement = synthetic.refine(scene_flight, scene_orientation, scene_ties)
     table = tables.ways(refinement, scene_flight.synthetic_camera)
     assert table.index[-1] == tables.EACH
-
-
-def test_tables_of_what_a_flight_does_not_have_are_empty(flight, refinement):
-    without = synthetic.gathered(
-        refinement.before, refinement.ties[:0], {}, refinement.before, None
-    )
-    assert len(tables.ways(without, flight.synthetic_camera)) == 0
-    assert tables.turns(without).xs("value", axis=1, level=1).eq(0).all(axis=None)
-    assert len(tables.transferred_points(flight, {})) == 0
 
 
 def test_carried_points_are_counted_by_block(tmp_path):

@@ -1,1 +1,0 @@
-"""Calls that a stranger makes, and the sentences that answer them, for `test_misuse`."""
