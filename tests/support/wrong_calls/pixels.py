@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from acx4book.chapters.image_quality import deviations
 from acx4files.images import exposure, tiff
 from acx4lib import block
 from acx4lib.errors import AdjustmentError
@@ -210,16 +209,6 @@ def pixels() -> list[Wrong]:
         Wrong(
             lambda: matching.noise_level(GREY, rng=rng),
             shape("image", "(rows, cols, bands)", "(60, 80)"),
-        ),
-        Wrong(lambda: deviations.measure(PICTURE, PICTURE[:30]), "the two pictures have"),
-        Wrong(
-            lambda: deviations.consistent(
-                deviations.Deviations(
-                    ideal=np.zeros((5, 2)), d_px=np.zeros((5, 2)), sigma_px=np.ones(5)
-                ),
-                neighbours=0,
-            ),
-            count("neighbours", 0),
         ),
         Wrong(
             lambda: frame.parallax(SYNTHETIC, np.ones(3), np.ones(3), np.ones((2, 2))),
