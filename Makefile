@@ -94,15 +94,11 @@ help: ## list these targets
 	@$(PIP) -r environment-lab.txt
 	@touch $@
 
-.venv/.stamp-bench: environment-bench.txt .venv/.stamp-test
-	@$(PIP) -r environment-bench.txt
-	@touch $@
-
 .venv/.stamp-test: environment-test.txt .venv/.stamp
 	@$(PIP) -r environment-test.txt
 	@touch $@
 
-lock: .venv/.stamp-bench .venv/.stamp-lab ## write environment.lock anew from what is installed
+lock: .venv/.stamp-test .venv/.stamp-lab ## write environment.lock anew from what is installed
 	@{ sed -n '/^#/p' environment.lock; \
 	   $(BIN)/python -m pip freeze --all --exclude pip --exclude acx4lib; } > .venv/lock
 	@mv .venv/lock environment.lock && echo environment.lock
@@ -131,7 +127,7 @@ fuzz: .venv/.stamp-test ## read N mutated flights, drawn by SEED
 mistakes: .venv/.stamp-test ## plant every systematic mistake in flights of every size, and count what is named rightly
 	@PYTHONPATH=tests nice $(BIN)/python -m benchmarks.planted_mistakes
 
-bench: .venv/.stamp-bench ## time commands, and adjustment and rendering beside others, for data/benchmarks
+bench: .venv/.stamp-test ## time commands, and the adjustment beside others, for data/benchmarks
 	@PYTHONPATH=tests $(BIN)/python -m benchmarks.bench
 
 coverage: .venv/.stamp-test ## errors of simulated flights over their sigma, and their verdicts, for data/benchmarks

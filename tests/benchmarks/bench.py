@@ -14,20 +14,13 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks import commands, harness, many, measuring
+from benchmarks import commands, harness
 from benchmarks.adjusting import adjustment
-from benchmarks.rendering import rendering
 
 Rows = Callable[[Path, int], tuple[list[dict[str, Any]], dict[str, Any]]]
 """Takes an empty folder and the number of runs of each program."""
 
-BENCHMARKS: Mapping[str, Rows] = {
-    "commands": commands.rows,
-    "many": many.rows,
-    "measuring": measuring.rows,
-    "adjustment": adjustment.rows,
-    "rendering": rendering.rows,
-}
+BENCHMARKS: Mapping[str, Rows] = {"commands": commands.rows, "adjustment": adjustment.rows}
 DIGITS = 7
 
 

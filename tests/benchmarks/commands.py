@@ -5,11 +5,10 @@ Flights are made into a folder that is kept.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,6 @@ from acx4lib.geometry.camera import inside
 from benchmarks import harness
 from benchmarks.adjusting import bench_blocks
 
-IMPORTS = "import numpy, scipy.linalg, pandas, pyproj, numba"
-"""What a run needs in any case, timed alone."""
 EXPOSURE = "H3-04"
 NUMBERS = "run --numbers-only"
 
@@ -71,12 +68,6 @@ KINDS = (
         large=True,
     ),
     Kind(
-        name="1 000 images, turned",
-        make=lambda folder: write_turned(folder, 1000),
-        commands=("check", NUMBERS),
-        large=True,
-    ),
-    Kind(
         name="4 000 images",
         make=lambda folder: write_large(folder, 4000),
         commands=("check", NUMBERS),
@@ -87,22 +78,21 @@ KINDS = (
 
 def rows(_folder: Path, repeat: int) -> tuple[list[Row], Row]:
     """Return a row for every run of every command, and what belongs to all."""
-    found = [row for kind in KINDS for row in measured(kind, harness.FLIGHTS, repeat)]
-    return found, {"imports": "importing numpy, scipy, pandas, pyproj and numba"}
+    return [row for kind in KINDS for row in measured(kind, harness.FLIGHTS, repeat)], {}
 
 
 def measured(kind: Kind, folder: Path, repeat: int) -> Iterator[Row]:
-    """Yield a row for every run of every command, and for the imports alone."""
-    flight = folder / kind.name.replace(",", "").replace(" ", "-")
+    """Yield a row for every run of every command."""
+    flight = folder / kind.name.replace(" ", "-")
     if not (flight / "flight.toml").is_file():
         kind.make(flight)
     sizes = {"flight": kind.name, "images": _rows(flight, "images")}
     sizes["measurements"] = _rows(flight, "image_points")
     for number in range(1, (1 if kind.large else repeat) + 1):
-        yield sizes | _timed("imports", number, [sys.executable, "-c", IMPORTS])
         with tempfile.TemporaryDirectory(dir=folder) as made:
             for text in kind.commands:
-                yield sizes | _timed(text, number, call(text, flight, Path(made)))
+                took = harness.timed(*call(text, flight, Path(made)))
+                yield {**sizes, "command": text, "run": number, **took}
 
 
 def call(text: str, flight: Path, made: Path) -> list[str]:
@@ -119,10 +109,6 @@ def call(text: str, flight: Path, made: Path) -> list[str]:
             "render": [str(flight), "--results", str(full), "--out", str(made / "images")],
         }[name],
     ]
-
-
-def _timed(text: str, number: int, arguments: Sequence[str]) -> dict[str, Any]:
-    return {"command": text, "run": number, **harness.timed(*arguments)}
 
 
 def _rows(flight: Path, table: str) -> int:
@@ -142,10 +128,6 @@ BASE_M = 250.0
 IMAGES_PER_STRIP = 40
 TIES_PER_IMAGE = 179
 
-TURNED_DEG, ASIDE_M, TIES_PER_TURNED_IMAGE = 20.0, 630.0, 112
-SPEEDS = 0.2
-"""Of the flight that is less in order; its speeds differ by that share, and bases with them."""
-
 FLIGHT_TOML = f"""\
 name = "A long flight, simulated"
 crs = "{bench_blocks.FRAME.grid.crs}"
@@ -155,7 +137,7 @@ heights = "ellipsoidal"
 width_px = {bench_blocks.TRUTH.width_px}
 height_px = {bench_blocks.TRUTH.height_px}
 pixel_um = {1000 * bench_blocks.TRUTH.pixel_mm}
-focal_mm = {{focal_mm}}
+focal_mm = {bench_blocks.START_F_MM}
 
 [apriori]
 image_point_px = {bench_blocks.SIGMA_PX}
@@ -193,34 +175,9 @@ def write_large(folder: Path, n_images: int) -> None:
         [IMAGES_PER_STRIP] * (n_images // IMAGES_PER_STRIP), base_m=BASE_M
     )
     block = bench_blocks.fly(strips, TIES_PER_IMAGE * n_images, control=(6, 6), seed=1).block
-    _write(folder, block, focal_mm=bench_blocks.START_F_MM)
-
-
-def write_turned(folder: Path, n_images: int) -> None:
-    """Write the flight that is less in order; parameters as those of `write`."""
-    rng = np.random.default_rng(1)
-    n_strips = n_images // IMAGES_PER_STRIP
-    strips = [
-        replace(
-            strip,
-            aside_m=ASIDE_M * (k - (n_strips - 1) / 2),
-            base_m=BASE_M * (1 + SPEEDS * rng.uniform(-1, 1)),
-        )
-        for k, strip in enumerate(
-            bench_blocks.parallel([IMAGES_PER_STRIP] * n_strips, base_m=BASE_M)
-        )
-    ]
-    rng.shuffle(strips)
-    n_ties = TIES_PER_TURNED_IMAGE * n_images
-    block = bench_blocks.fly(strips, n_ties, control=(6, 6), seed=1, turned_deg=TURNED_DEG).block
-    _write(folder, block, focal_mm=1.004 * bench_blocks.TRUTH.interior.f)
-
-
-def _write(folder: Path, block: Block, *, focal_mm: float) -> None:
     strip = 1 + np.arange(len(block.images)) // IMAGES_PER_STRIP
     (folder / block.name).mkdir(parents=True, exist_ok=True)
-    text = FLIGHT_TOML.format(focal_mm=focal_mm)
-    (folder / "flight.toml").write_text(text, encoding="utf-8")
+    (folder / "flight.toml").write_text(FLIGHT_TOML, encoding="utf-8")
     for table in _tables(block, strip):
         pd.DataFrame(table.columns).round(table.decimals).to_csv(folder / table.file, index=False)
 
@@ -271,17 +228,3 @@ def _tables(block: Block, strip: np.ndarray) -> tuple[_Table, ...]:
 
 def _columns(names: str, values: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip(names.split(), values.T, strict=True))
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the flight that the command line names."""
-    parser = argparse.ArgumentParser(description="Write a flight of a thousand images.")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--images", type=int, default=1000, help="a multiple of 40")
-    parser.add_argument("--turned", action="store_true", help="the flight that is less in order")
-    given = parser.parse_args(arguments)
-    (write_turned if given.turned else write_large)(given.out, given.images)
-
-
-if __name__ == "__main__":
-    main()

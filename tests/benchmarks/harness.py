@@ -30,8 +30,7 @@ ENVIRONMENT = {
     **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS")},
     "PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")]),
 }
-"""Linear algebra on one thread: on two it costs everyone more. Solvers and renderers have their
-own; Hugin's programs take as many as they like."""
+"""Linear algebra on one thread: on two it costs everyone more. Solvers have their own."""
 PACKAGES = ("acx4lib", "numpy", "scipy", "numba", "pycolmap")
 
 

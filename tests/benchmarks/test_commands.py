@@ -1,4 +1,4 @@
-"""Whole commands are timed as a user calls them: large flights, many, imports, measuring."""
+"""Whole commands are timed as a user calls them, and imports say what is stored."""
 
 from pathlib import Path
 
@@ -9,9 +9,8 @@ from numpy.testing import assert_allclose
 
 from acx4book.pages.build import BENCHMARKS
 from acx4files.flight import reader
-from acx4lib.calibration import mounting
 from acx4lib.geometry.camera import inside
-from benchmarks import commands, harness, imports, many, measuring
+from benchmarks import commands, harness, imports
 from benchmarks.adjusting import bench_blocks
 from support.helpers import ROOT, needs
 
@@ -42,8 +41,8 @@ def test_a_command_is_spelt_out(text, arguments):
 def test_a_row_for_every_run(tmp_path):
     kind = commands.Kind(name="one head", make=commands.KINDS[0].make, commands=("check",))
     rows = pd.DataFrame(commands.measured(kind, tmp_path, 2))
-    assert rows["command"].tolist() == ["imports", "check"] * 2
-    assert rows["run"].tolist() == [1, 1, 2, 2]
+    assert rows["command"].tolist() == ["check"] * 2
+    assert rows["run"].tolist() == [1, 2]
     assert set(rows["images"]) == {97}
     assert (rows[["wall_s", "cpu_s", "tree_mb"]] > 0).all(axis=None)
     assert {p.name for p in tmp_path.iterdir()} == {"one-head", "one-head.truth.json"}
@@ -94,48 +93,6 @@ def by_name(block):
     return dict(zip(names, points.colrow, strict=True))
 
 
-@pytest.mark.slow
-@pytest.mark.repeats
-def test_a_flight_less_in_order_is_calibrated_in_as_few_steps(tmp_path):
-    commands.write_turned(tmp_path / "flight", 80)
-    flight = reader.read(tmp_path / "flight")
-    found = mounting.calibrate(flight.calibration, free=flight.estimate_mounting)
-    for method in found.methods.values():
-        assert method.bundle.solution.iterations <= 3
-        assert abs(method.bundle.solution.sigma0_sq - 1) < 0.05
-
-
-# --- what is timed for the page on speed: many flights, imports, measuring ---------------------
-
-
-# --- many flights are timed in every way, and their bytes compared ---------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.repeats
-def test_a_row_for_every_way(tmp_path):
-    rows = list(many.measured(tmp_path, 1))
-    assert [row["way"] for row in rows] == ["one process", "two processes"]
-    assert all(row["flights"] == 1 and row["worker_mb"] > 50 for row in rows)
-    assert all(row["wall_s"] > 0 and row["cpu_s"] > 0 for row in rows)
-    assert set(many.left(tmp_path / "two processes")) == {
-        "flights.csv",
-        "single-head-1/.acx4.json",
-    }
-
-
-def test_other_bytes_end_it(tmp_path, monkeypatch):
-    bytes_left = iter([{"a": b"1"}, {"a": b"1"}, {"a": b"2"}, {"a": b"1"}])
-    monkeypatch.setattr(many, "left", lambda _: next(bytes_left))
-    took = {"wall_s": 1.0, "cpu_s": 1.0, "peak_mb": 100.0}
-    monkeypatch.setattr(many.harness, "timed", lambda *_: took)
-    monkeypatch.setattr(many.harness, "called", lambda *_: "")
-    found = many.measured(tmp_path, 1)
-    assert next(found)["cpu_s"] == 1
-    with pytest.raises(SystemExit, match="two processes leaves other bytes than one process"):
-        next(found)
-
-
 # --- what imports say of real files is what is stored ----------------------------------------
 
 
@@ -163,20 +120,3 @@ def test_all_imports_say_what_is_stored():
 def test_a_command_that_fails_is_told():
     with pytest.raises(RuntimeError, match="nowhere:1: file: is not there"):
         imports.printed("acx4 import orientations nowhere --out f")
-
-
-# --- what there is to measure is counted as the command counts it ----------------------------
-
-
-def test_pairs_and_levels_of_a_block(exact_block):
-    n = len(exact_block.images.names)
-    small, large = (measuring.counted(exact_block, k) for k in (16, 1))
-    assert small["pictures"] == large["pictures"] == n
-    assert 0 < small["pairs"] == large["pairs"] <= n * (n - 1) / 2
-    assert 0 < small["levels"] < large["levels"]
-    assert large["megapixels"] > 200 * small["megapixels"]
-
-
-def test_the_library_alone_measures_nothing():
-    alone = measuring.work(0, 0, 1, 0.0)
-    assert not any(alone[name] for name in ("pictures", "pairs", "levels", "megapixels"))

@@ -22,7 +22,6 @@ FILES = (
     "environment.txt",
     "environment-lab.txt",
     "environment-test.txt",
-    "environment-bench.txt",
 )
 PIN = re.compile(r"^([\w.-]+)==(\S+)$", re.MULTILINE)
 

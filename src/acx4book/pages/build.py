@@ -25,14 +25,13 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
-from matplotlib.figure import Figure
+import pandas as pd
 
 from acx4book.chapters import flight
 from acx4book.notebook import ENDS
 from acx4book.notebooks import execute, runner
 from acx4book.pages import frames, release, reproducibility, study
 from acx4book.pages.benchmarks import sigma, speed, verdicts
-from acx4book.pages.benchmarks.sigma import normalised_errors
 from acx4book.paper import printed, questions, scorecard
 from acx4book.report import findings, material, page
 from acx4book.report.material import Material
@@ -56,12 +55,7 @@ STORED: Mapping[str, str] = {
     **dict.fromkeys(("tab-coverage", "fig-coverage"), "coverage"),
     "tab-verdicts-": "verdicts",
     "tab-coverage-slow": "slow_errors",
-    "tab-coverage-validated": "slow_validations",
     "tab-speed-commands": "commands",
-    "tab-speed-many": "many",
-    "tab-speed-measuring": "measuring",
-    **dict.fromkeys(("tab-speed-adjustment", "tab-speed-pycolmap", "fig-speed"), "adjustment"),
-    **dict.fromkeys(("tab-speed-rendering", "tab-speed-files", "tab-speed-ties"), "rendering"),
 }
 """What begins the labels of tables and figures made of stored numbers, and the file with their
 commit below `BENCHMARKS`; of several beginnings the longest counts."""
@@ -148,8 +142,7 @@ def _write_beside(results_path: Path, book: Path) -> None:
     """Write what needs no notebook that is run here: report, comparisons, examples."""
     generated = book / "_generated"
     errors = sigma.read(BENCHMARKS)
-    for name, figure in _figures_of_benchmarks(errors):
-        whole_files.write(generated / name, vector(figure))
+    whole_files.write(generated / "coverage.svg", vector(sigma.normalised_errors(errors)))
     frames.draw(generated)
     _bring_notebooks(generated / DOWNLOADED)
     page.write(results_path, generated / REPORT)
@@ -429,18 +422,20 @@ def _run(results_path: Path) -> tuple[results.Results, Flight]:
     return agreement.read(results_path, flight), flight
 
 
-def _texts_of_benchmarks(
-    errors: sigma.Errors,
-) -> Iterator[tuple[str, str]]:
+def _texts_of_benchmarks(errors: sigma.Errors) -> Iterator[tuple[str, str]]:
     """Yield names and texts: speed, messages of imports, errors over standard deviations."""
+
+    def stored(name: str, *parts: str) -> pd.DataFrame:
+        return sigma.read_stored(BENCHMARKS, name, *parts, make="coverage")[1][0]
+
     yield "speed.md", speed.text(BENCHMARKS)
     yield from speed.of_imports(BENCHMARKS)
     yield "coverage.md", sigma.page(errors)
     yield "coverage-shares.md", sigma.shares(errors)
     yield "coverage-found.md", sigma.found(errors)
-    yield "coverage-bias.md", sigma.bias_page(sigma.bias_read(BENCHMARKS))
-    yield "coverage-slow.md", verdicts.page(verdicts.slow_errors_read(BENCHMARKS))
-    yield "coverage-validated.md", verdicts.validated(verdicts.read_validated(BENCHMARKS))
+    yield "coverage-bias.md", sigma.bias_page(stored("coverage", "bias"))
+    yield "coverage-slow.md", verdicts.slow_errors(stored("slow_errors"))
+    yield "coverage-validated.md", verdicts.validated(stored("slow_validations"))
     reports = verdicts.read(BENCHMARKS)
     yield "coverage-good.md", verdicts.good(reports)
     yield "coverage-spoilt.md", verdicts.spoilt(reports)
@@ -462,14 +457,6 @@ def _texts_of_back_matter() -> Iterator[tuple[str, str]]:
     yield "citation.json", json.dumps(reproducibility.footer(Path("CITATION.cff")))
     yield "cite.md", reproducibility.sentence(Path("CITATION.cff"))
     yield "licences.md", reproducibility.licences_page()
-
-
-def _figures_of_benchmarks(
-    errors: sigma.Errors,
-) -> Iterator[tuple[str, Figure]]:
-    """Yield names and figures."""
-    tables = [table[table["method"] == sigma.MAIN] for table in (errors.parameters, errors.points)]
-    yield "coverage.svg", normalised_errors(*tables)
 
 
 # --- the page on the certificate of a run, which leads to the report itself

@@ -42,7 +42,7 @@ FREE = {
 }
 """Problems that pycolmap can state, too: `bench_blocks.pinhole_network`."""
 
-NO_PYCOLMAP = "it is missing (pip install -r environment-bench.txt)"
+NO_PYCOLMAP = "it is missing (pip install -r environment-test.txt)"
 
 ALONE = ("e2m",)
 """Ceres would need four times the memory and minutes that the largest of the others takes it."""

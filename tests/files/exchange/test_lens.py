@@ -75,7 +75,7 @@ def test_every_parameter_moves_something(program, name):
 
 @pytest.mark.parametrize("name", COLMAP)
 def test_models_of_colmap_are_colmap_s_own(name):
-    pycolmap = pytest.importorskip("pycolmap", reason="environment-bench.txt has it")
+    pycolmap = pytest.importorskip("pycolmap", reason="environment-test.txt has it")
     formula, values = COLMAP[name], parameters("colmap", name)
     camera = pycolmap.Camera(model=name, width=1000, height=800, params=values)
     first = formula.names.index("cx")

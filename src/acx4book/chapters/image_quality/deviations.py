@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from acx4book.paper import printed
-from acx4lib import expected, shown
+from acx4lib import shown
 from acx4lib.block import Block, ImagePoints, Images, SurveyedPoints, Trajectory
 from acx4lib.bundle.adjust import Bundle, adjust, free_orientation
 from acx4lib.bundle.start import SUSPECT
@@ -36,7 +36,6 @@ from acx4lib.synthetic_image.frame import (
     head_from_synthetic,
     reduced_camera,
     reduced_heads,
-    synthetic_from_head,
 )
 from acx4lib.synthetic_image.rendering import FEATHER_PX, render, render_plan
 from acx4lib.synthetic_image.response import Response
@@ -54,41 +53,20 @@ from acx4sim.pictures import (
     head_images,
     landscape,
     picture,
-    pixels_from_ground,
     station,
 )
 
 LENS = ("k1", "k2", "k3", "p1", "p2")
 """Lens parameters that the self-calibration of a synthetic image estimates."""
 
-LEAST_CORRELATION = 0.7
-"""Smallest correlation of a window with its match in the other picture."""
+CELL_PX, CORRELATION_PX, MATCHING_PX = 40, 15, 21
+"""Side of the cells that give a point each, of the windows of correlation and of matching."""
+
+LEAST_CORRELATION, LARGEST_SIGMA_PX = 0.7, 0.15
+"""Of a window with its match in the other picture, and of a matched point."""
 
 
 # --- measured --------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class Windows:
-    """How points are measured.
-
-    Attributes
-    ----------
-    cell_px : int
-        Side of the cells that give one point each.
-    correlation_px, matching_px : int
-        Odd sides of the windows for correlation and for least-squares matching.
-    search_px : int
-        Largest shift that is looked for.
-    largest_sigma_px : float
-        Of a matched point.
-    """
-
-    cell_px: int = 40
-    correlation_px: int = 15
-    matching_px: int = 21
-    search_px: int = 4
-    largest_sigma_px: float = 0.15
 
 
 @shown.briefly
@@ -119,67 +97,44 @@ class Deviations:
         return Deviations(**{field.name: getattr(self, field.name)[keep] for field in fields(self)})
 
 
-def measure(image: np.ndarray, ideal: np.ndarray, *, windows: Windows | None = None) -> Deviations:
+def measure(image: np.ndarray, ideal: np.ndarray, *, search_px: int = 4) -> Deviations:
     """Measure one corner of each cell of an ideal picture in another image of the same camera.
 
     Parameters
     ----------
     image, ideal : ndarray, shape (rows, cols, bands)
-    windows : Windows, optional
+    search_px : int
+        Largest shift that is looked for.
 
     Returns
     -------
     Deviations
         Points without a match, or with a poor one, are left out.
     """
-    if image.shape[:2] != ideal.shape[:2]:
-        msg = f"the two pictures have {image.shape[:2]} and {ideal.shape[:2]} rows and columns"
-        raise ValueError(msg)
-    windows = windows or Windows()
     a, b = grey(ideal), grey(image)
-    corners = _corners(a, windows)
+    margin = MATCHING_PX // 2 + search_px + 4  # and the spline's reach
+    allowed = np.zeros(a.shape, dtype=bool)
+    allowed[margin:-margin, margin:-margin] = True
+    corners, _ = best_of_cells(response(a), allowed, CELL_PX)
     near, coefficient = correlate(
-        a,
-        b,
-        corners,
-        corners.astype(float),
-        half=windows.correlation_px // 2,
-        search=windows.search_px,
+        a, b, corners, corners.astype(float), half=CORRELATION_PX // 2, search=search_px
     )
     alike = np.isfinite(near[:, 0]) & (coefficient >= LEAST_CORRELATION)
-    matches = match(a, b, corners[alike], near[alike], half=windows.matching_px // 2)
+    matches = match(a, b, corners[alike], near[alike], half=MATCHING_PX // 2)
     sigma = np.sqrt(np.mean(matches.sigma_px**2, axis=1))
-    good = np.isfinite(matches.colrow[:, 0]) & (sigma <= windows.largest_sigma_px)
+    good = np.isfinite(matches.colrow[:, 0]) & (sigma <= LARGEST_SIGMA_PX)
     places = corners[alike][good].astype(float)
     return Deviations(ideal=places, d_px=matches.colrow[good] - places, sigma_px=sigma[good])
 
 
-def _corners(grey_ideal: Array, windows: Windows) -> Index:
-    margin = windows.matching_px // 2 + windows.search_px + 4  # and the spline's reach
-    allowed = np.zeros(grey_ideal.shape, dtype=bool)
-    allowed[margin:-margin, margin:-margin] = True
-    corners, _ = best_of_cells(response(grey_ideal), allowed, windows.cell_px)
-    return corners
-
-
-def consistent(found: Deviations, *, neighbours: int = 9) -> Mask:
+def consistent(found: Deviations) -> Mask:
     """Mark the points that agree with their neighbours, shape (n,).
 
-    Parameters
-    ----------
-    found : Deviations
-    neighbours : int
-        Number of nearest points whose median is compared.
-
-    Returns
-    -------
-    ndarray of bool
-        False where a point stands out by more than `start.SUSPECT` spreads of all points.
+    False where a point is off the median of the nine nearest by more than `start.SUSPECT` spreads.
     """
-    expected.whole("neighbours", neighbours)
     if len(found) == 0:
         return np.zeros(0, dtype=bool)
-    _, near = KDTree(found.ideal).query(found.ideal, k=min(neighbours, len(found)))
+    _, near = KDTree(found.ideal).query(found.ideal, k=min(9, len(found)))
     near = near.reshape(len(found), -1)
     off = np.hypot(*(found.d_px - np.median(found.d_px[near], axis=1)).T)
     # the length of a plane normal vector has its median at 1.18 sigma
@@ -190,57 +145,36 @@ def consistent(found: Deviations, *, neighbours: int = 9) -> Mask:
 # --- calibrated by itself --------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class KnownGround:
-    """Ground points with their coordinates, and the pose of the camera that sees them.
-
-    Attributes
-    ----------
-    frame : MappingFrame
-    T_m_c : Pose
-        Of the camera, one pose, approximate.
-    x_m : ndarray, shape (n, 3)
-        Error-free, m.
-    """
-
-    frame: MappingFrame
-    T_m_c: Pose
-    x_m: Array
-
-
-def one_image_block(camera: Camera, ground: KnownGround, colrow: Array, sigma_px: Array) -> Block:
+def one_image_block(
+    camera: Camera, frame: MappingFrame, T_m_c: Pose, x_m: Array, found: Deviations
+) -> Block:
     """Return the block of one image whose points are all known on the ground.
 
     Parameters
     ----------
     camera : Camera
-    ground : KnownGround
-    colrow : ndarray, shape (n, 2)
-        Measured, px.
-    sigma_px : ndarray, shape (n,)
+    frame : MappingFrame
+    T_m_c : Pose
+        Of the camera, one pose, approximate.
+    x_m : ndarray, shape (n, 3)
+        Ground points, error-free, m.
+    found : Deviations
+        Of the points, which are measured at ideal + d_px.
     """
-    n = len(ground.x_m)
-    known = SurveyedPoints(
-        point_idx=np.arange(n),
-        x_m=ground.x_m,
-        sigma_m=np.zeros((n, 3)),
-    )
+    n = len(x_m)
     return Block(
-        frame=ground.frame,
+        frame=frame,
         cameras=(camera,),
         images=Images(names=(camera.name,)),
         points=tuple(f"P{i}" for i in range(n)),
         image_points=ImagePoints(
             image_idx=np.zeros(n, dtype=np.intp),
             point_idx=np.arange(n),
-            colrow=colrow,
-            sigma_px=sigma_px,
+            colrow=found.ideal + found.d_px,
+            sigma_px=found.sigma_px,
         ),
-        control=known,
-        trajectory=Trajectory(
-            exposures=("1",),
-            T_m_b=Pose(R=ground.T_m_c.R[None], r=ground.T_m_c.r[None]),
-        ),
+        control=SurveyedPoints(point_idx=np.arange(n), x_m=x_m, sigma_m=np.zeros((n, 3))),
+        trajectory=Trajectory(exposures=("1",), T_m_b=Pose(R=T_m_c.R[None], r=T_m_c.r[None])),
     )
 
 
@@ -248,13 +182,8 @@ def self_calibrate(block: Block, *, free: Sequence[str]) -> Bundle:
     """Adjust a block of known points, exterior orientations free.
 
     Of one image over ground without relief, f and the flying height, and the principal point and
-    the place, cannot be told apart; `free` should then have none of f, xp and yp.
-
-    Parameters
-    ----------
-    block : Block
-    free : sequence of str
-        Interior parameters, names of `camera.INTERIOR`; the others are held.
+    the place, cannot be told apart; `free`, names of `camera.INTERIOR`, should then have none of
+    f, xp and yp.
 
     Raises
     ------
@@ -268,9 +197,6 @@ def self_calibrate(block: Block, *, free: Sequence[str]) -> Bundle:
 def residuals_px(fit: Bundle) -> Array:
     """Return the residuals of an adjustment, measured less estimated, col and row, (n, 2), px."""
     return -fit.solution.group("image_point").v
-
-
-# --- A synthetic image of wrong heads, before and after refinements of the heads
 
 
 # --- refinements beside each other -----------------------------------------------------------
@@ -405,8 +331,6 @@ class KnownExposure:
         The pictures have 1/reduce of the size.
     height_m : float
         Flying height over the mean ground.
-    relief_m : float
-        Root mean square of the ground's heights about their mean.
     """
 
     at: Station
@@ -416,7 +340,6 @@ class KnownExposure:
     synthetic: Camera
     reduce: int
     height_m: float
-    relief_m: float
 
 
 # --- the exposure ----------------------------------------------------------------------------
@@ -444,7 +367,9 @@ def known_exposure(
     taken = head_images(at, ground, reduce=reduce, seed=seed)
     synthetic = _ideal_camera(at)
     ideal = picture(at, simulated(synthetic), ground, reduce=reduce)
-    over_frame = np.asarray(_nodes(synthetic, 40), dtype=np.float64)
+    cols = np.linspace(-0.5, synthetic.width_px - 0.5, 30)
+    rows = np.linspace(-0.5, synthetic.height_px - 0.5, 40)
+    over_frame = np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)
     heights = ground_from_pixels(at, simulated(synthetic), over_frame)[:, 2]
     height_m = float(at.track.x_g[0, 2] - heights.mean())
     return KnownExposure(
@@ -455,17 +380,7 @@ def known_exposure(
         synthetic=synthetic,
         reduce=reduce,
         height_m=height_m,
-        relief_m=float(heights.std()),
     )
-
-
-def _nodes(camera: Camera, n: int) -> Array:
-    """Return a grid over an image, n nodes along its longer side, shape (m, 2), px."""
-    size = np.array([camera.width_px, camera.height_px])
-    n_cols, n_rows = np.maximum(np.rint(n * size / size.max()).astype(int), 2)
-    cols = np.linspace(-0.5, size[0] - 0.5, n_cols)
-    rows = np.linspace(-0.5, size[1] - 0.5, n_rows)
-    return np.stack(np.meshgrid(cols, rows), axis=-1).reshape(-1, 2)
 
 
 def _ideal_camera(at: Station) -> Camera:
@@ -534,37 +449,12 @@ def seen_ground(known: KnownExposure, colrow: Array) -> Array:
 # --- rendered and measured -------------------------------------------------------------------
 
 
-def render_known(
-    known: KnownExposure,
-    orientation: RelativeOrientation,
-    response: Response | None,
-) -> Raster:
-    """Render the synthetic image of a known exposure.
-
-    Parameters
-    ----------
-    known : KnownExposure
-    orientation : RelativeOrientation
-        Full size.
-    response : Response or None
-        None leaves grey values as the heads took them.
-    """
-    plan = render_plan(
-        reduced_heads(orientation, known.reduce),
-        reduced_camera(known.synthetic, known.reduce),
-        response=response,
-        feather_px=FEATHER_PX / known.reduce,
-        step_px=max(NODES_PX // known.reduce, 4),
-    )
-    return render(plan, known.images)
-
-
 def deviations(
     known: KnownExposure,
     orientation: RelativeOrientation,
     response: Response,
     *,
-    windows: Windows | None = None,
+    search_px: int = 4,
 ) -> Deviations:
     """Render an exposure by an orientation, and measure the image against the ideal picture.
 
@@ -573,56 +463,18 @@ def deviations(
     Deviations
         In pixels of the full-size image; points that disagree with their neighbours are left out.
     """
-    image = render_known(known, orientation, response)
-    points = measure(image, known.ideal, windows=windows)
-    points = points[consistent(points)]
     small = reduced_camera(known.synthetic, known.reduce)
+    plan = render_plan(
+        reduced_heads(orientation, known.reduce),
+        small,
+        response=response,
+        feather_px=FEATHER_PX / known.reduce,
+        step_px=max(NODES_PX // known.reduce, 4),
+    )
+    points = measure(render(plan, known.images), known.ideal, search_px=search_px)
+    points = points[consistent(points)]
     return Deviations(
         ideal=colrow_from_xy(known.synthetic, xy_from_colrow(small, points.ideal)),
         d_px=known.reduce * points.d_px,
         sigma_px=known.reduce * points.sigma_px,
     )
-
-
-def predicted(known: KnownExposure, orientation: RelativeOrientation, colrow: Array) -> Array:
-    """Return the deviations of known points that geometry alone predicts for a synthetic image.
-
-    Ground points are seen by the simulated heads, and put into the synthetic image through the
-    given orientation; where heads are blended, so are they.
-
-    Parameters
-    ----------
-    known : KnownExposure
-    orientation : RelativeOrientation
-        Full size, with errors or without.
-    colrow : ndarray, shape (n, 2)
-        Ideal places, px of the full-size image.
-
-    Returns
-    -------
-    ndarray, shape (n, 2)
-        col, row, px of the full-size image.
-    """
-    x_g = np.asarray(seen_ground(known, colrow), dtype=np.float64)
-    places, depth = [], []
-    for k, camera in enumerate(orientation.heads):
-        colrow_head = pixels_from_ground(known.at, known.at.plan.cameras[camera.name], x_g)
-        places.append(synthetic_from_head(orientation, k, colrow_head))
-        depth.append(border_depth(camera, colrow_head))
-    weight = _blend(np.stack(depth))
-    blended = np.einsum("kn,kni->ni", weight, np.nan_to_num(np.stack(places)))
-    return colrow_from_xy(known.synthetic, blended) - colrow
-
-
-def border_depth(camera: Camera, colrow: Array) -> Array:
-    """Return the distance of a pixel from the border of a head, px; negative outside."""
-    size = np.array([camera.width_px, camera.height_px])
-    inner = np.min(np.minimum(colrow + 0.5, size - 0.5 - colrow), axis=1)
-    return np.nan_to_num(inner, nan=-1.0)
-
-
-def _blend(depth: Array) -> Array:
-    """Return the weights of heads, shape (n_heads, n), as the renderer blends them."""
-    ahead = depth.max(axis=0) - FEATHER_PX
-    weight = np.maximum(np.minimum(depth, depth - ahead), 0.0)
-    return weight / np.maximum(weight.sum(axis=0), np.finfo(float).tiny)

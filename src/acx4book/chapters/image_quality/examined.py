@@ -13,12 +13,9 @@ from acx4book.chapters.image_quality.deviations import (
     LENS,
     Deviations,
     KnownExposure,
-    KnownGround,
-    Windows,
     deviations,
     every_refinement,
     one_image_block,
-    predicted,
     residuals_px,
     seen_ground,
     self_calibrate,
@@ -52,22 +49,9 @@ STEPS: Mapping[str, tuple[str, ...]] = MappingProxyType({"oriented": (), "calibr
 @shown.briefly
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Examined:
-    """A synthetic image, measured all over and calibrated by itself; full-size pixels.
+    """A synthetic image: its deviations, px of full size, and its calibrations by `STEPS`."""
 
-    Attributes
-    ----------
-    orientation : RelativeOrientation
-        Used to render the image.
-    found : Deviations
-    geometry_px : ndarray, shape (n, 2)
-        Deviations that geometry alone predicts.
-    fits : dict of str to Bundle
-        By `STEPS`.
-    """
-
-    orientation: RelativeOrientation
     found: Deviations
-    geometry_px: Array
     fits: dict[str, Bundle]
 
 
@@ -132,40 +116,19 @@ def measured_ties(known: KnownExposure, orientation: RelativeOrientation) -> Tie
 
 
 def self_calibrations(known: KnownExposure, found: Deviations) -> dict[str, Bundle]:
-    """Calibrate a synthetic image by points whose ground coordinates are known.
-
-    Parameters
-    ----------
-    known : KnownExposure
-    found : Deviations
-        px of the full-size image.
-
-    Returns
-    -------
-    dict of str to Bundle
-        By `STEPS`: the exterior orientation alone, and the lens too.
-    """
+    """Calibrate a synthetic image by points whose ground coordinates are known, by `STEPS`."""
     block = known_block(known, found)
     return {name: self_calibrate(block, free=free) for name, free in STEPS.items()}
 
 
 def known_block(known: KnownExposure, found: Deviations) -> Block:
     """Return the synthetic image as a block of one image, every point known on the ground."""
-    ground = _known_ground(known, found.ideal)
-    return one_image_block(known.synthetic, ground, found.ideal + found.d_px, found.sigma_px)
-
-
-def _known_ground(known: KnownExposure, colrow: Array) -> KnownGround:
-    """Return the known ground in a mapping frame under the aircraft, and the true camera's pose."""
     grid, track = GridSystem(crs=known.at.plan.crs), known.at.track
     frame = mean_origin(grid, grid.lonlat_from_grid(track.x_g[:, :2]))
     # under the aircraft the mapping axes are east, north and up
     T_m_b = Pose(R=track.R_enu_b.as_matrix()[0], r=frame.from_grid(track.x_g)[0])
-    return KnownGround(
-        frame=frame,
-        T_m_c=T_m_b @ known.synthetic.T_b_c,
-        x_m=frame.from_grid(seen_ground(known, colrow)),
-    )
+    x_m = frame.from_grid(seen_ground(known, found.ideal))
+    return one_image_block(known.synthetic, frame, T_m_b @ known.synthetic.T_b_c, x_m, found)
 
 
 def frame_deviations(orientation: RelativeOrientation, known: KnownExposure) -> Deviations:
@@ -193,34 +156,23 @@ def examine_all(
     orientations: Mapping[str, RelativeOrientation],
     response: Response,
 ) -> dict[str, Examined]:
-    """Examine the images of several orientations, by their names."""
-    return {
-        name: _examine(known, orientation, response) for name, orientation in orientations.items()
-    }
-
-
-def _examine(
-    known: KnownExposure, orientation: RelativeOrientation, response: Response
-) -> Examined:
-    """Render an exposure by an orientation, measure the image and calibrate it by itself."""
-    off = frame_deviations(orientation, known).d_px / known.reduce
-    windows = Windows(search_px=2 + int(np.ceil(np.abs(off).max())))
-    points = deviations(known, orientation, response, windows=windows)
-    return Examined(
-        orientation=orientation,
-        found=points,
-        geometry_px=predicted(known, orientation, points.ideal),
-        fits=self_calibrations(known, points),
-    )
+    """Render an exposure by orientations, measure the images, and calibrate each by itself."""
+    images = {}
+    for name, orientation in orientations.items():
+        off = frame_deviations(orientation, known).d_px / known.reduce
+        search_px = 2 + int(np.ceil(np.abs(off).max()))
+        found = deviations(known, orientation, response, search_px=search_px)
+        images[name] = Examined(found=found, fits=self_calibrations(known, found))
+    return images
 
 
 def geometry_errors(
-    known: KnownExposure, examined: Mapping[str, Examined]
+    known: KnownExposure, orientations: Mapping[str, RelativeOrientation]
 ) -> dict[str, dict[str, float]]:
-    """Return `errors_of` the deviations that geometry alone predicts, image by image."""
+    """Return `errors_of` the `frame_deviations` of every orientation."""
     return {
-        name: errors_of(replace(image.found, d_px=image.geometry_px), known)
-        for name, image in examined.items()
+        name: errors_of(frame_deviations(heads, known), known)
+        for name, heads in orientations.items()
     }
 
 

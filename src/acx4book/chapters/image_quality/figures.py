@@ -215,10 +215,6 @@ def _draw_draws(
     style.heading(ax, "Many, by geometry", "dots: draws; bars: their medians")
 
 
-Window = tuple[int, int, int, int]
-"""First row, row behind the last, first column, column behind the last."""
-
-
 # --- the table, and the fields of the first figure ---------------------------------------------
 
 
@@ -238,22 +234,23 @@ def way_table(
     -------
     DataFrame
         RMS of a coordinate: of the deviations, of what an exterior orientation leaves, of what a
-        lens leaves as well; the largest radial distortion that is found. Each as ``measured`` and
-        ``by geometry``, full-size px.
+        lens leaves as well, each as ``measured`` and ``by geometry``; the largest radial
+        distortion that is found. Full-size px.
     """
-    rows = {
-        NAMES[name]: {
-            ("RMS (px)", "measured"): rms_of_coordinates(image.found.d_px),
-            ("RMS (px)", "by geometry"): geometry[name]["rms_px"],
-            ("Oriented (px)", "measured"): _left_px(image, "oriented"),
-            ("Oriented (px)", "by geometry"): geometry[name]["oriented_px"],
-            ("Calibrated (px)", "measured"): _left_px(image, "calibrated"),
-            ("Calibrated (px)", "by geometry"): geometry[name]["calibrated_px"],
-            ("Radial (px)", "measured"): largest_radial(image.fits["calibrated"]),
-            ("Radial (px)", "by geometry"): geometry[name]["radial_px"],
+    steps = {"RMS": "rms_px", "Oriented": "oriented_px", "Calibrated": "calibrated_px"}
+    rows = {}
+    for name, image in examined.items():
+        measured = {
+            "RMS": rms_of_coordinates(image.found.d_px),
+            "Oriented": _left_px(image, "oriented"),
+            "Calibrated": _left_px(image, "calibrated"),
         }
-        for name, image in examined.items()
-    }
+        row = {}
+        for title, key in steps.items():
+            row[f"{title} (px)", "measured"] = measured[title]
+            row[f"{title} (px)", "by geometry"] = geometry[name][key]
+        row["Radial (px)", "measured"] = largest_radial(image.fits["calibrated"])
+        rows[NAMES[name]] = row
     table = pd.DataFrame(rows).T
     table.index.name = "heads"
     table.attrs["formats"] = {", ".join(column): ".2f" for column in table.columns}

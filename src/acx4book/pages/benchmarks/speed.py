@@ -15,9 +15,6 @@ from acx4book.pages.benchmarks import sigma
 from acx4book.typesetting.myst import at_commit, myst_table
 from acx4book.typesetting.plain_text import Markup
 
-IMPORTS = "imports"
-"""The entry for importing the packages alone."""
-
 
 def text(folder: Path) -> str:
     """Return date, machine and table of whole commands as MyST text.
@@ -30,7 +27,6 @@ def text(folder: Path) -> str:
     about, (runs,) = sigma.read_stored(folder, "commands")
     medians = runs.groupby(["flight", "command"], sort=False).median(numeric_only=True)
     commands = medians.reset_index()
-    commands = commands[commands["command"] != IMPORTS]
     table = pd.DataFrame(
         {
             "Flight": commands["flight"],

@@ -12,16 +12,9 @@ import pandas as pd
 from scipy import stats
 
 from acx4book.pages.benchmarks import sigma
-from acx4book.pages.benchmarks.sigma import Share
 from acx4book.typesetting.myst import LABELS, at_commit, myst_table
 from acx4lib.least_squares.adjustment import two_sided_p
 from acx4lib.least_squares.statistics import holm
-
-# --- How often a report is wrong on good flights, and which faults it finds, as a part of
-# the page
-#
-# The reports come from ``make coverage``, a row for every flight.
-
 
 GOAL = 0.07
 """Goal: largest share of clean flights with a failing report."""
@@ -55,13 +48,14 @@ FAULTS: Mapping[str, tuple[str, str]] = {
     "datum in plan": ("surveyed points shifted east by", "{:.2g} m"),
     "datum in height": ("surveyed points shifted in height by", "{:.2g} m"),
 }
-"""Faults, and the format of their size; gross errors have a table of their own."""
+"""Faults, and the format of their size."""
 
 GROSS: Mapping[str, str] = {
     "image_point": "an image point",
     "gnss": "a GNSS height",
     "control_point": "the height of a control point",
 }
+"""Single gross errors, of the size that the plan says is found in 80 %."""
 
 PURPOSES: Mapping[str, str] = {
     "clean": "clean ones",
@@ -69,15 +63,6 @@ PURPOSES: Mapping[str, str] = {
     "third": "with a σ that is a third too small",
 }
 """Titles of the flights by purpose."""
-
-STATES: Mapping[str, str] = {
-    "holds": "Holds",
-    "minor": "Rejected, below the limit",
-    "fails": "Fails",
-    "untested": "Not tested",
-    "note": "Note",
-}
-"""Headings of the states of a question."""
 
 TEST = "p: "
 """Prefix of the columns with probabilities, before question and name of the test."""
@@ -91,8 +76,7 @@ class Verdicts:
     ----------
     flights : DataFrame
         A row for each: purpose (``clean``, ``spoilt``, ``third``), plan, fault, size, status,
-        holds; a column for the state of every question, ``found: KIND`` of planted gross errors,
-        ``p: QUESTION: TEST`` of clean flights.
+        holds; ``found: KIND`` of planted gross errors, ``p: QUESTION: TEST`` of clean flights.
     about : mapping
         Date, commit, number of planned flights by purpose.
     """
@@ -104,12 +88,6 @@ class Verdicts:
         """Return the flights of one purpose."""
         return self.flights[self.flights["purpose"] == purpose]
 
-    @property
-    def questions(self) -> list[str]:
-        """Names of the questions of the reports."""
-        states = self.flights.select_dtypes(exclude="number").isin([*STATES])
-        return [str(name) for name in states.columns[states.any()]]
-
 
 def read(folder: Path) -> Verdicts:
     """Read the verdicts of ``make coverage`` from a folder."""
@@ -117,9 +95,9 @@ def read(folder: Path) -> Verdicts:
     return Verdicts(flights=flights.fillna({"fault": ""}), about=about)
 
 
-def _fails(flights: pd.DataFrame) -> pd.Series:
-    """Return a mask of flights with a failing report, or without results."""
-    return flights["holds"] != 1
+def _failed(flights: pd.DataFrame) -> int:
+    """Count the flights with a failing report, or without results."""
+    return int((flights["holds"] != 1).sum())
 
 
 # --- clean flights ---------------------------------------------------------------------------
@@ -127,102 +105,58 @@ def _fails(flights: pd.DataFrame) -> pd.Series:
 
 def good(verdicts: Verdicts) -> str:
     """Return the verdicts on clean flights, as MyST text."""
-    return "\n\n".join(
-        [
-            _made(verdicts),
-            _good_verdict(verdicts),
-            _table(_good_table(verdicts), "Reports of clean flights, by plan", "clean"),
-            _table(_question_table(verdicts), "Answers of reports on clean flights", "questions"),
-            _level_verdict(_levels(verdicts)),
-            _table(_level_table(_levels(verdicts)), LEVELS, "levels"),
-        ]
-    )
-
-
-def _question_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how often every question has each of its states on clean flights."""
-    clean = verdicts.of("clean")
-    rows = []
-    for question in verdicts.questions:
-        asking = clean.loc[clean[question].notna(), "source"].unique()  # states of the code
-        states = clean[question].dropna()
-        count = {state: int((states == state).sum()) for state in STATES}
-        tested = count["holds"] + count["minor"] + count["fails"]
-        share = _percent(sigma.binomial(count["fails"], tested)) if tested else None
-        rows.append(
-            {
-                "Question": question,
-                "Flights": int(clean["source"].isin(asking).sum()),
-                **{STATES[state]: count[state] for state in ("holds", "minor", "fails")},
-                "Share of failures": share,
-                **{STATES[state]: count[state] for state in ("untested", "note")},
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _levels(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how often the p of every single test lies below the level on clean flights."""
-    clean = verdicts.of("clean")
-    rows = []
-    for name in clean.columns[clean.columns.str.startswith(TEST)]:
-        question, _, test = str(name).removeprefix(TEST).partition(": ")
-        p = clean[name].dropna()
-        k = int((p < LEVEL).sum())
-        if len(p):
-            rows.append((question, test, len(p), k, _too_many_p(k, len(p), LEVEL)))
-    table = pd.DataFrame(rows, columns=["question", "test", "n", "k", "p"])
-    return table.assign(joint_p=holm(table["p"].to_numpy(dtype=float)))
-
-
-def _good_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how many reports of clean flights fail, a row per plan."""
-    clean = verdicts.of("clean")
-    groups = [*((PLANS[name], clean[clean["plan"] == name]) for name in PLANS), ("all", clean)]
-    return pd.DataFrame(
-        [
-            {
-                "Plan": title,
-                "Flights": len(flights),
-                "Do not hold": int(_fails(flights).sum()),
-                "Share": _percent(sigma.binomial(int(_fails(flights).sum()), len(flights))),
-                "Not determined": int((flights["status"] != 0).sum()),
-            }
-            for title, flights in groups
-            if len(flights)
-        ]
-    )
-
-
-LEVELS = (
-    f"Share of clean flights in which a single test has p below {100 * LEVEL:g} %, and its "
-    f"{100 * sigma.CONFIDENCE:g} % interval"
-)
-
-
-def _made(verdicts: Verdicts) -> str:
-    about, states = verdicts.about, verdicts.flights["source"].nunique()
-    flown = [
+    clean, about = verdicts.of("clean"), verdicts.about
+    states = verdicts.flights["source"].nunique()
+    flown = "; ".join(
         f"{len(verdicts.of(purpose)):,} of {about['planned'].get(purpose, 0):,} {name}"
         for purpose, name in PURPOSES.items()
+    )
+    share = sigma.binomial(_failed(clean), len(clean))
+    groups = [*((title, clean[clean["plan"] == name]) for name, title in PLANS.items())]
+    rows = [
+        {
+            "Plan": title,
+            "Flights": len(flights),
+            "Do not hold": _failed(flights),
+            "Share (%)": sigma.percent(sigma.binomial(_failed(flights), len(flights))),
+            "Not determined": int((flights["status"] != 0).sum()),
+        }
+        for title, flights in (*groups, ("all", clean))
+        if len(flights)
     ]
-    return (
-        f"Computed on {about['date']} at {at_commit(about['commit'])}, by "
-        f"{'one state' if states == 1 else f'{states} states'} of the code. Flights: "
-        f"{'; '.join(flown)}."
+    return "\n\n".join(
+        [
+            f"Computed on {about['date']} at {at_commit(about['commit'])}, by "
+            f"{'one state' if states == 1 else f'{states} states'} of the code. Flights: {flown}.",
+            f"Of {len(clean):,} clean flights the reports of {_failed(clean)} say that something "
+            f"does not hold: {sigma.percent(share)} %. A report promises {100 * LEVEL:g} % at most;"
+            f" the goal, no more than {100 * GOAL:g} %, is "
+            f"{'reached' if share[0] <= GOAL else 'not reached'}.",
+            _table(pd.DataFrame(rows), "Reports of clean flights, by plan", "verdicts-clean"),
+            _levels(clean),
+        ]
     )
 
 
-def _good_verdict(verdicts: Verdicts) -> str:
-    """State the share of failing reports of clean flights, and whether it meets the goal."""
-    clean = verdicts.of("clean")
-    n_failed = int(_fails(clean).sum())
-    share = sigma.binomial(n_failed, len(clean))
-    reached = share.value <= GOAL
+def _levels(clean: pd.DataFrame) -> str:
+    """Name the single tests whose p lies below their level more often than chance lets it."""
+    rows = []
+    for name in clean.columns[clean.columns.str.startswith(TEST)]:
+        p = clean[name].dropna()
+        if len(p):
+            k = int((p < LEVEL).sum())
+            rows.append((str(name).removeprefix(TEST), k, len(p), _too_many_p(k, len(p), LEVEL)))
+    joint = holm(np.array([p for *_, p in rows]))
+    many = [row for row, p in zip(rows, joint, strict=True) if p < ALPHA]
+    sentence = f"None of the {len(rows)} tests fails more often than chance lets it"
+    if many:
+        failures = "; ".join(f"{name} ({k} of {n})" for name, k, n, _ in many)
+        sentence = f"{len(many)} of the {len(rows)} tests fail more often than they say: {failures}"
+    worst, k, n, _ = max(rows, key=lambda row: row[1] / row[2]) if rows else ("none", 0, 1, 1)
     return (
-        f"Of {len(clean):,} clean flights the reports of {n_failed} say that something does not "
-        f"hold: {_percent(share)}. A report promises {100 * LEVEL:g} % at most; the goal, no more "
-        f"than {100 * GOAL:g} %, is {'reached' if reached else 'not reached'}."
+        f"{sentence}. By chance any of them would seem to in {100 * ALPHA:g} % of all repetitions "
+        f"(Holm). Most often, in {sigma.percent(sigma.binomial(k, n))} % of its flights, the p of "
+        f"*{worst}* lies below {100 * LEVEL:g} %."
     )
 
 
@@ -231,172 +165,87 @@ def _too_many_p(k: int, n: int, share: float) -> float:
     return float(stats.binomtest(k, n, share, alternative="greater").pvalue)
 
 
-def _level_verdict(levels: pd.DataFrame) -> str:
-    """Name the single tests that fail more often than their level."""
-    many = levels[levels["joint_p"] < ALPHA]
-    if many.empty:
-        sentence = f"None of the {len(levels)} tests fails more often than chance lets it"
-    else:
-        failures = "; ".join(f"{row.test} ({row.k} of {row.n})" for row in many.itertuples())
-        sentence = (
-            f"{len(many)} of the {len(levels)} tests fail more often than they say: {failures}"
-        )
-    return (
-        f"{sentence}. By chance any of them would seem to in {100 * ALPHA:g} % of all repetitions "
-        "(Holm). Tests that count rejected observations have few values, and fail more rarely."
-    )
-
-
-def _level_table(levels: pd.DataFrame) -> pd.DataFrame:
-    """Return the shares of p below the level, a row per test."""
-    return pd.DataFrame(
-        [
-            {
-                "Question": row.question,
-                "Test": row.test,
-                "Flights": row.n,
-                f"p < {100 * LEVEL:g} %": _percent(sigma.binomial(int(row.k), int(row.n))),  # type: ignore[arg-type]
-            }
-            for row in levels.itertuples()
-        ]
-    )
-
-
 # --- spoilt flights --------------------------------------------------------------------------
 
 
 def spoilt(verdicts: Verdicts) -> str:
     """Return the verdicts on flights with a fault, as MyST text."""
-    thirds = verdicts.of("third")
-    return "\n\n".join(
-        [
-            _spoilt_verdict(verdicts),
-            ":::{dropdown} The faults by plan, and the questions that find them",
-            _table(_size_table(verdicts), SIZES, "sizes"),
-            _table(_finder_table(verdicts), FINDERS, "finders"),
-            _table(_share_table(thirds), THIRDS, "thirds"),
-            _table(_gross_table(verdicts), GROSS_CAPTION, "gross"),
-            ":::",
-        ]
-    )
+    caption = "Faults of the size that was predicted, and the flights whose report fails"
+    table = _table(_fault_table(verdicts), caption, "verdicts-faults")
+    title = ":::{dropdown} The faults by plan"
+    return "\n\n".join([_spoilt_verdict(_sizes(verdicts)), title, table, ":::"])
 
 
-def _size_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return size and share found of every fault, a column per plan."""
-    cells: dict[str, dict[str, str]] = {name: {} for name in FAULTS}
-    for row in _shares(verdicts).to_dict("records"):
-        size = FAULTS[row["fault"]][1].format(row["size"])
-        cells[row["fault"]][PLANS[row["plan"]]] = f"{size}: {row['k']} of {row['n']}"
-    rows = [{"Fault": FAULTS[name][0], **by_plan} for name, by_plan in cells.items() if by_plan]
-    return pd.DataFrame(rows, columns=["Fault", *PLANS.values()])
-
-
-def _gross_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return how many planted gross errors were taken out, a row per kind and a column per plan."""
-    flights = verdicts.of("spoilt")
-    flights = flights[flights["fault"] == "gross errors"]
-    rows = []
-    for kind, title in GROSS.items():
-        detected = flights.get(f"found: {kind}", pd.Series(dtype=float)).dropna()
-        by_plan = detected.groupby(flights.loc[detected.index, "plan"], sort=False)
-        cells = {PLANS[str(p)]: f"{int(of_plan.sum())} of {len(of_plan)}" for p, of_plan in by_plan}
-        rows.append({"Gross error": title, **cells})
-    return pd.DataFrame(rows, columns=["Gross error", *PLANS.values()])
-
-
-def _finder_table(verdicts: Verdicts) -> pd.DataFrame:
-    """Return which questions fail in the flights with a fault, of all plans together."""
-    rows = []
-    for fault, (text, _) in FAULTS.items():
-        flights = verdicts.of("spoilt")
-        flights = flights[flights["fault"] == fault]
-        if len(flights):
-            count = (flights[verdicts.questions] == "fails").sum().sort_values(ascending=False)
-            shares = [
-                f"{name} {100 * k / len(flights):.0f} %" for name, k in count[count > 0].items()
-            ]
-            rows.append(
-                {"Fault": text, "Flights": len(flights), "Questions that fail": "; ".join(shares)}
-            )
-    return pd.DataFrame(rows)
-
-
-SIZES = "Faults of the size that was predicted, and the share of flights whose report fails"
-FINDERS = "Questions that fail in flights with these faults, and in how many of them"
-THIRDS = "Share of flights whose report fails where a σ is stated a third too small"
-GROSS_CAPTION = "Single gross errors, of the size that the plan says is found in 80 %: taken out"
-
-
-def _shares(verdicts: Verdicts) -> pd.DataFrame:
+def _sizes(verdicts: Verdicts) -> pd.DataFrame:
     """Count the spoilt flights with a failing report, a row per fault, plan and size."""
     flights = verdicts.of("spoilt")
     groups = flights[flights["fault"].isin(FAULTS)].groupby(["fault", "plan", "size"], sort=False)
-    rows = [(*keys, len(rows), int(_fails(rows).sum())) for keys, rows in groups]
-    table = pd.DataFrame(rows, columns=["fault", "plan", "size", "n", "k"])
-    counts = list(zip(table["k"].tolist(), table["n"].tolist(), strict=True))
-    table = table.assign(p=[float(stats.binomtest(k, n, FOUND).pvalue) for k, n in counts])
-    as_without = np.array([_too_many_p(k, n, LEVEL) > ALPHA for k, n in counts])
-    return table.assign(is_hidden=(table["p"] < ALPHA) & as_without)
+    rows = [(*keys, len(rows), _failed(rows)) for keys, rows in groups]
+    return pd.DataFrame(rows, columns=["fault", "plan", "size", "n", "k"])
 
 
-def _spoilt_verdict(verdicts: Verdicts) -> str:
+def _fault_table(verdicts: Verdicts) -> pd.DataFrame:
+    """Return size and number found of every fault, a column per plan."""
+    cells: dict[str, dict[str, str]] = {}
+
+    def add(fault: str, plan: str, text: str) -> None:
+        cells.setdefault(fault, {})[PLANS[plan]] = text
+
+    sizes = _sizes(verdicts).sort_values(
+        "fault", key=lambda f: f.map([*FAULTS].index), kind="stable"
+    )
+    for row in sizes.to_dict("records"):
+        text, form = FAULTS[row["fault"]]
+        add(text, row["plan"], f"{form.format(row['size'])}: {row['k']} of {row['n']}")
+    for (fault, plan), rows in verdicts.of("third").groupby(["fault", "plan"], sort=False):
+        stated = f"{str(fault).replace('sigma', 'σ')}, stated a third too small"
+        add(stated, str(plan), f"{_failed(rows)} of {len(rows)}")
+    gross = verdicts.of("spoilt")
+    for kind, title in GROSS.items():
+        taken = gross[gross.get(f"found: {kind}", pd.Series(index=gross.index)).notna()]
+        for plan, rows in taken.groupby("plan", sort=False):
+            n = int(rows[f"found: {kind}"].sum())
+            add(f"a gross error of {title}", str(plan), f"{n} of {len(rows)} taken out")
+    table = [{"Fault": fault, **by_plan} for fault, by_plan in cells.items()]
+    return pd.DataFrame(table, columns=["Fault", *PLANS.values()])
+
+
+def _spoilt_verdict(sizes: pd.DataFrame) -> str:
     """State how many fault sizes reach the predicted share of detections; name the others."""
-    shares = _shares(verdicts)
-    hidden, seen = shares[shares["is_hidden"]], shares[~shares["is_hidden"]]
-    deviating = seen[holm(seen["p"].to_numpy(dtype=float)) < ALPHA]
-    low, high = ("; ".join(_cases(part)) for part in (_under(deviating), _over(deviating)))
-    undetected = "; ".join(_cases(hidden))
+    counts = list(zip(sizes["k"].tolist(), sizes["n"].tolist(), strict=True))
+    p = np.array([float(stats.binomtest(k, n, FOUND).pvalue) for k, n in counts])
+    as_without = np.array([_too_many_p(k, n, LEVEL) > ALPHA for k, n in counts])
+    hidden = (p < ALPHA) & as_without
+    seen, p_seen = sizes[~hidden], holm(p[~hidden])
+    rarely = seen["k"] < FOUND * seen["n"]
+    low, high = seen[(p_seen < ALPHA) & rarely], seen[(p_seen < ALPHA) & ~rarely]
     sentences = [
-        f"{len(seen) - len(_under(deviating))} of {len(seen)} predicted sizes were found in "
+        f"{len(seen) - len(low)} of {len(seen)} predicted sizes were found in "
         f"{100 * FOUND:g} % of the flights or more, within the bounds of chance."
     ]
-    sentences += [f"More rarely found: {low}."] if low else []
-    sentences += [f"More often found: {high}."] if high else []
-    sentences += [f"Not found, since unknowns take it up: {undetected}."] if undetected else []
+    for title, part in (
+        ("More rarely found", low),
+        ("More often found", high),
+        ("Not found, since unknowns take it up", sizes[hidden]),
+    ):
+        if len(part):
+            sentences.append(f"{title}: {'; '.join(_cases(part))}.")
     return " ".join(sentences)
 
 
-def _under(shares: pd.DataFrame) -> pd.DataFrame:
-    return shares[shares["k"] < FOUND * shares["n"]]
-
-
-def _over(shares: pd.DataFrame) -> pd.DataFrame:
-    return shares[shares["k"] >= FOUND * shares["n"]]
-
-
-def _cases(shares: pd.DataFrame) -> Iterator[str]:
+def _cases(sizes: pd.DataFrame) -> Iterator[str]:
     """Yield fault, size, plan and number of detections."""
-    for row in shares.to_dict("records"):
-        yield f"{_wrong(row)}, {PLANS[row['plan']]} ({row['k']} of {row['n']})"
-
-
-def _wrong(row: Mapping[Any, Any]) -> str:
-    text, form = FAULTS[row["fault"]]
-    return f"{text} {form.format(row['size'])}"
-
-
-def _share_table(flights: pd.DataFrame) -> pd.DataFrame:
-    """Return in how many flights the report fails, a row per fault and a column per plan."""
-    cells: dict[str, dict[str, str]] = {}
-    for (fault, plan), group in flights.groupby(["fault", "plan"], sort=False):
-        row = cells.setdefault(str(fault), {})
-        row[PLANS[str(plan)]] = f"{int(_fails(group).sum())} of {len(group)}"
-    rows = [{"σ of": name.removeprefix("sigma of "), **by_plan} for name, by_plan in cells.items()]
-    return pd.DataFrame(rows, columns=["σ of", *PLANS.values()])
-
-
-# --- text ------------------------------------------------------------------------------------
+    for row in sizes.to_dict("records"):
+        text, form = FAULTS[row["fault"]]
+        size, plan = form.format(row["size"]), PLANS[row["plan"]]
+        yield f"{text} {size}, {plan} ({row['k']} of {row['n']})"
 
 
 def _table(table: pd.DataFrame, caption: str, name: str) -> str:
-    return myst_table(table, caption, name=f"tab-verdicts-{name}")
+    return myst_table(table, caption, name=f"tab-{name}")
 
 
-def _percent(share: Share) -> str:
-    return f"{100 * share.value:.1f} % ({100 * share.low:.1f} to {100 * share.high:.1f} %)"
-
-
-# --- Errors that change slowly, taken for independent or not, as a part of the page on coverage
+# --- errors that change slowly, taken for independent or not ------------------------------------
 
 
 CHECKED = "Independent check points"
@@ -405,103 +254,54 @@ CHECKED = "Independent check points"
 HEADINGS = {"white": "Taken for independent", "correlated": "Weights of their correlation"}
 
 
-def slow_errors_read(folder: Path) -> pd.DataFrame:
-    """Read the errors of flights with slow errors from ``make coverage``.
+def slow_errors(errors: pd.DataFrame) -> str:
+    """Return verdict and table of flights with slow errors as MyST text.
 
-    Returns
-    -------
-    DataFrame
+    Parameters
+    ----------
+    errors : DataFrame
         Columns seed, weights (a key of `HEADINGS`), parameter, error, sigma (a priori), and the
         error made independent of those of the other parameters and divided by its sigma.
     """
-    _, (errors,) = sigma.read_stored(folder, "slow_errors", make="coverage")
-    return errors
-
-
-def page(errors: pd.DataFrame) -> str:
-    """Return verdict and table as MyST text."""
+    of = {key: rows["decorrelated"].to_numpy() for key, rows in errors.groupby("weights")}
+    white, value = (float(np.sum(of[key] ** 2)) for key in HEADINGS)
+    n = len(of["correlated"])
+    p = two_sided_p(value, n)
+    verdict = (
+        f"Over {errors['seed'].nunique()} flights the $\\chi^2$ of all parameters together is "
+        f"{white:,.0f} at {n:,} degrees of freedom where the errors are taken for independent. "
+        f"With the weights of their correlation it is {value:,.0f} ($p$ = {p:.2f}): "
+        f"{'within' if p >= ALPHA else 'outside'} its two-sided bounds of "
+        f"{100 * (1 - ALPHA):.0f} %."
+    )
+    ratios = ((errors["error"] / errors["sigma"]) ** 2).groupby(
+        [errors["weights"], errors["parameter"]], sort=False
+    )
+    rms = ratios.mean() ** 0.5
+    table = pd.DataFrame({"Parameter": [LABELS[str(name)] for name in rms.loc["white"].index]})
+    for weights, heading in HEADINGS.items():
+        table[heading] = rms.loc[weights].loc[rms.loc["white"].index].to_numpy()
     caption = "RMS of the errors of the single step over their σ, slow errors of the trajectory"
-    drawn = myst_table(_slow_table(errors), caption, name="tab-coverage-slow")
-    return f"{_verdict(errors)}\n\n{drawn}\n"
-
-
-def _slow_table(errors: pd.DataFrame) -> pd.DataFrame:
-    """Return the RMS of the normalised errors, a row per parameter."""
-    columns = {heading: _ratios(errors, weights) for weights, heading in HEADINGS.items()}
-    names = columns[HEADINGS["white"]].index
-    shown = {
-        heading: [f"{value:.2f}" for value in ratios.loc[names]]
-        for heading, ratios in columns.items()
-    }
-    return pd.DataFrame({"Parameter": [LABELS[str(name)] for name in names], **shown})
-
-
-def _ratios(errors: pd.DataFrame, weights: str) -> pd.Series:
-    """Return the RMS of the normalised errors, by parameter."""
-    rows = errors[errors["weights"] == weights]
-    squares = (rows["error"] / rows["sigma"]) ** 2
-    return squares.groupby(rows["parameter"], sort=False).mean() ** 0.5
-
-
-def read_validated(folder: Path) -> pd.DataFrame:
-    """Read the verdicts on flights with slow errors in calibration and validation.
-
-    Returns
-    -------
-    DataFrame
-        A row for each flight: fault, what is declared of the errors; size, the share of σ that
-        changes slowly; holds, of the report as a whole; a column with the state of every question.
-    """
-    _, (flights,) = sigma.read_stored(folder, "slow_validations", make="coverage")
-    return flights
+    formats = dict.fromkeys(HEADINGS.values(), ".2f")
+    return f"{verdict}\n\n{myst_table(table, caption, name='tab-coverage-slow', formats=formats)}\n"
 
 
 def validated(flights: pd.DataFrame) -> str:
-    """Return the verdicts on validations with slow errors, as MyST text."""
-    counts = {kind: _counts(group) for kind, group in flights.groupby("fault", sort=False)}
-    known, n, _ = counts["declared"]
-    unknown, m, _ = counts["not declared"]
-    sentence = (
-        f"With slow errors in calibration and validation, the question of independent check points "
-        f"fails in {known} of {n} flights where σ, share and time constant are declared, and in "
-        f"{unknown} of {m} where `flight.toml` says nothing of them."
-    )
-    rows = [
-        {
-            "Slow errors": str(kind),
-            "Flights": n_flights,
-            "Independent check points fail": failed,
-            "The report does not hold": lost,
-        }
-        for kind, (failed, n_flights, lost) in counts.items()
+    """State the verdicts on validations with slow errors.
+
+    Parameters
+    ----------
+    flights : DataFrame
+        A row for each flight: fault, what is declared of the errors (all, nothing, nothing in the
+        validation alone, in this order); a column with the state of every question.
+    """
+    counts = [
+        f"{int((rows[CHECKED] == 'fails').sum())} of {len(rows)}"
+        for _, rows in flights.groupby("fault", sort=False)
     ]
-    caption = "Reports of flights whose trajectory's errors change slowly"
     return (
-        f"{sentence}\n\n{myst_table(pd.DataFrame(rows), caption, name='tab-coverage-validated')}\n"
+        "With slow errors in calibration and validation, the question of independent check points "
+        f"fails in {counts[0]} flights where σ, share and time constant are declared, and in "
+        f"{counts[1]} where `flight.toml` says nothing of them; in {counts[2]} where it says "
+        "nothing of those of the validation alone.\n"
     )
-
-
-def _counts(flights: pd.DataFrame) -> tuple[int, int, int]:
-    """Count the flights in which the question fails, all flights, and the failing reports."""
-    failed = (flights[CHECKED] == "fails").sum()
-    return int(failed), len(flights), int((flights["holds"] != 1).sum())
-
-
-def _verdict(errors: pd.DataFrame) -> str:
-    """State the joint chi-square of all parameters, for both weights."""
-    value, n = _chi_square(errors, "correlated")
-    white, _ = _chi_square(errors, "white")
-    p = two_sided_p(value, n)
-    where = "within" if p >= ALPHA else "outside"
-    return (
-        f"Over {errors['seed'].nunique()} flights the $\\chi^2$ of all parameters together is "
-        f"{white:,.0f} at {n:,} degrees of freedom where the errors are taken for independent. "
-        f"With the weights of their correlation it is {value:,.0f} ($p$ = {p:.2f}): {where} its "
-        f"two-sided bounds of {100 * (1 - ALPHA):.0f} %."
-    )
-
-
-def _chi_square(errors: pd.DataFrame, weights: str) -> tuple[float, int]:
-    """Return the sum of squares of the decorrelated normalised errors, and their number."""
-    normalised = errors.loc[errors["weights"] == weights, "decorrelated"]
-    return float(np.sum(normalised**2)), len(normalised)

@@ -74,7 +74,7 @@ def test_each_image_is_an_exposure_without_frames(tmp_path):
 
 
 def test_colmap_s_own_code_writes_what_is_read(tmp_path):
-    pycolmap = pytest.importorskip("pycolmap", reason="environment-bench.txt has it")
+    pycolmap = pytest.importorskip("pycolmap", reason="environment-test.txt has it")
     folder = colmap.write_binary(tmp_path / "m")
     model = pycolmap.Reconstruction(str(folder))
     again = tmp_path / "again" / "m"
