@@ -110,15 +110,15 @@ def test_readings_are_those_of_a_plan_of_these_strips(shown, explorer_plan, valu
 def test_control_points_that_are_not_surveyed_are_out_of_the_drawing(shown):
     squares = shown.panels[0].marks[2:]
     for control in design.CONTROL.stops:
-        inside = [np.all(np.abs(m.places([1.5, 0.0, control])) < 400) for m in squares]
+        inside = [np.all(np.abs(m.response.at([1.5, 0.0, control])) < 2) for m in squares]
         assert inside == [k < control for k in range(len(squares))]
 
 
 def test_the_second_strip_turns_clockwise(shown):
     """Up is the first course, so a quarter turn flies to the right."""
-    turned = shown.panels[0].marks[0].places([1.5, 90.0, 5.0])
+    turned = shown.panels[0].marks[0].response.at([1.5, 90.0, 5.0]).reshape(-1, 2)
     start, end = turned[0], turned[1]
-    assert end[0] > start[0] + 50
+    assert end[0] > start[0] + 0.2
     assert end[1] == pytest.approx(start[1], abs=1e-6)
 
 
