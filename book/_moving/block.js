@@ -8,7 +8,6 @@
   const DRAG = 0.008; // radians for a px
 
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-  const triples = (flat) => Array.from({ length: flat.length / 3 }, (_, i) => flat.slice(3 * i, 3 * i + 3));
 
   function element(name, properties, ...children) {
     const made = Object.assign(document.createElement(name), properties);
@@ -22,7 +21,7 @@
 
   function turning(figure) {
     const data = JSON.parse(figure.querySelector("script").textContent);
-    const layers = data.layers.map((one) => ({ ...one, at: triples(one.at), axes: triples(one.axes), visible: true }));
+    const layers = data.layers.map((one) => ({ ...one, visible: true }));
     const radius = Math.max(...layers.flatMap(({ at }) => at.map((p) => Math.hypot(...p))));
     const start = {
       around: Math.atan2(data.from[1], data.from[0]), above: Math.asin(data.from[2]),
@@ -48,20 +47,11 @@
       const { clientWidth: width, clientHeight: height } = box;
       const focal = Math.min(height, width / 1.3) / 2 / Math.tan(HALF_FIELD);
       return {
-        flat: (v, scale) => [scale * dot(right, v), -scale * dot(up, v)],
         seen(point) {
           const far = view.away - dot(back, point), scale = focal / far;
           return { x: width / 2 + scale * dot(right, point), y: height / 2 - scale * dot(up, point), far, scale };
         },
       };
-    }
-
-    /* The outline of an ellipsoid: its axes a, as they are seen, make the matrix sum a a^T. */
-    function outline([a, b, c]) {
-      const sum = (i, j) => a[i] * a[j] + b[i] * b[j] + c[i] * c[j];
-      const xx = sum(0, 0), xy = sum(0, 1), yy = sum(1, 1), apart = Math.hypot((xx - yy) / 2, xy);
-      const half = (sign) => Math.sqrt(Math.max((xx + yy) / 2 + sign * apart, 0));
-      return [half(1), half(-1), Math.atan2(2 * xy, xx - yy) / 2];
     }
 
     const draws = {
@@ -79,17 +69,6 @@
         const { x, y, far } = seen(point);
         const corner = (z) => Math.round(z - size / 2);
         return { far, near: far, draw: () => pen.fillRect(corner(x), corner(y), size, size) };
-      }),
-      ellipsoids: ({ at, axes }, { flat, seen }) => at.map((point, i) => {
-        const { x, y, far, scale } = seen(point);
-        return { far, near: far, draw() {
-          pen.beginPath();
-          pen.ellipse(x, y, ...outline(axes.slice(3 * i, 3 * i + 3).map((axis) => flat(axis, scale))), 0, 2 * Math.PI);
-          pen.globalAlpha = 0.4;
-          pen.fill();
-          pen.globalAlpha = 1;
-          pen.stroke();
-        } };
       }),
     };
 
@@ -150,30 +129,17 @@
       turn(...turns[event.key].slice(1));
     });
 
-    /* One finger or the mouse turns, two fingers zoom; the wheel scrolls the page until the view has the focus. */
-    const held = new Map();
-    const spread = () => {
-      const [a, b] = [...held.values()];
-      return Math.hypot(a.x - b.x, a.y - b.y) || 1;
-    };
+    let held = null; // the pointer that turns it
     canvas.addEventListener("pointerdown", (event) => {
-      held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      held = event;
       canvas.setPointerCapture(event.pointerId);
     });
     canvas.addEventListener("pointermove", (event) => {
-      const last = held.get(event.pointerId), now = { x: event.clientX, y: event.clientY };
-      if (!last) return;
-      const before = held.size === 2 && spread();
-      held.set(event.pointerId, now);
-      if (before) turn(0, 0, before / spread());
-      else if (held.size === 1) turn(DRAG * (last.x - now.x), DRAG * (now.y - last.y));
+      if (held?.pointerId !== event.pointerId) return;
+      turn(DRAG * (held.clientX - event.clientX), DRAG * (event.clientY - held.clientY));
+      held = event;
     });
-    ["pointerup", "pointercancel"].forEach((kind) => canvas.addEventListener(kind, (event) => held.delete(event.pointerId)));
-    canvas.addEventListener("wheel", (event) => {
-      if (document.activeElement !== canvas) return;
-      event.preventDefault();
-      turn(0, 0, Math.exp(0.001 * event.deltaY));
-    }, { passive: false });
+    ["pointerup", "pointercancel"].forEach((kind) => canvas.addEventListener(kind, () => { held = null; }));
 
     figure.querySelectorAll(".layers li").forEach((item, i) => {
       const onchange = ({ target }) => { layers[i].visible = target.checked; draw(); };

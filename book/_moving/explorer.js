@@ -3,15 +3,12 @@
 "use strict";
 
 (() => {
-  const HEAD = 6, BAR = 12; // px, as in the module plane
+  const HEAD = 6; // px, as in the module
 
-  /* What depends on the sliders: a matrix times their values, the row of their stops, or at a stop
-     of the first the roots of sums of squares, in which the first counts as one. */
-  function respond({ constant, matrix, stops, roots }, values, sliders) {
-    const at = (rows, { min, step }, i) => rows[rows.length > 1 ? Math.round((values[i] - min) / step) : 0];
-    if (stops) return sliders.reduce(at, stops);
-    if (roots) return at(roots, sliders[0], 0).map((row) => Math.hypot(...row.map((x, j) => x * (j ? values[j] : 1))));
-    return matrix.map((row, i) => row.reduce((sum, x, j) => sum + x * values[j], constant[i]));
+  /* What depends on the sliders: a matrix times their values, or the row of their stops. */
+  function respond({ matrix, stops }, values, sliders) {
+    const at = (rows, { low, step }, i) => rows[rows.length > 1 ? Math.round((values[i] - low) / step) : 0];
+    return stops ? sliders.reduce(at, stops) : matrix.map((row) => row.reduce((sum, x, j) => sum + x * values[j], 0));
   }
 
   const point = ([x, y]) => `${x.toFixed(2)} ${y.toFixed(2)}`;
@@ -25,24 +22,13 @@
     return `M${point([x, y])}L${point([toX, toY])}M${ends.map(point).join("L")}`;
   }
 
-  const bar = ([x, y], [toX]) => {
-    const width = [x, y - BAR / 2].map((v) => v.toFixed(2)).join(" ");
-    return `M${width}H${toX.toFixed(2)}v${BAR.toFixed(2)}H${x.toFixed(2)}z`;
-  };
-
-  const dot = (_, [x, y]) => {
-    const r = BAR / 2, half = `a${r.toFixed(2)} ${r.toFixed(2)} 0 1 0`;
-    return `M${point([x - r, y])}${half} ${BAR.toFixed(2)} 0${half} ${(-BAR).toFixed(2)} 0z`;
-  };
-
-  const shapes = { arrows: arrow, bars: bar, dots: dot };
-
   /* The path of a mark, as SVG writes it. */
   function path({ kind, at, scale, response }, values, sliders) {
     const moved = respond(response, values, sliders);
-    const places = at.map(([x, y], i) => [x + scale[0] * moved[2 * i], y + scale[1] * moved[2 * i + 1]]);
+    const starts = Array.from({ length: moved.length / 2 }, (_, i) => at[at.length > 1 ? i : 0]);
+    const places = starts.map(([x, y], i) => [x + scale[0] * moved[2 * i], y + scale[1] * moved[2 * i + 1]]);
     if (kind === "curve") return `M${places.map(point).join("L")}`;
-    return places.map((place, i) => shapes[kind](at[i], place)).join("");
+    return places.map((place, i) => arrow(starts[i], place)).join("");
   }
 
   /* A number as it is shown: zero has no sign, and a minus is one. */
@@ -61,8 +47,8 @@
 
   /* A slider with its name and its value. */
   function row(slider, id, changed) {
-    const { name, after, min, max, step, digits } = slider;
-    const input = element("input", { type: "range", id, min, max, step, oninput: changed });
+    const { name, after, low, high, step, digits } = slider;
+    const input = element("input", { type: "range", id, min: low, max: high, step, oninput: changed });
     const output = element("output", {});
     output.htmlFor.add(id);
     output.setAttribute("aria-live", "off"); // the slider says its value itself

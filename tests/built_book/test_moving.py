@@ -1,61 +1,30 @@
-"""Figures that move, in a browser: what the script draws is what the library computes."""
+"""Figures that move, in a browser: what the scripts draw is what the library computes."""
 
 import io
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from acx4book.chapters import design, error_budget
+from acx4book.chapters import design
 from acx4book.chapters.design import papers
-from acx4book.chapters.mounting import figures, held
-from acx4book.chapters.synthetic_image import turned_head
+from acx4book.chapters.mounting import figures
 from acx4book.foundations import explorers
-from acx4book.notebooks import simulated
-from acx4book.typesetting import moving
 from acx4book.typesetting.moving import Layer, Scene
 from acx4lib.calibration.estimates import from_bundle
-from acx4lib.calibration.mounting import Mounting, single_step, two_step_gnss
-from acx4lib.georeferencing.budget import like
-from support.helpers import ROOT, repeats
-from support.pictures import known, taken
-
-
-def calibrated():
-    """Return a single-step calibration, and the mapping flight where the sliders begin."""
-    flight = simulated.fly_and_read("acx4-ideal", 1, blocks=("calibration", "validation")).flight
-    single = single_step(flight.calibration, free=flight.estimate_mounting)
-    mapping = like(flight.block("validation"), single.calibration.cameras[0])
-    return single.calibration, replace(mapping, height_m=1300.0)
-
-
-def held_lever_arm():
-    flight = simulated.fly_and_read("acx4-ideal", 1, blocks=("calibration",)).flight
-    block, free = flight.calibration, flight.estimate_mounting
-    single = single_step(block, free=free)
-    two = two_step_gnss(block, free=free, after=single)
-    return held.view(block, two, single, free=free)
-
-
-def turned():
-    orientation, synthetic = taken.heads(1), taken.synthetic(1)
-    ties, _ = known.tied(orientation, (0, 1), 40)
-    refinement = known.refined(orientation, ties)
-    return turned_head.view(refinement, synthetic, head=1)
-
+from acx4lib.calibration.mounting import Mounting
+from support.helpers import ROOT
 
 EXPLORERS = {
     "boresight": explorers.boresight_explorer,
     "distortion": explorers.distortion_explorer,
     "two_heights": explorers.two_heights_explorer,
-    "error_budget": lambda: error_budget.explorer(*calibrated()),
-    "held_lever_arm": held_lever_arm,
-    "turned_head": turned,
     "design": lambda: design.explorer(papers(gnss=("shift",))),
 }
-SCRIPT = ROOT / "book" / "_moving" / "explorer.js"
+BOOK = ROOT / "book"
+STYLES = ("_static/acx4.css", "_static/print.css", "_moving/moving.css")
+SCRIPTS = ("_moving/explorer.js", "_moving/block.js")
 MOVE = """([figure, values]) => {
     const sliders = [...document.querySelectorAll(`#${figure} input[type=range]`)];
     sliders.forEach((slider, i) => { slider.value = values[i]; });
@@ -69,6 +38,8 @@ MOVE = """([figure, values]) => {
         said: sliders.map((slider) => slider.getAttribute("aria-valuetext")),
     };
 }"""
+NAMES = ["</script><img src=x onerror=window.alive=1>", "<!-- <script>", "a & b"]
+"""Of points, which would end the data, or do something where they are shown."""
 
 
 @pytest.fixture(scope="module", params=EXPLORERS)
@@ -77,15 +48,22 @@ def explorer(request):
 
 
 @pytest.fixture
+def block(mounted):
+    single = Mounting(method="single_step", calibration=from_bundle(mounted), bundle=mounted)
+    return figures.view(single)
+
+
+@pytest.fixture
 def opened(browser, tmp_path):
-    """Open a page with an explorer alone; afterwards the browser has not complained."""
+    """Open a page with a figure alone; afterwards the browser has not complained."""
     pages, complaints = [], []
 
-    def opened(explorer):
-        path, script = tmp_path / "page.html", f'<script src="{SCRIPT.as_uri()}"></script>'
-        text = f"<!doctype html><meta charset=utf-8>{explorer.html}{script}"
-        path.write_text(text, encoding="utf-8")
-        page = browser.new_page()
+    def opened(figure, **how):
+        path = tmp_path / "page.html"
+        head = "".join(f'<link rel="stylesheet" href="{(BOOK / n).as_uri()}">' for n in STYLES)
+        head += "".join(f'<script src="{(BOOK / n).as_uri()}" defer></script>' for n in SCRIPTS)
+        path.write_text(f"<!doctype html><meta charset=utf-8>{head}{figure.html}", "utf-8")
+        page = browser.new_page(viewport={"width": 700, "height": 700}, **how)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("console", lambda message: complaints.append(message.text))
         page.goto(path.as_uri())
@@ -116,6 +94,9 @@ def read(text):
     return float(text.replace("\N{MINUS SIGN}", "-"))
 
 
+# --- numbers ---------------------------------------------------------------------------------
+
+
 def test_at_the_stops_it_draws_and_says_what_the_library_computes(opened, explorer):
     page = opened(explorer)
     for values in settings(explorer):
@@ -123,11 +104,12 @@ def test_at_the_stops_it_draws_and_says_what_the_library_computes(opened, explor
         assert seen["values"] == pytest.approx(values, abs=1e-9)
         for panel, paths in zip(explorer.panels, seen["paths"], strict=True):
             for mark, d in zip(panel.marks, paths, strict=True):
-                expected = numbers(moving.path(mark, values))
-                assert numbers(d) == pytest.approx(expected, abs=0.02, rel=1e-4)
+                assert numbers(d) == pytest.approx(numbers(mark.path(values)), abs=0.02, rel=1e-4)
         for said, expected in zip(seen["cells"], explorer.readings(values), strict=True):
-            for cell, number, column in zip(said, expected, explorer.columns, strict=False):
-                assert read(cell) == pytest.approx(read(number), abs=1.01 * 10.0**-column.digits)
+            for cell, number, digits in zip(
+                said, expected, explorer.columns.values(), strict=False
+            ):
+                assert read(cell) == pytest.approx(read(number), abs=1.01 * 10.0**-digits)
         for said, slider, value in zip(seen["said"], explorer.sliders, values, strict=True):
             assert said.endswith(slider.after)
             number = read(said.removesuffix(slider.after))
@@ -146,79 +128,39 @@ def test_the_ground_that_is_drawn_is_that_of_the_mounting(opened):
             explorers.on_ground(azimuth, explorers.HEIGHT_M, explorers.POINTS_MM, mounting)
             for mounting in (np.array(values), np.zeros(6))
         )
-        drawn = (ends[:, 2:4] - ends[:, :2]) / panel.marks[0].scale
+        mark = panel.marks[0]
+        drawn = (ends[:, 2:4] - ends[:, :2]) / mark.plane.scale / mark.times
         assert drawn == pytest.approx(wrong - right, abs=0.004)
 
 
-@pytest.mark.parametrize(
-    "explorer",
-    [name if name in ("boresight", "design") else repeats(name) for name in EXPLORERS],
-    indirect=True,
-)
-def test_it_is_moved_by_the_keyboard_and_by_buttons(opened, explorer):
+# --- keyboard and buttons --------------------------------------------------------------------
+
+
+def shown(page):
+    """Return the picture and the numbers that an explorer has."""
+    return page.locator(".panels").inner_html(), page.locator(".readings").inner_text()
+
+
+def test_sliders_are_moved_by_the_keyboard_and_by_buttons(opened, explorer):
     page = opened(explorer)
-    slider, first = explorer.sliders[0], page.locator("input").first
-    assert page.get_by_label(slider.name, exact=True).count() == 1
-    start = page.locator(".marks path").first.get_attribute("d")
-    first.focus()
-    page.keyboard.press("End")
-    assert first.evaluate("slider => slider.valueAsNumber") == pytest.approx(slider.high)
-    page.keyboard.press("ArrowLeft")
-    stop = first.evaluate("slider => slider.valueAsNumber")
-    assert stop == pytest.approx(slider.high - slider.step)
-    assert page.locator(".marks path").first.get_attribute("d") != start
+    start, slider = shown(page), explorer.sliders[0]
+    first = page.get_by_label(slider.name, exact=True)
+    page.keyboard.press("Tab")
+    while not first.evaluate("slider => slider === document.activeElement"):
+        page.keyboard.press("Tab")
+    for key, expected in (("End", slider.high), ("ArrowLeft", slider.high - slider.step)):
+        page.keyboard.press(key)
+        assert first.evaluate("slider => slider.valueAsNumber") == pytest.approx(expected)
+        assert all(a != b for a, b in zip(start, shown(page), strict=True))
     page.locator("button").first.click()
-    assert first.evaluate("slider => slider.valueAsNumber") == pytest.approx(explorer.start[0])
-    drawn = numbers(page.locator(".marks path").first.get_attribute("d"))
-    assert drawn == pytest.approx(numbers(start), abs=0.02)
+    assert shown(page) == start
 
 
-def test_every_explorer_is_on_a_page(chapters):
-    with_one = [name for name, page in chapters.items() if page.select("figure.acx4-explorer")]
-    assert len(with_one) >= len(EXPLORERS)
-
-
-# --- the block in space in a browser: drawn, turned and brought nearer, its parts switched -----
-
-
-SPACE = ROOT / "book" / "_moving" / "block.js"
-STYLES = [ROOT / "book" / name for name in ("_static/acx4.css", "_moving/moving.css")]
-
-
-@pytest.fixture
-def figure(request):
-    """The block; or what another fixture makes, of the name that a test gives."""
-    return request.getfixturevalue(getattr(request, "param", "block"))
-
-
-@pytest.fixture
-def block(mounted):
-    single = Mounting(method="single_step", calibration=from_bundle(mounted), bundle=mounted)
-    return figures.view(single).html
-
-
-@pytest.fixture
-def page(browser, figure, tmp_path):
-    """A page with the block, and nothing that the browser complains of."""
-    path, complaints = tmp_path / "page.html", []
-    style = "".join(f'<link rel="stylesheet" href="{sheet.as_uri()}">' for sheet in STYLES)
-    script = f'<script src="{SPACE.as_uri()}" defer></script>'
-    path.write_text(f"<!doctype html><meta charset=utf-8>{style}{script}{figure}", "utf-8")
-    opened = browser.new_page(viewport={"width": 700, "height": 700})
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.on(
-        "console", lambda said: complaints.append(said.text) if said.type == "error" else None
-    )
-    opened.goto(path.as_uri())
-    opened.wait_for_selector("canvas")
-    yield opened
-    opened.close()
-    assert complaints == []
-
-
-def seen(page):
-    """Return what the canvas shows, shape (rows, cols, 3)."""
-    return np.asarray(Image.open(io.BytesIO(page.locator("canvas").screenshot())).convert("RGB"))
+def pixels(page):
+    """Return what the canvas shows inside of its border, shape (rows, cols, 3)."""
+    page.evaluate("new Promise(requestAnimationFrame)")
+    picture = Image.open(io.BytesIO(page.locator("canvas").screenshot())).convert("RGB")
+    return np.asarray(picture)[5:-5, 5:-5]
 
 
 def changed(before, after):
@@ -226,129 +168,79 @@ def changed(before, after):
     return np.mean(np.any(before != after, axis=2))
 
 
-def test_it_is_drawn_in_the_colours_of_its_layers(page):
-    colours = {tuple(colour) for colour in seen(page).reshape(-1, 3)}
-    assert {(0x1D, 0x9A, 0x78), (0x1F, 0x29, 0x33)} <= colours  # tie points and control points
-    assert page.locator(".view span:visible").count() > 0
-
-
-def test_it_is_turned_by_the_keyboard_and_comes_back(page):
-    start = seen(page)
+def test_the_block_is_turned_by_keyboard_mouse_and_buttons_and_comes_back(opened, block):
+    page = opened(block)
     page.locator("canvas").focus()
-    for key in ("ArrowLeft", "ArrowUp", "+"):
-        before = seen(page)
-        page.keyboard.press(key)
-        assert changed(before, seen(page)) > 0.01, key
-    page.get_by_role("button", name="as at the start").click()
-    page.locator("canvas").focus()
-    assert changed(start, seen(page)) < 0.001
-
-
-def test_it_is_turned_by_buttons(page):
-    start = after = seen(page)
-    for name in ("turn left", "higher", "nearer", "turn right", "lower", "farther"):
+    start = after = pixels(page)
+    for key in ("ArrowLeft", "ArrowUp", "+", "ArrowRight", "ArrowDown", "-"):
         before = after
-        page.get_by_role("button", name=name).click()
-        after = seen(page)
-        assert changed(before, after) > 0.01, name
+        page.keyboard.press(key)
+        after = pixels(page)
+        assert changed(before, after) > 0.01, key
     assert changed(start, after) < 0.001  # each undoes another
-
-
-def test_it_is_turned_by_the_mouse(page):
-    start, box = seen(page), page.locator("canvas").bounding_box()
+    box = page.locator("canvas").bounding_box()
     page.mouse.move(box["x"] + 100, box["y"] + 100)
     page.mouse.down()
     page.mouse.move(box["x"] + 220, box["y"] + 130, steps=3)
     page.mouse.up()
-    assert changed(start, seen(page)) > 0.01
-
-
-def test_the_wheel_brings_it_nearer_where_it_has_the_focus_and_scrolls_the_page_elsewhere(page):
-    start, box = seen(page), page.locator("canvas").bounding_box()
-    page.mouse.move(box["x"] + 100, box["y"] + 100)
-    page.mouse.wheel(0, -200)
-    assert changed(start, seen(page)) == 0
+    assert changed(start, pixels(page)) > 0.01
+    page.get_by_role("button", name="as at the start").click()
     page.locator("canvas").focus()
-    before = seen(page)
-    page.mouse.wheel(0, -200)
-    page.evaluate("new Promise(requestAnimationFrame)")
-    assert changed(before, seen(page)) > 0.01
-
-
-TOUCHED = """([kind, id, x, y]) => document.querySelector("canvas").dispatchEvent(
-    new PointerEvent(kind, {pointerId: id, clientX: x, clientY: y, pointerType: "touch"}))"""
-
-
-def test_two_fingers_bring_it_nearer_and_one_turns_it(page):
-    page.evaluate("Element.prototype.setPointerCapture = () => {}")  # no finger is there
-    start = seen(page)
-    for event in (("down", 1, 100, 200), ("down", 2, 200, 200), ("move", 2, 300, 200)):
-        page.evaluate(TOUCHED, [f"pointer{event[0]}", *event[1:]])
-    spread = seen(page)
-    assert changed(start, spread) > 0.01
-    page.evaluate(TOUCHED, ["pointermove", 2, 200, 200])
-    assert changed(start, seen(page)) < 0.001
-    page.evaluate(TOUCHED, ["pointerup", 2, 200, 200])
-    page.evaluate(TOUCHED, ["pointermove", 1, 180, 200])
-    assert changed(start, seen(page)) > 0.01
-
-
-def test_every_layer_is_switched_off_and_on(page):
-    start = seen(page)
-    for box in page.locator(".layers input").all():
-        box.click()
-        assert changed(start, seen(page)) > 0
-        box.click()
-    page.locator("canvas").focus()
-    assert changed(start, seen(page)) < 0.01
-    for box in page.locator(".layers input").all():
-        box.click()
+    assert changed(start, pixels(page)) < 0.001
+    for layer in page.locator(".layers input").all():
+        layer.click()
     assert page.locator(".view span:visible").count() == 0
 
 
-def test_a_dark_page_has_light_lines(page):
+# --- without a script, on paper, in the dark, names ------------------------------------------
+
+
+def test_without_a_script_there_are_the_drawing_and_the_numbers_of_the_start(
+    opened, explorer, block
+):
+    page = opened(explorer, java_script_enabled=False)
+    assert page.locator(".panel svg").first.bounding_box()["height"] > 100
+    cells = page.locator("tbody tr").first.locator("td").all_inner_texts()
+    assert cells == explorer.readings(explorer.start)[0]
+    assert page.locator("figcaption").inner_text() == explorer.caption
+    page = opened(block, java_script_enabled=False)
+    assert page.locator("svg path").count() >= 6
+    assert page.locator("svg").bounding_box()["height"] > 200
+
+
+def test_on_paper_there_are_the_drawing_and_the_numbers(opened, explorer, block):
+    page = opened(explorer)
+    page.emulate_media(media="print")
+    assert page.locator(".panel svg:visible").count() == len(explorer.panels)
+    assert page.locator("tbody tr:visible").count() == len(explorer.rows)
+    assert page.locator("button:visible, input:visible").count() == 0
+    page = opened(block)
+    page.emulate_media(media="print")
+    assert page.locator(".view svg").is_visible()
+    assert page.locator("canvas:visible, button:visible, input:visible").count() == 0
+
+
+def test_a_dark_page_has_light_lines(opened, explorer, block):
+    stroke = "path => getComputedStyle(path).stroke.match(/\\d+/g).map(Number)"
+    page = opened(explorer)
+    path = page.locator(".marks path").first
+    by_day = path.evaluate(stroke)
     page.evaluate("document.documentElement.dataset.theme = 'dark'")
-    page.evaluate("new Promise(requestAnimationFrame)")
-    colours = {tuple(colour) for colour in seen(page).reshape(-1, 3)}
-    assert (0x2F, 0xC9, 0x9C) in colours
+    assert sum(path.evaluate(stroke)) > sum(by_day)
+    page = opened(block)
+    page.evaluate("document.documentElement.dataset.theme = 'dark'")
+    assert (0x2F, 0xC9, 0x9C) in {tuple(colour) for colour in pixels(page).reshape(-1, 3)}
 
 
-NAMES = ["</script><img src=x onerror=window.alive=1>", "<!-- <script>", "a & b"]
-"""Of points, which would end the data, or do something where they are shown."""
-
-
-@pytest.fixture
-def named():
+def test_names_are_shown_as_text(opened):
     at = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, 50.0, 20.0]])
     points = Layer(name=NAMES[0], kind="points", colour="ink", at=at, labels=NAMES)
-    return Scene(name="block", alt="points", caption=NAMES[0], layers=[points]).html
-
-
-@pytest.mark.parametrize("figure", ["named"], indirect=True)
-def test_names_are_shown_as_text(page):
+    page = opened(Scene(name="block", alt="points", caption=NAMES[0], layers=[points]))
     assert page.locator(".view span").all_text_contents() == NAMES
     assert page.locator(".layers label").inner_text().strip() == NAMES[0]
     assert page.evaluate("[window.alive, document.images.length]") == [None, 0]
 
 
-def test_without_the_script_there_is_a_drawing(browser, figure):
-    page = browser.new_page()
-    page.set_content(figure)
-    assert page.locator("svg path").count() >= 6
-    assert page.locator("svg").bounding_box()["height"] > 200
-    page.close()
-
-
-@pytest.fixture
-def crowd():
-    """Names at places in a row away from the eye, on one spot, and far apart."""
-    at = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [90.0, -90.0, 0.0]])
-    points = Layer(name="p", kind="points", colour="ink", at=at, labels=["a", "b", "c", "d"])
-    return Scene(name="block", alt="points", caption="", layers=[points]).html
-
-
-@pytest.mark.parametrize("figure", ["crowd"], indirect=True)
-def test_of_names_that_would_meet_the_nearest_is_shown(page):
-    boxes = [name.bounding_box() for name in page.locator(".view span:visible").all()]
-    assert page.locator(".view span:visible").all_text_contents() == ["b", "d"]
-    assert boxes[1]["x"] > boxes[0]["x"] + boxes[0]["width"]
+def test_every_explorer_is_on_a_page(chapters):
+    with_one = [name for name, page in chapters.items() if page.select("figure.acx4-explorer")]
+    assert len(with_one) >= len(EXPLORERS)

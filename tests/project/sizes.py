@@ -28,21 +28,21 @@ WHAT = ("code", "lines", "names")
 PAGES = ("book/_ext", "book/_moving", "book/_static")
 
 RATCHET = {
-    "src code": 63_627,
-    "src names": 2_222,
+    "src code": 62_605,
+    "src names": 2_198,
     "src/acx4 code": 32,
-    "src/acx4book code": 25_430,
-    "src/acx4book names": 816,
+    "src/acx4book code": 24_408,
+    "src/acx4book names": 792,
     "src/acx4files code": 19_933,
     "src/acx4files names": 561,
     "src/acx4lib code": 15_647,
     "src/acx4lib names": 761,
     "src/acx4sim code": 2_585,
     "src/acx4sim names": 84,
-    "tests lines": 66_921,
+    "tests lines": 65_000,
     "commands": 27,
     "options": 160,
-    "pages lines": 1_893,
+    "pages lines": 1_845,
 }
 """The largest that each number may be; a package that has none may have no code."""
 

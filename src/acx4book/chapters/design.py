@@ -16,18 +16,7 @@ from acx4book.planning.design import sigmas
 from acx4book.planning.flown import flying_time_s
 from acx4book.planning.plan import Plan, Strip, image_length_m, strip_of
 from acx4book.typesetting import style
-from acx4book.typesetting.moving import (
-    Column,
-    Explorer,
-    Mark,
-    Panel,
-    Plane,
-    Slider,
-    Stops,
-    along,
-    dots,
-    logarithms,
-)
+from acx4book.typesetting.moving import Explorer, Mark, Panel, Plane, Slider, Stops
 from acx4book.typesetting.myst import LABELS
 from acx4book.typesetting.plain_text import Markup
 from acx4lib.expected import Array
@@ -171,9 +160,6 @@ SHOWN = {
 }
 """Parameters by their names in results: as they are shown, with the factor to the unit there."""
 
-LEAST, MOST = 0.3, 300.0
-"""Ends of the axis of standard deviations."""
-
 N_IMAGES = 5
 """Images of every strip."""
 
@@ -202,9 +188,9 @@ def explorer(plan: Plan) -> Explorer:
         caption=(
             f"Two strips at {LOW_M:.0f} m and two at a second height, five images each, by the "
             "paper's camera; unknown are its interior orientation, the mounting, and a shift of "
-            "GNSS. Left, the lower strip of the first course, blue, and the upper one of the "
-            "second, orange, each with the footprint of its middle image; squares are control "
-            "points. Right, standard deviations on a logarithmic axis."
+            "GNSS. The lower strip of the first course is blue, and the upper one of the second "
+            "orange, each with the footprint of its middle image; squares are control points. The "
+            "table has standard deviations."
         ),
         sliders=SLIDERS,
         presets={
@@ -214,18 +200,8 @@ def explorer(plan: Plan) -> Explorer:
             "crossing": [1.5, 90.0, 5.0],
             "two control points": [1.5, 180.0, 2.0],
         },
-        panels=[
-            _explorer_map(plan),
-            dots(
-                [name for name, _ in SHOWN.values()],
-                Stops(sliders=SLIDERS, table=along(logarithms(sigma, LEAST, MOST), -1)),
-                title="standard deviations",
-                alt="Six dots on a logarithmic axis, all far left: from one to about six units.",
-                ends=(LEAST, MOST),
-                label="σ in the unit beside its name",
-            ),
-        ],
-        columns=[Column(title="value", digits=2)],
+        panels=[_explorer_map(plan)],
+        columns={"value": 2},
         rows=rows,
     )
 
@@ -288,10 +264,8 @@ def _outline(plan: Plan, height_m: float, turn_deg: float) -> Array:
 
 def _curve(plane: Plane, colour: str, places: Array) -> Mark:
     """Return a line through places, shape (n_ratios, n_turns, n_controls, n, 2)."""
-    origins = np.tile(plane.at(np.zeros((1, 2))), (places.shape[3], 1))
     table = places.reshape(*places.shape[:3], -1)
-    response = Stops(sliders=SLIDERS, table=table)
-    return Mark(kind="curve", colour=colour, at=origins, scale=plane.scale, response=response)
+    return Mark("curve", colour, plane, Stops(sliders=SLIDERS, table=table))
 
 
 def _square(plane: Plane, place: Array, k: int) -> Mark:

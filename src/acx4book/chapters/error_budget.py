@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 
 from acx4book.paper import printed
 from acx4book.typesetting import style
-from acx4book.typesetting.moving import Column, Explorer, Roots, Slider, along, bars
 from acx4book.typesetting.myst import TITLES, inside
 from acx4lib.bundle.unknowns import Layout, layout
 from acx4lib.calibration.estimates import Calibration
@@ -23,7 +22,7 @@ from acx4lib.expected import Array
 from acx4lib.geometry.camera import INTERIOR
 from acx4lib.geometry.parameters import AXES, MOUNT, REPORTED
 from acx4lib.georeferencing import budget, direct, validation
-from acx4lib.georeferencing.budget import Budget, MappingFlight, over_ground
+from acx4lib.georeferencing.budget import Budget
 from acx4lib.georeferencing.error_sources import ErrorSources
 from acx4lib.georeferencing.validation import Differences, Validation
 
@@ -144,128 +143,6 @@ def _draw_heights(ax: Axes, heights_m: Array, variances: Array) -> None:
             color=style.colour(i),
             label=name,
         )
-
-
-# --- An explorer: the error of a ground point by source, for any height and any trajectory
-
-
-SLIDERS = (
-    Slider(name="flying height", unit="m", low=500.0, high=3000.0, step=100.0),
-    Slider(name="image point", unit="px", low=0.0, high=3.0, step=0.1),
-    Slider(name="GNSS", unit="cm", low=0.0, high=30.0, step=1.0),
-    Slider(name="roll and pitch", unit="°", low=0.0, high=0.02, step=0.0005),
-    Slider(name="heading", unit="°", low=0.0, high=0.04, step=0.001),
-)
-"""Sliders for an aerial camera and its trajectory; their ends change with the flight."""
-
-SCALES = sorted(
-    (d * 10.0**k for d in (1, 2, 5) for k in range(-6, 7)), key=lambda s: abs(np.log(s))
-)
-"""Factors of the ends of a slider, the nearest to one first."""
-
-ENDS = tuple(d * 10.0**k for k in range(-6, 7) for d in (1.5, 3.0, 6.0))
-"""Possible ends of axes: thirds of them are short numbers."""
-
-ROWS = {
-    "calibration": (0, budget.CALIBRATION),
-    "image points": (1, ("image points",)),
-    "GNSS": (2, ("GNSS",)),
-    "roll and pitch": (3, ("roll", "pitch")),
-    "heading": (4, ("heading",)),
-}
-"""Rows of the explorer: index of the slider, and sources; the first depends on no slider."""
-
-
-def _around(slider: Slider, value: float) -> Slider:
-    least = max(slider.low, slider.step)
-    scale = next((s for s in SCALES if s * least <= value <= s * slider.high), 1.0)
-    low, high, step = (scale * end for end in (slider.low, slider.high, slider.step))
-    return replace(slider, low=low, high=high, step=step)
-
-
-def _effects(calibration: Calibration, height: Slider) -> Array:
-    """Return the ground error by one unit of each slider, cm, shape (n_heights, 2, n_rows)."""
-    effects = []
-    for height_m in height.stops:
-        mean = plan_and_height(over_ground(calibration, _unit_flight(height_m)).mean)
-        rows = [[budget.SOURCES.index(name) for name in sources] for _, sources in ROWS.values()]
-        effects.append([[part[columns].sum() for columns in rows] for part in mean])
-    return 100 * np.sqrt(np.maximum(np.array(effects), 0.0))
-
-
-def _unit_flight(height_m: float) -> MappingFlight:
-    """Return a mapping flight whose standard deviations are one unit of each slider."""
-    degree = float(np.radians(1.0))
-    return MappingFlight(
-        height_m=height_m,
-        sigma_position_m=(0.01, 0.01, 0.01),
-        sigma_attitude=(degree, degree, degree),
-        sigma_px=1.0,
-    )
-
-
-def explorer(calibration: Calibration, flown: MappingFlight) -> Explorer:
-    """Return the explorer for a calibration and a flight.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        Of one camera.
-    flown : MappingFlight
-        Where the sliders begin.
-    """
-    tilt, _, heading = np.degrees(flown.sigma_attitude)
-    values = (flown.height_m, flown.sigma_px, 100 * flown.sigma_position_m[0], tilt, heading)
-    sliders = [
-        _around(slider, value) for slider, value in zip(SLIDERS, map(float, values), strict=True)
-    ]
-    size = _effects(calibration, sliders[0])
-    table = np.zeros((*size.shape[:2], len(ROWS) + 1, len(sliders)))
-    for k, (slider, _) in enumerate(ROWS.values()):
-        table[:, :, k, slider] = size[:, :, k]
-        table[:, :, -1, slider] = size[:, :, k]  # all together
-    names = [*ROWS, "all together"]
-    start = [
-        round(float(value), slider.digits) for slider, value in zip(sliders, values, strict=True)
-    ]
-    presets = {
-        "this flight": start,
-        "poor positions": [*start[:2], sliders[2].high, *start[3:]],
-        "better targets": [start[0], round(start[1] / 3, sliders[1].digits), *start[2:]],
-        "twice as high": [min(2 * start[0], sliders[0].high), *start[1:]],
-    }
-    rows = {
-        name: [Roots(sliders=sliders, table=table[:, k, [i]]) for k in range(2)]
-        for i, name in enumerate(names)
-    }
-    largest = np.max(
-        [[part.at(settings)[0] for part in rows[names[-1]]] for settings in presets.values()],
-        axis=0,
-    )
-    ends = [next(end for end in ENDS if end >= sigma) for sigma in largest]
-    return Explorer(
-        name="explorer-error-budget",
-        caption=(
-            "Standard deviation of a ground point by its sources, for a mapping flight with 60 and "
-            "30\N{NO-BREAK SPACE}% of overlap and the calibration of this flight, without an error "
-            "of the survey. The last bar is the root of the sum of the squares of the others."
-        ),
-        sliders=sliders,
-        presets=presets,
-        panels=[
-            bars(
-                names,
-                Roots(sliders=sliders, table=along(table[:, k], 1)),
-                title=name,
-                alt=f"Bars for the sources of the error in {name}, and for all of them together.",
-                ends=(0.0, ends[k]),
-                label="σ (cm)",
-            )
-            for k, name in enumerate(COORDINATES)
-        ],
-        columns=[Column(title=f"{name} (cm)", digits=1) for name in COORDINATES],
-        rows=rows,
-    )
 
 
 # --- Tables of the error budget

@@ -14,7 +14,6 @@ from acx4book.foundations.designs import covariance, lines, planned
 from acx4book.foundations.drawings.camera import UM, balance, border, grid
 from acx4book.paper import printed
 from acx4book.typesetting.moving import (
-    Column,
     Explorer,
     Linear,
     Mark,
@@ -22,9 +21,6 @@ from acx4book.typesetting.moving import (
     Plane,
     Slider,
     Stops,
-    along,
-    dots,
-    logarithms,
 )
 from acx4lib.expected import Array
 from acx4lib.geometry.camera import Interior, colrow_from_xy, distortion
@@ -100,11 +96,7 @@ def distortion_explorer() -> Explorer:
             "k₁ and a balanced f": [2.0, 0, 0, 0, 0, _balanced(2e-6)],
         },
         panels=[_vectors(), _curve(corner)],
-        columns=[
-            Column(title="distortion, µm", digits=1),
-            Column(title="px", digits=1),
-            Column(title="on the ground, m", digits=2),
-        ],
+        columns={"distortion, µm": 1, "px": 1, "on the ground, m": 2},
         rows={
             name: [
                 Linear(matrix=factor * _response(np.array([point])))
@@ -133,20 +125,14 @@ def _vectors() -> Panel:
     plane = Plane(x=(-limits[0], limits[0]), y=(-limits[1], limits[1]), size=size)
     xy = grid(HEAD, 9, 7)
     outline = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
-    scale = EXAGGERATED * plane.scale[0], EXAGGERATED * plane.scale[1]
+    response = Linear(matrix=_response(xy))
     return Panel(
         title="over the image",
         alt="A rectangle, the image, with arrows outwards that are longest in the corners.",
         size=size,
         fixed=plane.line(outline) + plane.line([(-1, 0), (1, 0)]) + plane.line([(0, -1), (0, 1)]),
         marks=[
-            Mark(
-                kind="arrows",
-                colour="blue",
-                at=plane.at(xy),
-                scale=scale,
-                response=Linear(matrix=_response(xy)),
-            )
+            Mark("arrows", "blue", plane, response, at=xy, times=EXAGGERATED),
         ],
     )
 
@@ -163,16 +149,8 @@ def _curve(corner: Array) -> Panel:
             "nks,k->ns", _response(way * np.outer(r, along)).reshape(len(r), 2, -1), way * along
         )
         matrix = np.stack([np.zeros_like(radial), UM * radial], axis=1).reshape(2 * len(r), -1)
-        at = plane.at(np.column_stack([r, np.zeros_like(r)]))
-        marks.append(
-            Mark(
-                kind="curve",
-                colour=colour,
-                at=at,
-                scale=plane.scale,
-                response=Linear(matrix=matrix),
-            )
-        )
+        at = np.column_stack([r, np.zeros_like(r)])
+        marks.append(Mark("curve", colour, plane, Linear(matrix=matrix), at=at))
     return Panel(
         title="along the diagonal",
         alt="Two curves over the radius, which rise with its third power, one above the other.",
@@ -184,8 +162,8 @@ def _curve(corner: Array) -> Panel:
         )
         + plane.line([(0, 0), (35, 0)])
         + "".join(
-            plane.line([(20, y), (22, y)], colour, 1.6)
-            + plane.text((22.8, y), f"to the {where}", anchor="start", shift=(0, 4))
+            plane.line([(20, y), (22, y)], colour)
+            + plane.text((22.8, y), f"to the {where}", "start", shift=(0, 4))
             for y, colour, where in ((142, "blue", "upper right"), (125, "orange", "lower left"))
         ),
         marks=marks,
@@ -304,11 +282,11 @@ def boresight_explorer() -> Explorer:
             "only κ": [0, 0, 0.1, 0, 0, 0],
         },
         panels=[_panel(name, azimuth, colour) for name, (azimuth, colour) in STRIPS.items()],
-        columns=[
-            Column(title=f"{height:.0f} m: {axis}", digits=0)
+        columns={
+            f"{height:.0f} m: {axis}": 0
             for height in (HEIGHT_M, HIGHER_M)
             for axis in ("east", "north")
-        ],
+        },
         rows=rows,
     )
 
@@ -316,20 +294,14 @@ def boresight_explorer() -> Explorer:
 def _panel(name: str, azimuth_deg: float, colour: str) -> Panel:
     size = (172.0, 172.0)
     plane = Plane(x=(-260.0, 260.0), y=(-260.0, 260.0), size=size)
-    scale = _EXAGGERATED * plane.scale[0], _EXAGGERATED * plane.scale[1]
     points, outline = (
         on_ground(azimuth_deg, HEIGHT_M, xy, np.zeros(6)) for xy in (POINTS_MM, HALF_MM * AROUND)
     )
     azimuth = np.radians(azimuth_deg)
     forward = np.array([np.sin(azimuth), np.cos(azimuth)])
     moved = _derivatives(azimuth_deg, HEIGHT_M, POINTS_MM).reshape(-1, len(SLIDERS))
-    arrows = Mark(
-        kind="arrows",
-        colour=colour,
-        at=plane.at(points),
-        scale=scale,
-        response=Linear(matrix=moved),
-    )
+    response = Linear(matrix=moved)
+    arrows = Mark("arrows", colour, plane, response, at=points, times=_EXAGGERATED)
     return Panel(
         title=f"flown {name}",
         alt=f"The footprint of an image flown {name}; its points move against the flight.",
@@ -363,9 +335,6 @@ SHOWN = {
 }
 """Unknowns of `designs.SHOWN`: as they are shown, with the factor to the unit there."""
 
-SMALLEST = 0.005
-"""Start of the axis, as a share of the σ at equal heights."""
-
 
 def two_heights_explorer() -> Explorer:
     """Return the explorer."""
@@ -381,29 +350,15 @@ def two_heights_explorer() -> Explorer:
     return Explorer(
         name="explorer-two-heights",
         caption=(
-            f"Opposite lines at {LOWER_M:.0f} m and at a second height. Left, the standard ellipse "
-            "of the errors of f and of the lever arm's z: with equal heights it is a long line "
-            "that leaves the drawing, since the two can be exchanged for each other. Right, each "
-            "standard deviation as a share of what it is with equal heights; the axis is "
-            "logarithmic."
+            f"Opposite lines at {LOWER_M:.0f} m and at a second height: the standard ellipse of "
+            "the errors of f and of the lever arm's z. With equal heights it is a long line that "
+            "leaves the drawing, since the two can be exchanged for each other. The table has "
+            "each standard deviation, and its share of what it is with equal heights."
         ),
         sliders=[RATIO],
         presets={f"{ratio:.1f}": [ratio] for ratio in (1.5, 1.0, 1.1, 2.0, 3.0)},
-        panels=[
-            _ellipse(cov[:, :2, :2]),
-            dots(
-                [name.partition(",")[0] for name, _ in SHOWN.values()],
-                Stops(sliders=[RATIO], table=along(logarithms(share, SMALLEST, 1.0), -1)),
-                title="standard deviations",
-                alt="Five dots on a logarithmic axis: f and z are far left, φ is nearly at one.",
-                ends=(SMALLEST, 1.0),
-                label="share of σ at equal heights",
-            ),
-        ],
-        columns=[
-            Column(title="value", digits=2),
-            Column(title="share of σ at equal heights", digits=3),
-        ],
+        panels=[_ellipse(cov[:, :2, :2])],
+        columns={"value": 2, "share of σ at equal heights": 3},
         rows=rows,
     )
 
@@ -422,9 +377,7 @@ def _covariances(ratios: Sequence[float] | Array) -> Array:
 def _ellipse(cov: Array) -> Panel:
     size, limit = (360.0, 300.0), 40.0
     plane = Plane(x=(-limit, limit), y=(-limit, limit), size=size, margin=(44.0, 12.0, 26.0, 40.0))
-    points = _ellipses(cov)
-    table = points.reshape(len(cov), -1)
-    origins = np.tile(plane.at(np.zeros((1, 2))), (points.shape[1], 1))
+    response = Stops(sliders=[RATIO], table=_ellipses(cov).reshape(len(cov), -1))
     ticks = [-40, -20, 0, 20, 40]
     return Panel(
         title="errors of f and z together",
@@ -433,15 +386,7 @@ def _ellipse(cov: Array) -> Panel:
         fixed=plane.axes(ticks, ticks, labels=("error of f, µm", "error of lever arm z, cm"))
         + plane.line([(-limit, 0), (limit, 0)], dash="2 3")
         + plane.line([(0, -limit), (0, limit)], dash="2 3"),
-        marks=[
-            Mark(
-                kind="curve",
-                colour="blue",
-                at=origins,
-                scale=plane.scale,
-                response=Stops(sliders=[RATIO], table=table),
-            )
-        ],
+        marks=[Mark("curve", "blue", plane, response)],
     )
 
 

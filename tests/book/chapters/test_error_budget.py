@@ -14,7 +14,7 @@ from acx4book.paper import printed
 from acx4lib.calibration.estimates import parameters
 from acx4lib.calibration.mounting import single_step, two_step
 from acx4lib.georeferencing import budget
-from acx4lib.georeferencing.budget import SOURCES, MappingFlight, like, over_ground
+from acx4lib.georeferencing.budget import SOURCES, like, over_ground
 from acx4lib.georeferencing.validation import validate
 from support.figures import drawn, panels
 
@@ -96,46 +96,6 @@ def test_the_two_step_calibration_is_good_at_its_own_heights_only(heights):
     assert share[-1] > 10 * min(share)
     single = [budget.shares(split.mean[2])["calibration"] for split in heights[1]["single_step"]]
     assert max(single) < 0.03
-
-
-# --- At its stops the explorer says what the library computes for such a flight
-
-
-@pytest.fixture(scope="module")
-def shown(found):
-    flown = replace(found.mapping, height_m=1300.0)
-    return error_budget.explorer(found.calibrations["single_step"], flown)
-
-
-def straight(calibration, values):
-    """Return σ in plan and in height, cm, of a flight with the sliders' values."""
-    height_m, sigma_px, gnss_cm, tilt, heading = values
-    flight = MappingFlight(
-        height_m=height_m,
-        sigma_px=sigma_px,
-        sigma_position_m=(gnss_cm / 100,) * 3,
-        sigma_attitude=tuple(np.radians([tilt, tilt, heading])),
-    )
-    mean = plan_and_height(over_ground(calibration, flight).mean)
-    return 100 * np.sqrt(mean.sum(axis=-1))
-
-
-@pytest.mark.parametrize(
-    "values", [[500.0, 0.5, 5.0, 0.005, 0.008], [3000.0, 3.0, 30.0, 0.02, 0.04]]
-)
-def test_all_together_is_the_predicted_sigma(shown, found, values):
-    *parts, together = [[float(x) for x in row] for row in shown.readings(values)]
-    assert together == pytest.approx(straight(found.calibrations["single_step"], values), abs=0.051)
-    assert np.linalg.norm(parts, axis=0) == pytest.approx(together, abs=0.2)
-
-
-def test_a_slider_moves_its_own_row_alone(shown):
-    before = shown.readings(shown.start)
-    values = [*shown.start[:2], 20.0, *shown.start[3:]]
-    changed = [a != b for a, b in zip(before, shown.readings(values), strict=True)]
-    assert dict(zip(shown.rows, changed, strict=True)) == {
-        name: name in ("GNSS", "all together") for name in shown.rows
-    }
 
 
 # --- Tables: what their rows have, that shares add up, and figures that others computed

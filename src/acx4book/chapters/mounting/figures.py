@@ -321,15 +321,15 @@ def view(mounting: Mounting) -> Scene:
         name="block-in-space",
         alt=(
             "Strips of cameras at their heights over a grid on the ground, with control "
-            "points, tie points, the rays of one point, and ellipsoids that are long at the "
-            "rim and point to the cameras."
+            "points, tie points, the rays of one point, and crosses of the axes of ellipsoids, "
+            "which are long at the rim and point to the cameras."
         ),
         caption=(
             "The block of the single step, with its adjusted positions and attitudes. Each "
-            "pyramid is a camera with its image, far larger than they are. The ellipsoids are "
-            "of one standard deviation, a priori. They point towards the cameras, since the "
-            "distance along the rays is known least, and are long at the rim of the block, "
-            "where the rays come from one side only."
+            "pyramid is a camera with its image, far larger than they are. The crosses are the "
+            "axes of error ellipsoids of one standard deviation, a priori. The longest axes point "
+            "towards the cameras, since the distance along the rays is known least, and are "
+            "longer at the rim of the block, where the rays come from one side only."
         ),
         layers=[layer for layer in layers if len(layer.at)],
     )
@@ -436,17 +436,19 @@ def _rays(bundle: Bundle, ties: Index) -> Layer:
 
 
 def _ellipsoids(bundle: Bundle, ties: Index) -> Layer:
+    """Return both halves of the three axes of each ellipsoid, as one line."""
     chosen = _thinned(ties, MOST_ELLIPSOIDS)
     values, vectors = np.linalg.eigh(bundle.solution.cov_points[chosen])
     largest = np.sqrt(np.linalg.eigvalsh(bundle.solution.cov_points[ties])[:, -1])
     extent = float(np.ptp(bundle.T_m_c.r, axis=0).max())
     times = round_length(LARGE * extent / float(np.median(largest)))
+    axes = times * np.swapaxes(vectors * np.sqrt(values)[:, None], 1, 2)
+    middle = bundle.state.x_m[chosen][:, None]
     return Layer(
-        name=f"error ellipsoids, {times:g} times",
-        kind="ellipsoids",
+        name=f"axes of error ellipsoids, {times:g} times",
+        kind="lines",
         colour="brick",
-        at=bundle.state.x_m[chosen],
-        axes=times * np.swapaxes(vectors * np.sqrt(values)[:, None], 1, 2),
+        at=np.stack([middle - axes, middle + axes], axis=2).reshape(-1, 3),
     )
 
 

@@ -1,5 +1,5 @@
 """Chapter 2, the synthetic image: tie points, refinement, pixels (section 2.1, Table 2).
 
 `figures` draws its geometry, its seams and the heads' responses, `pictures` its pixels and those of
-the heads; `tables` has the numbers, `turned_head` an explorer of the seams.
+the heads; `tables` has the numbers.
 """

@@ -14,7 +14,7 @@ from acx4book.chapters.mounting.figures import image_redundancy, weak_places
 from acx4lib import design
 from acx4lib.bundle.reliability import reliability
 from acx4lib.calibration.estimates import from_bundle
-from acx4lib.calibration.mounting import Mounting, two_step_gnss
+from acx4lib.calibration.mounting import Mounting
 from acx4lib.geometry.collinearity import project
 from acx4lib.geometry.frames import Pose
 from support import blocks
@@ -122,9 +122,9 @@ def test_rays_lead_from_all_images_of_a_point_to_it(mounted, layers):
 
 
 def test_ellipsoids_are_the_covariances_of_tie_points(mounted, layers):
-    (drawn,) = named(layers, "error ellipsoids")
+    (drawn,) = named(layers, "axes of error ellipsoids")
     times = float(re.search(r"([\d.e+]+) times", drawn["name"])[1])
-    axes = np.array(drawn["axes"]).reshape(-1, 3, 3) / times
+    axes = np.diff(at(drawn).reshape(-1, 3, 2, 3), axis=2)[:, :, 0] / 2 / times
     every = ties(mounted)
     chosen = every[:: -(-len(every) // figures.MOST_ELLIPSOIDS)]  # of many every n-th
     cov = np.einsum("nki,nkj->nij", axes, axes)
@@ -135,48 +135,7 @@ def test_ellipsoids_are_the_covariances_of_tie_points(mounted, layers):
 
 # --- held ------------------------------------------------------------------------------------
 #
-# The explorer of the held lever arm: what it shows is what the library's two-step method finds.
-
-
-@pytest.fixture(scope="module")
-def found(ideal, mountings):
-    block, free = ideal.calibration, ideal.estimate_mounting
-    return held.held(block, mountings["two_step_gnss"], mountings["single_step"], free=free)
-
-
-def interior(camera):
-    return np.array([camera.interior.xp, camera.interior.yp, camera.interior.f])
-
-
-def column(shown, values, row):
-    return [float(text.replace("\N{MINUS SIGN}", "-")) for text in shown.readings(values)[row]]
-
-
-def test_readings_are_those_of_the_two_step_method_with_this_lever_arm(ideal, mountings, found):
-    values = [0.6, -0.1, 0.35]
-    given = (ideal.calibration, mountings["two_step_gnss"], mountings["single_step"])
-    shown = held.view(*given, free=ideal.estimate_mounting)
-    again = two_step_gnss(
-        design.with_lever_arm(ideal.calibration, values),
-        free=ideal.estimate_mounting,
-        after=mountings["single_step"],
-    ).calibration.cameras[0]
-    changed = 1000 * (interior(again) - interior(found.single))
-    # µm, as shown to a tenth; the rest is the second order of half a metre
-    assert column(shown, values, 1) == pytest.approx(changed, abs=0.15)
-    for row, height in enumerate((*sorted(found.heights_m), 2 * max(found.heights_m)), 3):
-        off = 100 * held.off_ground(again, found.single, height)
-        assert column(shown, values, row) == pytest.approx(off, abs=0.5)
-
-
-def test_what_the_single_step_finds_is_wrong_nowhere(found):
-    assert np.abs(found.ground_cm(1000.0).at(found.single.T_b_c.r)).max() < 0.3
-    assert np.abs(found.interior_um.at(found.single.T_b_c.r)).max() < 0.3
-
-
-def test_the_ground_is_straight_over_the_heights_that_a_line_joins(found):
-    low, middle, high = (found.ground_cm(h).at([0.5, 0.0, 0.0]) for h in (600.0, 1800.0, 3000.0))
-    assert middle == pytest.approx((low + high) / 2, abs=1e-3)
+# The figure of the held lever arm: what it shows is what the calibrations do to a ground point.
 
 
 CAMERA = replace(blocks.CAMERA, T_b_c=Pose(R=np.eye(3), r=np.zeros(3)))
@@ -194,7 +153,22 @@ def test_a_focal_length_alone_lowers_the_ground_with_the_height():
     assert held.off_ground(longer, CAMERA, 1000.0) == pytest.approx([0, 0, -1.0], abs=1e-6)
 
 
+def test_the_error_on_the_ground_is_straight_and_nearly_zero_between_the_heights(mountings):
+    two, single = mountings["two_step_gnss"], mountings["single_step"]
+    (ax,) = drawn(held.over_heights(two, single)).axes
+    heights = [level.height_m for level in design.levels(single.bundle.network.block)]
+    for line, axis in zip(ax.get_lines()[:3], range(3), strict=True):
+        x, y = line.get_data()
+        between = np.interp(heights, x, y)
+        assert y == pytest.approx(np.interp(x, x[[0, -1]], y[[0, -1]]), abs=1e-3)
+        assert np.abs(between).max() < 0.5 * np.abs(y[[0, -1]]).max()
+        for at in (0, -1):
+            cameras = (method.calibration.cameras[0] for method in (two, single))
+            assert y[at] == pytest.approx(100 * held.off_ground(*cameras, x[at])[axis])
+
+
 def test_of_several_cameras_there_is_none(mountings):
     single = mountings["single_step"]
-    two = blocks.standard(cameras=(blocks.CAMERA, replace(blocks.CAMERA, name="AFT")))
-    assert held.view(two, mountings["two_step_gnss"], single, free=("f",)) is None
+    two = replace(single.calibration, cameras=single.calibration.cameras * 2)
+    fig = held.over_heights(mountings["two_step_gnss"], replace(single, calibration=two))
+    assert "one camera" in drawn(fig).axes[0].texts[0].get_text()

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.quiver import Quiver
 from numpy.testing import assert_allclose
 
-from acx4book.chapters.synthetic_image import tables, turned_head
+from acx4book.chapters.synthetic_image import tables
 from acx4book.chapters.synthetic_image.figures import (
     footprints,
     refinements,
@@ -19,9 +19,7 @@ from acx4files.stages import synthetic
 from acx4lib.geometry.frames import opk_from_rotation, rotation_from_opk
 from acx4lib.synthetic_image.frame import (
     coverage,
-    head_from_synthetic,
     reduced_heads,
-    synthetic_from_head,
 )
 from acx4lib.synthetic_image.response import estimate_response
 from acx4lib.synthetic_image.transferred_points import transfer
@@ -208,71 +206,3 @@ def test_carried_points_are_counted_by_block(tmp_path):
     row = tables.transferred_points(small, {"calibration": points}).loc["calibration"]
     assert row["Measured in heads"] == len(small.calibration.image_points)
     assert row["Transferred"] + row["outside the frame"] == row["Points of exposures"]
-
-
-# --- the explorer of a turned head: its seams open as the library's equations open them ------
-
-
-@pytest.fixture(scope="module")
-def turned_head_synthetic():
-    return taken.synthetic(1)
-
-
-@pytest.fixture(scope="module")
-def shown(orientation, turned_head_synthetic):
-    refinement = refined(orientation, tied(orientation, (0, 1), 40)[0])
-    return turned_head.view(refinement, turned_head_synthetic, head=1)
-
-
-TURN = [0.013, -0.021, 0.03]
-
-
-def test_readings_are_the_rms_of_the_moves_by_the_library(
-    orientation, turned_head_synthetic, shown
-):
-    opk = orientation.opk.copy()
-    opk[1] += np.radians(TURN)
-    wrong, moves = replace(orientation, opk=opk), []
-    for seam in turned_head.seams(orientation, turned_head_synthetic, 1):
-        colrow = head_from_synthetic(orientation, 1, seam.xy)
-        moves.append(
-            (synthetic_from_head(wrong, 1, colrow) - seam.xy) / turned_head_synthetic.pixel_mm
-        )
-    moves.append(np.concatenate(moves))
-    for row, own in zip(shown.readings(TURN), moves, strict=True):
-        left = own - moves[-1].mean(axis=0)
-        expected = [np.sqrt((d**2).sum(axis=1).mean()) for d in (own, left)]
-        assert [float(text) for text in row] == pytest.approx(expected, abs=0.006)
-
-
-def test_a_shift_takes_away_a_tilt_nearly_and_a_turn_in_the_plane_not(shown):
-    tilted, swung = (
-        [float(x) for x in shown.readings(v)[-1]] for v in ([0.02, 0, 0], [0, 0, 0.02])
-    )
-    assert tilted[1] < 0.2 * tilted[0]
-    assert swung[1] > 0.5 * swung[0]
-
-
-def test_the_places_of_a_seam_lie_in_both_heads(orientation, turned_head_synthetic):
-    for seam in turned_head.seams(orientation, turned_head_synthetic, 1):
-        for head in (1, seam.head):
-            camera = orientation.heads[head]
-            colrow = head_from_synthetic(orientation, head, seam.xy)
-            assert np.all((colrow > -0.5) & (colrow < [camera.width_px, camera.height_px]))
-
-
-def test_what_moves_up_in_the_frame_moves_up_beside_an_upright_seam(shown):
-    frame, seam = ([mark.places([0.02, 0, 0]) - mark.at for mark in p.marks] for p in shown.panels)
-    upwards = np.concatenate(frame)[:, 1].mean()
-    assert upwards < 0  # in a drawing y counts down
-    assert all(moved[:, 1].mean() < 0 for moved in seam)
-
-
-def test_a_head_that_shares_nothing_has_none(orientation, turned_head_synthetic):
-    opk = orientation.opk.copy()
-    opk[1, 0] += 1.0
-    aside = replace(orientation, opk=opk)
-    refinement = refined(orientation, tied(orientation, (0, 1), 40)[0])
-    refinement = replace(refinement, orientations={"before": aside, "rotations": aside})
-    assert turned_head.view(refinement, turned_head_synthetic) is None
-    assert turned_head.view(refinement, turned_head_synthetic, head=4) is None
