@@ -137,26 +137,3 @@ def free_addresses() -> int | None:
     except OSError:
         return int(limit)
     return int(limit) - pages * os.sysconf("SC_PAGE_SIZE")
-
-
-# --- interruptions ---------------------------------------------------------------------------
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Block interruptions, also of processes started meanwhile."""
-    _mask("SIG_BLOCK")
-    try:
-        yield
-    finally:
-        _mask("SIG_UNBLOCK")
-
-
-def hear_interruptions() -> None:
-    """Unblock interruptions in a process that was started without them."""
-    _mask("SIG_UNBLOCK")
-
-
-def _mask(how: str) -> None:
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(getattr(signal, how), {signal.SIGINT})

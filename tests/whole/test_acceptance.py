@@ -149,10 +149,11 @@ def test_check_points_pass_their_tests_as_often_as_they_should(seeds):
     for seed in seeds:
         found = flown.validations("acx4-ideal", seed=seed)["single_step"]
         points, summed = found.points, accuracy.from_differences(found.points.d)
-        predicted = accuracy.triple(np.sqrt(np.mean(points.sigma**2, axis=0)))
+        dof, predicted = summed.n - 1, np.mean(points.sigma**2, axis=0)
+        scatter = dof * np.array(summed.std) ** 2 / predicted
         bias = accuracy.bias_test(points.d.mean(axis=0), found.mean_cov)
         accepted["mean"] += sum(bias.accepted)
-        accepted["precision"] += sum(accuracy.precision_test(summed, predicted).accepted)
+        accepted["precision"] += sum(scatter <= stats.chi2.ppf(0.9, dof))
     low, high = stats.binom.interval(0.999, 3 * len(seeds), 0.9)
     assert low <= accepted["mean"] <= high
     assert low <= accepted["precision"] <= high

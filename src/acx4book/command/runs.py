@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -24,20 +25,16 @@ from acx4book.command.surroundings import shut_out
 from acx4book.notebooks import runner
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
-from acx4files.flight.tables import name_fault
 from acx4files.opening import text_of
 from acx4files.results import earlier, folder, own_folder, provenance, whole_files
 from acx4files.results.table_files import NOTEBOOKS, PART_OF
 from acx4files.stages import order
-from acx4lib.errors import Acx4Error, FlightError, OutputError, unsolvable, visible
+from acx4lib.errors import Acx4Error, FlightError, OutputError, visible
 from acx4lib.geometry.parameters import AXES, REPORTED
 from acx4lib.least_squares.processors import as_finished
 
 TABLE, SIMULATED, METHOD = "flights.csv", "simulated", "single_step"
 """Table and folder of simulated flights beside those of all flights; method of the table's rows."""
-
-COMMAND, COMMAND_OF_SIMULATED = "acx4 run of many flights", "acx4 simulate"
-"""Commands in the marks of the folder, and of a simulated flight."""
 
 _ADJUSTMENT = ("sigma0_squared", "redundancy", "n_rejected")
 _CHECKED = {"mean": "_m", "rms": "_m", "normalised_rms": ""}
@@ -91,8 +88,9 @@ class Outcome:
 def of_flights(flights: Sequence[Path], folder: Path, settings: Settings) -> list[Job]:
     """Return a job for each flight, called as the flight's folder; ValueError for equal names."""
     paths, top = [absolute(flight) for flight in flights], absolute(folder)
-    jobs = [Job(name=p.name, flight=p, results=top / p.name, settings=settings) for p in paths]
-    return _named(jobs)
+    return _named(
+        [Job(name=p.name, flight=p, results=top / p.name, settings=settings) for p in paths]
+    )
 
 
 def of_seeds(
@@ -100,22 +98,18 @@ def of_seeds(
 ) -> list[Job]:
     """Return a job for every seed of every design or plan, ``single-head-1`` and so on."""
     top, jobs = absolute(folder), []
-    for design in dict.fromkeys(designs):
-        for seed in seeds:
-            name = f"{Path(design).stem}-{seed}"
-            own = {"flight": top / SIMULATED / name, "results": top / name}
-            jobs.append(Job(name=name, settings=settings, design=design, seed=seed, **own))
+    for design, seed in product(dict.fromkeys(designs), seeds):
+        name = f"{Path(design).stem}-{seed}"
+        own = {"flight": top / SIMULATED / name, "results": top / name}
+        jobs.append(Job(name=name, settings=settings, design=design, seed=seed, **own))
     return _named(jobs)
 
 
 def _named(jobs: list[Job]) -> list[Job]:
-    often = Counter(job.name for job in jobs)
+    often = Counter([TABLE, SIMULATED, "", *(job.name for job in jobs)])
     for job in jobs:
-        bad = not job.name or job.name.startswith(".") or job.name in (TABLE, SIMULATED)
-        fault = "it cannot be called so" if bad else next(iter(name_fault(job.name) or ()), "")
-        if fault or often[job.name] > 1:
-            says = fault or "another flight of this call would be called so"
-            msg = f"{job.design or job.flight}: {job.name!r}: {says}; rename it"
+        if often[job.name] > 1 or job.name.startswith("."):
+            msg = f"{job.design or job.flight}: {job.name!r}: no folder of its own; rename it"
             raise ValueError(msg)
     return jobs
 
@@ -162,8 +156,8 @@ def executor(jobs: int, cluster: str | None) -> Iterator[Executor]:
         lines = ["--cluster needs Dask, which is not installed: pip install 'acx4lib[cluster]'"]
         raise FlightError(lines) from None
     except (OSError, ValueError, TypeError) as error:
-        says = f"no Dask scheduler answers; must be such as tcp://host:8786 ({error})"
-        raise FlightError([f"--cluster {cluster}: {' '.join(says.split())}"]) from None
+        says = f"--cluster {cluster}: no Dask scheduler answers ({error})"
+        raise FlightError([" ".join(says.split())]) from None
     with client:
         yield client.get_executor(pure=False)
 
@@ -199,7 +193,7 @@ def is_whole(flight: Flight, results: Path, settings: Settings) -> bool:
 
 def _run(job: Job) -> Outcome:
     """Run a flight, and return its outcome; no error of the flight is raised."""
-    kept, given = False, job.settings
+    kept, given, status = False, job.settings, 0
     try:
         if job.design:
             _simulate(job)
@@ -212,9 +206,13 @@ def _run(job: Job) -> Outcome:
             )
             lines = list(ended.not_determined)
         status = int(bool(lines))
-    except Exception as error:  # other flights go on
-        status = 2 if isinstance(error, FlightError | OutputError | OSError) else 1
-        lines = _said(error)
+    except Acx4Error as error:  # other flights go on
+        status = 2 if isinstance(error, FlightError | OutputError) else 1
+        lines = [*getattr(error, "__notes__", ()), *str(error).splitlines()]
+    except OSError as error:
+        status, lines = 2, [f"{error.filename}: {error.strerror}" if error.filename else str(error)]
+    except Exception as error:  # as above
+        status, lines = 1, [f"this is a mistake in acx4: {type(error).__name__}: {error}"]
     line = lines[0] + f" (and {len(lines) - 1} more)" * (len(lines) > 1) if lines else ""
     for place in (job.flight, job.results):
         line = line.replace(f"{place}/", "")
@@ -222,17 +220,6 @@ def _run(job: Job) -> Outcome:
     with suppress(Acx4Error):  # results that cannot be read
         row = _row(job.results) if status < 2 else {}
     return Outcome(status=status, reason=visible(" ".join(line.split())), kept=kept, row=row)
-
-
-def _said(error: Exception) -> list[str]:
-    """Return what a command says of an error."""
-    if isinstance(error, OSError) and error.filename is not None:
-        return [f"{error.filename}: {error.strerror}"]
-    if isinstance(error, Acx4Error | OSError):
-        return [*getattr(error, "__notes__", ()), *str(error).splitlines()]
-    if type(error).__name__ == "LinAlgError":
-        return [str(unsolvable(str(error)))]
-    return [f"this is a mistake in acx4: {type(error).__name__}: {error}"]
 
 
 def _simulate(job: Job) -> None:
@@ -243,10 +230,10 @@ def _simulate(job: Job) -> None:
     plan = text_of(Path(job.design)) if simulated.is_plan(job.design) else ""
     beside = f"{job.flight.name}.plan.toml"
     if not job.flight.exists():
-        with own_folder.placed(job.flight, command=COMMAND_OF_SIMULATED) as draft:
+        with own_folder.placed(job.flight, command="acx4 simulate") as draft:
             write(simulated.fly(job.design, seed=job.seed), draft)
             if plan:
-                whole_files.write(draft.with_name(f"{draft.name}.plan.toml"), plan)
+                whole_files.write(draft.with_name(beside), plan)
     elif plan and text_of(job.flight.with_name(beside)) != plan:
         says = f"was flown by another plan than {job.design} is now; choose another folder"
         raise OutputError(f"{job.flight}: {says} for the results, or remove this one")
@@ -264,8 +251,8 @@ def _row(results: Path) -> dict[str, str]:
         for line in csv.DictReader(io.StringIO(text_of(results / "parameters.csv"), newline="")):
             if (line["stage"], line["method"]) == ("mounting", METHOD):
                 row |= {"camera": line["camera"]} if line["camera"] else {}
-                row |= {line["parameter"]: line["value"]}
-                row |= {f"sigma_{line['parameter']}": line["sigma"]}
+                row[line["parameter"]] = line["value"]
+                row[f"sigma_{line['parameter']}"] = line["sigma"]
     if "validation" in stages:
         entry = summary.get(f"validation/{METHOD}") or summary.get("validation/given", {})
         row |= {"n_check_points": json.dumps(entry["n_points"])} if "n_points" in entry else {}
@@ -284,14 +271,16 @@ def run_all(
 ) -> dict[str, Outcome]:
     """Run flights into a folder, and write their table at the end or after an interruption.
 
-    No error of a flight is raised. `tell` gets a name with 0 and 1 while it waits, 1 and 1 when it
-    is done, 0 and 0 when it failed. OutputError: the folder must not be used.
+    `tell` gets a name with 0 and 1 while it waits, 1 and 1 when it is done, 0 and 0 when it failed.
+    OutputError: the folder must not be used.
     """
     away_from = [job.flight for job in jobs if not job.design]
     found: dict[str, Outcome] = {}
     for job in jobs:
         tell(job.name, 0, 1)
-    with own_folder.claim(folder, command=COMMAND, away_from=away_from) as claimed:
+    with own_folder.claim(
+        folder, command="acx4 run of many flights", away_from=away_from
+    ) as claimed:
         claimed.expect([TABLE])
         try:
             for job, call in as_finished(pool, _run, jobs):

@@ -239,34 +239,6 @@ def spread_table(tests: Mapping[str, NormalisedTest]) -> pd.DataFrame:
     return table
 
 
-def mean_test(accuracy: Accuracy, *, probability: float = 0.9) -> AxisTest:
-    """Test whether the mean errors are zero (Student).
-
-    Valid for two or more points with independent, normally distributed errors. Where their
-    covariance is known, `bias_test` takes it into account.
-
-    Parameters
-    ----------
-    accuracy : Accuracy
-    probability : float
-        Probability of accepting errors without bias, two-sided.
-
-    Returns
-    -------
-    AxisTest
-        t = mean sqrt(n) / std with n - 1 degrees of freedom.
-    """
-    expected.instance("accuracy", accuracy, Accuracy)
-    expected.probability("probability", probability)
-    if accuracy.n < 2:
-        return AxisTest(statistic=triple(np.full(3, np.nan)), critical=np.nan)
-    mean, std = np.array(accuracy.mean), np.array(accuracy.std)
-    t = np.divide(mean, std, out=np.copysign(np.inf, mean), where=std > 0)
-    t = np.where(mean == 0.0, 0.0, t) * np.sqrt(accuracy.n)
-    critical = statistics.t_ppf(0.5 + probability / 2, accuracy.n - 1)
-    return AxisTest(statistic=triple(t), critical=float(critical))
-
-
 def bias_test(mean: Array, mean_cov: Array, *, probability: float = 0.9) -> AxisTest:
     """Test whether the mean errors are zero, where the covariance of the mean is known.
 
@@ -293,36 +265,6 @@ def bias_test(mean: Array, mean_cov: Array, *, probability: float = 0.9) -> Axis
     return AxisTest(
         statistic=triple(statistic), critical=statistics.norm_ppf(0.5 + probability / 2)
     )
-
-
-def precision_test(accuracy: Accuracy, sigma_0: Triple, *, probability: float = 0.9) -> AxisTest:
-    """Test whether the scatter of the errors is no larger than a required one.
-
-    A significant mean (`mean_test`) must be removed or declared first.
-
-    Parameters
-    ----------
-    accuracy : Accuracy
-    sigma_0 : tuple of three floats
-        Required standard deviations, m.
-    probability : float
-        Probability of accepting errors that have exactly these deviations, one-sided.
-
-    Returns
-    -------
-    AxisTest
-        chi-square = (n - 1) std^2 / sigma_0^2 with n - 1 degrees of freedom.
-    """
-    expected.instance("accuracy", accuracy, Accuracy)
-    expected.three("sigma_0", sigma_0)
-    expected.positive("sigma_0", np.asarray(sigma_0))
-    expected.probability("probability", probability)
-    if accuracy.n < 2:
-        return AxisTest(statistic=triple(np.full(3, np.nan)), critical=np.nan)
-    dof = accuracy.n - 1
-    statistic = dof * (np.array(accuracy.std) / np.array(sigma_0)) ** 2
-    critical = statistics.chi2_ppf(probability, dof)
-    return AxisTest(statistic=triple(statistic), critical=critical)
 
 
 def rms_interval(rms: float, n: float, *, probability: float = 0.95) -> tuple[float, float]:

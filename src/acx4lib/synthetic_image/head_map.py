@@ -248,34 +248,6 @@ def _n_nodes(n_px: int, step_px: int) -> int:
     return -(-n_px // step_px) + 1
 
 
-def between_nodes(head: HeadMap, rows: Array, cols: Array) -> Array:
-    """Return the bilinear positions, in the head, of rows x columns of the grid's image.
-
-    Parameters
-    ----------
-    head : HeadMap
-    rows, cols : ndarray, shape (n,), (m,)
-        px, inside the grid.
-
-    Returns
-    -------
-    colrow : ndarray, shape (n, m, 2)
-        Pixels of the head; NaN in cells with a node that is NaN.
-    """
-    i, t = _cell(rows, head.step_px, head.nodes.shape[0])
-    j, s = _cell(cols, head.step_px, head.nodes.shape[1])
-    t, s = t[:, None, None], s[None, :, None]
-    upper = (1 - s) * head.nodes[np.ix_(i, j)] + s * head.nodes[np.ix_(i, j + 1)]
-    lower = (1 - s) * head.nodes[np.ix_(i + 1, j)] + s * head.nodes[np.ix_(i + 1, j + 1)]
-    return (1 - t) * upper + t * lower
-
-
-def _cell(position: Array, step_px: int, n: int) -> tuple[np.ndarray, Array]:
-    """Return the node before each position, and the fraction of the way to the next node."""
-    before = np.clip(position // step_px, 0, n - 2).astype(np.intp)
-    return before, position / step_px - before
-
-
 # --- Images mapped from their files: memory of pixels that were read can be given back
 
 

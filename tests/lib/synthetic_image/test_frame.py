@@ -40,7 +40,6 @@ from acx4lib.synthetic_image.frame import (
 from acx4lib.synthetic_image.head_map import (
     TOLERANCE,
     HeadMap,
-    between_nodes,
     fitting_step,
     head_map,
     levelled,
@@ -330,6 +329,22 @@ def test_the_table_has_the_lowest_and_the_highest_exposure(block):
 
 SYN = taken.printed_synthetic()
 HEAD_MAP_HEADS = taken.printed_heads()
+
+
+def between_nodes(head, rows, cols):
+    """Return the bilinear positions, in the head, of rows x columns of the grid's image."""
+    i, t = cell(rows, head.step_px, head.nodes.shape[0])
+    j, s = cell(cols, head.step_px, head.nodes.shape[1])
+    t, s = t[:, None, None], s[None, :, None]
+    upper = (1 - s) * head.nodes[np.ix_(i, j)] + s * head.nodes[np.ix_(i, j + 1)]
+    lower = (1 - s) * head.nodes[np.ix_(i + 1, j)] + s * head.nodes[np.ix_(i + 1, j + 1)]
+    return (1 - t) * upper + t * lower
+
+
+def cell(position, step_px, n):
+    """Return the node before each position, and the fraction of the way to the next node."""
+    before = np.clip(position // step_px, 0, n - 2).astype(np.intp)
+    return before, position / step_px - before
 
 
 def errors(orientation, k, synthetic, head, rows, cols):

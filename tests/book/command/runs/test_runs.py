@@ -322,11 +322,10 @@ def test_a_name_is_that_of_the_folder_however_it_is_called(tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ("paths", "says"),
     [
-        (["/a/f", "/a/../a/f"], "/a/f: 'f': another flight of this call would be called so"),
-        (["/a/f", "/b/f"], "another flight of this call would be called so; rename it"),
-        (["/a/flights.csv"], "'flights.csv': it cannot be called so; rename it"),
-        (["/a/.hidden"], "it cannot be called so"),
-        (["/a/=1+1"], "would be computed as a formula by a spreadsheet; rename"),
+        (["/a/f", "/a/../a/f"], "/a/f: 'f': no folder of its own; rename it"),
+        (["/a/f", "/b/f"], "'f': no folder of its own; rename it"),
+        (["/a/flights.csv"], "'flights.csv': no folder of its own; rename it"),
+        (["/a/.hidden"], "'.hidden': no folder of its own"),
     ],
 )
 def test_flights_that_cannot_be_named_are_refused(paths, says):
@@ -343,7 +342,7 @@ def test_seeds_are_of_every_design_and_have_places_for_their_flights(tmp_path):
 
 
 def test_plans_that_would_have_one_name_are_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"/a/p\.toml: 'p-1': another flight of this call"):
+    with pytest.raises(ValueError, match=r"/a/p\.toml: 'p-1': no folder of its own"):
         runs.of_seeds(["/a/p.toml", "/b/p.toml"], [1], tmp_path, SETTINGS)
 
 
