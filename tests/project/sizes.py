@@ -42,7 +42,7 @@ RATCHET = {
     "tests lines": 65_000,
     "commands": 27,
     "options": 160,
-    "pages lines": 1_845,
+    "pages lines": 1_846,
 }
 """The largest that each number may be; a package that has none may have no code."""
 

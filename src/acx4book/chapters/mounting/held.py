@@ -1,7 +1,7 @@
 """What a held lever arm does to the ground: the two-step method beside the single step.
 
 The two-step method puts the error of the lever arm into the interior orientation and the boresight.
-On the ground the parts cancel from the heights of the block, and from no other.
+On the ground the parts nearly cancel from the heights of the block, and from no other.
 """
 
 from __future__ import annotations
