@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import stat
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -17,8 +16,6 @@ from llvmlite import binding, ir
 from numba import njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.core.runtime.nrt import rtsys
-
-from acx4lib import system
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -73,9 +70,7 @@ def load(*functions: Callable[..., Any]) -> None:
 
 
 def _folder() -> Path | None:
-    """Return the cache folder of the present sources; None where the user has none of his own.
-
-    The cache holds code that later processes run.
+    """Return the cache folder of the present sources; None where no folder can be written.
 
     Every state of the sources has its own folder: numba checks the date of a function's own
     module only, but functions of other modules are compiled into it.
@@ -89,42 +84,16 @@ def _folder() -> Path | None:
     named = Path(_CONFIG.CACHE_DIR)
     if named.is_absolute():
         roots.insert(0, named)
-    return next((root / name for root in roots if _is_own(root / name)), None)
+    return next((root / name for root in roots if _is_writable(root / name)), None)
 
 
-def _is_own(folder: Path) -> bool:
-    """Tell whether only the user, or the administrator, can write files in a folder.
-
-    A missing folder is made.
-    """
-    me = system.user()
+def _is_writable(folder: Path) -> bool:
+    """Tell whether this user can write files in a folder; a missing one is made."""
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        whole = folder.resolve()
-        above = [parent.stat() for parent in whole.parents]
-        is_mine = whole.stat().st_uid == me and not _is_open(whole.stat())
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return False
-    if me is None:
-        return os.access(folder, os.W_OK)
-    held = all(
-        status.st_uid in (*_SYSTEM, me)
-        # in /tmp others may write, but move only their own files
-        and (status.st_mode & stat.S_ISVTX or not _is_open(status))
-        for status in above
-    )
-    return is_mine and held and os.access(folder, os.W_OK | os.X_OK)
-
-
-_SYSTEM = (0, 65534)
-"""Owners of the system's folders; the second stands for 0 inside some containers."""
-
-
-def _is_open(status: os.stat_result) -> bool:
-    """Tell whether others than its owner may write into a folder."""
-    if status.st_mode & stat.S_IWGRP and not system.is_alone_in(status.st_gid):
-        return True
-    return bool(status.st_mode & stat.S_IWOTH)
+    return os.access(folder, os.W_OK | os.X_OK)
 
 
 def _user_folder(variable: str, default: str) -> Path | None:
@@ -139,9 +108,8 @@ NOT_KEPT = (
     ""
     if _FOLDER
     else (
-        "compiled code cannot be kept: neither the package's folder nor the user's cache is a "
-        "folder that this user, and nobody else, can write, so every run compiles anew; "
-        "NUMBA_CACHE_DIR names another folder"
+        "compiled code cannot be kept: neither the package's folder nor the user's cache can be "
+        "written, so every run compiles anew; NUMBA_CACHE_DIR names another folder"
     )
 )
 """Warning that a command prints once; empty where compiled code can be kept."""

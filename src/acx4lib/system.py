@@ -2,16 +2,13 @@
 
 Only this module uses modules and functions that some system lacks, so that flights are checked,
 simulated, run and reported on any system. Without locks of files, the owner named in a lock file
-counts; without owners of files, a folder with write permission is the user's own; without masks
-of signals, an interruption takes effect at once.
+counts.
 """
 
 from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -24,7 +21,7 @@ def _module(name: str) -> Any:
         return None
 
 
-_fcntl, _grp, _pwd, _resource = map(_module, ("fcntl", "grp", "pwd", "resource"))
+_fcntl, _resource = map(_module, ("fcntl", "resource"))
 
 SIGPIPE = int(getattr(signal, "SIGPIPE", 13))
 """Number of the signal for a pipe without a reader."""
@@ -45,7 +42,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-# --- files and their owners ------------------------------------------------------------------
+# --- files and processes ----------------------------------------------------------------------
 
 
 def lock(file: IO[str]) -> None:
@@ -82,37 +79,6 @@ def is_alive(process: int) -> bool:
     except (PermissionError, OverflowError):
         return True
     return True
-
-
-def user() -> int | None:
-    """Return the number of this user; None where files have no owners."""
-    return os.getuid() if hasattr(os, "getuid") else None
-
-
-def is_alone_in(group: int) -> bool:
-    """Tell whether a group is the user's private group, with the user as its only member."""
-    if _pwd is None or _grp is None:
-        return False
-    try:
-        me, entry = _pwd.getpwuid(os.getuid()), _grp.getgrgid(group)
-    except KeyError:
-        return False
-    return bool(entry.gr_name == me.pw_name and set(entry.gr_mem) <= {me.pw_name})
-
-
-@contextmanager
-def standing_in(folder: Path) -> Iterator[None]:
-    """Change to a folder, and afterwards back to the previous one, even if that was renamed."""
-    known = hasattr(os, "fchdir")
-    how = flags("O_PATH", "O_DIRECTORY", "O_CLOEXEC")
-    here: int | str = os.open(".", how) if known else str(Path.cwd())
-    try:
-        os.chdir(folder)
-        yield
-    finally:
-        os.chdir(here)
-        if isinstance(here, int):
-            os.close(here)
 
 
 # --- memory ----------------------------------------------------------------------------------

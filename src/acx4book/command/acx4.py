@@ -21,7 +21,6 @@ import typer
 
 from acx4book.command import importing, pictures, planning, results, run, teaching, terminal
 from acx4book.command.gone import instead
-from acx4book.command.surroundings import shut_out
 from acx4book.command.terminal import TERMINATED, status_of
 
 # Commands import the computing modules inside their functions, so that `acx4 --help` is quick.
@@ -54,7 +53,6 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     arguments : sequence of str, optional
         Replaces the arguments of the command line.
     """
-    shut_out()
     sys.modules.setdefault(GRAMMAR, None)  # type: ignore[arg-type] # as if it were not installed
     os.environ |= ONE_THREAD
     gc.set_threshold(GARBAGE)

@@ -21,10 +21,10 @@ from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 
-from acx4book.command.surroundings import shut_out
 from acx4book.notebooks import runner
 from acx4files.flight import reader
 from acx4files.flight.reader import Flight
+from acx4files.flight.tables import name_fault
 from acx4files.opening import text_of
 from acx4files.results import earlier, folder, own_folder, provenance, whole_files
 from acx4files.results.table_files import NOTEBOOKS, PART_OF
@@ -108,8 +108,9 @@ def of_seeds(
 def _named(jobs: list[Job]) -> list[Job]:
     often = Counter([TABLE, SIMULATED, "", *(job.name for job in jobs)])
     for job in jobs:
-        if often[job.name] > 1 or job.name.startswith("."):
-            msg = f"{job.design or job.flight}: {job.name!r}: no folder of its own; rename it"
+        if often[job.name] > 1 or job.name.startswith(".") or name_fault(job.name):
+            where = job.design or job.flight
+            msg = f"{where}: {job.name!r} cannot be the one name of a flight's results; rename it"
             raise ValueError(msg)
     return jobs
 
@@ -164,7 +165,6 @@ def executor(jobs: int, cluster: str | None) -> Iterator[Executor]:
 
 def _begin() -> None:
     """Begin a process: an interruption is for its parent, and it ends what it has begun."""
-    shut_out()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

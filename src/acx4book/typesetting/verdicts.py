@@ -31,7 +31,7 @@ def spreads(table: pd.DataFrame) -> dict[str, object]:
 
 def _in_words(table: pd.DataFrame) -> list[str]:
     """Return the number of each test with the limit that it is near."""
-    rows = table.reset_index().to_dict("records")
+    rows = table.rename_axis(["method", "coordinate"]).reset_index().to_dict("records")
     limits = [row["lower limit" if row["limits"] == "below" else "upper limit"] for row in rows]
     return [
         f"{row['RMS of d / σ']:.3f} in {row['coordinate']} ({inside(row['method'])}; "
