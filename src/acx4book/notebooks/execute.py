@@ -167,7 +167,8 @@ def _scrub(executed: Path, hidden: str) -> None:
         for key in ("papermill", "execution"):
             cell.metadata.pop(key, None)
     text: str = nbformat.writes(nbformat.from_dict(notebook))  # type: ignore[no-untyped-call] # untyped
-    text = re.sub(r"[^\s\"]*ipykernel_\d+/\d+\.py", "<cell>", text)
+    # from the beginning of a word on: pictures are words of a million letters
+    text = re.sub(r"(?<![^\s\"])[^\s\"]*ipykernel_\d+/\d+\.py", "<cell>", text)
     if hidden:
         text = text.replace(f"/{hidden}", "").replace(hidden, ".")
     write(executed, text)
