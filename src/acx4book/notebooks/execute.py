@@ -149,7 +149,9 @@ def execute(
             number = n_code - bool(given)
             raise _failed(notebook.stem, number, "its process was ended") from None
         finally:
-            ensure_event_loop().close()  # of this thread, which papermill leaves open
+            loop = ensure_event_loop()  # of this thread, which papermill leaves open
+            if not loop.is_running():
+                loop.close()
             if executed.is_file():
                 _scrub(executed, hidden)
     on_cell(total, total)

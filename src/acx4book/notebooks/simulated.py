@@ -312,7 +312,7 @@ def simulate(plan: FlightPlan, *, seed: int, options: Options) -> SimulatedFligh
     slow = _slow(plan.values.get("apriori", {})) or options.slow_errors
     options = replace(options, refraction=plan.setup.refraction, slow_errors=slow)
     flight = simulate_plan(_simulated(plan), seed, options)
-    return replace(flight, toml=plans.written(settings(plan.values)))
+    return replace(flight, toml=plans.written({"simulated": True, **settings(plan.values)}))
 
 
 def _simulated(plan: FlightPlan) -> Plan:

@@ -133,7 +133,8 @@ def _limits(test: Statistic, level: float) -> tuple[float, float]:
     high = float(stats.chi2.isf(level / 2 if test.two_sided else level, test.dof))
     low = float(stats.chi2.ppf(level / 2, test.dof)) if test.two_sided else 0.0
     if test.name.startswith(MATTERING):
-        return min(low, test.dof / MATTERS**2), max(high, MATTERS**2 * test.dof)
+        factor = (1 + MATTERS) ** 2
+        return min(low, test.dof / factor), max(high, factor * test.dof)
     return low, high
 
 

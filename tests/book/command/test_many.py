@@ -90,7 +90,7 @@ def test_flights_are_lines_of_a_table_and_the_status_is_the_largest(acx4, flight
             ["a", "--with-notebooks", "--cluster", "tcp://x:1"],
             "--cluster computes the numbers only",
         ),
-        (["a", "a"], "'a': cannot be the one name of a flight's results; rename it"),
+        (["a", "a"], "'a' cannot be the one name of a flight's results; rename it"),
         (["a", "b", "--stages", "rig"], "unknown stage 'rig'; known: heads,"),
     ],
 )

@@ -21,7 +21,7 @@ PARAMETERS = "flight_path = ''\nresults_path = ''\nseed = 1"
 KEEP = """
 import pandas
 from acx4files.results import folder
-row = ("{stage}", "{method}", "CAM", "f_mm", float(seed), 0.1, "mm")
+row = ("{stage}", "{method}", "CAM", "f_mm", float(seed), 0.1, "mm", 0.0)
 frame = pandas.DataFrame([row], columns=folder.COLUMNS["parameters"])
 summary = {{"{stage}/{method}": {extra}}}
 folder.replace(
@@ -225,7 +225,7 @@ def test_a_rig_runs_where_a_block_of_heads_has_several(tmp_path, notebooks_path,
         assert report.ran == ("rig",)
         assert report.skipped == (no_block,)
         assert report.left_out == ("mounting/rig: no",)
-        assert report.notes == ("hm",)
+        assert report.notes[-1] == "hm"
         assert report.not_determined == ()
 
 

@@ -324,14 +324,14 @@ def test_a_name_is_that_of_the_folder_however_it_is_called(tmp_path, monkeypatch
     [
         (
             ["/a/f", "/a/../a/f"],
-            "/a/f: 'f': cannot be the one name of a flight's results; rename it",
+            "/a/f: 'f' cannot be the one name of a flight's results; rename it",
         ),
-        (["/a/f", "/b/f"], "'f': cannot be the one name of a flight's results; rename it"),
+        (["/a/f", "/b/f"], "'f' cannot be the one name of a flight's results; rename it"),
         (
             ["/a/flights.csv"],
-            "'flights.csv': cannot be the one name of a flight's results; rename it",
+            "'flights.csv' cannot be the one name of a flight's results; rename it",
         ),
-        (["/a/.hidden"], "'.hidden': cannot be the one name of a flight's results"),
+        (["/a/.hidden"], "'.hidden' cannot be the one name of a flight's results"),
     ],
 )
 def test_flights_that_cannot_be_named_are_refused(paths, says):
@@ -349,7 +349,7 @@ def test_seeds_are_of_every_design_and_have_places_for_their_flights(tmp_path):
 
 def test_plans_that_would_have_one_name_are_refused(tmp_path):
     with pytest.raises(
-        ValueError, match=r"/a/p\.toml: 'p-1': cannot be the one name of a flight's results"
+        ValueError, match=r"/a/p\.toml: 'p-1' cannot be the one name of a flight's results"
     ):
         runs.of_seeds(["/a/p.toml", "/b/p.toml"], [1], tmp_path, SETTINGS)
 
