@@ -518,11 +518,14 @@ def run(ideal_path: Path) -> None:
     NotebookError
         If a notebook fails.
     """
-    missing = [path for path in _kept(ideal_path).values() if not path.is_file()]
-    for path in missing:
+    # absolute: papermill changes the working folder while it reads and writes, of all threads
+    kept = {name: path.absolute() for name, path in _kept(ideal_path).items()}
+    missing = {name: path for name, path in kept.items() if not path.is_file()}
+    for path in missing.values():
         path.parent.mkdir(parents=True, exist_ok=True)
     if missing:
-        runner.side_by_side({str(path): partial(_run, ideal_path, path) for path in missing}, {})
+        steps = {name: partial(_run, ideal_path, name, path) for name, path in missing.items()}
+        runner.side_by_side(steps, {})
 
 
 def bring(executed: Path, ideal_path: Path | None) -> list[str]:
@@ -557,14 +560,13 @@ def _kept(ideal_path: Path | None) -> dict[str, Path]:
     return {name: KEPT / f"{name}-{_digest(name, ideal_path)[:16]}.ipynb" for name in names}
 
 
-def _run(ideal_path: Path, kept: Path) -> None:
+def _run(ideal_path: Path, name: str, kept: Path) -> None:
     """Run a chapter and replace its kept copies."""
-    name = kept.stem.rpartition("-")[0]
-    source = NOTEBOOKS_PATH / kept.parent.relative_to(KEPT) / f"{name}.ipynb"
+    source = NOTEBOOKS_PATH / f"{name}.ipynb"
     new = kept.with_name(f"new-{kept.name}")
     of_ideal = {"flight_path": str(ideal_path / FLIGHT), "results_path": str(ideal_path)}
     execute.execute(source, new, parameters=of_ideal if name in OF_IDEAL else {})
-    for old in kept.parent.glob(f"{name}-*.ipynb"):
+    for old in kept.parent.glob(f"{source.stem}-*.ipynb"):
         old.unlink()
     new.replace(kept)
 
