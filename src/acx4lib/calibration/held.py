@@ -39,12 +39,10 @@ from acx4lib.least_squares.adjustment import normals
 from acx4lib.least_squares.normal_equations import ROUNDING
 from acx4lib.least_squares.reduced_system import SINGULAR
 from acx4lib.least_squares.statistics import f_sf, holm
+from acx4lib.least_squares.verdict import LEVEL
 
 if TYPE_CHECKING:
     import pandas as pd
-
-LEVEL = 0.05
-"""Joint level of the tests of all held values of an adjustment, by Holm."""
 
 FAR = 10.0
 """Change of a parameter, in its sigma, from which the linear step alone is not exact enough."""
