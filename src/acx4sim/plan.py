@@ -242,6 +242,9 @@ class BlockPlan:
     tie_places : ndarray, shape (n, 2), optional
         Positions of tie points, forward and left, instead of random ones; every image that shows
         such a point measures it.
+    motion : ndarray, shape (n, 7), optional
+        How every exposure leaves its place and the level, instead of by chance: forward, left, up,
+        roll, pitch, yaw in their standard deviations, and the crab of its strip, -1 to 1.
     """
 
     letter: str
@@ -256,6 +259,7 @@ class BlockPlan:
     target_m: tuple[float, float, float] = (0.01, 0.01, 0.02)
     target_px: tuple[float, float] = (1.0, 2.0)
     tie_places: Array | None = None
+    motion: Array | None = None
     frame: str = ""
 
 
