@@ -169,12 +169,6 @@ def test_a_geoid_grid_is_brought_into_the_flight(acx4, tmp_path):
     assert "PROJ cannot read it as a geoid grid" in said
 
 
-def test_compare_names_the_notebook(acx4):
-    status, said, wrong = acx4("compare", "a", "b", "--out", "c")
-    assert (status, said, wrong.count("\n")) == (2, "", 1)
-    assert wrong.startswith("compare is gone; instead: papermill notebooks/compare.ipynb")
-
-
 # --- the commands `acx4 lab` and `acx4 grade`, as a lecturer meets them ----------------------
 
 

@@ -120,12 +120,10 @@ def test_what_is_written_has_the_truth_to_rounding(tmp_path):
         assert_allclose(R_e_m @ body @ R_b_c[1], truth @ scene.SLAVE @ flip, atol=1e-7)
 
 
-def test_the_calibration_is_chosen_and_said(tmp_path):
-    path = metashape.write(tmp_path / "c.xml", slaves=False)
-    adjusted, initial = (reading.read(path, camera=which) for which in ("adjusted", "initial"))
-    focal = [one.settings["cameras"]["head 0"]["focal_mm"] for one in (adjusted, initial)]
-    assert_allclose(focal, [1450 * scene.PIXEL_MM, 1440 * scene.PIXEL_MM])
-    assert "calibration of head 0: initial" in initial.found
+def test_the_adjusted_calibration_is_taken(tmp_path):
+    adjusted = reading.read(metashape.write(tmp_path / "c.xml", slaves=False))
+    focal = adjusted.settings["cameras"]["head 0"]["focal_mm"]
+    assert_allclose(focal, 1450 * scene.PIXEL_MM)
     assert "calibration/images.csv" in adjusted.tables
 
 
@@ -204,18 +202,10 @@ def test_a_chunk_s_archive_alone_will_do(tmp_path):
     assert "heads/image_points.csv" in found.tables
 
 
-def test_a_chunk_is_chosen_by_its_label(tmp_path):
-    metashape.write_project(tmp_path)
-    with pytest.raises(FlightError, match=r"document: has no chunk 'x'; must be one of 'Chunk 1'"):
-        reading.read(tmp_path / "p.psx", chunk="x")
-
-
 def test_two_chunks_in_one_document(tmp_path):
     path = tmp_path / "c.xml"
     both = metashape.chunk() + metashape.chunk().replace("Chunk 1", "Chunk 2")
     path.write_text(f"<document>{both}</document>")
-    second = reading.read(path, chunk="Chunk 2")
-    assert any("other chunks: Chunk 1" in one for one in second.left_out)
     assert any("other chunks: Chunk 2" in one for one in reading.read(path).left_out)
 
 

@@ -95,13 +95,6 @@ def test_rigs_are_heads_with_their_places_in_the_rig(tmp_path):
     assert brought.tables["heads/trajectory.csv"]["exposure"] == ["i", "2.jpg", "3.jpg"]
 
 
-def test_initial_cameras_are_those_before_the_adjustment(tmp_path):
-    model = written.MODEL | {"focal_x": 1.0, "focal_y": 1.0}
-    folder = written.write(tmp_path / "p", camera_models={"m": model})
-    assert reading.read(folder, camera="initial").settings["cameras"]["m"]["focal_mm"] == 2.0
-    assert reading.read(folder).settings["cameras"]["m"]["focal_mm"] == 1.8
-
-
 def test_cameras_alone_are_read(tmp_path):
     path = tmp_path / "cameras.json"
     path.write_text(json.dumps({"m": written.MODEL}))

@@ -78,15 +78,6 @@ def test_bodies_and_mountings_make_the_cameras_of_the_scene(tmp_path):
         assert_allclose(body @ second.r, R @ opf.BASE, atol=1e-7)
 
 
-def test_initial_internals_are_taken_on_request(tmp_path):
-    brought = reading.read(opf.write(tmp_path / "p"), camera="initial")
-    assert_allclose(brought.settings["cameras"]["head 1"]["focal_mm"], 1440 * scene.PIXEL_MM)
-    assert "calibration of head 1; head 2: initial" in brought.found
-    assert any(
-        "sigma: 0.05, 0.05, 0.1 degrees and 0.001, 0.001, 0.002 m" in s for s in brought.found
-    )
-
-
 def test_a_folder_without_a_project_says_the_same(tmp_path):
     whole = reading.read(opf.write(tmp_path / "p"))
     loose = reading.read(opf.write(tmp_path / "q", with_project=False))
