@@ -9,10 +9,8 @@ import pandas as pd
 import pytest
 from bs4 import BeautifulSoup
 
-from acx4files.results import folder as results
-from acx4files.results import own_folder, provenance
+from acx4files.results import own_folder
 from acx4files.results.own_folder import MARK
-from acx4lib.errors import FlightError
 from support.run_results import leave_results
 
 
@@ -41,20 +39,6 @@ def typed(acx4):
 
 def contents(folder):
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-
-
-def test_results_of_before_the_mark_are_read_and_never_written_into(own, typed):
-    at, folder = own
-    (folder / MARK).unlink()
-    before = contents(folder)
-    status, err = typed("run", at, "--results", folder)
-    assert status == 2
-    assert err == [
-        f"{folder}: holds what acx4 run did not write (check_points.csv, covariance.csv, "
-        "exterior_orientation.csv, …); choose a new or empty folder"
-    ]
-    assert contents(folder) == before
-    assert len(results.read(folder).parameters)
 
 
 EVIL = "<img src=x onerror=x()> {{7*7}} $x$ ![a](http://evil.example/p) `{eval-rst}` <b>"
@@ -124,11 +108,3 @@ def test_simulate_writes_over_nothing(typed, tmp_path):
     for place in ("/dev/full", tmp_path, out):
         status, err = typed("simulate", "single-head", "--out", place)
         assert (status, len(err)) == (2, 1)
-
-
-def test_a_kept_flight_that_is_a_link_out_of_the_results_is_refused(own):
-    _, folder = own
-    shutil.move(folder / "flight", folder.parent / "elsewhere")
-    (folder / "flight").symlink_to(folder.parent / "elsewhere")
-    with pytest.raises(FlightError, match=r"is a link that leads out of the results"):
-        provenance.read_run(folder)
