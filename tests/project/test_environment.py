@@ -10,7 +10,6 @@ import sys
 import pytest
 import yaml
 
-import acx4 as acx
 from acx4files.results.own_folder import mark_all
 from acx4sim.designs import DESIGNS
 from support.helpers import ROOT
@@ -77,13 +76,6 @@ def test_hosts_run_targets_and_files_that_exist(name):
     assert {word for words in called for word in words} <= targets
 
 
-@pytest.mark.parametrize("name", HOSTS)
-def test_hosts_keep_no_secret_and_have_the_python_of_the_project(name):
-    text = (ROOT / name).read_text(encoding="utf-8")
-    assert "secret" not in text.replace("needs no secret", "")
-    assert f"python:{VERSION}-bookworm" in text
-
-
 def test_the_container_has_the_files_that_are_installed():
     assert f"FROM python:{VERSION}-" in CONTAINERFILE
     copied = [
@@ -130,14 +122,6 @@ def test_what_a_notebook_tries_a_method_with_loads_no_tables_and_no_stage():
     assert done.stdout == f"{modules}\n"
 
 
-def test_functions_of_the_face_are_known_before_they_are_loaded():
-    assert set(acx.__all__) < set(dir(acx))
-    assert all(callable(getattr(acx, name)) for name in acx.__all__)
-    assert len((ROOT / "src" / "acx4" / "__init__.py").read_text("utf-8").splitlines()) <= 60
-    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
-        _ = acx.nothing
-
-
 def test_models_and_solvers_load_no_pandas():
     paths = (ROOT / "src" / "acx4lib").rglob("*.py")
     names = [".".join(path.relative_to(ROOT / "src").with_suffix("").parts) for path in paths]
@@ -173,30 +157,6 @@ def make(folder, *arguments, **environment):
         check=False,
         env={"PATH": "/usr/local/bin:/usr/bin:/bin", **environment},
     )
-
-
-@needs_make
-def test_numbers_and_exposures_reach_their_commands(copy):
-    done = make(copy, "-n", "-o", ".venv/.stamp", "serve", "PORT=8123")
-    assert "--directory book/_build/html 8123\n" in done.stdout
-    given = ("IMAGES=H1-05,C2-05", "REDUCE=8")
-    done = make(copy, "-n", "-o", ".venv/.stamp", "data/flights/acx4/flight.toml", *given)
-    assert "--images 'H1-05,C2-05' --reduce '8'" in done.stdout
-
-
-@needs_make
-def test_the_ideal_flight_is_run_beside_the_one_that_ships_and_beside_no_other(copy):
-    quick = ("-n", "-o", ".venv/.stamp", "book")
-    both, other = make(copy, *quick).stdout, make(copy, *quick, "FLIGHT=mine").stdout
-    results = "build/results/data-flights-acx4-ideal"
-    assert "simulate acx4 --out data/flights/acx4 --images" in both
-    assert "simulate acx4-ideal --out data/flights/acx4-ideal \n" in both
-    assert f"--results '{results}' --stages mounting,validation -- data/flights/acx4-ideal" in both
-    assert f"'build/results/data-flights-acx4' book {results}" in both
-    assert "acx4-ideal" not in other
-    alone = make(copy, *quick, "FLIGHT=data/flights/acx4-ideal").stdout
-    assert f"--results '{results}' -- \"$FLIGHT\"" in alone
-    assert f"book --strict --out 'build/books/data-flights-acx4-ideal' -- '{results}'" in alone
 
 
 @needs_make
