@@ -186,6 +186,7 @@ def test_a_mounting_declared_a_quarter_or_half_turn_wrong_is_found_by_control(sh
     assert_same_minimum(adjust.adjust(set_up(shape, wrong)), shape, 0)
 
 
+@pytest.mark.repeats  # with the smaller blocks above
 def test_most_images_need_no_control_to_be_turned():
     """Twelve control points in 268 images, all of which look the other way."""
     block = block_of("268 images")
